@@ -14,7 +14,7 @@ use bottega_image::{Picture, Rect, read_picture};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use compare::{Found, compare};
+use compare::{FrameDifference, compare};
 
 use crate::python;
 
@@ -32,7 +32,7 @@ const NO_SEAMS_MIN: f64 = 1e-3;
 /// A scene that an engine is held to.
 struct Bar {
     engine: &'static str,
-    scene: Place,
+    scene: ScenePlace,
     size: &'static str,
     samples: u32,
     /// Whether zones have the bits of the frame.
@@ -40,7 +40,7 @@ struct Bar {
 }
 
 /// Where a scene is.
-enum Place {
+enum ScenePlace {
     /// Made for the checks, in the repository.
     Checks(&'static str),
     /// A `.blend` of the same, which Blender makes.
@@ -52,28 +52,28 @@ enum Place {
 }
 
 const BARS: &[Bar] = &[
-    Bar { engine: "mitsuba", scene: Place::Checks("room.xml"), size: "192x144", samples: 32, has_bits: false },
+    Bar { engine: "mitsuba", scene: ScenePlace::Checks("room.xml"), size: "192x144", samples: 32, has_bits: false },
     Bar {
         engine: "mitsuba",
-        scene: Place::Large("peers/c_goblets.xml"),
+        scene: ScenePlace::Large("peers/c_goblets.xml"),
         size: "192x144",
         samples: 64,
         has_bits: false,
     },
-    Bar { engine: "cycles", scene: Place::Made("room.blend"), size: "192x144", samples: 32, has_bits: true },
-    Bar { engine: "cycles", scene: Place::Own("goblets.glb"), size: "192x144", samples: 32, has_bits: true },
-    Bar { engine: "luxcore", scene: Place::Checks("room.cfg"), size: "192x144", samples: 32, has_bits: false },
+    Bar { engine: "cycles", scene: ScenePlace::Made("room.blend"), size: "192x144", samples: 32, has_bits: true },
+    Bar { engine: "cycles", scene: ScenePlace::Own("goblets.glb"), size: "192x144", samples: 32, has_bits: true },
+    Bar { engine: "luxcore", scene: ScenePlace::Checks("room.cfg"), size: "192x144", samples: 32, has_bits: false },
     Bar {
         engine: "luxcore",
-        scene: Place::Large("peers/c_goblets.scn"),
+        scene: ScenePlace::Large("peers/c_goblets.scn"),
         size: "192x144",
         samples: 64,
         has_bits: false,
     },
-    Bar { engine: "povray", scene: Place::Checks("room.pov"), size: "192x144", samples: 9, has_bits: true },
+    Bar { engine: "povray", scene: ScenePlace::Checks("room.pov"), size: "192x144", samples: 9, has_bits: true },
     Bar {
         engine: "povray",
-        scene: Place::Large("external/povray/glassthing.pov"),
+        scene: ScenePlace::Large("external/povray/glassthing.pov"),
         size: "192x144",
         samples: 4,
         has_bits: true,
@@ -81,16 +81,16 @@ const BARS: &[Bar] = &[
 ];
 
 /// What came of a check or a bar.
-pub(crate) struct Row {
+pub(crate) struct BarRow {
     engine: String,
     what: String,
     /// Of a bar: what was found, in how many zones.
-    found: Option<(Found, usize)>,
+    found: Option<(FrameDifference, usize)>,
     /// What is wrong; `None`: nothing.
     problem: Option<String>,
 }
 
-impl Row {
+impl BarRow {
     pub(crate) fn passes(&self) -> bool {
         self.problem.is_none()
     }
@@ -119,9 +119,9 @@ impl Row {
 }
 
 /// Prints the rows, for people or for machines.
-pub(crate) fn print(rows: &[Row], json: bool) {
+pub(crate) fn print(rows: &[BarRow], json: bool) {
     if json {
-        println!("{}", json!({"rows": rows.iter().map(Row::as_json).collect::<Vec<_>>()}));
+        println!("{}", json!({"rows": rows.iter().map(BarRow::as_json).collect::<Vec<_>>()}));
         return;
     }
     println!(
@@ -150,29 +150,29 @@ pub(crate) fn print(rows: &[Row], json: bool) {
 /// Holds an engine to its bars.
 ///
 /// - `must`: a scene that is not there is a failure, and not only told.
-pub(crate) fn hold(program: &Path, engine: &str, must: bool) -> Vec<Row> {
+pub(crate) fn hold(program: &Path, engine: &str, must: bool) -> Vec<BarRow> {
     let mut rows = Vec::new();
     for bar in BARS.iter().filter(|bar| bar.engine == engine) {
         let name = bar.scene.name();
         match bar.paint_and_compare(program) {
             Ok(None) if must => {
                 let problem = format!("there is no {name}: BOTTEGA_SCENES must name the folder that has it");
-                rows.push(Row::check(engine, name, Err(anyhow::anyhow!(problem))));
+                rows.push(BarRow::check(engine, name, Err(anyhow::anyhow!(problem))));
             }
             Ok(None) => eprintln!("LEFT OUT: {engine} on {name}, which BOTTEGA_SCENES does not have"),
-            Ok(Some((found, zones))) => rows.push(Row {
+            Ok(Some((found, zones))) => rows.push(BarRow {
                 engine: engine.to_owned(),
                 what: format!("{name}, {}, {} samples", bar.size, bar.samples),
                 problem: bar.problem(&found),
                 found: Some((found, zones)),
             }),
-            Err(error) => rows.push(Row::check(engine, name, Err(error))),
+            Err(error) => rows.push(BarRow::check(engine, name, Err(error))),
         }
     }
     rows
 }
 
-impl Place {
+impl ScenePlace {
     fn name(&self) -> &'static str {
         match self {
             Self::Checks(name) | Self::Made(name) | Self::Own(name) | Self::Large(name) => name,
@@ -200,7 +200,7 @@ impl Place {
 }
 
 impl Bar {
-    fn paint_and_compare(&self, program: &Path) -> Result<Option<(Found, usize)>> {
+    fn paint_and_compare(&self, program: &Path) -> Result<Option<(FrameDifference, usize)>> {
         let scratch = TempDir::new()?;
         let Some(scene) = self.scene.file(scratch.path())? else { return Ok(None) };
         let seeds: Vec<u32> = (1..=if self.has_bits { 1 } else { SEEDS }).collect();
@@ -272,7 +272,7 @@ impl Bar {
     }
 
     /// What of it is beyond the bars.
-    fn problem(&self, found: &Found) -> Option<String> {
+    fn problem(&self, found: &FrameDifference) -> Option<String> {
         let mut problems = Vec::new();
         if self.has_bits && found.equal < 1.0 {
             problems.push(format!("{:.2} % of the pixels have other bits", 100.0 * (1.0 - found.equal)));

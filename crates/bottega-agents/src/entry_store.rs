@@ -37,13 +37,13 @@ impl<V: Clone, W: Clone + PartialEq> EntryStore<V, W> for MemoryStore<V, W> {
 
 /// A store that several drivers in one process share; each says by a number of its own who asks.
 #[derive(Debug)]
-pub struct SharedStore<V>(Arc<Mutex<Shared<V>>>);
+pub struct SharedStore<V>(Arc<Mutex<StoreMembers<V>>>);
 
-type Member = (usize, usize);
+type StoreMember = (usize, usize);
 
 #[derive(Debug)]
-struct Shared<V> {
-    store: MemoryStore<V, Member>,
+struct StoreMembers<V> {
+    store: MemoryStore<V, StoreMember>,
     /// What the members other than the one who asked must hear.
     waiting: Vec<Vec<Addressed<V, usize>>>,
     /// Who of each member has asked.
@@ -53,13 +53,13 @@ struct Shared<V> {
 /// One driver's part in a [`SharedStore`].
 #[derive(Debug)]
 pub struct SharedMember<V> {
-    shared: Arc<Mutex<Shared<V>>>,
+    shared: Arc<Mutex<StoreMembers<V>>>,
     number: usize,
 }
 
 impl<V: Clone> Default for SharedStore<V> {
     fn default() -> Self {
-        let shared = Shared { store: MemoryStore::default(), waiting: Vec::new(), askers: Vec::new() };
+        let shared = StoreMembers { store: MemoryStore::default(), waiting: Vec::new(), askers: Vec::new() };
         Self(Arc::new(Mutex::new(shared)))
     }
 }
@@ -75,7 +75,7 @@ impl<V: Clone> SharedStore<V> {
 }
 
 impl<V> SharedMember<V> {
-    fn lock(&self) -> MutexGuard<'_, Shared<V>> {
+    fn lock(&self) -> MutexGuard<'_, StoreMembers<V>> {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

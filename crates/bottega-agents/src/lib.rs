@@ -74,7 +74,7 @@
 //! | agents in one process; in virtual time, and what is planned there | `src/driver/local/`; `src/driver/simulator.rs`, `src/driver/network.rs`, `src/driver/plan.rs` |
 //! | messages, rows and pixels between machines, and the rights of a server's users | `src/driver/nats/`, `src/driver/nats/rights.rs` |
 //! | shared rows and their names | `src/store.rs`, `src/key.rs` |
-//! | a platform's pages in a file | `src/file_store/` |
+//! | a platform's pages in a file; the framing of logs | `src/file_store/`; `src/framing.rs` |
 //! | a platform of two processes in bad weather | `tests/sim/` |
 
 pub mod acc;
@@ -83,6 +83,7 @@ pub mod bus;
 pub mod driver;
 pub mod entry_store;
 pub mod file_store;
+pub mod framing;
 pub mod gateway;
 mod id;
 mod key;

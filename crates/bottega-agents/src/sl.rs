@@ -4,7 +4,7 @@
 //! expression means is for an ontology to say (see [`crate::platform`]). A word and a string of the same letters are
 //! the same constant. Depth and size are bounded.
 
-use crate::wire::{Reader, WireError, is_word, push_text};
+use crate::wire::{TextReader, WireError, is_word, push_text};
 
 /// The most brackets within brackets.
 pub const DEPTH_MAX: usize = 64;
@@ -96,13 +96,13 @@ pub fn parse(text: &str) -> Result<Vec<Term>, WireError> {
 /// # Errors
 /// As [`parse`].
 pub fn parse_term(text: &str) -> Result<Term, WireError> {
-    let mut reader = Reader::new(text)?;
+    let mut reader = TextReader::new(text)?;
     let term = read(&mut reader)?;
     reader.end()?;
     Ok(term)
 }
 
-fn read(reader: &mut Reader<'_>) -> Result<Term, WireError> {
+fn read(reader: &mut TextReader<'_>) -> Result<Term, WireError> {
     // The lists that are open, the outermost first.
     let mut open: Vec<Vec<Term>> = Vec::new();
     let mut count = 0;

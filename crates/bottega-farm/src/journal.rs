@@ -1,16 +1,16 @@
 //! The journal of a work: an append-only file of rows and tiles, from which an interrupted work goes on.
 //!
-//! Format, version 4, little endian: eight bytes `BOTTEGA` 4, then records of kind (1 byte), length (u64), the first 16
-//! bytes of the BLAKE3 hash of kind, length and payload, and the payload. Kinds: 1 a name that the owner chose (of scene
-//! and settings), 2 the row of the work, 3 the row of a zone, with its tile or without. Of several records of a zone the
-//! last one counts. A record that was torn by a crash, and all behind it, are not believed: the work goes on from what
-//! stands before, and the pixels are the same.
+//! Format, version 5, little endian: eight bytes `BOTTEGA` 5, then [records](bottega_agents::framing) of a kind (1 byte)
+//! and what is of that kind: 1 a name that the owner chose (of scene and settings), 2 the row of the work, 3 the row of a
+//! zone, with its tile or without. Of several records of a zone the last one counts. A record that was torn by a crash,
+//! and all behind it, are not believed: the work goes on from what stands before, and the pixels are the same.
 
 use std::{
     collections::BTreeMap,
     io::{self, Read, Write},
 };
 
+use bottega_agents::framing::{RECORD_HEAD_BYTES, read_record, record_head};
 use bottega_image::Tile;
 
 use crate::{
@@ -18,8 +18,7 @@ use crate::{
     wire::{Reader, digest, get_tile, get_work, get_zone, put_tile, put_work, put_zone},
 };
 
-const MAGIC: [u8; 8] = *b"BOTTEGA\x04";
-const HASH_BYTES: usize = 16;
+const MAGIC: [u8; 8] = *b"BOTTEGA\x05";
 /// The longest payload that is believed.
 const PAYLOAD_BYTES_MAX: u64 = 1 << 36;
 
@@ -55,8 +54,8 @@ impl<W: Write + Send> JournalWriter<W> {
     pub fn create(mut to: W, name: &str) -> io::Result<Self> {
         to.write_all(&MAGIC)?;
         let mut journal = Self::append(to);
-        journal.payload.extend(name.as_bytes());
-        journal.write(1)?;
+        journal.begin(1).extend(name.as_bytes());
+        journal.write()?;
         Ok(journal)
     }
 
@@ -65,42 +64,35 @@ impl<W: Write + Send> JournalWriter<W> {
         Self { to, payload: Vec::new() }
     }
 
-    fn write(&mut self, kind: u8) -> io::Result<()> {
-        let length = self.payload.len() as u64;
-        let mut head = Vec::with_capacity(9 + HASH_BYTES);
-        head.push(kind);
-        head.extend(length.to_le_bytes());
-        head.extend(hash(kind, length, &self.payload));
-        self.to.write_all(&head)?;
-        self.to.write_all(&self.payload)?;
+    /// Begins a record.
+    fn begin(&mut self, kind: u8) -> &mut Vec<u8> {
         self.payload.clear();
+        self.payload.push(kind);
+        &mut self.payload
+    }
+
+    /// Writes the record that was begun.
+    fn write(&mut self) -> io::Result<()> {
+        self.to.write_all(&record_head(&self.payload))?;
+        self.to.write_all(&self.payload)?;
         self.to.flush()
     }
 }
 
-fn hash(kind: u8, length: u64, payload: &[u8]) -> [u8; HASH_BYTES] {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&[kind]).update(&length.to_le_bytes()).update(payload);
-    let mut short = [0; HASH_BYTES];
-    short.copy_from_slice(&hasher.finalize().as_bytes()[..HASH_BYTES]);
-    short
-}
-
 impl<W: Write + Send> ZoneStore for JournalWriter<W> {
     fn put_work(&mut self, work: &WorkRow) -> io::Result<()> {
-        self.payload.clear();
-        put_work(work, &mut self.payload);
-        self.write(2)
+        put_work(work, self.begin(2));
+        self.write()
     }
 
     fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()> {
-        self.payload.clear();
-        put_zone(row, &mut self.payload);
-        self.payload.push(u8::from(tile.is_some()));
+        let payload = self.begin(3);
+        put_zone(row, payload);
+        payload.push(u8::from(tile.is_some()));
         if let Some(tile) = tile {
-            put_tile(tile, &mut self.payload);
+            put_tile(tile, payload);
         }
-        self.write(3)
+        self.write()
     }
 }
 
@@ -154,10 +146,11 @@ impl Journal {
         let mut work = None;
         let mut zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)> = BTreeMap::new();
         let mut first = true;
-        while let Some((kind, payload)) = record(&mut from)? {
-            let mut reader = Reader::new(&payload);
+        while let Some(record) = read_record(&mut from, PAYLOAD_BYTES_MAX)? {
+            let Some((&kind, payload)) = record.split_first() else { break };
+            let mut reader = Reader::new(payload);
             let understood = match kind {
-                1 if first => String::from_utf8(payload.clone()).map(|name| journal.name = name).is_ok(),
+                1 if first => std::str::from_utf8(payload).map(|name| journal.name = name.to_owned()).is_ok(),
                 _ if first => return Err(JournalError::Name),
                 2 => get_work(&mut reader).map(|row| work = Some(row)).is_ok(),
                 3 => take_zone(&mut reader, &mut zones),
@@ -167,7 +160,7 @@ impl Journal {
                 break;
             }
             first = false;
-            journal.sound_bytes += (9 + HASH_BYTES + payload.len()) as u64;
+            journal.sound_bytes += (RECORD_HEAD_BYTES + record.len()) as u64;
         }
         if first {
             return Err(JournalError::Name);
@@ -175,24 +168,6 @@ impl Journal {
         journal.kept = work.and_then(|work| keep(work, zones));
         Ok(journal)
     }
-}
-
-/// Reads one record; `None` at the end, or where it is torn or damaged.
-fn record(from: &mut impl Read) -> io::Result<Option<(u8, Vec<u8>)>> {
-    let mut head = [0; 9 + HASH_BYTES];
-    if !fill(from, &mut head)? {
-        return Ok(None);
-    }
-    let kind = head[0];
-    let length = u64::from_le_bytes(head[1..9].try_into().expect("eight bytes"));
-    if length > PAYLOAD_BYTES_MAX {
-        return Ok(None);
-    }
-    // Grows with what is there, not with what is claimed.
-    let mut payload = Vec::new();
-    from.by_ref().take(length).read_to_end(&mut payload)?;
-    let whole = payload.len() as u64 == length && hash(kind, length, &payload) == head[9..];
-    Ok(whole.then_some((kind, payload)))
 }
 
 /// Fills a buffer; `false` when the end came first.

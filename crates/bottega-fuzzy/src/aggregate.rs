@@ -16,7 +16,7 @@ pub(crate) struct Activated<'a> {
 
 /// A linear piece of the aggregate, x0 < x1. Steps lie between pieces.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Piece {
+struct AggregatePiece {
     x0: f64,
     x1: f64,
     y0: f64,
@@ -128,7 +128,7 @@ fn of_singletons(method: Method, accumulation: Accumulation, mut heights: Vec<(f
 }
 
 /// The aggregate as linear pieces that cover the range from left to right.
-fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[Activated<'_>]) -> Vec<Piece> {
+fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[Activated<'_>]) -> Vec<AggregatePiece> {
     // Cut the range wherever one of the functions bends.
     let mut cuts = vec![range.0, range.1];
     for one in activated {
@@ -182,7 +182,7 @@ fn crossing((x0, y0): (f64, f64), (x1, y1): (f64, f64), height: f64) -> Option<f
 }
 
 /// The upper envelope of lines on one interval.
-fn push_envelope(x0: f64, x1: f64, lines: &[(f64, f64)], pieces: &mut Vec<Piece>) {
+fn push_envelope(x0: f64, x1: f64, lines: &[(f64, f64)], pieces: &mut Vec<AggregatePiece>) {
     let at = |(y0, y1): (f64, f64), x: f64| y0 + (y1 - y0) * ((x - x0) / (x1 - x0));
     let mut cuts = vec![x0, x1];
     for (i, a) in lines.iter().enumerate() {
@@ -199,33 +199,33 @@ fn push_envelope(x0: f64, x1: f64, lines: &[(f64, f64)], pieces: &mut Vec<Piece>
     for pair in cuts.windows(2) {
         let y0 = if pair[0] == x0 { first } else { top(pair[0]) };
         let y1 = if pair[1] == x1 { last } else { top(pair[1]) };
-        pieces.push(Piece { x0: pair[0], x1: pair[1], y0, y1 });
+        pieces.push(AggregatePiece { x0: pair[0], x1: pair[1], y0, y1 });
     }
 }
 
-fn sum(x0: f64, x1: f64, lines: &[(f64, f64)]) -> Piece {
-    Piece { x0, x1, y0: lines.iter().map(|line| line.0).sum(), y1: lines.iter().map(|line| line.1).sum() }
+fn sum(x0: f64, x1: f64, lines: &[(f64, f64)]) -> AggregatePiece {
+    AggregatePiece { x0, x1, y0: lines.iter().map(|line| line.0).sum(), y1: lines.iter().map(|line| line.1).sum() }
 }
 
 /// Cuts a piece off at 1.
-fn push_bounded(piece: Piece, pieces: &mut Vec<Piece>) {
-    let Piece { x0, x1, y0, y1 } = piece;
+fn push_bounded(piece: AggregatePiece, pieces: &mut Vec<AggregatePiece>) {
+    let AggregatePiece { x0, x1, y0, y1 } = piece;
     match crossing((x0, y0), (x1, y1), 1.0) {
         Some(x) => {
-            pieces.push(Piece { x0, x1: x, y0: y0.min(1.0), y1: 1.0 });
-            pieces.push(Piece { x0: x, x1, y0: 1.0, y1: y1.min(1.0) });
+            pieces.push(AggregatePiece { x0, x1: x, y0: y0.min(1.0), y1: 1.0 });
+            pieces.push(AggregatePiece { x0: x, x1, y0: 1.0, y1: y1.min(1.0) });
         }
-        None => pieces.push(Piece { x0, x1, y0: y0.min(1.0), y1: y1.min(1.0) }),
+        None => pieces.push(AggregatePiece { x0, x1, y0: y0.min(1.0), y1: y1.min(1.0) }),
     }
 }
 
-impl Piece {
+impl AggregatePiece {
     fn area(&self) -> f64 {
         0.5 * (self.y0 + self.y1) * (self.x1 - self.x0)
     }
 }
 
-fn center_of_gravity(pieces: &[Piece]) -> Option<f64> {
+fn center_of_gravity(pieces: &[AggregatePiece]) -> Option<f64> {
     let origin = pieces.first()?.x0;
     let (mut area, mut moment) = (0.0, 0.0);
     for piece in pieces {
@@ -237,8 +237,8 @@ fn center_of_gravity(pieces: &[Piece]) -> Option<f64> {
     (area > 0.0).then(|| origin + moment / area)
 }
 
-fn center_of_area(pieces: &[Piece]) -> Option<f64> {
-    let half = 0.5 * pieces.iter().map(Piece::area).sum::<f64>();
+fn center_of_area(pieces: &[AggregatePiece]) -> Option<f64> {
+    let half = 0.5 * pieces.iter().map(AggregatePiece::area).sum::<f64>();
     let mut before = 0.0;
     for piece in pieces {
         let area = piece.area();
@@ -256,7 +256,7 @@ fn center_of_area(pieces: &[Piece]) -> Option<f64> {
 }
 
 /// The leftmost and rightmost place where the aggregate is greatest.
-fn maximum(pieces: &[Piece]) -> Option<(f64, f64)> {
+fn maximum(pieces: &[AggregatePiece]) -> Option<(f64, f64)> {
     /// Heights that differ by no more are equal: a cut-off plateau is computed from several pieces.
     const TOLERANCE: f64 = 1e-12;
     let greatest = pieces.iter().map(|piece| piece.y0.max(piece.y1)).fold(0.0, f64::max);
@@ -334,7 +334,7 @@ mod tests {
                 activation: if *cut { Activation::Min } else { Activation::Prod },
             }).collect();
             let range = (0.0, 10.0);
-            let area: f64 = pieces(accumulation, range, &activated).iter().map(Piece::area).sum();
+            let area: f64 = pieces(accumulation, range, &activated).iter().map(AggregatePiece::area).sum();
             prop_assume!(area > 0.5);
             for method in [Method::Cog, Method::Coa] {
                 let exact = defuzzify(method, accumulation, range, &activated).unwrap();
@@ -350,7 +350,7 @@ mod tests {
         }
     }
 
-    fn area_until(pieces: &[Piece], x: f64) -> f64 {
+    fn area_until(pieces: &[AggregatePiece], x: f64) -> f64 {
         pieces
             .iter()
             .filter(|piece| piece.x0 < x)

@@ -1,33 +1,9 @@
 //! The parts of a function block. Its reader checks them, so that whatever is here can be evaluated.
 
 use crate::{
-    fcl::{self, FclError},
     membership::Membership,
     operators::{Accumulation, Activation, And, Method, Or},
 };
-
-/// Bounds on what a text may ask for.
-#[derive(Clone, Copy, Debug)]
-pub struct Limits;
-
-impl Limits {
-    /// Bytes of a text.
-    pub const TEXT_BYTES_MAX: usize = 1 << 20;
-    /// Characters of a name, a label or a number.
-    pub const WORD_MAX: usize = 128;
-    /// Variables of a kind in a block.
-    pub const VARIABLES_MAX: usize = 64;
-    /// Terms of a variable.
-    pub const TERMS_MAX: usize = 64;
-    /// Points of a term.
-    pub const POINTS_MAX: usize = 32;
-    /// Rules of a block. With the number of points it bounds what an evaluation costs at worst.
-    pub const RULES_MAX: usize = 1024;
-    /// Conclusions of all rules of a block.
-    pub const CONCLUSIONS_MAX: usize = 1024;
-    /// Brackets within brackets of a condition.
-    pub const DEPTH_MAX: usize = 64;
-}
 
 /// A linguistic value: `big`.
 #[derive(Clone, Debug, PartialEq)]
@@ -158,14 +134,6 @@ pub enum LayoutError {
 }
 
 impl FunctionBlock {
-    /// Reads a text that holds one function block. For several, or for warnings, see [`crate::parse_document`].
-    ///
-    /// # Errors
-    /// The first mistake, with line and column.
-    pub fn parse(text: &str) -> Result<Self, FclError> {
-        fcl::parse_one(text)
-    }
-
     /// The name of the block; may be empty.
     pub fn name(&self) -> &str {
         &self.name

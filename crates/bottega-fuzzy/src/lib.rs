@@ -39,16 +39,18 @@ mod aggregate;
 mod block;
 mod evaluate;
 mod fcl;
+mod limits;
 mod membership;
 mod operators;
 mod verify;
 
 pub use aggregate::Aggregate;
 pub use block::{
-    Conclusion, Condition, FunctionBlock, InputVariable, LayoutError, Limits, OutputVariable, Rule, RuleBlock, Term,
+    Conclusion, Condition, FunctionBlock, InputVariable, LayoutError, OutputVariable, Rule, RuleBlock, Term,
 };
 pub use evaluate::{EvaluateError, Explanation, FiredRule, Outputs};
 pub use fcl::{Document, FclError, FclErrorKind, Position, parse_document};
+pub use limits::Limits;
 pub use membership::Membership;
 pub use operators::{Accumulation, Activation, And, Method, Or};
 pub use verify::{DeadReason, Hole, Warning, WarningKind};

@@ -7,61 +7,11 @@ use std::time::Duration;
 
 use crate::policy::core::Core;
 use crate::policy::ledger::Ledger;
-use crate::threads::far::{Window, WindowedResource};
-use crate::threads::shared::{LaneEnd, LanePost, Shared};
+use crate::threads::far::WindowedResource;
+use crate::threads::shared::{AllocatorState, LaneEnd, LanePost};
 use crate::threads::sync::Post;
 use crate::threads::{direct, far, watch};
-use crate::{CostBook, HraClient, HraReport, Resource, ResourceDescriptor, ResourceId, Work};
-
-/// Bounds of the allocator.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HraConfig {
-    /// Most units that the work bin holds; submitters wait beyond it. At least 1.
-    pub bin_capacity: usize,
-    /// Least units that it takes, at most `bin_capacity`.
-    pub bin_min: usize,
-    /// How long a unit should wait in the bin. Between its bounds the bin takes as many units as are done in that time
-    /// (Little's law): more gives the allocator more to choose from, less makes a change of mind take effect sooner.
-    pub bin_delay: Duration,
-    /// How often a unit is tried before it is answered as failed; at least 1.
-    pub max_attempts: u32,
-    /// Upper bound of every unit's maximum delay.
-    pub max_delay_bound: Duration,
-    /// Pause of a resource after its first failure in a row; doubles with each further one.
-    pub pause_min: Duration,
-    /// Longest pause of a resource.
-    pub pause_max: Duration,
-    /// A resource with so many failures in a row is given up.
-    pub max_failures: u32,
-    /// A resource hangs when it takes so many times what its cost model expects, its uncertainty on top; at least 1.
-    pub hang_factor: f64,
-    /// No resource hangs before so much time has passed.
-    pub hang_min: Duration,
-    /// A resource that is called directly hangs after so much time, whatever is expected. For far ones see
-    /// [`Window::patience`].
-    pub hang_max: Duration,
-    /// Spans of activity that are kept for each resource, for [`timeline_svg`](crate::timeline_svg); 0: none.
-    pub spans_kept: usize,
-}
-
-impl Default for HraConfig {
-    fn default() -> Self {
-        Self {
-            bin_capacity: 1 << 16,
-            bin_min: 64,
-            bin_delay: Duration::from_millis(50),
-            max_attempts: 3,
-            max_delay_bound: Duration::from_secs(60),
-            pause_min: Duration::from_millis(10),
-            pause_max: Duration::from_secs(5),
-            max_failures: 12,
-            hang_factor: 10.0,
-            hang_min: Duration::from_secs(2),
-            hang_max: Duration::from_secs(120),
-            spans_kept: 0,
-        }
-    }
-}
+use crate::{CostBook, HraClient, HraConfig, HraReport, Resource, ResourceDescriptor, ResourceId, Window, Work};
 
 /// A resource, and how it is served.
 pub enum Lane<W: Work> {
@@ -103,7 +53,7 @@ const TEARDOWN_MAX: Duration = Duration::from_secs(2);
 /// ends when its resource answers, or with the process.
 /// Clients may go before or after it.
 pub struct Hra<W: Work> {
-    shared: Arc<Shared<W>>,
+    shared: Arc<AllocatorState<W>>,
     lanes: Vec<Option<JoinHandle<()>>>,
     watch: Option<JoinHandle<()>>,
 }
@@ -131,7 +81,7 @@ impl<W: Work> Hra<W> {
         });
         let posts = posts.collect();
         let core = Core::new(config, described, costs);
-        let shared = Arc::new(Shared::new(core, posts, config.max_delay_bound));
+        let shared = Arc::new(AllocatorState::new(core, posts, config.max_delay_bound));
         let watched = Arc::clone(&shared);
         let watch = thread::Builder::new().name("hra watch".to_owned()).spawn(move || watch::watch(&watched)).ok();
         let lanes = lanes.into_iter().zip(0..).map(|(lane, id)| start(&shared, ResourceId(id), lane)).collect();
@@ -151,7 +101,7 @@ impl<W: Work> Hra<W> {
 }
 
 /// Starts the thread of a lane. A lane whose thread the system refuses is retired at once.
-fn start<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, lane: Lane<W>) -> Option<JoinHandle<()>> {
+fn start<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, lane: Lane<W>) -> Option<JoinHandle<()>> {
     let name = format!("hra {}", shared.lanes[id.index()].descriptor.name.replace('\0', " "));
     let lanes_shared = Arc::clone(shared);
     let run = move || {

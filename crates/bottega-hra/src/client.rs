@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::threads::clients::ClientId;
 use crate::threads::results_bin::{ResultsBin, deadline_after};
-use crate::threads::shared::Shared;
+use crate::threads::shared::AllocatorState;
 use crate::threads::submit::{Submitter, into_unit};
 use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 
@@ -15,13 +15,13 @@ use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 /// wait are cancelled and answers that still come are dropped. A client may outlive its allocator; it then takes what
 /// was answered, and submits nothing more.
 pub struct HraClient<W: Work> {
-    handle: Arc<Handle<W>>,
+    handle: Arc<ClientHandle<W>>,
     /// Where its units go in; another for each clone, so that threads do not meet there.
     inlet: usize,
 }
 
-struct Handle<W: Work> {
-    shared: Arc<Shared<W>>,
+struct ClientHandle<W: Work> {
+    shared: Arc<AllocatorState<W>>,
     id: ClientId,
     results: Arc<ResultsBin<W::Output>>,
 }
@@ -33,10 +33,10 @@ impl<W: Work> Clone for HraClient<W> {
 }
 
 impl<W: Work> HraClient<W> {
-    pub(crate) fn new(shared: Arc<Shared<W>>) -> Self {
+    pub(crate) fn new(shared: Arc<AllocatorState<W>>) -> Self {
         let inlet = shared.inlets.assign();
         let (id, results) = shared.clients.enter();
-        Self { handle: Arc::new(Handle { shared, id, results }), inlet }
+        Self { handle: Arc::new(ClientHandle { shared, id, results }), inlet }
     }
 
     fn as_submitter(&self) -> Submitter<'_, W::Output> {
@@ -90,9 +90,9 @@ impl<W: Work> HraClient<W> {
     }
 }
 
-impl<W: Work> Drop for Handle<W> {
+impl<W: Work> Drop for ClientHandle<W> {
     fn drop(&mut self) {
-        // First the name goes, so that what fails after that is not put back; see `Shared::try_again`.
+        // First the name goes, so that what fails after that is not put back; see `AllocatorState::try_again`.
         self.shared.clients.leave(self.id);
         let _units = self.shared.cancel(self.id); // Dropped here, outside all locks.
     }

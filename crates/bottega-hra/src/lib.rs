@@ -51,20 +51,25 @@
 //! | batches of rays as work | `src/rays.rs` |
 //! | how to add a board | `examples/board.rs`; rules and promises: `docs/hra.md` |
 
+mod activity;
 mod allocator;
 mod client;
+mod config;
 mod drawing;
 mod policy;
 mod primitive;
 mod rays;
 mod report;
 mod resource;
+mod resource_id;
 pub mod simulate;
 mod threads;
 mod work;
 
-pub use allocator::{Hra, HraConfig, Lane};
+pub use activity::Activity;
+pub use allocator::{Hra, Lane};
 pub use client::HraClient;
+pub use config::HraConfig;
 pub use drawing::timeline_svg;
 pub use policy::book::{CostBook, CostBookError};
 pub use policy::cost::{CostModel, split_work};
@@ -73,8 +78,9 @@ pub use policy::time::Time;
 pub use policy::timeline::Span;
 pub use primitive::{DataId, Primitive, PrimitiveSet};
 pub use rays::{RayQuery, RayWork};
-pub use report::{Activity, HraReport, ResourceReport};
-pub use resource::{Link, Resource, ResourceDescriptor, ResourceId, VirtualCpu};
-pub use threads::far::{Packet, Reply, Window, WindowedResource};
+pub use report::{HraReport, ResourceReport};
+pub use resource::{Link, Resource, ResourceDescriptor, VirtualCpu, Window};
+pub use resource_id::ResourceId;
+pub use threads::far::{Packet, Reply, WindowedResource};
 pub use threads::simulated::{Simulated, SimulatedModel};
 pub use work::{Closed, Completed, Failed, SubmitError, TrySubmit, UnitError, Work, WorkUnit};

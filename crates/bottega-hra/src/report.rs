@@ -4,20 +4,7 @@ use std::time::Duration;
 
 use crate::policy::core::Core;
 use crate::policy::time::Time;
-use crate::{CostBook, CostModel, Incident, Primitive, ResourceDescriptor, ResourceId, Span};
-
-/// What a resource is at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Activity {
-    /// Waits for work.
-    Idle,
-    /// Works.
-    Working,
-    /// Left alone after a failure, for a while; or it does not return from a call.
-    Suspended,
-    /// Given up after too many failures in a row, or because it could not be started.
-    Retired,
-}
+use crate::{Activity, CostBook, CostModel, Incident, Primitive, ResourceDescriptor, ResourceId, Span};
 
 /// The allocator at one moment.
 #[derive(Clone, Debug)]

@@ -1,26 +1,9 @@
 //! Resources: who does the work, and how far away they are.
 
-use std::fmt;
 use std::marker::PhantomData;
 use std::time::Duration;
 
 use crate::{DataId, Failed, PrimitiveSet, Work};
-
-/// Number of a resource within its allocator: its place in the list that the allocator was made with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct ResourceId(pub u32);
-
-impl ResourceId {
-    pub(crate) fn index(self) -> usize {
-        self.0 as usize
-    }
-}
-
-impl fmt::Display for ResourceId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "resource {}", self.0)
-    }
-}
 
 /// How far a resource is from the memory of this process.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,6 +69,25 @@ pub trait Resource<W: Work>: Send {
     /// Bytes of memory that are free for data, if the resource can tell; asked now and then.
     fn memory_free(&self) -> Option<u64> {
         None
+    }
+}
+
+/// Bounds of what is under way to a far resource. Within them the allocator finds the least that keeps it busy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Packets that may be under way at once; at least 1.
+    pub packets: usize,
+    /// Most units in a packet; at least 1.
+    pub units_per_packet: usize,
+    /// A packet without an answer for so long is lost, and with it the resource, until it has recovered; sooner where
+    /// it is known how long it should take, or when it is the last that is waited for and others could have done it long
+    /// since. Also the longest time that shutting down waits for it.
+    pub patience: Duration,
+}
+
+impl Default for Window {
+    fn default() -> Self {
+        Self { packets: 256, units_per_packet: 1024, patience: Duration::from_secs(10) }
     }
 }
 

@@ -79,7 +79,8 @@ pub fn write_exr(
 ) -> Result<(), ImageError> {
     let rect = film.rect();
     let channels = film_channels(film.layout(), options.depth);
-    let frame = Frame { path: path.as_ref(), data_window: rect, display_size: film.picture_size(), metadata, options };
+    let frame =
+        ExrFrame { path: path.as_ref(), data_window: rect, display_size: film.picture_size(), metadata, options };
     write(&frame, &channels, |offset, x, y| film.pixel(x, y)[offset])
 }
 
@@ -92,20 +93,20 @@ pub fn write_picture_exr(
 ) -> Result<(), ImageError> {
     let channels = color_channels(options.depth, ["R", "G", "B"], 0);
     let data_window = Rect::of_size(picture.width, picture.height);
-    let frame = Frame { path: path.as_ref(), data_window, display_size: picture.size(), metadata, options };
+    let frame = ExrFrame { path: path.as_ref(), data_window, display_size: picture.size(), metadata, options };
     let row = picture.width as usize;
     write(&frame, &channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])
 }
 
 /// A channel of the file, and where its value lies in a pixel of the source.
-struct Channel {
+struct ExrChannel {
     name: String,
     sample_type: SampleType,
     offset: usize,
 }
 
 /// What is the same for all channels of a file.
-struct Frame<'a> {
+struct ExrFrame<'a> {
     path: &'a Path,
     data_window: Rect,
     display_size: (u32, u32),
@@ -115,7 +116,7 @@ struct Frame<'a> {
 
 const TILE_SIDE: usize = 64;
 
-fn film_channels(layout: &Layout, depth: HalfOrFloat) -> Vec<Channel> {
+fn film_channels(layout: &Layout, depth: HalfOrFloat) -> Vec<ExrChannel> {
     let mut channels = color_channels(depth, ["R", "G", "B"], Layout::COLOR);
     channels.extend(color_channels(depth, ["A"], Layout::ALPHA));
     for aov in layout.aovs().iter() {
@@ -131,7 +132,7 @@ fn film_channels(layout: &Layout, depth: HalfOrFloat) -> Vec<Channel> {
     channels
 }
 
-fn color_channels<const N: usize>(depth: HalfOrFloat, names: [&str; N], offset: usize) -> Vec<Channel> {
+fn color_channels<const N: usize>(depth: HalfOrFloat, names: [&str; N], offset: usize) -> Vec<ExrChannel> {
     named_channels(depth, names.map(str::to_owned), offset).collect()
 }
 
@@ -139,25 +140,25 @@ fn named_channels(
     depth: HalfOrFloat,
     names: impl IntoIterator<Item = String>,
     offset: usize,
-) -> impl Iterator<Item = Channel> {
+) -> impl Iterator<Item = ExrChannel> {
     let sample_type = match depth {
         HalfOrFloat::Half => SampleType::F16,
         HalfOrFloat::Float => SampleType::F32,
     };
-    names.into_iter().enumerate().map(move |(index, name)| Channel { name, sample_type, offset: offset + index })
+    names.into_iter().enumerate().map(move |(index, name)| ExrChannel { name, sample_type, offset: offset + index })
 }
 
 /// Writes the file. `value(offset, x, y)` is asked once for each value, at pixels of the data window.
 fn write(
-    frame: &Frame<'_>,
-    channels: &[Channel],
+    frame: &ExrFrame<'_>,
+    channels: &[ExrChannel],
     value: impl Fn(usize, u32, u32) -> f32 + Sync,
 ) -> Result<(), ImageError> {
     let path = frame.path;
     if frame.data_window.is_empty() {
         return Err(ImageError::Empty { path: path.to_owned() });
     }
-    let mut by_name: Vec<&Channel> = channels.iter().collect();
+    let mut by_name: Vec<&ExrChannel> = channels.iter().collect();
     by_name.sort_by(|a, b| a.name.as_bytes().cmp(b.name.as_bytes()));
     let header = header(frame, &by_name);
     let fetch = |index: BlockIndex| {
@@ -189,7 +190,7 @@ fn to_half(value: f32) -> f16 {
     if value.is_finite() { f16::from_f32(value.clamp(-65504.0, 65504.0)) } else { f16::from_f32(value) }
 }
 
-fn header(frame: &Frame<'_>, channels: &[&Channel]) -> Header {
+fn header(frame: &ExrFrame<'_>, channels: &[&ExrChannel]) -> Header {
     let Rect { x0, y0, .. } = frame.data_window;
     let data_size = (frame.data_window.width() as usize, frame.data_window.height() as usize);
     let display_size = (frame.display_size.0 as usize, frame.display_size.1 as usize);

@@ -1,6 +1,6 @@
 //! Layers that other engines make beside the color: named, with channels of their own.
 
-use crate::{Aov, AovSet};
+use crate::aov::{Aov, AovSet};
 
 /// Layers of one picture at most.
 pub const LAYERS_MAX: usize = 128;

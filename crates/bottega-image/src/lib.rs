@@ -26,6 +26,7 @@
 //! | pictures while they are painted | `src/preview.rs` |
 //! | false colours, pictures for people | `src/color_map.rs`, `src/canvas.rs` |
 
+mod aov;
 mod canvas;
 mod color_map;
 mod colorimetry;
@@ -48,10 +49,12 @@ mod preview;
 mod radiance_read;
 mod read;
 mod rect;
+mod source;
 mod tile;
 mod tone;
 mod whole;
 
+pub use aov::{Aov, AovSet};
 pub use canvas::Canvas;
 pub use color_map::{ColorMap, false_color};
 pub use colorimetry::{Chromaticities, Conversion, WhitePoint, adaptation};
@@ -60,7 +63,7 @@ pub use exr_read::Planes;
 pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
 pub use film::Film;
 pub use layers::{CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, LayersError};
-pub use layout::{Aov, AovSet, Layout};
+pub use layout::Layout;
 pub use limits::{Packing, ReadLimits, check_announced};
 pub use metadata::Metadata;
 pub use metrics::{
@@ -71,8 +74,9 @@ pub use output::{OutputFormat, check_writable, write_whole};
 pub use picture::{Picture, luminance};
 pub use png_write::{PngBits, PngOptions, write_png, write_png_rgb8};
 pub use preview::Preview;
-pub use read::{ImageFile, read_channels, read_image, read_image_bytes, read_picture};
+pub use read::{read_channels, read_image, read_image_bytes, read_picture};
 pub use rect::{Rect, Sides};
+pub use source::ImageFile;
 pub use tile::{SampleValues, Tile};
 pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};
 pub use whole::{WholeHeader, WholePicture, is_float_picture, read_whole};

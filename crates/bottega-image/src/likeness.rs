@@ -54,27 +54,27 @@ impl Tile {
     }
 
     /// A function of the means of one channel.
-    fn plane(&self, channel: usize, of: impl Fn(f64) -> f64) -> Plane {
+    fn plane(&self, channel: usize, of: impl Fn(f64) -> f64) -> LikenessPlane {
         let pixels = self.sums().chunks_exact(self.layout().stride());
         let values = pixels.map(|pixel| of(f64::from(pixel[channel]) / f64::from(pixel[Layout::SAMPLE_COUNT])));
-        Plane { width: self.rect().width() as usize, values: values.collect() }
+        LikenessPlane { width: self.rect().width() as usize, values: values.collect() }
     }
 }
 
 /// One number a pixel, row-major.
-struct Plane {
+struct LikenessPlane {
     width: usize,
     values: Vec<f64>,
 }
 
-impl Plane {
+impl LikenessPlane {
     fn height(&self) -> usize {
         self.values.len() / self.width
     }
 
     /// Mean square of what a pixel differs from the middle between its neighbours to the left and right, as that of one
     /// pixel's own deviation, and the deviation of this mean. Edges and textures count as noise.
-    fn noise(&self) -> Moments {
+    fn noise(&self) -> WindowMoments {
         // Of a column the neighbours are those above and below.
         let length = if self.width > 1 { self.width } else { self.values.len() };
         let of_row = |row: &[f64]| -> Vec<f64> {
@@ -86,18 +86,22 @@ impl Plane {
         };
         let squares: Vec<f64> = self.values.chunks_exact(length).flat_map(of_row).collect();
         // One pixel alone tells nothing of its noise.
-        if squares.is_empty() { Moments { mean: 1.0, deviation: f64::INFINITY } } else { Moments::of(&squares) }
+        if squares.is_empty() {
+            WindowMoments { mean: 1.0, deviation: f64::INFINITY }
+        } else {
+            WindowMoments::of(&squares)
+        }
     }
 }
 
 /// A mean, and its standard deviation as the values show it.
 #[derive(Clone, Copy, Debug)]
-struct Moments {
+struct WindowMoments {
     mean: f64,
     deviation: f64,
 }
 
-impl Moments {
+impl WindowMoments {
     fn of(values: &[f64]) -> Self {
         let count = values.len() as f64;
         let mean = values.iter().sum::<f64>() / count;
@@ -110,9 +114,9 @@ impl Moments {
     }
 }
 
-fn same(a: &Plane, b: &Plane) -> bool {
+fn same(a: &LikenessPlane, b: &LikenessPlane) -> bool {
     let differences: Vec<f64> = a.values.iter().zip(&b.values).map(|(a, b)| a - b).collect();
-    if !Moments::of(&differences).is_nothing(LEVEL_SLACK) {
+    if !WindowMoments::of(&differences).is_nothing(LEVEL_SLACK) {
         return false;
     }
     let (noise_a, noise_b) = (a.noise(), b.noise());
@@ -120,44 +124,34 @@ fn same(a: &Plane, b: &Plane) -> bool {
     if excess > EXCESS * (noise_a.mean + noise_b.mean) + NOISE_SLACK {
         return false;
     }
-    let noise = Moments { mean: noise_a.mean - noise_b.mean, deviation: noise_a.deviation.hypot(noise_b.deviation) };
+    let noise =
+        WindowMoments { mean: noise_a.mean - noise_b.mean, deviation: noise_a.deviation.hypot(noise_b.deviation) };
     noise.is_nothing(NOISE_SLACK) && blocks(a.width, a.height(), &differences).all(|it| it.is_nothing(BLOCK_SLACK))
 }
 
 /// The mean difference of each whole block.
-fn blocks(width: usize, height: usize, differences: &[f64]) -> impl Iterator<Item = Moments> {
+fn blocks(width: usize, height: usize, differences: &[f64]) -> impl Iterator<Item = WindowMoments> {
     let corners = (0..height / BLOCK).flat_map(move |y| (0..width / BLOCK).map(move |x| (x * BLOCK, y * BLOCK)));
     corners.map(move |(x, y)| {
         let rows = (y..y + BLOCK).map(|y| &differences[y * width + x..][..BLOCK]);
-        Moments::of(&rows.flatten().copied().collect::<Vec<_>>())
+        WindowMoments::of(&rows.flatten().copied().collect::<Vec<_>>())
     })
 }
 
 #[cfg(test)]
 mod tests {
+    use bottega_kernels::SplitMix64;
+
     use super::*;
     use crate::{AovSet, Rect, SampleValues};
-
-    /// Numbers in [0, 1) that look like chance.
-    struct Chance(u64);
-
-    impl Chance {
-        fn next(&mut self) -> f32 {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut x = self.0;
-            x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((x ^ (x >> 31)) >> 40) as f32 / (1 << 24) as f32
-        }
-    }
 
     /// A picture with an edge and a gradient, of light that comes seldom (`rare`: how seldom) and then is bright.
     fn paint(side: u32, samples: u32, rare: f32, seed: u64, light: impl Fn(u32, u32) -> f32) -> Tile {
         let mut tile = Tile::new(Rect { x0: 3, y0: 5, x1: 3 + side, y1: 5 + side }, Layout::new(AovSet::NONE));
-        let mut chance = Chance(seed.wrapping_mul(0x1234_5677));
+        let mut chance = SplitMix64::new(seed.wrapping_mul(0x1234_5677));
         for (x, y) in tile.rect().pixels() {
             for _ in 0..samples {
-                let value = if chance.next() < rare { light(x, y) / rare } else { 0.0 };
+                let value = if chance.unit_f32() < rare { light(x, y) / rare } else { 0.0 };
                 tile.add(
                     x,
                     y,

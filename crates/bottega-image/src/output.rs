@@ -4,10 +4,12 @@
 //! written into.
 
 use std::{
-    fs::{self, File, OpenOptions},
+    fs::{self, OpenOptions},
     io::{BufWriter, Write},
     path::{Path, PathBuf},
 };
+
+use tempfile::NamedTempFile;
 
 use crate::ImageError;
 
@@ -117,8 +119,7 @@ impl Destination {
 #[derive(Debug)]
 pub(crate) struct AtomicFile {
     destination: Destination,
-    temporary: PathBuf,
-    file: Option<BufWriter<File>>,
+    writer: BufWriter<NamedTempFile>,
 }
 
 impl AtomicFile {
@@ -130,53 +131,39 @@ impl AtomicFile {
             Destination::Stream(target) => (target.as_path(), std::env::temp_dir()),
         };
         let name = place.file_name().ok_or_else(|| not_writable(path, "it names no file"))?.to_string_lossy();
-        let mut attempt = 0;
-        loop {
-            // A short prefix of the name, so that a name of nearly the longest length still works.
-            let prefix: String = name.chars().take(32).collect();
-            let temporary = folder.join(format!(".{prefix}.{}-{attempt}.part", std::process::id()));
-            match File::create_new(&temporary) {
-                Ok(file) => return Ok(Self { destination, temporary, file: Some(BufWriter::new(file)) }),
-                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && attempt < 1000 => attempt += 1,
-                Err(error) => return Err(ImageError::write(path, error)),
-            }
-        }
+        // A short prefix of the name, so that a name of nearly the longest length still works.
+        let prefix = format!(".{}.", name.chars().take(32).collect::<String>());
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix).suffix(".part");
+        // Pictures are for everybody whom the user's mask lets read them, unlike other temporary files.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.tempfile_in(folder).map_err(|error| ImageError::write(path, error))?;
+        Ok(Self { destination, writer: BufWriter::new(file) })
     }
 
     /// Where to write. Buffered.
-    pub(crate) fn writer(&mut self) -> &mut BufWriter<File> {
-        self.file.as_mut().expect("open until it is committed")
+    pub(crate) fn writer(&mut self) -> &mut BufWriter<NamedTempFile> {
+        &mut self.writer
     }
 
     /// Brings what was written to the disk and gives it its name, in place of what was there; or writes it into what
     /// cannot be replaced, which waits for who reads a FIFO.
-    pub(crate) fn commit(mut self) -> Result<(), ImageError> {
-        let finish = |writer: BufWriter<File>| -> std::io::Result<()> {
-            let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
-            file.sync_all()
-        };
-        let writer = self.file.take().expect("open until it is committed");
-        let deliver = || match &self.destination {
-            Destination::File(target) => fs::rename(&self.temporary, target),
-            Destination::Stream(target) => {
-                let mut stream = OpenOptions::new().write(true).open(target)?;
-                std::io::copy(&mut File::open(&self.temporary)?, &mut stream)?;
-                stream.flush()
+    pub(crate) fn commit(self) -> Result<(), ImageError> {
+        let (Destination::File(path) | Destination::Stream(path)) = &self.destination;
+        let deliver = || -> std::io::Result<()> {
+            let file = self.writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+            file.as_file().sync_all()?;
+            match &self.destination {
+                Destination::File(target) => file.persist(target).map(drop).map_err(|error| error.error),
+                Destination::Stream(target) => {
+                    let mut stream = OpenOptions::new().write(true).open(target)?;
+                    std::io::copy(&mut file.reopen()?, &mut stream)?;
+                    stream.flush()
+                }
             }
         };
-        let (Destination::File(path) | Destination::Stream(path)) = &self.destination;
-        finish(writer).and_then(|()| deliver()).map_err(|error| ImageError::write(path, error))
-    }
-}
-
-impl Drop for AtomicFile {
-    fn drop(&mut self) {
-        if let Some(writer) = self.file.take() {
-            // What is buffered is of no use: the file goes.
-            drop(writer.into_parts());
-        }
-        // After `commit` the name is gone, which is as it should be.
-        let _ = fs::remove_file(&self.temporary);
+        deliver().map_err(|error| ImageError::write(path, error))
     }
 }
 

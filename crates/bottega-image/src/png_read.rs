@@ -6,11 +6,11 @@ use crate::{
     ImageError, Metadata, Picture,
     colorimetry::{Chromaticities, Conversion, WhitePoint},
     limits::{Packing, check_announced},
-    read::{ImageFile, Source, file_bytes},
+    source::{ImageFile, PictureSource, file_bytes},
     tone::linear_from_srgb,
 };
 
-pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Result<ImageFile, ImageError> {
+pub(crate) fn read<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) -> Result<ImageFile, ImageError> {
     let bytes_of_file = file_bytes(source, &mut input)?;
     let failed = |error: png::DecodingError| match error {
         png::DecodingError::IoError(io) if io.kind() != std::io::ErrorKind::UnexpectedEof => {
@@ -41,7 +41,7 @@ pub(crate) fn read<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Resu
     reader.finish().map_err(failed)?;
 
     let info = reader.info();
-    let curve = Curve::of(info);
+    let curve = TransferCurve::of(info);
     let mut picture = Picture::new(width, height);
     let samples = color_type.samples();
     match depth {
@@ -87,13 +87,13 @@ fn conversion(info: &png::Info<'_>, white_point: WhitePoint) -> Conversion {
 }
 
 /// How the file's values become linear.
-enum Curve {
+enum TransferCurve {
     Srgb,
     /// linear = value^exponent
     Power(f32),
 }
 
-impl Curve {
+impl TransferCurve {
     /// By what the file says of its gamma; sRGB where it says nothing.
     fn of(info: &png::Info<'_>) -> Self {
         match info.gama_chunk.map(png::ScaledFloat::into_value) {

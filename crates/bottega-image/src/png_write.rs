@@ -44,7 +44,7 @@ pub fn write_png(
 ) -> Result<(), ImageError> {
     let rect = film.rect();
     let color_type = if options.alpha { png::ColorType::Rgba } else { png::ColorType::Rgb };
-    let frame = Frame {
+    let frame = PngFrame {
         size: (rect.width(), rect.height()),
         color_type,
         bits: options.bits,
@@ -63,7 +63,7 @@ pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8
     let row_bytes = 3 * width as usize;
     assert_eq!(rgb.len(), row_bytes * height as usize, "bytes of a picture of {width} × {height}");
     let metadata = Metadata::new();
-    let frame = Frame {
+    let frame = PngFrame {
         size: (width, height),
         color_type: png::ColorType::Rgb,
         bits: PngBits::Eight,
@@ -79,7 +79,7 @@ pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8
 /// - `row(y, out)`: appends the bytes of a row, `[width × 3]`, to `out`.
 pub(crate) fn png_bytes_rgb8(size: (u32, u32), row: impl Fn(u32, &mut Vec<u8>) + Sync) -> Result<Vec<u8>, ImageError> {
     let metadata = Metadata::new();
-    let frame = Frame {
+    let frame = PngFrame {
         size,
         color_type: png::ColorType::Rgb,
         bits: PngBits::Eight,
@@ -116,7 +116,7 @@ fn encode_pixel(pixel: &[f32], (x, y): (u32, u32), options: &PngOptions, out: &m
 /// Rows that one thread encodes before they are written: bounds the memory beside the film.
 const ROWS_AT_ONCE: usize = 16;
 
-struct Frame<'a> {
+struct PngFrame<'a> {
     size: (u32, u32),
     color_type: png::ColorType,
     bits: PngBits,
@@ -124,7 +124,7 @@ struct Frame<'a> {
     metadata: &'a Metadata,
 }
 
-impl Frame<'_> {
+impl PngFrame<'_> {
     /// Writes the file; `row(y, out)` appends the bytes of a row to `out`.
     fn write(&self, path: &Path, row: impl Fn(u32, &mut Vec<u8>) + Sync) -> Result<(), ImageError> {
         let (width, height) = self.size;

@@ -11,7 +11,7 @@ use crate::{
     ImageError, Metadata, Picture,
     colorimetry::{Chromaticities, Conversion, WhitePoint},
     limits::{Packing, check_announced},
-    read::{ImageFile, Source},
+    source::{ImageFile, PictureSource},
 };
 
 /// Headers are shorter than this.
@@ -31,7 +31,7 @@ pub(crate) fn recognizes(start: &[u8]) -> bool {
 }
 
 /// What stands before the pixels.
-pub(crate) struct Header {
+pub(crate) struct RadianceHeader {
     size: Size,
     /// What pixels are multiplied by, to undo exposure and color correction.
     factor: Vec3,
@@ -40,16 +40,20 @@ pub(crate) struct Header {
     notes: Vec<String>,
 }
 
-impl Header {
+impl RadianceHeader {
     /// Columns and rows of the picture.
     pub(crate) fn size(&self) -> (u32, u32) {
         if self.size.is_by_columns { (self.size.lines, self.size.length) } else { (self.size.length, self.size.lines) }
     }
 
     /// Reads up to the first byte of the pixels, and checks the size.
-    pub(crate) fn read<R: BufRead>(source: &Source<'_>, input: &mut R, file_bytes: u64) -> Result<Self, ImageError> {
+    pub(crate) fn read<R: BufRead>(
+        source: &PictureSource<'_>,
+        input: &mut R,
+        file_bytes: u64,
+    ) -> Result<Self, ImageError> {
         let mut lines = input.by_ref().take(HEADER_BYTES_MAX);
-        let mut words = Words::default();
+        let mut words = HeaderWords::default();
         let size = loop {
             let line = read_line(source, &mut lines)?;
             if let Some(size) = Size::parse(&line) {
@@ -74,11 +78,11 @@ impl Header {
     }
 }
 
-fn malformed(source: &Source<'_>, problem: &str) -> ImageError {
+fn malformed(source: &PictureSource<'_>, problem: &str) -> ImageError {
     source.malformed("HDR", problem)
 }
 
-fn failed(source: &Source<'_>, error: std::io::Error) -> ImageError {
+fn failed(source: &PictureSource<'_>, error: std::io::Error) -> ImageError {
     if error.kind() == ErrorKind::UnexpectedEof {
         malformed(source, "it ends too early; was it cut off?")
     } else {
@@ -87,7 +91,7 @@ fn failed(source: &Source<'_>, error: std::io::Error) -> ImageError {
 }
 
 /// The next line, without its end: a line feed, after a carriage return or not.
-fn read_line<R: BufRead>(source: &Source<'_>, lines: &mut std::io::Take<R>) -> Result<String, ImageError> {
+fn read_line<R: BufRead>(source: &PictureSource<'_>, lines: &mut std::io::Take<R>) -> Result<String, ImageError> {
     let mut line = Vec::new();
     lines.read_until(b'\n', &mut line).map_err(|error| failed(source, error))?;
     if line.pop() != Some(b'\n') {
@@ -99,7 +103,7 @@ fn read_line<R: BufRead>(source: &Source<'_>, lines: &mut std::io::Take<R>) -> R
 
 /// What the lines of a header say.
 #[derive(Default)]
-struct Words {
+struct HeaderWords {
     is_xyz: bool,
     exposure: Option<f64>,
     correction: Option<[f64; 3]>,
@@ -109,7 +113,7 @@ struct Words {
     is_ended: bool,
 }
 
-impl Words {
+impl HeaderWords {
     /// Understands a line; those of other programs, and what they did, mean nothing to us.
     fn add(&mut self, line: &str) -> Result<(), String> {
         let Some((key, value)) = line.split_once('=').filter(|_| !line.starts_with('#')) else { return Ok(()) };
@@ -149,7 +153,7 @@ impl Words {
         self.notes.push(format!("its header says `{shown}`, which is left out"));
     }
 
-    fn header(mut self, size: Size, white_point: WhitePoint) -> Header {
+    fn header(mut self, size: Size, white_point: WhitePoint) -> RadianceHeader {
         let exposure = self.exposure.unwrap_or(1.0);
         let factors = self.correction.unwrap_or([1.0; 3]).map(|correction| 1.0 / (exposure * correction));
         let mut factor = Vec3::from_array(factors.map(|factor| factor as f32));
@@ -166,7 +170,7 @@ impl Words {
                 Conversion::NONE
             }),
         };
-        Header { size, factor, conversion, notes: self.notes }
+        RadianceHeader { size, factor, conversion, notes: self.notes }
     }
 }
 
@@ -220,19 +224,19 @@ impl Size {
 
 /// The picture, and what was left out of it.
 pub(crate) fn read<R: BufRead>(
-    source: &Source<'_>,
+    source: &PictureSource<'_>,
     mut input: R,
     file_bytes: u64,
 ) -> Result<(ImageFile, Vec<String>), ImageError> {
-    let header = Header::read(source, &mut input, file_bytes)?;
+    let header = RadianceHeader::read(source, &mut input, file_bytes)?;
     let (width, height) = header.size();
     let scales = scales();
     let mut picture = Picture::new(width, height);
     let mut line = vec![[0; 4]; header.size.length as usize];
     for number in 0..header.size.lines {
         read_pixels(&mut input, &mut line).map_err(|fault| match fault {
-            Fault::Read(error) => failed(source, error),
-            Fault::Runs(problem) => malformed(source, &format!("{problem} in line {number}")),
+            RadianceFault::Read(error) => failed(source, error),
+            RadianceFault::Runs(problem) => malformed(source, &format!("{problem} in line {number}")),
         })?;
         for (place, &[r, g, b, exponent]) in line.iter().enumerate() {
             let color = Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * scales[usize::from(exponent)];
@@ -253,26 +257,26 @@ fn scales() -> [f32; 256] {
     scales
 }
 
-enum Fault {
+enum RadianceFault {
     Read(std::io::Error),
     /// Runs that do not fit.
     Runs(&'static str),
 }
 
-impl From<std::io::Error> for Fault {
+impl From<std::io::Error> for RadianceFault {
     fn from(error: std::io::Error) -> Self {
         Self::Read(error)
     }
 }
 
 /// Reads one line, in whichever of the three ways it is stored.
-fn read_pixels<R: Read>(input: &mut R, line: &mut [[u8; 4]]) -> Result<(), Fault> {
+fn read_pixels<R: Read>(input: &mut R, line: &mut [[u8; 4]]) -> Result<(), RadianceFault> {
     let mut first = [0; 4];
     input.read_exact(&mut first)?;
     let length = usize::from(first[2]) << 8 | usize::from(first[3]);
     if first[..2] == [2, 2] && first[2] < 128 && (8..0x8000).contains(&line.len()) {
         if length != line.len() {
-            return Err(Fault::Runs("a line has another length than its picture"));
+            return Err(RadianceFault::Runs("a line has another length than its picture"));
         }
         return (0..4).try_for_each(|component| read_component(input, line, component));
     }
@@ -280,14 +284,14 @@ fn read_pixels<R: Read>(input: &mut R, line: &mut [[u8; 4]]) -> Result<(), Fault
 }
 
 /// One component of a line: runs, and bytes as they are.
-fn read_component<R: Read>(input: &mut R, line: &mut [[u8; 4]], component: usize) -> Result<(), Fault> {
+fn read_component<R: Read>(input: &mut R, line: &mut [[u8; 4]], component: usize) -> Result<(), RadianceFault> {
     let mut at = 0;
     while at < line.len() {
         let [count] = read_bytes(input)?;
         let is_run = count > 128;
         let count = usize::from(if is_run { count - 128 } else { count });
         let Some(to) = line.get_mut(at..at + count).filter(|to| !to.is_empty()) else {
-            return Err(Fault::Runs("a run does not fit"));
+            return Err(RadianceFault::Runs("a run does not fit"));
         };
         if is_run {
             let [value] = read_bytes(input)?;
@@ -303,21 +307,21 @@ fn read_component<R: Read>(input: &mut R, line: &mut [[u8; 4]], component: usize
 }
 
 /// Pixels as they are; `1 1 1 n` repeats the one before, and several of these count as digits of 8 bits, the lowest first.
-fn read_whole_pixels<R: Read>(input: &mut R, first: [u8; 4], line: &mut [[u8; 4]]) -> Result<(), Fault> {
+fn read_whole_pixels<R: Read>(input: &mut R, first: [u8; 4], line: &mut [[u8; 4]]) -> Result<(), RadianceFault> {
     let (mut at, mut shift, mut pixel) = (0, 0, first);
     loop {
         if let [1, 1, 1, digit] = pixel {
             let count = usize::from(digit).checked_shl(shift).unwrap_or(usize::MAX);
             let is_possible = at > 0 && count <= line.len() - at;
             if !is_possible {
-                return Err(Fault::Runs("a run does not fit"));
+                return Err(RadianceFault::Runs("a run does not fit"));
             }
             let before = line[at - 1];
             line[at..at + count].fill(before);
             at += count;
             shift += 8;
             if shift > 24 {
-                return Err(Fault::Runs("a run does not end"));
+                return Err(RadianceFault::Runs("a run does not end"));
             }
         } else {
             line[at] = pixel;
@@ -346,7 +350,7 @@ mod tests {
 
     fn read_file(header: &str, pixels: &[u8]) -> Result<(ImageFile, Vec<String>), ImageError> {
         let bytes = [header.as_bytes(), pixels].concat();
-        let source = Source::new(Path::new("a.hdr"), ReadLimits::default());
+        let source = PictureSource::new(Path::new("a.hdr"), ReadLimits::default());
         assert!(recognizes(&bytes), "{header}");
         read(&source, bytes.as_slice(), bytes.len() as u64)
     }

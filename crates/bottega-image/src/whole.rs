@@ -7,10 +7,10 @@ use std::{io::Cursor, path::Path};
 
 use crate::{
     ImageError, Picture, WhitePoint,
-    exr_read::{self, Described, Wanted, Window},
+    exr_read::{self, Described, ExrWindow, WantedChannels},
     limits::{Packing, ReadLimits, check_announced},
     radiance_read,
-    read::{Source, guarded},
+    source::{PictureSource, guarded},
 };
 
 /// Whether these are the bytes of an OpenEXR or a Radiance file.
@@ -47,18 +47,18 @@ pub struct WholePicture {
 impl WholeHeader {
     /// Reads the header of a file whose bytes these are, and checks what it announces. `name` stands in errors.
     pub fn read(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<Self, ImageError> {
-        let source = Source::new(name.as_ref(), limits);
+        let source = PictureSource::new(name.as_ref(), limits);
         if is_exr(bytes) {
             let described = guarded(&source, "EXR", || exr_read::describe(&source, Cursor::new(bytes)))?;
             return Self::of(&source, &described);
         }
         let mut input = bytes;
-        let header = radiance_read::Header::read(&source, &mut input, bytes.len() as u64)?;
+        let header = radiance_read::RadianceHeader::read(&source, &mut input, bytes.len() as u64)?;
         let (width, height) = header.size();
         Ok(Self { width, height, has_alpha: false })
     }
 
-    fn of(source: &Source<'_>, described: &Described) -> Result<Self, ImageError> {
+    fn of(source: &PictureSource<'_>, described: &Described) -> Result<Self, ImageError> {
         let placing = Placing::of(described.window());
         let (width, height) = placing.size;
         source.check_size(u64::from(width), u64::from(height))?;
@@ -85,15 +85,16 @@ pub fn read_whole(
     limits: ReadLimits,
     white_point: WhitePoint,
 ) -> Result<WholePicture, ImageError> {
-    let source = Source { white_point, ..Source::new(name.as_ref(), limits) };
+    let source = PictureSource { white_point, ..PictureSource::new(name.as_ref(), limits) };
     if !is_exr(bytes) {
         let (file, notes) = radiance_read::read(&source, bytes, bytes.len() as u64)?;
         return Ok(WholePicture { picture: file.picture, alpha: None, notes });
     }
     let described = guarded(&source, "EXR", || exr_read::describe(&source, Cursor::new(bytes)))?;
     WholeHeader::of(&source, &described)?;
-    let read =
-        guarded(&source, "EXR", || exr_read::read(&source, Cursor::new(bytes), Wanted { names: &[], alpha: true }))?;
+    let read = guarded(&source, "EXR", || {
+        exr_read::read(&source, Cursor::new(bytes), WantedChannels { names: &[], alpha: true })
+    })?;
     let placing = Placing::of(described.window());
     let mut notes = read.notes;
     notes.extend(placing.is_apart.then(|| "its data window lies outside of its display window, and counts".to_owned()));
@@ -105,7 +106,7 @@ pub fn read_whole(
 
 /// Where the pixels of a file lie in its picture.
 struct Placing {
-    window: Window,
+    window: ExrWindow,
     /// Columns and rows of the picture.
     size: (u32, u32),
     /// The file has no pixel of its picture: then its pixels are the picture.
@@ -113,7 +114,7 @@ struct Placing {
 }
 
 impl Placing {
-    fn of(window: Window) -> Self {
+    fn of(window: ExrWindow) -> Self {
         let overlaps = |offset: i32, size: u32, full: u32| {
             i64::from(offset) < i64::from(full) && i64::from(offset) + i64::from(size) > 0
         };
@@ -124,7 +125,7 @@ impl Placing {
 
     /// - `pixels`: those that the file holds, row by row.
     fn place<T: Copy>(&self, pixels: Vec<T>, outside: T) -> Vec<T> {
-        let Window { size, offset, full_size } = self.window;
+        let ExrWindow { size, offset, full_size } = self.window;
         if self.is_apart || (offset == (0, 0) && size == full_size) {
             return pixels;
         }
@@ -151,7 +152,7 @@ mod tests {
     use super::*;
 
     fn placed(size: (u32, u32), offset: (i32, i32), full_size: (u32, u32)) -> (Vec<u32>, bool) {
-        let placing = Placing::of(Window { size, offset, full_size });
+        let placing = Placing::of(ExrWindow { size, offset, full_size });
         (placing.place((1..=size.0 * size.1).collect(), 0), placing.is_apart)
     }
 

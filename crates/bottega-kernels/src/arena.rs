@@ -12,9 +12,9 @@ use std::ptr::NonNull;
 /// A cache line.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct Line([u32; 16]);
+pub(crate) struct CacheLine([u32; 16]);
 
-const LINE: usize = size_of::<Line>();
+const LINE: usize = size_of::<CacheLine>();
 /// What a huge page is on x86-64, and one of the sizes on others.
 const HUGE: usize = 2 << 20;
 /// From here on half a huge page wasted is worth what it saves.
@@ -27,7 +27,7 @@ pub(crate) const fn lines_of<T>() -> usize {
 
 /// A growing array of cache lines, in which values of several types lie.
 pub(crate) struct Arena {
-    memory: NonNull<Line>,
+    memory: NonNull<CacheLine>,
     len: usize,
     capacity: usize,
 }
@@ -49,10 +49,10 @@ impl Arena {
     }
 
     /// Appends `count` lines of zeros and returns them.
-    pub(crate) fn grow(&mut self, count: usize) -> &mut [Line] {
+    pub(crate) fn grow(&mut self, count: usize) -> &mut [CacheLine] {
         let first = self.len;
         let needed = first.checked_add(count).filter(|&n| n <= isize::MAX as usize / LINE);
-        let Some(needed) = needed else { handle_alloc_error(Layout::new::<Line>()) };
+        let Some(needed) = needed else { handle_alloc_error(Layout::new::<CacheLine>()) };
         if needed > self.capacity {
             // The first tree gets just what it needs: mostly it is the only one.
             self.move_to(if first == 0 { needed } else { needed.max(self.capacity + self.capacity / 2) });
@@ -90,16 +90,16 @@ impl Drop for Arena {
 }
 
 impl Deref for Arena {
-    type Target = [Line];
+    type Target = [CacheLine];
     #[inline(always)]
-    fn deref(&self) -> &[Line] {
+    fn deref(&self) -> &[CacheLine] {
         // SAFETY: the first `len` lines are initialized, being zeros from the beginning.
         unsafe { std::slice::from_raw_parts(self.memory.as_ptr(), self.len) }
     }
 }
 
 impl DerefMut for Arena {
-    fn deref_mut(&mut self) -> &mut [Line] {
+    fn deref_mut(&mut self) -> &mut [CacheLine] {
         // SAFETY: as in `deref`.
         unsafe { std::slice::from_raw_parts_mut(self.memory.as_ptr(), self.len) }
     }
@@ -116,7 +116,7 @@ mod memory {
     use super::*;
 
     /// Lines of zeros. Large blocks are untouched yet, so that those who write them share the system's work of giving them.
-    pub(super) fn zeroed(lines: usize) -> NonNull<Line> {
+    pub(super) fn zeroed(lines: usize) -> NonNull<CacheLine> {
         if lines == 0 {
             return NonNull::dangling();
         }
@@ -130,7 +130,7 @@ mod memory {
     }
 
     /// Gives back what [`zeroed`] gave for so many lines.
-    pub(super) fn free(memory: NonNull<Line>, lines: usize) {
+    pub(super) fn free(memory: NonNull<CacheLine>, lines: usize) {
         if lines == 0 {
             return;
         }
@@ -145,7 +145,7 @@ mod memory {
     }
 
     fn layout(lines: usize) -> Layout {
-        Layout::array::<Line>(lines).unwrap_or_else(|_| handle_alloc_error(Layout::new::<Line>()))
+        Layout::array::<CacheLine>(lines).unwrap_or_else(|_| handle_alloc_error(Layout::new::<CacheLine>()))
     }
 
     /// Bytes to map for so many lines, if they are many.
@@ -157,9 +157,9 @@ mod memory {
 
     /// Memory of its own from the system, on huge pages if it will.
     #[cfg(target_os = "linux")]
-    fn huge(bytes: usize) -> NonNull<Line> {
+    fn huge(bytes: usize) -> NonNull<CacheLine> {
         use rustix::mm::{Advice, MapFlags, ProtFlags, madvise, mmap_anonymous, munmap};
-        let failed = || handle_alloc_error(Layout::from_size_align(bytes, LINE).unwrap_or(Layout::new::<Line>()));
+        let failed = || handle_alloc_error(Layout::from_size_align(bytes, LINE).unwrap_or(Layout::new::<CacheLine>()));
         let room = bytes.saturating_add(HUGE);
         // SAFETY: a new mapping touches nothing that is there.
         let all = unsafe {
@@ -195,7 +195,7 @@ mod tests {
             let count = round as usize * 57;
             let new = arena.grow(count);
             assert!(new.len() == count && new.iter().all(|line| line.0 == [0; 16]));
-            new.fill(Line([round; 16]));
+            new.fill(CacheLine([round; 16]));
             total += count;
         }
         assert_eq!((arena.len(), arena.bytes()), (total, total * 64));
@@ -205,8 +205,8 @@ mod tests {
             assert!(part.iter().all(|line| line.0 == [round; 16]));
             rest = after;
         }
-        *arena.at_mut(total - 1) = Line([7; 16]);
-        assert_eq!((*arena.at::<Line>(total - 1), arena.at::<Line>(0).0), (Line([7; 16]), [1; 16]));
+        *arena.at_mut(total - 1) = CacheLine([7; 16]);
+        assert_eq!((*arena.at::<CacheLine>(total - 1), arena.at::<CacheLine>(0).0), (CacheLine([7; 16]), [1; 16]));
         if cfg!(target_os = "linux") {
             assert_eq!(arena.as_ptr() as usize % HUGE, 0, "as large as this, it lies on huge pages");
         }
@@ -217,6 +217,6 @@ mod tests {
     fn values_beyond_the_end_are_refused() {
         let mut arena = Arena::new();
         arena.grow(7);
-        arena.at::<crate::tree::Node>(4);
+        arena.at::<crate::tree::WideNode>(4);
     }
 }

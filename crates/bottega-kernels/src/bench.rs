@@ -7,33 +7,19 @@
 #[cfg(feature = "embree")]
 pub mod embree;
 mod leaks;
+mod random;
+mod ray_kernel;
 mod scenes;
 
 pub use leaks::{Leaks, leaks};
+pub use random::Random;
+pub use ray_kernel::RayKernel;
 pub use scenes::{BenchScene, hall, interior, noisy_sphere, stadium};
 
-use crate::{Accel, BuildError, BuildOptions, Hit, InstanceGeometry, Precision, Ray, math};
+use crate::{Accel, BuildError, BuildOptions, Hit, InstanceGeometry, Precision, Ray};
 use glam::{Affine3A, Vec3};
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
-
-/// Something that traces rays.
-pub trait RayKernel {
-    /// For the table.
-    fn name(&self) -> String;
-    /// Finds the closest hit of every ray; returns the number of hits and the sum of their parameters.
-    fn closest(&self, rays: &[Ray]) -> (usize, f64);
-    /// Returns how many rays hit anything.
-    fn any(&self, rays: &[Ray]) -> usize;
-    /// Nodes and leaves visited by an average ray, where the kernel can tell. Does not depend on the machine.
-    fn steps(&self, _rays: &[Ray]) -> Option<f64> {
-        None
-    }
-    /// How long it took to build.
-    fn build_time(&self) -> Duration;
-    /// Bytes that traversal needs, all in.
-    fn bytes(&self) -> usize;
-}
 
 /// This crate's own kernel.
 pub struct Own {
@@ -89,38 +75,6 @@ impl RayKernel for Own {
 
     fn bytes(&self) -> usize {
         self.accel.memory_bytes()
-    }
-}
-
-/// A stream of pseudo-random numbers in [0, 1): PCG (O'Neill 2014).
-pub struct Random(u64);
-
-impl Random {
-    /// The stream with a number.
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(1))
-    }
-
-    /// The next number.
-    pub fn unit(&mut self) -> f32 {
-        let old = self.0;
-        self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let bits = (((old >> 18) ^ old) >> 27) as u32;
-        (bits.rotate_right((old >> 59) as u32) >> 8) as f32 / 16_777_216.0
-    }
-
-    /// A number between two.
-    pub fn between(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.unit()
-    }
-
-    /// A direction around `n`, with a density proportional to its cosine.
-    pub fn cosine(&mut self, n: Vec3) -> Vec3 {
-        let (t, b) = n.any_orthonormal_pair();
-        let (s, c) = math::sin_cos(std::f32::consts::TAU * self.unit());
-        let r2 = self.unit();
-        let r = r2.sqrt();
-        t * (r * c) + b * (r * s) + n * (1.0 - r2).max(0.0).sqrt()
     }
 }
 

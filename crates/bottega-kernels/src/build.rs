@@ -12,18 +12,20 @@ mod item;
 mod presplit;
 pub(crate) mod refit;
 mod reinsert;
+mod world;
 
 pub use binary::{BinaryTree, Shape};
 pub use bins::Binary;
 
-use crate::accel::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::arena::Arena;
+use crate::geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::instance::{self, Affine};
-use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
+use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use crate::{Aabb, Hit};
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 use item::Item;
 use rayon::prelude::*;
+use world::BuildWorld;
 
 /// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter. (With eight there is too
 /// little left to choose when blocks are filled.)
@@ -34,7 +36,7 @@ const SPLIT_BUDGET: usize = 4;
 
 /// A finished tree with what the outside asks about it.
 pub(crate) struct Built {
-    pub(crate) tree: Tree,
+    pub(crate) tree: SceneTrees,
     pub(crate) bounds: Aabb,
     pub(crate) triangles: usize,
 }
@@ -48,7 +50,7 @@ pub(crate) fn build(
 ) -> Result<Built, BuildError> {
     with_threads(options.threads, |parallel| {
         instance::validate(meshes, instances, spheres)?;
-        Builder { meshes, instances, options, parallel, tree: empty_tree() }.build(spheres)
+        TreeBuilder { meshes, instances, options, parallel, tree: empty_tree() }.build(spheres)
     })
 }
 
@@ -64,82 +66,19 @@ fn with_threads<T: Send>(threads: usize, run: impl Fn(bool) -> T + Sync) -> T {
     }
 }
 
-/// All triangles of some instances in world space, numbered from 0.
-struct World<'a> {
-    meshes: &'a [MeshGeometry<'a>],
-    instances: &'a [InstanceGeometry],
-    /// (number of the first triangle, instance), ascending in both.
-    starts: Vec<(u32, u32)>,
-    /// Where the instance of each start is put; `None` where it stays in its place.
-    maps: Vec<Option<Affine>>,
-    count: u32,
+fn empty_tree() -> SceneTrees {
+    SceneTrees { arena: Arena::new(), spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
 }
 
-impl<'a> World<'a> {
-    fn new(
-        meshes: &'a [MeshGeometry<'a>],
-        instances: &'a [InstanceGeometry],
-        chosen: impl Iterator<Item = usize>,
-    ) -> Result<Self, BuildError> {
-        let (mut starts, mut count, limit) = (Vec::new(), 0usize, u32::MAX as usize - 1);
-        for i in chosen {
-            let triangles = meshes[instances[i].mesh as usize].triangles.len();
-            if triangles != 0 {
-                starts.push((count as u32, i as u32));
-            }
-            count = count.saturating_add(triangles);
-            if count > limit {
-                return Err(BuildError::TooMany { what: "triangles", count, limit });
-            }
-        }
-        let map = |&(_, instance): &(u32, u32)| {
-            let map = instances[instance as usize].world_from_object;
-            (map != Affine3A::IDENTITY).then(|| Affine::new(&map))
-        };
-        let maps = starts.iter().map(map).collect();
-        Ok(Self { meshes, instances, starts, maps, count: count as u32 })
-    }
-
-    /// Which start a triangle belongs to.
-    fn find(&self, id: u32) -> usize {
-        self.starts.partition_point(|f| f.0 <= id) - 1
-    }
-
-    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
-        let start = self.find(id);
-        let (first, instance) = self.starts[start];
-        let mesh = &self.meshes[self.instances[instance as usize].mesh as usize];
-        let [a, b, c] = mesh.triangles[(id - first) as usize].map(|i| mesh.positions[i as usize].to_array());
-        match &self.maps[start] {
-            Some(map) => [map.point(a), map.point(b), map.point(c)],
-            None => [a, b, c],
-        }
-    }
-
-    /// Refuses triangles that their transform moved out of the range of numbers.
-    fn check(&self, items: &[Item], parallel: bool) -> Result<(), BuildError> {
-        let bad = |item: &&Item| !item.is_finite();
-        let bad = if parallel { items.par_iter().find_first(bad) } else { items.iter().find(bad) };
-        match bad {
-            Some(bad) => Err(BuildError::TransformNotFinite { instance: self.starts[self.find(bad.id())].1 as usize }),
-            None => Ok(()),
-        }
-    }
-}
-
-fn empty_tree() -> Tree {
-    Tree { arena: Arena::new(), spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
-}
-
-struct Builder<'a> {
+struct TreeBuilder<'a> {
     meshes: &'a [MeshGeometry<'a>],
     instances: &'a [InstanceGeometry],
     options: &'a BuildOptions,
     parallel: bool,
-    tree: Tree,
+    tree: SceneTrees,
 }
 
-impl Builder<'_> {
+impl TreeBuilder<'_> {
     fn build(mut self, spheres: &[SphereGeometry]) -> Result<Built, BuildError> {
         let inverses = self.choose_shared();
         let flat: Vec<usize> = (0..self.instances.len()).filter(|&i| inverses[i].is_none()).collect();
@@ -185,7 +124,7 @@ impl Builder<'_> {
                 return Err(BuildError::TransformNotFinite { instance: index });
             }
             items.push(Item::new(&bounds, self.tree.placed.len() as u32));
-            self.tree.placed.push(Placed { object_from_world: inverse.rows, root, instance: index as u32 });
+            self.tree.placed.push(PlacedTree { object_from_world: inverse.rows, root, instance: index as u32 });
         }
         emit::check("instances", self.tree.placed.len())?;
         self.single_item_tree(&mut items, Child::instance)
@@ -201,7 +140,7 @@ impl Builder<'_> {
 
     /// One tree over all triangles of the instances that are flattened.
     fn world_triangles(&mut self, flat: &[usize]) -> Result<(Child, Aabb), BuildError> {
-        let world = World::new(self.meshes, self.instances, flat.iter().copied())?;
+        let world = BuildWorld::new(self.meshes, self.instances, flat.iter().copied())?;
         self.tree.flat.clone_from(&world.starts);
         let items = self.items(world.count, &|id| world.corners(id));
         world.check(&items, self.parallel)?;
@@ -288,13 +227,13 @@ impl Builder<'_> {
         if let [] | [_] = parts[..] {
             return parts.first().map_or(Child::EMPTY, |part| part.0);
         }
-        let mut node = Node::EMPTY;
+        let mut node = WideNode::EMPTY;
         for (slot, part) in parts.iter().enumerate() {
             node.set(slot, &part.1, part.0);
         }
         node.sort_octants(parts.len());
         let line = self.tree.arena.len();
-        self.tree.arena.grow(Node::LINES);
+        self.tree.arena.grow(WideNode::LINES);
         *self.tree.arena.at_mut(line) = node;
         Child::node(line)
     }

@@ -1,6 +1,6 @@
 //! Checks of the input, and affine maps computed alike everywhere.
 
-use crate::accel::{BuildError, InstanceGeometry, MeshGeometry, SphereGeometry};
+use crate::geometry::{BuildError, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::{Aabb, Hit};
 use glam::{Affine3A, Vec3};
 

@@ -21,7 +21,7 @@
 //! | the closest hit, occlusion; one source for each vector unit | `src/traverse.rs`, `src/traverse/` |
 //! | building of trees; binary trees for others | `src/build.rs`, `src/build/`; `src/build/binary.rs` |
 //! | the tree in memory | `src/tree.rs`, `src/arena.rs` |
-//! | functions of equal bits | `src/math.rs` |
+//! | functions of equal bits; SplitMix64 | `src/math.rs`; `src/split_mix.rs` |
 //! | other work compiled for the vector unit at hand | `src/compiled.rs` |
 //! | standard scenes and rays to measure with, Embree beside | `src/bench.rs`, `src/bench/`, `benches/rays.rs` |
 
@@ -32,13 +32,17 @@ mod accel;
 mod arena;
 mod build;
 pub mod compiled;
+mod geometry;
 mod instance;
 mod memory;
 mod ray;
+mod split_mix;
 mod traverse;
 mod tree;
 
-pub use accel::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
+pub use accel::Accel;
 pub use build::{Binary, BinaryTree, Shape};
+pub use geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 pub use memory::prefetch;
 pub use ray::{Aabb, Hit, Ray};
+pub use split_mix::{SplitMix64, mix64};

@@ -22,9 +22,9 @@ mod triangle;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 
-use crate::tree::{Child, Node, Placed, Tree, TriangleBlock, WIDTH};
+use crate::tree::{Child, PlacedTree, SceneTrees, TriangleBlock, WIDTH, WideNode};
 use crate::{Hit, Ray};
-use lanes::{Job, Lanes};
+use lanes::{LaneJob, Lanes};
 use setup::Wide;
 use stack::{Stack, Storage};
 use triangle::Struck;
@@ -71,8 +71,8 @@ impl<A: Fn(&Hit) -> bool, const ANY: bool> Query for Filtered<A, ANY> {
 }
 
 /// The closest or any hit, with the number of visits.
-pub(crate) struct Counted<'a, const ANY: bool>(pub(crate) &'a mut u32);
-impl<const ANY: bool> Query for Counted<'_, ANY> {
+pub(crate) struct CountedQuery<'a, const ANY: bool>(pub(crate) &'a mut u32);
+impl<const ANY: bool> Query for CountedQuery<'_, ANY> {
     const ANY: bool = ANY;
     const FILTERED: bool = false;
     #[inline(always)]
@@ -112,7 +112,7 @@ impl Best {
 
 /// Instance and primitive as the caller counts them.
 #[inline(always)]
-fn key(tree: &Tree, space: u32, id: u32) -> (u32, u32) {
+fn key(tree: &SceneTrees, space: u32, id: u32) -> (u32, u32) {
     if id == NOTHING {
         (u32::MAX, u32::MAX)
     } else if space == WORLD {
@@ -125,7 +125,7 @@ fn key(tree: &Tree, space: u32, id: u32) -> (u32, u32) {
 /// Which of two at the same distance counts, given by space and number.
 #[cold]
 #[inline(never)]
-fn key_is_lower(tree: &Tree, (space, id): (u32, u32), (best_space, best_id): (u32, u32)) -> bool {
+fn key_is_lower(tree: &SceneTrees, (space, id): (u32, u32), (best_space, best_id): (u32, u32)) -> bool {
     key(tree, space, id) < key(tree, best_space, best_id)
 }
 
@@ -138,7 +138,7 @@ struct OddJob<'a, S, Q, const ROBUST: bool> {
     best: &'a mut Best,
 }
 
-impl<S: Lanes, Q: Query, const ROBUST: bool> Job for OddJob<'_, S, Q, ROBUST> {
+impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for OddJob<'_, S, Q, ROBUST> {
     type Output = bool;
     #[inline(always)]
     fn run(self) -> bool {
@@ -153,7 +153,7 @@ impl<S: Lanes, Q: Query, const ROBUST: bool> Job for OddJob<'_, S, Q, ROBUST> {
 
 /// Walks the whole scene. [`Hit::NONE`] when nothing was hit; only `is_some` is meaningful for [`Query::ANY`].
 #[inline(always)]
-pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
+pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
     let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
     if ray.t_max.is_nan() || ray.t_max <= t_min {
         return Hit::NONE;
@@ -176,7 +176,7 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &Tree, ray
 /// What stays the same while one tree is walked.
 struct Walk<'a, S, const ROBUST: bool> {
     s: S,
-    tree: &'a Tree,
+    tree: &'a SceneTrees,
     /// In the tree's space.
     ray: &'a Ray,
     t_min: f32,
@@ -249,7 +249,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     #[inline(always)]
     fn choose<Q: Query>(
         &self,
-        node: &Node,
+        node: &WideNode,
         near: S::F,
         miss: S::Mask,
         octant: usize,
@@ -363,7 +363,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
 
     /// Walks the tree of a mesh in its own space. `t` is the same there, as the direction is not normalized.
     #[inline(always)]
-    fn instance<Q: Query>(&self, placed: &Placed, entry: f32, query: &mut Q, best: &mut Best) -> bool {
+    fn instance<Q: Query>(&self, placed: &PlacedTree, entry: f32, query: &mut Q, best: &mut Best) -> bool {
         let ([ox, oy, oz], [dx, dy, dz]) = (self.ray.origin.to_array(), self.ray.direction.to_array());
         let m = &placed.object_from_world;
         let origin = m.map(|r| r[0] * ox + r[1] * oy + r[2] * oz + r[3]);

@@ -58,7 +58,7 @@ impl Child {
 /// Eight boxes, what is in them, and in which order to visit them: 256 bytes, four cache lines.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(crate) struct Node {
+pub(crate) struct WideNode {
     /// Planes: `[2 · axis + side]`, side 0 lower and 1 upper. Empty slots are inside out: +∞, −∞.
     pub(crate) planes: [[f32; WIDTH]; 6],
     pub(crate) children: [Child; WIDTH],
@@ -68,7 +68,7 @@ pub(crate) struct Node {
     pub(crate) order: [u32; 8],
 }
 
-impl Node {
+impl WideNode {
     /// Cache lines.
     pub(crate) const LINES: usize = lines_of::<Self>();
     pub(crate) const EMPTY: Self = {
@@ -170,7 +170,7 @@ pub(crate) struct Sphere {
 
 /// An instance of a mesh with a tree of its own.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placed {
+pub(crate) struct PlacedTree {
     /// Rows of the affine map from world to object: x, y, z and translation.
     pub(crate) object_from_world: [[f32; 4]; 3],
     /// The mesh's tree.
@@ -181,20 +181,20 @@ pub(crate) struct Placed {
 
 /// All trees of a scene.
 #[derive(Debug)]
-pub(crate) struct Tree {
+pub(crate) struct SceneTrees {
     /// Nodes and blocks of all trees.
     pub(crate) arena: Arena,
     pub(crate) spheres: Vec<Sphere>,
-    pub(crate) placed: Vec<Placed>,
+    pub(crate) placed: Vec<PlacedTree>,
     /// The top-level tree.
     pub(crate) root: Child,
     /// Instances flattened into world space: (number of the first triangle, instance), ascending in both.
     pub(crate) flat: Vec<(u32, u32)>,
 }
 
-impl Tree {
+impl SceneTrees {
     #[inline(always)]
-    pub(crate) fn node(&self, child: Child) -> &Node {
+    pub(crate) fn node(&self, child: Child) -> &WideNode {
         self.arena.at(child.index())
     }
 
@@ -206,7 +206,7 @@ impl Tree {
     pub(crate) fn memory_bytes(&self) -> usize {
         self.arena.bytes()
             + self.spheres.capacity() * size_of::<Sphere>()
-            + self.placed.capacity() * size_of::<Placed>()
+            + self.placed.capacity() * size_of::<PlacedTree>()
             + self.flat.capacity() * size_of::<(u32, u32)>()
     }
 
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn nodes_and_blocks_have_the_sizes_that_the_memory_budget_counts_with() {
-        assert_eq!((size_of::<Node>(), size_of::<TriangleBlock>()), (256, 320));
+        assert_eq!((size_of::<WideNode>(), size_of::<TriangleBlock>()), (256, 320));
     }
 
     #[test]
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn octant_order_starts_with_the_farthest_child() {
-        let mut node = Node::EMPTY;
+        let mut node = WideNode::EMPTY;
         for slot in 0..3 {
             node.set(slot, &Aabb::around(Vec3::X * slot as f32, 0.1), Child::node(slot));
         }

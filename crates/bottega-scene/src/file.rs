@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::SceneError;
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 
 /// Reads a regular file. Folders, devices and pipes (which might never end) are refused, and files that are larger than
 /// all memory that the scene may take.

@@ -14,7 +14,7 @@
 //! | what | where |
 //! |---|---|
 //! | the scene and its promises | `src/model.rs`, `src/validate.rs` |
-//! | from a path to a scene | `src/load.rs` |
+//! | from a path to a scene; what importers are given and may take | `src/load.rs`; `src/import.rs`, `src/options.rs`, `src/budget.rs` |
 //! | glTF; its compressed buffers | `src/gltf/`; `src/gltf/meshopt/`, `src/gltf/draco.rs` |
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
@@ -30,14 +30,18 @@
 //! | numbers that cannot be computed with; reflectances above 1 | `src/values.rs`, `src/excess.rs` |
 //! | foreign JSON and TOML in which an object must be an object | `src/objects_only.rs` |
 
+mod budget;
 mod camera;
 mod error;
+mod eval;
 mod excess;
 mod file;
 mod framing;
 mod gltf;
 mod grid;
+mod hints;
 mod image;
+mod import;
 mod integrator;
 mod light;
 mod load;
@@ -48,7 +52,9 @@ mod mesh_file;
 mod mitsuba;
 mod model;
 pub mod objects_only;
+mod options;
 mod origin;
+mod param;
 mod pbrt;
 mod resource;
 mod shapes;
@@ -64,21 +70,25 @@ mod values;
 
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
 pub use error::{SceneError, Warning};
+pub use eval::Uvs;
 pub use grid::{Blend, Grid, GridError};
+pub use hints::{FilmFilter, Metadata, RenderHints};
 pub use image::{Encoding, Image, LevelTexels, linear_of_srgb_codes};
 pub use integrator::{Follows, IntegratorHint, PhotonHints};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
-pub use load::{FilmFilter, LoadOptions, Loaded, Metadata, RenderHints, load};
-pub use material::{AlphaMode, Back, ColorParam, Material, Relief, ReliefRule, ReliefSource, ScalarParam, Sides};
+pub use load::{Loaded, load};
+pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, Sides};
 pub use medium::{Coefficients, Density, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
+pub use options::LoadOptions;
+pub use param::{ColorParam, ScalarParam};
 pub use resource::SceneFile;
 pub use summary::SceneSummary;
 pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Iridescence,
     Layered, Plastic, Principled, RoughnessScale, Shadowing, Surface,
 };
-pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Uvs, Wrap};
+pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Wrap};
 pub use values::{FACTOR_MAX, VALUE_MAX};
 
 /// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.

@@ -1,79 +1,6 @@
 //! What a surface is made of: how it scatters, what it emits, where it is absent, and what it bounds.
 
-use glam::Vec4;
-
-use crate::{Channel, Layered, MediumId, Scene, Spectrum, Surface, TextureMap, Uvs};
-
-/// A colour: factor × texture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ColorParam {
-    /// Multiplies the texture, or stands alone.
-    pub factor: Spectrum,
-    /// RGB.
-    pub texture: Option<TextureMap>,
-}
-
-/// A number: factor × one channel of a texture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ScalarParam {
-    /// Multiplies the texture, or stands alone.
-    pub factor: f32,
-    /// The texture and which of its channels.
-    pub texture: Option<(TextureMap, Channel)>,
-}
-
-impl ColorParam {
-    /// The colour at a point with these texture coordinates; `footprint` as for
-    /// [`Image::eval`](crate::Image::eval). Panics when the texture's image is not in the scene, which
-    /// [`Scene::validate`] excludes.
-    pub fn eval(&self, scene: &Scene, uvs: impl Uvs, footprint: f32) -> Spectrum {
-        match &self.texture {
-            None => self.factor,
-            Some(map) => self.factor * look_up(scene, map, uvs, footprint).truncate(),
-        }
-    }
-}
-
-impl ScalarParam {
-    /// The number at a point; see [`ColorParam::eval`].
-    pub fn eval(&self, scene: &Scene, uvs: impl Uvs, footprint: f32) -> f32 {
-        match &self.texture {
-            None => self.factor,
-            Some((map, channel)) => self.factor * look_up(scene, map, uvs, footprint)[*channel as usize],
-        }
-    }
-}
-
-fn look_up(scene: &Scene, map: &TextureMap, uvs: impl Uvs, footprint: f32) -> Vec4 {
-    let (uv, footprint) = uvs.of(scene, map, footprint);
-    scene.images[map.image.0 as usize].eval(map, uv, footprint)
-}
-
-impl Default for ColorParam {
-    /// Black.
-    fn default() -> Self {
-        Spectrum::ZERO.into()
-    }
-}
-
-impl Default for ScalarParam {
-    /// 1.
-    fn default() -> Self {
-        1.0.into()
-    }
-}
-
-impl From<Spectrum> for ColorParam {
-    fn from(factor: Spectrum) -> Self {
-        Self { factor, texture: None }
-    }
-}
-
-impl From<f32> for ScalarParam {
-    fn from(factor: f32) -> Self {
-        Self { factor, texture: None }
-    }
-}
+use crate::{ColorParam, Layered, MediumId, ScalarParam, Spectrum, Surface, TextureMap};
 
 /// How opacity is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -244,19 +171,6 @@ impl Material {
     /// Whether the surface may let rays pass as if it were not there. Where not, [`opacity`](Self::opacity_at) is 1.
     pub fn has_opacity(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque
-    }
-
-    /// Probability that the surface is there, in [0, 1]: 0 or 1 where the material masks.
-    ///
-    /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colors); 1 where there are none.
-    /// - `uvs`, `footprint`: as for [`ColorParam::eval`].
-    pub fn opacity_at(&self, scene: &Scene, uvs: impl Uvs, footprint: f32, vertex_alpha: f32) -> f32 {
-        let alpha = || vertex_alpha * self.opacity.eval(scene, uvs, footprint);
-        match self.alpha_mode {
-            AlphaMode::Opaque => 1.0,
-            AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha() >= cutoff)),
-            AlphaMode::Blend => alpha().clamp(0.0, 1.0),
-        }
     }
 
     /// Whether it shines: its emission is not black, or it is unlit.

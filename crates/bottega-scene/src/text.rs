@@ -10,7 +10,7 @@ use std::path::Path;
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
 use crate::SceneError;
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 
 /// The remedy for text that is none.
 const REMEDY: &str = "save it as UTF-8";

@@ -1,8 +1,6 @@
 //! Pictures on surfaces.
 
-use glam::{Affine2, Affine3A, Vec2};
-
-use crate::Scene;
+use glam::{Affine2, Affine3A};
 
 /// Index into [`Scene::images`](crate::Scene::images).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -58,22 +56,6 @@ pub enum MappingKind {
     Cells,
 }
 
-/// Texture coordinates of a point.
-pub trait Uvs: Copy {
-    /// Those by which a picture is laid, and the width of its lookup in their units.
-    ///
-    /// - `footprint`: that width in the surface's own coordinates.
-    fn of(&self, scene: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32);
-}
-
-/// Both sets of a surface. It knows no others: pictures that are laid by a place get one of these.
-impl Uvs for [Vec2; 2] {
-    #[inline(always)]
-    fn of(&self, _: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32) {
-        (self[usize::from(map.uv_set & 1)], footprint)
-    }
-}
-
 /// How a picture is laid on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureMap {
@@ -93,13 +75,6 @@ pub struct TextureMap {
 }
 
 impl TextureMap {
-    /// The mapping that says where its coordinates are; `None`: the surface does.
-    #[inline(always)]
-    pub fn mapping<'a>(&self, scene: &'a Scene) -> Option<&'a Mapping> {
-        let index = self.uv_set.checked_sub(SURFACE_UV_SETS)?;
-        Some(&scene.mappings[usize::from(index)])
-    }
-
     /// The picture as it is: first set of texture coordinates, repeated, interpolated.
     pub fn new(image: ImageId) -> Self {
         Self {

@@ -8,7 +8,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 const SIGNIFICANCE: f64 = 0.01;
 
 /// How pictures in zones are beside pictures of the whole frame.
-pub(super) struct Found {
+pub(super) struct FrameDifference {
     /// Share of the pixels with the same bits as in the frame of the same seed.
     pub(super) equal: f64,
     /// Mean of all pictures in zones over that of all frames, less 1.
@@ -29,15 +29,15 @@ pub(super) struct Found {
 /// Compares frames with pictures in zones, seed by seed.
 ///
 /// - `zones`: of each picture in zones.
-pub(super) fn compare(frames: &[Picture], zoned: &[Picture], zones: &[Vec<Rect>]) -> Result<Found> {
+pub(super) fn compare(frames: &[Picture], zoned: &[Picture], zones: &[Vec<Rect>]) -> Result<FrameDifference> {
     ensure!(frames.len() == zoned.len() && zoned.len() == zones.len() && !frames.is_empty(), "pictures are missing");
     let pixels = frames[0].data.len();
     ensure!(frames.iter().chain(zoned).all(|it| it.size() == frames[0].size()), "the pictures differ in size");
     let same = |(a, b): (&Picture, &Picture)| a.data.iter().zip(&b.data).filter(|(a, b)| a == b).count();
     let equal = frames.iter().zip(zoned).map(same).sum::<usize>() as f64 / (pixels * frames.len()) as f64;
-    let (of_frames, of_zoned) = (Moments::of(frames.iter().map(mean)), Moments::of(zoned.iter().map(mean)));
+    let (of_frames, of_zoned) = (NumberMoments::of(frames.iter().map(mean)), NumberMoments::of(zoned.iter().map(mean)));
     let seams = Seams::find(frames, zoned, zones)?;
-    Ok(Found {
+    Ok(FrameDifference {
         equal,
         mean_off: of_zoned.mean / of_frames.mean - 1.0,
         mean_error: (of_frames.error_squared() + of_zoned.error_squared()).sqrt() / of_frames.mean,
@@ -54,13 +54,13 @@ fn mean(picture: &Picture) -> f64 {
 
 /// Mean and variance of some numbers.
 #[derive(Clone, Copy, Debug)]
-struct Moments {
+struct NumberMoments {
     count: f64,
     mean: f64,
     variance: f64,
 }
 
-impl Moments {
+impl NumberMoments {
     fn of(numbers: impl Iterator<Item = f64> + Clone) -> Self {
         let count = numbers.clone().count() as f64;
         let mean = numbers.clone().sum::<f64>() / count;
@@ -77,7 +77,7 @@ impl Moments {
 /// Welch's t-test of each pixel.
 fn differing_share(some: &[Picture], others: &[Picture]) -> f64 {
     let at = |pictures: &[Picture], i: usize| {
-        Moments::of(pictures.iter().map(|picture| f64::from(luminance(picture.data[i]))))
+        NumberMoments::of(pictures.iter().map(|picture| f64::from(luminance(picture.data[i]))))
     };
     let pixels = some[0].data.len();
     let differ = (0..pixels).filter(|&i| p_value(&at(some, i), &at(others, i)) < SIGNIFICANCE).count();
@@ -85,7 +85,7 @@ fn differing_share(some: &[Picture], others: &[Picture]) -> f64 {
 }
 
 /// How likely so different means are where there is no difference; degrees of freedom by Welch and Satterthwaite.
-fn p_value(a: &Moments, b: &Moments) -> f64 {
+fn p_value(a: &NumberMoments, b: &NumberMoments) -> f64 {
     let (of_a, of_b) = (a.error_squared(), b.error_squared());
     let error = of_a + of_b;
     if error <= 1e-20 {
@@ -117,7 +117,7 @@ impl Seams {
             control_flips += control.mean / frames.len() as f64;
             excesses.push(excess(&seen.map, &edges) - excess(&control.map, &edges));
         }
-        let found = Moments::of(excesses.iter().copied());
+        let found = NumberMoments::of(excesses.iter().copied());
         let error = found.error_squared().sqrt();
         let p = if error > 0.0 {
             let students = StudentsT::new(0.0, 1.0, found.count - 1.0)?;
@@ -169,7 +169,7 @@ mod tests {
         })
     }
 
-    fn found(lift: impl Fn(u32, u32) -> f32 + Copy) -> Found {
+    fn found(lift: impl Fn(u32, u32) -> f32 + Copy) -> FrameDifference {
         let size = 64;
         let zones = vec![Rect::new(0, 0, 32, 64), Rect::new(32, 0, 64, 64)];
         let frames: Vec<Picture> = (0..6).map(|seed| noisy(seed, size, |_, _| 0.0)).collect();

@@ -12,9 +12,7 @@ mod plan;
 mod queues;
 pub mod random;
 pub mod simulator;
-mod uplink;
 
-pub use local::{LocalBus, LocalPlatform, Mailbox, Performer};
+pub use local::{LocalBus, LocalPlatform, Mailbox, Performer, Uplink};
 pub use random::Random;
 pub use simulator::{Faults, Simulator, World};
-pub use uplink::Uplink;

@@ -8,7 +8,7 @@ use std::{
 use rustc_hash::FxHashMap;
 
 use super::{
-    plan::{Happening, Life, NodeId, Plan, RequestId},
+    plan::{EventPlan, Happening, Life, NodeId, RequestId},
     queues::Queues,
     random::Random,
 };
@@ -76,7 +76,7 @@ type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
 /// All but the machines: what the bus of a simulation is made of.
 pub(super) struct Network<M: StateMachine> {
     pub(super) now: Time,
-    pub(super) plan: Plan<M>,
+    pub(super) plan: EventPlan<M>,
     pub(super) random: Random,
     pub(super) faults: Faults,
     pub(super) store: MemoryStore<M::Value, NodeId>,
@@ -104,7 +104,7 @@ impl<M: StateMachine> Network<M> {
     pub(super) fn new(seed: u64, faults: Faults) -> Self {
         let mut network = Self {
             now: Time::ZERO,
-            plan: Plan::new(),
+            plan: EventPlan::new(),
             random: Random::new(seed),
             store: MemoryStore::default(),
             queues: Queues::default(),

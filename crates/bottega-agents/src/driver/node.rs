@@ -12,7 +12,7 @@ use std::{
 
 use tokio::sync::{broadcast, mpsc as lanes, oneshot};
 
-pub use super::fitted::{Anything, Reports};
+pub use super::fitted::{Anything, NodeMachine, Reports};
 use super::{
     asker::Asker,
     fitted::{Fitted, own},
@@ -23,7 +23,7 @@ use super::{
     local::{LocalPlatform, Mailbox, NameTaken},
 };
 use crate::{
-    AclMessage, AgentId, BoxedMachine, Bus, Performative, StateMachine, StoreRequest, Ticket,
+    AclMessage, AgentId, Bus, Performative, StateMachine, StoreRequest, Ticket,
     acc::{Letter, Outbound},
     entry_store::EntryStore,
     gateway::{ChannelEffect, ChannelReport, FirstForms, Gateway, GatewayConfig, Passage, PlainContent},
@@ -33,9 +33,6 @@ use crate::{
     },
     wire::Calendar,
 };
-
-/// What lives on a node: agents whose effects and reports are their own.
-pub type NodeMachine = BoxedMachine<PlainContent, String, Anything, Anything>;
 
 /// Messages that go out at the same time; all to one address go one after the other.
 const LANES: usize = 8;
@@ -172,7 +169,7 @@ impl Node {
         let is_federated = !setup.federates.is_empty();
         let (lanes, queues) = (0..LANES).map(|_| lanes::channel(LANE_MAX)).unzip();
         let gateway = setup.people(&platform, lanes, trace.clone());
-        let network = Network { listener, gateway, queues, platform: Arc::clone(&platform), trace: trace.clone() };
+        let network = NodeNetwork { listener, gateway, queues, platform: Arc::clone(&platform), trace: trace.clone() };
         let (end, ended) = oneshot::channel();
         let about = about(&setup.name, &address);
         let network = thread::Builder::new().name("transport".to_owned()).spawn(move || network.run(about, ended))?;
@@ -427,7 +424,7 @@ fn dispatch(lanes: &[lanes::Sender<Outbound>], outbound: Outbound, gateway: &Gat
 }
 
 /// The sockets of a node.
-struct Network {
+struct NodeNetwork {
     listener: std::net::TcpListener,
     gateway: GatewayReports,
     queues: Vec<lanes::Receiver<Outbound>>,
@@ -435,7 +432,7 @@ struct Network {
     trace: broadcast::Sender<Arc<str>>,
 }
 
-impl Network {
+impl NodeNetwork {
     fn run(self, about: String, ended: oneshot::Receiver<()>) {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return };
         runtime.block_on(async move {
@@ -479,14 +476,14 @@ async fn carry(mut queue: lanes::Receiver<Outbound>, gateway: GatewayReports) {
     while let Some(outbound) = queue.recv().await {
         let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         if let Err(error) = client::send(&outbound, number).await {
-            let reason = chain(&error);
+            let reason = error_chain(&error);
             gateway.tell(ChannelReport::Failed { outbound: Box::new(outbound), reason });
         }
     }
 }
 
 /// An error with its causes.
-fn chain(error: &dyn std::error::Error) -> String {
+fn error_chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
     while let Some(cause) = source {

@@ -108,7 +108,7 @@ impl Ord for Planned {
 }
 
 /// A request to the store that may be open.
-struct Request {
+struct OpenRequest {
     /// When it counts as unanswered.
     at: Time,
     sequence: u64,
@@ -118,7 +118,7 @@ struct Request {
 }
 
 /// What is planned and when it happens.
-pub(super) struct Plan<M: StateMachine> {
+pub(super) struct EventPlan<M: StateMachine> {
     /// Each in order. Times that lie equally far ahead, of messages or of heartbeats, come in order by themselves.
     lanes: [VecDeque<Planned>; LANES],
     /// What fits into no lane.
@@ -126,7 +126,7 @@ pub(super) struct Plan<M: StateMachine> {
     kept: Vec<Option<Happening<M>>>,
     free: Vec<u32>,
     /// They all wait equally long, so the first asked is the first to end. The first one is always open.
-    requests: VecDeque<Request>,
+    requests: VecDeque<OpenRequest>,
     /// Of the first of them.
     first_request: u64,
     sequence: u64,
@@ -134,13 +134,13 @@ pub(super) struct Plan<M: StateMachine> {
 
 /// Where the next thing is found.
 #[derive(Clone, Copy)]
-enum Source {
+enum NextSource {
     Lane(usize),
     Heap,
     Request,
 }
 
-impl<M: StateMachine> Plan<M> {
+impl<M: StateMachine> EventPlan<M> {
     pub(super) fn new() -> Self {
         Self {
             lanes: Default::default(),
@@ -186,7 +186,7 @@ impl<M: StateMachine> Plan<M> {
     /// A request to the store begins to wait for its answer.
     pub(super) fn open_request(&mut self, now: Time, of: Life, ticket: Ticket) -> RequestId {
         self.sequence += 1;
-        let request = Request { at: now + STORE_TIMEOUT, sequence: self.sequence, of, ticket, open: true };
+        let request = OpenRequest { at: now + STORE_TIMEOUT, sequence: self.sequence, of, ticket, open: true };
         self.requests.push_back(request);
         RequestId(self.first_request + self.requests.len() as u64 - 1)
     }
@@ -207,9 +207,9 @@ impl<M: StateMachine> Plan<M> {
         }
     }
 
-    fn next(&self) -> Option<(Time, Source)> {
-        let mut next: Option<((Time, u64), Source)> = None;
-        let mut see = |order: Option<(Time, u64)>, source: Source| {
+    fn next(&self) -> Option<(Time, NextSource)> {
+        let mut next: Option<((Time, u64), NextSource)> = None;
+        let mut see = |order: Option<(Time, u64)>, source: NextSource| {
             if let Some(order) = order
                 && next.is_none_or(|(first, _)| order < first)
             {
@@ -217,10 +217,10 @@ impl<M: StateMachine> Plan<M> {
             }
         };
         for (lane, planned) in self.lanes.iter().enumerate() {
-            see(planned.front().map(Planned::order), Source::Lane(lane));
+            see(planned.front().map(Planned::order), NextSource::Lane(lane));
         }
-        see(self.heap.peek().map(|Reverse(planned)| planned.order()), Source::Heap);
-        see(self.requests.front().map(|request| (request.at, request.sequence)), Source::Request);
+        see(self.heap.peek().map(|Reverse(planned)| planned.order()), NextSource::Heap);
+        see(self.requests.front().map(|request| (request.at, request.sequence)), NextSource::Request);
         next.map(|((at, _), source)| (at, source))
     }
 
@@ -233,9 +233,9 @@ impl<M: StateMachine> Plan<M> {
     pub(super) fn pop(&mut self, end: Time) -> Option<(Time, Happening<M>)> {
         let (at, source) = self.next().filter(|(at, _)| *at <= end)?;
         let planned = match source {
-            Source::Lane(lane) => self.lanes[lane].pop_front()?,
-            Source::Heap => self.heap.pop()?.0,
-            Source::Request => {
+            NextSource::Lane(lane) => self.lanes[lane].pop_front()?,
+            NextSource::Heap => self.heap.pop()?.0,
+            NextSource::Request => {
                 let (request, id) = (self.requests.front()?, RequestId(self.first_request));
                 let (to, ticket) = (request.of, request.ticket);
                 return Some((at, Happening::FromStore { to, request: id, ticket, reply: StoreReply::Unavailable }));

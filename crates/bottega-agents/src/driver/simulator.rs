@@ -61,7 +61,7 @@ where
         self(now, agent, effect, random, reports);
     }
 }
-struct Node<M> {
+struct SimulatedAgent<M> {
     /// Absent while the agent is dead.
     machine: Option<M>,
     make: Box<dyn FnMut() -> M>,
@@ -76,7 +76,7 @@ struct Node<M> {
 /// Runs machines in virtual time.
 pub struct Simulator<M: StateMachine, W> {
     /// By [`NodeId`]. `None`: only spoken of, or gone for good.
-    nodes: Vec<Option<Node<M>>>,
+    nodes: Vec<Option<SimulatedAgent<M>>>,
     network: Network<M>,
     world: W,
     /// How often each agent has lived.
@@ -106,16 +106,16 @@ where
         }
     }
 
-    fn node(&self, node: NodeId) -> Option<&Node<M>> {
+    fn node(&self, node: NodeId) -> Option<&SimulatedAgent<M>> {
         self.nodes.get(node.index())?.as_ref()
     }
 
-    fn node_mut(&mut self, node: NodeId) -> Option<&mut Node<M>> {
+    fn node_mut(&mut self, node: NodeId) -> Option<&mut SimulatedAgent<M>> {
         self.nodes.get_mut(node.index())?.as_mut()
     }
 
     /// All agents that are not gone for good.
-    fn all(&self) -> impl Iterator<Item = (NodeId, &Node<M>)> {
+    fn all(&self) -> impl Iterator<Item = (NodeId, &SimulatedAgent<M>)> {
         let numbered = self.nodes.iter().enumerate();
         numbered.filter_map(|(index, node)| Some((NodeId(index as u32), node.as_ref()?)))
     }
@@ -126,7 +126,7 @@ where
         assert!(self.node(node).is_none(), "an agent's name is given once");
         self.nodes.resize_with(self.nodes.len().max(node.index() + 1), || None);
         let make = Box::new(make);
-        self.nodes[node.index()] = Some(Node { machine: None, make, may_crash, deadline: None, timer: None });
+        self.nodes[node.index()] = Some(SimulatedAgent { machine: None, make, may_crash, deadline: None, timer: None });
         self.begin(node);
     }
 
@@ -393,7 +393,7 @@ where
         if !self.network.faulty() {
             return;
         }
-        let is_mortal = |(_, node): &(NodeId, &Node<M>)| node.may_crash && node.machine.is_some();
+        let is_mortal = |(_, node): &(NodeId, &SimulatedAgent<M>)| node.may_crash && node.machine.is_some();
         let mortal: Vec<NodeId> = self.all().filter(is_mortal).map(|(id, _)| id).collect();
         if !mortal.is_empty() {
             let id = mortal[self.network.random.below(mortal.len())];

@@ -1,9 +1,7 @@
 //! The file behind a [`FileStore`](super::FileStore): a log that is only added to.
 //!
-//! Format, little endian: eight bytes `BOTTEGA` and 3, a generation (u64), then records of length (u32) of the
-//! payload, the first eight bytes of its BLAKE3 hash, and the payload: revision (u64), length of the key (u32), key,
-//! value. A record with an empty key tells the last revision only. Of a record that was torn by a crash, and of all
-//! behind it, nothing is believed.
+//! Format, little endian: eight bytes `BOTTEGA` and 4, a generation (u64), then [records](crate::framing) of a revision
+//! (u64), the length of a key (u32), the key and a value. A record with an empty key tells the last revision only.
 
 use std::{
     fs::{File, OpenOptions},
@@ -11,33 +9,31 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::FileStoreError;
+use super::error::FileStoreError;
+use crate::framing::{RECORD_HEAD_BYTES, read_record, record_head};
 
-const MAGIC: [u8; 8] = *b"BOTTEGA\x03";
+const MAGIC: [u8; 8] = *b"BOTTEGA\x04";
 const HEAD_BYTES: u64 = 16;
-const HASH_BYTES: usize = 8;
-/// Length and hash.
-const RECORD_HEAD_BYTES: usize = 4 + HASH_BYTES;
 /// The longest payload that is believed, in bytes.
-const PAYLOAD_BYTES_MAX: usize = 1 << 21;
+const PAYLOAD_BYTES_MAX: u64 = 1 << 21;
 
 /// One write.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Record {
+pub(super) struct LogRecord {
     pub(super) revision: u64,
     pub(super) key: String,
     pub(super) value: String,
 }
 
 /// What came since the log was last looked at.
-pub(super) struct News {
+pub(super) struct LogNews {
     /// The log was written anew: what is known of it must be forgotten first.
     pub(super) anew: bool,
-    pub(super) records: Vec<Record>,
+    pub(super) records: Vec<LogRecord>,
 }
 
 #[derive(Debug)]
-pub(super) struct Log {
+pub(super) struct RecordLog {
     path: PathBuf,
     file: File,
     generation: u64,
@@ -46,7 +42,7 @@ pub(super) struct Log {
     lock: File,
 }
 
-impl Log {
+impl RecordLog {
     /// Opens a log, or begins one.
     pub(super) fn open(path: &Path) -> Result<Self, FileStoreError> {
         let open = |path: &Path| OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
@@ -89,7 +85,7 @@ impl Log {
     }
 
     /// Reads what came since. `alone`: a record that does not end was torn, and is cut off; else it may be on its way.
-    pub(super) fn news(&mut self, alone: bool) -> Result<News, FileStoreError> {
+    pub(super) fn news(&mut self, alone: bool) -> Result<LogNews, FileStoreError> {
         let mut now = File::open(&self.path)?;
         let generation = read_generation(&mut now)?;
         let anew = generation != self.generation || self.sound_bytes == 0;
@@ -106,7 +102,10 @@ impl Log {
             let mut bytes = Vec::new();
             (&mut self.file).take(length - self.sound_bytes).read_to_end(&mut bytes)?;
             let mut rest = &bytes[..];
-            while let Some((record, after)) = read_record(rest) {
+            loop {
+                let mut after = rest;
+                let payload = read_record(&mut after, PAYLOAD_BYTES_MAX)?;
+                let Some(record) = payload.as_deref().and_then(parse) else { break };
                 records.push(record);
                 rest = after;
             }
@@ -115,11 +114,11 @@ impl Log {
                 self.file.set_len(self.sound_bytes)?;
             }
         }
-        Ok(News { anew, records })
+        Ok(LogNews { anew, records })
     }
 
     /// Adds a record. Under the lock, after [`Self::news`].
-    pub(super) fn append(&mut self, record: &Record) -> Result<(), FileStoreError> {
+    pub(super) fn append(&mut self, record: &LogRecord) -> Result<(), FileStoreError> {
         let bytes = print_record(record);
         self.file.seek(SeekFrom::Start(self.sound_bytes))?;
         let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
@@ -133,7 +132,7 @@ impl Log {
     }
 
     /// Writes the log anew with these records alone. Under the lock, after [`Self::news`].
-    pub(super) fn replace<'a>(&mut self, records: impl Iterator<Item = &'a Record>) -> Result<(), FileStoreError> {
+    pub(super) fn replace<'a>(&mut self, records: impl Iterator<Item = &'a LogRecord>) -> Result<(), FileStoreError> {
         let path = beside(&self.path, "new");
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&path)?;
         let mut bytes = head(self.generation + 1).to_vec();
@@ -182,42 +181,26 @@ fn read_generation(file: &mut File) -> Result<u64, FileStoreError> {
     Ok(u64::from_le_bytes(generation.try_into().expect("eight bytes are left")))
 }
 
-fn hash(payload: &[u8]) -> [u8; HASH_BYTES] {
-    let mut short = [0; HASH_BYTES];
-    short.copy_from_slice(&blake3::hash(payload).as_bytes()[..HASH_BYTES]);
-    short
-}
-
-fn print_record(record: &Record) -> Vec<u8> {
-    let mut payload = record.revision.to_le_bytes().to_vec();
-    payload.extend((record.key.len() as u32).to_le_bytes());
-    payload.extend(record.key.as_bytes());
-    payload.extend(record.value.as_bytes());
-    let mut bytes = (payload.len() as u32).to_le_bytes().to_vec();
-    bytes.extend(hash(&payload));
-    bytes.extend(payload);
+fn print_record(record: &LogRecord) -> Vec<u8> {
+    let mut bytes = vec![0; RECORD_HEAD_BYTES];
+    bytes.extend(record.revision.to_le_bytes());
+    bytes.extend((record.key.len() as u32).to_le_bytes());
+    bytes.extend(record.key.as_bytes());
+    bytes.extend(record.value.as_bytes());
+    let head = record_head(&bytes[RECORD_HEAD_BYTES..]);
+    bytes[..RECORD_HEAD_BYTES].copy_from_slice(&head);
     bytes
 }
 
-/// The first record, and what comes after it. `None`: it is not whole.
-fn read_record(bytes: &[u8]) -> Option<(Record, &[u8])> {
-    let (head, rest) = bytes.split_at_checked(RECORD_HEAD_BYTES)?;
-    let length = u32::from_le_bytes(head[..4].try_into().ok()?) as usize;
-    if length > PAYLOAD_BYTES_MAX {
-        return None;
-    }
-    let (payload, rest) = rest.split_at_checked(length)?;
-    if hash(payload)[..] != head[4..] {
-        return None;
-    }
+/// A record from its payload. `None`: it was not written by a log.
+fn parse(payload: &[u8]) -> Option<LogRecord> {
     let (revision, payload) = payload.split_at_checked(8)?;
     let (key_bytes, payload) = payload.split_at_checked(4)?;
     let key_bytes = u32::from_le_bytes(key_bytes.try_into().ok()?) as usize;
     let (key, value) = payload.split_at_checked(key_bytes)?;
-    let record = Record {
+    Some(LogRecord {
         revision: u64::from_le_bytes(revision.try_into().ok()?),
         key: std::str::from_utf8(key).ok()?.to_owned(),
         value: std::str::from_utf8(value).ok()?.to_owned(),
-    };
-    Some((record, rest))
+    })
 }

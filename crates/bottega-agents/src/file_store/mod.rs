@@ -4,11 +4,13 @@
 //! what others have written meanwhile, compares, adds its record, has the disk keep it, and lets go. A log much longer
 //! than what it tells is written anew. An entry whose value is empty text is gone.
 
+mod error;
 mod log;
 
 use std::{collections::BTreeMap, path::Path};
 
-use log::{Log, News, Record};
+pub use error::FileStoreError;
+use log::{LogNews, LogRecord, RecordLog};
 
 use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::Addressed};
 
@@ -23,26 +25,12 @@ const COMPACT_BYTES_MIN: u64 = 1 << 20;
 /// How much longer than what it tells a log may be.
 const COMPACT_RATIO: u64 = 4;
 /// What a record takes besides name and value, at most, in bytes.
-const RECORD_BYTES: u64 = 32;
-
-/// Why a file is no store.
-#[derive(Debug, thiserror::Error)]
-pub enum FileStoreError {
-    /// The file cannot be read or written.
-    #[error("cannot use the file of the store")]
-    Io(#[from] std::io::Error),
-    /// It is something else.
-    #[error("this is no file of a store, or one of another version")]
-    Magic,
-    /// There is no room for it.
-    #[error("too large for the store")]
-    TooLarge,
-}
+const RECORD_BYTES: u64 = 36;
 
 /// A store in a file. `V` is text of some kind, `W` who asks.
 #[derive(Debug)]
 pub struct FileStore<V, W> {
-    log: Log,
+    log: RecordLog,
     entries: BTreeMap<Key, Entry<V>>,
     /// Of all names and values, in bytes.
     live_bytes: usize,
@@ -60,7 +48,7 @@ where
     /// # Errors
     /// The file cannot be used, or is something else.
     pub fn open(path: &Path) -> Result<Self, FileStoreError> {
-        let log = Log::open(path)?;
+        let log = RecordLog::open(path)?;
         let mut store =
             Self { log, entries: BTreeMap::new(), live_bytes: 0, last: Revision::ABSENT, watches: Vec::new() };
         store.alone(&mut Vec::new(), |_| Ok(()))?;
@@ -77,13 +65,13 @@ where
         self.log.bytes()
     }
 
-    fn take_over(&mut self, news: News, replies: &mut Vec<Addressed<V, W>>) {
+    fn take_over(&mut self, news: LogNews, replies: &mut Vec<Addressed<V, W>>) {
         let before = if news.anew { std::mem::take(&mut self.entries) } else { BTreeMap::new() };
         if news.anew {
             self.live_bytes = 0;
         }
         let known = self.last;
-        for Record { revision, key, value } in news.records {
+        for LogRecord { revision, key, value } in news.records {
             let revision = Revision(revision);
             self.last = self.last.max(revision);
             if !key.is_empty() {
@@ -140,10 +128,10 @@ where
     }
 
     /// Writes an entry, if it has the revision that is expected, if one is. While no other process writes.
-    fn write(&mut self, key: &Key, value: V, expected: Option<Revision>) -> Result<Written<V>, FileStoreError> {
+    fn write(&mut self, key: &Key, value: V, expected: Option<Revision>) -> Result<StoreWrite<V>, FileStoreError> {
         let current = self.entries.get(key);
         if expected.is_some_and(|expected| current.map_or(Revision::ABSENT, |entry| entry.revision) != expected) {
-            return Ok(Written::Conflict(current.cloned()));
+            return Ok(StoreWrite::Conflict(current.cloned()));
         }
         let (key_bytes, value_bytes) = (key.to_string().len(), value.as_ref().len());
         let full = self.live_bytes + key_bytes + value_bytes > STORE_BYTES_MAX;
@@ -151,13 +139,13 @@ where
             return Err(FileStoreError::TooLarge);
         }
         let revision = Revision(self.last.0 + 1);
-        let record = Record { revision: revision.0, key: key.to_string(), value: value.as_ref().to_owned() };
+        let record = LogRecord { revision: revision.0, key: key.to_string(), value: value.as_ref().to_owned() };
         self.log.append(&record)?;
         self.last = revision;
         let entry = Entry { key: key.clone(), revision, value };
         self.keep(entry.clone());
         self.compact()?;
-        Ok(Written::Done(entry))
+        Ok(StoreWrite::Done(entry))
     }
 
     /// Writes the log anew when it has become too long. While no other process writes.
@@ -166,18 +154,18 @@ where
         if self.log.bytes() < COMPACT_BYTES_MIN.max(live * COMPACT_RATIO) {
             return Ok(());
         }
-        let record = |entry: &Entry<V>| Record {
+        let record = |entry: &Entry<V>| LogRecord {
             revision: entry.revision.0,
             key: entry.key.to_string(),
             value: entry.value.as_ref().to_owned(),
         };
-        let mut records: Vec<Record> = self.entries.values().map(record).collect();
-        records.push(Record { revision: self.last.0, key: String::new(), value: String::new() });
+        let mut records: Vec<LogRecord> = self.entries.values().map(record).collect();
+        records.push(LogRecord { revision: self.last.0, key: String::new(), value: String::new() });
         self.log.replace(records.iter())
     }
 }
 
-enum Written<V> {
+enum StoreWrite<V> {
     Done(Entry<V>),
     Conflict(Option<Entry<V>>),
 }
@@ -210,12 +198,12 @@ where
             }
         };
         match self.alone(replies, |store| store.write(&key, value, expected)) {
-            Ok(Written::Done(entry)) => {
+            Ok(StoreWrite::Done(entry)) => {
                 let reply = StoreReply::Written { key, revision: entry.revision };
                 replies.push(Addressed { to: from, ticket, reply });
                 self.tell(&entry, replies);
             }
-            Ok(Written::Conflict(entry)) => {
+            Ok(StoreWrite::Conflict(entry)) => {
                 replies.push(Addressed { to: from, ticket, reply: StoreReply::Conflict { key, entry } });
             }
             Err(_) => replies.push(Addressed { to: from, ticket, reply: StoreReply::Unavailable }),

@@ -1,7 +1,7 @@
 //! From strangers to agents.
 
 use super::{
-    Actions, CarriesForeign, Gateway, Way, is_answer,
+    CarriesForeign, Gateway, GatewayActions, Way, is_answer,
     threads::{Thread, parse_number, strange_number},
 };
 use crate::{
@@ -39,7 +39,7 @@ where
         form: &str,
         to: &AgentId,
         message: WireMessage,
-        actions: &mut Actions<C, V>,
+        actions: &mut GatewayActions<C, V>,
     ) {
         let Some(sender) = message.sender.clone() else {
             // Whom should anybody answer?
@@ -156,7 +156,7 @@ where
         mut message: WireMessage,
         content: C,
         asked: Option<Term>,
-        actions: &mut Actions<C, V>,
+        actions: &mut GatewayActions<C, V>,
     ) -> AclMessage<C> {
         let salt = self.config.salt;
         let conversation = message.conversation_id.as_deref().unwrap_or_default();

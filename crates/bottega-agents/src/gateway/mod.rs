@@ -206,7 +206,7 @@ const EARLY_MAX: usize = 1 << 12;
 const WATCH_PAGES: Ticket = Ticket(0);
 const WATCH_THREADS: Ticket = Ticket(1);
 
-type Actions<C, V> = Vec<Action<C, V, ChannelEffect>>;
+type GatewayActions<C, V> = Vec<Action<C, V, ChannelEffect>>;
 
 impl<C, V> Gateway<C, V>
 where
@@ -241,13 +241,13 @@ where
         AgentId { name: agent.name.clone(), addresses: addresses.into() }
     }
 
-    fn passed(&self, now: Time, way: Way, to: &AgentId, message: &WireMessage, actions: &mut Actions<C, V>) {
+    fn passed(&self, now: Time, way: Way, to: &AgentId, message: &WireMessage, actions: &mut GatewayActions<C, V>) {
         let message = Arc::new(message.clone());
         actions.push(Action::Effect(ChannelEffect::Passed(Passage { time: now, way, to: to.clone(), message })));
     }
 
     /// Carries out what the channel decided.
-    fn route(&mut self, now: Time, form: &str, routed: Vec<Routed>, actions: &mut Actions<C, V>) {
+    fn route(&mut self, now: Time, form: &str, routed: Vec<Routed>, actions: &mut GatewayActions<C, V>) {
         for one in routed {
             match one {
                 Routed::Deliver { to, message } => self.deliver(now, form, &to, message, actions),
@@ -256,14 +256,14 @@ where
         }
     }
 
-    fn send(&self, now: Time, outbound: Outbound, actions: &mut Actions<C, V>) {
+    fn send(&self, now: Time, outbound: Outbound, actions: &mut GatewayActions<C, V>) {
         for receiver in &outbound.envelope.intended_receivers {
             self.passed(now, Way::Out, receiver, &outbound.message, actions);
         }
         actions.push(Action::Effect(ChannelEffect::Send(Box::new(outbound))));
     }
 
-    fn reported(&mut self, now: Time, report: ChannelReport, actions: &mut Actions<C, V>) {
+    fn reported(&mut self, now: Time, report: ChannelReport, actions: &mut GatewayActions<C, V>) {
         match report {
             ChannelReport::Arrived(letter) => match self.acc.receive(now, &letter) {
                 Ok(routed) => {
@@ -288,7 +288,7 @@ where
         }
     }
 
-    fn watch(&mut self, now: Time, actions: &mut Actions<C, V>) {
+    fn watch(&mut self, now: Time, actions: &mut GatewayActions<C, V>) {
         self.watch_again = now + PAGES_WITHIN;
         for (ticket, prefix) in [(WATCH_PAGES, AmsPages::PREFIX), (WATCH_THREADS, threads::PREFIX)] {
             actions.push(Action::Store { ticket, request: StoreRequest::Watch { prefix: prefix.into() } });
@@ -300,7 +300,7 @@ where
     }
 
     /// Writes an entry, until the store has it: without its thread a subscription would be told under a strange name.
-    fn put(&mut self, now: Time, key: String, text: String, actions: &mut Actions<C, V>) {
+    fn put(&mut self, now: Time, key: String, text: String, actions: &mut GatewayActions<C, V>) {
         let ticket = Ticket(self.next_ticket);
         self.next_ticket += 1;
         let request = StoreRequest::Put { key: key.as_str().into(), value: text.clone().into() };
@@ -310,7 +310,7 @@ where
         self.unconfirmed.insert(ticket, Unconfirmed { key, text, again: now + AGAIN_AFTER });
     }
 
-    fn put_again(&mut self, now: Time, actions: &mut Actions<C, V>) {
+    fn put_again(&mut self, now: Time, actions: &mut GatewayActions<C, V>) {
         let late: Vec<Unconfirmed> =
             self.unconfirmed.extract_if(.., |_, entry| entry.again <= now).map(|(_, entry)| entry).collect();
         for Unconfirmed { key, text, .. } in late {

@@ -1,7 +1,7 @@
 //! From agents to strangers.
 
 use super::{
-    Actions, CarriesForeign, Gateway, Way,
+    CarriesForeign, Gateway, GatewayActions, Way,
     threads::{Thread, print_number},
 };
 use crate::{
@@ -16,7 +16,7 @@ where
     V: From<String> + AsRef<str>,
 {
     /// Brings a message of an agent of this platform to those of its receivers who do not live here.
-    pub(super) fn leave(&mut self, now: Time, message: &AclMessage<C>, actions: &mut Actions<C, V>) {
+    pub(super) fn leave(&mut self, now: Time, message: &AclMessage<C>, actions: &mut GatewayActions<C, V>) {
         let thread = self.threads.get(message.in_reply_to).cloned();
         let Some(wire) = self.wire(message, thread.as_ref()) else { return };
         if let Some(key) = self.ended_subscription(message) {
@@ -34,7 +34,7 @@ where
         now: Time,
         form: Option<&str>,
         message: &WireMessage,
-        actions: &mut Actions<C, V>,
+        actions: &mut GatewayActions<C, V>,
     ) {
         for receiver in &message.receivers {
             let form = form.unwrap_or_else(|| self.forms.of(receiver).name());

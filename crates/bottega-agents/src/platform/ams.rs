@@ -7,7 +7,7 @@ use std::{
 
 use super::{
     LifeCycleState, ONTOLOGY,
-    ams_pages::{AGENT, Entry, NODE},
+    ams_pages::{AGENT, AmsEntry, NODE},
     management::{
         AmsAgentDescription, FailureReason, Function, LifeCycleRequest, ManagementContent, Outcome,
         PlatformDescription, RefuseReason, ServiceEntry, largest,
@@ -56,7 +56,7 @@ pub struct AmsConfig {
 pub struct Ams {
     config: AmsConfig,
     /// By name in small letters.
-    agents: BTreeMap<String, Entry>,
+    agents: BTreeMap<String, AmsEntry>,
     /// The addresses of all processes that serve the platform.
     nodes: BTreeSet<String>,
     /// The agents that live in this process.
@@ -103,7 +103,7 @@ impl Ams {
 
     /// Where an agent stands in its life, if it is known.
     pub fn state(&self, agent: &AgentId) -> Option<LifeCycleState> {
-        self.agents.get(&index(agent)).filter(|entry| !entry.is_gone()).map(Entry::state)
+        self.agents.get(&index(agent)).filter(|entry| !entry.is_gone()).map(AmsEntry::state)
     }
 
     fn key(agent: &AgentId) -> String {
@@ -111,7 +111,7 @@ impl Ams {
     }
 
     /// The entry of an agent that has not ended.
-    fn entry(&self, agent: &AgentId) -> Option<&Entry> {
+    fn entry(&self, agent: &AgentId) -> Option<&AmsEntry> {
         self.agents.get(&index(agent)).filter(|entry| !entry.is_gone())
     }
 
@@ -141,7 +141,7 @@ impl Ams {
         Err(RefuseReason::Unauthorised.into())
     }
 
-    fn write(entry: &Entry, name: &AgentId) -> Step {
+    fn write(entry: &AmsEntry, name: &AgentId) -> Step {
         Step::Write(Change { key: Self::key(name).into(), text: entry.print() }, Outcome::Done)
     }
 
@@ -162,7 +162,7 @@ impl Ams {
             return Err(FailureReason::InternalError("no room for more agents".to_owned()).into());
         }
         let description = AmsAgentDescription { state: Some(state), ..description.clone() };
-        Ok(Self::write(&Entry { by, ..Entry::of(description) }, &name))
+        Ok(Self::write(&AmsEntry { by, ..AmsEntry::of(description) }, &name))
     }
 
     fn modify(&self, asker: &AgentId, description: &AmsAgentDescription) -> Result<Step, NoResult> {
@@ -181,7 +181,7 @@ impl Ams {
         let known = before.description.name.clone().filter(|_| name.addresses.is_empty());
         let description =
             AmsAgentDescription { name: known.or(Some(name.clone())), state: Some(after), ..description.clone() };
-        Ok(Self::write(&Entry { description, ..before.clone() }, &name))
+        Ok(Self::write(&AmsEntry { description, ..before.clone() }, &name))
     }
 
     fn terminate(&self, asker: &AgentId, agent: &AgentId, graceful: bool) -> Result<Step, NoResult> {
@@ -194,7 +194,7 @@ impl Ams {
         let before = self.entry(agent).ok_or(FailureReason::NotRegistered)?;
         // Who is asked to quit stays known until it has taken itself out: it may ignore this.
         let ending = if graceful { LifeCycleRequest::Quit } else { LifeCycleRequest::Destroy };
-        Ok(Self::write(&Entry { ending: Some(ending), ..before.clone() }, agent))
+        Ok(Self::write(&AmsEntry { ending: Some(ending), ..before.clone() }, agent))
     }
 
     fn search(&self, template: &AmsAgentDescription, most: usize) -> Vec<AmsAgentDescription> {
@@ -232,8 +232,8 @@ impl Ams {
     }
 
     /// Tells a resident what its entry wants of it now, compared with before.
-    fn hold_to(&self, agent: &AgentId, before: Option<&Entry>, after: &Entry, todo: &mut Todo) {
-        let was = before.map_or(LifeCycleState::Active, Entry::state);
+    fn hold_to(&self, agent: &AgentId, before: Option<&AmsEntry>, after: &AmsEntry, todo: &mut Todo) {
+        let was = before.map_or(LifeCycleState::Active, AmsEntry::state);
         match (was, after.state()) {
             (LifeCycleState::Suspended, LifeCycleState::Suspended) => {}
             (_, LifeCycleState::Suspended) => self.tell(agent, LifeCycleRequest::Suspend, todo),
@@ -275,7 +275,7 @@ impl Ams {
     }
 
     /// Whether an entry says that its agent lives in this process, or does not say where.
-    fn is_here(&self, entry: &Entry) -> bool {
+    fn is_here(&self, entry: &AmsEntry) -> bool {
         let addresses = entry.description.name.as_ref().map_or(&[][..], |name| &name.addresses);
         addresses.is_empty() || addresses.iter().any(|address| self.config.addresses.contains(address))
     }
@@ -289,9 +289,9 @@ impl Ams {
                     return None;
                 }
                 let name = AgentId { name: agent.name.clone(), addresses: self.config.addresses.clone().into() };
-                let state = self.entry(agent).map_or(LifeCycleState::Active, Entry::state);
+                let state = self.entry(agent).map_or(LifeCycleState::Active, AmsEntry::state);
                 let description = AmsAgentDescription { name: Some(name), ownership: None, state: Some(state) };
-                Some(Entry::of(description).print())
+                Some(AmsEntry::of(description).print())
             }
             // By now it may live elsewhere.
             Errand::TakeOut => entry.filter(|entry| entry.is_gone() || self.is_here(entry)).map(|_| String::new()),
@@ -304,7 +304,7 @@ impl Ams {
     }
 
     fn learn_agent(&mut self, now: Time, name: &str, text: &str, todo: &mut Todo) {
-        let Some(entry) = Entry::parse(text) else {
+        let Some(entry) = AmsEntry::parse(text) else {
             self.agents.remove(name);
             return;
         };

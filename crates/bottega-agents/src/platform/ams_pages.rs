@@ -15,7 +15,7 @@ const ENDING: &str = ":X-ending";
 
 /// An agent as it stands in the store.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Entry {
+pub(super) struct AmsEntry {
     pub(super) description: AmsAgentDescription,
     /// It is asked to end, or must: then it counts as gone.
     pub(super) ending: Option<LifeCycleRequest>,
@@ -23,7 +23,7 @@ pub(super) struct Entry {
     pub(super) by: Option<String>,
 }
 
-impl Entry {
+impl AmsEntry {
     pub(super) fn of(description: AmsAgentDescription) -> Self {
         Self { description, ending: None, by: None }
     }
@@ -82,7 +82,7 @@ impl<'a> AmsPages<'a> {
     /// Reads an entry; `None`: it says nothing of this kind.
     pub fn read(key: &'a str, text: &str) -> Option<Self> {
         if let Some(name) = key.strip_prefix(AGENT) {
-            let entry = Entry::parse(text).filter(|entry| !entry.is_gone());
+            let entry = AmsEntry::parse(text).filter(|entry| !entry.is_gone());
             return Some(Self::Agent { name, agent: entry.and_then(|entry| entry.description.name) });
         }
         let address = key.strip_prefix(NODE)?;

@@ -6,7 +6,7 @@ use super::{
     ADDRESSES_MAX, AGENTS_MAX, DateTime, USER_PARAMETERS_MAX, WireError, WireMessage, bad_value, bounded, identifier,
     set_once,
     string_form::texts,
-    xml::{self, Element, escape},
+    xml::{self, XmlElement, escape},
 };
 use crate::{AgentId, Performative};
 
@@ -22,7 +22,7 @@ pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
     let act = root.attribute("act").ok_or(WireError::Missing { object: "fipa-message", part: "act" })?;
     let performative = Performative::from_word(act).ok_or_else(|| bad_value("performative", act))?;
     let mut message = WireMessage::new(performative);
-    let known = Known::of(&root);
+    let known = NamedAgents::of(&root);
     for element in &root.children {
         let name = element.name.as_str();
         match name {
@@ -65,10 +65,10 @@ pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
 }
 
 /// Where agents are whom the message names in full: elsewhere in it `refid` may stand for them.
-struct Known<'a>(BTreeMap<&'a str, Vec<String>>);
+struct NamedAgents<'a>(BTreeMap<&'a str, Vec<String>>);
 
-impl<'a> Known<'a> {
-    fn of(root: &'a Element) -> Self {
+impl<'a> NamedAgents<'a> {
+    fn of(root: &'a XmlElement) -> Self {
         let mut known = BTreeMap::new();
         let mut open = vec![root];
         while let Some(element) = open.pop() {
@@ -85,14 +85,14 @@ impl<'a> Known<'a> {
 }
 
 /// The text of an element, or what it refers to.
-fn text_of(element: &Element) -> String {
+fn text_of(element: &XmlElement) -> String {
     match element.attribute("href") {
         Some(reference) if element.text.is_empty() => reference.to_owned(),
         _ => element.text.clone(),
     }
 }
 
-fn push_agents(agents: &mut Vec<AgentId>, element: &Element, known: &Known<'_>) -> Result<(), WireError> {
+fn push_agents(agents: &mut Vec<AgentId>, element: &XmlElement, known: &NamedAgents<'_>) -> Result<(), WireError> {
     for agent in element.children("agent-identifier") {
         bounded(agents.len(), AGENTS_MAX, "agents")?;
         agents.push(parse_agent(agent, known)?);
@@ -100,7 +100,7 @@ fn push_agents(agents: &mut Vec<AgentId>, element: &Element, known: &Known<'_>) 
     Ok(())
 }
 
-fn parse_agent(element: &Element, known: &Known<'_>) -> Result<AgentId, WireError> {
+fn parse_agent(element: &XmlElement, known: &NamedAgents<'_>) -> Result<AgentId, WireError> {
     let missing = WireError::Missing { object: "agent-identifier", part: "name" };
     let name = element.child("name").ok_or_else(|| missing.clone())?;
     let mut addresses = addresses_of(element)?;
@@ -120,7 +120,7 @@ fn parse_agent(element: &Element, known: &Known<'_>) -> Result<AgentId, WireErro
 }
 
 /// The addresses of an agent; a `url` that says none, which the document type allows, is passed over.
-fn addresses_of(agent: &Element) -> Result<Vec<String>, WireError> {
+fn addresses_of(agent: &XmlElement) -> Result<Vec<String>, WireError> {
     let mut addresses = Vec::new();
     for url in agent.children("addresses").flat_map(|addresses| addresses.children("url")) {
         bounded(addresses.len(), ADDRESSES_MAX, "addresses")?;

@@ -2,7 +2,7 @@
 
 use std::{fmt, time::Duration};
 
-use super::{WireError, bad_value};
+use super::error::{WireError, bad_value};
 use crate::Time;
 
 /// A moment: `20261121T101500000Z`. Kept as it was written: it may be local time, or relative (`+…`).

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, fmt::Write};
 
 use super::{
     ADDRESSES_MAX, AGENTS_MAX, DateTime, USER_PARAMETERS_MAX, WireError, bad_value, bounded, identifier,
-    xml::{self, Element, escape},
+    xml::{self, XmlElement, escape},
 };
 use crate::AgentId;
 
@@ -81,8 +81,8 @@ pub fn parse_envelope(text: &str) -> Result<Envelope, WireError> {
 }
 
 /// Takes over what one `params` says.
-fn read_params(envelope: &mut Envelope, params: &Element) -> Result<(), WireError> {
-    let trimmed = |element: &Element| element.text.trim().to_owned();
+fn read_params(envelope: &mut Envelope, params: &XmlElement) -> Result<(), WireError> {
+    let trimmed = |element: &XmlElement| element.text.trim().to_owned();
     let (mut to, mut intended) = (Vec::new(), Vec::new());
     for element in &params.children {
         match element.name.as_str() {
@@ -120,7 +120,7 @@ fn read_params(envelope: &mut Envelope, params: &Element) -> Result<(), WireErro
     Ok(())
 }
 
-fn push_agents(agents: &mut Vec<AgentId>, element: &Element) -> Result<(), WireError> {
+fn push_agents(agents: &mut Vec<AgentId>, element: &XmlElement) -> Result<(), WireError> {
     for agent in element.children("agent-identifier") {
         bounded(agents.len(), AGENTS_MAX, "agents")?;
         agents.push(parse_agent(agent)?);
@@ -129,7 +129,7 @@ fn push_agents(agents: &mut Vec<AgentId>, element: &Element) -> Result<(), WireE
 }
 
 /// Unlike in a message, a name here is text.
-fn parse_agent(element: &Element) -> Result<AgentId, WireError> {
+fn parse_agent(element: &XmlElement) -> Result<AgentId, WireError> {
     let name = element.child("name").map(|name| name.text.trim().to_owned()).filter(|name| !name.is_empty());
     let name = name.ok_or(WireError::Missing { object: "agent-identifier", part: "name" })?;
     let mut addresses = Vec::new();
@@ -140,7 +140,7 @@ fn parse_agent(element: &Element) -> Result<AgentId, WireError> {
     Ok(identifier(name, addresses))
 }
 
-fn parse_stamp(element: &Element) -> Result<Received, WireError> {
+fn parse_stamp(element: &XmlElement) -> Result<Received, WireError> {
     // The standard's example has the values in attributes, its document type has url elements.
     let value = |name: &str| {
         let part = element.child(name)?;

@@ -6,6 +6,7 @@
 mod acl_xml;
 mod date;
 mod envelope;
+mod error;
 mod string_form;
 mod xml;
 
@@ -14,7 +15,9 @@ use std::collections::BTreeMap;
 pub use acl_xml::{parse_xml, print_xml};
 pub use date::{Calendar, DateTime};
 pub use envelope::{Envelope, Received, parse_envelope, print_envelope};
-pub(crate) use string_form::{Reader, is_word, push_text};
+pub use error::WireError;
+pub(crate) use error::bad_value;
+pub(crate) use string_form::{TextReader, is_word, push_text};
 pub use string_form::{parse_string, print_string};
 
 use crate::{AgentId, Performative};
@@ -129,61 +132,6 @@ impl WireMessage {
             ..Self::new(performative)
         }
     }
-}
-
-/// What is wrong with a text that came over a wire, or with what shall be sent.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum WireError {
-    /// More than is taken.
-    #[error("too many {what}: at most {max}")]
-    TooMany {
-        /// Of what.
-        what: &'static str,
-        /// How many may be.
-        max: usize,
-    },
-    /// The text does not follow its grammar.
-    #[error("byte {at}: expected {expected}")]
-    Syntax {
-        /// Where, as an offset in bytes.
-        at: usize,
-        /// What should be there.
-        expected: &'static str,
-    },
-    /// Not well-formed XML.
-    #[error("byte {at}: {reason}")]
-    Xml {
-        /// Where, as an offset in bytes.
-        at: u64,
-        /// What is wrong.
-        reason: String,
-    },
-    /// Something that must be there is not.
-    #[error("`{object}` has no `{part}`")]
-    Missing {
-        /// Of what.
-        object: &'static str,
-        /// What.
-        part: &'static str,
-    },
-    /// Something may be there once only.
-    #[error("`{0}` is given twice")]
-    Twice(String),
-    /// A value that makes no sense.
-    #[error("`{value}` is no {what}")]
-    BadValue {
-        /// What it should be.
-        what: &'static str,
-        /// What it is; cut short.
-        value: String,
-    },
-    /// Text with characters that the form cannot hold.
-    #[error("{0} cannot be written in this form")]
-    Unprintable(&'static str),
-}
-
-pub(crate) fn bad_value(what: &'static str, value: &str) -> WireError {
-    WireError::BadValue { what, value: value.chars().take(80).collect() }
 }
 
 /// Refuses one more than `max`.

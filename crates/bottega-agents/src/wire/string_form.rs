@@ -15,7 +15,7 @@ use crate::{AgentId, Performative};
 /// # Errors
 /// The text does not follow the grammar or goes beyond a bound.
 pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
-    let mut reader = Reader::new(text)?;
+    let mut reader = TextReader::new(text)?;
     reader.open()?;
     let act = reader.text("a performative")?;
     let performative = Performative::from_word(&act).ok_or_else(|| bad_value("performative", &act))?;
@@ -47,7 +47,7 @@ pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
 }
 
 /// Goes over a text of brackets, words and strings; content languages are lexed the same.
-pub(crate) struct Reader<'a> {
+pub(crate) struct TextReader<'a> {
     text: &'a str,
     at: usize,
 }
@@ -57,7 +57,7 @@ fn ends_word(byte: u8) -> bool {
     byte <= b' ' || matches!(byte, b'(' | b')' | b'"')
 }
 
-impl<'a> Reader<'a> {
+impl<'a> TextReader<'a> {
     /// At the beginning of a text of no more than [`TEXT_BYTES_MAX`] bytes.
     pub(crate) fn new(text: &'a str) -> Result<Self, WireError> {
         if text.len() > TEXT_BYTES_MAX {
@@ -332,7 +332,7 @@ pub(crate) fn push_text(out: &mut String, text: &str) {
 }
 
 /// Writes a text that ends in a backslash by its length. The standard counts bytes. JADE counts the units of UTF-16, and
-/// reads beyond the end of the text where bytes are counted: so units are, wherever [`Reader`] cannot take them for bytes.
+/// reads beyond the end of the text where bytes are counted: so units are, wherever [`TextReader`] cannot take them for bytes.
 fn push_counted(out: &mut String, text: &str) {
     let units = text.encode_utf16().count();
     let count = if counted_bytes(text, units).is_none_or(|read| read == text) { units } else { text.len() };

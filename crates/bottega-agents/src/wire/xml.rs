@@ -16,30 +16,30 @@ const ATTRIBUTES_MAX: usize = 16;
 
 /// An element, its attributes, the text and the elements in it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Element {
+pub(super) struct XmlElement {
     pub(super) name: String,
     pub(super) attributes: Vec<(String, String)>,
-    pub(super) children: Vec<Element>,
+    pub(super) children: Vec<XmlElement>,
     /// All text directly within.
     pub(super) text: String,
 }
 
-impl Element {
+impl XmlElement {
     pub(super) fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|(other, _)| other == name).map(|(_, value)| value.as_str())
     }
 
-    pub(super) fn child(&self, name: &str) -> Option<&Element> {
+    pub(super) fn child(&self, name: &str) -> Option<&XmlElement> {
         self.children.iter().find(|child| child.name == name)
     }
 
-    pub(super) fn children<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Element> {
+    pub(super) fn children<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a XmlElement> {
         self.children.iter().filter(move |child| child.name == name)
     }
 }
 
 /// Reads a document.
-pub(super) fn parse(text: &str) -> Result<Element, WireError> {
+pub(super) fn parse(text: &str) -> Result<XmlElement, WireError> {
     if text.len() > TEXT_BYTES_MAX {
         return Err(WireError::TooMany { what: "bytes", max: TEXT_BYTES_MAX });
     }
@@ -49,7 +49,7 @@ pub(super) fn parse(text: &str) -> Result<Element, WireError> {
     let mut reader = Reader::from_str(text);
     reader.config_mut().enable_all_checks(true);
     // The root of all, and the elements that are open.
-    let mut open = vec![Element::default()];
+    let mut open = vec![XmlElement::default()];
     let mut count = 0;
     loop {
         let event = reader.read_event();
@@ -123,7 +123,7 @@ fn predefined(name: &str) -> Option<char> {
     }
 }
 
-fn element(start: &BytesStart<'_>) -> Result<Element, String> {
+fn element(start: &BytesStart<'_>) -> Result<XmlElement, String> {
     let mut attributes = Vec::new();
     for attribute in start.attributes() {
         let attribute = attribute.map_err(|error| error.to_string())?;
@@ -136,7 +136,7 @@ fn element(start: &BytesStart<'_>) -> Result<Element, String> {
         }
         attributes.push((attribute.key.into_inner().to_owned(), value.into_owned()));
     }
-    Ok(Element { name: start.name().into_inner().to_owned(), attributes, ..Element::default() })
+    Ok(XmlElement { name: start.name().into_inner().to_owned(), attributes, ..XmlElement::default() })
 }
 
 /// XML 1.0, production 2.

@@ -165,16 +165,16 @@ impl Crew {
     }
 
     /// Of each machine when what happens to it.
-    fn marks(&self) -> Vec<Vec<Mark>> {
-        let mut marks: Vec<Vec<Mark>> = vec![Vec::new(); self.machines.len()];
+    fn marks(&self) -> Vec<Vec<MachineMark>> {
+        let mut marks: Vec<Vec<MachineMark>> = vec![Vec::new(); self.machines.len()];
         let mut gone: Vec<Option<Duration>> = vec![None; self.agents.len()];
         for agent in &self.agents {
-            marks[agent.machine].push(Mark { at: agent.joins.as_secs_f64(), come: 1, factor: 1.0 });
+            marks[agent.machine].push(MachineMark { at: agent.joins.as_secs_f64(), come: 1, factor: 1.0 });
         }
         for incident in &self.incidents {
             match incident.kind {
                 IncidentKind::Slow(factor) => {
-                    let mark = Mark { at: incident.at.as_secs_f64(), come: 0, factor: factor.recip() };
+                    let mark = MachineMark { at: incident.at.as_secs_f64(), come: 0, factor: factor.recip() };
                     marks[self.agents[incident.agent].machine].push(mark);
                 }
                 IncidentKind::Break(_) | IncidentKind::Lie(_) => {}
@@ -185,7 +185,7 @@ impl Crew {
             }
         }
         for (agent, gone) in self.agents.iter().zip(gone) {
-            marks[agent.machine].extend(gone.map(|at| Mark { at: at.as_secs_f64(), come: -1, factor: 1.0 }));
+            marks[agent.machine].extend(gone.map(|at| MachineMark { at: at.as_secs_f64(), come: -1, factor: 1.0 }));
         }
         marks
     }
@@ -193,7 +193,7 @@ impl Crew {
 
 /// Something that happens to a machine.
 #[derive(Clone, Copy, Debug)]
-struct Mark {
+struct MachineMark {
     /// In seconds.
     at: f64,
     /// How many of its agents come.
@@ -203,11 +203,11 @@ struct Mark {
 }
 
 /// When a machine's speed changes by how much: it counts while one of its agents is there.
-fn speed_changes(machine: &MachineSpec, mut marks: Vec<Mark>) -> Vec<(f64, f64)> {
+fn speed_changes(machine: &MachineSpec, mut marks: Vec<MachineMark>) -> Vec<(f64, f64)> {
     marks.sort_by(|a, b| a.at.total_cmp(&b.at));
     let (mut present, mut speed, mut counted) = (0, f64::from(machine.processors) * machine.speed, 0.0);
     let mut changes = Vec::new();
-    for Mark { at, come, factor } in marks {
+    for MachineMark { at, come, factor } in marks {
         present += come;
         speed *= factor;
         let counts = if present > 0 { speed } else { 0.0 };

@@ -3,7 +3,7 @@
 use bottega_agents::{AgentId, driver::Simulator};
 use bottega_image::Rect;
 
-use super::{film::BROKEN_MAX, studio::Studio};
+use super::{film::BROKEN_MAX, studio::SimulatedFarm};
 use crate::{FarmAgent, FarmValue, Partition, ResultRef, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
 
 /// Checks a run that has ended. Returns what does not hold; nothing, when all is well.
@@ -17,7 +17,7 @@ use crate::{FarmAgent, FarmValue, Partition, ResultRef, WorkKeys, WorkRow, ZoneI
 ///   rests on the word of one that was found wrong.
 /// - Credits are numbers.
 /// - No agent that lives has anything in hand but orders that were taken from it.
-pub(super) fn check(simulator: &Simulator<FarmAgent, Studio>, work: &WorkRow, verify: u32) -> Vec<String> {
+pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &WorkRow, verify: u32) -> Vec<String> {
     let studio = simulator.world();
     let film = &studio.film;
     let mut broken = film.broken.clone();

@@ -13,7 +13,7 @@ const SHORTEST: Duration = Duration::from_micros(1);
 
 /// Something to paint.
 #[derive(Clone, Debug)]
-pub(super) struct Job {
+pub(super) struct PaintJob {
     /// For which agent, by index.
     pub(super) agent: usize,
     pub(super) zone: ZoneId,
@@ -38,7 +38,7 @@ struct Machine {
     processors: f64,
     /// 1: as the machine that was measured; 2: twice as fast.
     speed: f64,
-    jobs: Vec<Job>,
+    jobs: Vec<PaintJob>,
     /// Until when the jobs are accounted for.
     settled: Time,
     next: Option<Time>,
@@ -62,7 +62,7 @@ impl Machines {
         self.next.first().map(|(time, _)| *time)
     }
 
-    pub(super) fn begin(&mut self, now: Time, machine: usize, job: Job) {
+    pub(super) fn begin(&mut self, now: Time, machine: usize, job: PaintJob) {
         self.alter(now, machine, |machine| machine.jobs.push(job));
     }
 
@@ -71,7 +71,12 @@ impl Machines {
     }
 
     /// Takes away the jobs of a machine that nobody wants any more.
-    pub(super) fn drop_jobs(&mut self, now: Time, machine: usize, unwanted: impl Fn(&Job) -> bool) -> Vec<Job> {
+    pub(super) fn drop_jobs(
+        &mut self,
+        now: Time,
+        machine: usize,
+        unwanted: impl Fn(&PaintJob) -> bool,
+    ) -> Vec<PaintJob> {
         let mut dropped = Vec::new();
         self.alter(now, machine, |machine| {
             dropped.extend(machine.jobs.extract_if(.., |job| unwanted(job)));
@@ -87,7 +92,7 @@ impl Machines {
     }
 
     /// The jobs that are done at `now`.
-    pub(super) fn take_done(&mut self, now: Time, done: &mut Vec<Job>) {
+    pub(super) fn take_done(&mut self, now: Time, done: &mut Vec<PaintJob>) {
         while let Some(&(at, machine)) = self.next.first().filter(|(at, _)| *at <= now) {
             let before = done.len();
             self.alter(at.max(now), machine, |machine| {
@@ -114,7 +119,7 @@ impl Machines {
 
 impl Machine {
     /// Calls `each` with every job and the processors that it has now: an even share, and what others cannot use.
-    fn share_out(&mut self, mut each: impl FnMut(&mut Job, f64)) {
+    fn share_out(&mut self, mut each: impl FnMut(&mut PaintJob, f64)) {
         self.jobs.sort_by(|a, b| a.width.total_cmp(&b.width).then(a.begun.cmp(&b.begun)).then(a.zone.cmp(&b.zone)));
         let (mut processors, mut jobs) = (self.processors, self.jobs.len());
         for job in &mut self.jobs {
@@ -147,9 +152,20 @@ impl Machine {
 mod tests {
     use super::*;
 
-    fn job(zone: u32, work: f64, width: f64) -> Job {
+    fn job(zone: u32, work: f64, width: f64) -> PaintJob {
         let (zone, fence) = (ZoneId(zone), Revision(1));
-        Job { agent: 0, zone, fence, samples: 1, flaw: 0, first: true, begun: Time::ZERO, left: work, width, busy: 0.0 }
+        PaintJob {
+            agent: 0,
+            zone,
+            fence,
+            samples: 1,
+            flaw: 0,
+            first: true,
+            begun: Time::ZERO,
+            left: work,
+            width,
+            busy: 0.0,
+        }
     }
 
     fn at(seconds: f64) -> Time {

@@ -23,7 +23,7 @@ use bottega_agents::{
     driver::{Faults, Simulator},
 };
 
-use self::studio::{Seat, Studio};
+use self::studio::{Seat, SimulatedFarm};
 pub use self::{
     crew::{AgentSpec, CREW_MAX, Crew, CrewError, Incident, IncidentKind, MachineSpec},
     record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedZone},
@@ -241,7 +241,7 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<Outcome, Simulati
     })
 }
 
-fn agents(plan: &Plan, studio: &Studio) -> Vec<AgentOutcome> {
+fn agents(plan: &Plan, studio: &SimulatedFarm) -> Vec<AgentOutcome> {
     let outcome = |(name, seat): (&AgentId, &Seat)| AgentOutcome {
         name: name.to_string(),
         speed: plan.crew.machines[seat.machine].speed,
@@ -266,7 +266,7 @@ struct Play<'a> {
     piece: &'a Workpiece,
     plan: &'a Plan,
     master: AgentId,
-    simulator: Simulator<FarmAgent, Studio>,
+    simulator: Simulator<FarmAgent, SimulatedFarm>,
     /// What happens when, latest first.
     timeline: Vec<(Duration, Happening)>,
 }
@@ -277,7 +277,7 @@ impl<'a> Play<'a> {
         if agents.is_empty() {
             return Err(SimulationError::NoAgents);
         }
-        let mut studio = Studio::new(Arc::clone(piece), plan.fetch, plan.failures, plan.inexact, plan.seed);
+        let mut studio = SimulatedFarm::new(Arc::clone(piece), plan.fetch, plan.failures, plan.inexact, plan.seed);
         for machine in machines {
             studio.add_machine(f64::from(machine.processors), machine.speed);
         }
@@ -329,7 +329,7 @@ impl<'a> Play<'a> {
 
     /// Runs until the work is over, or until `limit`.
     fn run(&mut self, limit: Time) {
-        let over = |simulator: &Simulator<FarmAgent, Studio>| simulator.world().film.is_over();
+        let over = |simulator: &Simulator<FarmAgent, SimulatedFarm>| simulator.world().film.is_over();
         while let Some((at, what)) = self.timeline.pop() {
             let at = Time::since_start(at);
             if at > limit || self.simulator.run_while(at, |simulator| !over(simulator)) {

@@ -142,6 +142,9 @@ impl CostGrid {
     }
 }
 
+/// The version of a record in JSON that is written and read.
+pub(super) const VERSION: u64 = 1;
+
 /// What a record cannot be.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordError {
@@ -156,10 +159,7 @@ pub enum RecordError {
         problem: String,
     },
     /// It was written by another version.
-    #[error(
-        "it is a record of version {found}; this program reads version {}: record it again",
-        super::record_json::VERSION
-    )]
+    #[error("it is a record of version {found}; this program reads version {}: record it again", VERSION)]
     Version {
         /// Its version.
         found: u64,

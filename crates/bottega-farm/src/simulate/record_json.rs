@@ -6,11 +6,9 @@ use bottega_engines::Tunables;
 use bottega_image::{Rect, Sides};
 use serde::{Deserialize, Serialize};
 
-use super::record::{CostGrid, Record, RecordError, RecordedZone};
+use super::record::{CostGrid, Record, RecordError, RecordedZone, VERSION};
 use crate::{Choice, Goal, Level, NeighborDifference, Optimization, WorkSettings};
 
-/// The version that is written and read.
-pub(super) const VERSION: u64 = 1;
 /// What tells a record from any other JSON.
 const FORMAT: &str = "bottega record";
 

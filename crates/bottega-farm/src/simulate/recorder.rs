@@ -20,11 +20,11 @@ use crate::{
 pub struct Recorder {
     engine: Arc<dyn RenderEngine>,
     observer: Arc<dyn Observer>,
-    log: Arc<Mutex<Log>>,
+    log: Arc<Mutex<RecorderLog>>,
 }
 
 #[derive(Debug, Default)]
-struct Log {
+struct RecorderLog {
     /// The zones as the Analyst has made them.
     zones: BTreeMap<crate::ZoneId, ZoneRow>,
     power: Option<f64>,
@@ -48,7 +48,7 @@ impl Recorder {
         Self { engine, observer, log: Arc::default() }
     }
 
-    fn log(&self) -> MutexGuard<'_, Log> {
+    fn log(&self) -> MutexGuard<'_, RecorderLog> {
         self.log.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -109,7 +109,7 @@ impl Recorder {
     }
 }
 
-impl Log {
+impl RecorderLog {
     /// What was painted of a zone: all tasks whose middle lies in it. A zone may be painted in several.
     fn zone(&self, row: &ZoneRow, choice: Choice, frame: &Rect) -> RecordedZone {
         let painted = row.rect.grown_by(choice.bands, frame);

@@ -10,7 +10,7 @@ use rustc_hash::FxHashMap;
 
 use super::{
     film::{FilmLog, digest, flaw, signed, unsigned},
-    machines::{Job, Machines},
+    machines::{Machines, PaintJob},
     workpiece::Workpiece,
 };
 use crate::{FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, RelativePower, ResultRef, ZoneId};
@@ -71,7 +71,7 @@ pub(super) struct Seat {
 
 /// Machines, film, and what is seen of both.
 #[derive(Debug)]
-pub(super) struct Studio {
+pub(super) struct SimulatedFarm {
     piece: Arc<Workpiece>,
     machines: Machines,
     /// A hash map, for speed: never gone through.
@@ -85,7 +85,7 @@ pub(super) struct Studio {
     fetch: Duration,
     random: Random,
     /// Kept for its memory.
-    done: Vec<Job>,
+    done: Vec<PaintJob>,
     pub(super) spans: Vec<Span>,
     pub(super) spans_left_out: u64,
     /// It was told that there were too few machines to compare.
@@ -93,7 +93,7 @@ pub(super) struct Studio {
     pub(super) film: FilmLog,
 }
 
-impl Studio {
+impl SimulatedFarm {
     pub(super) fn new(piece: Arc<Workpiece>, fetch: Duration, failures: f64, inexact: bool, seed: u64) -> Self {
         Self {
             film: FilmLog::new(piece.zone_count()),
@@ -145,11 +145,11 @@ impl Studio {
         let (zone, fence, samples) = (order.zone, order.fence, order.samples.end);
         let first = order.samples.start == 0;
         let flaw = order.from.map_or(0, |from| flaw(&from.digest));
-        let job = Job { agent, zone, fence, samples, flaw, first, begun: now, left, width, busy: 0.0 };
+        let job = PaintJob { agent, zone, fence, samples, flaw, first, begun: now, left, width, busy: 0.0 };
         self.machines.begin(now, self.seats[agent].machine, job);
     }
 
-    fn end(&mut self, now: Time, job: &Job, kind: SpanKind) {
+    fn end(&mut self, now: Time, job: &PaintJob, kind: SpanKind) {
         let seat = &mut self.seats[job.agent];
         seat.busy += job.busy;
         seat.orders += u32::from(kind != SpanKind::Lost);
@@ -160,7 +160,7 @@ impl Studio {
         }
     }
 
-    fn finished(&mut self, now: Time, job: &Job) -> FarmCompletion {
+    fn finished(&mut self, now: Time, job: &PaintJob) -> FarmCompletion {
         let (zone, fence) = (job.zone, job.fence);
         let Seat { breaks, lies, .. } = self.seats[job.agent];
         let failures = self.failures.max(breaks);
@@ -184,7 +184,7 @@ impl Studio {
     }
 }
 
-impl World<FarmAgent> for Studio {
+impl World<FarmAgent> for SimulatedFarm {
     fn perform(
         &mut self,
         now: Time,
@@ -229,7 +229,7 @@ impl World<FarmAgent> for Studio {
             }
             (FarmEffect::Drop { zone, fence }, Some(index)) => {
                 let machine = self.seats[index].machine;
-                let unwanted = |job: &Job| (job.agent, job.zone, job.fence) == (index, zone, fence);
+                let unwanted = |job: &PaintJob| (job.agent, job.zone, job.fence) == (index, zone, fence);
                 for job in self.machines.drop_jobs(now, machine, unwanted) {
                     self.end(now, &job, SpanKind::Lost);
                 }

@@ -24,7 +24,7 @@ const SIDE: u32 = 64;
 pub struct Workpiece {
     pub(super) work: WorkRow,
     /// By id.
-    zones: Vec<Zone>,
+    zones: Vec<SurveyedZone>,
     costs: Costs,
     /// How long the work is looked at before there are zones.
     pub(super) survey: Duration,
@@ -38,13 +38,13 @@ pub struct Workpiece {
 
 /// What the Analyst says of a zone.
 #[derive(Clone, Copy, Debug)]
-struct Zone {
+struct SurveyedZone {
     rect: Rect,
     complexity: f64,
     difference: NeighborDifference,
 }
 
-impl Zone {
+impl SurveyedZone {
     fn row(&self, index: usize) -> ZoneRow {
         ZoneRow::open(WORK, ZoneId::of_index(index), self.rect, self.complexity, self.difference)
     }
@@ -108,7 +108,7 @@ impl Workpiece {
             for rect in parts(zone.rect, scale) {
                 let share = rect.area() as f64 / zone.rect.area() as f64;
                 let complexity = zone.complexity * share;
-                zones.push(Zone { rect, complexity, difference: zone.neighbor_difference });
+                zones.push(SurveyedZone { rect, complexity, difference: zone.neighbor_difference });
             }
         }
         zones.sort_unstable_by_key(|zone| (zone.rect.y0, zone.rect.x0));
@@ -143,7 +143,7 @@ impl Workpiece {
             let mut log_normal = |spread: f64| (spread * normal(&mut random) - spread * spread / 2.0).exp();
             let seconds = spread.mean_seconds * log_normal(spread.zones) / f64::from(SAMPLES);
             let complexity = seconds * log_normal(spread.prediction);
-            zones.push(Zone { rect, complexity, difference: NeighborDifference::default() });
+            zones.push(SurveyedZone { rect, complexity, difference: NeighborDifference::default() });
             let profiling = (seconds * log_normal(spread.profiling)) as f32;
             costs.push(SyntheticCost { profiling, painting: seconds as f32 });
         }
@@ -159,7 +159,7 @@ impl Workpiece {
         Ok(Self::new(settings, zones, Costs::Synthetic(costs, columns)))
     }
 
-    fn new(settings: WorkSettings, zones: Vec<Zone>, costs: Costs) -> Self {
+    fn new(settings: WorkSettings, zones: Vec<SurveyedZone>, costs: Costs) -> Self {
         let ranges = InputRanges::of(zones.iter().enumerate().map(|(index, zone)| zone.row(index)));
         Self {
             work: WorkRow { work: WORK, settings, zone_count: zones.len() as u32, ranges },

@@ -1,7 +1,7 @@
 //! Text into tokens.
 
 use super::error::{FclError, FclErrorKind, Position};
-use crate::Limits;
+use crate::limits::Limits;
 
 /// What a token is.
 #[derive(Clone, Debug, PartialEq)]

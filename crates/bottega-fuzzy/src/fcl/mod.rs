@@ -8,6 +8,5 @@ mod print;
 mod rules;
 
 pub use error::{FclError, FclErrorKind, Position};
-pub(crate) use parser::parse_one;
 pub use parser::{Document, parse_document};
 pub(crate) use places::Places;

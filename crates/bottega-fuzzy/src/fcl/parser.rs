@@ -6,7 +6,8 @@ use super::{
     places::{Places, VariablePlaces},
 };
 use crate::{
-    block::{FunctionBlock, InputVariable, Limits, OutputVariable, RuleBlock, Term},
+    block::{FunctionBlock, InputVariable, OutputVariable, RuleBlock, Term},
+    limits::Limits,
     membership::Membership,
     operators::{Accumulation, Method},
 };
@@ -50,14 +51,19 @@ pub fn parse_document(text: &str) -> Result<Document> {
     Ok(document)
 }
 
-/// Reads a text with one function block.
-pub(crate) fn parse_one(text: &str) -> Result<FunctionBlock> {
-    let mut blocks = parse_document(text)?.blocks;
-    match (blocks.pop(), blocks.len()) {
-        (Some(block), 0) => Ok(block),
-        (_, others) => {
-            let kind = FclErrorKind::BlockCount(if others == 0 { 0 } else { others + 1 });
-            Err(FclError { at: Position { line: 1, column: 1 }, kind })
+impl FunctionBlock {
+    /// Reads a text that holds one function block. For several, or for warnings, see [`crate::parse_document`].
+    ///
+    /// # Errors
+    /// The first mistake, with line and column.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut blocks = parse_document(text)?.blocks;
+        match (blocks.pop(), blocks.len()) {
+            (Some(block), 0) => Ok(block),
+            (_, others) => {
+                let kind = FclErrorKind::BlockCount(if others == 0 { 0 } else { others + 1 });
+                Err(FclError { at: Position { line: 1, column: 1 }, kind })
+            }
         }
     }
 }
@@ -283,11 +289,11 @@ impl Parser<'_> {
         loop {
             let at = self.at();
             if self.eat_word("VAR_INPUT") {
-                self.variables(&mut draft, Kind::Input)?;
+                self.variables(&mut draft, VariableKind::Input)?;
             } else if self.eat_word("VAR_OUTPUT") {
-                self.variables(&mut draft, Kind::Output)?;
+                self.variables(&mut draft, VariableKind::Output)?;
             } else if self.eat_word("VAR") {
-                self.variables(&mut draft, Kind::Local)?;
+                self.variables(&mut draft, VariableKind::Local)?;
             } else if self.eat_word("FUZZIFY") {
                 self.fuzzify(&mut draft)?;
             } else if self.eat_word("DEFUZZIFY") {
@@ -302,7 +308,7 @@ impl Parser<'_> {
         }
     }
 
-    fn variables(&mut self, draft: &mut Draft, kind: Kind) -> Result<()> {
+    fn variables(&mut self, draft: &mut Draft, kind: VariableKind) -> Result<()> {
         while !self.eat_word("END_VAR") {
             let at = self.at();
             let Ok(name) = self.name("") else {
@@ -316,10 +322,10 @@ impl Parser<'_> {
             self.mark(';')?;
             let name = name.to_owned();
             match kind {
-                Kind::Input => {
+                VariableKind::Input => {
                     draft.inputs.push(InputDraft { name, at, terms: None, term_places: Vec::new(), range: None });
                 }
-                Kind::Output => draft.outputs.push(OutputDraft {
+                VariableKind::Output => draft.outputs.push(OutputDraft {
                     name,
                     at,
                     defuzzified: false,
@@ -330,7 +336,7 @@ impl Parser<'_> {
                     accumulation: None,
                     default: None,
                 }),
-                Kind::Local => draft.locals.push(name),
+                VariableKind::Local => draft.locals.push(name),
             }
             let most = draft.inputs.len().max(draft.outputs.len()).max(draft.locals.len());
             self.check_count(most, Limits::VARIABLES_MAX + 1, "variables")?;
@@ -498,7 +504,7 @@ impl Parser<'_> {
 }
 
 #[derive(Clone, Copy)]
-enum Kind {
+enum VariableKind {
     Input,
     Output,
     Local,

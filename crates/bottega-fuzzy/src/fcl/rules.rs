@@ -6,7 +6,8 @@ use super::{
     parser::{Draft, Parser, Result, once, unknown},
 };
 use crate::{
-    block::{Conclusion, Condition, Limits, Rule, RuleBlock, Term},
+    block::{Conclusion, Condition, Rule, RuleBlock, Term},
+    limits::Limits,
     operators::{Accumulation, Activation, And, Or},
 };
 

@@ -16,7 +16,7 @@ const AXIS_CELLS_MAX: usize = 1024;
 pub(super) const GRID_CELLS_MAX: u64 = 1 << 19;
 
 /// One stretch of an axis: a point of a term, or a part of what lies between two.
-pub(super) struct Cell {
+pub(super) struct AxisStretch {
     pub(super) low: f64,
     pub(super) high: f64,
     /// Whether it lies in the input's declared range; where none is declared, anything does.
@@ -27,7 +27,7 @@ pub(super) struct Cell {
 
 /// The cells of an input, ascending.
 pub(super) struct Axis {
-    pub(super) cells: Vec<Cell>,
+    pub(super) cells: Vec<AxisStretch>,
 }
 
 impl Axis {
@@ -63,21 +63,21 @@ impl Axis {
     }
 }
 
-fn cell(input: &InputVariable, low: f64, high: f64, at: f64) -> Cell {
+fn cell(input: &InputVariable, low: f64, high: f64, at: f64) -> AxisStretch {
     let in_range = input.range.is_none_or(|(least, greatest)| (least..=greatest).contains(&at));
     let grades = input.terms.iter().map(|term| term.membership.degree(at)).collect();
-    Cell { low, high, in_range, grades }
+    AxisStretch { low, high, in_range, grades }
 }
 
 /// The product of some axes.
-pub(super) struct Grid<'a> {
+pub(super) struct AxisGrid<'a> {
     /// The inputs and their axes.
     pub(super) axes: Vec<(usize, &'a Axis)>,
     /// How many cells it has.
     pub(super) len: u64,
 }
 
-impl<'a> Grid<'a> {
+impl<'a> AxisGrid<'a> {
     /// The grid over the inputs that conditions ask for. `None`: one of them has no axis, or there are too many cells.
     pub(super) fn over<'c>(axes: &'a [Option<Axis>], of: impl IntoIterator<Item = &'c Condition>) -> Option<Self> {
         let mut inputs = Vec::new();
@@ -90,7 +90,7 @@ impl<'a> Grid<'a> {
     }
 
     /// The cells that meet at a place of the grid, one for each axis.
-    pub(super) fn cells(&self, mut index: u64) -> impl Iterator<Item = (usize, &'a Cell)> {
+    pub(super) fn cells(&self, mut index: u64) -> impl Iterator<Item = (usize, &'a AxisStretch)> {
         self.axes.iter().map(move |(input, axis)| {
             let count = axis.cells.len() as u64;
             let cell = &axis.cells[(index % count) as usize];
@@ -116,18 +116,18 @@ fn gcd(a: u64, b: u64) -> u64 {
 }
 
 /// The degree of a rule's condition at a place of a grid, without its weight.
-pub(super) struct Place<'a> {
+pub(super) struct ConditionDegree<'a> {
     /// By input; empty where the grid does not ask.
     grades: Vec<&'a [f64]>,
 }
 
-impl<'a> Place<'a> {
+impl<'a> ConditionDegree<'a> {
     pub(super) fn new(inputs: usize) -> Self {
         Self { grades: vec![&[]; inputs] }
     }
 
     /// Goes to a place of a grid, which must have the inputs of all conditions that are asked for then.
-    pub(super) fn go(&mut self, grid: &Grid<'a>, index: u64) {
+    pub(super) fn go(&mut self, grid: &AxisGrid<'a>, index: u64) {
         for (input, cell) in grid.cells(index) {
             self.grades[input] = &cell.grades;
         }

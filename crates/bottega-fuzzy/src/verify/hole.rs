@@ -2,7 +2,7 @@
 
 use super::{
     Placed, Verifier,
-    grid::{Grid, Place, leaves},
+    grid::{AxisGrid, ConditionDegree, leaves},
     warning::{Hole, WarningKind},
 };
 
@@ -27,7 +27,7 @@ impl Verifier<'_> {
             // Told already: the output is silent, or all of its rules are dead.
             return;
         }
-        let Some(grid) = Grid::over(self.axes, rules.iter().map(|placed| &placed.rule.condition)) else {
+        let Some(grid) = AxisGrid::over(self.axes, rules.iter().map(|placed| &placed.rule.condition)) else {
             return self.unexamined();
         };
         let Some(mut empty) = self.empty_cells(&grid, &rules) else { return };
@@ -45,8 +45,8 @@ impl Verifier<'_> {
     }
 
     /// For each cell whether no rule fires there. `None`: that would take too long.
-    fn empty_cells(&mut self, grid: &Grid<'_>, rules: &[Placed<'_>]) -> Option<Vec<bool>> {
-        let mut place = Place::new(self.block.inputs.len());
+    fn empty_cells(&mut self, grid: &AxisGrid<'_>, rules: &[Placed<'_>]) -> Option<Vec<bool>> {
+        let mut place = ConditionDegree::new(self.block.inputs.len());
         let mut empty = vec![false; grid.len as usize];
         // The rule that fired in the last cell most likely fires in the next one, too.
         let mut last = 0;
@@ -69,7 +69,7 @@ impl Verifier<'_> {
     }
 
     /// Grows a cell to a box that holds nothing but empty cells and marks them as told.
-    fn grow(&self, grid: &Grid<'_>, from: usize, empty: &mut [bool], output: usize) -> Hole {
+    fn grow(&self, grid: &AxisGrid<'_>, from: usize, empty: &mut [bool], output: usize) -> Hole {
         let counts: Vec<usize> = grid.axes.iter().map(|(_, axis)| axis.cells.len()).collect();
         let mut rest = from;
         let mut sides: Vec<(usize, usize)> = Vec::with_capacity(counts.len());

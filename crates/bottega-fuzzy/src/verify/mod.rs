@@ -9,7 +9,7 @@ mod hole;
 mod pair;
 mod warning;
 
-use grid::{Axis, Grid, Place, leaves};
+use grid::{Axis, AxisGrid, ConditionDegree, leaves};
 pub use warning::{DeadReason, Hole, Warning, WarningKind};
 
 use crate::{
@@ -180,11 +180,11 @@ impl<'a> Verifier<'a> {
     /// Whether a condition holds to some degree anywhere. `None`: that would take too long.
     fn fires(&mut self, block: &RuleBlock, rule: &Rule) -> Option<bool> {
         let cost = leaves(&rule.condition);
-        let Some(grid) = Grid::over(self.axes, [&rule.condition]) else {
+        let Some(grid) = AxisGrid::over(self.axes, [&rule.condition]) else {
             self.unexamined();
             return None;
         };
-        let mut place = Place::new(self.block.inputs.len());
+        let mut place = ConditionDegree::new(self.block.inputs.len());
         let (mut looks, mut fires) = (0, false);
         for index in grid.scattered().take((self.work / cost) as usize) {
             place.go(&grid, index);

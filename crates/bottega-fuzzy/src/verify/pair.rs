@@ -2,7 +2,7 @@
 
 use super::{
     Placed, Verifier,
-    grid::{Grid, Place, leaves},
+    grid::{AxisGrid, ConditionDegree, leaves},
     warning::WarningKind,
 };
 use crate::{
@@ -19,7 +19,7 @@ impl Verifier<'_> {
     pub(super) fn pairs(&mut self) {
         for second in 0..self.rules.len() {
             self.itself(second);
-            let mut told = Told { contradiction: false, repetition: false };
+            let mut told = RuleFindings { contradiction: false, repetition: false };
             for first in 0..second {
                 let both_fire = self.alive[first] && self.alive[second];
                 if both_fire && !self.pair(first, second, &mut told) {
@@ -40,7 +40,7 @@ impl Verifier<'_> {
     }
 
     /// `false`: there is no time for more.
-    fn pair(&mut self, first: usize, second: usize, told: &mut Told) -> bool {
+    fn pair(&mut self, first: usize, second: usize, told: &mut RuleFindings) -> bool {
         let (a, b) = (self.rules[first], self.rules[second]);
         let odds = self.at_odds(a.rule, b.rule).filter(|_| !told.contradiction);
         let same = same_conclusions(a.rule, b.rule) && !told.repetition;
@@ -62,14 +62,14 @@ impl Verifier<'_> {
     }
 
     /// Whether one of two rules that conclude the same might as well not be there.
-    fn repetition(&mut self, a: Placed<'_>, b: Placed<'_>, unweighted: Order) -> bool {
+    fn repetition(&mut self, a: Placed<'_>, b: Placed<'_>, unweighted: DegreeOrder) -> bool {
         let equal = unweighted.below && unweighted.above;
         let (stays, goes, counts_twice) = if self.covered(a) && std::ptr::eq(a.block, b.block) {
             // The stronger of two covers the other.
             let order = self.compare(a, b, |rule| rule.weight);
             match order {
-                Some(Order { above: true, .. }) => (a, b, false),
-                Some(Order { below: true, .. }) => (b, a, false),
+                Some(DegreeOrder { above: true, .. }) => (a, b, false),
+                Some(DegreeOrder { below: true, .. }) => (b, a, false),
                 _ => return false,
             }
         } else if equal {
@@ -113,14 +113,14 @@ impl Verifier<'_> {
     }
 
     /// How the degrees of two rules compare, over all values of the inputs. `None`: that would take too long.
-    fn compare(&mut self, a: Placed<'_>, b: Placed<'_>, weight: impl Fn(&Rule) -> f64) -> Option<Order> {
+    fn compare(&mut self, a: Placed<'_>, b: Placed<'_>, weight: impl Fn(&Rule) -> f64) -> Option<DegreeOrder> {
         let cost = leaves(&a.rule.condition) + leaves(&b.rule.condition);
-        let Some(grid) = Grid::over(self.axes, [&a.rule.condition, &b.rule.condition]) else {
+        let Some(grid) = AxisGrid::over(self.axes, [&a.rule.condition, &b.rule.condition]) else {
             self.unexamined();
             return None;
         };
-        let mut place = Place::new(self.block.inputs.len());
-        let mut order = Order { below: true, above: true };
+        let mut place = ConditionDegree::new(self.block.inputs.len());
+        let mut order = DegreeOrder { below: true, above: true };
         let mut looks = 0;
         for index in grid.scattered().take((self.work / cost) as usize) {
             place.go(&grid, index);
@@ -144,14 +144,14 @@ impl Verifier<'_> {
 }
 
 /// What has been told of a rule.
-struct Told {
+struct RuleFindings {
     contradiction: bool,
     repetition: bool,
 }
 
 /// How one degree compares to another wherever one looks.
 #[derive(Clone, Copy)]
-struct Order {
+struct DegreeOrder {
     /// It is never greater.
     below: bool,
     /// It is never less.

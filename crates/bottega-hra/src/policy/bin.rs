@@ -12,7 +12,7 @@ const DATA_LOOKED_AT: usize = 16;
 
 /// A chunk's place: highest priority first, then by data, then first come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Order {
+pub(crate) struct ChunkOrder {
     priority: Reverse<i32>,
     data: Option<DataId>,
     sequence: u64,
@@ -22,7 +22,7 @@ pub(crate) struct Order {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Head {
     pub(crate) primitive: Primitive,
-    pub(crate) order: Order,
+    pub(crate) order: ChunkOrder,
     /// Items of the unit in front.
     pub(crate) size: u64,
     pub(crate) data: Option<Data>,
@@ -41,11 +41,11 @@ impl Head {
 
 /// What waits for one primitive.
 struct Shelf<T> {
-    chunks: BTreeMap<Order, Chunk<T>>,
+    chunks: BTreeMap<ChunkOrder, Chunk<T>>,
     /// The chunks, by the time at which their first unit becomes late.
-    late: BTreeSet<(Time, Order)>,
+    late: BTreeSet<(Time, ChunkOrder)>,
     /// Those whose first unit expires, by that time.
-    expiring: BTreeSet<(Time, Order)>,
+    expiring: BTreeSet<(Time, ChunkOrder)>,
     items: u64,
 }
 
@@ -55,7 +55,7 @@ impl<T> Shelf<T> {
         Self { chunks, late, expiring, items: 0 }
     }
 
-    fn put(&mut self, order: Order, chunk: Chunk<T>) {
+    fn put(&mut self, order: ChunkOrder, chunk: Chunk<T>) {
         let Some(front) = chunk.front() else { return };
         self.late.insert((front.late, order));
         if front.expires < Time::NEVER {
@@ -65,7 +65,7 @@ impl<T> Shelf<T> {
         self.chunks.insert(order, chunk);
     }
 
-    fn remove(&mut self, order: Order) -> Option<Chunk<T>> {
+    fn remove(&mut self, order: ChunkOrder) -> Option<Chunk<T>> {
         let chunk = self.chunks.remove(&order)?;
         if let Some(front) = chunk.front() {
             self.late.remove(&(front.late, order));
@@ -75,14 +75,14 @@ impl<T> Shelf<T> {
         Some(chunk)
     }
 
-    fn head(&self, primitive: Primitive, order: Order) -> Option<Head> {
+    fn head(&self, primitive: Primitive, order: ChunkOrder) -> Option<Head> {
         let front = self.chunks.get(&order)?.front()?;
         Some(Head { primitive, order, size: front.size, data: front.data, late: front.late })
     }
 
     /// The first chunk after `order` that is of other data or lower priority.
-    fn beyond(&self, order: Order) -> Option<Order> {
-        let last = Order { sequence: u64::MAX, ..order };
+    fn beyond(&self, order: ChunkOrder) -> Option<ChunkOrder> {
+        let last = ChunkOrder { sequence: u64::MAX, ..order };
         self.chunks.range(last..).next().map(|(&order, _)| order)
     }
 }
@@ -113,7 +113,7 @@ impl<T> Bin<T> {
     pub(crate) fn push(&mut self, chunk: Chunk<T>) {
         let Some(front) = chunk.front() else { return };
         let data = front.data.map(|data| data.id);
-        let order = Order { priority: Reverse(front.priority), data, sequence: self.sequence };
+        let order = ChunkOrder { priority: Reverse(front.priority), data, sequence: self.sequence };
         let shelf = front.primitive.index();
         self.sequence += 1;
         self.len += chunk.len();
@@ -221,7 +221,7 @@ impl<T> Bin<T> {
     pub(crate) fn extract(&mut self, wanted: impl Fn(&Unit<T>) -> bool) -> Vec<Unit<T>> {
         let mut out: Vec<_> = self.retries.extract_if(.., |unit| wanted(unit)).collect();
         for shelf in &mut self.shelves {
-            let orders: Vec<Order> = shelf.chunks.keys().copied().collect();
+            let orders: Vec<ChunkOrder> = shelf.chunks.keys().copied().collect();
             for order in orders {
                 let Some(mut chunk) = shelf.remove(order) else { continue };
                 chunk.extract(&wanted, &mut out);

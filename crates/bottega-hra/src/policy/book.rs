@@ -61,12 +61,12 @@ pub enum CostBookError {
 struct Text {
     format: u32,
     version: String,
-    resources: BTreeMap<String, BTreeMap<String, Entry>>,
+    resources: BTreeMap<String, BTreeMap<String, BookEntry>>,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Entry {
+struct BookEntry {
     units: u64,
     items: u64,
     fixed_ns: f64,
@@ -112,7 +112,7 @@ impl CostBook {
     pub fn to_json(&self) -> String {
         let entries = |costs: &[CostModel; Primitive::COUNT]| {
             let known = Primitive::ALL.into_iter().filter(|primitive| costs[primitive.index()].units() > 0);
-            known.map(|primitive| (primitive.name().to_owned(), Entry::of(&costs[primitive.index()]))).collect()
+            known.map(|primitive| (primitive.name().to_owned(), BookEntry::of(&costs[primitive.index()]))).collect()
         };
         let resources = self.costs.iter().map(|(name, costs)| (name.clone(), entries(costs))).collect();
         let text = Text { format: FORMAT, version: self.version.clone(), resources };
@@ -139,7 +139,7 @@ impl CostBook {
     }
 }
 
-impl Entry {
+impl BookEntry {
     fn of(cost: &CostModel) -> Self {
         Self {
             units: cost.units(),

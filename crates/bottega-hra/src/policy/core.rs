@@ -4,13 +4,14 @@ use std::time::Duration;
 
 use super::account::Account;
 use super::bin::Bin;
+use super::choice::LaneChoice;
 use super::demand::Demand;
 use super::flow::Flow;
 use super::incident::{Fault, Incidents};
-use super::lane::{Flight, Health, Lane, Launch};
+use super::lane::{Flight, Health, LaneState, Launch};
 use super::length::BinLength;
-use super::placement::{Choice, Planned};
-use super::roster::Roster;
+use super::plan::Planned;
+use super::roster::Capabilities;
 use super::time::Time;
 use super::unit::{Chunk, Unit};
 use crate::{Activity, CostBook, DataId, HraConfig, Primitive, ResourceDescriptor, ResourceId, Window};
@@ -18,8 +19,8 @@ use crate::{Activity, CostBook, DataId, HraConfig, Primitive, ResourceDescriptor
 /// State and decisions of an allocator whose units carry a `T`.
 pub(crate) struct Core<T> {
     pub(super) config: HraConfig,
-    pub(super) lanes: Vec<Lane>,
-    pub(super) roster: Roster,
+    pub(super) lanes: Vec<LaneState>,
+    pub(super) roster: Capabilities,
     pub(super) bin: Bin<T>,
     pub(super) length: BinLength,
     pub(super) demand: Demand,
@@ -113,12 +114,12 @@ impl<T> Core<T> {
             let flow = window.map(|window| Flow::new(window.packets, window.units_per_packet));
             let patience = window.map_or(config.hang_max, |window| window.patience);
             let costs = book.costs_of(&descriptor.name);
-            Lane::new(descriptor, flow, patience, costs, Account::new(Time::ZERO, config.spans_kept))
+            LaneState::new(descriptor, flow, patience, costs, Account::new(Time::ZERO, config.spans_kept))
         };
         let mut demand = Demand::default();
         demand.ran_dry(Time::ZERO);
         Self {
-            roster: Roster::new(&descriptors),
+            roster: Capabilities::new(&descriptors),
             lanes: resources.into_iter().map(lane).collect(),
             bin: Bin::new(),
             length: BinLength::new(&config, descriptors.len()),
@@ -218,16 +219,16 @@ impl<T> Core<T> {
             return Next::Wait(None);
         }
         let (packet, until) = match self.choose(now, id) {
-            Choice::Retry(unit) => (self.launch(now, id, vec![unit]), None),
-            Choice::Draw { head, units } => {
+            LaneChoice::Retry(unit) => (self.launch(now, id, vec![unit]), None),
+            LaneChoice::Draw { head, units } => {
                 let drawn = self.bin.draw(&head, units);
                 (self.launch(now, id, drawn), None)
             }
-            Choice::Decline { until, sooner } => {
+            LaneChoice::Decline { until, sooner } => {
                 sooner.into_iter().for_each(|id| self.wake(id, out));
                 (None, Some(until))
             }
-            Choice::Nothing => {
+            LaneChoice::Nothing => {
                 self.note_if_dry(now);
                 (None, None)
             }
@@ -361,7 +362,7 @@ impl<T> Core<T> {
         if !flight.is_trial || self.bin.len() > 0 || age < self.config.hang_min {
             return false;
         }
-        let is_far_better = |(lane, other): (&Lane, u32)| {
+        let is_far_better = |(lane, other): (&LaneState, u32)| {
             let is_free = ResourceId(other) != id && lane.health == Health::Up && lane.flights.is_empty();
             let takes = lane.predict_ns(flight.primitive, flight.items).filter(|_| lane.knows(flight.primitive));
             is_free && takes.is_some_and(|ns| ns * self.config.hang_factor <= age.as_nanos() as f64)
@@ -378,7 +379,7 @@ impl<T> Core<T> {
 
     // ---- The user's side.
 
-    pub(crate) fn lanes(&self) -> &[Lane] {
+    pub(crate) fn lanes(&self) -> &[LaneState] {
         &self.lanes
     }
 

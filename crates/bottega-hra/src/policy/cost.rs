@@ -14,7 +14,7 @@ pub struct CostModel {
     items: u64,
     mean_size: f64,
     mean_ns: f64,
-    line: Line,
+    line: CostLine,
     fixed_ns: f64,
     /// Mean square of what predictions missed by, relative to what was measured.
     miss: f64,
@@ -22,7 +22,7 @@ pub struct CostModel {
 
 /// Moments of size and time, of which a line is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Line {
+struct CostLine {
     count: f64,
     mean_size: f64,
     mean_ns: f64,
@@ -30,7 +30,7 @@ struct Line {
     covariance: f64,
 }
 
-impl Line {
+impl CostLine {
     fn observe(&mut self, size: f64, ns: f64) {
         self.count += 1.0;
         let weight = (1.0 / self.count).max(0.1 * CostModel::WEIGHT);

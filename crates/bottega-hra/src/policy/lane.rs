@@ -67,7 +67,7 @@ impl Flight {
 }
 
 /// One resource.
-pub(crate) struct Lane {
+pub(crate) struct LaneState {
     pub(crate) descriptor: ResourceDescriptor,
     pub(crate) health: Health,
     pub(crate) backoff: Backoff,
@@ -90,7 +90,7 @@ pub(crate) struct Lane {
     last_units: usize,
 }
 
-impl Lane {
+impl LaneState {
     pub(crate) fn new(
         descriptor: ResourceDescriptor,
         flow: Option<Flow>,

@@ -8,6 +8,7 @@ pub(crate) mod account;
 pub(crate) mod backoff;
 pub(crate) mod bin;
 pub(crate) mod book;
+mod choice;
 pub(crate) mod core;
 pub(crate) mod cost;
 pub(crate) mod demand;

@@ -8,11 +8,12 @@
 use std::time::Duration;
 
 use super::bin::Head;
+use super::choice::{ASK_AGAIN_MIN, LaneChoice};
 use super::core::{Core, Out};
-use super::lane::{Health, Lane};
-use super::plan::{self, ByPrimitive, Kind, Plan};
+use super::lane::{Health, LaneState};
+use super::plan::{self, ByPrimitive, Planned, ResourceKind};
 use super::time::Time;
-use super::unit::{Data, Unit};
+use super::unit::Data;
 use crate::{Primitive, ResourceId};
 
 /// A plan is believed for this part of the time that it plans for, but no longer than this part of the time that work has come
@@ -24,42 +25,11 @@ const PLAN_VALID_MIN: Duration = Duration::from_millis(5);
 const SHARE_MIN: f64 = 0.01;
 /// Part of what is left to do that one packet may hold of a resource's own share.
 const PACKET_SHARE: f64 = 0.2;
-/// Shortest and longest time after which a resource that got nothing asks again.
-const ASK_AGAIN_MIN: Duration = Duration::from_micros(200);
+/// Longest time after which a resource that got nothing asks again.
 const ASK_AGAIN_MAX: Duration = Duration::from_secs(1);
 
-/// What a resource gets.
-pub(super) enum Choice<T> {
-    /// A unit that failed elsewhere.
-    Retry(Unit<T>),
-    /// So many units from there.
-    Draw { head: Head, units: usize },
-    /// Nothing before that time: others will be sooner, those named first of all, who must be awake to be so.
-    Decline { until: Time, sooner: Vec<ResourceId> },
-    /// There is nothing that it can do.
-    Nothing,
-}
-
-impl<T> Choice<T> {
-    /// Nothing just now: what it should do is on its way into the bin.
-    fn shortly(now: Time) -> Self {
-        Self::Decline { until: now.after(ASK_AGAIN_MIN), sooner: Vec::new() }
-    }
-}
-
-/// A plan, and how far it was followed.
-pub(super) struct Planned {
-    plan: Plan,
-    valid_until: Time,
-    live: ByPrimitive<bool>,
-    /// By resource: its row in the plan.
-    rows: Vec<usize>,
-    /// By resource and primitive: planned time less time spent, in nanoseconds.
-    owed: Vec<ByPrimitive<f64>>,
-}
-
 /// How fast what is left gets less.
-struct Pace {
+struct DrainRate {
     /// What is left, in the plan's prices.
     worth: f64,
     /// The rate of each resource, in the plan's prices.
@@ -69,32 +39,32 @@ struct Pace {
 
 impl<T> Core<T> {
     /// What `id`, which has room, gets.
-    pub(super) fn choose(&mut self, now: Time, id: ResourceId) -> Choice<T> {
+    pub(super) fn choose(&mut self, now: Time, id: ResourceId) -> LaneChoice<T> {
         if self.bin.len() == 0 {
-            return Choice::Nothing;
+            return LaneChoice::Nothing;
         }
         if let Some(unit) = self.bin.take_retry(|meta| self.roster.may_try(id, meta)) {
-            return Choice::Retry(unit);
+            return LaneChoice::Retry(unit);
         }
         let able = self.roster.primitives(id);
         let holds = |data: Option<Data>| self.roster.holds(id, data);
         if let Some(head) = self.bin.latest(able, now.after(self.lead()), holds) {
             let units = self.lanes[id.index()].packet_units(head.primitive, head.size);
-            return Choice::Draw { head, units };
+            return LaneChoice::Draw { head, units };
         }
         let lane = &self.lanes[id.index()];
         let resident = |data| lane.residency.is_resident(data);
         let mut heads: Vec<Head> =
             able.iter().filter_map(|primitive| self.bin.head(primitive, holds, resident)).collect();
         let Some(priority) = heads.iter().map(Head::priority).max() else {
-            return if self.starves(id) { Choice::shortly(now) } else { Choice::Nothing };
+            return if self.starves(id) { LaneChoice::shortly(now) } else { LaneChoice::Nothing };
         };
         let lane = &self.lanes[id.index()];
         heads.retain(|head| head.priority() == priority && !lane.is_trying(head.primitive));
         self.replan(now);
         let suits = |head: &Head| !self.lanes[id.index()].knows(head.primitive) || self.has_share(id, head.primitive);
         if !heads.iter().any(suits) && self.starves(id) {
-            return Choice::shortly(now);
+            return LaneChoice::shortly(now);
         }
         self.sort(id, &mut heads);
         let pace = self.pace();
@@ -108,11 +78,11 @@ impl<T> Core<T> {
                 None => {
                     let units = self.packet_units(id, &head, pace.as_ref());
                     self.owe(id, &head, units);
-                    return Choice::Draw { head, units };
+                    return LaneChoice::Draw { head, units };
                 }
             }
         }
-        ask_again.map_or(Choice::Nothing, |until| Choice::Decline { until, sooner })
+        ask_again.map_or(LaneChoice::Nothing, |until| LaneChoice::Decline { until, sooner })
     }
 
     /// By how much a unit counts as late before it is: as long as it takes to do what may be before it.
@@ -165,7 +135,7 @@ impl<T> Core<T> {
     }
 
     /// The kinds of resources, and of which each is: those that can do the same about equally fast. What is not known of one is taken from the others. `None`: of some primitive nothing is known at all.
-    fn kinds(&self, live: &ByPrimitive<bool>) -> Option<(Vec<Kind>, Vec<usize>)> {
+    fn kinds(&self, live: &ByPrimitive<bool>) -> Option<(Vec<ResourceKind>, Vec<usize>)> {
         let mut typical = [None; Primitive::COUNT];
         for primitive in Primitive::ALL.into_iter().filter(|primitive| live[primitive.index()]) {
             let known: Vec<f64> = self.lanes.iter().filter_map(|lane| lane.ns_per_item(primitive)).collect();
@@ -174,7 +144,7 @@ impl<T> Core<T> {
                 return None;
             }
         }
-        let (mut kinds, mut rows): (Vec<Kind>, Vec<usize>) = (Vec::new(), Vec::new());
+        let (mut kinds, mut rows): (Vec<ResourceKind>, Vec<usize>) = (Vec::new(), Vec::new());
         for (lane, id) in self.lanes.iter().zip(0..) {
             let mut times = [f64::INFINITY; Primitive::COUNT];
             let able = self.roster.primitives(ResourceId(id));
@@ -185,7 +155,7 @@ impl<T> Core<T> {
             }
             let row = kinds.iter().position(|kind| kind.is_like(&times)).unwrap_or(kinds.len());
             if row == kinds.len() {
-                kinds.push(Kind { times, count: 0.0 });
+                kinds.push(ResourceKind { times, count: 0.0 });
             }
             kinds[row].add(&times);
             rows.push(row);
@@ -228,7 +198,7 @@ impl<T> Core<T> {
     }
 
     /// How fast what is left gets less; `None` while that is not known.
-    fn pace(&self) -> Option<Pace> {
+    fn pace(&self) -> Option<DrainRate> {
         let backlog = self.backlog();
         let live = || Primitive::ALL.into_iter().filter(|primitive| backlog[primitive.index()] > 0.0);
         let prices = match &self.planned {
@@ -236,7 +206,7 @@ impl<T> Core<T> {
             None if live().count() == 1 => [1.0; Primitive::COUNT],
             None => return None,
         };
-        let rate = |(lane, index): (&Lane, u32)| {
+        let rate = |(lane, index): (&LaneState, u32)| {
             let able = self.roster.primitives(ResourceId(index));
             let pay = |primitive| Some(prices[Primitive::index(primitive)] / lane.ns_per_item(primitive)?);
             let pays =
@@ -245,12 +215,12 @@ impl<T> Core<T> {
         };
         let rates: Vec<f64> = self.lanes.iter().zip(0..).map(rate).collect();
         let worth = live().map(|primitive| prices[primitive.index()] * backlog[primitive.index()]).sum();
-        Some(Pace { worth, rate: rates.iter().sum(), rates })
+        Some(DrainRate { worth, rate: rates.iter().sum(), rates })
     }
 
     /// Units that `id` gets at once: what suits it, but not more than its part of what is left. Where handing over costs much, a
     /// packet still has units for as long as that takes: a shorter one would not end much sooner.
-    fn packet_units(&self, id: ResourceId, head: &Head, pace: Option<&Pace>) -> usize {
+    fn packet_units(&self, id: ResourceId, head: &Head, pace: Option<&DrainRate>) -> usize {
         let lane = &self.lanes[id.index()];
         let wanted = lane.packet_units(head.primitive, head.size);
         match (pace, lane.cost_ns(head.primitive, head.size)) {
@@ -264,7 +234,7 @@ impl<T> Core<T> {
 
     /// Whether others would be done with everything before `id` with this unit; then, when to ask again, and who would
     /// be done with it first. Of all that ask about a unit, that one does not decline it.
-    fn declines(&self, now: Time, id: ResourceId, head: &Head, pace: Option<&Pace>) -> Option<(Time, ResourceId)> {
+    fn declines(&self, now: Time, id: ResourceId, head: &Head, pace: Option<&DrainRate>) -> Option<(Time, ResourceId)> {
         let pace = pace?;
         let lane = &self.lanes[id.index()];
         if !lane.knows(head.primitive) {
@@ -280,8 +250,9 @@ impl<T> Core<T> {
             let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
             lanes.filter(move |&(lane, other)| other != id && lane.health == Health::Up && able(other))
         };
-        let finish =
-            |(lane, other): (&Lane, ResourceId)| Some((lane.finish(now, head.primitive, head.size, head.data)?, other));
+        let finish = |(lane, other): (&LaneState, ResourceId)| {
+            Some((lane.finish(now, head.primitive, head.size, head.data)?, other))
+        };
         let (soonest, who) = others().filter_map(finish).min()?;
         if mine <= soonest || mine <= self.all_done(now, pace) {
             return None;
@@ -291,7 +262,7 @@ impl<T> Core<T> {
     }
 
     /// When everything will be done, if all go on as they do.
-    fn all_done(&self, now: Time, pace: &Pace) -> Time {
+    fn all_done(&self, now: Time, pace: &DrainRate) -> Time {
         let mut workers: Vec<(f64, f64)> = self
             .lanes
             .iter()

@@ -7,6 +7,7 @@
 //! best by the hour. That is Ricardo's comparative advantage: not what one does faster than others, but what one does
 //! least badly. It is also what keeps those busy who can do little: who can do more is paid better elsewhere.
 
+use super::time::Time;
 use crate::Primitive;
 
 const COUNT: usize = Primitive::COUNT;
@@ -21,14 +22,14 @@ const PIVOTS_MAX: usize = 2_000;
 
 /// Resources of one kind.
 #[derive(Clone, Debug)]
-pub(crate) struct Kind {
+pub(crate) struct ResourceKind {
     /// Nanoseconds an item; infinite for what they cannot do.
     pub(crate) times: ByPrimitive<f64>,
     /// How many there are.
     pub(crate) count: f64,
 }
 
-impl Kind {
+impl ResourceKind {
     /// Whether somebody who needs these times is of the kind: can do the same, within a fifth as fast.
     pub(crate) fn is_like(&self, times: &ByPrimitive<f64>) -> bool {
         self.times.iter().zip(times).all(|(own, time)| {
@@ -47,7 +48,7 @@ impl Kind {
 
 /// Shares of time, and prices.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Plan {
+pub(crate) struct FluidPlan {
     /// By kind: share of a resource's time for each primitive.
     pub(crate) shares: Vec<ByPrimitive<f64>>,
     /// What an item is worth, in nanoseconds: all together gain the worth of all the work in the time of the plan.
@@ -57,13 +58,13 @@ pub(crate) struct Plan {
 }
 
 /// Plans a backlog in items. Primitives that nobody can do, and those of which nothing waits, are left out.
-pub(crate) fn plan(kinds: &[Kind], backlog: &ByPrimitive<f64>) -> Plan {
+pub(crate) fn plan(kinds: &[ResourceKind], backlog: &ByPrimitive<f64>) -> FluidPlan {
     let rate = |r: usize, p: usize| {
         let time = kinds[r].times[p] * backlog[p];
         if time.is_finite() && time > 0.0 { 1.0 / time } else { 0.0 }
     };
     let alive: Vec<usize> = (0..COUNT).filter(|&p| (0..kinds.len()).any(|r| rate(r, p) > 0.0)).collect();
-    let mut plan = Plan { shares: vec![[0.0; COUNT]; kinds.len()], prices: [0.0; COUNT], time_ns: 0.0 };
+    let mut plan = FluidPlan { shares: vec![[0.0; COUNT]; kinds.len()], prices: [0.0; COUNT], time_ns: 0.0 };
     if alive.is_empty() {
         return plan;
     }
@@ -232,14 +233,25 @@ pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
     if speed > 0.0 { level + (amount - done).max(0.0) / speed } else { f64::INFINITY }
 }
 
+/// A plan, and how far it was followed.
+pub(super) struct Planned {
+    pub(super) plan: FluidPlan,
+    pub(super) valid_until: Time,
+    pub(super) live: ByPrimitive<bool>,
+    /// By resource: its row in the plan.
+    pub(super) rows: Vec<usize>,
+    /// By resource and primitive: planned time less time spent, in nanoseconds.
+    pub(super) owed: Vec<ByPrimitive<f64>>,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn kinds(rows: &[&[f64]]) -> Vec<Kind> {
+    fn kinds(rows: &[&[f64]]) -> Vec<ResourceKind> {
         let times = |row: &[f64]| std::array::from_fn(|p| row.get(p).copied().unwrap_or(f64::INFINITY));
-        rows.iter().map(|row| Kind { times: times(row), count: 1.0 }).collect()
+        rows.iter().map(|row| ResourceKind { times: times(row), count: 1.0 }).collect()
     }
 
     fn backlog(items: &[f64]) -> ByPrimitive<f64> {
@@ -282,8 +294,8 @@ mod tests {
                 (prop::collection::vec(prop_oneof![3 => 1.0_f64..100.0, 1 => Just(f64::INFINITY)], 4), 1_u32..20), 1..9),
             items in prop::collection::vec(1.0_f64..1e6, 4),
         ) {
-            let kinds: Vec<Kind> = rows.iter().map(|(row, count)| {
-                Kind { count: f64::from(*count), ..kinds(&[row])[0].clone() }
+            let kinds: Vec<ResourceKind> = rows.iter().map(|(row, count)| {
+                ResourceKind { count: f64::from(*count), ..kinds(&[row])[0].clone() }
             }).collect();
             let backlog = backlog(&items);
             let plan = plan(&kinds, &backlog);

@@ -10,12 +10,12 @@ use crate::DataId;
 pub(crate) struct Residency {
     capacity: u64,
     used: u64,
-    held: BTreeMap<DataId, Held>,
+    held: BTreeMap<DataId, ResidentData>,
     uses: u64,
 }
 
 #[derive(Debug)]
-struct Held {
+struct ResidentData {
     bytes: u64,
     last_use: u64,
     /// Packets under way that need it.
@@ -62,7 +62,7 @@ impl Residency {
             evicted.extend(Some(self.evict_oldest()?));
         }
         self.used += data.bytes;
-        self.held.insert(data.id, Held { bytes: data.bytes, last_use: self.uses, pins: 1 });
+        self.held.insert(data.id, ResidentData { bytes: data.bytes, last_use: self.uses, pins: 1 });
         Some(Admission { evicted, moved_bytes: data.bytes })
     }
 

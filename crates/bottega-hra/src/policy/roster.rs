@@ -4,7 +4,7 @@ use super::unit::{Data, Meta};
 use crate::{Primitive, PrimitiveSet, ResourceDescriptor, ResourceId};
 
 /// The capabilities of all resources that were not given up.
-pub(crate) struct Roster {
+pub(crate) struct Capabilities {
     able: Vec<PrimitiveSet>,
     memory: Vec<u64>,
     counts: [u32; Primitive::COUNT],
@@ -12,7 +12,7 @@ pub(crate) struct Roster {
     roomiest: [u64; Primitive::COUNT],
 }
 
-impl Roster {
+impl Capabilities {
     pub(crate) fn new(descriptors: &[ResourceDescriptor]) -> Self {
         let able = descriptors.iter().map(|descriptor| descriptor.primitives).collect();
         let memory = descriptors.iter().map(|descriptor| descriptor.memory_bytes.unwrap_or(u64::MAX)).collect();

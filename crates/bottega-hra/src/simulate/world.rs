@@ -63,14 +63,14 @@ impl Outcome {
 ///
 /// Every unit can be tried again, as one with a [`Work::backup`](crate::Work::backup).
 pub fn simulate(config: HraConfig, models: &[Model], load: &Load, costs: &CostBook, seed: u64) -> Outcome {
-    let mut world = World::new(config, models, load, costs, seed);
+    let mut world = VirtualWorld::new(config, models, load, costs, seed);
     world.run();
     world.outcome()
 }
 
 /// What happens at some time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Event {
+enum WorldEvent {
     /// All of the load from this place on that has the same time is submitted.
     Arrive(usize),
     CancelAll,
@@ -84,7 +84,7 @@ enum Event {
     Tick,
 }
 
-struct World<'a> {
+struct VirtualWorld<'a> {
     core: Core<usize>,
     devices: Vec<Device>,
     ledgers: Vec<Ledger<usize>>,
@@ -98,7 +98,7 @@ struct World<'a> {
     waiting_max: usize,
     /// By lane and packet: how it will end.
     fates: Vec<BTreeMap<u64, Option<Fault>>>,
-    events: BinaryHeap<Reverse<(Time, u64, Event)>>,
+    events: BinaryHeap<Reverse<(Time, u64, WorldEvent)>>,
     event_count: u64,
     next_tick: Time,
     to_ask: VecDeque<ResourceId>,
@@ -107,7 +107,7 @@ struct World<'a> {
     end: Time,
 }
 
-impl<'a> World<'a> {
+impl<'a> VirtualWorld<'a> {
     fn new(config: HraConfig, models: &[Model], load: &'a Load, costs: &CostBook, seed: u64) -> Self {
         let described = models.iter().map(|model| (model.descriptor(), model.window)).collect();
         let count = load.arrivals.len();
@@ -133,15 +133,15 @@ impl<'a> World<'a> {
             end: Time::ZERO,
         };
         if let Some(first) = load.arrivals.first() {
-            world.schedule(first.at, Event::Arrive(0));
+            world.schedule(first.at, WorldEvent::Arrive(0));
         }
         for &at in &load.cancelled {
-            world.schedule(at, Event::CancelAll);
+            world.schedule(at, WorldEvent::CancelAll);
         }
         world
     }
 
-    fn schedule(&mut self, at: Time, event: Event) {
+    fn schedule(&mut self, at: Time, event: WorldEvent) {
         self.event_count += 1;
         self.events.push(Reverse((at.max(self.now), self.event_count, event)));
     }
@@ -168,10 +168,10 @@ impl<'a> World<'a> {
         }
     }
 
-    fn happen(&mut self, event: Event) {
+    fn happen(&mut self, event: WorldEvent) {
         match event {
-            Event::Arrive(from) => self.arrive(from),
-            Event::CancelAll => {
+            WorldEvent::Arrive(from) => self.arrive(from),
+            WorldEvent::CancelAll => {
                 for unit in self.core.cancel(|_| true) {
                     self.answer(unit.load, None, None);
                 }
@@ -182,13 +182,13 @@ impl<'a> World<'a> {
                     self.answer(index, None, None);
                 }
             }
-            Event::Reply { lane, sequence, generation } => {
+            WorldEvent::Reply { lane, sequence, generation } => {
                 if self.devices[lane as usize].generation == generation {
                     self.reply(ResourceId(lane), sequence);
                 }
             }
-            Event::Ask(lane) => self.to_ask.push_back(ResourceId(lane)),
-            Event::Tick => {
+            WorldEvent::Ask(lane) => self.to_ask.push_back(ResourceId(lane)),
+            WorldEvent::Tick => {
                 self.next_tick = Time::NEVER;
                 self.with_core(Core::tick);
             }
@@ -229,7 +229,7 @@ impl<'a> World<'a> {
             && next < self.next_tick
         {
             self.next_tick = next;
-            self.schedule(next, Event::Tick);
+            self.schedule(next, WorldEvent::Tick);
         }
     }
 
@@ -247,7 +247,7 @@ impl<'a> World<'a> {
             self.outside.push_back((index, announced));
         }
         if let Some(next) = self.load.get(from + group) {
-            self.schedule(next.at, Event::Arrive(from + group));
+            self.schedule(next.at, WorldEvent::Arrive(from + group));
         }
     }
 
@@ -301,7 +301,7 @@ impl<'a> World<'a> {
                 }
                 Next::Wait(until) => {
                     if let Some(until) = until {
-                        self.schedule(until, Event::Ask(id.0));
+                        self.schedule(until, WorldEvent::Ask(id.0));
                     }
                     return;
                 }
@@ -334,13 +334,13 @@ impl<'a> World<'a> {
         self.ledgers[id.index()].enter(sequence, units);
         self.fates[id.index()].insert(sequence, fault);
         if let Some(at) = at {
-            self.schedule(at, Event::Reply { lane: id.0, sequence, generation: after });
+            self.schedule(at, WorldEvent::Reply { lane: id.0, sequence, generation: after });
         }
         // Who dies takes along what else it had in hand.
         if is_far && after != before && fault == Some(Fault::Died) {
             for other in self.ledgers[id.index()].sequences() {
                 self.fates[id.index()].insert(other, Some(Fault::Died));
-                self.schedule(self.now, Event::Reply { lane: id.0, sequence: other, generation: after });
+                self.schedule(self.now, WorldEvent::Reply { lane: id.0, sequence: other, generation: after });
             }
         }
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::settle::Attempt;
-use super::shared::{Job, LaneEnd, Shared};
+use super::shared::{AllocatorState, LaneEnd, UnitPayload};
 use super::sync::lock;
 use crate::policy::core::{Next, Packet};
 use crate::policy::incident::Fault;
@@ -23,7 +23,7 @@ const STRETCH_MAX: usize = 16;
 const ASK_MEMORY_EVERY: u64 = 64;
 
 /// Serves `resource` until the allocator is shut down or the resource given up.
-pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: &mut dyn Resource<W>) {
+pub(crate) fn drive<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, resource: &mut dyn Resource<W>) {
     let lane = &shared.lanes[id.index()];
     lane.post.man();
     let mut next = shared.with_core(|core, now, out| core.next(now, id, out));
@@ -51,11 +51,11 @@ pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: 
 
 /// Does a packet. Returns what to do next.
 fn serve<W: Work>(
-    shared: &Shared<W>,
+    shared: &AllocatorState<W>,
     id: ResourceId,
     resource: &mut dyn Resource<W>,
-    packet: Packet<Job<W>>,
-) -> Next<Job<W>> {
+    packet: Packet<UnitPayload<W>>,
+) -> Next<UnitPayload<W>> {
     let Packet { sequence, mut units, evicted, deadline } = packet;
     let lane = &shared.lanes[id.index()];
     for data in evicted {
@@ -128,8 +128,8 @@ fn perform<W: Work>(resource: &mut dyn Resource<W>, works: Vec<W>) -> (Vec<(Atte
 }
 
 /// Takes out the works, which move to the resource; their backups stay behind.
-pub(crate) fn take_works<W: Work>(units: &mut [Unit<Job<W>>]) -> Vec<W> {
-    let take = |unit: &mut Unit<Job<W>>| {
+pub(crate) fn take_works<W: Work>(units: &mut [Unit<UnitPayload<W>>]) -> Vec<W> {
+    let take = |unit: &mut Unit<UnitPayload<W>>| {
         let work = unit.load.work.take()?;
         unit.load.work = catch_unwind(AssertUnwindSafe(|| work.backup())).unwrap_or(None);
         Some(work)
@@ -141,7 +141,7 @@ pub(crate) fn take_works<W: Work>(units: &mut [Unit<Job<W>>]) -> Vec<W> {
 
 /// Asks a resource to recover; a panic is taken for a no. Nobody waits for one that does not answer, nor for one that says no.
 pub(crate) fn recover<W: Work>(
-    shared: &Shared<W>,
+    shared: &AllocatorState<W>,
     id: ResourceId,
     recover: impl FnOnce() -> Result<(), String>,
 ) -> Result<(), String> {

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use super::direct::{quietly, recover, take_works};
 use super::settle::{Attempt, lost};
-use super::shared::Shared;
+use super::shared::{AllocatorState, PacketAnswer};
 use super::sync::lock;
 use crate::policy::core::Next;
 use crate::policy::incident::Fault;
@@ -43,25 +43,6 @@ pub trait WindowedResource<W: Work>: Send {
     }
 }
 
-/// Bounds of what is under way to a far resource. Within them the allocator finds the least that keeps it busy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
-    /// Packets that may be under way at once; at least 1.
-    pub packets: usize,
-    /// Most units in a packet; at least 1.
-    pub units_per_packet: usize,
-    /// A packet without an answer for so long is lost, and with it the resource, until it has recovered; sooner where
-    /// it is known how long it should take, or when it is the last that is waited for and others could have done it long
-    /// since. Also the longest time that shutting down waits for it.
-    pub patience: Duration,
-}
-
-impl Default for Window {
-    fn default() -> Self {
-        Self { packets: 256, units_per_packet: 1024, patience: Duration::from_secs(10) }
-    }
-}
-
 /// Units that travel together.
 pub struct Packet<W: Work> {
     /// Number of the packet; counts up by one for each that is sent to this resource.
@@ -74,7 +55,7 @@ pub struct Packet<W: Work> {
 
 /// Takes the results of one packet. Dropped without use, it says that the packet is lost.
 pub struct Reply<W: Work> {
-    shared: Arc<Shared<W>>,
+    shared: Arc<AllocatorState<W>>,
     lane: ResourceId,
     sequence: u64,
     answered: bool,
@@ -108,7 +89,7 @@ impl<W: Work> Reply<W> {
 
     fn answer(&mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, busy: Option<Duration>, fault: Fault) {
         self.answered = true;
-        let answer = Answer { sequence: self.sequence, outcomes, busy, fault };
+        let answer = PacketAnswer { sequence: self.sequence, outcomes, busy, fault };
         let lane = &self.shared.lanes[self.lane.index()];
         lock(&lane.inbox).push(answer);
         lane.post.wake();
@@ -123,23 +104,14 @@ impl<W: Work> Drop for Reply<W> {
     }
 }
 
-/// What came back of a packet.
-pub(crate) struct Answer<W: Work> {
-    sequence: u64,
-    outcomes: Vec<Result<W::Output, Failed<W>>>,
-    busy: Option<Duration>,
-    /// What it means if a unit came back undone.
-    fault: Fault,
-}
-
 /// Serves `resource` until the allocator is shut down or the resource given up.
-pub(crate) fn drive<W: Work>(shared: &Arc<Shared<W>>, id: ResourceId, resource: &mut dyn WindowedResource<W>) {
+pub(crate) fn drive<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, resource: &mut dyn WindowedResource<W>) {
     shared.lanes[id.index()].post.man();
     Driver { shared, id, resource, sent: BTreeMap::new() }.run();
 }
 
 struct Driver<'a, W: Work> {
-    shared: &'a Arc<Shared<W>>,
+    shared: &'a Arc<AllocatorState<W>>,
     id: ResourceId,
     resource: &'a mut dyn WindowedResource<W>,
     /// When the packets under way were sent.
@@ -174,7 +146,7 @@ impl<W: Work> Driver<'_, W> {
         }
     }
 
-    fn send(&mut self, packet: crate::policy::core::Packet<super::shared::Job<W>>) {
+    fn send(&mut self, packet: crate::policy::core::Packet<super::shared::UnitPayload<W>>) {
         let lane = &self.shared.lanes[self.id.index()];
         for data in packet.evicted {
             quietly(|| self.resource.evict(data));
@@ -192,8 +164,8 @@ impl<W: Work> Driver<'_, W> {
     }
 
     /// Settles the units of a packet.
-    fn read(&mut self, answer: Answer<W>) {
-        let Answer { sequence, outcomes, busy, fault } = answer;
+    fn read(&mut self, answer: PacketAnswer<W>) {
+        let PacketAnswer { sequence, outcomes, busy, fault } = answer;
         let sent = self.sent.remove(&sequence).unwrap_or_default();
         let Some(units) = lock(&self.shared.lanes[self.id.index()].ledger).settle(sequence) else {
             return; // Given up before; its units are done elsewhere.

@@ -5,6 +5,7 @@
 //! once a unit, and what is done under it goes by chunks of units. No code of the user runs under any lock, and no two
 //! locks are held together but the policy's and that of an inlet, or of the list of clients.
 
+pub(crate) mod alarm;
 pub(crate) mod clients;
 pub(crate) mod direct;
 pub(crate) mod far;

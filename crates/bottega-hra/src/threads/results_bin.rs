@@ -11,13 +11,13 @@ use crate::Completed;
 
 /// Unbounded, as in the paper: the work bin is what holds the client back.
 pub(crate) struct ResultsBin<O> {
-    state: Mutex<State<O>>,
+    state: Mutex<ResultsState<O>>,
     arrived: Condvar,
     /// Units that were ever submitted, or are being so.
     expected: AtomicUsize,
 }
 
-struct State<O> {
+struct ResultsState<O> {
     /// As they came, none empty: the answers of a packet together, so that many cost no more than one to put in.
     batches: VecDeque<vec::IntoIter<Completed<O>>>,
     /// Units, of those expected, whose answer was taken or will not come.
@@ -26,7 +26,7 @@ struct State<O> {
     takers: usize,
 }
 
-impl<O> State<O> {
+impl<O> ResultsState<O> {
     fn drop_empty(&mut self) {
         self.batches.pop_front_if(|front| front.len() == 0);
     }
@@ -34,11 +34,11 @@ impl<O> State<O> {
 
 impl<O> ResultsBin<O> {
     pub(crate) fn new() -> Self {
-        let state = State { batches: VecDeque::new(), settled: 0, takers: 0 };
+        let state = ResultsState { batches: VecDeque::new(), settled: 0, takers: 0 };
         Self { state: Mutex::new(state), arrived: Condvar::new(), expected: AtomicUsize::new(0) }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State<O>> {
+    fn lock(&self) -> MutexGuard<'_, ResultsState<O>> {
         lock(&self.state)
     }
 
@@ -54,7 +54,7 @@ impl<O> ResultsBin<O> {
     }
 
     /// So many units are not outstanding any more; if none is, nobody need wait.
-    fn settle(&self, state: &mut State<O>, count: usize) {
+    fn settle(&self, state: &mut ResultsState<O>, count: usize) {
         state.settled += count;
         if state.takers > 0 && self.left(state) == 0 {
             self.arrived.notify_all();
@@ -62,7 +62,7 @@ impl<O> ResultsBin<O> {
     }
 
     /// Units whose answer is still to be taken.
-    fn left(&self, state: &State<O>) -> usize {
+    fn left(&self, state: &ResultsState<O>) -> usize {
         self.expected.load(Ordering::SeqCst) - state.settled
     }
 
@@ -112,7 +112,7 @@ impl<O> ResultsBin<O> {
     }
 
     /// Waits until there is an answer. `None`: none came until `deadline`, or none is outstanding.
-    fn filled(&self, deadline: Option<Instant>) -> Option<MutexGuard<'_, State<O>>> {
+    fn filled(&self, deadline: Option<Instant>) -> Option<MutexGuard<'_, ResultsState<O>>> {
         let mut state = self.lock();
         while state.batches.is_empty() {
             if self.left(&state) == 0 {

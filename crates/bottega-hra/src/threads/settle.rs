@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::clients::{ClientId, Clients};
-use super::shared::{Job, LaneEnd, Shared};
+use super::shared::{AllocatorState, LaneEnd, UnitPayload};
 use super::sync::lock;
 use crate::policy::core::{Core, Landed, Landing, Out};
 use crate::policy::faults::GiveUp;
@@ -33,7 +33,7 @@ pub(crate) struct Settled<W: Work> {
 
 /// A unit that was not done; it can be done again if it has its work.
 struct Undone<W: Work> {
-    unit: Unit<Job<W>>,
+    unit: Unit<UnitPayload<W>>,
     /// Why, if it was tried.
     failed: Option<String>,
 }
@@ -67,12 +67,12 @@ impl<W: Work> Mail<W> {
     }
 }
 
-impl<W: Work> Shared<W> {
+impl<W: Work> AllocatorState<W> {
     /// Prepares the answers to what was done, and sorts the rest. `sent` is when the packet went out, `busy` the time of each unit.
     pub(crate) fn sort(
         &self,
         id: ResourceId,
-        units: Vec<Unit<Job<W>>>,
+        units: Vec<Unit<UnitPayload<W>>>,
         attempts: impl IntoIterator<Item = (Attempt<W>, Duration)>,
         sent: Time,
     ) -> Settled<W> {
@@ -120,7 +120,7 @@ impl<W: Work> Shared<W> {
         id: ResourceId,
         sequence: u64,
         settled: Settled<W>,
-        then: impl FnOnce(&mut Core<Job<W>>, Time, &mut Out<Job<W>>) -> R,
+        then: impl FnOnce(&mut Core<UnitPayload<W>>, Time, &mut Out<UnitPayload<W>>) -> R,
     ) -> (Option<Landed>, R) {
         let Settled { landing, undone, mail } = settled;
         let mut answers = Vec::new();
@@ -139,19 +139,19 @@ impl<W: Work> Shared<W> {
     /// Puts back what can be tried again. Returns the rest, and why.
     fn try_again(
         &self,
-        core: &mut Core<Job<W>>,
+        core: &mut Core<UnitPayload<W>>,
         now: Time,
         id: ResourceId,
         undone: Vec<Undone<W>>,
         blamed: bool,
-        out: &mut Out<Job<W>>,
-    ) -> Vec<Answer<W>> {
+        out: &mut Out<UnitPayload<W>>,
+    ) -> Vec<AbandonedUnit<W>> {
         let mut answers = Vec::new();
         for Undone { unit, failed } in undone {
             let blamed = blamed && failed.is_some();
             let reason = failed.unwrap_or_default();
             if unit.load.work.is_none() {
-                answers.push(Answer { unit, error: UnitError::Lost { reason } });
+                answers.push(AbandonedUnit { unit, error: UnitError::Lost { reason } });
                 continue;
             }
             // A client that goes says so before it empties the bin, so either this sees it or that finds the unit.
@@ -165,15 +165,15 @@ impl<W: Work> Shared<W> {
                     GiveUp::Closed => UnitError::Closed,
                     GiveUp::Expired => UnitError::Expired,
                 };
-                answers.push(Answer { unit, error });
+                answers.push(AbandonedUnit { unit, error });
             }
         }
         answers
     }
 
-    fn answer_failed(&self, id: ResourceId, answers: Vec<Answer<W>>) {
+    fn answer_failed(&self, id: ResourceId, answers: Vec<AbandonedUnit<W>>) {
         let now = self.now();
-        for Answer { unit, error } in answers {
+        for AbandonedUnit { unit, error } in answers {
             let mut mail = Mail::<W>(Vec::new());
             mail.add(unit.load.client, completed(&unit, Err(error), Some(id), now, Duration::ZERO), 0);
             drop(unit); // Before its answer is there: it may hold what the client waits for.
@@ -182,7 +182,7 @@ impl<W: Work> Shared<W> {
     }
 
     /// Answers units that no resource has now; by default because nobody is left to do them.
-    pub(crate) fn answer_unstarted(&self, units: Vec<Unit<Job<W>>>, error: Option<&UnitError>) {
+    pub(crate) fn answer_unstarted(&self, units: Vec<Unit<UnitPayload<W>>>, error: Option<&UnitError>) {
         let now = self.now();
         let mut mail = Mail::<W>(Vec::new());
         let mut more = units.len();
@@ -205,7 +205,7 @@ impl<W: Work> Shared<W> {
         let lane = &self.lanes[id.index()];
         let units = {
             let mut ledger = lock(&lane.ledger);
-            let lacks_backup = |units: &[Unit<Job<W>>]| units.iter().any(|unit| unit.load.work.is_none());
+            let lacks_backup = |units: &[Unit<UnitPayload<W>>]| units.iter().any(|unit| unit.load.work.is_none());
             if !lane.is_far && !self.room.is_closed() && ledger.look(sequence).is_some_and(lacks_backup) {
                 drop(ledger);
                 return self.with_core(|core, now, _| core.spare(now, id, sequence));
@@ -231,7 +231,7 @@ impl<W: Work> Shared<W> {
     /// A packet of which nobody knows how long it should take is all that is left to wait for: its units are done elsewhere if
     /// they can be done again.
     pub(crate) fn do_elsewhere(&self, id: ResourceId, sequence: u64) {
-        let can_be_done_again = |units: &[Unit<Job<W>>]| units.iter().all(|unit| unit.load.work.is_some());
+        let can_be_done_again = |units: &[Unit<UnitPayload<W>>]| units.iter().all(|unit| unit.load.work.is_some());
         if lock(&self.lanes[id.index()].ledger).look(sequence).is_some_and(can_be_done_again) {
             self.give_up(id, sequence);
         }
@@ -239,8 +239,8 @@ impl<W: Work> Shared<W> {
 }
 
 /// A unit that is not tried again, and why. What is left of its work is dropped outside of all locks.
-struct Answer<W: Work> {
-    unit: Unit<Job<W>>,
+struct AbandonedUnit<W: Work> {
+    unit: Unit<UnitPayload<W>>,
     error: UnitError,
 }
 
@@ -250,7 +250,7 @@ pub(crate) fn lost<W: Work>(reason: &str) -> Attempt<W> {
 }
 
 fn completed<W: Work>(
-    unit: &Unit<Job<W>>,
+    unit: &Unit<UnitPayload<W>>,
     output: Result<W::Output, UnitError>,
     resource: Option<ResourceId>,
     started: Time,

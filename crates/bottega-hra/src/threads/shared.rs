@@ -4,20 +4,20 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
+use super::alarm::Alarm;
 use super::clients::{ClientId, Clients};
-use super::far::Answer;
 use super::inlets::Inlets;
 use super::room::Room;
 use super::sync::{Post, lock, wait};
-use super::watch::Alarm;
 use crate::policy::core::{Core, Out};
+use crate::policy::incident::Fault;
 use crate::policy::ledger::Ledger;
 use crate::policy::time::Time;
 use crate::policy::unit::Unit;
-use crate::{Primitive, ResourceDescriptor, ResourceId, Work};
+use crate::{Failed, Primitive, ResourceDescriptor, ResourceId, Work};
 
 /// What a unit carries.
-pub(crate) struct Job<W: Work> {
+pub(crate) struct UnitPayload<W: Work> {
     /// What is to be done. While a resource has that, what to go back to if it is lost there: its backup, if any.
     pub(crate) work: Option<W>,
     /// Whose it is.
@@ -31,8 +31,17 @@ pub(crate) struct LanePost<W: Work> {
     pub(crate) descriptor: ResourceDescriptor,
     pub(crate) is_far: bool,
     pub(crate) post: Post,
-    pub(crate) ledger: Mutex<Ledger<Job<W>>>,
-    pub(crate) inbox: Mutex<Vec<Answer<W>>>,
+    pub(crate) ledger: Mutex<Ledger<UnitPayload<W>>>,
+    pub(crate) inbox: Mutex<Vec<PacketAnswer<W>>>,
+}
+
+/// What came back of a packet.
+pub(crate) struct PacketAnswer<W: Work> {
+    pub(crate) sequence: u64,
+    pub(crate) outcomes: Vec<Result<W::Output, Failed<W>>>,
+    pub(crate) busy: Option<Duration>,
+    /// What it means if a unit came back undone.
+    pub(crate) fault: Fault,
 }
 
 /// How the thread of a lane ends.
@@ -46,10 +55,10 @@ pub(crate) enum LaneEnd {
     Over,
 }
 
-pub(crate) struct Shared<W: Work> {
-    core: Mutex<Core<Job<W>>>,
+pub(crate) struct AllocatorState<W: Work> {
+    core: Mutex<Core<UnitPayload<W>>>,
     pub(crate) clients: Clients<W::Output>,
-    pub(crate) inlets: Inlets<Job<W>>,
+    pub(crate) inlets: Inlets<UnitPayload<W>>,
     pub(crate) room: Room,
     pub(crate) lanes: Vec<LanePost<W>>,
     pub(crate) alarm: Alarm,
@@ -64,8 +73,8 @@ pub(crate) struct Shared<W: Work> {
     pub(crate) max_delay_bound: Duration,
 }
 
-impl<W: Work> Shared<W> {
-    pub(crate) fn new(core: Core<Job<W>>, lanes: Vec<LanePost<W>>, max_delay_bound: Duration) -> Self {
+impl<W: Work> AllocatorState<W> {
+    pub(crate) fn new(core: Core<UnitPayload<W>>, lanes: Vec<LanePost<W>>, max_delay_bound: Duration) -> Self {
         let shared = Self {
             clients: Clients::new(),
             inlets: Inlets::new(),
@@ -89,7 +98,10 @@ impl<W: Work> Shared<W> {
     }
 
     /// Has the policy take in what was submitted and decide something; then does what follows from it.
-    pub(crate) fn with_core<R>(&self, decide: impl FnOnce(&mut Core<Job<W>>, Time, &mut Out<Job<W>>) -> R) -> R {
+    pub(crate) fn with_core<R>(
+        &self,
+        decide: impl FnOnce(&mut Core<UnitPayload<W>>, Time, &mut Out<UnitPayload<W>>) -> R,
+    ) -> R {
         let mut out = Out::default();
         let mut core = lock(&self.core);
         let now = self.now();
@@ -113,7 +125,7 @@ impl<W: Work> Shared<W> {
     }
 
     /// Empties the inlets. Returns how many units came.
-    fn take_in(&self, core: &mut Core<Job<W>>, now: Time, out: &mut Out<Job<W>>) -> usize {
+    fn take_in(&self, core: &mut Core<UnitPayload<W>>, now: Time, out: &mut Out<UnitPayload<W>>) -> usize {
         let mut units = 0;
         self.inlets.drain(|chunk| {
             units += chunk.len();
@@ -123,7 +135,7 @@ impl<W: Work> Shared<W> {
     }
 
     /// Lets submitters see what can be done.
-    pub(crate) fn publish(&self, core: &Core<Job<W>>) {
+    pub(crate) fn publish(&self, core: &Core<UnitPayload<W>>) {
         for primitive in Primitive::ALL {
             let most = core.most_data(primitive).map_or(0, |bytes| bytes.saturating_add(1));
             self.able[primitive.index()].store(most, Ordering::SeqCst);
@@ -143,7 +155,7 @@ impl<W: Work> Shared<W> {
         }
     }
 
-    fn follow(&self, out: Out<Job<W>>) {
+    fn follow(&self, out: Out<UnitPayload<W>>) {
         for id in out.wake {
             self.lanes[id.index()].post.wake();
         }
@@ -202,7 +214,7 @@ impl<W: Work> Shared<W> {
     }
 
     /// Takes out the units of a client that still wait.
-    pub(crate) fn cancel(&self, client: ClientId) -> Vec<Unit<Job<W>>> {
+    pub(crate) fn cancel(&self, client: ClientId) -> Vec<Unit<UnitPayload<W>>> {
         self.with_core(|core, _, _| core.cancel(|unit| unit.load.client == client))
     }
 }

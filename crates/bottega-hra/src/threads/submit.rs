@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::clients::ClientId;
 use super::results_bin::ResultsBin;
-use super::shared::{Job, Shared};
+use super::shared::{AllocatorState, UnitPayload};
 use crate::policy::time::Time;
 use crate::policy::unit::{Chunk, Data, Meta, Unit};
 use crate::{Closed, Primitive, SubmitError, TrySubmit, Work, WorkUnit};
@@ -20,7 +20,7 @@ pub(crate) struct Submitter<'a, O> {
     pub(crate) inlet: usize,
 }
 
-impl<W: Work> Shared<W> {
+impl<W: Work> AllocatorState<W> {
     pub(crate) fn submit(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) -> Result<(), SubmitError> {
         self.look_at(&unit.work)?;
         // Announced before it can be answered, so that a clone of the client that takes meanwhile waits for it.
@@ -116,7 +116,8 @@ impl<W: Work> Shared<W> {
         let now = self.now();
         let mut left = units.len();
         let mut first_expiry = Time::NEVER;
-        let mut chunks: Vec<Chunk<Job<W>>> = Vec::with_capacity(left.div_ceil(Chunk::<Job<W>>::UNITS_MAX));
+        let mut chunks: Vec<Chunk<UnitPayload<W>>> =
+            Vec::with_capacity(left.div_ceil(Chunk::<UnitPayload<W>>::UNITS_MAX));
         for unit in units {
             let unit = self.write_down(from.client, now, unit);
             first_expiry = first_expiry.min(unit.meta.expires);
@@ -131,7 +132,7 @@ impl<W: Work> Shared<W> {
     }
 
     /// Writes down what the policy must know of a unit.
-    fn write_down(&self, client: ClientId, now: Time, unit: WorkUnit<W>) -> Unit<Job<W>> {
+    fn write_down(&self, client: ClientId, now: Time, unit: WorkUnit<W>) -> Unit<UnitPayload<W>> {
         let WorkUnit { work, ticket, max_delay, priority, validity } = unit;
         let meta = Meta {
             primitive: work.primitive(),
@@ -144,7 +145,7 @@ impl<W: Work> Shared<W> {
             attempts: 0,
             failed_on: Vec::new(),
         };
-        Unit { meta, load: Job { work: Some(work), client, ticket } }
+        Unit { meta, load: UnitPayload { work: Some(work), client, ticket } }
     }
 
     fn tell_of_arrival(&self, first_expiry: Time) {
@@ -160,8 +161,8 @@ fn data_of<W: Work>(work: &W) -> Option<Data> {
 }
 
 /// What the client submitted, if it is not with a resource; its maximum delay cut to the allocator's bound.
-pub(crate) fn into_unit<W: Work>(unit: Unit<Job<W>>) -> Option<WorkUnit<W>> {
-    let Unit { meta, load: Job { work, ticket, .. } } = unit;
+pub(crate) fn into_unit<W: Work>(unit: Unit<UnitPayload<W>>) -> Option<WorkUnit<W>> {
+    let Unit { meta, load: UnitPayload { work, ticket, .. } } = unit;
     let validity = if meta.expires < Time::NEVER { meta.expires.since(meta.submitted) } else { Duration::MAX };
     let max_delay = meta.late.since(meta.submitted);
     Some(WorkUnit { work: work?, ticket, max_delay, priority: meta.priority, validity })

@@ -1,43 +1,14 @@
 //! The thread that sees to what time alone brings: units that expire, packets that are overdue.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 
-use super::shared::Shared;
-use super::sync::Post;
+use super::shared::AllocatorState;
 use crate::Work;
 use crate::policy::time::Time;
 
-/// When the watch wakes next.
-pub(crate) struct Alarm {
-    at: AtomicU64,
-    ended: AtomicBool,
-    post: Post,
-}
-
-impl Default for Alarm {
-    fn default() -> Self {
-        Self { at: AtomicU64::new(u64::MAX), ended: AtomicBool::new(false), post: Post::default() }
-    }
-}
-
-impl Alarm {
-    /// The watch must not wake later than that.
-    pub(crate) fn set(&self, at: Time) {
-        if self.at.load(Ordering::SeqCst) > at.nanos() && self.at.fetch_min(at.nanos(), Ordering::SeqCst) > at.nanos() {
-            self.post.wake();
-        }
-    }
-
-    /// Ends the watch.
-    pub(crate) fn end(&self) {
-        self.ended.store(true, Ordering::SeqCst);
-        self.post.wake();
-    }
-}
-
 /// Watches until it is ended.
-pub(crate) fn watch<W: Work>(shared: &Arc<Shared<W>>) {
+pub(crate) fn watch<W: Work>(shared: &Arc<AllocatorState<W>>) {
     let alarm = &shared.alarm;
     alarm.post.man();
     while !alarm.ended.load(Ordering::SeqCst) {

@@ -45,14 +45,14 @@ impl Likeness {
 
 /// What a layer's channels can be taken for, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Kind {
+enum ColorKind {
     Rgb,
     Xyz,
     Luminance,
 }
 
 /// Channels of one part whose names begin alike, up to their last dot.
-struct Layer<'a> {
+struct ChannelGroup<'a> {
     part: usize,
     /// With its dot; empty for none.
     prefix: &'a str,
@@ -60,7 +60,7 @@ struct Layer<'a> {
     channels: Vec<(usize, &'a str)>,
 }
 
-impl Layer<'_> {
+impl ChannelGroup<'_> {
     fn find(&self, name: &str) -> Option<usize> {
         self.channels.iter().find(|(_, last)| last.eq_ignore_ascii_case(name)).map(|&(index, _)| index)
     }
@@ -71,17 +71,17 @@ impl Layer<'_> {
     }
 
     /// The channels that are color, if any are.
-    fn color(&self, likeness: Likeness) -> Option<(Kind, [usize; 3])> {
+    fn color(&self, likeness: Likeness) -> Option<(ColorKind, [usize; 3])> {
         let rgb = self.triple(["R", "G", "B"]).or_else(|| self.triple(["red", "green", "blue"]));
         if let Some(channels) = rgb {
-            return Some((Kind::Rgb, channels));
+            return Some((ColorKind::Rgb, channels));
         }
         // Of other layers they are places, normals or motion.
         let xyz = self.triple(["X", "Y", "Z"]).filter(|_| likeness <= Likeness::Beauty);
         if let Some(channels) = xyz {
-            return Some((Kind::Xyz, channels));
+            return Some((ColorKind::Xyz, channels));
         }
-        self.find("Y").map(|channel| (Kind::Luminance, [channel; 3]))
+        self.find("Y").map(|channel| (ColorKind::Luminance, [channel; 3]))
     }
 }
 
@@ -95,10 +95,10 @@ pub(super) fn find_color(headers: &[Header]) -> Option<Color> {
         .collect();
     let part_name =
         |part: usize| headers[part].own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
-    let layers: Vec<Layer<'_>> =
+    let layers: Vec<ChannelGroup<'_>> =
         (0..headers.len()).filter(|&part| !headers[part].deep).flat_map(|part| layers(part, &names[part])).collect();
     // A part has a name in files of one part as well.
-    let label = |layer: &Layer<'_>| {
+    let label = |layer: &ChannelGroup<'_>| {
         let inner = layer.prefix.trim_matches('.');
         let outer = if headers.len() > 1 { part_name(layer.part) } else { String::new() };
         if outer.is_empty() || inner.is_empty() { outer + inner } else { format!("{outer}.{inner}") }
@@ -120,13 +120,13 @@ pub(super) fn find_color(headers: &[Header]) -> Option<Color> {
             _ => Some(format!("of its layers {} the color is taken from `{name}`", list(&others))),
         };
         let alpha = layer.find("A").or_else(|| layer.find("alpha"));
-        return Some(Color { part: layer.part, channels, alpha, is_xyz: kind == Kind::Xyz, note });
+        return Some(Color { part: layer.part, channels, alpha, is_xyz: kind == ColorKind::Xyz, note });
     }
     single(&layers, &names)
 }
 
 /// The one channel of a file that is no alpha, as gray.
-fn single(layers: &[Layer<'_>], names: &[Vec<String>]) -> Option<Color> {
+fn single(layers: &[ChannelGroup<'_>], names: &[Vec<String>]) -> Option<Color> {
     let is_alpha = |name: &str| name.eq_ignore_ascii_case("A") || name.eq_ignore_ascii_case("alpha");
     let channels = layers.iter().flat_map(|layer| layer.channels.iter().map(move |channel| (layer, channel)));
     let mut values = channels.filter(|(_, (_, last))| !is_alpha(last));
@@ -145,13 +145,13 @@ fn single(layers: &[Layer<'_>], names: &[Vec<String>]) -> Option<Color> {
 }
 
 /// The layers of a part, in the order of its channels.
-fn layers(part: usize, names: &[String]) -> Vec<Layer<'_>> {
-    let mut layers: Vec<Layer<'_>> = Vec::new();
+fn layers(part: usize, names: &[String]) -> Vec<ChannelGroup<'_>> {
+    let mut layers: Vec<ChannelGroup<'_>> = Vec::new();
     for (index, name) in names.iter().enumerate() {
         let (prefix, last) = name.split_at(name.rfind('.').map_or(0, |dot| dot + 1));
         match layers.iter_mut().find(|layer| layer.prefix == prefix) {
             Some(layer) => layer.channels.push((index, last)),
-            None => layers.push(Layer { part, prefix, channels: vec![(index, last)] }),
+            None => layers.push(ChannelGroup { part, prefix, channels: vec![(index, last)] }),
         }
     }
     layers

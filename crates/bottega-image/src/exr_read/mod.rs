@@ -25,7 +25,7 @@ use crate::{
     ImageError, Metadata, Picture,
     colorimetry::{Chromaticities, Conversion, WhitePoint},
     limits::{Packing, check_announced},
-    read::{ImageFile, Source, file_bytes},
+    source::{ImageFile, PictureSource, file_bytes},
 };
 
 /// The most bytes that one compressed block of a file may unfold to.
@@ -36,7 +36,7 @@ pub type Planes = Vec<Option<Vec<f32>>>;
 
 /// What is wanted of a file beside its color.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Wanted<'a> {
+pub(crate) struct WantedChannels<'a> {
     /// Full names of further channels.
     pub(crate) names: &'a [String],
     pub(crate) alpha: bool,
@@ -56,7 +56,7 @@ pub(crate) struct Read {
 pub(crate) struct Described {
     color: Color,
     /// Columns and rows of the data window, its upper left corner, and columns and rows of the display window.
-    window: Window,
+    window: ExrWindow,
 }
 
 impl Described {
@@ -64,20 +64,20 @@ impl Described {
         self.color.alpha.is_some()
     }
 
-    pub(crate) fn window(&self) -> Window {
+    pub(crate) fn window(&self) -> ExrWindow {
         self.window
     }
 }
 
 /// The pixels that a file holds, and where they lie in the whole picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Window {
+pub(crate) struct ExrWindow {
     pub(crate) size: (u32, u32),
     pub(crate) offset: (i32, i32),
     pub(crate) full_size: (u32, u32),
 }
 
-impl Window {
+impl ExrWindow {
     fn of(header: &Header) -> Self {
         let position = header.own_attributes.layer_position;
         let display = header.shared_attributes.display_window;
@@ -90,17 +90,17 @@ impl Window {
 }
 
 /// Chooses the color of a file and checks its size; allocates nothing by it.
-pub(crate) fn describe<R: BufRead + Seek>(source: &Source<'_>, mut input: R) -> Result<Described, ImageError> {
+pub(crate) fn describe<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) -> Result<Described, ImageError> {
     let bytes_of_file = file_bytes(source, &mut input)?;
     let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
     let headers = reader.headers();
     let color = choose(source, headers)?;
     headers.iter().try_for_each(|header| check_header(source, header, bytes_of_file))?;
-    let window = Window::of(&headers[color.part]);
+    let window = ExrWindow::of(&headers[color.part]);
     Ok(Described { color, window })
 }
 
-fn choose(source: &Source<'_>, headers: &[Header]) -> Result<Color, ImageError> {
+fn choose(source: &PictureSource<'_>, headers: &[Header]) -> Result<Color, ImageError> {
     find_color(headers).ok_or_else(|| ImageError::NoColor {
         path: source.path.to_owned(),
         found: headers.iter().flat_map(|h| &h.channels.list).map(|c| c.name.to_string()).collect::<Vec<_>>().join(", "),
@@ -108,7 +108,7 @@ fn choose(source: &Source<'_>, headers: &[Header]) -> Result<Color, ImageError> 
 }
 
 /// What a part announces must be within the limits, and within what the file can hold.
-fn check_header(source: &Source<'_>, header: &Header, file_bytes: u64) -> Result<(), ImageError> {
+fn check_header(source: &PictureSource<'_>, header: &Header, file_bytes: u64) -> Result<(), ImageError> {
     let size = (header.layer_size.0 as u64, header.layer_size.1 as u64);
     source.check_size(size.0, size.1)?;
     if block_bytes(header) > MAX_BLOCK_BYTES {
@@ -137,9 +137,9 @@ fn packing(compression: Compression) -> Packing {
 
 /// The color of a file, and what else is wanted of it.
 pub(crate) fn read<R: BufRead + Seek>(
-    source: &Source<'_>,
+    source: &PictureSource<'_>,
     mut input: R,
-    wanted: Wanted<'_>,
+    wanted: WantedChannels<'_>,
 ) -> Result<Read, ImageError> {
     let bytes_of_file = file_bytes(source, &mut input)?;
     let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
@@ -151,7 +151,7 @@ pub(crate) fn read<R: BufRead + Seek>(
     let conversion = conversion(header, &color, source.white_point, &mut notes);
 
     let targets = targets(&headers, &color, wanted);
-    let window = Window::of(header);
+    let window = ExrWindow::of(header);
     let count = header.layer_size.0 * header.layer_size.1;
     let plane = |to: To| targets.iter().any(|target| target.to == to).then(|| vec![0.0; count]);
     let mut canvas = Canvas {
@@ -161,7 +161,7 @@ pub(crate) fn read<R: BufRead + Seek>(
     };
     read_blocks(source, reader, &headers, &targets, &mut canvas)?;
     conversion.apply(&mut canvas.picture.data);
-    let Window { offset, full_size, .. } = window;
+    let ExrWindow { offset, full_size, .. } = window;
     let file = ImageFile { picture: canvas.picture, offset, full_size, metadata: metadata(header) };
     Ok(Read { file, planes: canvas.planes, alpha: canvas.alpha, notes })
 }
@@ -183,7 +183,7 @@ fn conversion(header: &Header, color: &Color, white_point: WhitePoint, notes: &m
 }
 
 /// The channels to read. A part of another size is another picture.
-fn targets(headers: &[Header], color: &Color, wanted: Wanted<'_>) -> Vec<Target> {
+fn targets(headers: &[Header], color: &Color, wanted: WantedChannels<'_>) -> Vec<Target> {
     let (part, size) = (color.part, headers[color.part].layer_size);
     let components = color.channels.iter().enumerate();
     let mut targets: Vec<Target> = components.map(|(i, &channel)| Target { part, channel, to: To::Color(i) }).collect();
@@ -199,7 +199,7 @@ fn targets(headers: &[Header], color: &Color, wanted: Wanted<'_>) -> Vec<Target>
 
 /// Reads all blocks with targets into the canvas, which must then be covered.
 fn read_blocks<R: BufRead + Seek>(
-    source: &Source<'_>,
+    source: &PictureSource<'_>,
     reader: exr::block::reader::Reader<R>,
     headers: &[Header],
     targets: &[Target],
@@ -270,7 +270,7 @@ fn find_channel(headers: &[Header], first: usize, name: &str) -> Option<(usize, 
     })
 }
 
-fn failed(source: &Source<'_>, error: Error) -> ImageError {
+fn failed(source: &PictureSource<'_>, error: Error) -> ImageError {
     match error {
         Error::Io(io) => ImageError::read(source.path, io),
         Error::Invalid(what) if what == "reference to missing bytes" => {

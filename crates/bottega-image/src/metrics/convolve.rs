@@ -2,12 +2,12 @@
 
 /// One value a pixel, row-major.
 #[derive(Clone)]
-pub(super) struct Plane {
+pub(super) struct FloatPlane {
     pub(super) width: usize,
     pub(super) values: Vec<f32>,
 }
 
-impl Plane {
+impl FloatPlane {
     pub(super) fn new(width: usize, values: Vec<f32>) -> Self {
         Self { width, values }
     }
@@ -67,7 +67,7 @@ mod tests {
             ky in prop::collection::vec(-1.0f32..1.0, 3),
         ) {
             let values: Vec<f32> = (0..width * height).map(|i| ((i * 37) % 11) as f32).collect();
-            let plane = Plane::new(width, values);
+            let plane = FloatPlane::new(width, values);
             let result = plane.convolved(&kx, &ky);
             let at = |x: i64, y: i64| {
                 let (x, y) = (x.clamp(0, width as i64 - 1) as usize, y.clamp(0, height as i64 - 1) as usize);

@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use super::{check_sizes, convolve::Plane};
+use super::{check_sizes, convolve::FloatPlane};
 use crate::{ImageError, Picture, ToneMap, luminance, tone::displayed};
 
 /// How the pictures are looked at.
@@ -60,7 +60,8 @@ pub fn flip(reference: &Picture, test: &Picture, options: &FlipOptions) -> Resul
     let kernels = Kernels::new(options.pixels_per_degree);
     let width = reference.width as usize;
     let at = |show: &dyn Fn([f32; 3]) -> [f32; 3]| {
-        let seen = |picture: &Picture| Seen::new(&kernels, width, picture.data.iter().map(|&color| show(color)));
+        let seen =
+            |picture: &Picture| PerceivedPicture::new(&kernels, width, picture.data.iter().map(|&color| show(color)));
         difference(&seen(reference), &seen(test))
     };
     let map = match options.view {
@@ -168,21 +169,21 @@ fn balanced(kernel: &[f64]) -> Vec<f32> {
 }
 
 /// What the eye makes of a picture.
-struct Seen {
+struct PerceivedPicture {
     /// CIELAB with Hunt's adjustment, after the filters of contrast sensitivity.
     lab: Vec<[f32; 3]>,
     /// Strength of edges and of points.
     features: Vec<[f32; 2]>,
 }
 
-impl Seen {
+impl PerceivedPicture {
     /// Looks at linear display values in [0, 1].
     fn new(kernels: &Kernels, width: usize, colors: impl Iterator<Item = [f32; 3]>) -> Self {
         let opponent: Vec<[f32; 3]> = colors.map(opponent_from_rgb).collect();
-        let channel = |c: usize| Plane::new(width, opponent.iter().map(|value| value[c]).collect());
-        let filtered: [Plane; 3] = std::array::from_fn(|c| {
+        let channel = |c: usize| FloatPlane::new(width, opponent.iter().map(|value| value[c]).collect());
+        let filtered: [FloatPlane; 3] = std::array::from_fn(|c| {
             let plane = channel(c);
-            let parts: Vec<Plane> = kernels.sensitivity[c].iter().map(|k| plane.convolved(k, k)).collect();
+            let parts: Vec<FloatPlane> = kernels.sensitivity[c].iter().map(|k| plane.convolved(k, k)).collect();
             let mut parts = parts.into_iter();
             let mut sum = parts.next().expect("every channel has a kernel");
             for part in parts {
@@ -197,7 +198,7 @@ impl Seen {
             })
             .collect();
 
-        let gray = Plane::new(width, opponent.iter().map(|value| (value[0] + 16.0) / 116.0).collect());
+        let gray = FloatPlane::new(width, opponent.iter().map(|value| (value[0] + 16.0) / 116.0).collect());
         let (g, edge, point) = (&kernels.gaussian, &kernels.edge, &kernels.point);
         let strength = |kernel: &[f32]| -> Vec<f32> {
             let (x, y) = (gray.convolved(kernel, g), gray.convolved(g, kernel));
@@ -209,7 +210,7 @@ impl Seen {
 }
 
 /// 2020, §4.1.3, §4.2 and §4.3: difference of color, made larger where edges or points differ.
-fn difference(reference: &Seen, test: &Seen) -> Vec<f32> {
+fn difference(reference: &PerceivedPicture, test: &PerceivedPicture) -> Vec<f32> {
     const COLOR_EXPONENT: f32 = 0.7;
     const KNEE: f32 = 0.4;
     const KNEE_ERROR: f32 = 0.95;

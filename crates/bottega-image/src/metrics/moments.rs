@@ -103,24 +103,18 @@ fn erfc_of_positive(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use bottega_kernels::SplitMix64;
+
     use super::*;
 
-    /// A generator of numbers from 0 to 1 (splitmix64).
-    fn uniform(state: &mut u64) -> f64 {
-        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
     /// Moments of pictures of 2000 pixels, 64 uniform samples each, scaled by `factor`.
-    fn sampled(mut seed: u64, factor: f64) -> Vec<Moments> {
+    fn sampled(seed: u64, factor: f64) -> Vec<Moments> {
+        let mut numbers = SplitMix64::new(seed);
         let samples = 64.0;
         (0..2000)
             .map(|pixel| {
                 let brightness = factor * f64::from(1 + pixel % 7);
-                let values: Vec<f64> = (0..64).map(|_| brightness * uniform(&mut seed)).collect();
+                let values: Vec<f64> = (0..64).map(|_| brightness * numbers.unit()).collect();
                 let mean = values.iter().sum::<f64>() / samples;
                 let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (samples - 1.0);
                 Moments { mean, variance, samples }

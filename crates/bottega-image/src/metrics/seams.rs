@@ -46,8 +46,8 @@ pub fn seams(picture: &Picture, reference: Option<&Picture>, zones: &[Rect]) -> 
     if let Some(reference) = reference {
         check_sizes(reference, picture)?;
     }
-    let field = Field::new(picture, reference, zones);
-    let mut found = Found::default();
+    let field = SeamField::new(picture, reference, zones);
+    let mut found = SeamTally::default();
     for edge in field.edges() {
         found.judge(&field, &edge);
     }
@@ -55,7 +55,7 @@ pub fn seams(picture: &Picture, reference: Option<&Picture>, zones: &[Rect]) -> 
 }
 
 /// A piece of an edge. In a direction across it, pixel `at − 1` is the last of one zone and pixel `at` the first of another.
-struct Piece {
+struct EdgePiece {
     is_upright: bool,
     at: i64,
     /// First place along the edge, and the one past the last.
@@ -63,7 +63,7 @@ struct Piece {
 }
 
 /// Values that seams are looked for in, and which zone each is in.
-struct Field {
+struct SeamField {
     width: i64,
     height: i64,
     values: Vec<[f32; 3]>,
@@ -73,7 +73,7 @@ struct Field {
 /// The zone of a pixel that is in none.
 const NO_ZONE: u32 = u32::MAX;
 
-impl Field {
+impl SeamField {
     fn new(picture: &Picture, reference: Option<&Picture>, zones: &[Rect]) -> Self {
         let whole = Rect::of_size(picture.width, picture.height);
         let of_mean = reference.unwrap_or(picture);
@@ -109,7 +109,7 @@ impl Field {
     }
 
     /// All pieces between two zones.
-    fn edges(&self) -> Vec<Piece> {
+    fn edges(&self) -> Vec<EdgePiece> {
         let mut pieces = Vec::new();
         for is_upright in [true, false] {
             let (across, along) = if is_upright { (self.width, self.height) } else { (self.height, self.width) };
@@ -124,7 +124,7 @@ impl Field {
                     }
                     let is_edge = before != behind && before != NO_ZONE && behind != NO_ZONE;
                     if is_edge && last - first >= PIECE_MIN as i64 {
-                        pieces.push(Piece { is_upright, at, along: (first, last) });
+                        pieces.push(EdgePiece { is_upright, at, along: (first, last) });
                     }
                     first = last;
                 }
@@ -135,8 +135,8 @@ impl Field {
 
     /// The mean step from one pixel to the next, `beside` pixels from the edge, as its length in colours. `None` where it
     /// is not within the zone on that side.
-    fn step(&self, piece: &Piece, beside: i64) -> Option<f64> {
-        let Piece { is_upright, at, along: (first, last) } = *piece;
+    fn step(&self, piece: &EdgePiece, beside: i64) -> Option<f64> {
+        let EdgePiece { is_upright, at, along: (first, last) } = *piece;
         let mut sum = [0.0f64; 3];
         for along in first..last {
             if beside != 0 {
@@ -157,15 +157,15 @@ impl Field {
 
 /// What was found so far.
 #[derive(Default)]
-struct Found {
+struct SeamTally {
     across: Vec<f64>,
     inside: Vec<f64>,
     /// Sum over the pieces of the rank in standard deviations from its mean.
     ranks: f64,
 }
 
-impl Found {
-    fn judge(&mut self, field: &Field, piece: &Piece) {
+impl SeamTally {
+    fn judge(&mut self, field: &SeamField, piece: &EdgePiece) {
         let Some(across) = field.step(piece, 0) else { return };
         // On both sides or on none: what rises evenly is then in the middle.
         let pairs = BESIDE.iter().filter_map(|&d| Some([field.step(piece, -d)?, field.step(piece, d)?]));
@@ -211,18 +211,13 @@ fn median(values: &mut [f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use bottega_kernels::SplitMix64;
+
     use super::*;
 
-    /// About normal, of mean 0 and deviation 1: the sum of twelve uniform numbers (splitmix64).
-    fn normal(state: &mut u64) -> f32 {
-        let mut uniform = || {
-            *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = *state;
-            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((z ^ (z >> 31)) >> 40) as f32 / (1u32 << 24) as f32
-        };
-        (0..12).map(|_| uniform()).sum::<f32>() - 6.0
+    /// About normal, of mean 0 and deviation 1: the sum of twelve uniform numbers.
+    fn normal(numbers: &mut SplitMix64) -> f32 {
+        (0..12).map(|_| numbers.unit_f32()).sum::<f32>() - 6.0
     }
 
     const SIZE: (u32, u32) = (256, 192);
@@ -234,11 +229,11 @@ mod tests {
 
     /// A scene of slopes and stripes with noise; every second zone is brighter by `step`.
     fn painted(seed: u64, step: f32) -> Picture {
-        let mut state = seed;
+        let mut numbers = SplitMix64::new(seed);
         let scene = scene();
         Picture::from_fn(SIZE.0, SIZE.1, |x, y| {
             let seam = if (x / 32 + y / 32) % 2 == 0 { step } else { 0.0 };
-            scene.pixel(x, y).map(|value| (value + seam) * (1.0 + NOISE * normal(&mut state)))
+            scene.pixel(x, y).map(|value| (value + seam) * (1.0 + NOISE * normal(&mut numbers)))
         })
     }
 

@@ -4,7 +4,8 @@
 //! 4.4 uses, so that a library built with more instance levels does not write beyond it.
 #![allow(unsafe_code)]
 
-use super::{BenchScene, RayKernel};
+use super::ray_kernel::RayKernel;
+use super::scenes::BenchScene;
 use crate::Ray;
 use libloading::Library;
 use std::ffi::{CString, c_char, c_int, c_uint, c_void};

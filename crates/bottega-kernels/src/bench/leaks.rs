@@ -1,6 +1,7 @@
 //! Rays from inside closed meshes, which must all hit something.
 
-use super::{Random, noisy_sphere};
+use super::random::Random;
+use super::scenes::noisy_sphere;
 use crate::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Ray};
 use glam::{Affine3A, Quat, Vec3};
 use rayon::prelude::*;

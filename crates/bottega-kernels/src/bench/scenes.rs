@@ -1,6 +1,6 @@
 //! Geometry to measure on.
 
-use super::Random;
+use super::random::Random;
 use crate::{Aabb, MeshGeometry, Ray, math};
 use glam::{Mat3, Vec3};
 use std::f32::consts::{PI, TAU};

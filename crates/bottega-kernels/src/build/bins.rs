@@ -4,7 +4,7 @@
 //! Deterministic whatever the number of threads: minima, maxima and counts do not depend on the order in which they
 //! are taken, and the partition of one node is serial.
 
-use super::item::{Item, Span, half_area};
+use super::item::{Item, ItemSpan, half_area};
 use crate::Aabb;
 use crate::compiled::{self, LaneTask};
 use crate::memory::prefetch;
@@ -45,7 +45,8 @@ pub(super) fn build(items: &mut [Item], leaf_size: usize, parallel: bool) -> Vec
         return Vec::new();
     }
     let share = items.len() / (PARALLEL_SHARE * rayon::current_num_threads());
-    let builder = Builder { leaf_size, parallel_items: if parallel { share.max(PARALLEL_ITEMS) } else { usize::MAX } };
+    let builder =
+        BinaryBuilder { leaf_size, parallel_items: if parallel { share.max(PARALLEL_ITEMS) } else { usize::MAX } };
     let extent = if parallel { Extent::of_many(items) } else { Extent::of(items) };
     joined(builder.pieces(items, &extent, 0, 0))
 }
@@ -70,12 +71,12 @@ fn joined(mut pieces: Vec<Vec<Binary>>) -> Vec<Binary> {
 /// A box over items and one over (doubled) centers.
 #[derive(Clone, Copy)]
 struct Extent {
-    items: Span,
-    centers: Span,
+    items: ItemSpan,
+    centers: ItemSpan,
 }
 
 impl Extent {
-    const EMPTY: Self = Self { items: Span::EMPTY, centers: Span::EMPTY };
+    const EMPTY: Self = Self { items: ItemSpan::EMPTY, centers: ItemSpan::EMPTY };
 
     fn of(items: &[Item]) -> Self {
         struct Of<'a>(&'a [Item]);
@@ -84,12 +85,12 @@ impl Extent {
 
             #[inline(always)]
             fn run<S: Lanes>(self, s: S) -> Extent {
-                let (mut all, mut centers) = (s.load(&Span::EMPTY.0), s.load(&Span::EMPTY.0));
+                let (mut all, mut centers) = (s.load(&ItemSpan::EMPTY.0), s.load(&ItemSpan::EMPTY.0));
                 for item in self.0 {
                     all = s.min(s.load(&item.0.0), all);
                     centers = s.min(item.centers(s), centers);
                 }
-                Extent { items: Span(s.store(all)), centers: Span(s.store(centers)) }
+                Extent { items: ItemSpan(s.store(all)), centers: ItemSpan(s.store(centers)) }
             }
         }
         compiled::run_in_lanes(Of(items))
@@ -115,7 +116,7 @@ impl Binning {
     /// Added to a small number, leaves its integral part, rounded, in the lowest bits: cheaper than a conversion.
     const ROUND: f32 = 12_582_912.0;
 
-    fn new(centers: &Span, count: usize) -> Self {
+    fn new(centers: &ItemSpan, count: usize) -> Self {
         let bins = (4 + count / 2).min(BINS);
         let (mut base, mut scale) = ([0.0; 8], [0.0; 8]);
         for axis in 0..3 {
@@ -160,7 +161,7 @@ impl<S: Lanes> Finder<S> {
 }
 
 /// Where items are divided: before a bin, which is neither the first nor beyond the last, on one axis.
-struct Plane {
+struct SplitPlane {
     axis: usize,
     base: f32,
     scale: f32,
@@ -168,7 +169,7 @@ struct Plane {
     bin: i32,
 }
 
-impl Plane {
+impl SplitPlane {
     fn new(binning: &Binning, axis: usize, bin: usize) -> Self {
         let bin = bin as i32 + Binning::ROUND.to_bits() as i32;
         Self { axis, base: binning.base[axis], scale: binning.scale[axis], bin }
@@ -184,13 +185,13 @@ impl Plane {
 
 const _: () = assert!(Binning::ROUND.to_bits().is_multiple_of(BINS as u32));
 
-struct Builder {
+struct BinaryBuilder {
     leaf_size: usize,
     /// How many items a node must have to be shared among threads.
     parallel_items: usize,
 }
 
-impl Builder {
+impl BinaryBuilder {
     /// A subtree in consecutive pieces: single nodes where threads share what is below.
     fn pieces(&self, items: &mut [Item], extent: &Extent, first: u32, depth: usize) -> Vec<Vec<Binary>> {
         let count = items.len();
@@ -281,9 +282,9 @@ fn divide<S: Lanes, const BINS: usize>(
     bins: &Bins<BINS>,
 ) -> Option<(usize, [Extent; 2])> {
     let (axis, bin) = bins.best_split(s, binning)?;
-    let (middle, centers) = partition(s, items, &Plane::new(binning, axis, bin));
+    let (middle, centers) = partition(s, items, &SplitPlane::new(binning, axis, bin));
     let boxes = [0..bin, bin..binning.bins].map(|part| {
-        let mut all = Span::EMPTY;
+        let mut all = ItemSpan::EMPTY;
         for boxes in &bins.boxes[part] {
             all = all.union(&boxes[axis]);
         }
@@ -294,12 +295,12 @@ fn divide<S: Lanes, const BINS: usize>(
 }
 
 struct Bins<const BINS: usize> {
-    boxes: [[Span; 3]; BINS],
+    boxes: [[ItemSpan; 3]; BINS],
     counts: [[u32; 3]; BINS],
 }
 
 impl<const BINS: usize> Bins<BINS> {
-    const EMPTY: Self = Self { boxes: [[Span::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
+    const EMPTY: Self = Self { boxes: [[ItemSpan::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
 
     #[inline(always)]
     fn fill<S: Lanes>(&mut self, s: S, items: &[Item], binning: &Binning) {
@@ -351,13 +352,13 @@ impl<const BINS: usize> Bins<BINS> {
                 continue;
             }
             let mut right_cost = [0.0; BINS];
-            let (mut right, mut count) = (s.load(&Span::EMPTY.0), 0);
+            let (mut right, mut count) = (s.load(&ItemSpan::EMPTY.0), 0);
             for i in (1..binning.bins).rev() {
                 right = s.min(s.load(&self.boxes[i][axis].0), right);
                 count += self.counts[i][axis];
                 right_cost[i] = if count == 0 { f32::INFINITY } else { half_area(s, right) * count as f32 };
             }
-            let (mut left, mut count) = (s.load(&Span::EMPTY.0), 0);
+            let (mut left, mut count) = (s.load(&ItemSpan::EMPTY.0), 0);
             for (i, right_cost) in right_cost.iter().enumerate().take(binning.bins).skip(1) {
                 left = s.min(s.load(&self.boxes[i - 1][axis].0), left);
                 count += self.counts[i - 1][axis];
@@ -375,10 +376,10 @@ impl<const BINS: usize> Bins<BINS> {
 
 /// Moves the items before a plane to the front; returns how many there are, and what the centers of both parts fill.
 #[inline(always)]
-fn partition<S: Lanes>(s: S, items: &mut [Item], plane: &Plane) -> (usize, [Span; 2]) {
+fn partition<S: Lanes>(s: S, items: &mut [Item], plane: &SplitPlane) -> (usize, [ItemSpan; 2]) {
     // Which part an item belongs to is as good as random: nothing here branches on it.
     const OTHER: [[f32; 8]; 2] = [[f32::INFINITY; 8], [0.0; 8]];
-    let (mut left, mut right) = (s.load(&Span::EMPTY.0), s.load(&Span::EMPTY.0));
+    let (mut left, mut right) = (s.load(&ItemSpan::EMPTY.0), s.load(&ItemSpan::EMPTY.0));
     let mut middle = 0;
     for i in 0..items.len() {
         prefetch(items, i + AHEAD);
@@ -389,7 +390,7 @@ fn partition<S: Lanes>(s: S, items: &mut [Item], plane: &Plane) -> (usize, [Span
         items.swap(i, middle);
         middle += part;
     }
-    (middle, [Span(s.store(left)), Span(s.store(right))])
+    (middle, [ItemSpan(s.store(left)), ItemSpan(s.store(right))])
 }
 
 #[cfg(test)]
@@ -410,7 +411,7 @@ mod tests {
             .collect()
     }
 
-    fn bits(span: &Span) -> [u32; 6] {
+    fn bits(span: &ItemSpan) -> [u32; 6] {
         let lanes = span.0.map(f32::to_bits);
         std::array::from_fn(|i| lanes[i + i / 3])
     }
@@ -442,7 +443,7 @@ mod tests {
         let mut items = items(5000);
         let extent = Extent::of(&items);
         let (middle, extents) =
-            Builder { leaf_size: 4, parallel_items: usize::MAX }.divide(&mut items, &extent, 0, false);
+            BinaryBuilder { leaf_size: 4, parallel_items: usize::MAX }.divide(&mut items, &extent, 0, false);
         assert!(middle != 0 && middle != items.len());
         for (part, told) in [&items[..middle], &items[middle..]].into_iter().zip(extents) {
             let known = Extent::of(part);

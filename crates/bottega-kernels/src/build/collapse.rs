@@ -13,13 +13,13 @@ const LEAF_COST: f32 = 1.0;
 
 /// What becomes of a binary node.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Choice {
+pub(super) struct CollapseChoice {
     /// Number of roots that go to the first child: `[0]` when the node becomes a wide node with 8 children (0: it becomes a
     /// leaf), `[i]` when it is represented by up to i + 1 roots (0: by i).
     split: [u8; WIDTH],
 }
 
-impl Choice {
+impl CollapseChoice {
     /// Whether the node, where it is one root, is a leaf.
     pub(super) fn is_leaf(&self) -> bool {
         self.split[0] == 0
@@ -36,16 +36,16 @@ const PARALLEL_NODES: usize = 1 << 15;
 ///
 /// - `leaf_limit`: how many items a leaf may hold. Every leaf of the binary tree must keep to it.
 /// - `parallel`: whether to use the threads of the current pool.
-pub(super) fn choose(nodes: &[Binary], leaf_limit: u32, parallel: bool) -> Vec<Choice> {
+pub(super) fn choose(nodes: &[Binary], leaf_limit: u32, parallel: bool) -> Vec<CollapseChoice> {
     let mut costs = vec![Costs::default(); nodes.len()];
-    let mut choices = vec![Choice::default(); nodes.len()];
+    let mut choices = vec![CollapseChoice::default(); nodes.len()];
     let least = if parallel { PARALLEL_NODES } else { usize::MAX };
     subtree(nodes, leaf_limit, &mut costs, &mut choices, least);
     choices
 }
 
 /// Chooses for the nodes of a subtree; bottom-up, so backwards through the preorder.
-fn subtree(nodes: &[Binary], leaf_limit: u32, costs: &mut [Costs], choices: &mut [Choice], least: usize) {
+fn subtree(nodes: &[Binary], leaf_limit: u32, costs: &mut [Costs], choices: &mut [CollapseChoice], least: usize) {
     let mut done = nodes.len();
     if nodes.len() >= least && nodes[0].second != 0 {
         let second = nodes[0].second as usize;
@@ -62,11 +62,11 @@ fn subtree(nodes: &[Binary], leaf_limit: u32, costs: &mut [Costs], choices: &mut
 }
 
 /// What is best for a node whose children are known.
-fn choice(nodes: &[Binary], costs: &[Costs], index: usize, leaf_limit: u32) -> (Costs, Choice) {
+fn choice(nodes: &[Binary], costs: &[Costs], index: usize, leaf_limit: u32) -> (Costs, CollapseChoice) {
     let node = &nodes[index];
     let area = node.bounds.half_area();
     let leaf_cost = area * LEAF_COST;
-    let mut choice = Choice::default();
+    let mut choice = CollapseChoice::default();
     if node.second == 0 {
         debug_assert!(node.count <= leaf_limit);
         return ([leaf_cost; WIDTH - 1], choice);
@@ -99,7 +99,7 @@ fn choice(nodes: &[Binary], costs: &[Costs], index: usize, leaf_limit: u32) -> (
 }
 
 /// The children of the wide node made of binary node `index`, at most eight; returns their number.
-pub(super) fn children(nodes: &[Binary], choices: &[Choice], index: usize, out: &mut [usize; WIDTH]) -> usize {
+pub(super) fn children(nodes: &[Binary], choices: &[CollapseChoice], index: usize, out: &mut [usize; WIDTH]) -> usize {
     let mut count = 0;
     let left = choices[index].split[0] as usize;
     collect(nodes, choices, index + 1, left, out, &mut count);
@@ -110,7 +110,7 @@ pub(super) fn children(nodes: &[Binary], choices: &[Choice], index: usize, out: 
 /// The roots of the forest that represents a subtree by at most `roots` of them.
 fn collect(
     nodes: &[Binary],
-    choices: &[Choice],
+    choices: &[CollapseChoice],
     index: usize,
     mut roots: usize,
     out: &mut [usize; WIDTH],

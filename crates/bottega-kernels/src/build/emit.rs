@@ -1,9 +1,9 @@
 //! The third stage: the wide tree is written into the arenas.
 
 use super::bins::Binary;
-use super::collapse::{Choice, children};
-use crate::arena::{Arena, Line};
-use crate::tree::{Child, MAX_DEPTH, Node, TriangleBlock, WIDTH};
+use super::collapse::{CollapseChoice, children};
+use crate::arena::{Arena, CacheLine};
+use crate::tree::{Child, MAX_DEPTH, TriangleBlock, WIDTH, WideNode};
 use crate::{Aabb, BuildError, Precision};
 use rayon::prelude::*;
 
@@ -24,7 +24,7 @@ impl Outline {
 }
 
 /// Which nodes and leaves there will be. Children of a node have consecutive indices.
-struct Plan {
+struct EmitPlan {
     nodes: Vec<Outline>,
     /// Binary node of each leaf.
     leaves: Vec<u32>,
@@ -37,14 +37,14 @@ const PARALLEL_ITEMS: u32 = 1 << 17;
 ///
 /// - `depth`: of the node.
 /// - `least`: nodes of so many items and more are shared among threads. The plan does not depend on it.
-fn plan(binary: &[Binary], choices: &[Choice], top: usize, depth: usize, least: u32) -> Plan {
+fn plan(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: usize, least: u32) -> EmitPlan {
     if binary[top].count < least {
         return plan_alone(binary, choices, top, depth);
     }
     let mut out = [0; WIDTH];
     let count = children(binary, choices, top, &mut out);
     let (leaves, inner): (Vec<_>, Vec<_>) = out[..count].iter().partition(|&&child| choices[child].is_leaf());
-    let parts: Vec<Plan> = inner.par_iter().map(|&child| plan(binary, choices, child, depth + 1, least)).collect();
+    let parts: Vec<EmitPlan> = inner.par_iter().map(|&child| plan(binary, choices, child, depth + 1, least)).collect();
     let mut nodes = vec![Outline { binary: top as u32, first_node: 1, first_leaf: 0 }];
     nodes.reserve_exact(parts.iter().map(|part| part.nodes.len()).sum());
     nodes.extend(parts.iter().map(|part| part.nodes[0]));
@@ -58,11 +58,11 @@ fn plan(binary: &[Binary], choices: &[Choice], top: usize, depth: usize, least: 
         nodes.extend(part.nodes[1..].iter().map(|node| node.moved(node_base, leaf_base)));
         leaves.extend_from_slice(&part.leaves);
     }
-    Plan { nodes, leaves }
+    EmitPlan { nodes, leaves }
 }
 
 /// As [`plan`], on one thread.
-fn plan_alone(binary: &[Binary], choices: &[Choice], top: usize, depth: usize) -> Plan {
+fn plan_alone(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: usize) -> EmitPlan {
     let mut nodes = vec![Outline { binary: top as u32, first_node: 0, first_leaf: 0 }];
     let mut leaves = Vec::new();
     let mut stack = vec![(0usize, depth)];
@@ -81,7 +81,7 @@ fn plan_alone(binary: &[Binary], choices: &[Choice], top: usize, depth: usize) -
             }
         }
     }
-    Plan { nodes, leaves }
+    EmitPlan { nodes, leaves }
 }
 
 /// Where a tree has gone.
@@ -90,7 +90,7 @@ pub(super) struct Emitted<'a> {
     pub(super) bounds: Aabb,
     /// For each leaf the range of items, and its lines, as many as were asked for.
     pub(super) leaves: Vec<(u32, u32)>,
-    pub(super) lines: &'a mut [Line],
+    pub(super) lines: &'a mut [CacheLine],
 }
 
 /// Appends the wide nodes, and leaves room for the leaves behind them.
@@ -99,7 +99,7 @@ pub(super) struct Emitted<'a> {
 /// - `leaf`: makes the reference to a leaf, from the line where its room begins and the items it has.
 pub(super) fn nodes<'a>(
     binary: &[Binary],
-    choices: &[Choice],
+    choices: &[CollapseChoice],
     arena: &'a mut Arena,
     parallel: bool,
     leaf_lines: usize,
@@ -109,18 +109,18 @@ pub(super) fn nodes<'a>(
         return Ok(Emitted { root: Child::EMPTY, bounds: Aabb::EMPTY, leaves: Vec::new(), lines: &mut [] });
     };
     let plan = if choices[0].is_leaf() {
-        Plan { nodes: Vec::new(), leaves: vec![0] }
+        EmitPlan { nodes: Vec::new(), leaves: vec![0] }
     } else {
         plan(binary, choices, 0, 1, if parallel { PARALLEL_ITEMS } else { u32::MAX })
     };
     let base = arena.len();
-    let leaf_base = base + plan.nodes.len() * Node::LINES;
+    let leaf_base = base + plan.nodes.len() * WideNode::LINES;
     let end = leaf_base + plan.leaves.len() * leaf_lines;
     check("cache lines of tree", end)?;
     let (written, lines) = arena.grow(end - base).split_at_mut(leaf_base - base);
-    let written: &mut [Node] = bytemuck::cast_slice_mut(written);
-    let write = |(node, outline): (&mut Node, &Outline)| {
-        *node = Node::EMPTY;
+    let written: &mut [WideNode] = bytemuck::cast_slice_mut(written);
+    let write = |(node, outline): (&mut WideNode, &Outline)| {
+        *node = WideNode::EMPTY;
         let mut out = [0; WIDTH];
         let count = children(binary, choices, outline.binary as usize, &mut out);
         let (mut next_node, mut next_leaf) = (outline.first_node as usize, outline.first_leaf as usize);
@@ -131,7 +131,7 @@ pub(super) fn nodes<'a>(
                 leaf(leaf_base + (next_leaf - 1) * leaf_lines, &binary[child])
             } else {
                 next_node += 1;
-                Child::node(base + (next_node - 1) * Node::LINES)
+                Child::node(base + (next_node - 1) * WideNode::LINES)
             };
         }
         for (slot, place) in along_longest_axis(binary, &out[..count]).into_iter().enumerate().take(count) {
@@ -171,7 +171,7 @@ fn along_longest_axis(binary: &[Binary], boxes: &[usize]) -> [usize; WIDTH] {
 /// - `leaves`: ranges of `items`, which are numbers of triangles, a block each.
 /// - `vertices`: the corners of the triangle with a number.
 pub(super) fn blocks(
-    lines: &mut [Line],
+    lines: &mut [CacheLine],
     leaves: &[(u32, u32)],
     items: &[u32],
     precision: Precision,

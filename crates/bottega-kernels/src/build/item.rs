@@ -8,9 +8,9 @@ use glam::Vec3;
 /// is free.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
-pub(super) struct Span(pub(super) [f32; 8]);
+pub(super) struct ItemSpan(pub(super) [f32; 8]);
 
-impl Span {
+impl ItemSpan {
     pub(super) const EMPTY: Self = Self([f32::INFINITY; 8]);
 
     /// Around both.
@@ -33,7 +33,7 @@ impl Span {
     }
 }
 
-/// Half the surface of a [`Span`].
+/// Half the surface of a [`ItemSpan`].
 #[inline(always)]
 pub(super) fn half_area<S: Lanes>(s: S, span: S::F) -> f32 {
     // Sides turned over, as factors of products of two.
@@ -43,7 +43,7 @@ pub(super) fn half_area<S: Lanes>(s: S, span: S::F) -> f32 {
 
 /// A primitive while the tree is built: its box, and its number in the bits of the free lane (see [`NUMBER`]).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Item(pub(super) Span);
+pub(super) struct Item(pub(super) ItemSpan);
 
 /// Turned over in a number that lies in the fourth lane, which takes part in all that is computed: makes it a float between 1 and 2.
 /// By itself a small number would be a denormal float, and each product with one would take a hundred times as long.
@@ -52,7 +52,7 @@ const NUMBER: u32 = 1f32.to_bits();
 impl Item {
     pub(super) fn new(bounds: &Aabb, id: u32) -> Self {
         let (low, high) = (bounds.min, -bounds.max);
-        Self(Span([low.x, low.y, low.z, f32::from_bits(id ^ NUMBER), high.x, high.y, high.z, 0.0]))
+        Self(ItemSpan([low.x, low.y, low.z, f32::from_bits(id ^ NUMBER), high.x, high.y, high.z, 0.0]))
     }
 
     pub(super) fn id(&self) -> u32 {
@@ -79,7 +79,7 @@ impl Item {
         self.0.0[axis] - self.0.0[axis + 4]
     }
 
-    /// Twice its center, as a [`Span`] of no extent.
+    /// Twice its center, as a [`ItemSpan`] of no extent.
     #[inline(always)]
     pub(super) fn centers<S: Lanes>(&self, s: S) -> S::F {
         let span = s.load(&self.0.0);

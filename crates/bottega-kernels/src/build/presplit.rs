@@ -231,12 +231,12 @@ fn clipped(bounds: &Aabb, halves: &[Aabb; 2], corners: &[[f32; 3]]) -> [Aabb; 2]
 const CORNERS: usize = 16;
 
 /// The least and the greatest of some points' coordinates.
-type Span = ([f64; 3], [f64; 3]);
+type PointBounds = ([f64; 3], [f64; 3]);
 
-const NOTHING: Span = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+const NOTHING: PointBounds = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
 
 #[inline(always)]
-fn widen(span: &mut Span, point: &[f64; 3]) {
+fn widen(span: &mut PointBounds, point: &[f64; 3]) {
     // One instruction each, where `min` and `max` would ask for NaN too.
     for (low, &x) in span.0.iter_mut().zip(point) {
         *low = if x < *low { x } else { *low };
@@ -267,7 +267,7 @@ impl Polygon {
         &self.points[..self.count]
     }
 
-    fn extent(&self) -> Span {
+    fn extent(&self) -> PointBounds {
         let mut all = NOTHING;
         for point in self.points() {
             widen(&mut all, point);
@@ -302,7 +302,7 @@ impl Polygon {
     }
 
     /// What the parts on both sides of a plane across an axis span.
-    fn divided(&self, axis: usize, plane: f64) -> [Span; 2] {
+    fn divided(&self, axis: usize, plane: f64) -> [PointBounds; 2] {
         let mut parts = [NOTHING; 2];
         let Some(mut p) = self.points().last() else { return parts };
         for q in self.points() {

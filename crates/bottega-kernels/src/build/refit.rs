@@ -1,10 +1,10 @@
 //! A tree made to fit geometry that has moved: boxes and leaves are written anew, what is below what stays.
 
-use super::World;
+use super::world::BuildWorld;
 use crate::Aabb;
-use crate::accel::{BuildError, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
+use crate::geometry::{BuildError, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 use crate::instance::{self, Affine};
-use crate::tree::{Child, Node, Placed, Sphere, Tree, TriangleBlock, WIDTH};
+use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use glam::Vec3;
 
 /// Which mesh each instance has, and how many triangles that has: what must not change between build and refit.
@@ -14,7 +14,7 @@ pub(crate) fn topology(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometr
 
 /// Fits the tree; returns the box around everything. On an error nothing has changed.
 pub(crate) fn refit(
-    tree: &mut Tree,
+    tree: &mut SceneTrees,
     known: &[(u32, u32)],
     meshes: &[MeshGeometry<'_>],
     instances: &[InstanceGeometry],
@@ -25,7 +25,7 @@ pub(crate) fn refit(
     if spheres.len() != tree.spheres.len() || *topology(meshes, instances) != *known {
         return Err(BuildError::Changed);
     }
-    let world = World::new(meshes, instances, tree.flat.iter().map(|f| f.1 as usize))?;
+    let world = BuildWorld::new(meshes, instances, tree.flat.iter().map(|f| f.1 as usize))?;
     let mut placed = tree.placed.clone();
     for placed in &mut placed {
         let instance = placed.instance as usize;
@@ -52,7 +52,7 @@ pub(crate) fn refit(
     }
     let mut done = vec![false; meshes.len()];
     for index in 0..tree.placed.len() {
-        let Placed { root, instance, .. } = tree.placed[index];
+        let PlacedTree { root, instance, .. } = tree.placed[index];
         let mesh = instances[instance as usize].mesh as usize;
         if !std::mem::replace(&mut done[mesh], true) {
             let geometry = meshes[mesh];
@@ -65,14 +65,14 @@ pub(crate) fn refit(
 }
 
 /// The box of an instance. That of all the mesh's vertices is as large as that of its tree, or larger.
-fn placed_bounds(placed: &Placed, instances: &[InstanceGeometry], meshes: &[Aabb]) -> Aabb {
+fn placed_bounds(placed: &PlacedTree, instances: &[InstanceGeometry], meshes: &[Aabb]) -> Aabb {
     let instance = &instances[placed.instance as usize];
     Affine::new(&instance.world_from_object).bounds(&meshes[instance.mesh as usize])
 }
 
 /// Writes everything below a child; returns the box around it. No deeper than the tree may be.
 fn subtree(
-    tree: &mut Tree,
+    tree: &mut SceneTrees,
     child: Child,
     precision: Precision,
     placed: &[Aabb],
@@ -87,10 +87,10 @@ fn subtree(
         let mut all = Aabb::EMPTY;
         for (slot, &child) in children[..count].iter().enumerate() {
             let bounds = subtree(tree, child, precision, placed, corners);
-            tree.arena.at_mut::<Node>(index).set(slot, &bounds, child);
+            tree.arena.at_mut::<WideNode>(index).set(slot, &bounds, child);
             all = all.union(&bounds);
         }
-        tree.arena.at_mut::<Node>(index).sort_octants(count);
+        tree.arena.at_mut::<WideNode>(index).sort_octants(count);
         all
     } else if child.is_triangles() {
         let block = tree.arena.at_mut::<TriangleBlock>(index);

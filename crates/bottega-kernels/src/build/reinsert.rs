@@ -27,7 +27,7 @@ const PATIENCE: usize = 4096;
 const TOP: usize = 1 << 16;
 
 #[derive(Clone, Copy)]
-struct Link {
+struct TreeLink {
     bounds: Aabb,
     parent: u32,
     /// For a leaf [`LEAF`] | the binary node, and nothing.
@@ -37,35 +37,35 @@ struct Link {
 /// No node has this bit in its number.
 const LEAF: u32 = 1 << 31;
 
-impl Link {
+impl TreeLink {
     fn is_leaf(&self) -> bool {
         self.children[0] & LEAF != 0
     }
 }
 
 struct Links {
-    nodes: Vec<Link>,
+    nodes: Vec<TreeLink>,
     root: u32,
 }
 
 /// A place that may be worth a look: what inserting below it costs at least.
-struct Candidate {
+struct InsertionPlace {
     least: f32,
     index: u32,
 }
 
-impl PartialEq for Candidate {
+impl PartialEq for InsertionPlace {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
-impl Eq for Candidate {}
-impl PartialOrd for Candidate {
+impl Eq for InsertionPlace {}
+impl PartialOrd for InsertionPlace {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
-impl Ord for Candidate {
+impl Ord for InsertionPlace {
     /// The heap gives the largest; the cheapest shall come first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.least.total_cmp(&self.least).then(other.index.cmp(&self.index))
@@ -75,7 +75,7 @@ impl Ord for Candidate {
 impl Links {
     fn new(binary: &[Binary]) -> Self {
         let small = binary[0].count / TOP as u32;
-        let mut nodes: Vec<Link> = Vec::new();
+        let mut nodes: Vec<TreeLink> = Vec::new();
         // Binary node, and the parent with the slot where it hangs.
         let mut stack = vec![(0usize, NONE, 0)];
         while let Some((index, parent, slot)) = stack.pop() {
@@ -90,12 +90,12 @@ impl Links {
             } else {
                 stack.extend([(index + node.second as usize, this, 1), (index + 1, this, 0)]);
             }
-            nodes.push(Link { bounds: node.bounds, parent, children });
+            nodes.push(TreeLink { bounds: node.bounds, parent, children });
         }
         Self { nodes, root: 0 }
     }
 
-    fn at(&mut self, index: u32) -> &mut Link {
+    fn at(&mut self, index: u32) -> &mut TreeLink {
         &mut self.nodes[index as usize]
     }
 
@@ -124,7 +124,7 @@ impl Links {
     }
 
     /// Takes a subtree out, with its parent, and puts both where they add the least area.
-    fn reinsert(&mut self, index: u32, heap: &mut BinaryHeap<Candidate>) {
+    fn reinsert(&mut self, index: u32, heap: &mut BinaryHeap<InsertionPlace>) {
         let parent = self.nodes[index as usize].parent;
         if parent == NONE || self.nodes[parent as usize].parent == NONE {
             return;
@@ -138,20 +138,20 @@ impl Links {
         let above = self.nodes[place as usize].parent;
         self.replace(above, place, parent);
         let bounds = self.nodes[index as usize].bounds.union(&self.nodes[place as usize].bounds);
-        *self.at(parent) = Link { bounds, parent: above, children: [place, index] };
+        *self.at(parent) = TreeLink { bounds, parent: above, children: [place, index] };
         self.at(place).parent = parent;
         self.at(index).parent = parent;
         self.refit(above);
     }
 
     /// The node to pair with: the new pair's area plus the growth of everything above is the least.
-    fn best_place(&self, bounds: &Aabb, first: u32, heap: &mut BinaryHeap<Candidate>) -> u32 {
+    fn best_place(&self, bounds: &Aabb, first: u32, heap: &mut BinaryHeap<InsertionPlace>) -> u32 {
         let area = bounds.half_area();
         let (mut best, mut best_cost) = (first, self.cost(bounds, first));
         heap.clear();
-        heap.push(Candidate { least: 0.0, index: self.root });
+        heap.push(InsertionPlace { least: 0.0, index: self.root });
         for _ in 0..PATIENCE {
-            let Some(Candidate { least, index }) = heap.pop() else { break };
+            let Some(InsertionPlace { least, index }) = heap.pop() else { break };
             if least + area >= best_cost {
                 break;
             }
@@ -162,7 +162,7 @@ impl Links {
             }
             let grown = least + pair - node.bounds.half_area();
             if !node.is_leaf() && grown + area < best_cost {
-                heap.extend(node.children.map(|index| Candidate { least: grown, index }));
+                heap.extend(node.children.map(|index| InsertionPlace { least: grown, index }));
             }
         }
         best
@@ -238,7 +238,7 @@ struct Moved {
 
 /// Inner nodes of the top, each with its number, and what hangs on them; both in preorder.
 #[derive(Default)]
-struct Order {
+struct SubtreeOrder {
     inner: Vec<(u32, Binary)>,
     moved: Vec<Moved>,
 }
@@ -246,7 +246,7 @@ struct Order {
 impl Links {
     /// The tree in preorder again.
     fn rebuild(self, binary: &[Binary], ids: &[u32], parallel: bool) -> Option<(Vec<Binary>, Vec<u32>)> {
-        let Order { inner, moved } = self.order(binary);
+        let SubtreeOrder { inner, moved } = self.order(binary);
         let (mut nodes, mut order) = (Vec::new(), Vec::new());
         let pieces = pieces(&moved, &mut nodes, &mut order, (binary.len(), ids.len()), parallel);
         let copy = |(moved, nodes, order): (&Moved, &mut [Binary], &mut [u32])| {
@@ -271,8 +271,8 @@ impl Links {
     }
 
     /// Where everything goes. The items of the inner nodes are not counted.
-    fn order(&self, binary: &[Binary]) -> Order {
-        let mut order = Order::default();
+    fn order(&self, binary: &[Binary]) -> SubtreeOrder {
+        let mut order = SubtreeOrder::default();
         let (mut next, mut first) = (0, 0);
         // Node, depth, and where the parent is among the inner ones, of which it is the second child.
         let mut stack = vec![(self.root, 0, None::<usize>)];
@@ -281,7 +281,7 @@ impl Links {
                 let (at, parent) = &mut order.inner[parent];
                 parent.second = next - *at;
             }
-            let Link { bounds, children, .. } = self.nodes[index as usize];
+            let TreeLink { bounds, children, .. } = self.nodes[index as usize];
             if children[0] & LEAF != 0 {
                 let from = children[0] & !LEAF;
                 let subtree = subtree(binary, from as usize);

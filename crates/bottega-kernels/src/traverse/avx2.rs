@@ -2,9 +2,9 @@
 #![allow(unsafe_code)]
 
 use super::Query;
-use super::lanes::{Job, Lanes, Row};
+use super::lanes::{LaneJob, LaneRow, Lanes};
 use super::stack::Stack;
-use crate::tree::{Child, Tree, WIDTH};
+use crate::tree::{Child, SceneTrees, WIDTH};
 use crate::{Hit, Ray};
 use std::arch::x86_64::*;
 
@@ -24,9 +24,9 @@ impl Avx2 {
 
 /// [`super::run`], compiled for this unit.
 #[inline(always)]
-pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
+pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn compiled<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &Tree, ray: &Ray, query: &mut Q) -> Hit {
+    fn compiled<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
         super::run::<_, Q, ROBUST>(unit, tree, ray, query)
     }
     // SAFETY: `unit` proves that the processor has these features.
@@ -74,8 +74,8 @@ impl Lanes for Avx2 {
         unsafe { _mm256_loadu_ps(x.as_ptr()) }
     }
     #[inline(always)]
-    fn load_row<const ROWS: usize>(self, rows: &[[f32; WIDTH]; ROWS], row: Row<ROWS>) -> __m256 {
-        // SAFETY: reads 32 bytes that lie within `rows`, as every `Row<ROWS>` promises.
+    fn load_row<const ROWS: usize>(self, rows: &[[f32; WIDTH]; ROWS], row: LaneRow<ROWS>) -> __m256 {
+        // SAFETY: reads 32 bytes that lie within `rows`, as every `LaneRow<ROWS>` promises.
         unsafe { _mm256_loadu_ps(rows.as_ptr().cast::<u8>().add(row.offset()).cast()) }
     }
     #[inline(always)]
@@ -207,10 +207,10 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
-    fn apart<J: Job>(self, job: J) -> J::Output {
+    fn apart<J: LaneJob>(self, job: J) -> J::Output {
         #[inline(never)]
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-        fn compiled<J: Job>(job: J) -> J::Output {
+        fn compiled<J: LaneJob>(job: J) -> J::Output {
             job.run()
         }
         unsafe { compiled(job) }

@@ -20,7 +20,7 @@ pub(crate) trait Lanes: Copy {
     }
     fn load(self, x: &[f32; WIDTH]) -> Self::F;
     /// One of the rows of a node or block.
-    fn load_row<const ROWS: usize>(self, rows: &[[f32; WIDTH]; ROWS], row: Row<ROWS>) -> Self::F;
+    fn load_row<const ROWS: usize>(self, rows: &[[f32; WIDTH]; ROWS], row: LaneRow<ROWS>) -> Self::F;
     fn store(self, x: Self::F) -> [f32; WIDTH];
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
@@ -70,14 +70,14 @@ pub(crate) trait Lanes: Copy {
     /// `highest_last` is 0, the highest where it is 1.
     fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32, highest_last: usize);
     /// Runs a job out of line, so that what it needs of registers and stack is no burden on the caller.
-    fn apart<J: Job>(self, job: J) -> J::Output;
+    fn apart<J: LaneJob>(self, job: J) -> J::Output;
 }
 
 /// The number of one of `ROWS` rows of eight floats: held as an offset in bytes, and never too large.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Row<const ROWS: usize>(usize);
+pub(crate) struct LaneRow<const ROWS: usize>(usize);
 
-impl<const ROWS: usize> Row<ROWS> {
+impl<const ROWS: usize> LaneRow<ROWS> {
     /// Row `index`, or the last where there are not so many.
     #[inline(always)]
     pub(crate) fn new(index: usize) -> Self {
@@ -93,7 +93,7 @@ impl<const ROWS: usize> Row<ROWS> {
 
 /// Something to be run by [`Lanes::apart`]. No closure: only functions can be forced inline, and what is not inlined into the
 /// traversal is compiled without the vector unit.
-pub(crate) trait Job {
+pub(crate) trait LaneJob {
     type Output;
     /// To be marked `inline(always)`.
     fn run(self) -> Self::Output;

@@ -1,6 +1,6 @@
 //! The vector unit that every processor has: arrays. It is the oracle for the others.
 
-use super::lanes::{Job, Lanes, Row};
+use super::lanes::{LaneJob, LaneRow, Lanes};
 use super::stack::Stack;
 use crate::tree::{Child, WIDTH};
 
@@ -44,7 +44,7 @@ impl Lanes for Portable {
         *x
     }
     #[inline(always)]
-    fn load_row<const ROWS: usize>(self, rows: &[F; ROWS], row: Row<ROWS>) -> F {
+    fn load_row<const ROWS: usize>(self, rows: &[F; ROWS], row: LaneRow<ROWS>) -> F {
         rows[row.offset() / size_of::<F>()]
     }
     #[inline(always)]
@@ -143,7 +143,7 @@ impl Lanes for Portable {
         }
     }
     #[inline(always)]
-    fn apart<J: Job>(self, job: J) -> J::Output {
+    fn apart<J: LaneJob>(self, job: J) -> J::Output {
         job.run()
     }
 }

@@ -3,7 +3,7 @@
 //! All of it in lanes from the beginning, each a broadcast of what is read from the ray: numbers that were put together in
 //! memory and read back as vectors cost a cheap ray a tenth of its time.
 
-use super::lanes::{Lanes, Row};
+use super::lanes::{LaneRow, Lanes};
 use super::triangle::{Struck, WideRay};
 use crate::Ray;
 use crate::tree::{TriangleBlock, WIDTH};
@@ -116,8 +116,8 @@ pub(crate) struct Wide<S: Lanes, const ROBUST: bool> {
     slabs: Slabs<S::F>,
     floor: S::F,
     /// Which planes are near, and which are far, on each axis.
-    near: [Row<6>; 3],
-    far: [Row<6>; 3],
+    near: [LaneRow<6>; 3],
+    far: [LaneRow<6>; 3],
     /// Bit `axis` is set where the direction is negative.
     pub(crate) octant: usize,
     triangle: WideRay<S>,
@@ -139,8 +139,8 @@ impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
         Some(Self {
             slabs,
             floor: s.splat(floor),
-            near: [Row::new(side[0]), Row::new(2 + side[1]), Row::new(4 + side[2])],
-            far: [Row::new(1 - side[0]), Row::new(3 - side[1]), Row::new(5 - side[2])],
+            near: [LaneRow::new(side[0]), LaneRow::new(2 + side[1]), LaneRow::new(4 + side[2])],
+            far: [LaneRow::new(1 - side[0]), LaneRow::new(3 - side[1]), LaneRow::new(5 - side[2])],
             octant: side[0] | side[1] << 1 | side[2] << 2,
             triangle,
         })

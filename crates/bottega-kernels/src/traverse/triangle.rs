@@ -1,6 +1,6 @@
 //! Eight triangles against a ray.
 
-use super::lanes::{Lanes, Row, cross, dot};
+use super::lanes::{LaneRow, Lanes, cross, dot};
 use crate::Ray;
 use crate::tree::{TriangleBlock, WIDTH};
 
@@ -9,7 +9,7 @@ use crate::tree::{TriangleBlock, WIDTH};
 /// Both tests decide by numerators, with the sign of the determinant moved over to them; the division comes last, for the few
 /// blocks that pass. A first look at the parameter is a little generous, the second is exact.
 pub(crate) struct WideRay<S: Lanes> {
-    axes: [Row<3>; 3],
+    axes: [LaneRow<3>; 3],
     /// Robust: along `axes`. Fast: along x, y, z.
     origin: [S::F; 3],
     /// Robust: shear in x and y, inverse direction in z. Fast: direction.
@@ -46,7 +46,7 @@ impl<S: Lanes> WideRay<S> {
         let (x, y) = (next(z), next(next(z)));
         let inverse = s.div(s.splat(1.0), s.splat_at(&direction[z]));
         Self {
-            axes: [Row::new(x), Row::new(y), Row::new(z)],
+            axes: [LaneRow::new(x), LaneRow::new(y), LaneRow::new(z)],
             origin: [s.splat_at(&origin[x]), s.splat_at(&origin[y]), s.splat_at(&origin[z])],
             direction: [s.mul(s.splat_at(&direction[x]), inverse), s.mul(s.splat_at(&direction[y]), inverse), inverse],
             t_min: s.splat(t_min),
@@ -57,7 +57,7 @@ impl<S: Lanes> WideRay<S> {
     /// For [`WideRay::test_edges`].
     #[inline(always)]
     pub(crate) fn moeller_trumbore(s: S, origin: [S::F; 3], direction: [S::F; 3], t_min: f32) -> Self {
-        let axes = [Row::new(0), Row::new(1), Row::new(2)];
+        let axes = [LaneRow::new(0), LaneRow::new(1), LaneRow::new(2)];
         Self { axes, origin, direction, t_min: s.splat(t_min), early: s.splat(t_min * LESS) }
     }
 

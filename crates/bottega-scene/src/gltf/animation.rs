@@ -8,7 +8,8 @@ use glam::DQuat;
 use serde_json::Value;
 
 use super::accessor::{Accessor, find};
-use super::{Source, document, pointer, shortened};
+use super::source::GltfSource;
+use super::{document, pointer, shortened};
 use crate::SceneError;
 use crate::error::Warnings;
 
@@ -42,7 +43,7 @@ pub(super) struct Moment {
 }
 
 /// The animations that the options ask for, and when. `None`: nothing moves.
-pub(super) fn moment(source: &Source<'_>, warnings: &mut Warnings) -> Result<Option<Moment>, SceneError> {
+pub(super) fn moment(source: &GltfSource<'_>, warnings: &mut Warnings) -> Result<Option<Moment>, SceneError> {
     let animations = &source.document.animations;
     let chosen = match &source.options.animation {
         None => 0..animations.len(),
@@ -70,15 +71,15 @@ pub(super) fn moment(source: &Source<'_>, warnings: &mut Warnings) -> Result<Opt
 
 impl Moment {
     /// All channels, in the order of the file.
-    fn channels<'a, 's>(&self, source: &'s Source<'a>) -> impl Iterator<Item = Channel<'a, 's>> {
+    fn channels<'a, 's>(&self, source: &'s GltfSource<'a>) -> impl Iterator<Item = AnimationChannel<'a, 's>> {
         self.animations.clone().flat_map(move |animation| {
             let count = source.document.animations[animation].channels.len();
-            (0..count).map(move |number| Channel { source, animation, number })
+            (0..count).map(move |number| AnimationChannel { source, animation, number })
         })
     }
 
     /// Where nodes stand. Where several animations move the same thing, the first one does.
-    pub(super) fn pose(&self, source: &Source<'_>, warnings: &mut Warnings) -> Result<Pose, SceneError> {
+    pub(super) fn pose(&self, source: &GltfSource<'_>, warnings: &mut Warnings) -> Result<Pose, SceneError> {
         let mut pose = Pose::new();
         self.channels(source).try_for_each(|channel| channel.apply(self.time, &mut pose, warnings))?;
         Ok(pose)
@@ -88,7 +89,7 @@ impl Moment {
     /// several values of the same thing, the first.
     pub(super) fn pointed(
         &self,
-        source: &Source<'_>,
+        source: &GltfSource<'_>,
         warnings: &mut Warnings,
     ) -> Result<BTreeMap<String, Value>, SceneError> {
         let mut values = BTreeMap::new();
@@ -109,13 +110,13 @@ impl Moment {
     }
 }
 
-struct Channel<'a, 's> {
-    source: &'s Source<'a>,
+struct AnimationChannel<'a, 's> {
+    source: &'s GltfSource<'a>,
     animation: usize,
     number: usize,
 }
 
-impl Channel<'_, '_> {
+impl AnimationChannel<'_, '_> {
     fn invalid(&self, member: &str, problem: impl Into<String>) -> SceneError {
         self.source.invalid(format!("animations[{}].channels[{}]{member}", self.animation, self.number), problem)
     }
@@ -281,7 +282,7 @@ struct Track<'a> {
 
 /// Two keys and where between them a time is, from 0 to 1.
 #[derive(Clone, Copy)]
-struct Span {
+struct KeySpan {
     keys: [usize; 2],
     fraction: f64,
     /// From key to key, in seconds.
@@ -290,7 +291,7 @@ struct Span {
 
 /// What a key of a spline holds.
 #[derive(Clone, Copy)]
-enum Part {
+enum SplinePart {
     TangentIn,
     Value,
     TangentOut,
@@ -298,10 +299,10 @@ enum Part {
 
 impl Track<'_> {
     /// Before the first and after the last key, these hold. `None`: there is no key.
-    fn span(&self, time: f32) -> Option<Span> {
+    fn span(&self, time: f32) -> Option<KeySpan> {
         let last = self.times.count.checked_sub(1)?;
         let time_of = |key: usize| self.times.at::<1>(key)[0];
-        let hold = |key: usize| Some(Span { keys: [key; 2], fraction: 0.0, duration: 0.0 });
+        let hold = |key: usize| Some(KeySpan { keys: [key; 2], fraction: 0.0, duration: 0.0 });
         if time_of(0).total_cmp(&time).is_ge() {
             return hold(0);
         }
@@ -316,10 +317,10 @@ impl Track<'_> {
         let start = f64::from(time_of(before));
         let duration = f64::from(time_of(after)) - start;
         let fraction = if duration > 0.0 { ((f64::from(time) - start) / duration).clamp(0.0, 1.0) } else { 0.0 };
-        Some(Span { keys: [before, after], fraction, duration })
+        Some(KeySpan { keys: [before, after], fraction, duration })
     }
 
-    fn value<const N: usize>(&self, key: usize, element: usize, part: Part) -> [f64; N] {
+    fn value<const N: usize>(&self, key: usize, element: usize, part: SplinePart) -> [f64; N] {
         let index = match self.interpolation {
             Interpolation::CubicSpline => (3 * key + part as usize) * self.elements + element,
             Interpolation::Step | Interpolation::Linear => key * self.elements + element,
@@ -328,8 +329,8 @@ impl Track<'_> {
     }
 
     /// One of the elements of the keys, component by component.
-    fn interpolate<const N: usize>(&self, span: Span, element: usize) -> [f64; N] {
-        let [before, after] = span.keys.map(|key| self.value::<N>(key, element, Part::Value));
+    fn interpolate<const N: usize>(&self, span: KeySpan, element: usize) -> [f64; N] {
+        let [before, after] = span.keys.map(|key| self.value::<N>(key, element, SplinePart::Value));
         let s = span.fraction;
         match self.interpolation {
             _ if span.keys[0] == span.keys[1] => before,
@@ -337,8 +338,8 @@ impl Track<'_> {
             Interpolation::Linear => std::array::from_fn(|k| before[k] + (after[k] - before[k]) * s),
             Interpolation::CubicSpline => {
                 // Appendix C.5: Hermite, with tangents per second.
-                let leaving = self.value::<N>(span.keys[0], element, Part::TangentOut);
-                let arriving = self.value::<N>(span.keys[1], element, Part::TangentIn);
+                let leaving = self.value::<N>(span.keys[0], element, SplinePart::TangentOut);
+                let arriving = self.value::<N>(span.keys[1], element, SplinePart::TangentIn);
                 let (s2, s3) = (s * s, s * s * s);
                 std::array::from_fn(|k| {
                     (2.0 * s3 - 3.0 * s2 + 1.0) * before[k]
@@ -360,7 +361,7 @@ impl Track<'_> {
         if self.interpolation != Interpolation::Linear {
             return Some(self.interpolate(span, 0));
         }
-        let [before, after] = span.keys.map(|key| DQuat::from_array(self.value(key, 0, Part::Value)).normalize());
+        let [before, after] = span.keys.map(|key| DQuat::from_array(self.value(key, 0, SplinePart::Value)).normalize());
         Some(before.slerp(after, span.fraction).to_array())
     }
 }

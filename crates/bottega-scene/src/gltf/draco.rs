@@ -6,8 +6,9 @@ use draco_core::{DataType, DecodeLimits, DecoderBuffer, MeshDecoder, PointAttrib
 use rayon::prelude::*;
 
 use super::accessor::{Accessor, Component, view_bytes};
-use super::mesh::Shape;
-use super::{Source, document};
+use super::document;
+use super::shape::PrimitiveShape;
+use super::source::GltfSource;
 use crate::SceneError;
 
 /// A decompressed primitive.
@@ -38,7 +39,7 @@ impl DracoMesh {
 pub(super) type DracoMeshes = BTreeMap<usize, DracoMesh>;
 
 /// Decompresses what the shapes need.
-pub(super) fn decompress(source: &Source<'_>, shapes: &[Shape]) -> Result<DracoMeshes, SceneError> {
+pub(super) fn decompress(source: &GltfSource<'_>, shapes: &[PrimitiveShape]) -> Result<DracoMeshes, SceneError> {
     let mut places: BTreeMap<usize, (String, BTreeSet<u32>)> = BTreeMap::new();
     for shape in shapes {
         let Some(draco) = &shape.primitive(source).extensions.draco else { continue };
@@ -69,7 +70,7 @@ fn numbers(attributes: &document::Attributes) -> impl Iterator<Item = u32> {
 }
 
 fn decode(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     place: &str,
     bytes: &[u8],
     limits: DecodeLimits,

@@ -3,8 +3,9 @@
 use glam::Vec3;
 
 use super::accessor::find;
+use super::document;
+use super::source::GltfSource;
 use super::texture::{Textures, Use};
-use super::{Source, document};
 use crate::error::Warnings;
 use crate::{
     AlphaMode, Anisotropy, Channel, ColorParam, Iridescence, Layered, Material, Medium, MediumId, Relief, ScalarParam,
@@ -13,7 +14,7 @@ use crate::{
 
 /// Converts one material of the document; `None` is the default material of the specification.
 pub(super) fn convert(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     index: Option<usize>,
     textures: &mut Textures<'_>,
     media: &mut Vec<Medium>,

@@ -4,32 +4,13 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::accessor::{Accessor, Component};
 use super::draco::{DracoMesh, DracoMeshes};
-use super::node::Hierarchy;
-use super::{Source, document, skin};
+use super::hierarchy::Hierarchy;
+use super::shape::PrimitiveShape;
+use super::source::GltfSource;
+use super::{document, skin};
 use crate::error::Warnings;
 use crate::model::COORDINATE_MAX;
 use crate::{Material, Mesh, SceneError};
-
-/// One primitive as one or more nodes show it.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Shape {
-    pub(super) mesh: usize,
-    pub(super) primitive: usize,
-    pub(super) material: Option<usize>,
-    /// Bits of the weights of the morph targets; absent ones are 0.
-    pub(super) weights: Vec<u32>,
-    pub(super) skin: Option<usize>,
-}
-
-impl Shape {
-    pub(super) fn primitive<'a>(&self, source: &Source<'a>) -> &'a document::Primitive {
-        &source.document.meshes[self.mesh].primitives[self.primitive]
-    }
-
-    pub(super) fn place(&self, member: &str) -> String {
-        format!("meshes[{}].primitives[{}]{member}", self.mesh, self.primitive)
-    }
-}
 
 /// How vertices make triangles.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -50,7 +31,11 @@ fn mode(primitive: &document::Primitive) -> Result<Option<Mode>, String> {
 }
 
 /// Whether a primitive has triangles; else a warning says that it is left out.
-pub(super) fn is_surface(source: &Source<'_>, shape: &Shape, warnings: &mut Warnings) -> Result<bool, SceneError> {
+pub(super) fn is_surface(
+    source: &GltfSource<'_>,
+    shape: &PrimitiveShape,
+    warnings: &mut Warnings,
+) -> Result<bool, SceneError> {
     let mode = mode(shape.primitive(source)).map_err(|problem| source.invalid(shape.place(".mode"), problem))?;
     if mode.is_none() {
         warnings.unsupported(shape.place(""), "points and lines have no surface and are left out");
@@ -64,24 +49,24 @@ pub(super) fn is_surface(source: &Source<'_>, shape: &Shape, warnings: &mut Warn
 /// beyond [`COORDINATE_MAX`]. Vertices that no triangle uses are left out, and so are texture coordinates and tangents
 /// that `material` has no use for.
 pub(super) fn read(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
     draco: &DracoMeshes,
-    shape: &Shape,
+    shape: &PrimitiveShape,
     material: &Material,
     warnings: &mut Warnings,
 ) -> Result<Option<Mesh>, SceneError> {
     let primitive = shape.primitive(source);
     let compressed = primitive.extensions.draco.as_deref();
     let draco = compressed.and_then(|compressed| Some((draco.get(&compressed.buffer_view)?, &*compressed.attributes)));
-    let reader = Reader { source, shape, primitive, draco, vertex_count: 0, selection: None };
+    let reader = PrimitiveReader { source, shape, primitive, draco, vertex_count: 0, selection: None };
     let positions = reader.positions()?;
     if positions.count == 0 {
         return Ok(None);
     }
     let mut triangles = reader.triangles(positions.count)?;
     let selection = select_used(&mut triangles, positions.count);
-    let reader = Reader { vertex_count: positions.count, selection, ..reader };
+    let reader = PrimitiveReader { vertex_count: positions.count, selection, ..reader };
 
     let mut mesh = Mesh {
         name: source.document.meshes[shape.mesh].name.clone(),
@@ -121,9 +106,9 @@ const INDICES: &str = ".indices";
 /// Which accessor, or which part of compressed data, an attribute is.
 type Which = fn(&document::Attributes) -> Option<usize>;
 
-struct Reader<'s> {
-    source: &'s Source<'s>,
-    shape: &'s Shape,
+struct PrimitiveReader<'s> {
+    source: &'s GltfSource<'s>,
+    shape: &'s PrimitiveShape,
     primitive: &'s document::Primitive,
     /// What the primitive has in compressed form, and its attributes there.
     draco: Option<(&'s DracoMesh, &'s document::Attributes)>,
@@ -132,7 +117,7 @@ struct Reader<'s> {
     selection: Option<Vec<u32>>,
 }
 
-impl<'s> Reader<'s> {
+impl<'s> PrimitiveReader<'s> {
     fn accessor(&self, index: usize, member: &str) -> Result<Accessor<'s>, SceneError> {
         Accessor::new(self.source.document, self.source.bytes, index).map_err(|problem| self.invalid(member, problem))
     }
@@ -334,7 +319,7 @@ fn select_used(triangles: &mut [[u32; 3]], vertex_count: usize) -> Option<Vec<u3
 }
 
 /// Leaves out what no ray can hit, and mends what would poison the shading.
-fn clean(mesh: &mut Mesh, shape: &Shape, warnings: &mut Warnings) {
+fn clean(mesh: &mut Mesh, shape: &PrimitiveShape, warnings: &mut Warnings) {
     let is_sound = |p: &Vec3| p.abs().max_element() <= COORDINATE_MAX;
     let unsound = mesh.positions.iter().any(|p| !is_sound(p) || !p.is_finite());
     let positions = &mesh.positions;

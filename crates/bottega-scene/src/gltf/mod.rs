@@ -22,6 +22,7 @@ mod container;
 mod document;
 mod draco;
 mod flat;
+mod hierarchy;
 mod material;
 mod mesh;
 mod meshopt;
@@ -29,7 +30,9 @@ mod node;
 mod place;
 mod pointer;
 mod punctual;
+mod shape;
 mod skin;
+mod source;
 mod texture;
 mod uri;
 
@@ -37,11 +40,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use document::Document;
-use glam::DVec3;
+use hierarchy::Hierarchy;
+use source::GltfSource;
 
+use crate::budget::MemoryBudget;
 use crate::error::Warnings;
-use crate::load::{Imported, LoadOptions, MemoryBudget, Metadata, RenderHints, Request};
-use crate::resource::Resources;
+use crate::hints::{Metadata, RenderHints};
+use crate::import::{ImportRequest, Imported};
 use crate::text::{decode_utf8, shortened};
 use crate::{Scene, SceneError, objects_only};
 
@@ -76,54 +81,6 @@ const EXTENSIONS: &[&str] = &[
     "KHR_xmp_json_ld",
 ];
 
-/// What all parts of the importer look at.
-struct Source<'a> {
-    path: &'a Path,
-    document: &'a Document,
-    bytes: accessor::Bytes<'a>,
-    options: &'a LoadOptions,
-    /// The variant of materials that is shown (KHR_materials_variants).
-    variant: Option<usize>,
-    budget: &'a MemoryBudget,
-    resources: &'a Resources<'a>,
-    /// What is taken from all places of the world.
-    origin: DVec3,
-}
-
-impl Source<'_> {
-    fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
-        SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
-    }
-
-    /// The index of what the options ask for, by its name or else by its number.
-    fn by_name<'n>(
-        &self,
-        what: &'static str,
-        wanted: &str,
-        names: impl Iterator<Item = &'n str>,
-    ) -> Result<usize, SceneError> {
-        const SHOWN: usize = 20;
-        let names: Vec<&str> = names.collect();
-        let by_number = || wanted.parse().ok().filter(|&number| number < names.len());
-        names.iter().position(|&name| name == wanted).or_else(by_number).ok_or_else(|| {
-            let shown = names.iter().take(SHOWN).enumerate();
-            let mut known: Vec<String> =
-                shown.map(|(number, name)| format!("{number} `{}`", shortened(name))).collect();
-            if names.len() > SHOWN {
-                known.push("…".into());
-            }
-            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
-            SceneError::NoSuch { path: self.path.into(), what, wanted: shortened(wanted).into_owned(), known }
-        })
-    }
-
-    /// Buffers together, in bytes: no honest count of anything is greater.
-    fn buffer_bytes(&self) -> usize {
-        let decompressed = self.bytes.decompressed.iter().flatten().map(Vec::len);
-        self.bytes.buffers.iter().map(|buffer| buffer.len()).chain(decompressed).sum()
-    }
-}
-
 /// Whether a file looks like one of ours: by its first bytes, or as JSON by its name and its first letter.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
     let has_name = |name| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
@@ -133,8 +90,8 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Builds the scene of a document whose bytes are `file`, read from `path`. Lights and cameras may be missing from it.
-pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, origin, resources } = request;
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &ImportRequest { path, file, options, origin, resources } = request;
     let budget = resources.budget();
     let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
     let parts = container::split(file).map_err(damaged)?;
@@ -146,7 +103,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
     let buffers: Vec<&[u8]> = buffers.iter().map(AsRef::as_ref).collect();
     let decompressed = meshopt::decompress(&document, &buffers, path, budget)?;
     let bytes = accessor::Bytes { buffers: &buffers, decompressed: &decompressed };
-    let mut source = Source { path, document: &document, bytes, options, variant: None, budget, resources, origin };
+    let mut source = GltfSource { path, document: &document, bytes, options, variant: None, budget, resources, origin };
     if let Some(name) = &options.variant {
         let variants = document.extensions.variants.as_ref().map_or(&[][..], |extension| &extension.variants);
         source.variant = Some(source.by_name("variant", name, variants.iter().map(|variant| variant.name.as_str()))?);
@@ -160,7 +117,7 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
         source.document = &animated;
     }
     let pose = moment.map(|moment| moment.pose(&source, warnings)).transpose()?.unwrap_or_default();
-    let hierarchy = node::Hierarchy::new(&source, pose, warnings)?;
+    let hierarchy = Hierarchy::new(&source, pose, warnings)?;
     let placements = node::placements(&source, &hierarchy, warnings)?;
     let used: BTreeSet<Option<usize>> = placements.shapes.iter().map(|shape| shape.material).collect();
     let mut textures = texture::Textures::new(&source);

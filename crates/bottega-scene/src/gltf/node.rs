@@ -1,142 +1,27 @@
 //! Nodes: where things stand.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::Source;
 use super::accessor::{Accessor, find};
-use super::animation::{NodePose, Pose};
 use super::document;
 use super::draco::DracoMeshes;
 use super::flat;
-use super::mesh::{self, Shape};
+use super::hierarchy::{Hierarchy, affine};
+use super::mesh;
+use super::shape::PrimitiveShape;
+use super::source::GltfSource;
 use crate::error::Warnings;
 use crate::model::is_placeable;
 use crate::{Instance, Material, Mesh, SceneError};
-
-/// The nodes of the scene that is shown, and where they are.
-pub(super) struct Hierarchy {
-    /// Every node of the scene, parents before their children, in the order of the file.
-    pub(super) nodes: Vec<usize>,
-    /// Node space to world space, for every node of the document; `None` outside of the scene.
-    pub(super) world_from_node: Vec<Option<DAffine3>>,
-    /// Nodes that are not to be seen, nor what is below them (KHR_node_visibility).
-    hidden: BTreeSet<usize>,
-    /// What animations say instead of the nodes.
-    pose: Pose,
-}
-
-impl Hierarchy {
-    /// Walks the default scene, or the first one, or all nodes where there is no scene.
-    pub(super) fn new(source: &Source<'_>, pose: Pose, warnings: &mut Warnings) -> Result<Self, SceneError> {
-        let document = source.document;
-        let has_parent = check_forest(source)?;
-        let roots = match (document.scene, document.scenes.len()) {
-            (None, 0) => (0..document.nodes.len()).filter(|&node| !has_parent[node]).collect(),
-            (scene, count) => {
-                if scene.is_none() && count > 1 {
-                    warnings.add("scene", format!("none of the {count} scenes is the default; the first one is shown"));
-                }
-                let scene = find("scene", &document.scenes, scene.unwrap_or(0));
-                scene.map_err(|problem| source.invalid("scene", problem))?.nodes.clone()
-            }
-        };
-        let mut world_from_node = vec![None; document.nodes.len()];
-        let mut nodes = Vec::new();
-        let mut hidden = BTreeSet::new();
-        let world = DAffine3::from_translation(-source.origin);
-        let mut pending: Vec<(usize, DAffine3, bool)> =
-            roots.into_iter().rev().map(|node| (node, world, true)).collect();
-        while let Some((index, world_from_parent, is_visible)) = pending.pop() {
-            let node = find("node", &document.nodes, index).map_err(|problem| source.invalid("scenes", problem))?;
-            if world_from_node[index].is_some() {
-                return Err(source.invalid(format!("nodes[{index}]"), "stands in the scene twice"));
-            }
-            let world = world_from_parent * parent_from_node(node, pose.get(&index));
-            world_from_node[index] = Some(world);
-            nodes.push(index);
-            let visibility = node.extensions.as_ref().and_then(|extensions| extensions.visibility.as_ref());
-            let is_visible = is_visible && visibility.and_then(|visibility| visibility.visible).unwrap_or(true);
-            if !is_visible {
-                hidden.insert(index);
-            }
-            pending.extend(node.children.iter().rev().map(|&child| (child, world, is_visible)));
-        }
-        Ok(Self { nodes, world_from_node, hidden, pose })
-    }
-
-    /// The nodes whose meshes and lights are to be seen.
-    pub(super) fn visible(&self) -> impl Iterator<Item = usize> {
-        self.nodes.iter().copied().filter(|node| !self.hidden.contains(node))
-    }
-}
-
-/// Checks that every node has at most one parent and none is its own ancestor. Returns which have a parent.
-fn check_forest(source: &Source<'_>) -> Result<Vec<bool>, SceneError> {
-    let nodes = &source.document.nodes;
-    let mut has_parent = vec![false; nodes.len()];
-    for (index, node) in nodes.iter().enumerate() {
-        for &child in &node.children {
-            let place = || format!("nodes[{index}].children");
-            find("node", nodes, child).map_err(|problem| source.invalid(place(), problem))?;
-            if has_parent[child] {
-                return Err(source.invalid(place(), format!("node {child} has two parents")));
-            }
-            has_parent[child] = true;
-        }
-    }
-    // With one parent each, the nodes that no root reaches are those that run in circles.
-    let mut reached = vec![false; nodes.len()];
-    let mut pending: Vec<usize> = (0..nodes.len()).filter(|&node| !has_parent[node]).collect();
-    while let Some(index) = pending.pop() {
-        reached[index] = true;
-        pending.extend(&nodes[index].children);
-    }
-    match reached.iter().position(|&reached| !reached) {
-        None => Ok(has_parent),
-        Some(index) => Err(source.invalid(format!("nodes[{index}]"), "is its own ancestor")),
-    }
-}
-
-fn parent_from_node(node: &document::Node, pose: Option<&NodePose>) -> DAffine3 {
-    let (mut scale, mut rotation, mut translation) = (node.scale, node.rotation, node.translation);
-    let pose = pose.filter(|pose| pose.moves());
-    if let Some(columns) = &node.matrix {
-        let matrix = DAffine3::from_mat4(DMat4::from_cols_array(columns));
-        if pose.is_none() {
-            return matrix;
-        }
-        // Nodes that are animated should have no matrix. Those that have one are taken apart.
-        let parts = matrix.to_scale_rotation_translation();
-        (scale, rotation, translation) = (Some(parts.0.into()), Some(parts.1.into()), Some(parts.2.into()));
-    }
-    match pose {
-        None => affine(scale, rotation, translation),
-        Some(pose) => affine(pose.scale.or(scale), pose.rotation.or(rotation), pose.translation.or(translation)),
-    }
-}
-
-fn affine(scale: Option<[f64; 3]>, rotation: Option<[f64; 4]>, translation: Option<[f64; 3]>) -> DAffine3 {
-    let rotation = rotation.map_or(DQuat::IDENTITY, |q| {
-        let q = DQuat::from_array(q);
-        // A rotation of length 0 is none at all: the matrix becomes singular, and is found later.
-        if q.length_squared() > 0.0 && q.is_finite() {
-            q / q.length()
-        } else {
-            DQuat::from_xyzw(0.0, 0.0, 0.0, f64::NAN)
-        }
-    });
-    let matrix = DMat3::from_quat(rotation) * DMat3::from_diagonal(scale.map_or(DVec3::ONE, DVec3::from_array));
-    DAffine3 { matrix3: matrix, translation: translation.map_or(DVec3::ZERO, DVec3::from_array) }
-}
 
 /// What the scene shows, and where.
 #[derive(Default)]
 pub(super) struct Placements {
     /// In the order of their first placement.
-    pub(super) shapes: Vec<Shape>,
+    pub(super) shapes: Vec<PrimitiveShape>,
     list: Vec<Placement>,
 }
 
@@ -149,13 +34,13 @@ struct Placement {
 
 /// Lists what the nodes of the scene show.
 pub(super) fn placements(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
     warnings: &mut Warnings,
 ) -> Result<Placements, SceneError> {
     let mut placements = Placements::default();
     // `None`: not a surface.
-    let mut number_of: BTreeMap<Shape, Option<usize>> = BTreeMap::new();
+    let mut number_of: BTreeMap<PrimitiveShape, Option<usize>> = BTreeMap::new();
     for index in hierarchy.visible() {
         let node = &source.document.nodes[index];
         let (Some(mesh_index), Some(world)) = (node.mesh, hierarchy.world_from_node[index]) else { continue };
@@ -172,7 +57,7 @@ pub(super) fn placements(
         for primitive in 0..mesh.primitives.len() {
             let material = material(source, &mesh.primitives[primitive]);
             let weights = weights.map(|weights| weights.iter().map(|w| w.to_bits()).collect()).unwrap_or_default();
-            let shape = Shape { mesh: mesh_index, primitive, material, weights, skin: node.skin };
+            let shape = PrimitiveShape { mesh: mesh_index, primitive, material, weights, skin: node.skin };
             let number = match number_of.get(&shape) {
                 Some(&number) => number,
                 None => {
@@ -192,7 +77,7 @@ pub(super) fn placements(
 }
 
 /// The material of a primitive, in the variant that the options ask for (KHR_materials_variants).
-fn material(source: &Source<'_>, primitive: &document::Primitive) -> Option<usize> {
+fn material(source: &GltfSource<'_>, primitive: &document::Primitive) -> Option<usize> {
     let variants = primitive.extensions.variants.as_ref();
     let mapping = source
         .variant
@@ -203,7 +88,7 @@ fn material(source: &Source<'_>, primitive: &document::Primitive) -> Option<usiz
 
 /// EXT_mesh_gpu_instancing: node space from instance space, for each instance.
 fn instances(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     node: usize,
     attributes: &document::InstancingAttributes,
 ) -> Result<Vec<DAffine3>, SceneError> {
@@ -243,7 +128,7 @@ fn instances(
 /// - `hierarchy`: where the joints of skins are.
 /// - `draco`: what the shapes have in compressed form.
 pub(super) fn build(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
     placements: &Placements,
     draco: &DracoMeshes,
@@ -251,14 +136,14 @@ pub(super) fn build(
     material_of: &BTreeMap<Option<usize>, u32>,
     warnings: &mut Warnings,
 ) -> Result<(Vec<Mesh>, Vec<Instance>), SceneError> {
-    let read = |shape: &Shape| {
+    let read = |shape: &PrimitiveShape| {
         let mut warnings = Warnings::default();
         let material = material_of[&shape.material];
         let mesh = mesh::read(source, hierarchy, draco, shape, &materials[material as usize], &mut warnings);
         (mesh.map(|mesh| mesh.map(|mesh| Mesh { material, ..mesh })), warnings)
     };
     let read: Vec<_> = placements.shapes.par_iter().map(read).collect();
-    let mut placed = Placed::default();
+    let mut placed = PlacedMeshes::default();
     for (mesh, news) in read {
         warnings.append(news);
         placed.shapes.push(mesh?.map(|mesh| PlacedShape::new(mesh, source.origin != DVec3::ZERO)));
@@ -283,7 +168,7 @@ pub(super) fn build(
 /// Meshes and instances in the making. A mirroring placement gets a mirrored mesh, so that no instance mirrors; one that
 /// makes its mesh flat gets a flat mesh.
 #[derive(Default)]
-struct Placed {
+struct PlacedMeshes {
     /// `None`: no triangle is left of it.
     shapes: Vec<Option<PlacedShape>>,
     /// Meshes in world space.
@@ -319,10 +204,10 @@ impl PlacedShape {
 /// The scale that turns a mirrored mesh back.
 const MIRROR: DVec3 = DVec3::new(-1.0, 1.0, 1.0);
 
-impl Placed {
+impl PlacedMeshes {
     /// Places a shape, or says why it cannot be placed there. Shapes without triangles are placed nowhere, silently, and so
     /// are those that are scaled to a point, which is how they are hidden (glTF 2.0, section 5.25).
-    fn add(&mut self, source: &Source<'_>, placement: &Placement) -> Result<Option<&'static str>, SceneError> {
+    fn add(&mut self, source: &GltfSource<'_>, placement: &Placement) -> Result<Option<&'static str>, SceneError> {
         let Some(shape) = &mut self.shapes[placement.shape] else { return Ok(None) };
         let world = match shape.center {
             DVec3::ZERO => placement.world_from_object,

@@ -12,8 +12,8 @@ use serde_json::Value;
 use super::document::Document;
 use super::shortened;
 use crate::SceneError;
+use crate::budget::MemoryBudget;
 use crate::error::Warnings;
-use crate::load::MemoryBudget;
 use crate::objects_only::ObjectsOnly;
 
 /// What can be animated. `{}` is a number, `*` any name; a texture's transformation may follow the name of each.

@@ -6,14 +6,15 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::accessor::find;
-use super::node::Hierarchy;
-use super::{Source, document, shortened};
+use super::hierarchy::Hierarchy;
+use super::source::GltfSource;
+use super::{document, shortened};
 use crate::error::Warnings;
 use crate::{Camera, Clip, Light, LightKind, Projection, Scene, SceneError, SpotFalloff};
 
 /// Adds the cameras that stand in the scene, in the order of its nodes.
 pub(super) fn add_cameras(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
     scene: &mut Scene,
     warnings: &mut Warnings,
@@ -91,7 +92,7 @@ fn without_scale(m: &DAffine3) -> Option<DAffine3> {
 
 /// Adds the lights that stand in the scene, in the order of its nodes.
 pub(super) fn add_lights(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
     scene: &mut Scene,
     warnings: &mut Warnings,

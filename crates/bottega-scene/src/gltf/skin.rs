@@ -3,9 +3,9 @@
 use glam::{Affine3A, DAffine3, DMat4, Mat3A, Vec3A};
 use rayon::prelude::*;
 
-use super::Source;
 use super::accessor::{Accessor, find};
-use super::node::Hierarchy;
+use super::hierarchy::Hierarchy;
+use super::source::GltfSource;
 use crate::error::Warnings;
 use crate::{Mesh, SceneError};
 
@@ -20,7 +20,7 @@ pub(super) struct Influence {
 ///
 /// - `influences`: sets of four joints, each `[vertices]`; none: the mesh stays where it was modelled.
 pub(super) fn apply(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
     skin: usize,
     influences: &[Vec<Influence>],
@@ -76,7 +76,7 @@ fn blend<'a>(matrices: &[Affine3A], influences: impl Iterator<Item = &'a Influen
 }
 
 /// World space from the space in which the mesh was modelled, for every joint.
-fn joint_matrices(source: &Source<'_>, hierarchy: &Hierarchy, index: usize) -> Result<Vec<Affine3A>, SceneError> {
+fn joint_matrices(source: &GltfSource<'_>, hierarchy: &Hierarchy, index: usize) -> Result<Vec<Affine3A>, SceneError> {
     let skin = find("skin", &source.document.skins, index).map_err(|problem| source.invalid("nodes", problem))?;
     let place = |member: &str| format!("skins[{index}].{member}");
     let inverse_binds = match skin.inverse_bind_matrices {

@@ -7,10 +7,11 @@ use glam::{Affine2, Mat2, Vec2};
 use rayon::prelude::*;
 
 use super::accessor::{find, view_bytes};
+use super::source::GltfSource;
 use super::uri::{Reference, resolve};
-use super::{Source, document, shortened};
+use super::{document, shortened};
 use crate::error::Warnings;
-use crate::image::{Decoded, Encoding, Header, PictureFault, unreadable};
+use crate::image::{Decoded, Encoding, PictureFault, PictureHeader, unreadable};
 use crate::{Image, ImageId, Material, SceneError, Surface, TextureMap, Wrap};
 
 /// What a picture is used for. A picture with several uses is decoded once and kept once for each.
@@ -26,7 +27,7 @@ pub(super) enum Use {
 
 /// The pictures that materials ask for, loaded all at once in the end.
 pub(super) struct Textures<'a> {
-    source: &'a Source<'a>,
+    source: &'a GltfSource<'a>,
     /// The image of the document (`None`: the one for what is missing) and its use.
     wanted: Vec<(Option<usize>, Use)>,
     id_of: BTreeMap<(Option<usize>, Use), ImageId>,
@@ -35,7 +36,7 @@ pub(super) struct Textures<'a> {
 }
 
 impl<'a> Textures<'a> {
-    pub(super) fn new(source: &'a Source<'a>) -> Self {
+    pub(super) fn new(source: &'a GltfSource<'a>) -> Self {
         // Some exporters write an image for each use of a file.
         let mut known = BTreeMap::new();
         let images = source.document.images.iter().enumerate();
@@ -190,7 +191,7 @@ fn picture_from_uv(transform: &document::TextureTransform) -> Affine2 {
 }
 
 /// What is known of a picture, for messages.
-fn name(source: &Source<'_>, index: usize) -> String {
+fn name(source: &GltfSource<'_>, index: usize) -> String {
     let image = &source.document.images[index];
     match &image.uri {
         Some(uri) if !uri.starts_with("data:") => shortened(uri).into_owned(),
@@ -202,7 +203,7 @@ fn name(source: &Source<'_>, index: usize) -> String {
 /// The bytes of a picture. The inner error is worth a warning.
 type Bytes<'a> = Result<Cow<'a, [u8]>, String>;
 
-fn bytes<'a>(source: &Source<'a>, index: usize) -> Result<Bytes<'a>, SceneError> {
+fn bytes<'a>(source: &GltfSource<'a>, index: usize) -> Result<Bytes<'a>, SceneError> {
     let image = &source.document.images[index];
     let place = || format!("images[{index}]");
     if let Some(view) = image.buffer_view {
@@ -221,13 +222,13 @@ fn bytes<'a>(source: &Source<'a>, index: usize) -> Result<Bytes<'a>, SceneError>
 }
 
 /// Reads the header of a picture and books the memory for its uses. The inner error is worth a warning.
-fn check(source: &Source<'_>, index: usize, uses: usize) -> Result<Result<Header, String>, SceneError> {
+fn check(source: &GltfSource<'_>, index: usize, uses: usize) -> Result<Result<PictureHeader, String>, SceneError> {
     let place = format!("images[{index}]");
     let bytes = match bytes(source, index)? {
         Ok(bytes) => bytes,
         Err(problem) => return Ok(Err(problem)),
     };
-    match Header::read(&bytes, source.options.max_image_pixels) {
+    match PictureHeader::read(&bytes, source.options.max_image_pixels) {
         Ok(header) => {
             source.budget.take(source.path, &place, header.memory_bytes().saturating_mul(uses))?;
             Ok(Ok(header))
@@ -244,9 +245,9 @@ fn check(source: &Source<'_>, index: usize, uses: usize) -> Result<Result<Header
 
 /// Decodes a picture, once for each use. Returns what is to be told, too.
 fn load_picture(
-    source: &Source<'_>,
+    source: &GltfSource<'_>,
     index: usize,
-    header: Header,
+    header: PictureHeader,
     uses: &[(Use, usize)],
 ) -> Result<(Vec<Image>, Vec<String>), String> {
     let bytes = bytes(source, index).map_err(|error| error.to_string())??;

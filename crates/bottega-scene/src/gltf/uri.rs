@@ -5,6 +5,7 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use percent_encoding::percent_decode_str;
 
 use super::document::Document;
 use super::shortened;
@@ -74,31 +75,13 @@ fn decode_data(rest: &str) -> Result<Vec<u8>, &'static str> {
     if head.ends_with(";base64") {
         LENIENT.decode(data).map_err(|_| "its data URI is not valid base64")
     } else {
-        Ok(percent_decode_bytes(data))
+        Ok(percent_decode_str(data).collect())
     }
-}
-
-fn percent_decode(text: &str) -> Option<String> {
-    String::from_utf8(percent_decode_bytes(text)).ok()
 }
 
 /// A percent sign that two hexadecimal digits do not follow stands for itself.
-fn percent_decode_bytes(text: &str) -> Vec<u8> {
-    let mut bytes = text.as_bytes();
-    let mut decoded = Vec::with_capacity(bytes.len());
-    while let Some((&first, rest)) = bytes.split_first() {
-        let digit = |index: usize| rest.get(index).and_then(|&byte| char::from(byte).to_digit(16));
-        bytes = rest;
-        if first == b'%'
-            && let (Some(high), Some(low)) = (digit(0), digit(1))
-        {
-            decoded.push((high * 16 + low) as u8);
-            bytes = &rest[2..];
-        } else {
-            decoded.push(first);
-        }
-    }
-    decoded
+fn percent_decode(text: &str) -> Option<String> {
+    percent_decode_str(text).decode_utf8().ok().map(Cow::into_owned)
 }
 
 /// Reads all buffers.

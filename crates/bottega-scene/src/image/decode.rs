@@ -12,8 +12,8 @@ use bottega_image::{
 use bytemuck::Pod;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
+use super::texels::{DecodedTexels, zeroed};
 use super::{Encoding, Image, color_space, ktx2, pfm};
-use crate::values;
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub(crate) enum PictureFault {
 
 /// What a picture says of itself before it is decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Header {
+pub(crate) struct PictureHeader {
     format: Format,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -93,7 +93,7 @@ fn describe(bytes: &[u8]) -> &'static str {
     }
 }
 
-impl Header {
+impl PictureHeader {
     /// Reads the header of a file, whose bytes these are. More than `pixels_max` pixels are refused.
     pub(crate) fn read(bytes: &[u8], pixels_max: u64) -> Result<Self, PictureFault> {
         let unreadable = |problem: String| PictureFault::Unreadable { problem };
@@ -203,19 +203,9 @@ pub(crate) struct Decoded {
     notes: Vec<String>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum DecodedTexels {
-    Gray8(Vec<u8>),
-    Rgb8(Vec<[u8; 3]>),
-    Rgba8(Vec<[u8; 4]>),
-    Rgba16(Vec<[u16; 4]>),
-    Rgb32(Vec<[f32; 3]>),
-    Rgba32(Vec<[f32; 4]>),
-}
-
 impl Decoded {
     /// Decodes the file whose header was read. An error says what is wrong with it.
-    pub(crate) fn read(bytes: &[u8], header: Header) -> Result<Self, String> {
+    pub(crate) fn read(bytes: &[u8], header: PictureHeader) -> Result<Self, String> {
         let mut notes = Vec::new();
         let mut texels = match header.format {
             Format::Float => float_texels(bytes, header, &mut notes)?,
@@ -258,18 +248,7 @@ impl Decoded {
     }
 }
 
-impl DecodedTexels {
-    /// Makes sound numbers of floats; see [`values::mend`].
-    fn mend(&mut self) -> Option<String> {
-        match self {
-            Self::Rgb32(texels) => values::mend(texels.as_flattened_mut()),
-            Self::Rgba32(texels) => values::mend(texels.as_flattened_mut()),
-            _ => None,
-        }
-    }
-}
-
-fn float_texels(bytes: &[u8], header: Header, notes: &mut Vec<String>) -> Result<DecodedTexels, String> {
+fn float_texels(bytes: &[u8], header: PictureHeader, notes: &mut Vec<String>) -> Result<DecodedTexels, String> {
     let limits = ReadLimits { max_pixels: u64::from(header.width) * u64::from(header.height) };
     let whole = read_whole("", bytes, limits, header.white_point).map_err(|error| match float_fault(&error) {
         PictureFault::TooLarge { problem } | PictureFault::Unreadable { problem } => problem,
@@ -303,7 +282,7 @@ fn explain(error: &ImageError) -> String {
 fn library_texels(
     bytes: &[u8],
     format: ImageFormat,
-    header: Header,
+    header: PictureHeader,
     notes: &mut Vec<String>,
 ) -> Result<DecodedTexels, String> {
     let mut decoder = decoder(bytes, format).map_err(|error| explain(&error))?;
@@ -350,19 +329,13 @@ fn read<T: Pod>(decoder: impl ImageDecoder, count: usize) -> Result<Vec<T>, Stri
     Ok(texels)
 }
 
-pub(super) fn zeroed<T: Pod>(count: usize) -> Result<Vec<T>, String> {
-    let mut texels = Vec::new();
-    texels.try_reserve_exact(count).map_err(|_| format!("there is no memory for {count} pixels"))?;
-    texels.resize(count, T::zeroed());
-    Ok(texels)
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec4;
     use image::{DynamicImage, ImageBuffer, Luma, LumaA, Rgb, Rgba};
 
     use super::*;
+    use crate::values;
 
     fn encoded(picture: &DynamicImage, format: ImageFormat) -> Vec<u8> {
         let mut file = Cursor::new(Vec::new());
@@ -371,7 +344,7 @@ mod tests {
     }
 
     fn read_image(file: &[u8], encoding: Encoding) -> Image {
-        let header = Header::read(file, 1 << 20).unwrap();
+        let header = PictureHeader::read(file, 1 << 20).unwrap();
         let image = Decoded::read(file, header).unwrap().into_image("test", encoding);
         assert!(image.memory_bytes() <= header.memory_bytes() + 64, "{header:?}");
         image
@@ -439,7 +412,7 @@ mod tests {
         assert_eq!(texel(&[("Y", 7.0)]), Vec4::new(7.0, 7.0, 7.0, 1.0));
         assert_eq!(texel(&[("R", 7.0)]), Vec4::new(7.0, 7.0, 7.0, 1.0));
         assert_eq!(texel(&[("b", 3.0), ("g", 2.0), ("r", 1.0)]), Vec4::new(1.0, 2.0, 3.0, 1.0));
-        assert!(Header::read(&exr_file(&[("Z", 7.0), ("id", 1.0)]), 100).is_err());
+        assert!(PictureHeader::read(&exr_file(&[("Z", 7.0), ("id", 1.0)]), 100).is_err());
         // What is no radiance becomes black.
         assert_eq!(texel(&[("R", f32::NAN), ("G", -1.0), ("B", f32::INFINITY)]), Vec4::W);
     }
@@ -453,7 +426,7 @@ mod tests {
         let tiff = DynamicImage::ImageRgb32F(ImageBuffer::from_vec(2, 1, bright.to_vec()).unwrap());
         let hdr = [b"#?RADIANCE\nEXPOSURE=1e-30\n\n-Y 1 +X 2\n".to_vec(), vec![9, 9, 9, 255, 9, 9, 9, 40]].concat();
         for (name, file) in [("exr", exr), ("pfm", pfm), ("tiff", encoded(&tiff, ImageFormat::Tiff)), ("hdr", hdr)] {
-            let header = Header::read(&file, 1 << 20).unwrap();
+            let header = PictureHeader::read(&file, 1 << 20).unwrap();
             let mut decoded = Decoded::read(&file, header).unwrap();
             let notes = decoded.take_notes().join(" ");
             assert!(notes.contains("infinite"), "{name}: {notes}");
@@ -497,7 +470,7 @@ mod tests {
         ];
         for (name, file) in files {
             let start = std::time::Instant::now();
-            let refused = Header::read(&file, 1 << 28);
+            let refused = PictureHeader::read(&file, 1 << 28);
             let is_told =
                 matches!(&refused, Err(PictureFault::Unreadable { problem }) if problem.contains("announces"));
             assert!(is_told, "{name}: {refused:?}");
@@ -528,10 +501,10 @@ mod tests {
     #[test]
     fn too_many_pixels_and_unknown_formats_are_told_apart() {
         let file = exr_file(&[("Y", 7.0)]);
-        assert!(matches!(Header::read(&file, 5), Err(PictureFault::TooLarge { .. })));
+        assert!(matches!(PictureHeader::read(&file, 5), Err(PictureFault::TooLarge { .. })));
         assert!(
-            matches!(Header::read(b"GIF89a....", 5), Err(PictureFault::Unreadable { problem }) if problem.contains("GIF"))
+            matches!(PictureHeader::read(b"GIF89a....", 5), Err(PictureFault::Unreadable { problem }) if problem.contains("GIF"))
         );
-        assert!(matches!(Header::read(b"", 5), Err(PictureFault::Unreadable { .. })));
+        assert!(matches!(PictureHeader::read(b"", 5), Err(PictureFault::Unreadable { .. })));
     }
 }

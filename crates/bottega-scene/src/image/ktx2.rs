@@ -15,7 +15,7 @@ const PIXELS_MAX: u64 = 1 << 30;
 
 /// How texels are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Layout {
+enum Ktx2Layout {
     /// ETC1S blocks behind the codebooks of BasisLZ.
     BasisLz,
     Blocks(Block),
@@ -38,7 +38,7 @@ enum Block {
 struct Picture<'a> {
     width: u32,
     height: u32,
-    layout: Layout,
+    layout: Ktx2Layout,
     /// The finest level, still packed.
     level: &'a [u8],
     packing: Packing,
@@ -61,7 +61,7 @@ pub(super) fn header(bytes: &[u8]) -> Result<(u32, u32, usize), String> {
 /// The texels of a picture whose header was read, `[width × height]`. An error says what is wrong.
 pub(super) fn texels(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
     let picture = Picture::of(bytes)?;
-    if picture.layout == Layout::BasisLz {
+    if picture.layout == Ktx2Layout::BasisLz {
         return basis_lz(bytes);
     }
     match picture.packing {
@@ -114,8 +114,8 @@ impl<'a> Picture<'a> {
             }
         };
         let layout = match (format, model) {
-            (0, MODEL_ETC1S) if scheme == SCHEME_BASIS_LZ => Layout::BasisLz,
-            (0, MODEL_UASTC) => Layout::Blocks(Block::Uastc),
+            (0, MODEL_ETC1S) if scheme == SCHEME_BASIS_LZ => Ktx2Layout::BasisLz,
+            (0, MODEL_UASTC) => Ktx2Layout::Blocks(Block::Uastc),
             (0, other) => return Some(Err(format!("its KTX2 colour model {other} is not supported"))),
             (format, _) => match layout(format) {
                 Some(layout) => layout,
@@ -135,9 +135,9 @@ impl<'a> Picture<'a> {
     fn level_bytes(&self) -> Result<usize, String> {
         let (width, height) = (self.width as usize, self.height as usize);
         let bytes = match self.layout {
-            Layout::BasisLz => Some(0),
-            Layout::Blocks(block) => (width.div_ceil(4) * height.div_ceil(4)).checked_mul(block.bytes()),
-            Layout::Bytes { channels, .. } => (width * height).checked_mul(channels),
+            Ktx2Layout::BasisLz => Some(0),
+            Ktx2Layout::Blocks(block) => (width.div_ceil(4) * height.div_ceil(4)).checked_mul(block.bytes()),
+            Ktx2Layout::Bytes { channels, .. } => (width * height).checked_mul(channels),
         };
         bytes.ok_or_else(|| "it is too large".into())
     }
@@ -148,14 +148,14 @@ impl<'a> Picture<'a> {
         let memory = texels.try_reserve_exact(width * height);
         memory.map_err(|_| format!("there is no memory for {width} × {height} pixels"))?;
         match self.layout {
-            Layout::BasisLz => return Err("it is not stored in blocks".into()),
-            Layout::Bytes { channels, bgr } => {
+            Ktx2Layout::BasisLz => return Err("it is not stored in blocks".into()),
+            Ktx2Layout::Bytes { channels, bgr } => {
                 texels.extend(level.chunks_exact(channels).take(width * height).map(|texel| {
                     let alpha = texel.get(3).copied().unwrap_or(255);
                     if bgr { [texel[2], texel[1], texel[0], alpha] } else { [texel[0], texel[1], texel[2], alpha] }
                 }));
             }
-            Layout::Blocks(block) => {
+            Ktx2Layout::Blocks(block) => {
                 texels.resize(width * height, [0; 4]);
                 let row_bytes = width.div_ceil(4) * block.bytes();
                 let rows = texels.par_chunks_mut(4 * width).zip(level.par_chunks(row_bytes));
@@ -175,14 +175,14 @@ impl<'a> Picture<'a> {
 }
 
 /// By the number of the format in Vulkan.
-fn layout(format: u32) -> Option<Layout> {
+fn layout(format: u32) -> Option<Ktx2Layout> {
     Some(match format {
-        23 | 29 => Layout::Bytes { channels: 3, bgr: false },
-        37 | 43 => Layout::Bytes { channels: 4, bgr: false },
-        44 | 50 => Layout::Bytes { channels: 4, bgr: true },
-        131..=134 => Layout::Blocks(Block::Bc1),
-        137 | 138 => Layout::Blocks(Block::Bc3),
-        145 | 146 => Layout::Blocks(Block::Bc7),
+        23 | 29 => Ktx2Layout::Bytes { channels: 3, bgr: false },
+        37 | 43 => Ktx2Layout::Bytes { channels: 4, bgr: false },
+        44 | 50 => Ktx2Layout::Bytes { channels: 4, bgr: true },
+        131..=134 => Ktx2Layout::Blocks(Block::Bc1),
+        137 | 138 => Ktx2Layout::Blocks(Block::Bc3),
+        145 | 146 => Ktx2Layout::Blocks(Block::Bc7),
         _ => return None,
     })
 }

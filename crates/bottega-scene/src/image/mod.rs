@@ -9,10 +9,11 @@ mod pictures;
 mod pyramid;
 mod raw;
 mod srgb;
+mod texels;
 
 use glam::Vec4;
 
-pub(crate) use decode::{Decoded, Header, PictureFault};
+pub(crate) use decode::{Decoded, PictureFault, PictureHeader};
 pub(crate) use pictures::{Framed, Pictures, too_large, unreadable};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};

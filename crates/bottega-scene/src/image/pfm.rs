@@ -1,10 +1,10 @@
 //! PFM, portable float maps: `PF` for colours or `Pf` for gray, the size, a scale whose sign gives the order of bytes, and
 //! rows of floats, the lowest row first.
 
-use super::decode::{DecodedTexels, zeroed};
+use super::texels::{DecodedTexels, zeroed};
 
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Header {
+pub(super) struct PfmHeader {
     width: u32,
     height: u32,
     is_color: bool,
@@ -15,7 +15,7 @@ pub(super) struct Header {
     body: usize,
 }
 
-pub(super) fn header(bytes: &[u8]) -> Result<Header, String> {
+pub(super) fn header(bytes: &[u8]) -> Result<PfmHeader, String> {
     let mut at = 0;
     let mut word = || {
         // A number ends at one space or the end of its line; no header is longer than this.
@@ -33,7 +33,7 @@ pub(super) fn header(bytes: &[u8]) -> Result<Header, String> {
         return Err("its header has no scale".into());
     }
     let is_color = kind == Some("PF");
-    let header = Header { width, height, is_color, scale: scale.abs(), big_endian: scale > 0.0, body: at };
+    let header = PfmHeader { width, height, is_color, scale: scale.abs(), big_endian: scale > 0.0, body: at };
     let needed = u128::from(width) * u128::from(height) * if is_color { 12 } else { 4 };
     let there = bytes.len().saturating_sub(at);
     if (there as u128) < needed {
@@ -42,7 +42,7 @@ pub(super) fn header(bytes: &[u8]) -> Result<Header, String> {
     Ok(header)
 }
 
-impl Header {
+impl PfmHeader {
     /// Width, height and bytes of a texel as it is kept.
     pub(super) fn size(&self) -> (u32, u32, usize) {
         (self.width, self.height, 12)

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use bottega_image::WhitePoint;
 use rayon::prelude::*;
 
-use super::{Decoded, Encoding, Header, Image, PictureFault};
+use super::{Decoded, Encoding, Image, PictureFault, PictureHeader};
 use crate::error::Warnings;
-use crate::load::LoadOptions;
+use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::shortened;
 use crate::{ImageId, SceneError};
@@ -17,15 +17,15 @@ pub(crate) struct Pictures<'a> {
     resources: &'a Resources<'a>,
     pixels_max: u64,
     white_point: WhitePoint,
-    wanted: Vec<Wanted>,
-    id_of: BTreeMap<(Location, bool, Change), ImageId>,
+    wanted: Vec<WantedPicture>,
+    id_of: BTreeMap<(Location, bool, PictureChange), ImageId>,
     /// Pictures that are there already: where they go in the list.
     made: Vec<(usize, Image)>,
 }
 
 /// What is done to a picture after it is decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Change {
+enum PictureChange {
     None,
     /// Its luminance in all channels.
     Gray,
@@ -42,10 +42,10 @@ pub(crate) struct Framed {
     pub(crate) size: (u32, u32),
 }
 
-struct Wanted {
+struct WantedPicture {
     location: Location,
     encoding: Encoding,
-    change: Change,
+    change: PictureChange,
     /// Where it was first asked for.
     place: String,
 }
@@ -91,7 +91,7 @@ impl<'a> Pictures<'a> {
     ///
     /// - `gray`: its luminance (Rec. 709) is wanted in all channels.
     pub(crate) fn want_at(&mut self, location: Location, encoding: Encoding, gray: bool, place: &str) -> ImageId {
-        self.want_changed(location, encoding, if gray { Change::Gray } else { Change::None }, place)
+        self.want_changed(location, encoding, if gray { PictureChange::Gray } else { PictureChange::None }, place)
     }
 
     /// Asks for a picture with an edge of black texels around it; see [`want`](Self::want). `None`: it cannot be read, and
@@ -104,8 +104,8 @@ impl<'a> Pictures<'a> {
     ) -> Result<Option<Framed>, SceneError> {
         let location = self.resources.locate(reference, place)?;
         let Ok(bytes) = self.resources.read(&location) else { return Ok(None) };
-        let Ok(header) = Header::read(&bytes, self.pixels_max) else { return Ok(None) };
-        let id = self.want_changed(location, encoding, Change::Framed, place);
+        let Ok(header) = PictureHeader::read(&bytes, self.pixels_max) else { return Ok(None) };
+        let id = self.want_changed(location, encoding, PictureChange::Framed, place);
         Ok(Some(Framed { id, size: header.size() }))
     }
 
@@ -118,16 +118,16 @@ impl<'a> Pictures<'a> {
         place: &str,
     ) -> Result<ImageId, SceneError> {
         let location = self.resources.locate(reference, place)?;
-        Ok(self.want_changed(location, encoding, Change::Octahedral, place))
+        Ok(self.want_changed(location, encoding, PictureChange::Octahedral, place))
     }
 
-    fn want_changed(&mut self, location: Location, encoding: Encoding, change: Change, place: &str) -> ImageId {
+    fn want_changed(&mut self, location: Location, encoding: Encoding, change: PictureChange, place: &str) -> ImageId {
         let next = ImageId((self.wanted.len() + self.made.len()) as u32);
         let key = (location, encoding == Encoding::Srgb, change);
         if let Some(&id) = self.id_of.get(&key) {
             return id;
         }
-        self.wanted.push(Wanted { location: key.0.clone(), encoding, change, place: place.into() });
+        self.wanted.push(WantedPicture { location: key.0.clone(), encoding, change, place: place.into() });
         self.id_of.insert(key, next);
         next
     }
@@ -149,7 +149,7 @@ impl<'a> Pictures<'a> {
     /// Decodes all that was asked for, in parallel, after all of their headers have passed the limits. One that cannot be
     /// read is replaced by magenta (colours) or 1 (numbers), with a warning.
     pub(crate) fn load(self, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
-        let checked: Vec<Result<Header, String>> =
+        let checked: Vec<Result<PictureHeader, String>> =
             self.wanted.par_iter().map(|wanted| self.check(wanted)).collect::<Result<_, SceneError>>()?;
         let white_point = self.white_point;
         let decoded: Vec<Result<(Image, Vec<String>), String>> = (self.wanted.par_iter().zip(checked))
@@ -160,15 +160,15 @@ impl<'a> Pictures<'a> {
                 let notes = decoded.take_notes();
                 let image = decoded.into_image(&wanted.location.name, wanted.encoding);
                 let image = match wanted.change {
-                    Change::None => image,
-                    Change::Gray => image.luminance(),
-                    Change::Framed => image.framed(),
-                    Change::Octahedral => image.octahedral_period(),
+                    PictureChange::None => image,
+                    PictureChange::Gray => image.luminance(),
+                    PictureChange::Framed => image.framed(),
+                    PictureChange::Octahedral => image.octahedral_period(),
                 };
                 Ok((image, notes))
             })
             .collect();
-        let finish = |(wanted, decoded): (&Wanted, Result<(Image, Vec<String>), String>)| {
+        let finish = |(wanted, decoded): (&WantedPicture, Result<(Image, Vec<String>), String>)| {
             let name = shortened(&wanted.location.name).into_owned();
             let told = decoded.map(|(image, notes)| {
                 for note in notes {
@@ -192,21 +192,21 @@ impl<'a> Pictures<'a> {
     }
 
     /// Reads the header of a picture and books its memory. The inner error is worth a warning.
-    fn check(&self, wanted: &Wanted) -> Result<Result<Header, String>, SceneError> {
+    fn check(&self, wanted: &WantedPicture) -> Result<Result<PictureHeader, String>, SceneError> {
         let bytes = match self.resources.read(&wanted.location) {
             Ok(bytes) => bytes,
             Err(error) => return Ok(Err(unreadable(&error))),
         };
-        match Header::read(&bytes, self.pixels_max) {
+        match PictureHeader::read(&bytes, self.pixels_max) {
             Ok(header) => {
                 let factor = match wanted.change {
-                    Change::None => 1,
+                    PictureChange::None => 1,
                     // What becomes gray is kept as floats.
-                    Change::Gray => 12,
+                    PictureChange::Gray => 12,
                     // A single texel becomes nine, beside itself on the way.
-                    Change::Framed => 10,
+                    PictureChange::Framed => 10,
                     // Four times as many texels, beside itself on the way.
-                    Change::Octahedral => 5,
+                    PictureChange::Octahedral => 5,
                 };
                 let bytes = header.memory_bytes().saturating_mul(factor);
                 let taken = self.resources.budget().take(wanted.location.path(), "", bytes);

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use glam::Vec4;
 
-use super::Source;
-use super::lines::{Block, Fault, float, next_word};
-use crate::load::MemoryBudget;
+use super::lines::{LineBlock, LineFault, float, next_word};
+use super::source::MeshSource;
+use crate::budget::MemoryBudget;
 use crate::text::{decode, shortened};
 use crate::{COORDINATE_MAX, SceneError};
 
@@ -31,13 +31,13 @@ impl Curves {
 ///
 /// - `least`: control points that each of them needs.
 pub(crate) fn read(path: &Path, bytes: &[u8], least: usize, budget: &MemoryBudget) -> Result<Curves, SceneError> {
-    let source = Source { path, budget };
+    let source = MeshSource { path, budget };
     let text = decode(path, bytes, budget)?.text;
     let bytes = text.as_bytes();
     let lines = 1 + bytes.iter().filter(|&&byte| byte == b'\n').count();
     budget.take(path, "", lines.saturating_mul(size_of::<Vec4>()))?;
     let mut curves = Curves::default();
-    let block = Block { text: bytes, first_line: 1 };
+    let block = LineBlock { text: bytes, first_line: 1 };
     // Of the curve that is being read, its first line.
     let mut start = None;
     for (number, line) in block.lines() {
@@ -59,34 +59,34 @@ pub(crate) fn read(path: &Path, bytes: &[u8], least: usize, budget: &MemoryBudge
 }
 
 impl Curves {
-    fn end<'t>(&mut self, first: &'t [u8], least: usize) -> Result<(), Fault<'t>> {
+    fn end<'t>(&mut self, first: &'t [u8], least: usize) -> Result<(), LineFault<'t>> {
         let count = self.points.len() - self.ends.last().copied().unwrap_or(0);
         if count < least {
             let problem =
                 format!("a curve of {count} control points; it needs {least} at least: add some, or remove it");
-            return Err(Fault::new(first, problem));
+            return Err(LineFault::new(first, problem));
         }
         self.ends.push(self.points.len());
         Ok(())
     }
 }
 
-fn point(line: &[u8]) -> Result<Vec4, Fault<'_>> {
+fn point(line: &[u8]) -> Result<Vec4, LineFault<'_>> {
     let mut rest = line;
     let mut numbers = [0.0; 4];
     for (number, name) in numbers.iter_mut().zip(["x", "y", "z", "radius"]) {
         let Some(word) = next_word(&mut rest) else {
-            return Err(Fault::new(rest, format!("the {name} is missing; a control point is `x y z radius`")));
+            return Err(LineFault::new(rest, format!("the {name} is missing; a control point is `x y z radius`")));
         };
         let value = float(word).ok_or_else(|| {
             let text = String::from_utf8_lossy(word);
-            Fault::new(word, format!("`{}` is no number; a control point is `x y z radius`", shortened(&text)))
+            LineFault::new(word, format!("`{}` is no number; a control point is `x y z radius`", shortened(&text)))
         })?;
         if value.is_nan() || value.abs() > COORDINATE_MAX {
-            return Err(Fault::new(word, format!("the {name} is out of reach: beyond {COORDINATE_MAX:e}")));
+            return Err(LineFault::new(word, format!("the {name} is out of reach: beyond {COORDINATE_MAX:e}")));
         }
         if name == "radius" && value < 0.0 {
-            return Err(Fault::new(word, "the radius is below 0; make it 0 or greater"));
+            return Err(LineFault::new(word, "the radius is below 0; make it 0 or greater"));
         }
         *number = value;
     }

@@ -2,9 +2,9 @@
 
 use std::io::Read;
 
-use super::Source;
+use super::source::MeshSource;
 use crate::SceneError;
-use crate::load::Held;
+use crate::budget::HeldBytes;
 
 /// The first bytes of a gzip file (RFC 1952).
 pub(super) const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
@@ -13,7 +13,7 @@ pub(super) const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
 pub(super) const RATIO_MAX: usize = 1032;
 
 /// Unfolds a gzip file. The memory is booked as long as the second result is kept.
-pub(super) fn gunzip<'a>(source: Source<'a>, bytes: &[u8]) -> Result<(Vec<u8>, Held<'a>), SceneError> {
+pub(super) fn gunzip<'a>(source: MeshSource<'a>, bytes: &[u8]) -> Result<(Vec<u8>, HeldBytes<'a>), SceneError> {
     let limit = source.budget.limit();
     // The last four bytes are the length modulo 2³²: a hint, where it can be true.
     let length = bytes.last_chunk().map_or(0, |length| u32::from_le_bytes(*length) as usize);

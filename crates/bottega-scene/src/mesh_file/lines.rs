@@ -9,7 +9,7 @@ const BLOCK_BYTES: usize = 1 << 20;
 
 /// Whole lines of a text.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Block<'a> {
+pub(super) struct LineBlock<'a> {
     pub(super) text: &'a [u8],
     /// The number of the first line in its file, counted from 1.
     pub(super) first_line: usize,
@@ -17,13 +17,13 @@ pub(super) struct Block<'a> {
 
 /// What is wrong with a part of a text.
 #[derive(Debug)]
-pub(super) struct Fault<'t> {
+pub(super) struct LineFault<'t> {
     /// The word, or where one is missing.
     pub(super) at: &'t [u8],
     pub(super) problem: String,
 }
 
-impl<'t> Fault<'t> {
+impl<'t> LineFault<'t> {
     pub(super) fn new(at: &'t [u8], problem: impl Into<String>) -> Self {
         Self { at, problem: problem.into() }
     }
@@ -40,7 +40,7 @@ pub(super) struct Located {
 /// Cuts a text whose first line has the number `first_line` into pieces.
 ///
 /// - `continues`: whether a line that ends with a backslash goes on in the next one; such lines stay together.
-pub(super) fn blocks(text: &[u8], first_line: usize, continues: bool) -> Vec<Block<'_>> {
+pub(super) fn blocks(text: &[u8], first_line: usize, continues: bool) -> Vec<LineBlock<'_>> {
     let mut pieces = Vec::new();
     let mut rest = text;
     while !rest.is_empty() {
@@ -62,7 +62,7 @@ pub(super) fn blocks(text: &[u8], first_line: usize, continues: bool) -> Vec<Blo
     let counts: Vec<usize> = pieces.par_iter().map(|piece| newline_count(piece)).collect();
     let mut line = first_line;
     let block = |(text, count): (_, usize)| {
-        let block = Block { text, first_line: line };
+        let block = LineBlock { text, first_line: line };
         line += count;
         block
     };
@@ -79,7 +79,7 @@ fn newline_count(text: &[u8]) -> usize {
     text.chunks(255).map(|chunk| usize::from(chunk.iter().map(|&byte| u8::from(byte == b'\n')).sum::<u8>())).sum()
 }
 
-impl<'a> Block<'a> {
+impl<'a> LineBlock<'a> {
     /// Its lines with their numbers, without spaces around them.
     pub(super) fn lines(self) -> impl Iterator<Item = (usize, &'a [u8])> {
         let text = self.text.strip_suffix(b"\n").unwrap_or(self.text);
@@ -88,10 +88,10 @@ impl<'a> Block<'a> {
     }
 }
 
-impl Block<'_> {
+impl LineBlock<'_> {
     /// The place of a fault. `line`: what is told where its part is not of this text, being of lines that were joined.
-    pub(super) fn locate(self, line: usize, fault: Fault<'_>) -> Located {
-        let Fault { at, problem } = fault;
+    pub(super) fn locate(self, line: usize, fault: LineFault<'_>) -> Located {
+        let LineFault { at, problem } = fault;
         let offset = at.as_ptr().addr().checked_sub(self.text.as_ptr().addr());
         let Some(before) = offset.and_then(|length| self.text.get(..length)) else {
             return Located { line, column: 1, problem };
@@ -104,7 +104,7 @@ impl Block<'_> {
     /// of the first line.
     pub(super) fn for_each_statement(
         self,
-        mut visit: impl for<'t> FnMut(usize, &'t [u8]) -> Result<(), Fault<'t>>,
+        mut visit: impl for<'t> FnMut(usize, &'t [u8]) -> Result<(), LineFault<'t>>,
     ) -> Result<(), Located> {
         let mut lines = self.lines();
         while let Some((number, line)) = lines.next() {
@@ -210,12 +210,12 @@ mod tests {
     #[test]
     fn the_place_of_a_word_is_its_line_and_column() {
         let text = "one\n  zwölf  two\nthree \\\n four five\n";
-        let block = Block { text: text.as_bytes(), first_line: 7 };
+        let block = LineBlock { text: text.as_bytes(), first_line: 7 };
         let place = |wanted: &[u8]| {
             let found = block.for_each_statement(|_, mut line| {
                 while let Some(word) = next_word(&mut line) {
                     if word == wanted {
-                        return Err(Fault::new(word, ""));
+                        return Err(LineFault::new(word, ""));
                     }
                 }
                 Ok(())

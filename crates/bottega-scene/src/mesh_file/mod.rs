@@ -13,50 +13,18 @@ pub(crate) mod obj;
 pub(crate) mod ply;
 mod scene;
 pub(crate) mod serialized;
+mod source;
 
 use std::path::Path;
 
-use bytemuck::Pod;
 use glam::{Vec2, Vec4};
-use lines::Located;
 use rayon::prelude::*;
+use source::MeshSource;
 
-use crate::load::{Held, MemoryBudget};
+use crate::budget::{HeldBytes, MemoryBudget};
 use crate::{Mesh, SceneError};
 
 pub(crate) use scene::{import, recognizes};
-
-/// The file that is being read, for errors and for the memory that it may take.
-#[derive(Clone, Copy)]
-struct Source<'a> {
-    path: &'a Path,
-    budget: &'a MemoryBudget,
-}
-
-impl Source<'_> {
-    fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
-        SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
-    }
-
-    fn located(&self, Located { line, column, problem }: Located) -> SceneError {
-        SceneError::Text { path: self.path.into(), line, column, problem }
-    }
-
-    fn damaged(&self, problem: impl Into<String>) -> SceneError {
-        SceneError::Damaged { path: self.path.into(), problem: problem.into() }
-    }
-
-    /// Books memory and takes it, all zero. The caller has checked that the file can hold so many.
-    fn zeroed<T: Pod>(&self, count: usize) -> Result<Vec<T>, SceneError> {
-        self.budget.take(self.path, "", count.saturating_mul(size_of::<T>()))?;
-        // Fresh zeros of the system are touched first by the threads that fill them.
-        bytemuck::allocation::try_zeroed_vec(count).map_err(|()| SceneError::Read {
-            path: self.path.into(),
-            by: String::new(),
-            source: std::io::ErrorKind::OutOfMemory.into(),
-        })
-    }
-}
 
 /// Unfolds a gzip file, or gives the bytes back where they are none. The memory is booked as long as the second result is
 /// kept.
@@ -64,11 +32,11 @@ pub(crate) fn unfolded<'a>(
     path: &'a Path,
     bytes: Vec<u8>,
     budget: &'a MemoryBudget,
-) -> Result<(Vec<u8>, Option<Held<'a>>), SceneError> {
+) -> Result<(Vec<u8>, Option<HeldBytes<'a>>), SceneError> {
     if !bytes.starts_with(inflate::GZIP_MAGIC) {
         return Ok((bytes, None));
     }
-    inflate::gunzip(Source { path, budget }, &bytes).map(|(bytes, held)| (bytes, Some(held)))
+    inflate::gunzip(MeshSource { path, budget }, &bytes).map(|(bytes, held)| (bytes, Some(held)))
 }
 
 /// A colour that can be computed with: no channel is negative, infinite or not a number.

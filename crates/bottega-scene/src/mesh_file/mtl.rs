@@ -4,10 +4,10 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::Source;
-use super::lines::{self, Fault, Located, float, next_word};
+use super::lines::{self, LineFault, Located, float, next_word};
+use super::source::MeshSource;
 use crate::SceneError;
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 use crate::text::{Text, decode, shortened};
 
 /// A material as the file describes it. `None` where it is silent.
@@ -88,7 +88,7 @@ const NOTES_MAX: usize = 20;
 /// - `path`: for errors.
 /// - `bytes`: the file.
 pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<MtlFile, SceneError> {
-    let source = Source { path, budget };
+    let source = MeshSource { path, budget };
     let Text { text, guess } = decode(path, bytes, budget)?;
     let mut file = MtlFile { materials: Vec::new(), notes: guess.into_iter().collect() };
     for block in lines::blocks(text.as_bytes(), 1, true) {
@@ -116,7 +116,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
 }
 
 impl MtlMaterial {
-    fn set<'t>(&mut self, keyword: &[u8], words: &'t [u8], line: usize) -> Result<(), Fault<'t>> {
+    fn set<'t>(&mut self, keyword: &[u8], words: &'t [u8], line: usize) -> Result<(), LineFault<'t>> {
         let map = || map(words, line);
         match keyword.to_ascii_lowercase().as_slice() {
             b"kd" => self.diffuse = color(words)?,
@@ -145,14 +145,15 @@ impl MtlMaterial {
 }
 
 /// A number that is one: finite.
-fn number(mut words: &[u8]) -> Result<f32, Fault<'_>> {
-    let word = next_word(&mut words).ok_or_else(|| Fault::new(words, "a number is missing"))?;
+fn number(mut words: &[u8]) -> Result<f32, LineFault<'_>> {
+    let word = next_word(&mut words).ok_or_else(|| LineFault::new(words, "a number is missing"))?;
     let value = float(word).filter(|value| value.is_finite());
-    value.ok_or_else(|| Fault::new(word, format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word)))))
+    value
+        .ok_or_else(|| LineFault::new(word, format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word)))))
 }
 
 /// One number for all, or three. `None`: a spectrum or XYZ, which nobody writes.
-fn color(words: &[u8]) -> Result<Option<Vec3>, Fault<'_>> {
+fn color(words: &[u8]) -> Result<Option<Vec3>, LineFault<'_>> {
     let mut rest = words;
     if matches!(next_word(&mut rest), Some(b"spectral" | b"xyz")) {
         return Ok(None);

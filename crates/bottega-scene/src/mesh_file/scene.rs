@@ -7,7 +7,9 @@ use glam::DVec3;
 use super::obj::{self, materials::Library};
 use super::{ply, serialized};
 use crate::error::Warnings;
-use crate::load::{Imported, LoadOptions, Metadata, RenderHints, Request};
+use crate::hints::{Metadata, RenderHints};
+use crate::import::{ImportRequest, Imported};
+use crate::options::LoadOptions;
 use crate::origin::rounding;
 use crate::resource::Resources;
 use crate::{Layered, Material, Mesh, Scene, SceneError, Spectrum};
@@ -18,8 +20,8 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Builds the scene of a file that [`recognizes`] accepts. It has neither lights nor cameras, unless a material shines.
-pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, origin, resources } = request;
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &ImportRequest { path, file, options, origin, resources } = request;
     let budget = resources.budget();
     let mut scene = Scene::default();
     let format = if ply::recognizes(path, file) {

@@ -9,8 +9,9 @@ use std::path::Path;
 use bytemuck::Pod;
 use glam::{Vec2, Vec3, Vec4};
 
-use super::{Source, finish, inflate};
-use crate::load::MemoryBudget;
+use super::source::MeshSource;
+use super::{finish, inflate};
+use crate::budget::MemoryBudget;
 use crate::model::COORDINATE_MAX;
 use crate::text::shortened;
 use crate::{Mesh, SceneError};
@@ -35,7 +36,7 @@ pub(crate) fn recognizes(bytes: &[u8]) -> bool {
 /// - `bytes`: the file.
 /// - `shape_index`: which mesh, counted from 0.
 pub(crate) fn read(path: &Path, bytes: &[u8], shape_index: u32, budget: &MemoryBudget) -> Result<Mesh, SceneError> {
-    let source = Source { path, budget };
+    let source = MeshSource { path, budget };
     if !recognizes(bytes) {
         return Err(source.damaged("it does not begin like a serialized mesh of version 3 or 4"));
     }
@@ -61,18 +62,18 @@ pub(crate) fn count(path: &Path, bytes: &[u8]) -> Result<u32, SceneError> {
 }
 
 /// The table at the end of a file: offsets, then their number.
-struct Table {
+struct OffsetTable {
     start: usize,
     /// Bytes of an offset.
     width: usize,
     count: usize,
 }
 
-fn table(bytes: &[u8]) -> Option<Table> {
+fn table(bytes: &[u8]) -> Option<OffsetTable> {
     let width = if bytes.get(2) == Some(&4) { 8 } else { 4 };
     let count = u32::from_le_bytes(*bytes.last_chunk()?) as usize;
     let start = bytes.len().checked_sub(count.checked_mul(width)?.checked_add(4)?)?;
-    (count > 0).then_some(Table { start, width, count })
+    (count > 0).then_some(OffsetTable { start, width, count })
 }
 
 fn no_table(path: &Path) -> SceneError {
@@ -80,8 +81,8 @@ fn no_table(path: &Path) -> SceneError {
 }
 
 /// Where a mesh is.
-fn find(source: Source<'_>, bytes: &[u8], shape_index: u32) -> Result<std::ops::Range<usize>, SceneError> {
-    let Table { start: table, width, count } = table(bytes).ok_or_else(|| no_table(source.path))?;
+fn find(source: MeshSource<'_>, bytes: &[u8], shape_index: u32) -> Result<std::ops::Range<usize>, SceneError> {
+    let OffsetTable { start: table, width, count } = table(bytes).ok_or_else(|| no_table(source.path))?;
     let offset = |index: usize| {
         let entry = bytes.get(table + index * width..table + (index + 1) * width)?;
         let mut wide = [0; 8];
@@ -104,7 +105,7 @@ fn find(source: Source<'_>, bytes: &[u8], shape_index: u32) -> Result<std::ops::
 
 /// The unfolding data of one mesh.
 struct Stream<'a, R> {
-    source: Source<'a>,
+    source: MeshSource<'a>,
     decoder: R,
     /// Bytes that may still come, at most.
     capacity: usize,

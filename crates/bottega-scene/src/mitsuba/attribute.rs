@@ -5,22 +5,12 @@
 
 use glam::{Affine2, Vec2, Vec3};
 
-use super::Importer;
 use super::document::Object;
+use super::importer::{Awaited, Importer};
 use super::texture::Texture;
 use crate::mesh_file::ply::{self, Attribute};
 use crate::text::shortened;
-use crate::{Channel, Image, ImageId, Mesh, SceneError, Spectrum, TextureMap, Wrap};
-
-/// A texture that waits for its mesh.
-#[derive(Clone, Debug)]
-pub(super) struct Awaited {
-    name: String,
-    /// Its picture, which is 0.5 until the mesh is there.
-    image: ImageId,
-    /// Whether its luminance is wanted.
-    is_number: bool,
-}
+use crate::{Channel, Image, Mesh, SceneError, Spectrum, TextureMap, Wrap};
 
 /// Texture coordinates are so many times as large as the picture: the width of lookups, which is that of other pictures,
 /// is nothing beside them, and no lookup leaves its triangle.

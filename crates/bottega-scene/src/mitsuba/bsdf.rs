@@ -1,31 +1,17 @@
 //! Materials: bsdfs with what emits and what lies on either side.
 
-use super::Importer;
-use super::color::Role;
+use super::color::{Role, Use};
 use super::document::{Class, Object, ObjectId};
-use super::texture::Use;
+use super::importer::{Importer, MaterialKey};
+use super::shared::Needs;
 use super::value::Value;
 use crate::spectrum::{metal, mitsuba_ior};
 use crate::text::shortened;
 use crate::{
     AlphaMode, Back, Channel, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection,
-    Material, MediumId, Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError,
+    Material, Plastic, Principled, Relief, ReliefRule, ReliefSource, RoughnessScale, ScalarParam, SceneError,
     Shadowing, Sides, Spectrum, Surface,
 };
-
-/// What a material is made of: bsdf, emitter, interior and exterior medium.
-pub(super) type MaterialKey = (Option<ObjectId>, Option<ObjectId>, Option<MediumId>, Option<MediumId>);
-
-/// What a material asks of its mesh.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Needs {
-    pub(super) uvs: bool,
-    pub(super) tangents: bool,
-    /// Colours of its vertices.
-    pub(super) colors: bool,
-    /// Colours of its faces.
-    pub(super) face_colors: bool,
-}
 
 /// A bsdf, before there is an emitter.
 #[derive(Clone, Debug)]

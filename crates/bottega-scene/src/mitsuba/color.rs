@@ -2,11 +2,10 @@
 
 use glam::Vec3;
 
-use super::Importer;
-use super::document::{Class, Object, ObjectId, Property};
-use super::texture::Use;
+use super::document::{Class, Object, ObjectId, ObjectProperty};
+use super::importer::Importer;
 use super::value::Value;
-use super::xml::Place;
+use super::xml::XmlPlace;
 use crate::spectrum::{Sampled, read_spd};
 use crate::{Channel, ColorParam, ScalarParam, SceneError, Spectrum};
 
@@ -19,6 +18,18 @@ pub(super) enum Role {
     Radiance,
     /// Any other spectrum, such as an index of refraction.
     Unbounded,
+}
+
+/// What a texture is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Use {
+    /// The main colour of a surface, which that of a mesh multiplies.
+    Base,
+    Color(Role),
+    /// Its luminance.
+    Number,
+    /// Its numbers as they are: a normal map.
+    Vector,
 }
 
 impl Importer<'_> {
@@ -83,7 +94,7 @@ impl Importer<'_> {
     }
 
     /// The colour of a property.
-    pub(super) fn property_color(&mut self, property: &Property, role: Role) -> Result<Spectrum, SceneError> {
+    pub(super) fn property_color(&mut self, property: &ObjectProperty, role: Role) -> Result<Spectrum, SceneError> {
         let color = match &property.value {
             Value::Rgb(rgb) => *rgb,
             Value::Float(number) => Vec3::splat(*number as f32),
@@ -156,7 +167,7 @@ impl Importer<'_> {
     }
 
     /// Brings a colour into the range of its role.
-    fn in_range(&mut self, color: Vec3, role: Role, at: Place) -> Vec3 {
+    fn in_range(&mut self, color: Vec3, role: Role, at: XmlPlace) -> Vec3 {
         let most = if role == Role::Reflectance { 1.0 } else { f32::MAX };
         let clamped = color.clamp(Vec3::ZERO, Vec3::splat(most));
         if clamped != color {

@@ -6,10 +6,10 @@
 
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4};
 
-use super::Importer;
 use super::document::Object;
+use super::importer::Importer;
 use super::mesh::Normals;
-use super::shape::Part;
+use super::shape::GroupPart;
 use crate::mesh_file::curves::{self, Curves};
 use crate::tube::{self, Ring, bezier_of_bspline};
 use crate::{COORDINATE_MAX, Mesh, SceneError};
@@ -19,7 +19,7 @@ const PIECES_MAX: f64 = 64.0;
 
 impl Importer<'_> {
     /// The tubes of a shape.
-    pub(super) fn curves(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<Part>, SceneError> {
+    pub(super) fn curves(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
         let is_spline = object.plugin == "bsplinecurve";
         let location = self.filename(object)?;
         let bytes = self.resources.read(&location)?;

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use glam::{DMat4, DVec3};
 
 use super::value::Value;
-use super::xml::Place;
+use super::xml::XmlPlace;
 use crate::text::shortened;
 
 /// Index of an object in [`Document::objects`].
@@ -73,10 +73,10 @@ impl Class {
 
 /// A named value of an object.
 #[derive(Debug)]
-pub(super) struct Property {
+pub(super) struct ObjectProperty {
     pub(super) name: String,
     pub(super) value: Value,
-    pub(super) at: Place,
+    pub(super) at: XmlPlace,
     pub(super) used: Cell<bool>,
 }
 
@@ -86,7 +86,7 @@ pub(super) struct Child {
     /// Its role; empty where its class alone tells.
     pub(super) name: String,
     pub(super) object: ObjectId,
-    pub(super) at: Place,
+    pub(super) at: XmlPlace,
     pub(super) used: Cell<bool>,
 }
 
@@ -98,8 +98,8 @@ pub(super) struct Object {
     pub(super) plugin: String,
     /// Its id in the file; may be empty.
     pub(super) id: String,
-    pub(super) at: Place,
-    pub(super) properties: Vec<Property>,
+    pub(super) at: XmlPlace,
+    pub(super) properties: Vec<ObjectProperty>,
     pub(super) children: Vec<Child>,
 }
 
@@ -124,7 +124,7 @@ impl Document {
 
 impl Object {
     /// The property of a name, which counts as known from now on.
-    pub(super) fn property(&self, name: &str) -> Option<&Property> {
+    pub(super) fn property(&self, name: &str) -> Option<&ObjectProperty> {
         let property = self.properties.iter().find(|property| property.name == name)?;
         property.used.set(true);
         Some(property)
@@ -158,65 +158,67 @@ impl Object {
     }
 
     /// A transformation; the identity where there is none.
-    pub(super) fn transform(&self, name: &str) -> Result<DMat4, (Place, String)> {
+    pub(super) fn transform(&self, name: &str) -> Result<DMat4, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(DMat4::IDENTITY),
-            Some(Property { value: Value::Transform(matrix), .. }) => Ok(*matrix),
+            Some(ObjectProperty { value: Value::Transform(matrix), .. }) => Ok(*matrix),
             Some(property) => Err(property.wrong("a transformation")),
         }
     }
 
     /// A number.
-    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, (Place, String)> {
+    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
-            Some(Property { value: Value::Float(number), .. }) => Ok(Some(*number)),
-            Some(Property { value: Value::Integer(number), .. }) => Ok(Some(*number as f64)),
+            Some(ObjectProperty { value: Value::Float(number), .. }) => Ok(Some(*number)),
+            Some(ObjectProperty { value: Value::Integer(number), .. }) => Ok(Some(*number as f64)),
             Some(property) => Err(property.wrong("a number")),
         }
     }
 
     /// A whole number.
-    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, (Place, String)> {
+    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
-            Some(Property { value: Value::Integer(number), .. }) => Ok(Some(*number)),
-            Some(Property { value: Value::Float(number), .. }) if number.fract() == 0.0 => Ok(Some(*number as i64)),
+            Some(ObjectProperty { value: Value::Integer(number), .. }) => Ok(Some(*number)),
+            Some(ObjectProperty { value: Value::Float(number), .. }) if number.fract() == 0.0 => {
+                Ok(Some(*number as i64))
+            }
             Some(property) => Err(property.wrong("a whole number")),
         }
     }
 
     /// Yes or no.
-    pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, (Place, String)> {
+    pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(default),
-            Some(Property { value: Value::Boolean(value), .. }) => Ok(*value),
+            Some(ObjectProperty { value: Value::Boolean(value), .. }) => Ok(*value),
             Some(property) => Err(property.wrong("true or false")),
         }
     }
 
     /// A text.
-    pub(super) fn string(&self, name: &str) -> Result<Option<&str>, (Place, String)> {
+    pub(super) fn string(&self, name: &str) -> Result<Option<&str>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
-            Some(Property { value: Value::String(text), .. }) => Ok(Some(text)),
+            Some(ObjectProperty { value: Value::String(text), .. }) => Ok(Some(text)),
             Some(property) => Err(property.wrong("a string")),
         }
     }
 
     /// A point or a direction.
-    pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, (Place, String)> {
+    pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
-            Some(Property { value: Value::Vector(vector), .. }) => Ok(Some(*vector)),
+            Some(ObjectProperty { value: Value::Vector(vector), .. }) => Ok(Some(*vector)),
             Some(property) => Err(property.wrong("a point or a vector")),
         }
     }
 }
 
-impl Property {
+impl ObjectProperty {
     /// That its value is of the wrong kind.
-    pub(super) fn wrong(&self, wanted: &str) -> (Place, String) {
+    pub(super) fn wrong(&self, wanted: &str) -> (XmlPlace, String) {
         (self.at, format!("`{}` is not {wanted}", shortened(&self.name)))
     }
 }

@@ -1,21 +1,8 @@
 //! How light is found.
 
-use super::Importer;
 use super::document::{Class, Object, ObjectId};
-use super::xml::Place;
+use super::importer::{Importer, Manner};
 use crate::{Dielectric, Facets, Follows, IntegratorHint, PhotonHints, SceneError, Spectrum, Surface};
-
-/// What an integrator makes of the scene beside following its light.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Manner {
-    /// Whether what goes straight through thin panes is no bounce, and lamps shine through them.
-    sees_through_panes: bool,
-    /// Whether there are no media for it.
-    ignores_media: bool,
-    /// Whether the camera does not see what shines.
-    hides_emitters: bool,
-    at: Place,
-}
 
 impl Importer<'_> {
     /// How light is found: by which of our integrators, over how many bounces.

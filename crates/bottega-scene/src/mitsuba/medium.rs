@@ -4,19 +4,19 @@ use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3};
 
-use super::Importer;
 use super::color::Role;
 use super::document::{Class, Object, ObjectId};
+use super::importer::Importer;
 use super::volume::{self, Volume};
 use crate::{Blend, Density, Grid, Medium, MediumId, SceneError, Spectrum, Variation};
 
 /// A property of a medium.
-enum Field {
+enum MediumField {
     Constant(Spectrum),
     Grid(Grid, Affine3A),
 }
 
-impl Field {
+impl MediumField {
     /// Of one that varies, its mean.
     fn mean(&self) -> Spectrum {
         match self {
@@ -86,11 +86,11 @@ impl Importer<'_> {
     fn coefficients(&mut self, object: &Object) -> Result<Stuff, SceneError> {
         let scattering = self.field(object, "sigma_s", Role::Unbounded, Spectrum::ZERO)?;
         let absorption = self.field(object, "sigma_a", Role::Unbounded, Spectrum::ZERO)?;
-        let ((Field::Grid(_, place), _) | (_, Field::Grid(_, place))) = (&scattering, &absorption) else {
+        let ((MediumField::Grid(_, place), _) | (_, MediumField::Grid(_, place))) = (&scattering, &absorption) else {
             return Ok(Stuff { absorption: absorption.mean(), scattering: scattering.mean(), variation: None });
         };
         let grid_from_world = *place;
-        if matches!(&absorption, Field::Grid(_, place) if *place != grid_from_world) {
+        if matches!(&absorption, MediumField::Grid(_, place) if *place != grid_from_world) {
             self.report.warn(object.at, "`sigma_a` is taken to fill the same box as `sigma_s`");
         }
         let ((scattering, scattering_grid), (absorption, absorption_grid)) =
@@ -117,13 +117,13 @@ impl Importer<'_> {
             Stuff { absorption: (extinction - scattering).max(Spectrum::ZERO), scattering, variation }
         };
         let (grid, grid_from_world) = match extinction {
-            Field::Grid(grid, place) => (grid, place),
-            Field::Constant(extinction) if is_boxed => {
+            MediumField::Grid(grid, place) => (grid, place),
+            MediumField::Constant(extinction) if is_boxed => {
                 coefficient = extinction;
                 (Grid::one(), self.box_of(object, density)?)
             }
-            Field::Constant(extinction) => {
-                if matches!(albedo, Field::Grid(..)) {
+            MediumField::Constant(extinction) => {
+                if matches!(albedo, MediumField::Grid(..)) {
                     self.report
                         .warn(object.at, "the albedo varies in space, but the extinction does not: its mean is taken");
                 }
@@ -131,8 +131,8 @@ impl Importer<'_> {
             }
         };
         let density = match albedo {
-            Field::Constant(_) => Density::Both(grid),
-            Field::Grid(albedo, place) => {
+            MediumField::Constant(_) => Density::Both(grid),
+            MediumField::Grid(albedo, place) => {
                 if place != grid_from_world {
                     self.report.warn(object.at, "the albedo is taken to fill the same box as the extinction");
                 }
@@ -143,18 +143,20 @@ impl Importer<'_> {
     }
 
     /// A property of a medium.
-    fn field(&mut self, object: &Object, name: &str, role: Role, default: Spectrum) -> Result<Field, SceneError> {
+    fn field(&mut self, object: &Object, name: &str, role: Role, default: Spectrum) -> Result<MediumField, SceneError> {
         let child = object.child(name).filter(|child| self.document.get(child.object).class == Class::Volume);
-        let Some(child) = child else { return self.plain_color(object, name, role, default).map(Field::Constant) };
+        let Some(child) = child else {
+            return self.plain_color(object, name, role, default).map(MediumField::Constant);
+        };
         let volume = self.visit(child.object)?;
         match volume.plugin.as_str() {
-            "constvolume" => self.plain_color(volume, "value", role, default).map(Field::Constant),
+            "constvolume" => self.plain_color(volume, "value", role, default).map(MediumField::Constant),
             "gridvolume" => self.grid_volume(volume),
             _ => {
                 self.accept_all(volume);
                 let message = format!("the {} is not supported; a default stands for it", volume.describe());
                 self.report.warn(volume.at, message);
-                Ok(Field::Constant(default))
+                Ok(MediumField::Constant(default))
             }
         }
     }
@@ -172,7 +174,7 @@ impl Importer<'_> {
         }
     }
 
-    fn grid_volume(&mut self, volume: &Object) -> Result<Field, SceneError> {
+    fn grid_volume(&mut self, volume: &Object) -> Result<MediumField, SceneError> {
         // Values are taken as they are; how they are stored is our own business.
         volume.ignore(&["raw", "accel"]);
         let blend = match self.bad(volume.string("filter_type"))? {
@@ -195,7 +197,7 @@ impl Importer<'_> {
         if !grid_from_world.is_finite() {
             return Err(self.report.invalid(volume.at, "the box of the grid is flat, or out of reach"));
         }
-        Ok(Field::Grid(grid, grid_from_world))
+        Ok(MediumField::Grid(grid, grid_from_world))
     }
 
     /// Mean cosine of the phase function.

@@ -3,9 +3,9 @@
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::Importer;
-use super::bsdf::Needs;
 use super::document::Object;
+use super::importer::Importer;
+use super::shared::Needs;
 use crate::mesh_file::{obj, ply, serialized};
 use crate::origin::{far_center, rounding};
 use crate::text::shortened;

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 
 use glam::DMat4;
 
-use super::document::{Child, Class, Document, Object, ObjectId, Property};
-use super::report::Report;
+use super::document::{Child, Class, Document, Object, ObjectId, ObjectProperty};
+use super::report::ImportReport;
 use super::transform;
 use super::value::{self, Value};
-use super::xml::{self, Element, Fault, Place};
+use super::xml::{self, Element, XmlFault, XmlPlace};
 use crate::SceneError;
-use crate::load::LoadOptions;
+use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::{decode_xml, shortened};
 
@@ -33,9 +33,9 @@ impl Document {
         text: &[u8],
         options: &LoadOptions,
         resources: &Resources<'_>,
-        report: &mut Report,
+        report: &mut ImportReport,
     ) -> Result<Self, SceneError> {
-        let mut reader = Reader {
+        let mut reader = DocumentReader {
             resources,
             report,
             defines: options.defines.iter().map(|(name, value)| (name.clone(), (value.clone(), false))).collect(),
@@ -63,7 +63,7 @@ impl Document {
             if !used && options.defines.iter().any(|(define, _)| define == name) {
                 reader
                     .report
-                    .warn(Place::default(), format!("no parameter of the scene is called `{}`", shortened(name)));
+                    .warn(XmlPlace::default(), format!("no parameter of the scene is called `{}`", shortened(name)));
             }
         }
         let roots = scene.children.iter().map(|child| child.object).collect();
@@ -72,7 +72,7 @@ impl Document {
                 .report
                 .warn(property.at, format!("`{}` of the scene itself means nothing", shortened(&property.name)));
         }
-        let Reader { objects, search_folders, report, .. } = reader;
+        let DocumentReader { objects, search_folders, report, .. } = reader;
         check_cycles(&objects, report)?;
         Ok(Self { objects, roots, is_old, search_folders })
     }
@@ -81,23 +81,23 @@ impl Document {
 /// Properties and children as they are gathered.
 #[derive(Default)]
 struct Container {
-    properties: Vec<Property>,
+    properties: Vec<ObjectProperty>,
     children: Vec<Child>,
-    /// Positions in `children` whose object is still a reference: an index into [`Reader::references`].
+    /// Positions in `children` whose object is still a reference: an index into [`DocumentReader::references`].
     pending: Vec<(usize, usize)>,
 }
 
-struct Reader<'a, 'b> {
+struct DocumentReader<'a, 'b> {
     resources: &'a Resources<'b>,
-    report: &'a mut Report,
+    report: &'a mut ImportReport,
     /// Value, and whether it was asked for.
     defines: BTreeMap<String, (String, bool)>,
     objects: Vec<Object>,
-    ids: BTreeMap<String, (ObjectId, Place)>,
+    ids: BTreeMap<String, (ObjectId, XmlPlace)>,
     /// New name, old name.
-    aliases: Vec<(String, String, Place)>,
+    aliases: Vec<(String, String, XmlPlace)>,
     /// Object and child that wait for an id.
-    references: Vec<(ObjectId, usize, String, Place)>,
+    references: Vec<(ObjectId, usize, String, XmlPlace)>,
     search_folders: Vec<String>,
     /// The files that are being read, innermost last.
     included: Vec<Location>,
@@ -106,17 +106,17 @@ struct Reader<'a, 'b> {
     depth: usize,
 }
 
-impl Reader<'_, '_> {
+impl DocumentReader<'_, '_> {
     fn parse(&mut self, text: &[u8], file: u32) -> Result<Element, SceneError> {
         let (budget, path) = (self.resources.budget(), self.report.path(file).to_path_buf());
         let text = decode_xml(&path, text, budget)?;
         let mut left_out = Vec::new();
         enum Stop {
-            Fault(Fault),
+            Fault(XmlFault),
             Error(SceneError),
         }
-        impl From<Fault> for Stop {
-            fn from(fault: Fault) -> Self {
+        impl From<XmlFault> for Stop {
+            fn from(fault: XmlFault) -> Self {
                 Self::Fault(fault)
             }
         }
@@ -235,7 +235,7 @@ impl Reader<'_, '_> {
                     self.report.warn(at, format!("`{}` is there twice; the first one counts", shortened(&name)));
                     return Ok(());
                 }
-                container.properties.push(Property { name, value, at, used: Cell::new(false) });
+                container.properties.push(ObjectProperty { name, value, at, used: Cell::new(false) });
             }
             Err(fault) => {
                 return Err(self.report.invalid(fault.at, fault.problem));
@@ -302,7 +302,7 @@ impl Reader<'_, '_> {
     }
 
     /// Replaces each `$name` by the value of the parameter with the longest name that fits.
-    fn with_parameters(&mut self, text: &str, at: Place) -> Result<String, SceneError> {
+    fn with_parameters(&mut self, text: &str, at: XmlPlace) -> Result<String, SceneError> {
         if !text.contains('$') {
             return Ok(text.to_owned());
         }
@@ -349,13 +349,13 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    fn no_such_id(&self, id: &str, at: Place) -> SceneError {
+    fn no_such_id(&self, id: &str, at: XmlPlace) -> SceneError {
         self.report.invalid(at, format!("nothing has the id `{}`", shortened(id)))
     }
 }
 
 /// Whether objects contain themselves, by references.
-fn check_cycles(objects: &[Object], report: &Report) -> Result<(), SceneError> {
+fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneError> {
     #[derive(Clone, Copy, PartialEq)]
     enum State {
         New,

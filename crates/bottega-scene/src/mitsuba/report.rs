@@ -3,23 +3,23 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::xml::Place;
+use super::xml::XmlPlace;
 use crate::SceneError;
 use crate::error::Warnings;
 
 /// The files of a scene, and what is worth telling of them. Equal messages become one, with the first of their places.
 #[derive(Debug)]
-pub(super) struct Report {
+pub(super) struct ImportReport {
     /// Name and path; 0 is the scene.
     files: Vec<(String, PathBuf)>,
-    entries: Vec<Entry>,
+    entries: Vec<ReportEntry>,
     index_of: BTreeMap<String, usize>,
 }
 
 /// A message, and at how many places it was told.
 #[derive(Debug)]
-struct Entry {
-    at: Place,
+struct ReportEntry {
+    at: XmlPlace,
     message: String,
     count: usize,
     /// Whether something was left out or replaced that the file's own renderer would show.
@@ -29,7 +29,7 @@ struct Entry {
 /// Different messages that are kept.
 const ENTRIES_MAX: usize = 1000;
 
-impl Report {
+impl ImportReport {
     pub(super) fn new(path: &Path) -> Self {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Self { files: vec![(name, path.to_path_buf())], entries: Vec::new(), index_of: BTreeMap::new() }
@@ -52,39 +52,39 @@ impl Report {
     }
 
     /// A place as `file:line:column`.
-    pub(super) fn show(&self, at: Place) -> String {
+    pub(super) fn show(&self, at: XmlPlace) -> String {
         let name = &self.files[at.file as usize].0;
         if at.line == 0 { String::new() } else { format!("{name}:{}:{}", at.line, at.column) }
     }
 
     /// An error at a place.
-    pub(super) fn invalid(&self, at: Place, problem: impl Into<String>) -> SceneError {
+    pub(super) fn invalid(&self, at: XmlPlace, problem: impl Into<String>) -> SceneError {
         let (line, column) = (at.line as usize, at.column as usize);
         SceneError::Text { path: self.path(at.file).into(), line, column, problem: problem.into() }
     }
 
     /// Something that was left out or replaced.
-    pub(super) fn warn(&mut self, at: Place, message: impl Into<String>) {
+    pub(super) fn warn(&mut self, at: XmlPlace, message: impl Into<String>) {
         self.tell(at, message.into(), true);
     }
 
     /// Something that the user may wonder about, though the picture is as the file wants it.
-    pub(super) fn note(&mut self, at: Place, message: impl Into<String>) {
+    pub(super) fn note(&mut self, at: XmlPlace, message: impl Into<String>) {
         self.tell(at, message.into(), false);
     }
 
-    fn tell(&mut self, at: Place, message: String, is_lack: bool) {
+    fn tell(&mut self, at: XmlPlace, message: String, is_lack: bool) {
         if let Some(&index) = self.index_of.get(&message) {
             self.entries[index].count += 1;
         } else if self.entries.len() < ENTRIES_MAX {
             self.index_of.insert(message.clone(), self.entries.len());
-            self.entries.push(Entry { at, message, count: 1, is_lack });
+            self.entries.push(ReportEntry { at, message, count: 1, is_lack });
         }
     }
 
     /// Hands the warnings on.
     pub(super) fn finish(self, warnings: &mut Warnings) {
-        for Entry { at, message, count, is_lack } in &self.entries {
+        for ReportEntry { at, message, count, is_lack } in &self.entries {
             let more = match count - 1 {
                 0 => String::new(),
                 1 => " (and at another place)".into(),

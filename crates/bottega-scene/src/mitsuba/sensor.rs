@@ -2,10 +2,10 @@
 
 use glam::{Affine3A, DMat3, DMat4, DVec3, Vec2};
 
-use super::Importer;
 use super::document::{Class, Object, ObjectId};
+use super::importer::Importer;
 use super::value::{Value, number};
-use crate::load::FilmFilter;
+use crate::hints::FilmFilter;
 use crate::text::shortened;
 use crate::{Camera, Clip, FovAxis, Projection, SceneError};
 

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Quat, Vec3};
 
-use super::Importer;
-use super::bsdf::{Needs, turned};
-use super::document::{Class, Document, Object, ObjectId};
+use super::bsdf::turned;
+use super::document::{Class, Object, ObjectId};
+use super::importer::Importer;
 use super::mesh::{Normals, place};
 use super::sdf::{self, SdfGrid, SdfNormals};
+use super::shared::{Ball, Group, Needs, mesh_key};
 use super::solids;
 use super::volume::{self, Numbers};
-use super::xml::Place;
-use crate::model::MeshBounds;
+use super::xml::XmlPlace;
 use crate::origin::{centered, rounding};
 use crate::text::shortened;
 use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
@@ -20,76 +20,15 @@ use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
 /// Meshes with fewer triangles are not worth an instance.
 const SHARED_MIN: usize = 256;
 
-/// What a mesh from a file is made of, apart from where it is: plugin, properties, and what stands within it.
-pub(super) type MeshKey = (String, Vec<String>, Vec<ObjectId>);
-
-/// The key of a shape that is in a file.
-fn mesh_key(object: &Object) -> Option<MeshKey> {
-    if !matches!(object.plugin.as_str(), "obj" | "ply" | "serialized") {
-        return None;
-    }
-    let properties = object.properties.iter().filter(|property| property.name != "to_world");
-    // Files are looked for beside the one that asks for them, too.
-    let mut texts: Vec<String> =
-        properties.map(|property| format!("{} {:?} {}", property.name, property.value, property.at.file)).collect();
-    texts.sort();
-    let mut parts: Vec<ObjectId> = object.children.iter().map(|child| child.object).collect();
-    parts.sort();
-    Some((object.plugin.clone(), texts, parts))
-}
-
-/// Meshes that several shapes show.
-#[derive(Debug, Default)]
-pub(super) struct Shared {
-    /// How many shapes, and the mesh once it is there; of one with few triangles every shape gets its own.
-    meshes: BTreeMap<MeshKey, (usize, Option<u32>)>,
-    /// Mirrored copies, where they were asked for.
-    mirrored: BTreeMap<u32, u32>,
-    /// Where the middles of meshes were that were moved.
-    centers: BTreeMap<u32, DVec3>,
-    bounds: MeshBounds,
-}
-
-impl Shared {
-    /// Counts the shapes of a document.
-    pub(super) fn new(document: &Document) -> Self {
-        let mut shared = Self::default();
-        for key in document.objects.iter().filter(|object| object.class == Class::Shape).filter_map(mesh_key) {
-            shared.meshes.entry(key).or_default().0 += 1;
-        }
-        shared.meshes.retain(|_, (uses, _)| *uses > 1);
-        shared
-    }
-}
-
 /// A shape in the space of its group.
 #[derive(Clone, Debug)]
-pub(super) enum Part {
+pub(super) enum GroupPart {
     Mesh(Mesh),
     /// A mesh of the scene that other shapes show as well.
     Shared(u32, DMat4),
     Sphere(Ball),
     /// An instance of a group.
     Group(ObjectId, DMat4),
-}
-
-/// An analytic sphere: the unit sphere, transformed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ball {
-    to_group: DMat4,
-    /// Whether its front is inside: because its normals are flipped, or because its own transformation mirrors it. That of
-    /// an instance does not count.
-    inward: bool,
-    material: u32,
-    needs: Needs,
-}
-
-/// What instances of a group place: nested groups are flattened.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Group {
-    /// Mesh of the scene, and where it is.
-    meshes: Vec<(u32, DMat4)>,
-    balls: Vec<Ball>,
 }
 
 impl Importer<'_> {
@@ -101,17 +40,17 @@ impl Importer<'_> {
         }
         for part in self.parts(id, to_world)? {
             match part {
-                Part::Mesh(mesh) => self.scene.push_surface(mesh),
-                Part::Shared(mesh, matrix) => self.show(mesh, &matrix, self.document.get(id).at)?,
-                Part::Sphere(ball) => self.add_ball(ball, self.document.get(id).at)?,
-                Part::Group(group, matrix) => self.add_instance(group, matrix)?,
+                GroupPart::Mesh(mesh) => self.scene.push_surface(mesh),
+                GroupPart::Shared(mesh, matrix) => self.show(mesh, &matrix, self.document.get(id).at)?,
+                GroupPart::Sphere(ball) => self.add_ball(ball, self.document.get(id).at)?,
+                GroupPart::Group(group, matrix) => self.add_instance(group, matrix)?,
             }
         }
         Ok(())
     }
 
     /// What a shape is made of, in the space that `to_group` leads to.
-    fn parts(&mut self, id: ObjectId, to_group: DMat4) -> Result<Vec<Part>, SceneError> {
+    fn parts(&mut self, id: ObjectId, to_group: DMat4) -> Result<Vec<GroupPart>, SceneError> {
         let object = self.visit(id)?;
         object.ignore(&["silhouette_sampling_weight"]);
         let matrix = to_group * self.bad(object.transform("to_world"))?;
@@ -123,7 +62,7 @@ impl Importer<'_> {
         }
         let mesh = match object.plugin.as_str() {
             "obj" | "ply" | "serialized" => match self.shared_mesh(object)? {
-                Some(mesh) => return Ok(vec![Part::Shared(mesh, matrix)]),
+                Some(mesh) => return Ok(vec![GroupPart::Shared(mesh, matrix)]),
                 None => self.read_mesh(object)?,
             },
             "rectangle" => solids::rectangle(),
@@ -192,7 +131,7 @@ impl Importer<'_> {
             return Ok(None);
         }
         let normals = self.normals(object)?;
-        let Some(Part::Mesh(mesh)) = self.finish(object, mesh, DMat4::IDENTITY, normals, false)?.pop() else {
+        let Some(GroupPart::Mesh(mesh)) = self.finish(object, mesh, DMat4::IDENTITY, normals, false)?.pop() else {
             return Ok(None);
         };
         let made = self.scene.push_mesh(mesh);
@@ -201,7 +140,7 @@ impl Importer<'_> {
     }
 
     /// Shows a mesh of the scene.
-    fn show(&mut self, mesh: u32, matrix: &DMat4, at: Place) -> Result<(), SceneError> {
+    fn show(&mut self, mesh: u32, matrix: &DMat4, at: XmlPlace) -> Result<(), SceneError> {
         self.take(at, size_of::<Instance>())?;
         let matrix = &(*matrix * DMat4::from_translation(self.center(mesh, at)));
         let mirrors = DMat3::from_mat4(*matrix).determinant() < 0.0;
@@ -227,7 +166,7 @@ impl Importer<'_> {
     }
 
     /// Where the middle of a mesh was in its own space, if it was moved: in scenes far from the origin, meshes may be, too.
-    fn center(&mut self, mesh: u32, at: Place) -> DVec3 {
+    fn center(&mut self, mesh: u32, at: XmlPlace) -> DVec3 {
         if self.origin == DVec3::ZERO {
             return DVec3::ZERO;
         }
@@ -275,7 +214,7 @@ impl Importer<'_> {
         matrix: DMat4,
         normals: Normals,
         is_flat: bool,
-    ) -> Result<Vec<Part>, SceneError> {
+    ) -> Result<Vec<GroupPart>, SceneError> {
         let (material, needs) = self.shape_material(object)?;
         if mesh.triangles.is_empty() {
             self.report.warn(object.at, format!("the {} has no triangles, and is left out", object.describe()));
@@ -299,10 +238,10 @@ impl Importer<'_> {
         if is_flat && !needs.tangents {
             mesh.normals = Vec::new();
         }
-        Ok(vec![Part::Mesh(mesh)])
+        Ok(vec![GroupPart::Mesh(mesh)])
     }
 
-    fn cylinder(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<Part>, SceneError> {
+    fn cylinder(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
         let p0 = self.bad(object.vector("p0"))?.unwrap_or(DVec3::ZERO);
         let p1 = self.bad(object.vector("p1"))?.unwrap_or(DVec3::Z);
         let radius = self.number_at_least(object, "radius", 0.0, 1.0)?;
@@ -319,7 +258,7 @@ impl Importer<'_> {
         self.finish(object, solids::cylinder(), matrix * to_object, Normals { flat: false, ..normals }, false)
     }
 
-    fn sphere(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<Part>, SceneError> {
+    fn sphere(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
         let center = self.bad(object.vector("center"))?.unwrap_or(DVec3::ZERO);
         let radius = self.number_at_least(object, "radius", 0.0, 1.0)?;
         let normals = self.normals(object)?;
@@ -334,16 +273,16 @@ impl Importer<'_> {
             self.with_attributes(object, Mesh::default(), &awaited)?;
         }
         let inward = normals.flipped != (DMat3::from_mat4(to_group).determinant() < 0.0);
-        Ok(vec![Part::Sphere(Ball { to_group, inward, material, needs })])
+        Ok(vec![GroupPart::Sphere(Ball { to_group, inward, material, needs })])
     }
 
-    fn instance(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<Part>, SceneError> {
+    fn instance(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
         let is_group = |id: ObjectId| self.document.get(id).plugin == "shapegroup";
         let Some(child) = object.children.iter().find(|child| is_group(child.object)) else {
             return Err(self.report.invalid(object.at, "an instance needs a shapegroup"));
         };
         child.used.set(true);
-        Ok(vec![Part::Group(child.object, matrix)])
+        Ok(vec![GroupPart::Group(child.object, matrix)])
     }
 
     /// Makes the meshes of a group, once.
@@ -364,10 +303,10 @@ impl Importer<'_> {
             child.used.set(true);
             for part in self.parts(child.object, DMat4::IDENTITY)? {
                 match part {
-                    Part::Mesh(mesh) => group.meshes.push((self.scene.push_mesh(mesh), DMat4::IDENTITY)),
-                    Part::Shared(mesh, matrix) => group.meshes.push((mesh, matrix)),
-                    Part::Sphere(ball) => group.balls.push(ball),
-                    Part::Group(inner, matrix) => {
+                    GroupPart::Mesh(mesh) => group.meshes.push((self.scene.push_mesh(mesh), DMat4::IDENTITY)),
+                    GroupPart::Shared(mesh, matrix) => group.meshes.push((mesh, matrix)),
+                    GroupPart::Sphere(ball) => group.balls.push(ball),
+                    GroupPart::Group(inner, matrix) => {
                         self.load_group(inner)?;
                         let Some(inner) = self.groups.get(&inner) else { continue };
                         let bytes =
@@ -428,7 +367,7 @@ impl Importer<'_> {
     }
 
     /// Shows a sphere of world space: as it is where it is round, else as triangles.
-    fn add_ball(&mut self, ball: Ball, at: Place) -> Result<(), SceneError> {
+    fn add_ball(&mut self, ball: Ball, at: XmlPlace) -> Result<(), SceneError> {
         let linear = DMat3::from_mat4(ball.to_group);
         let center = ball.to_group.w_axis.truncate();
         let determinant = linear.determinant();

@@ -9,9 +9,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 
-use super::Importer;
 use super::color::Role;
 use super::document::Object;
+use super::importer::Importer;
 use crate::{Environment, Image, SceneError, Spectrum};
 
 /// Columns and rows of the picture.

@@ -2,24 +2,12 @@
 
 use glam::{Affine2, DMat4, DVec2, DVec3, Vec2, Vec3};
 
-use super::Importer;
-use super::color::{Role, luminance};
+use super::color::{Role, Use, luminance};
 use super::document::{Object, ObjectId};
+use super::importer::Importer;
 use crate::image::Encoding;
 use crate::text::shortened;
 use crate::{Channel, Image, SceneError, Spectrum, TextureMap, Wrap};
-
-/// What a texture is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Use {
-    /// The main colour of a surface, which that of a mesh multiplies.
-    Base,
-    Color(Role),
-    /// Its luminance.
-    Number,
-    /// Its numbers as they are: a normal map.
-    Vector,
-}
 
 /// A factor, and a picture that it multiplies.
 #[derive(Clone, Debug)]

@@ -3,14 +3,14 @@
 use glam::{DMat4, DVec3, DVec4};
 
 use super::value::{number, numbers, triple, vector};
-use super::xml::{Element, Fault};
+use super::xml::{Element, XmlFault};
 use crate::text::shortened;
 
 /// The operations of a `<transform>`, the first one applied first.
-pub(super) fn read(element: &Element) -> Result<DMat4, Fault> {
+pub(super) fn read(element: &Element) -> Result<DMat4, XmlFault> {
     let mut matrix = DMat4::IDENTITY;
     for operation in &element.children {
-        let fault = |problem: String| Fault { at: operation.at, problem };
+        let fault = |problem: String| XmlFault { at: operation.at, problem };
         let next = read_operation(operation).map_err(fault)?;
         matrix = next * matrix;
         if !matrix.is_finite() {

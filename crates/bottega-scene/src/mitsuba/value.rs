@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::xml::{Element, Fault};
+use super::xml::{Element, XmlFault};
 use crate::spectrum::Sampled;
 use crate::text::shortened;
 
@@ -27,8 +27,8 @@ pub(super) enum Value {
 }
 
 /// Reads the element of a property.
-pub(super) fn read(element: &Element) -> Result<Value, Fault> {
-    let fault = |problem: String| Fault { at: element.at, problem };
+pub(super) fn read(element: &Element) -> Result<Value, XmlFault> {
+    let fault = |problem: String| XmlFault { at: element.at, problem };
     let text = || {
         let text = element.attribute("value");
         text.map(str::trim).ok_or_else(|| fault(format!("<{}> has no `value`", shortened(&element.name))))

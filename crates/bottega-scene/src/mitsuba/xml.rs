@@ -12,7 +12,7 @@ const DEPTH_MAX: usize = 64;
 
 /// A place in one of the files of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Place {
+pub(super) struct XmlPlace {
     /// Index of the file: 0 is the scene, others are included.
     pub(super) file: u32,
     /// Counted from 1.
@@ -28,13 +28,13 @@ pub(super) struct Element {
     pub(super) attributes: Vec<(String, String)>,
     pub(super) children: Vec<Element>,
     /// Where its tag begins.
-    pub(super) at: Place,
+    pub(super) at: XmlPlace,
 }
 
 /// What is wrong with a text, and where.
 #[derive(Debug, PartialEq)]
-pub(super) struct Fault {
-    pub(super) at: Place,
+pub(super) struct XmlFault {
+    pub(super) at: XmlPlace,
     pub(super) problem: String,
 }
 
@@ -56,11 +56,11 @@ impl Element {
 /// - `file`: its index, for places.
 /// - `book`: books so many bytes of memory.
 /// - `left_out`: is told where character data stands that means nothing.
-pub(super) fn parse<E: From<Fault>>(
+pub(super) fn parse<E: From<XmlFault>>(
     text: &str,
     file: u32,
     mut book: impl FnMut(usize) -> Result<(), E>,
-    mut left_out: impl FnMut(Place),
+    mut left_out: impl FnMut(XmlPlace),
 ) -> Result<Element, E> {
     let mut reader = Reader::from_str(text);
     let mut lines = Lines { text, file, offset: 0, line: 1, column: 1 };
@@ -70,10 +70,10 @@ pub(super) fn parse<E: From<Fault>>(
         let start = reader.buffer_position();
         let event = reader.read_event();
         let at = lines.place(start);
-        let fault = |problem: String| E::from(Fault { at, problem });
+        let fault = |problem: String| E::from(XmlFault { at, problem });
         let event = event.map_err(|error| {
             let at = lines.place(reader.error_position());
-            E::from(Fault { at, problem: explain(&error) })
+            E::from(XmlFault { at, problem: explain(&error) })
         })?;
         let finished = match event {
             Event::Start(tag) => {
@@ -114,12 +114,12 @@ pub(super) fn parse<E: From<Fault>>(
     }
     let at = lines.place(text.len() as u64);
     if let Some(element) = open.last() {
-        return Err(Fault { at, problem: format!("the file ends within <{}>", element.name) }.into());
+        return Err(XmlFault { at, problem: format!("the file ends within <{}>", element.name) }.into());
     }
-    root.ok_or_else(|| Fault { at, problem: "the file has no element".into() }.into())
+    root.ok_or_else(|| XmlFault { at, problem: "the file has no element".into() }.into())
 }
 
-fn element(tag: &BytesStart<'_>, at: Place) -> Result<Element, String> {
+fn element(tag: &BytesStart<'_>, at: XmlPlace) -> Result<Element, String> {
     let name = tag.name().as_ref().to_owned();
     let mut attributes: Vec<(String, String)> = Vec::new();
     for attribute in tag.attributes() {
@@ -149,7 +149,7 @@ struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    fn place(&mut self, offset: u64) -> Place {
+    fn place(&mut self, offset: u64) -> XmlPlace {
         let offset = usize::try_from(offset).unwrap_or(usize::MAX).min(self.text.len());
         if offset < self.offset {
             // An error may lie before what was read last.
@@ -164,7 +164,7 @@ impl Lines<'_> {
             }
         }
         self.offset = offset;
-        Place { file: self.file, line: self.line, column: self.column }
+        XmlPlace { file: self.file, line: self.line, column: self.column }
     }
 }
 
@@ -172,8 +172,8 @@ impl Lines<'_> {
 mod tests {
     use super::*;
 
-    impl From<Fault> for String {
-        fn from(fault: Fault) -> Self {
+    impl From<XmlFault> for String {
+        fn from(fault: XmlFault) -> Self {
             format!("{}:{}: {}", fault.at.line, fault.at.column, fault.problem)
         }
     }

@@ -6,8 +6,8 @@ use glam::{Affine2, DVec3, Vec2, Vec4};
 
 use super::context::Context;
 use super::mapping::Laid;
-use super::texture::{Node, PictureNode, constant, texel_center};
-use super::token::Place;
+use super::texture_tree::{PictureNode, TextureNode, constant};
+use super::token::PbrtPlace;
 use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
 
 /// The longest side of a baked picture.
@@ -18,17 +18,17 @@ const CELL_TEXELS: f32 = 64.0;
 
 /// A picture to be made of a texture.
 pub(super) struct Bake {
-    node: Rc<Node>,
+    node: Rc<TextureNode>,
     is_scalar: bool,
     /// Applied to every colour in the end.
     change: Option<fn(DVec3) -> DVec3>,
-    at: Place,
-    layout: Layout,
+    at: PbrtPlace,
+    layout: BakeLayout,
 }
 
 /// What the baked picture covers.
 #[derive(Clone, Debug, PartialEq)]
-enum Layout {
+enum BakeLayout {
     /// Two times two cells of a checkerboard of constants.
     Cells(Laid),
     /// What all its pictures cover in common.
@@ -38,7 +38,12 @@ enum Layout {
 }
 
 impl Bake {
-    pub(super) fn new(node: Rc<Node>, is_scalar: bool, change: Option<fn(DVec3) -> DVec3>, at: Place) -> Self {
+    pub(super) fn new(
+        node: Rc<TextureNode>,
+        is_scalar: bool,
+        change: Option<fn(DVec3) -> DVec3>,
+        at: PbrtPlace,
+    ) -> Self {
         let layout = layout(&node);
         Self { node, is_scalar, change, at, layout }
     }
@@ -47,47 +52,49 @@ impl Bake {
     pub(super) fn picture_from_uv(&self) -> Affine2 {
         match &self.layout {
             // Both count t upwards: row 0 is the lower row of cells.
-            Layout::Cells(laid) => Affine2::from_cols_array(&[0.5, 0.0, 0.0, -0.5, 0.0, 0.5]) * laid.picture_from_uv,
-            Layout::Picture(node) => node.laid.picture_from_uv,
-            Layout::Square(edge) => Affine2::from_scale(Vec2::splat(1.0 / edge)),
+            BakeLayout::Cells(laid) => {
+                Affine2::from_cols_array(&[0.5, 0.0, 0.0, -0.5, 0.0, 0.5]) * laid.picture_from_uv
+            }
+            BakeLayout::Picture(node) => node.laid.picture_from_uv,
+            BakeLayout::Square(edge) => Affine2::from_scale(Vec2::splat(1.0 / edge)),
         }
     }
 
     pub(super) fn wrap(&self) -> Wrap {
-        if let Layout::Picture(node) = &self.layout { node.wrap } else { Wrap::Repeat }
+        if let BakeLayout::Picture(node) = &self.layout { node.wrap } else { Wrap::Repeat }
     }
 
     pub(super) fn is_smooth(&self) -> bool {
         match &self.layout {
-            Layout::Cells(_) => false,
-            Layout::Picture(node) => node.smooth,
-            Layout::Square(_) => true,
+            BakeLayout::Cells(_) => false,
+            BakeLayout::Picture(node) => node.smooth,
+            BakeLayout::Square(_) => true,
         }
     }
 
     /// Whether the picture repeats as the texture does.
     pub(super) fn repeats(&self) -> bool {
-        if let Layout::Square(edge) = self.layout { repeats_within(&self.node, edge) } else { true }
+        if let BakeLayout::Square(edge) = self.layout { repeats_within(&self.node, edge) } else { true }
     }
 
     /// The sets of texture coordinates by which its parts are laid, in the order of the tree.
     pub(super) fn uv_sets(&self) -> Vec<u8> {
-        fn gather(node: &Node, sets: &mut Vec<u8>) {
+        fn gather(node: &TextureNode, sets: &mut Vec<u8>) {
             let mut add = |laid: &Laid| {
                 if !sets.contains(&laid.uv_set) {
                     sets.push(laid.uv_set);
                 }
             };
             match node {
-                Node::Constant(_) => {}
-                Node::Picture(node) => add(&node.laid),
-                Node::Scale(a, b) => [a, b].into_iter().for_each(|part| gather(part, sets)),
-                Node::Mix(a, b, amount) => [a, b, amount].into_iter().for_each(|part| gather(part, sets)),
-                Node::Checkerboard(laid, a, b) => {
+                TextureNode::Constant(_) => {}
+                TextureNode::Picture(node) => add(&node.laid),
+                TextureNode::Scale(a, b) => [a, b].into_iter().for_each(|part| gather(part, sets)),
+                TextureNode::Mix(a, b, amount) => [a, b, amount].into_iter().for_each(|part| gather(part, sets)),
+                TextureNode::Checkerboard(laid, a, b) => {
                     add(laid);
                     [a, b].into_iter().for_each(|part| gather(part, sets));
                 }
-                Node::Bilinear(laid, _) => add(laid),
+                TextureNode::Bilinear(laid, _) => add(laid),
             }
         }
         let mut sets = Vec::new();
@@ -100,9 +107,9 @@ impl Bake {
     /// - `pictures`: what the tree refers to.
     pub(super) fn image(&self, context: &Context<'_>, pictures: &[Image]) -> Result<Image, SceneError> {
         let (width, height) = match &self.layout {
-            Layout::Cells(_) => (2, 2),
-            Layout::Picture(_) | Layout::Square(_) => {
-                let edge = if let Layout::Square(edge) = self.layout { Some(edge) } else { None };
+            BakeLayout::Cells(_) => (2, 2),
+            BakeLayout::Picture(_) | BakeLayout::Square(_) => {
+                let edge = if let BakeLayout::Square(edge) = self.layout { Some(edge) } else { None };
                 let size =
                     (size(&self.node, pictures, edge.is_some()) * edge.unwrap_or(1.0)).min(Vec2::splat(SIDE_MAX));
                 (size.x.max(1.0) as u32, size.y.max(1.0) as u32)
@@ -113,12 +120,16 @@ impl Bake {
         let texel = |index: u32| {
             let (x, y) = (index % width, index / width);
             let value = match &self.layout {
-                Layout::Cells(_) => match &*self.node {
-                    Node::Checkerboard(_, even, odd) => constant(if x == y { even } else { odd }).unwrap_or_default(),
+                BakeLayout::Cells(_) => match &*self.node {
+                    TextureNode::Checkerboard(_, even, odd) => {
+                        constant(if x == y { even } else { odd }).unwrap_or_default()
+                    }
                     _ => DVec3::ZERO,
                 },
-                Layout::Picture(_) => value(&self.node, texel_center(x, y, width, height), true, pictures),
-                Layout::Square(edge) => value(&self.node, texel_center(x, y, width, height) * *edge, false, pictures),
+                BakeLayout::Picture(_) => value(&self.node, texel_center(x, y, width, height), true, pictures),
+                BakeLayout::Square(edge) => {
+                    value(&self.node, texel_center(x, y, width, height) * *edge, false, pictures)
+                }
             };
             let value = self.change.map_or(value, |change| change(value));
             let value = if self.is_scalar { DVec3::splat(value.element_sum() / 3.0) } else { value };
@@ -129,100 +140,100 @@ impl Bake {
     }
 }
 
-fn layout(node: &Rc<Node>) -> Layout {
-    if let Node::Checkerboard(laid, even, odd) = &**node
+fn layout(node: &Rc<TextureNode>) -> BakeLayout {
+    if let TextureNode::Checkerboard(laid, even, odd) = &**node
         && constant(even).is_some()
         && constant(odd).is_some()
     {
-        return Layout::Cells(*laid);
+        return BakeLayout::Cells(*laid);
     }
     let mut leaves = Vec::new();
     if gather(node, &mut leaves)
         && let Some((first, rest)) = leaves.split_first()
         && rest.iter().all(|leaf| (leaf.laid, leaf.wrap) == (first.laid, first.wrap))
     {
-        return Layout::Picture((*first).clone());
+        return BakeLayout::Picture((*first).clone());
     }
     // Two cells of a checkerboard that has one in a unit.
-    Layout::Square(if !repeats_within(node, 1.0) && repeats_within(node, 2.0) { 2.0 } else { 1.0 })
+    BakeLayout::Square(if !repeats_within(node, 1.0) && repeats_within(node, 2.0) { 2.0 } else { 1.0 })
 }
 
 /// Whether a tree repeats beyond a square with that edge as it is within.
-fn repeats_within(node: &Node, edge: f32) -> bool {
+fn repeats_within(node: &TextureNode, edge: f32) -> bool {
     let whole = |laid: &Laid, period: f32| {
         let scale = laid.picture_from_uv.matrix2;
         [scale.x_axis.x, scale.y_axis.y].iter().all(|scale| (edge * scale / period).fract() == 0.0)
     };
-    let all = |parts: &[&Node]| parts.iter().all(|part| repeats_within(part, edge));
+    let all = |parts: &[&TextureNode]| parts.iter().all(|part| repeats_within(part, edge));
     match node {
-        Node::Constant(_) => true,
-        Node::Picture(node) => node.wrap == Wrap::Repeat && whole(&node.laid, 1.0),
-        Node::Scale(a, b) => all(&[a, b]),
-        Node::Mix(a, b, amount) => all(&[a, b, amount]),
-        Node::Checkerboard(laid, a, b) => whole(laid, 2.0) && all(&[a, b]),
+        TextureNode::Constant(_) => true,
+        TextureNode::Picture(node) => node.wrap == Wrap::Repeat && whole(&node.laid, 1.0),
+        TextureNode::Scale(a, b) => all(&[a, b]),
+        TextureNode::Mix(a, b, amount) => all(&[a, b, amount]),
+        TextureNode::Checkerboard(laid, a, b) => whole(laid, 2.0) && all(&[a, b]),
         // Beyond the unit square it goes on growing.
-        Node::Bilinear(..) => false,
+        TextureNode::Bilinear(..) => false,
     }
 }
 
 /// Gathers the pictures of a tree. Whether there is nothing else that depends on the place.
-fn gather<'a>(node: &'a Node, leaves: &mut Vec<&'a PictureNode>) -> bool {
+fn gather<'a>(node: &'a TextureNode, leaves: &mut Vec<&'a PictureNode>) -> bool {
     match node {
-        Node::Constant(_) => true,
-        Node::Picture(leaf) => {
+        TextureNode::Constant(_) => true,
+        TextureNode::Picture(leaf) => {
             leaves.push(leaf);
             true
         }
-        Node::Scale(a, b) => gather(a, leaves) && gather(b, leaves),
-        Node::Mix(a, b, amount) => gather(a, leaves) && gather(b, leaves) && gather(amount, leaves),
-        Node::Checkerboard(..) | Node::Bilinear(..) => false,
+        TextureNode::Scale(a, b) => gather(a, leaves) && gather(b, leaves),
+        TextureNode::Mix(a, b, amount) => gather(a, leaves) && gather(b, leaves) && gather(amount, leaves),
+        TextureNode::Checkerboard(..) | TextureNode::Bilinear(..) => false,
     }
 }
 
 /// How many texels show all of a tree: of its pictures, or of the unit square where these may repeat.
-fn size(node: &Node, pictures: &[Image], of_square: bool) -> Vec2 {
+fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
     let scale = |laid: &Laid| {
         let scale = laid.picture_from_uv.matrix2;
         Vec2::new(scale.x_axis.x, scale.y_axis.y).abs()
     };
     match node {
-        Node::Constant(_) => Vec2::ONE,
-        Node::Picture(node) => {
+        TextureNode::Constant(_) => Vec2::ONE,
+        TextureNode::Picture(node) => {
             let (width, height) = pictures[node.picture.0 as usize].size();
             let size = Vec2::new(width as f32, height as f32);
             if of_square { (size * scale(&node.laid)).ceil() } else { size }
         }
-        Node::Scale(a, b) => size(a, pictures, of_square).max(size(b, pictures, of_square)),
-        Node::Mix(a, b, amount) => {
+        TextureNode::Scale(a, b) => size(a, pictures, of_square).max(size(b, pictures, of_square)),
+        TextureNode::Mix(a, b, amount) => {
             size(a, pictures, of_square).max(size(b, pictures, of_square)).max(size(amount, pictures, of_square))
         }
-        Node::Checkerboard(laid, a, b) => {
+        TextureNode::Checkerboard(laid, a, b) => {
             let cells = (scale(laid) * CELL_TEXELS).ceil();
             cells.max(size(a, pictures, of_square)).max(size(b, pictures, of_square))
         }
-        Node::Bilinear(..) => Vec2::splat(CELL_TEXELS),
+        TextureNode::Bilinear(..) => Vec2::splat(CELL_TEXELS),
     }
 }
 
 /// The value of a tree.
 ///
 /// - `at`: texture coordinates; with `on_picture` those of the pictures themselves.
-fn value(node: &Node, at: Vec2, on_picture: bool, pictures: &[Image]) -> DVec3 {
+fn value(node: &TextureNode, at: Vec2, on_picture: bool, pictures: &[Image]) -> DVec3 {
     let place = |laid: &Laid| if on_picture { at } else { laid.picture_from_uv.transform_point2(at) };
     match node {
-        Node::Constant(value) => *value,
-        Node::Picture(node) => picture_value(node, place(&node.laid), pictures),
-        Node::Scale(a, b) => value(a, at, on_picture, pictures) * value(b, at, on_picture, pictures),
-        Node::Mix(a, b, amount) => {
+        TextureNode::Constant(value) => *value,
+        TextureNode::Picture(node) => picture_value(node, place(&node.laid), pictures),
+        TextureNode::Scale(a, b) => value(a, at, on_picture, pictures) * value(b, at, on_picture, pictures),
+        TextureNode::Mix(a, b, amount) => {
             let (a, b) = (value(a, at, on_picture, pictures), value(b, at, on_picture, pictures));
             a + (b - a) * value(amount, at, on_picture, pictures)
         }
-        Node::Checkerboard(laid, even, odd) => {
+        TextureNode::Checkerboard(laid, even, odd) => {
             let st = place(laid);
             let parity = (st.x.floor() + (1.0 - st.y).floor()).rem_euclid(2.0);
             value(if parity == 0.0 { even } else { odd }, at, on_picture, pictures)
         }
-        Node::Bilinear(laid, [v00, v01, v10, v11]) => {
+        TextureNode::Bilinear(laid, [v00, v01, v10, v11]) => {
             let st = place(laid);
             let (s, t) = (f64::from(st.x), f64::from(1.0 - st.y));
             (*v00 * (1.0 - s) + *v10 * s) * (1.0 - t) + (*v01 * (1.0 - s) + *v11 * s) * t
@@ -279,4 +290,9 @@ pub(super) fn projection_image(image: &Image, fov: f64) -> Image {
         (image.texel(x / parts, y / parts).truncate() * cosine.powi(3) as f32).to_array()
     };
     Image::from_linear_rgb(image.name.clone(), width, height, (0..width * height).map(texel).collect())
+}
+
+/// Texture coordinates for pictures that are made here.
+fn texel_center(x: u32, y: u32, width: u32, height: u32) -> Vec2 {
+    Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32)
 }

@@ -5,17 +5,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{Affine3A, DAffine3, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::context::{Context, Outcome};
+use super::context::{Context, PbrtResult};
 use super::film::Exposure;
 use super::light::{Emission, Lights, emission, mean_luminance};
 use super::material::Materials;
 use super::medium::Media;
 use super::place::{Joined, baked, sphere, with_own_corners};
-use super::shape::{Geometry, sphere_mesh};
+use super::shape::geometry::Geometry;
+use super::shape::sphere_mesh;
 use super::texture::Textures;
-use super::token::Place;
+use super::token::PbrtPlace;
 use super::transform::{axes_and_scale, rounded};
-use super::world::{Alpha, Shape, World};
+use super::world::{Alpha, PbrtWorld, PlacedShape};
 use crate::mesh_file::ply;
 use crate::model::MeshBounds;
 use crate::origin::{centered, rounding};
@@ -51,14 +52,14 @@ struct PlyKey {
 }
 
 /// A part of the scene that can be placed again and again.
-enum Part {
-    Mesh { mesh: u32, world_from_mesh: DAffine3, at: Place },
-    Sphere { radius: f64, world_from_sphere: DAffine3, material: u32, tessellated_material: u32, at: Place },
+enum PlaceablePart {
+    Mesh { mesh: u32, world_from_mesh: DAffine3, at: PbrtPlace },
+    Sphere { radius: f64, world_from_sphere: DAffine3, material: u32, tessellated_material: u32, at: PbrtPlace },
 }
 
-pub(super) struct Builder<'c, 'a, 'w> {
+pub(super) struct SceneBuilder<'c, 'a, 'w> {
     context: &'c mut Context<'a>,
-    world: &'w World,
+    world: &'w PbrtWorld,
     textures: Textures<'a, 'w>,
     materials: Materials<'w>,
     media: Media<'w>,
@@ -76,8 +77,8 @@ pub(super) struct Builder<'c, 'a, 'w> {
     bounds: MeshBounds,
 }
 
-impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
-    pub(super) fn new(context: &'c mut Context<'a>, world: &'w World) -> Outcome<Self> {
+impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
+    pub(super) fn new(context: &'c mut Context<'a>, world: &'w PbrtWorld) -> PbrtResult<Self> {
         let exposure = world.exposure(context)?;
         Ok(Self {
             textures: Textures::new(world, context),
@@ -100,9 +101,9 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     /// Makes the scene. The geometry is taken out of `shapes` and `objects`.
     pub(super) fn build(
         mut self,
-        shapes: Vec<Shape>,
-        mut objects: BTreeMap<String, Vec<Shape>>,
-    ) -> Outcome<(Scene, RenderHints)> {
+        shapes: Vec<PlacedShape>,
+        mut objects: BTreeMap<String, Vec<PlacedShape>>,
+    ) -> PbrtResult<(Scene, RenderHints)> {
         let hints = self.world.hints(self.context)?;
         let media = &self.world.camera_media;
         let medium = self.media.find(self.context, media.outside.as_deref(), media.at)?;
@@ -142,7 +143,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
         self.finish(lights).map(|scene| (scene, hints))
     }
 
-    fn finish(mut self, lights: Lights) -> Outcome<Scene> {
+    fn finish(mut self, lights: Lights) -> PbrtResult<Scene> {
         for light in &self.world.area_lights {
             self.context.report_unused(&light.params);
         }
@@ -163,12 +164,12 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
         Ok(self.scene)
     }
 
-    fn take(&self, at: Place, bytes: usize) -> Outcome<()> {
+    fn take(&self, at: PbrtPlace, bytes: usize) -> PbrtResult<()> {
         Ok(self.context.resources.budget().take(self.context.path(at.file), &self.context.place(at), bytes)?)
     }
 
     /// Reads all files of meshes, in parallel.
-    fn read_files<'s>(&mut self, shapes: impl Iterator<Item = &'s Shape>) -> Outcome<()> {
+    fn read_files<'s>(&mut self, shapes: impl Iterator<Item = &'s PlacedShape>) -> PbrtResult<()> {
         let mut locations: BTreeMap<&str, &Location> = BTreeMap::new();
         for shape in shapes {
             if let Geometry::Ply(location) = &shape.geometry {
@@ -194,7 +195,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     }
 
     /// The shapes with their materials; small ones joined.
-    fn parts(&mut self, shapes: Vec<Shape>) -> Outcome<Vec<Part>> {
+    fn parts(&mut self, shapes: Vec<PlacedShape>) -> PbrtResult<Vec<PlaceablePart>> {
         // Materials first: they tell how often each file is needed.
         let mut materials = Vec::with_capacity(shapes.len());
         for shape in &shapes {
@@ -217,7 +218,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
         for (shape, (material, own)) in shapes.into_iter().zip(materials) {
             let at = shape.at;
             match shape.geometry {
-                Geometry::Sphere { radius } => parts.push(Part::Sphere {
+                Geometry::Sphere { radius } => parts.push(PlaceablePart::Sphere {
                     radius,
                     world_from_sphere: shape.world_from_object,
                     material: own,
@@ -227,7 +228,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
                 Geometry::Ply(ref location) => {
                     let key = self.ply_key(&shape, location, material);
                     let mesh = self.ply_mesh(&key, at)?;
-                    parts.push(Part::Mesh { mesh, world_from_mesh: shape.world_from_object, at });
+                    parts.push(PlaceablePart::Mesh { mesh, world_from_mesh: shape.world_from_object, at });
                 }
                 Geometry::Mesh { mesh, .. } => {
                     let mesh = self.dressed(*mesh, material, shape.reverse_orientation, at)?;
@@ -238,28 +239,28 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
                         let mesh = baked(self.context, mesh, &shape.world_from_object, at)?;
                         if let Some(full) = joined.add(mesh, at) {
                             let mesh = self.scene.push_mesh(full);
-                            parts.push(Part::Mesh { mesh, world_from_mesh: DAffine3::IDENTITY, at });
+                            parts.push(PlaceablePart::Mesh { mesh, world_from_mesh: DAffine3::IDENTITY, at });
                         }
                     } else {
                         let mesh = self.scene.push_mesh(mesh);
-                        parts.push(Part::Mesh { mesh, world_from_mesh: shape.world_from_object, at });
+                        parts.push(PlaceablePart::Mesh { mesh, world_from_mesh: shape.world_from_object, at });
                     }
                 }
             }
         }
         for (mesh, at) in joined.finish() {
             let mesh = self.scene.push_mesh(mesh);
-            parts.push(Part::Mesh { mesh, world_from_mesh: DAffine3::IDENTITY, at });
+            parts.push(PlaceablePart::Mesh { mesh, world_from_mesh: DAffine3::IDENTITY, at });
         }
         Ok(parts)
     }
 
-    fn ply_key(&self, shape: &Shape, location: &Location, material: u32) -> PlyKey {
+    fn ply_key(&self, shape: &PlacedShape, location: &Location, material: u32) -> PlyKey {
         PlyKey { name: location.name.clone(), material, reversed: shape.reverse_orientation }
     }
 
     /// The mesh of the scene that a file and a material make.
-    fn ply_mesh(&mut self, key: &PlyKey, at: Place) -> Outcome<u32> {
+    fn ply_mesh(&mut self, key: &PlyKey, at: PbrtPlace) -> PbrtResult<u32> {
         if let Some(&mesh) = self.ply_meshes.get(key)
             && mesh != u32::MAX
         {
@@ -283,7 +284,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     }
 
     /// A mesh with its material, its front where it belongs, and no more than what the material asks for.
-    fn dressed(&mut self, mut mesh: Mesh, material: u32, reversed: bool, at: Place) -> Outcome<Mesh> {
+    fn dressed(&mut self, mut mesh: Mesh, material: u32, reversed: bool, at: PbrtPlace) -> PbrtResult<Mesh> {
         if reversed {
             mesh.turn_over();
         }
@@ -303,7 +304,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     }
 
     /// The material of a shape.
-    fn material(&mut self, shape: &Shape, inside_out: bool) -> Outcome<u32> {
+    fn material(&mut self, shape: &PlacedShape, inside_out: bool) -> PbrtResult<u32> {
         let material = self.materials.find(&shape.material)?;
         let look = self.materials.look(self.context, &mut self.textures, material)?;
         let mut light = shape.area_light;
@@ -381,7 +382,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     }
 
     /// The area of a shape in world space, and the number of its primitives.
-    fn area(&self, shape: &Shape) -> (f64, usize) {
+    fn area(&self, shape: &PlacedShape) -> (f64, usize) {
         let of_mesh = |mesh: &Mesh| -> f64 {
             let linear = shape.world_from_object.matrix3;
             let area = |&triangle: &[u32; 3]| {
@@ -406,12 +407,12 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     }
 
     /// Shows a part of the scene.
-    fn place(&mut self, part: &Part, world_from_parent: DAffine3) -> Outcome<()> {
+    fn place(&mut self, part: &PlaceablePart, world_from_parent: DAffine3) -> PbrtResult<()> {
         match *part {
-            Part::Mesh { mesh, world_from_mesh, at } => {
+            PlaceablePart::Mesh { mesh, world_from_mesh, at } => {
                 self.place_mesh(mesh, &(world_from_parent * world_from_mesh), at)
             }
-            Part::Sphere { radius, world_from_sphere, material, tessellated_material, at } => {
+            PlaceablePart::Sphere { radius, world_from_sphere, material, tessellated_material, at } => {
                 let world_from_sphere = world_from_parent * world_from_sphere;
                 match sphere(radius, &world_from_sphere, self.needs_azimuth(material)) {
                     Some(sphere) => self.scene.spheres.push(Sphere { material, ..sphere }),
@@ -435,7 +436,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
         !material.textures().is_empty() || material.needs_tangents()
     }
 
-    fn place_mesh(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: Place) -> Outcome<()> {
+    fn place_mesh(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: PbrtPlace) -> PbrtResult<()> {
         let world_from_mesh = &(*world_from_mesh * DAffine3::from_translation(self.center(mesh, at)));
         let Ok(mut world_from_object) = rounded(world_from_mesh, at) else {
             return self.place_flattened(mesh, world_from_mesh, at);
@@ -463,7 +464,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     }
 
     /// Where the middle of a mesh was in its own space, if it was moved: in scenes far from the origin, meshes may be, too.
-    fn center(&mut self, mesh: u32, at: Place) -> DVec3 {
+    fn center(&mut self, mesh: u32, at: PbrtPlace) -> DVec3 {
         if self.world.origin == DVec3::ZERO {
             return DVec3::ZERO;
         }
@@ -480,7 +481,7 @@ impl<'c, 'a, 'w> Builder<'c, 'a, 'w> {
     }
 
     /// Shows a mesh that its transformation makes flat, as a mesh of its own.
-    fn place_flattened(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: Place) -> Outcome<()> {
+    fn place_flattened(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: PbrtPlace) -> PbrtResult<()> {
         self.context.warn(at, "the transformation in force here makes the shape flat; it is taken without its normals");
         let original = &self.scene.meshes[mesh as usize];
         self.take(at, original.memory_bytes())?;

@@ -2,13 +2,13 @@
 
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
-use super::context::{Context, Outcome};
+use super::context::{Context, PbrtResult};
 use super::transform::axes_and_scale;
-use super::world::{Entity, World};
+use super::world::{Entity, PbrtWorld};
 use crate::text::shortened;
 use crate::{Camera, FovAxis, MediumId, Panorama, Projection};
 
-impl World {
+impl PbrtWorld {
     /// The camera of the file; pbrt's own where it has none.
     ///
     /// - `resolution`: columns and rows of the picture.
@@ -17,7 +17,7 @@ impl World {
         context: &mut Context<'_>,
         [width, height]: [u32; 2],
         medium: Option<MediumId>,
-    ) -> Outcome<Camera> {
+    ) -> PbrtResult<Camera> {
         let plain = Entity::plain("perspective");
         let entity = self.camera.as_ref().unwrap_or(&plain);
         let (params, at) = (&entity.params, entity.at);

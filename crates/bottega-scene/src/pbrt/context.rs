@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::params::Params;
-use super::token::{Fault, Place};
+use super::token::{PbrtFault, PbrtPlace};
 use crate::SceneError;
 use crate::error::Warnings;
-use crate::load::LoadOptions;
+use crate::options::LoadOptions;
 use crate::resource::Resources;
 use crate::text::shortened;
 
@@ -16,13 +16,13 @@ use crate::text::shortened;
 #[derive(Debug)]
 pub(super) enum Stop {
     /// Something in the text.
-    Fault(Fault),
+    Fault(PbrtFault),
     /// Something else: a file that is missing or damaged, too little memory …
     Scene(Box<SceneError>),
 }
 
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
+impl From<PbrtFault> for Stop {
+    fn from(fault: PbrtFault) -> Self {
         Self::Fault(fault)
     }
 }
@@ -34,7 +34,7 @@ impl From<SceneError> for Stop {
 }
 
 /// The result of a part of the import.
-pub(super) type Outcome<T> = Result<T, Stop>;
+pub(super) type PbrtResult<T> = Result<T, Stop>;
 
 /// Files, options, warnings.
 pub(super) struct Context<'a> {
@@ -43,7 +43,7 @@ pub(super) struct Context<'a> {
     /// What is taken from all places of the world.
     pub(super) origin: DVec3,
     warnings: &'a mut Warnings,
-    /// Name for people and path, by the number of a file in [`Place`].
+    /// Name for people and path, by the number of a file in [`PbrtPlace`].
     files: Vec<(String, PathBuf)>,
 }
 
@@ -71,18 +71,18 @@ impl<'a> Context<'a> {
     }
 
     /// The place for people: file, line and column.
-    pub(super) fn place(&self, at: Place) -> String {
+    pub(super) fn place(&self, at: PbrtPlace) -> String {
         format!("{}:{}:{}", shortened(&self.files[at.file as usize].0), at.line, at.column)
     }
 
     /// Tells of something that is odd, or differs in the last detail.
-    pub(super) fn warn(&mut self, at: Place, message: impl Into<String>) {
+    pub(super) fn warn(&mut self, at: PbrtPlace, message: impl Into<String>) {
         let place = self.place(at);
         self.warnings.add(place, message);
     }
 
     /// Tells of something that the scene asks for and does not get.
-    pub(super) fn unsupported(&mut self, at: Place, message: impl Into<String>) {
+    pub(super) fn unsupported(&mut self, at: PbrtPlace, message: impl Into<String>) {
         let place = self.place(at);
         self.warnings.unsupported(place, message);
     }
@@ -103,7 +103,7 @@ impl<'a> Context<'a> {
     pub(super) fn error(&self, stop: Stop) -> SceneError {
         match stop {
             Stop::Scene(error) => *error,
-            Stop::Fault(Fault { at, problem }) => SceneError::Text {
+            Stop::Fault(PbrtFault { at, problem }) => SceneError::Text {
                 path: self.path(at.file).into(),
                 line: at.line as usize,
                 column: at.column as usize,

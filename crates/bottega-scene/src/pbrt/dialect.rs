@@ -1,7 +1,7 @@
 //! What tells a file for pbrt-v3 from one for pbrt-v4.
 
-use super::parser::old_version;
-use super::token::{Fault, Place, Token};
+use super::params::UPGRADE;
+use super::token::{PbrtFault, PbrtPlace, Token};
 
 /// Directives and their types that only pbrt-v3 (or v2) has.
 const OLD: &[(&str, &[&str])] = &[
@@ -34,9 +34,14 @@ const OLD_MATERIALS: &[&str] = &[
 ];
 
 /// Says so where a directive or its type is of pbrt-v3.
-pub(super) fn check(directive: &str, kind: &str, at: Place) -> Result<(), Fault> {
+pub(super) fn check(directive: &str, kind: &str, at: PbrtPlace) -> Result<(), PbrtFault> {
     let is_old = OLD.iter().any(|(old, kinds)| *old == directive && kinds.contains(&kind));
     if is_old { Err(old_version(at, directive, kind)) } else { Ok(()) }
+}
+
+/// What to say of a file for pbrt-v3.
+fn old_version(at: PbrtPlace, what: &str, name: &str) -> PbrtFault {
+    at.fault(format!("{what} \"{name}\" is of pbrt-v3, and pbrt-v4 differs in much; {UPGRADE}"))
 }
 
 /// Whether an option changes the picture.

@@ -4,18 +4,19 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DVec3};
 
-use super::context::{Context, Outcome};
+use super::color_space::LUMINANCE;
+use super::context::{Context, PbrtResult};
 use super::film::Exposure;
-use super::light::{LUMINANCE, axes};
 use super::params::Params;
+use super::place::axes;
 use super::texture::Textures;
-use super::token::Place;
+use super::token::PbrtPlace;
 use super::world::Entity;
 use crate::{COORDINATE_MAX, Environment, EnvironmentMapping, Image, ImageId, Portal, Scene, Spectrum};
 
 /// The infinite lights of a scene.
 #[derive(Default)]
-pub(super) struct Surroundings {
+pub(super) struct InfiniteLights {
     /// What comes from everywhere.
     constant: Spectrum,
     picture: Option<Sky>,
@@ -32,10 +33,10 @@ struct Sky {
     /// Of a picture: wanted on a surface that faces +z of the light's own space, before the exposure.
     illuminance: Option<f64>,
     world_from_light: DMat3,
-    at: Place,
+    at: PbrtPlace,
 }
 
-impl Surroundings {
+impl InfiniteLights {
     /// Understands one more light.
     ///
     /// - `color`: its `L`, if that is given.
@@ -47,7 +48,7 @@ impl Surroundings {
         color: Option<Spectrum>,
         scale: f64,
         exposure: Exposure,
-    ) -> Outcome<()> {
+    ) -> PbrtResult<()> {
         let (params, at) = (&entity.params, entity.at);
         let portal = portal(params, context.origin)?;
         let sky = sky(context, textures, entity, color, scale, exposure)?;
@@ -71,7 +72,7 @@ impl Surroundings {
     }
 
     /// The environment of a scene whose pictures are there.
-    pub(super) fn finish(self, context: &mut Context<'_>, scene: &mut Scene) -> Outcome<Option<Environment>> {
+    pub(super) fn finish(self, context: &mut Context<'_>, scene: &mut Scene) -> PbrtResult<Option<Environment>> {
         let open = match self.picture {
             None if self.constant == Spectrum::ZERO => None,
             None => Some(Environment::uniform(self.constant)),
@@ -94,7 +95,7 @@ fn sky(
     color: Option<Spectrum>,
     scale: f64,
     exposure: Exposure,
-) -> Outcome<Sky> {
+) -> PbrtResult<Sky> {
     let (params, at) = (&entity.params, entity.at);
     let illuminance = params.float("illuminance")?.filter(|illuminance| *illuminance > 0.0);
     let Some(file) = params.text("filename")? else {
@@ -118,7 +119,7 @@ fn sky(
 /// the edges towards the fourth and the second corner points.
 ///
 /// - `origin`: taken from all places.
-fn portal(params: &Params, origin: DVec3) -> Outcome<Option<Portal>> {
+fn portal(params: &Params, origin: DVec3) -> PbrtResult<Option<Portal>> {
     let Some(points) = params.points3("portal", "point3")? else { return Ok(None) };
     let fault = |problem: &str| params.place_of("portal").fault(problem.to_owned());
     let &[p0, p1, p2, p3] = points.as_slice() else { return Err(fault("a portal has four corners").into()) };
@@ -144,7 +145,7 @@ impl Sky {
             == (other.image, other.factor, other.illuminance, other.world_from_light)
     }
 
-    fn environment(self, context: &mut Context<'_>, scene: &mut Scene, constant: Spectrum) -> Outcome<Environment> {
+    fn environment(self, context: &mut Context<'_>, scene: &mut Scene, constant: Spectrum) -> PbrtResult<Environment> {
         let Some(mut id) = self.image else { return Ok(Environment::uniform(self.factor)) };
         let image = &scene.images[id.0 as usize];
         let (width, height) = image.size();

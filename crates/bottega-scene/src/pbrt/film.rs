@@ -2,10 +2,10 @@
 
 use glam::{DMat3, DVec3};
 
-use super::color::{ColorSpace, white_balance};
-use super::context::{Context, Outcome};
-use super::token::Place;
-use super::world::{Entity, World};
+use super::color_space::{ColorSpace, white_balance};
+use super::context::{Context, PbrtResult};
+use super::token::PbrtPlace;
+use super::world::{Entity, PbrtWorld};
 use crate::text::shortened;
 use crate::{FilmFilter, Follows, IntegratorHint, PhotonHints, RenderHints, Spectrum};
 
@@ -28,9 +28,9 @@ impl Exposure {
     }
 }
 
-impl World {
+impl PbrtWorld {
     /// How the file wants to be painted.
-    pub(super) fn hints(&self, context: &mut Context<'_>) -> Outcome<RenderHints> {
+    pub(super) fn hints(&self, context: &mut Context<'_>) -> PbrtResult<RenderHints> {
         let (resolution, crop) = self.film_size(context)?;
         Ok(RenderHints {
             resolution: Some(resolution),
@@ -44,7 +44,7 @@ impl World {
     }
 
     /// Columns and rows, and the part that is painted.
-    fn film_size(&self, context: &mut Context<'_>) -> Outcome<([u32; 2], Option<[u32; 4]>)> {
+    fn film_size(&self, context: &mut Context<'_>) -> PbrtResult<([u32; 2], Option<[u32; 4]>)> {
         let plain = Entity::plain("rgb");
         let film = self.film.as_ref().unwrap_or(&plain);
         let params = &film.params;
@@ -105,7 +105,7 @@ impl World {
     }
 
     /// What the sensor makes of light: the exposure time, the ISO number, the white balance.
-    pub(super) fn exposure(&self, context: &mut Context<'_>) -> Outcome<Exposure> {
+    pub(super) fn exposure(&self, context: &mut Context<'_>) -> PbrtResult<Exposure> {
         let plain = (Entity::plain("rgb"), Entity::plain("perspective"));
         let film = self.film.as_ref().unwrap_or(&plain.0);
         let camera = &self.camera.as_ref().unwrap_or(&plain.1).params;
@@ -145,7 +145,7 @@ impl World {
         Ok(Exposure { matrix })
     }
 
-    fn samples(&self, context: &mut Context<'_>) -> Outcome<u32> {
+    fn samples(&self, context: &mut Context<'_>) -> PbrtResult<u32> {
         let Some(sampler) = &self.sampler else { return Ok(16) };
         let params = &sampler.params;
         let samples = if sampler.kind == "stratified" {
@@ -162,7 +162,7 @@ impl World {
     }
 
     /// pbrt counts as we do: 0 shows what is emitted towards the camera, 1 direct light.
-    fn max_depth(&self, context: &mut Context<'_>) -> Outcome<u32> {
+    fn max_depth(&self, context: &mut Context<'_>) -> PbrtResult<u32> {
         let plain = Entity::plain("volpath");
         let integrator = self.integrator.as_ref().unwrap_or(&plain);
         let params = &integrator.params;
@@ -202,7 +202,7 @@ impl World {
         context: &Context<'_>,
         resolution: [u32; 2],
         crop: Option<[u32; 4]>,
-    ) -> Outcome<Option<IntegratorHint>> {
+    ) -> PbrtResult<Option<IntegratorHint>> {
         let Some(integrator) = &self.integrator else { return Ok(None) };
         let Some(mut follows) = follows(&integrator.kind) else { return Ok(None) };
         if let Follows::Photons(hints) = &mut follows {
@@ -221,7 +221,7 @@ impl World {
         Ok(Some(IntegratorHint { name: integrator.kind.clone(), place, follows }))
     }
 
-    fn pixel_filter(&self, context: &mut Context<'_>) -> Outcome<FilmFilter> {
+    fn pixel_filter(&self, context: &mut Context<'_>) -> PbrtResult<FilmFilter> {
         let plain = Entity::plain("gaussian");
         let filter = self.filter.as_ref().unwrap_or(&plain);
         let params = &filter.params;
@@ -271,7 +271,7 @@ impl World {
     }
 }
 
-impl World {
+impl PbrtWorld {
     /// Whether there are no media for the integrator of the file.
     pub(super) fn ignores_media(&self) -> bool {
         let kind = self.integrator.as_ref().map_or("volpath", |integrator| integrator.kind.as_str());
@@ -291,7 +291,7 @@ fn follows(kind: &str) -> Option<Follows> {
 }
 
 /// A number above 0 in single precision.
-fn positive(number: f64, at: Place) -> Outcome<f32> {
+fn positive(number: f64, at: PbrtPlace) -> PbrtResult<f32> {
     let rounded = number as f32;
     if rounded.is_normal() && rounded > 0.0 { Ok(rounded) } else { Err(at.fault("it must be above 0").into()) }
 }

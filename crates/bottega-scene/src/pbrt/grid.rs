@@ -2,17 +2,17 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::color::Meaning;
-use super::context::{Context, Outcome};
+use super::color_space::Meaning;
+use super::context::{Context, PbrtResult};
 use super::film::Exposure;
 use super::params::{Params, Values};
-use super::token::{Fault, Place};
+use super::token::{PbrtFault, PbrtPlace};
 use super::transform::rounded;
 use super::world::Entity;
 use crate::{Blend, Density, Grid, Spectrum, VALUE_MAX, Variation};
 
 /// The grid of a `uniformgrid`: densities that multiply both coefficients.
-pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> Outcome<Variation> {
+pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<Variation> {
     let (params, at) = (&entity.params, entity.at);
     let size = size(params, at)?;
     let Some(density) = params.floats("density") else {
@@ -34,7 +34,7 @@ pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> Outcome<Var
 }
 
 /// The grids of an `rgbgrid`: the coefficients themselves.
-pub(super) fn colored(entity: &Entity, exposure: Exposure) -> Outcome<Variation> {
+pub(super) fn colored(entity: &Entity, exposure: Exposure) -> PbrtResult<Variation> {
     let (params, at) = (&entity.params, entity.at);
     let size = size(params, at)?;
     let colors = |name: &str, meaning: Meaning, apply: &dyn Fn(Spectrum) -> Spectrum| {
@@ -61,7 +61,7 @@ pub(super) fn colored(entity: &Entity, exposure: Exposure) -> Outcome<Variation>
 }
 
 /// Cells along x, y and z.
-fn size(params: &Params, at: Place) -> Result<[u32; 3], Fault> {
+fn size(params: &Params, at: PbrtPlace) -> Result<[u32; 3], PbrtFault> {
     let mut size = [1; 3];
     for (side, name) in size.iter_mut().zip(["nx", "ny", "nz"]) {
         let given = params.integer(name)?.unwrap_or(1);
@@ -71,7 +71,7 @@ fn size(params: &Params, at: Place) -> Result<[u32; 3], Fault> {
     Ok(size)
 }
 
-fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: Place) -> Result<Grid, Fault> {
+fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: PbrtPlace) -> Result<Grid, PbrtFault> {
     if let Some(index) = values.iter().position(|value| value.is_nan() || value.abs() > VALUE_MAX) {
         return Err(at.fault(format!("value {index} of the grid is no finite number up to {VALUE_MAX:e}")));
     }
@@ -79,7 +79,7 @@ fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: Place) -> Result<Gri
 }
 
 /// World space to the unit cube.
-fn place(params: &Params, entity: &Entity) -> Outcome<glam::Affine3A> {
+fn place(params: &Params, entity: &Entity) -> PbrtResult<glam::Affine3A> {
     let low = params.point3("p0", "point3")?.unwrap_or(DVec3::ZERO);
     let high = params.point3("p1", "point3")?.unwrap_or(DVec3::ONE);
     let world_from_grid = entity.ctm * DAffine3::from_translation(low) * DAffine3::from_scale(high - low);

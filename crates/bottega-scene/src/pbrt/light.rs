@@ -7,19 +7,16 @@ use std::f64::consts::PI;
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3, Vec3A};
 
-use super::color::Meaning;
-use super::context::{Context, Outcome};
-use super::environment::Surroundings;
+use super::color_space::{LUMINANCE, Meaning};
+use super::context::{Context, PbrtResult};
+use super::environment::InfiniteLights;
 use super::film::Exposure;
+use super::place::axes;
 use super::texture::Textures;
-use super::token::Place;
-use super::transform::axes_and_scale;
-use super::world::{Entity, World};
+use super::token::PbrtPlace;
+use super::world::{Entity, PbrtWorld};
 use crate::text::shortened;
 use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff, TextureMap, Wrap};
-
-/// Luminance of linear Rec. 709.
-pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 /// The lights of a scene, some of which wait for their pictures.
 #[derive(Default)]
@@ -28,8 +25,8 @@ pub(super) struct Lights {
     /// Lights with pictures that are to have a power, in watts: where they are in the list.
     powers: Vec<(usize, f64)>,
     /// Pictures of goniometric lights, and where they are asked for.
-    goniometric: Vec<(ImageId, Place)>,
-    environment: Surroundings,
+    goniometric: Vec<(ImageId, PbrtPlace)>,
+    environment: InfiniteLights,
 }
 
 impl Lights {
@@ -37,9 +34,9 @@ impl Lights {
     pub(super) fn new(
         context: &mut Context<'_>,
         textures: &mut Textures<'_, '_>,
-        world: &World,
+        world: &PbrtWorld,
         exposure: Exposure,
-    ) -> Outcome<Self> {
+    ) -> PbrtResult<Self> {
         let mut lights = Self::default();
         for entity in &world.lights {
             lights.add(context, textures, entity, exposure)?;
@@ -54,7 +51,7 @@ impl Lights {
         textures: &mut Textures<'_, '_>,
         entity: &Entity,
         exposure: Exposure,
-    ) -> Outcome<()> {
+    ) -> PbrtResult<()> {
         let (params, at) = (&entity.params, entity.at);
         let scale = params.float("scale")?.unwrap_or(1.0);
         if scale.is_nan() || scale < 0.0 {
@@ -105,7 +102,7 @@ impl Lights {
         textures: &mut Textures<'_, '_>,
         entity: &Entity,
         strength: Strength,
-    ) -> Outcome<LightKind> {
+    ) -> PbrtResult<LightKind> {
         let params = &entity.params;
         let Some(file) = params.text("filename")? else {
             context.warn(entity.at, "a goniometric light without `filename` shines equally in all directions");
@@ -126,7 +123,7 @@ impl Lights {
         textures: &mut Textures<'_, '_>,
         entity: &Entity,
         strength: Strength,
-    ) -> Outcome<LightKind> {
+    ) -> PbrtResult<LightKind> {
         let (params, at) = (&entity.params, entity.at);
         let file = params.text("filename")?.ok_or_else(|| at.fault("`projection` needs a `filename`"))?;
         let fov = params.float("fov")?.unwrap_or(90.0);
@@ -149,14 +146,19 @@ impl Lights {
 
     /// The axes and the place of a light with a picture, which is to be the next of the list. Its power waits for the
     /// picture.
-    fn pictured(&mut self, context: &mut Context<'_>, entity: &Entity, strength: Strength) -> Outcome<(DMat3, Vec3)> {
+    fn pictured(
+        &mut self,
+        context: &mut Context<'_>,
+        entity: &Entity,
+        strength: Strength,
+    ) -> PbrtResult<(DMat3, Vec3)> {
         self.powers.extend(strength.power.map(|power| (self.list.len(), power)));
         let axes = axes(context, &entity.ctm, entity.at)?;
         Ok((axes, position(&entity.ctm, DVec3::ZERO, entity.at)?))
     }
 
     /// Adds the lights to a scene whose pictures are there.
-    pub(super) fn finish(mut self, context: &mut Context<'_>, scene: &mut Scene) -> Outcome<()> {
+    pub(super) fn finish(mut self, context: &mut Context<'_>, scene: &mut Scene) -> PbrtResult<()> {
         for (image, at) in self.goniometric {
             let (width, height) = scene.images[image.0 as usize].size();
             if width != height {
@@ -218,7 +220,7 @@ fn point(strength: Strength, position: Vec3) -> LightKind {
     LightKind::Point { position, intensity: strength.intensity(4.0 * PI) }
 }
 
-fn spot(entity: &Entity, strength: Strength, from: DVec3, to: DVec3) -> Outcome<LightKind> {
+fn spot(entity: &Entity, strength: Strength, from: DVec3, to: DVec3) -> PbrtResult<LightKind> {
     let (params, at) = (&entity.params, entity.at);
     let outer = params.float("coneangle")?.unwrap_or(30.0);
     let delta = params.float("conedeltaangle")?.unwrap_or(5.0);
@@ -261,7 +263,7 @@ pub(super) fn emission(
     exposure: Exposure,
     area: f64,
     primitive_count: usize,
-) -> Outcome<Emission> {
+) -> PbrtResult<Emission> {
     let (params, at) = (&entity.params, entity.at);
     if entity.kind != "diffuse" {
         let message = format!("the area light \"{}\" is taken for a diffuse one", shortened(&entity.kind));
@@ -301,27 +303,14 @@ pub(super) fn mean_luminance(image: &Image) -> f64 {
     image.mean().truncate().as_dvec3().dot(LUMINANCE)
 }
 
-fn position(ctm: &DAffine3, point: DVec3, at: Place) -> Outcome<Vec3> {
+fn position(ctm: &DAffine3, point: DVec3, at: PbrtPlace) -> PbrtResult<Vec3> {
     let position = ctm.transform_point3(point).as_vec3();
     if position.is_finite() { Ok(position) } else { Err(at.fault("the light is out of reach").into()) }
 }
 
-fn direction(ctm: &DAffine3, vector: DVec3, at: Place) -> Outcome<Vec3> {
+fn direction(ctm: &DAffine3, vector: DVec3, at: PbrtPlace) -> PbrtResult<Vec3> {
     let direction = ctm.transform_vector3(vector).try_normalize();
     direction
         .map(|direction| direction.as_vec3().normalize())
         .ok_or_else(|| at.fault("the light has no direction").into())
-}
-
-/// The axes of a transformation, orthonormal; they may mirror.
-pub(super) fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: Place) -> Outcome<DMat3> {
-    let (axes, scale) = axes_and_scale(ctm);
-    let is_perpendicular = (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3);
-    if !axes.is_finite() || !is_perpendicular {
-        return Err(at.fault("the transformation of the light is singular or skewed").into());
-    }
-    if scale.max_element() > 1.001 * scale.min_element() {
-        context.unsupported(at, "the scale of the light's space is left out: it would distort the light");
-    }
-    Ok(axes)
 }

@@ -2,7 +2,7 @@
 
 use glam::{Affine2, Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
-use super::context::{Context, Outcome};
+use super::context::{Context, PbrtResult};
 use super::params::Params;
 use super::world::Entity;
 use crate::text::shortened;
@@ -28,7 +28,7 @@ pub(super) fn within_frame((width, height): (u32, u32)) -> Affine2 {
 
 impl Mappings {
     /// How a texture says that it is laid.
-    pub(super) fn laid(&mut self, context: &mut Context<'_>, texture: &Entity) -> Outcome<Laid> {
+    pub(super) fn laid(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<Laid> {
         let params = &texture.params;
         let space = match params.text("mapping")?.unwrap_or("uv") {
             "uv" => return on_surface(params),
@@ -47,11 +47,11 @@ impl Mappings {
     }
 
     /// How cells of space are laid, which no mapping but the transformation in force says.
-    pub(super) fn cells(&mut self, context: &mut Context<'_>, texture: &Entity) -> Outcome<Laid> {
+    pub(super) fn cells(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<Laid> {
         self.in_space(context, texture, MappingKind::Cells)
     }
 
-    fn in_space(&mut self, context: &mut Context<'_>, texture: &Entity, space: MappingKind) -> Outcome<Laid> {
+    fn in_space(&mut self, context: &mut Context<'_>, texture: &Entity, space: MappingKind) -> PbrtResult<Laid> {
         let params = &texture.params;
         let texture_from_world = texture.ctm.inverse();
         let place = params.place_of("mapping");
@@ -104,7 +104,7 @@ impl Mappings {
     }
 }
 
-fn on_surface(params: &Params) -> Outcome<Laid> {
+fn on_surface(params: &Params) -> PbrtResult<Laid> {
     let scale = |name| params.float(name).map(|scale| scale.unwrap_or(1.0));
     let delta = |name| params.float(name).map(|delta| delta.unwrap_or(0.0));
     let (scale_u, scale_v, delta_u, delta_v) = (scale("uscale")?, scale("vscale")?, delta("udelta")?, delta("vdelta")?);
@@ -125,7 +125,7 @@ fn on_surface(params: &Params) -> Outcome<Laid> {
 }
 
 /// To the space whose x and y are the coordinates s and t, and what is to be added to u and v.
-fn planar(params: &Params, texture_from_world: DAffine3) -> Outcome<(DAffine3, Vec2)> {
+fn planar(params: &Params, texture_from_world: DAffine3) -> PbrtResult<(DAffine3, Vec2)> {
     let along_s = params.point3("v1", "vector3")?.unwrap_or(DVec3::X);
     let along_t = params.point3("v2", "vector3")?.unwrap_or(DVec3::Y);
     let (delta_s, delta_t) = (params.float("udelta")?.unwrap_or(0.0), params.float("vdelta")?.unwrap_or(0.0));

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::color::{Color, Meaning};
-use super::context::{Context, Outcome};
+use super::color::Color;
+use super::color_space::Meaning;
+use super::context::{Context, PbrtResult};
 use super::medium::preset_coefficients;
 use super::params::Params;
 use super::texture::Textures;
-use super::world::{Entity, MaterialRef, World};
+use super::world::{Entity, MaterialRef, PbrtWorld};
 use crate::spectrum::Sampled;
 use crate::text::shortened;
 use crate::{
@@ -22,7 +23,7 @@ const MIX_DEPTH_MAX: usize = 16;
 
 /// How a surface scatters, and its relief.
 #[derive(Clone, Debug)]
-pub(super) struct Look {
+pub(super) struct MaterialLook {
     pub(super) name: String,
     pub(super) surface: Surface,
     pub(super) relief: Option<Relief>,
@@ -30,17 +31,17 @@ pub(super) struct Look {
 
 /// The materials that are used.
 pub(super) struct Materials<'w> {
-    world: &'w World,
-    looks: BTreeMap<usize, Look>,
+    world: &'w PbrtWorld,
+    looks: BTreeMap<usize, MaterialLook>,
 }
 
 impl<'w> Materials<'w> {
-    pub(super) fn new(world: &'w World) -> Self {
+    pub(super) fn new(world: &'w PbrtWorld) -> Self {
         Self { world, looks: BTreeMap::new() }
     }
 
     /// Index of a material.
-    pub(super) fn find(&self, material: &MaterialRef) -> Outcome<usize> {
+    pub(super) fn find(&self, material: &MaterialRef) -> PbrtResult<usize> {
         match material {
             MaterialRef::Index(index) => Ok(*index),
             MaterialRef::Named(name, at) => self
@@ -58,7 +59,7 @@ impl<'w> Materials<'w> {
         context: &mut Context<'_>,
         textures: &mut Textures<'_, '_>,
         index: usize,
-    ) -> Outcome<Look> {
+    ) -> PbrtResult<MaterialLook> {
         self.look_within(context, textures, index, &mut Vec::new())
     }
 
@@ -68,7 +69,7 @@ impl<'w> Materials<'w> {
         textures: &mut Textures<'_, '_>,
         index: usize,
         outer: &mut Vec<usize>,
-    ) -> Outcome<Look> {
+    ) -> PbrtResult<MaterialLook> {
         if let Some(look) = self.looks.get(&index) {
             return Ok(look.clone());
         }
@@ -102,7 +103,7 @@ impl<'w> Materials<'w> {
         };
         context.report_unused(params);
         let name = world.named_materials.iter().find(|(_, known)| **known == index).map(|(name, _)| name.clone());
-        let look = Look { name: name.unwrap_or_default(), surface, relief };
+        let look = MaterialLook { name: name.unwrap_or_default(), surface, relief };
         self.looks.insert(index, look.clone());
         Ok(look)
     }
@@ -113,7 +114,7 @@ impl<'w> Materials<'w> {
         textures: &mut Textures<'_, '_>,
         entity: &Entity,
         outer: &mut Vec<usize>,
-    ) -> Outcome<Surface> {
+    ) -> PbrtResult<Surface> {
         let params = &entity.params;
         let Some(([first, second], at)) =
             params.texts("materials").and_then(|(names, at)| Some((names.as_array::<2>()?, at)))
@@ -135,7 +136,7 @@ impl<'w> Materials<'w> {
     }
 }
 
-fn convert(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> Outcome<Surface> {
+fn convert(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     let color = |context: &mut Context<'_>, textures: &mut Textures<'_, '_>, name: &str, default: f32| {
         let color = textures.color(context, params, name, Meaning::Reflectance)?;
@@ -209,7 +210,7 @@ fn facets(
     textures: &mut Textures<'_, '_>,
     params: &Params,
     prefix: &str,
-) -> Outcome<Facets> {
+) -> PbrtResult<Facets> {
     let both = textures.scalar(context, params, &format!("{prefix}roughness"))?;
     let mut roughness: [ScalarParam; 2] = [0.0.into(), 0.0.into()];
     for (roughness, name) in roughness.iter_mut().zip(["uroughness", "vroughness"]) {
@@ -227,7 +228,7 @@ fn facets(
 }
 
 /// An index of refraction that is a number, or a spectrum of which the yellow is taken.
-fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, default: f64) -> Outcome<f32> {
+fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, default: f64) -> PbrtResult<f32> {
     let eta = match context.color(params, name)? {
         Some(Color::Samples(samples)) => {
             if samples != Sampled::constant(samples.at(587.6)) {
@@ -255,7 +256,7 @@ fn conductor(
     params: &Params,
     prefix: &str,
     facets: Facets,
-) -> Outcome<Conductor> {
+) -> PbrtResult<Conductor> {
     let name = |name: &str| format!("{prefix}{name}");
     let reflectance = Spectrum::ONE.into();
     // A metal of η = 1 that reflects this at normal incidence.
@@ -312,7 +313,7 @@ fn coated(
     eta: f32,
     facets: Facets,
     base: CoatedBase,
-) -> Outcome<Surface> {
+) -> PbrtResult<Surface> {
     let mut g = textures.scalar(context, params, "g")?.unwrap_or(0.0.into());
     if !(0.0..1.0).contains(&g.factor) {
         context.unsupported(params.place_of("g"), "the coat scatters evenly: its g is not in [0, 1)");
@@ -333,7 +334,7 @@ fn coated(
 }
 
 /// A coat over the colour that the light comes back with.
-fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> Outcome<Surface> {
+fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     context.unsupported(at, "light leaves the subsurface material where it enters: a coated matte one stands for it");
     let mut sigma = preset_coefficients("Wholemilk").unwrap_or([DVec3::ONE; 2]);
@@ -365,7 +366,7 @@ fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity
 }
 
 /// A coat over the colour of the hair.
-fn hair(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> Outcome<Surface> {
+fn hair(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     context.unsupported(at, "hair scatters as a coated matte surface of its colour does");
     let beta_n = params.float("beta_n")?.unwrap_or(0.3);

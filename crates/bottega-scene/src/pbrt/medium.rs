@@ -5,18 +5,18 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::color::{ColorSpace, Meaning};
-use super::context::{Context, Outcome};
+use super::color_space::{ColorSpace, Meaning};
+use super::context::{Context, PbrtResult};
 use super::film::Exposure;
 use super::grid;
-use super::token::Place;
-use super::world::{Entity, MediumInterface, World};
+use super::token::PbrtPlace;
+use super::world::{Entity, MediumInterface, PbrtWorld};
 use crate::text::shortened;
 use crate::{Medium, MediumId, Spectrum};
 
 /// The media that are used, by name.
 pub(super) struct Media<'w> {
-    world: &'w World,
+    world: &'w PbrtWorld,
     exposure: Exposure,
     pub(super) list: Vec<Medium>,
     /// `None`: one that we do not have, and leave out.
@@ -24,7 +24,7 @@ pub(super) struct Media<'w> {
 }
 
 impl<'w> Media<'w> {
-    pub(super) fn new(world: &'w World, exposure: Exposure) -> Self {
+    pub(super) fn new(world: &'w PbrtWorld, exposure: Exposure) -> Self {
         Self { world, exposure, list: Vec::new(), id_of: BTreeMap::new() }
     }
 
@@ -34,7 +34,7 @@ impl<'w> Media<'w> {
         &mut self,
         context: &mut Context<'_>,
         interface: &MediumInterface,
-    ) -> Outcome<[Option<MediumId>; 2]> {
+    ) -> PbrtResult<[Option<MediumId>; 2]> {
         if interface.inside == interface.outside {
             return Ok([None, None]);
         }
@@ -47,8 +47,8 @@ impl<'w> Media<'w> {
         &mut self,
         context: &mut Context<'_>,
         name: Option<&str>,
-        at: Place,
-    ) -> Outcome<Option<MediumId>> {
+        at: PbrtPlace,
+    ) -> PbrtResult<Option<MediumId>> {
         let Some(name) = name else { return Ok(None) };
         if let Some(id) = self.id_of.get(name) {
             return Ok(*id);
@@ -68,7 +68,7 @@ impl<'w> Media<'w> {
     }
 }
 
-fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Outcome<Option<Medium>> {
+fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> PbrtResult<Option<Medium>> {
     let (params, at) = (&entity.params, entity.at);
     let is_colored = match entity.kind.as_str() {
         "homogeneous" | "uniformgrid" => false,

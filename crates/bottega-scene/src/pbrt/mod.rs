@@ -17,6 +17,7 @@ mod bake;
 mod build;
 mod camera;
 mod color;
+mod color_space;
 mod context;
 mod dialect;
 mod environment;
@@ -32,18 +33,20 @@ mod parser;
 mod place;
 mod shape;
 mod texture;
+mod texture_tree;
 mod token;
 mod transform;
 mod world;
 
 use std::path::Path;
 
-use build::Builder;
-use context::{Context, Outcome};
+use build::SceneBuilder;
+use context::{Context, PbrtResult};
 use parser::Parser;
 
 use crate::error::Warnings;
-use crate::load::{Imported, Metadata, RenderHints, Request};
+use crate::hints::{Metadata, RenderHints};
+use crate::import::{ImportRequest, Imported};
 use crate::{Scene, SceneError};
 
 /// Whether a file looks like one of ours, by its name.
@@ -52,8 +55,8 @@ pub(crate) fn recognizes(path: &Path) -> bool {
 }
 
 /// Builds the scene of a file whose bytes are `file`, read from `path`.
-pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
-    let &Request { path, file, options, origin, resources } = request;
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+    let &ImportRequest { path, file, options, origin, resources } = request;
     let mut context = Context::new(path, resources, options, warnings);
     context.origin = origin;
     let (scene, hints) = read(&mut context, file).map_err(|stop| context.error(stop))?;
@@ -61,12 +64,12 @@ pub(crate) fn import(request: &Request<'_>, warnings: &mut Warnings) -> Result<I
     Ok((scene, metadata, hints))
 }
 
-fn read(context: &mut Context<'_>, file: &[u8]) -> Outcome<(Scene, RenderHints)> {
+fn read(context: &mut Context<'_>, file: &[u8]) -> PbrtResult<(Scene, RenderHints)> {
     let mut parser = Parser::new(context);
     parser.read_scene(file)?;
     let mut world = parser.world;
     world.move_to(context.origin);
     let shapes = std::mem::take(&mut world.shapes);
     let objects = std::mem::take(&mut world.objects);
-    Builder::new(context, &world)?.build(shapes, objects)
+    SceneBuilder::new(context, &world)?.build(shapes, objects)
 }

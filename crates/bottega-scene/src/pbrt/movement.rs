@@ -2,16 +2,16 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::context::Outcome;
+use super::context::PbrtResult;
 use super::params::number;
 use super::parser::{Parser, ended, text};
-use super::token::{Fault, Place, Token, Tokens};
+use super::token::{PbrtFault, PbrtPlace, Token, Tokens};
 use super::transform::{from_columns, look_at};
 use crate::text::shortened;
 
 impl Parser<'_, '_> {
     /// Changes the transformation in force, or remembers it.
-    pub(super) fn transformation(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+    pub(super) fn transformation(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
         match word {
             "Identity" => self.state.transform(|_| DAffine3::IDENTITY),
             "Translate" => {
@@ -75,13 +75,13 @@ impl Parser<'_, '_> {
 }
 
 /// The numbers that follow a directive, with or without brackets.
-fn numbers<const N: usize>(tokens: &mut Tokens<'_>, at: Place, word: &str) -> Result<[f64; N], Fault> {
+fn numbers<const N: usize>(tokens: &mut Tokens<'_>, at: PbrtPlace, word: &str) -> Result<[f64; N], PbrtFault> {
     let mut numbers = [0.0; N];
     let has_brackets = matches!(tokens.peek()?, Some((Token::Open, _)));
     if has_brackets {
         tokens.next()?;
     }
-    let wrong = |at: Place| at.fault(format!("{word} is followed by {N} numbers"));
+    let wrong = |at: PbrtPlace| at.fault(format!("{word} is followed by {N} numbers"));
     for value in &mut numbers {
         *value = match tokens.next()? {
             Some((Token::Word(word), at)) => number(&word).ok_or_else(|| wrong(at))?,

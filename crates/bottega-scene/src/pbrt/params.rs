@@ -5,8 +5,8 @@ use std::rc::Rc;
 
 use glam::{DVec2, DVec3};
 
-use super::color::ColorSpace;
-use super::token::{Fault, Place, Token, Tokens};
+use super::color_space::ColorSpace;
+use super::token::{PbrtFault, PbrtPlace, Token, Tokens};
 use crate::text::shortened;
 
 /// The values of a parameter, all of one kind.
@@ -24,7 +24,7 @@ pub(super) struct Param {
     pub(super) kind: String,
     pub(super) name: String,
     pub(super) values: Values,
-    pub(super) at: Place,
+    pub(super) at: PbrtPlace,
     /// What its `rgb` values mean, where that was settled before the list that it is part of.
     color_space: Option<ColorSpace>,
     /// Whether somebody asked for it.
@@ -37,7 +37,7 @@ pub(super) struct Param {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Params {
     /// The directive that it belongs to.
-    pub(super) at: Place,
+    pub(super) at: PbrtPlace,
     /// Later ones go before earlier ones.
     list: Vec<Rc<Param>>,
     color_space: ColorSpace,
@@ -61,7 +61,7 @@ const KINDS: &[&str] = &[
 
 impl Params {
     /// Reads a list up to the next directive.
-    pub(super) fn read(tokens: &mut Tokens<'_>, at: Place, color_space: ColorSpace) -> Result<Self, Fault> {
+    pub(super) fn read(tokens: &mut Tokens<'_>, at: PbrtPlace, color_space: ColorSpace) -> Result<Self, PbrtFault> {
         let mut list = Vec::new();
         while let Some((Token::Text(_), _)) = tokens.peek()? {
             let Some((Token::Text(declaration), at)) = tokens.next()? else { break };
@@ -142,7 +142,7 @@ impl Params {
     }
 
     /// Where the parameter stands, or else the list.
-    pub(super) fn place_of(&self, name: &str) -> Place {
+    pub(super) fn place_of(&self, name: &str) -> PbrtPlace {
         self.list.iter().find(|param| param.name == name).map_or(self.at, |param| param.at)
     }
 
@@ -157,23 +157,23 @@ impl Params {
         self.list.iter().map(AsRef::as_ref).filter(|param| !param.used.get() && !param.may_be_unused)
     }
 
-    fn numbers(&self, name: &str, kind: &str) -> Option<(&[f64], Place)> {
+    fn numbers(&self, name: &str, kind: &str) -> Option<(&[f64], PbrtPlace)> {
         let param = self.find(name, &[kind])?;
         if let Values::Numbers(numbers) = &param.values { Some((numbers, param.at)) } else { None }
     }
 
     /// A single number.
-    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, Fault> {
+    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, PbrtFault> {
         self.numbers(name, "float").map(|(numbers, at)| one(numbers, at, name)).transpose()
     }
 
     /// A single integer.
-    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, Fault> {
+    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, PbrtFault> {
         self.numbers(name, "integer").map(|(numbers, at)| one(numbers, at, name).map(|x| x as i64)).transpose()
     }
 
     /// `true` or `false`.
-    pub(super) fn bool(&self, name: &str) -> Result<Option<bool>, Fault> {
+    pub(super) fn bool(&self, name: &str) -> Result<Option<bool>, PbrtFault> {
         let Some(param) = self.find(name, &["bool"]) else { return Ok(None) };
         match &param.values {
             Values::Bools(bools) => one(bools, param.at, name).map(Some),
@@ -182,18 +182,18 @@ impl Params {
     }
 
     /// A single text.
-    pub(super) fn text(&self, name: &str) -> Result<Option<&str>, Fault> {
+    pub(super) fn text(&self, name: &str) -> Result<Option<&str>, PbrtFault> {
         self.texts(name).map(|(texts, at)| one_of(texts, at, name).map(String::as_str)).transpose()
     }
 
     /// Texts.
-    pub(super) fn texts(&self, name: &str) -> Option<(&[String], Place)> {
+    pub(super) fn texts(&self, name: &str) -> Option<(&[String], PbrtPlace)> {
         let param = self.find(name, &["string"])?;
         if let Values::Texts(texts) = &param.values { Some((texts, param.at)) } else { None }
     }
 
     /// The name of a texture.
-    pub(super) fn texture(&self, name: &str) -> Result<Option<(&str, Place)>, Fault> {
+    pub(super) fn texture(&self, name: &str) -> Result<Option<(&str, PbrtPlace)>, PbrtFault> {
         let Some(param) = self.find(name, &["texture"]) else { return Ok(None) };
         match &param.values {
             Values::Texts(texts) => Ok(Some((one_of(texts, param.at, name)?, param.at))),
@@ -212,17 +212,17 @@ impl Params {
     }
 
     /// Points in the plane.
-    pub(super) fn points2(&self, name: &str) -> Result<Option<Vec<DVec2>>, Fault> {
+    pub(super) fn points2(&self, name: &str) -> Result<Option<Vec<DVec2>>, PbrtFault> {
         self.tuples(name, "point2", |[x, y]| DVec2::new(x, y))
     }
 
     /// Points, or with the kind `normal` or `vector3` those.
-    pub(super) fn points3(&self, name: &str, kind: &str) -> Result<Option<Vec<DVec3>>, Fault> {
+    pub(super) fn points3(&self, name: &str, kind: &str) -> Result<Option<Vec<DVec3>>, PbrtFault> {
         self.tuples(name, kind, |[x, y, z]| DVec3::new(x, y, z))
     }
 
     /// One point or vector.
-    pub(super) fn point3(&self, name: &str, kind: &str) -> Result<Option<DVec3>, Fault> {
+    pub(super) fn point3(&self, name: &str, kind: &str) -> Result<Option<DVec3>, PbrtFault> {
         let Some(points) = self.points3(name, kind)? else { return Ok(None) };
         one(&points, self.place_of(name), name).map(Some)
     }
@@ -232,7 +232,7 @@ impl Params {
         name: &str,
         kind: &str,
         make: impl Fn([f64; N]) -> T,
-    ) -> Result<Option<Vec<T>>, Fault> {
+    ) -> Result<Option<Vec<T>>, PbrtFault> {
         let Some((numbers, at)) = self.numbers(name, kind) else { return Ok(None) };
         let (tuples, rest) = numbers.as_chunks::<N>();
         if !rest.is_empty() {
@@ -245,18 +245,18 @@ impl Params {
 /// What to do with a file for pbrt-v3.
 pub(super) const UPGRADE: &str = "convert the file with `pbrt --upgrade old.pbrt > new.pbrt`";
 
-fn one_of<'a, T>(values: &'a [T], at: Place, name: &str) -> Result<&'a T, Fault> {
+fn one_of<'a, T>(values: &'a [T], at: PbrtPlace, name: &str) -> Result<&'a T, PbrtFault> {
     match values {
         [value] => Ok(value),
         _ => Err(at.fault(format!("`{}` has {} values instead of one", shortened(name), values.len()))),
     }
 }
 
-fn one<T: Copy>(values: &[T], at: Place, name: &str) -> Result<T, Fault> {
+fn one<T: Copy>(values: &[T], at: PbrtPlace, name: &str) -> Result<T, PbrtFault> {
     one_of(values, at, name).copied()
 }
 
-fn read_values(tokens: &mut Tokens<'_>, at: Place, kind: &str) -> Result<Values, Fault> {
+fn read_values(tokens: &mut Tokens<'_>, at: PbrtPlace, kind: &str) -> Result<Values, PbrtFault> {
     let ended = || at.fault("the file ends before the value of this parameter");
     let mut values = match kind {
         "bool" => Values::Bools(Vec::new()),
@@ -278,7 +278,7 @@ fn read_values(tokens: &mut Tokens<'_>, at: Place, kind: &str) -> Result<Values,
     }
 }
 
-fn push_value(values: &mut Values, token: &Token<'_>, at: Place, kind: &str) -> Result<(), Fault> {
+fn push_value(values: &mut Values, token: &Token<'_>, at: PbrtPlace, kind: &str) -> Result<(), PbrtFault> {
     let expected = |what: &str| Err(at.fault(format!("a parameter of type \"{kind}\" takes {what}")));
     match (&mut *values, token) {
         (Values::Numbers(numbers), Token::Word(word)) => {
@@ -319,9 +319,9 @@ pub(super) fn number(word: &str) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Params, Fault> {
+    fn read(text: &str) -> Result<Params, PbrtFault> {
         let mut tokens = Tokens::new(0, text);
-        Params::read(&mut tokens, Place::default(), ColorSpace::default())
+        Params::read(&mut tokens, PbrtPlace::default(), ColorSpace::default())
     }
 
     #[test]

@@ -5,11 +5,11 @@ use std::rc::Rc;
 
 use glam::DAffine3;
 
-use super::color::ColorSpace;
-use super::context::{Context, Outcome};
-use super::params::{Params, UPGRADE};
-use super::token::{Fault, Place, Token, Tokens};
-use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, Target, World};
+use super::color_space::ColorSpace;
+use super::context::{Context, PbrtResult};
+use super::params::Params;
+use super::token::{PbrtFault, PbrtPlace, Token, Tokens};
+use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, PbrtWorld, Target};
 use super::{dialect, shape};
 use crate::mesh_file::unfolded;
 use crate::text::{Text, decode, shortened};
@@ -26,10 +26,10 @@ const ATTRIBUTE_DEPTH_MAX: usize = 1024;
 /// Reads a file and all that it includes.
 pub(super) struct Parser<'c, 'a> {
     context: &'c mut Context<'a>,
-    pub(super) world: World,
+    pub(super) world: PbrtWorld,
     pub(super) state: GraphicsState,
     /// What was saved, by what, and where.
-    saved: Vec<(GraphicsState, Block, Place)>,
+    saved: Vec<(GraphicsState, Block, PbrtPlace)>,
     pub(super) coordinate_systems: BTreeMap<String, [DAffine3; 2]>,
     in_world: bool,
     /// The object that is being described.
@@ -61,7 +61,7 @@ impl Block {
 impl<'c, 'a> Parser<'c, 'a> {
     pub(super) fn new(context: &'c mut Context<'a>) -> Self {
         let bytes_left = context.resources.budget().limit();
-        let world = World { materials: vec![Entity::plain("diffuse")], ..World::default() };
+        let world = PbrtWorld { materials: vec![Entity::plain("diffuse")], ..PbrtWorld::default() };
         Self {
             context,
             world,
@@ -77,7 +77,7 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// Reads the scene file, and checks that everything that was begun is ended.
-    pub(super) fn read_scene(&mut self, bytes: &[u8]) -> Outcome<()> {
+    pub(super) fn read_scene(&mut self, bytes: &[u8]) -> PbrtResult<()> {
         let end = self.read_file(0, bytes)?;
         if let Some((_, block, at)) = self.saved.last() {
             return Err(at.fault(format!("{0}Begin has no {0}End", block.name())).into());
@@ -89,11 +89,11 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// Returns where the file ends.
-    fn read_file(&mut self, file: u32, bytes: &[u8]) -> Outcome<Place> {
+    fn read_file(&mut self, file: u32, bytes: &[u8]) -> PbrtResult<PbrtPlace> {
         let Text { text, guess } = decode(self.context.path(file), bytes, self.context.resources.budget())?;
         if let Some((line, message)) = guess {
             let line = u32::try_from(line).unwrap_or(u32::MAX);
-            self.context.warn(Place { file, line, column: 1 }, message);
+            self.context.warn(PbrtPlace { file, line, column: 1 }, message);
         }
         let mut tokens = Tokens::new(file, &text);
         if text.len() > self.bytes_left {
@@ -109,7 +109,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(tokens.here())
     }
 
-    fn directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+    fn directive(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
         match word {
             "Identity" | "Translate" | "Scale" | "Rotate" | "LookAt" | "Transform" | "ConcatTransform"
             | "CoordinateSystem" | "CoordSysTransform" | "ActiveTransform" | "TransformTimes" => {
@@ -172,7 +172,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         }
     }
 
-    fn world_directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+    fn world_directive(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
         match word {
             "Material" => {
                 self.only_in_world(at, word)?;
@@ -247,7 +247,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn option_directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+    fn option_directive(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
         self.only_before_world(at, word)?;
         let entity = Some(self.entity(word, at, tokens, None)?);
         match word {
@@ -267,7 +267,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn object_directive(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+    fn object_directive(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
         self.only_in_world(at, word)?;
         if word == "ObjectEnd" {
             self.end(Block::Object, at)?;
@@ -294,7 +294,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn shape(&mut self, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+    fn shape(&mut self, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
         self.only_in_world(at, "Shape")?;
         let entity = self.entity("Shape", at, tokens, Some(Target::Shape))?;
         self.note_motion(at);
@@ -306,13 +306,13 @@ impl<'c, 'a> Parser<'c, 'a> {
         let geometry = shape::read(self.context, &entity)?;
         self.context.report_unused(params);
         let Some(geometry) = geometry else { return Ok(()) };
-        self.book(at, size_of::<super::world::Shape>())?;
+        self.book(at, size_of::<super::world::PlacedShape>())?;
         let mut area_light = self.state.area_light;
         if area_light.is_some() && self.object.is_some() {
             self.context.warn(at, "a light within an object does not shine, as in pbrt");
             area_light = None;
         }
-        let shape = super::world::Shape {
+        let shape = super::world::PlacedShape {
             geometry,
             at,
             world_from_object: entity.ctm,
@@ -330,7 +330,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn include(&mut self, word: &str, at: Place, tokens: &mut Tokens<'_>) -> Outcome<()> {
+    fn include(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
         let (reference, reference_at) = text(tokens, at, word)?;
         let place = self.context.place(reference_at);
         let location = self.context.resources.locate(&reference, &place)?;
@@ -363,7 +363,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn begin(&mut self, block: Block, at: Place) -> Outcome<()> {
+    fn begin(&mut self, block: Block, at: PbrtPlace) -> PbrtResult<()> {
         if block == Block::Attribute {
             self.only_in_world(at, "AttributeBegin")?;
         }
@@ -374,7 +374,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn end(&mut self, block: Block, at: Place) -> Outcome<()> {
+    fn end(&mut self, block: Block, at: PbrtPlace) -> PbrtResult<()> {
         let name = block.name();
         match self.saved.pop() {
             None => Err(at.fault(format!("{name}End without {name}Begin")).into()),
@@ -393,7 +393,7 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// The quoted type and the parameters that follow a directive.
-    fn entity(&self, word: &str, at: Place, tokens: &mut Tokens<'_>, target: Option<Target>) -> Outcome<Entity> {
+    fn entity(&self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>, target: Option<Target>) -> PbrtResult<Entity> {
         let (kind, kind_at) = text(tokens, at, word)?;
         dialect::check(word, &kind, kind_at)?;
         let params = Params::read(tokens, at, self.state.color_space)?;
@@ -409,7 +409,7 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// The parameters that follow the name, with the type among them.
-    fn typed_entity(&self, word: &str, at: Place, tokens: &mut Tokens<'_>, target: Target) -> Outcome<Entity> {
+    fn typed_entity(&self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>, target: Target) -> PbrtResult<Entity> {
         let params = self.state.complete(Params::read(tokens, at, self.state.color_space)?, target);
         let Some(kind) = params.text("type")? else {
             return Err(at.fault(format!("{word} needs the parameter \"string type\"")).into());
@@ -420,22 +420,22 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// Books memory for what is kept of a directive.
-    fn book(&self, at: Place, bytes: usize) -> Outcome<()> {
+    fn book(&self, at: PbrtPlace, bytes: usize) -> PbrtResult<()> {
         let (path, place) = (self.context.path(at.file), self.context.place(at));
         Ok(self.context.resources.budget().take(path, &place, bytes)?)
     }
 
-    fn note_motion(&mut self, at: Place) {
+    fn note_motion(&mut self, at: PbrtPlace) {
         if self.state.ctm[0] != self.state.ctm[1] {
             self.world.moving = Some(self.world.moving.map_or((at, 1), |(first, count)| (first, count + 1)));
         }
     }
 
-    fn only_in_world(&self, at: Place, word: &str) -> Result<(), Fault> {
+    fn only_in_world(&self, at: PbrtPlace, word: &str) -> Result<(), PbrtFault> {
         if self.in_world { Ok(()) } else { Err(at.fault(format!("{word} belongs behind WorldBegin"))) }
     }
 
-    fn only_before_world(&self, at: Place, word: &str) -> Result<(), Fault> {
+    fn only_before_world(&self, at: PbrtPlace, word: &str) -> Result<(), PbrtFault> {
         if self.in_world { Err(at.fault(format!("{word} belongs before WorldBegin"))) } else { Ok(()) }
     }
 }
@@ -446,26 +446,21 @@ impl Entity {
         Self {
             kind: kind.into(),
             params: Params::default(),
-            at: Place { file: 0, line: 1, column: 1 },
+            at: PbrtPlace { file: 0, line: 1, column: 1 },
             ctm: DAffine3::IDENTITY,
         }
     }
 }
 
-pub(super) fn ended(at: Place, word: &str) -> Fault {
+pub(super) fn ended(at: PbrtPlace, word: &str) -> PbrtFault {
     at.fault(format!("the file ends within {word}"))
 }
 
 /// The quoted text that follows a directive.
-pub(super) fn text(tokens: &mut Tokens<'_>, at: Place, word: &str) -> Result<(String, Place), Fault> {
+pub(super) fn text(tokens: &mut Tokens<'_>, at: PbrtPlace, word: &str) -> Result<(String, PbrtPlace), PbrtFault> {
     match tokens.next()? {
         Some((Token::Text(text), at)) => Ok((text.into_owned(), at)),
         Some((_, at)) => Err(at.fault(format!("{word} is followed by a name in quotes"))),
         None => Err(ended(at, word)),
     }
-}
-
-/// What to say of a file for pbrt-v3, for [`dialect`].
-pub(super) fn old_version(at: Place, what: &str, name: &str) -> Fault {
-    at.fault(format!("{what} \"{name}\" is of pbrt-v3, and pbrt-v4 differs in much; {UPGRADE}"))
 }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Mat3, Quat, Vec2};
 
-use super::context::{Context, Outcome};
-use super::token::Place;
+use super::context::{Context, PbrtResult};
+use super::token::PbrtPlace;
 use super::transform::axes_and_scale;
 use crate::{Mesh, Sphere};
 
@@ -34,7 +34,12 @@ pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: b
 }
 
 /// A mesh in the space that a transformation leads to.
-pub(super) fn baked(context: &mut Context<'_>, mut mesh: Mesh, transform: &DAffine3, at: Place) -> Outcome<Mesh> {
+pub(super) fn baked(
+    context: &mut Context<'_>,
+    mut mesh: Mesh,
+    transform: &DAffine3,
+    at: PbrtPlace,
+) -> PbrtResult<Mesh> {
     let linear = transform.matrix3;
     let normal_matrix: Option<Mat3> = {
         let inverse = linear.inverse().transpose();
@@ -90,12 +95,12 @@ pub(super) fn with_own_corners(mesh: &Mesh) -> Mesh {
 /// Small meshes, joined by material and by what their vertices have.
 #[derive(Default)]
 pub(super) struct Joined {
-    meshes: BTreeMap<(u32, [bool; 3]), (Mesh, Place)>,
+    meshes: BTreeMap<(u32, [bool; 3]), (Mesh, PbrtPlace)>,
 }
 
 impl Joined {
     /// Returns a mesh that has become large.
-    pub(super) fn add(&mut self, mesh: Mesh, at: Place) -> Option<Mesh> {
+    pub(super) fn add(&mut self, mesh: Mesh, at: PbrtPlace) -> Option<Mesh> {
         let key = (mesh.material, [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()]);
         let (joined, _) = match self.meshes.entry(key) {
             std::collections::btree_map::Entry::Vacant(entry) => {
@@ -117,7 +122,20 @@ impl Joined {
         None
     }
 
-    pub(super) fn finish(self) -> impl Iterator<Item = (Mesh, Place)> {
+    pub(super) fn finish(self) -> impl Iterator<Item = (Mesh, PbrtPlace)> {
         self.meshes.into_values()
     }
+}
+
+/// The axes of a transformation, orthonormal; they may mirror.
+pub(super) fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: PbrtPlace) -> PbrtResult<DMat3> {
+    let (axes, scale) = axes_and_scale(ctm);
+    let is_perpendicular = (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3);
+    if !axes.is_finite() || !is_perpendicular {
+        return Err(at.fault("the transformation of the light is singular or skewed").into());
+    }
+    if scale.max_element() > 1.001 * scale.min_element() {
+        context.unsupported(at, "the scale of the light's space is left out: it would distort the light");
+    }
+    Ok(axes)
 }

@@ -6,12 +6,14 @@ use std::rc::Rc;
 use glam::{Affine2, DVec3, Vec2};
 
 use super::bake::{Bake, projection_image, scalar_image};
-use super::color::{Color, ColorSpace, Meaning};
-use super::context::{Context, Outcome};
-use super::mapping::{Laid, Mappings, within_frame};
+use super::color::Color;
+use super::color_space::{ColorSpace, Meaning};
+use super::context::{Context, PbrtResult};
+use super::mapping::{Mappings, within_frame};
 use super::params::Params;
-use super::token::Place;
-use super::world::{Entity, World};
+use super::texture_tree::{PictureNode, TextureNode, constant, parts};
+use super::token::PbrtPlace;
+use super::world::{Entity, PbrtWorld};
 use crate::image::{Encoding, Framed, Pictures};
 use crate::text::shortened;
 use crate::{
@@ -20,37 +22,6 @@ use crate::{
 
 /// Trees with more parts are replaced.
 const PARTS_MAX: usize = 64;
-
-/// A texture.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Node {
-    Constant(DVec3),
-    Picture(PictureNode),
-    /// The product of both.
-    Scale(Rc<Node>, Rc<Node>),
-    /// From the first to the second by the third.
-    Mix(Rc<Node>, Rc<Node>, Rc<Node>),
-    /// The first where both coordinates are even, or both odd.
-    Checkerboard(Laid, Rc<Node>, Rc<Node>),
-    /// The values at (0, 0), (0, 1), (1, 0) and (1, 1).
-    Bilinear(Laid, [DVec3; 4]),
-}
-
-/// A picture laid on a surface.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct PictureNode {
-    /// As [`Pictures`] counts.
-    pub(super) picture: ImageId,
-    /// Whether it stands for a number: pbrt takes alpha, or else the mean of the colours.
-    pub(super) is_scalar: bool,
-    pub(super) laid: Laid,
-    pub(super) wrap: Wrap,
-    pub(super) smooth: bool,
-    pub(super) scale: f64,
-    pub(super) invert: bool,
-    /// Exponent by which the codes of the file become linear, where that is not sRGB.
-    pub(super) gamma: Option<f64>,
-}
 
 /// What an image of the scene will be made of.
 enum Slot {
@@ -64,20 +35,20 @@ enum Slot {
 
 /// The textures that materials ask for.
 pub(super) struct Textures<'a, 'w> {
-    world: &'w World,
+    world: &'w PbrtWorld,
     pictures: Pictures<'a>,
     mappings: Mappings,
     /// One for each image of the scene.
     slots: Vec<Slot>,
     slot_of: BTreeMap<(ImageId, bool), ImageId>,
     /// By name and whether they are of type float.
-    nodes: BTreeMap<(String, bool), Rc<Node>>,
+    nodes: BTreeMap<(String, bool), Rc<TextureNode>>,
     /// Names that are being understood: none may refer to itself.
     open: Vec<(String, bool)>,
 }
 
 impl<'a, 'w> Textures<'a, 'w> {
-    pub(super) fn new(world: &'w World, context: &Context<'a>) -> Self {
+    pub(super) fn new(world: &'w PbrtWorld, context: &Context<'a>) -> Self {
         let pictures = Pictures::new(context.resources, context.options);
         Self {
             world,
@@ -97,7 +68,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         params: &Params,
         name: &str,
         meaning: Meaning,
-    ) -> Outcome<Option<ColorParam>> {
+    ) -> PbrtResult<Option<ColorParam>> {
         if let Some((texture, at)) = params.texture(name)? {
             let node = self.named(context, texture, false, at)?;
             return self.color_param(context, &node, at).map(Some);
@@ -117,7 +88,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         context: &mut Context<'_>,
         params: &Params,
         name: &str,
-    ) -> Outcome<Option<ScalarParam>> {
+    ) -> PbrtResult<Option<ScalarParam>> {
         if let Some((texture, at)) = params.texture(name)? {
             return self.named_scalar(context, texture, at).map(Some);
         }
@@ -125,7 +96,12 @@ impl<'a, 'w> Textures<'a, 'w> {
     }
 
     /// A texture of numbers by its name.
-    pub(super) fn named_scalar(&mut self, context: &mut Context<'_>, name: &str, at: Place) -> Outcome<ScalarParam> {
+    pub(super) fn named_scalar(
+        &mut self,
+        context: &mut Context<'_>,
+        name: &str,
+        at: PbrtPlace,
+    ) -> PbrtResult<ScalarParam> {
         let node = self.named(context, name, true, at)?;
         let (factor, map) = self.reduce(context, &node, true, at)?;
         Ok(ScalarParam { factor: factor.x as f32, texture: map.map(|map| (map, Channel::R)) })
@@ -137,8 +113,8 @@ impl<'a, 'w> Textures<'a, 'w> {
         context: &Context<'_>,
         file: &str,
         is_data: bool,
-        at: Place,
-    ) -> Outcome<TextureMap> {
+        at: PbrtPlace,
+    ) -> PbrtResult<TextureMap> {
         let encoding = if is_data { Encoding::Linear } else { Encoding::Srgb };
         let picture = self.pictures.want(file, encoding, &context.place(at))?;
         Ok(TextureMap::new(self.slot(picture, false)))
@@ -147,7 +123,13 @@ impl<'a, 'w> Textures<'a, 'w> {
     /// A picture that is thrown. Its intensity is that of the picture in pbrt, and lights a screen evenly here.
     ///
     /// - `fov`: angle of the shorter side, in degrees.
-    pub(super) fn projection(&mut self, context: &Context<'_>, file: &str, fov: f64, at: Place) -> Outcome<ImageId> {
+    pub(super) fn projection(
+        &mut self,
+        context: &Context<'_>,
+        file: &str,
+        fov: f64,
+        at: PbrtPlace,
+    ) -> PbrtResult<ImageId> {
         let picture = self.pictures.want(file, Encoding::Srgb, &context.place(at))?;
         self.slots.push(Slot::Projection(picture, fov));
         Ok(ImageId(self.slots.len() as u32 - 1))
@@ -160,11 +142,11 @@ impl<'a, 'w> Textures<'a, 'w> {
         params: &Params,
         name: &str,
         change: fn(DVec3) -> DVec3,
-    ) -> Outcome<Option<ColorParam>> {
+    ) -> PbrtResult<Option<ColorParam>> {
         let node = match params.texture(name)? {
             Some((texture, at)) => self.named(context, texture, false, at)?,
             None => match context.color(params, name)? {
-                Some(color) => Rc::new(Node::Constant(color.to_rec709(Meaning::Reflectance).as_dvec3())),
+                Some(color) => Rc::new(TextureNode::Constant(color.to_rec709(Meaning::Reflectance).as_dvec3())),
                 None => return Ok(None),
             },
         };
@@ -177,7 +159,7 @@ impl<'a, 'w> Textures<'a, 'w> {
     }
 
     /// The pictures of the scene, decoded and baked, and the mappings by which they are laid.
-    pub(super) fn load(self, context: &mut Context<'_>) -> Outcome<(Vec<Image>, Vec<Mapping>)> {
+    pub(super) fn load(self, context: &mut Context<'_>) -> PbrtResult<(Vec<Image>, Vec<Mapping>)> {
         let pictures = self.pictures.load(context.warnings())?;
         let mut uses = vec![0usize; pictures.len()];
         for slot in &self.slots {
@@ -217,7 +199,12 @@ impl<'a, 'w> Textures<'a, 'w> {
         })
     }
 
-    fn color_param(&mut self, context: &mut Context<'_>, node: &Rc<Node>, at: Place) -> Outcome<ColorParam> {
+    fn color_param(
+        &mut self,
+        context: &mut Context<'_>,
+        node: &Rc<TextureNode>,
+        at: PbrtPlace,
+    ) -> PbrtResult<ColorParam> {
         let (factor, texture) = self.reduce(context, node, false, at)?;
         Ok(ColorParam { factor: factor.as_vec3(), texture })
     }
@@ -226,13 +213,13 @@ impl<'a, 'w> Textures<'a, 'w> {
     fn reduce(
         &mut self,
         context: &mut Context<'_>,
-        node: &Rc<Node>,
+        node: &Rc<TextureNode>,
         is_scalar: bool,
-        at: Place,
-    ) -> Outcome<(DVec3, Option<TextureMap>)> {
+        at: PbrtPlace,
+    ) -> PbrtResult<(DVec3, Option<TextureMap>)> {
         match &**node {
-            Node::Constant(value) => Ok((*value, None)),
-            Node::Picture(node) if !node.invert && node.gamma.is_none() => {
+            TextureNode::Constant(value) => Ok((*value, None)),
+            TextureNode::Picture(node) if !node.invert && node.gamma.is_none() => {
                 let map = TextureMap {
                     image: self.slot(node.picture, is_scalar),
                     uv_set: node.laid.uv_set,
@@ -243,7 +230,7 @@ impl<'a, 'w> Textures<'a, 'w> {
                 };
                 Ok((DVec3::splat(node.scale), Some(map)))
             }
-            Node::Scale(a, b) => match (constant(a), constant(b)) {
+            TextureNode::Scale(a, b) => match (constant(a), constant(b)) {
                 (Some(factor), _) => self.reduce(context, b, is_scalar, at).map(|(inner, map)| (inner * factor, map)),
                 (_, Some(factor)) => self.reduce(context, a, is_scalar, at).map(|(inner, map)| (inner * factor, map)),
                 _ => self.bake(context, node, is_scalar, None, at),
@@ -258,11 +245,11 @@ impl<'a, 'w> Textures<'a, 'w> {
     fn bake(
         &mut self,
         context: &mut Context<'_>,
-        node: &Rc<Node>,
+        node: &Rc<TextureNode>,
         is_scalar: bool,
         change: Option<fn(DVec3) -> DVec3>,
-        at: Place,
-    ) -> Outcome<(DVec3, Option<TextureMap>)> {
+        at: PbrtPlace,
+    ) -> PbrtResult<(DVec3, Option<TextureMap>)> {
         let bake = Bake::new(node.clone(), is_scalar, change, at);
         let sets = bake.uv_sets();
         if sets.len() > 1 {
@@ -289,7 +276,13 @@ impl<'a, 'w> Textures<'a, 'w> {
     }
 
     /// The tree of a texture that is called by name.
-    fn named(&mut self, context: &mut Context<'_>, name: &str, is_float: bool, at: Place) -> Outcome<Rc<Node>> {
+    fn named(
+        &mut self,
+        context: &mut Context<'_>,
+        name: &str,
+        is_float: bool,
+        at: PbrtPlace,
+    ) -> PbrtResult<Rc<TextureNode>> {
         let key = (name.to_owned(), is_float);
         if let Some(node) = self.nodes.get(&key) {
             return Ok(node.clone());
@@ -308,7 +301,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         self.open.pop();
         if parts(&node) > PARTS_MAX {
             context.unsupported(entity.at, format!("the texture has more than {PARTS_MAX} parts; gray stands for it"));
-            node = Node::Constant(DVec3::splat(0.5));
+            node = TextureNode::Constant(DVec3::splat(0.5));
         }
         context.report_unused(&entity.params);
         let node = Rc::new(node);
@@ -316,10 +309,10 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(node)
     }
 
-    fn node(&mut self, context: &mut Context<'_>, entity: &Entity, is_float: bool) -> Outcome<Node> {
+    fn node(&mut self, context: &mut Context<'_>, entity: &Entity, is_float: bool) -> PbrtResult<TextureNode> {
         let (params, at) = (&entity.params, entity.at);
         Ok(match entity.kind.as_str() {
-            "constant" => Node::Constant(match is_float {
+            "constant" => TextureNode::Constant(match is_float {
                 true => DVec3::splat(params.float("value")?.unwrap_or(1.0)),
                 false => self.constant_color(context, params, "value", 1.0)?,
             }),
@@ -327,19 +320,19 @@ impl<'a, 'w> Textures<'a, 'w> {
             "scale" => {
                 let tex = self.part(context, params, "tex", 1.0, is_float)?;
                 let scale = self.part(context, params, "scale", 1.0, true)?;
-                Node::Scale(tex, scale)
+                TextureNode::Scale(tex, scale)
             }
             "mix" => {
                 let first = self.part(context, params, "tex1", 0.0, is_float)?;
                 let second = self.part(context, params, "tex2", 1.0, is_float)?;
-                Node::Mix(first, second, self.part(context, params, "amount", 0.5, true)?)
+                TextureNode::Mix(first, second, self.part(context, params, "amount", 0.5, true)?)
             }
             "directionmix" => {
                 let first = self.part(context, params, "tex1", 0.0, is_float)?;
                 let second = self.part(context, params, "tex2", 1.0, is_float)?;
                 params.ignore(&["dir"]);
                 context.unsupported(at, "the texture \"directionmix\" is the same from all directions");
-                Node::Mix(first, second, Rc::new(Node::Constant(DVec3::splat(0.5))))
+                TextureNode::Mix(first, second, Rc::new(TextureNode::Constant(DVec3::splat(0.5))))
             }
             "checkerboard" => {
                 let first = self.part(context, params, "tex1", 1.0, is_float)?;
@@ -349,7 +342,7 @@ impl<'a, 'w> Textures<'a, 'w> {
                     3 => self.mappings.cells(context, entity)?,
                     _ => return Err(params.place_of("dimension").fault("a checkerboard has 2 or 3 dimensions").into()),
                 };
-                Node::Checkerboard(laid, first, second)
+                TextureNode::Checkerboard(laid, first, second)
             }
             "bilerp" => {
                 let mut values = [DVec3::ZERO; 4];
@@ -361,7 +354,7 @@ impl<'a, 'w> Textures<'a, 'w> {
                         false => self.constant_color(context, params, name, default)?,
                     };
                 }
-                Node::Bilinear(self.mappings.laid(context, entity)?, values)
+                TextureNode::Bilinear(self.mappings.laid(context, entity)?, values)
             }
             "dots" => {
                 let inside = self.part(context, params, "inside", 1.0, is_float)?;
@@ -372,7 +365,7 @@ impl<'a, 'w> Textures<'a, 'w> {
                     "the texture \"dots\" is replaced by the mean of what is inside and outside of them",
                 );
                 // A dot in half of the cells, of radius 0.35.
-                Node::Mix(outside, inside, Rc::new(Node::Constant(DVec3::splat(0.19))))
+                TextureNode::Mix(outside, inside, Rc::new(TextureNode::Constant(DVec3::splat(0.19))))
             }
             kind => {
                 params.ignore(&["octaves", "roughness", "scale", "variation", "filename", "encoding", "dimension"]);
@@ -383,7 +376,7 @@ impl<'a, 'w> Textures<'a, 'w> {
                     _ => (0.5, "gray"),
                 };
                 context.unsupported(at, format!("the texture \"{}\" is replaced by {what}", shortened(kind)));
-                Node::Constant(DVec3::splat(mean))
+                TextureNode::Constant(DVec3::splat(mean))
             }
         })
     }
@@ -396,11 +389,11 @@ impl<'a, 'w> Textures<'a, 'w> {
         name: &str,
         default: f64,
         is_float: bool,
-    ) -> Outcome<Rc<Node>> {
+    ) -> PbrtResult<Rc<TextureNode>> {
         if let Some((texture, at)) = params.texture(name)? {
             return self.named(context, texture, is_float, at);
         }
-        Ok(Rc::new(Node::Constant(match is_float {
+        Ok(Rc::new(TextureNode::Constant(match is_float {
             true => DVec3::splat(params.float(name)?.unwrap_or(default)),
             false => self.constant_color(context, params, name, default)?,
         })))
@@ -412,12 +405,12 @@ impl<'a, 'w> Textures<'a, 'w> {
         params: &Params,
         name: &str,
         default: f64,
-    ) -> Outcome<DVec3> {
+    ) -> PbrtResult<DVec3> {
         let color = context.color(params, name)?.unwrap_or(Color::Rgb(DVec3::splat(default), ColorSpace::Srgb));
         Ok(color.to_rec709(Meaning::Reflectance).as_dvec3())
     }
 
-    fn picture_node(&mut self, context: &mut Context<'_>, entity: &Entity, is_scalar: bool) -> Outcome<Node> {
+    fn picture_node(&mut self, context: &mut Context<'_>, entity: &Entity, is_scalar: bool) -> PbrtResult<TextureNode> {
         let params = &entity.params;
         let file = params.text("filename")?.ok_or_else(|| entity.at.fault("`imagemap` needs a `filename`"))?;
         let at = params.place_of("filename");
@@ -461,7 +454,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         };
         let smooth = params.text("filter")?.is_none_or(|filter| filter != "point");
         params.ignore(&["maxanisotropy"]);
-        Ok(Node::Picture(PictureNode {
+        Ok(TextureNode::Picture(PictureNode {
             picture,
             is_scalar,
             laid,
@@ -472,33 +465,4 @@ impl<'a, 'w> Textures<'a, 'w> {
             gamma,
         }))
     }
-}
-
-/// The value of a tree that is the same everywhere.
-pub(super) fn constant(node: &Node) -> Option<DVec3> {
-    match node {
-        Node::Constant(value) => Some(*value),
-        Node::Picture(_) => None,
-        Node::Scale(a, b) => Some(constant(a)? * constant(b)?),
-        Node::Mix(a, b, amount) => {
-            let (a, b, amount) = (constant(a)?, constant(b)?, constant(amount)?);
-            Some(a + (b - a) * amount)
-        }
-        Node::Checkerboard(_, a, b) => constant(a).filter(|value| constant(b) == Some(*value)),
-        Node::Bilinear(_, [first, rest @ ..]) => rest.iter().all(|value| value == first).then_some(*first),
-    }
-}
-
-/// How many parts a tree has, seen as a tree.
-fn parts(node: &Node) -> usize {
-    match node {
-        Node::Constant(_) | Node::Picture(_) | Node::Bilinear(..) => 1,
-        Node::Scale(a, b) | Node::Checkerboard(_, a, b) => parts(a) + parts(b) + 1,
-        Node::Mix(a, b, amount) => parts(a) + parts(b) + parts(amount) + 1,
-    }
-}
-
-/// Texture coordinates for pictures that are made here.
-pub(super) fn texel_center(x: u32, y: u32, width: u32, height: u32) -> Vec2 {
-    Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32)
 }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 /// Where something stands: which of the files that were read, line and column from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Place {
+pub(super) struct PbrtPlace {
     pub(super) file: u32,
     pub(super) line: u32,
     pub(super) column: u32,
@@ -12,14 +12,14 @@ pub(super) struct Place {
 
 /// What is wrong at a place of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Fault {
-    pub(super) at: Place,
+pub(super) struct PbrtFault {
+    pub(super) at: PbrtPlace,
     pub(super) problem: String,
 }
 
-impl Place {
-    pub(super) fn fault(self, problem: impl Into<String>) -> Fault {
-        Fault { at: self, problem: problem.into() }
+impl PbrtPlace {
+    pub(super) fn fault(self, problem: impl Into<String>) -> PbrtFault {
+        PbrtFault { at: self, problem: problem.into() }
     }
 }
 
@@ -43,7 +43,7 @@ pub(super) struct Tokens<'a> {
     file: u32,
     line: u32,
     line_start: usize,
-    peeked: Option<Option<(Token<'a>, Place)>>,
+    peeked: Option<Option<(Token<'a>, PbrtPlace)>>,
 }
 
 /// Words and texts that are longer are no numbers, names or paths.
@@ -55,13 +55,13 @@ impl<'a> Tokens<'a> {
     }
 
     /// The place of the next byte.
-    pub(super) fn here(&self) -> Place {
+    pub(super) fn here(&self) -> PbrtPlace {
         let column = self.position - self.line_start + 1;
-        Place { file: self.file, line: self.line, column: u32::try_from(column).unwrap_or(u32::MAX) }
+        PbrtPlace { file: self.file, line: self.line, column: u32::try_from(column).unwrap_or(u32::MAX) }
     }
 
     /// The next token; `None` at the end of the file.
-    pub(super) fn next(&mut self) -> Result<Option<(Token<'a>, Place)>, Fault> {
+    pub(super) fn next(&mut self) -> Result<Option<(Token<'a>, PbrtPlace)>, PbrtFault> {
         match self.peeked.take() {
             Some(token) => Ok(token),
             None => self.scan(),
@@ -69,14 +69,14 @@ impl<'a> Tokens<'a> {
     }
 
     /// The next token, which stays.
-    pub(super) fn peek(&mut self) -> Result<Option<&(Token<'a>, Place)>, Fault> {
+    pub(super) fn peek(&mut self) -> Result<Option<&(Token<'a>, PbrtPlace)>, PbrtFault> {
         if self.peeked.is_none() {
             self.peeked = Some(self.scan()?);
         }
         Ok(self.peeked.as_ref().and_then(Option::as_ref))
     }
 
-    fn scan(&mut self) -> Result<Option<(Token<'a>, Place)>, Fault> {
+    fn scan(&mut self) -> Result<Option<(Token<'a>, PbrtPlace)>, PbrtFault> {
         self.skip_blank();
         let at = self.here();
         let Some(&first) = self.bytes.get(self.position) else { return Ok(None) };
@@ -119,7 +119,7 @@ impl<'a> Tokens<'a> {
     }
 
     /// Reads from the opening quote to behind the closing one.
-    fn scan_text(&mut self, at: Place) -> Result<Token<'a>, Fault> {
+    fn scan_text(&mut self, at: PbrtPlace) -> Result<Token<'a>, PbrtFault> {
         let start = self.position + 1;
         let mut escaped: Option<Vec<u8>> = None;
         let mut end = start;
@@ -168,7 +168,7 @@ mod tests {
 
     type Placed<'a> = (Token<'a>, (u32, u32));
 
-    fn all(text: &str) -> Result<Vec<Placed<'_>>, Fault> {
+    fn all(text: &str) -> Result<Vec<Placed<'_>>, PbrtFault> {
         let mut tokens = Tokens::new(0, text);
         let mut list = Vec::new();
         while let Some((token, at)) = tokens.next()? {
@@ -201,7 +201,7 @@ mod tests {
     fn quotes_may_hold_escapes_and_must_end() {
         assert_eq!(all(r#""a\"b\\c""#).unwrap()[0].0, Token::Text("a\"b\\c".into()));
         for bad in ["\"abc", "\"ab\nc\"", r#""a\qb""#, "\"a\\"] {
-            assert_eq!(all(bad).unwrap_err().at, Place { file: 0, line: 1, column: 1 }, "{bad:?}");
+            assert_eq!(all(bad).unwrap_err().at, PbrtPlace { file: 0, line: 1, column: 1 }, "{bad:?}");
         }
     }
 }

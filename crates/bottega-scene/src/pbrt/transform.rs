@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
 
-use super::token::{Fault, Place};
+use super::token::{PbrtFault, PbrtPlace};
 
 /// pbrt's `LookAt`: world space to a left-handed camera that looks along its +z.
 pub(super) fn look_at(eye: DVec3, look: DVec3, up: DVec3) -> Option<DAffine3> {
@@ -13,7 +13,7 @@ pub(super) fn look_at(eye: DVec3, look: DVec3, up: DVec3) -> Option<DAffine3> {
 }
 
 /// The 16 numbers of `Transform` and `ConcatTransform`, column by column.
-pub(super) fn from_columns(numbers: &[f64; 16], at: Place) -> Result<DAffine3, Fault> {
+pub(super) fn from_columns(numbers: &[f64; 16], at: PbrtPlace) -> Result<DAffine3, PbrtFault> {
     let matrix = DMat4::from_cols_array(numbers);
     let w = matrix.row(3);
     if w.truncate() != DVec3::ZERO || w.w == 0.0 {
@@ -23,7 +23,7 @@ pub(super) fn from_columns(numbers: &[f64; 16], at: Place) -> Result<DAffine3, F
 }
 
 /// Rounds to single precision. A matrix that cannot be inverted, or is too large or too small for it, is a fault.
-pub(super) fn rounded(transform: &DAffine3, at: Place) -> Result<Affine3A, Fault> {
+pub(super) fn rounded(transform: &DAffine3, at: PbrtPlace) -> Result<Affine3A, PbrtFault> {
     let rounded = transform.as_affine3a();
     let determinant = rounded.matrix3.determinant();
     if rounded.is_finite() && determinant.is_normal() && rounded.inverse().is_finite() {
@@ -58,9 +58,9 @@ mod tests {
     #[test]
     fn matrices_are_given_by_columns() {
         let mut numbers = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0, 6.0, 7.0, 1.0];
-        let transform = from_columns(&numbers, Place::default()).unwrap();
+        let transform = from_columns(&numbers, PbrtPlace::default()).unwrap();
         assert_eq!(transform.translation, DVec3::new(5.0, 6.0, 7.0));
         numbers[3] = 1.0;
-        assert!(from_columns(&numbers, Place::default()).is_err());
+        assert!(from_columns(&numbers, PbrtPlace::default()).is_err());
     }
 }

@@ -5,10 +5,10 @@ use std::rc::Rc;
 
 use glam::{DAffine3, DVec3};
 
-use super::color::ColorSpace;
+use super::color_space::ColorSpace;
 use super::params::{Param, Params};
-use super::shape::Geometry;
-use super::token::Place;
+use super::shape::geometry::Geometry;
+use super::token::PbrtPlace;
 
 /// A thing with a type and parameters: `Material "diffuse" …`.
 #[derive(Clone, Debug)]
@@ -16,7 +16,7 @@ pub(super) struct Entity {
     /// `diffuse`, `perspective` …
     pub(super) kind: String,
     pub(super) params: Params,
-    pub(super) at: Place,
+    pub(super) at: PbrtPlace,
     /// Object space to world space; of the camera the other way round.
     pub(super) ctm: DAffine3,
 }
@@ -24,21 +24,21 @@ pub(super) struct Entity {
 /// Which material a shape is made of.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum MaterialRef {
-    /// Index into [`World::materials`].
+    /// Index into [`PbrtWorld::materials`].
     Index(usize),
     /// By a name that may be given later.
-    Named(Rc<str>, Place),
+    Named(Rc<str>, PbrtPlace),
 }
 
 /// A shape where it was described.
 #[derive(Debug)]
-pub(super) struct Shape {
+pub(super) struct PlacedShape {
     pub(super) geometry: Geometry,
-    pub(super) at: Place,
+    pub(super) at: PbrtPlace,
     pub(super) world_from_object: DAffine3,
     pub(super) reverse_orientation: bool,
     pub(super) material: MaterialRef,
-    /// Index into [`World::area_lights`].
+    /// Index into [`PbrtWorld::area_lights`].
     pub(super) area_light: Option<usize>,
     pub(super) media: MediumInterface,
     /// Opacity: constant, or the name of a texture.
@@ -49,7 +49,7 @@ pub(super) struct Shape {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Alpha {
     Constant(f64),
-    Texture(Rc<str>, Place),
+    Texture(Rc<str>, PbrtPlace),
 }
 
 /// Names of the media behind and before a surface; `None`: vacuum.
@@ -57,7 +57,7 @@ pub(super) enum Alpha {
 pub(super) struct MediumInterface {
     pub(super) inside: Option<Rc<str>>,
     pub(super) outside: Option<Rc<str>>,
-    pub(super) at: Place,
+    pub(super) at: PbrtPlace,
 }
 
 /// A use of an object.
@@ -65,12 +65,12 @@ pub(super) struct MediumInterface {
 pub(super) struct ObjectInstance {
     pub(super) name: String,
     pub(super) world_from_instance: DAffine3,
-    pub(super) at: Place,
+    pub(super) at: PbrtPlace,
 }
 
 /// All that was described.
 #[derive(Debug, Default)]
-pub(super) struct World {
+pub(super) struct PbrtWorld {
     pub(super) camera: Option<Entity>,
     /// What the camera stands in.
     pub(super) camera_media: MediumInterface,
@@ -86,17 +86,17 @@ pub(super) struct World {
     pub(super) area_lights: Vec<Entity>,
     pub(super) lights: Vec<Entity>,
     pub(super) media: BTreeMap<String, Entity>,
-    pub(super) shapes: Vec<Shape>,
+    pub(super) shapes: Vec<PlacedShape>,
     /// What stands between `ObjectBegin` and `ObjectEnd`, by name.
-    pub(super) objects: BTreeMap<String, Vec<Shape>>,
+    pub(super) objects: BTreeMap<String, Vec<PlacedShape>>,
     pub(super) instances: Vec<ObjectInstance>,
     /// Where something moves while the shutter is open, for the first such thing, and how many there are.
-    pub(super) moving: Option<(Place, usize)>,
+    pub(super) moving: Option<(PbrtPlace, usize)>,
     /// What has been taken from all places.
     pub(super) origin: DVec3,
 }
 
-impl World {
+impl PbrtWorld {
     /// Takes a place from all others. What stands in objects follows by their instances.
     pub(super) fn move_to(&mut self, origin: DVec3) {
         if origin == DVec3::ZERO {

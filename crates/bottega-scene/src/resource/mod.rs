@@ -12,9 +12,10 @@ use std::sync::{Mutex, PoisonError};
 use spelling::Spellings;
 
 use crate::SceneError;
+use crate::budget::MemoryBudget;
 use crate::error::Warnings;
 use crate::file::{hash, read_file};
-use crate::load::{LoadOptions, MemoryBudget};
+use crate::options::LoadOptions;
 use crate::text::shortened;
 
 /// The remedy for a reference that leads out of the scene's folder.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Sampled;
 use crate::SceneError;
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 use crate::text::{column, decode, shortened};
 
 /// Reads a file such as `gold.eta.spd`. What follows a `#` is a comment.

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::*;
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 
 fn sampled(samples: &[(f64, f64)]) -> Sampled {
     Sampled::new(samples.to_vec()).unwrap()

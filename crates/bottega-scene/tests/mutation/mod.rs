@@ -4,23 +4,18 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// SplitMix64 (Steele, Lea, Flood 2014).
-pub(crate) struct Random(u64);
+use bottega_kernels::SplitMix64;
+
+/// Where a file is changed, and how.
+pub(crate) struct Random(SplitMix64);
 
 impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
     pub(crate) fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit.max(1) as u64) as usize
+        (self.0.bits() % limit.max(1) as u64) as usize
     }
 
     pub(crate) fn byte(&mut self) -> u8 {
-        self.next() as u8
+        self.0.bits() as u8
     }
 }
 
@@ -40,7 +35,7 @@ pub(crate) fn survive(
     let count = count * factor;
     let mut good = 0;
     for index in 0..count {
-        let bytes = mutated(&mut Random(index));
+        let bytes = mutated(&mut Random(SplitMix64::new(index)));
         match catch_unwind(AssertUnwindSafe(|| load(&bytes))) {
             Ok(is_scene) => good += u64::from(is_scene),
             Err(_) => {

@@ -2,17 +2,14 @@
 
 use std::sync::Arc;
 
-use super::{
-    mailbox::Mailbox,
-    state::{Shared, State},
-};
+use super::state::{Mailbox, PlatformShared, PlatformState};
 use crate::{
     AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket,
     bus::{BLOBS_MAX, Blob, BlobId, Bus},
 };
 
 /// The bus of a [`LocalPlatform`](super::LocalPlatform): may be cloned and used by any thread.
-pub struct LocalBus<M: StateMachine>(pub(super) Arc<Shared<M>>);
+pub struct LocalBus<M: StateMachine>(pub(super) Arc<PlatformShared<M>>);
 
 impl<M: StateMachine> Clone for LocalBus<M> {
     fn clone(&self) -> Self {
@@ -25,7 +22,7 @@ where
     M::Content: Clone,
     M::Value: Clone,
 {
-    fn with(&self, change: impl FnOnce(&mut State<M>)) {
+    fn with(&self, change: impl FnOnce(&mut PlatformState<M>)) {
         change(&mut self.0.lock());
         self.0.work.notify_all();
     }

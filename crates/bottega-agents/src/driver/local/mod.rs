@@ -4,7 +4,6 @@
 //! mailbox fills or the next deadline comes: nothing polls.
 
 mod bus;
-mod mailbox;
 mod state;
 
 use std::{
@@ -16,11 +15,10 @@ use std::{
 };
 
 pub use bus::LocalBus;
-pub use mailbox::Mailbox;
-pub use state::MAILBOX_MESSAGES_MAX;
-use state::{Shared, Slot, State};
+pub use state::{MAILBOX_MESSAGES_MAX, Mailbox, Performer, Uplink};
+use state::{PlatformShared, PlatformState, Slot};
 
-use super::{alarm::Alarm, uplink::Uplink};
+use super::alarm::Alarm;
 use crate::{
     AgentId, Event, StateMachine, Time,
     bus::{Beyond, carry_out},
@@ -34,13 +32,9 @@ const TURN_EVENTS_MAX: usize = 32;
 /// The shortest time after which a machine is woken again that names a deadline in the past.
 const WAKE_AFTER_MIN: Duration = Duration::from_millis(1);
 
-/// Begins effects of one agent. It must return soon; what takes long belongs on another thread, which reports its
-/// end through the [`Mailbox`].
-pub type Performer<M> = Box<dyn FnMut(<M as StateMachine>::Effect, &Mailbox<M>) + Send>;
-
 /// A platform in one process.
 pub struct LocalPlatform<M: StateMachine> {
-    shared: Arc<Shared<M>>,
+    shared: Arc<PlatformShared<M>>,
     threads: Vec<thread::JoinHandle<()>>,
 }
 
@@ -81,8 +75,8 @@ where
         store: Box<dyn EntryStore<M::Value, usize> + Send>,
         uplink: Option<Arc<dyn Uplink<M>>>,
     ) -> std::io::Result<Self> {
-        let shared = Arc::new(Shared {
-            state: Mutex::new(State::new()),
+        let shared = Arc::new(PlatformShared {
+            state: Mutex::new(PlatformState::new()),
             store: Mutex::new(store),
             work: Alarm::default(),
             finished: Condvar::new(),
@@ -223,7 +217,7 @@ impl<M: StateMachine> Drop for LocalPlatform<M> {
 pub struct NameTaken(pub AgentId);
 
 /// Tells the platform when a machine panics, so that nobody waits for it.
-struct PanicNotice<'a, M: StateMachine>(&'a Shared<M>);
+struct PanicNotice<'a, M: StateMachine>(&'a PlatformShared<M>);
 
 impl<M: StateMachine> Drop for PanicNotice<'_, M> {
     fn drop(&mut self) {
@@ -238,7 +232,7 @@ impl<M: StateMachine> Drop for PanicNotice<'_, M> {
     }
 }
 
-fn work<M: StateMachine>(shared: &Arc<Shared<M>>)
+fn work<M: StateMachine>(shared: &Arc<PlatformShared<M>>)
 where
     M::Content: Clone,
     M::Value: Clone,
@@ -277,7 +271,7 @@ where
 }
 
 /// Waits for an agent that has something to do. `None`: the platform closes.
-fn next_agent<M: StateMachine>(shared: &Shared<M>) -> Option<usize> {
+fn next_agent<M: StateMachine>(shared: &PlatformShared<M>) -> Option<usize> {
     let mut state = shared.lock();
     loop {
         if state.closing {
@@ -299,7 +293,7 @@ fn next_agent<M: StateMachine>(shared: &Shared<M>) -> Option<usize> {
 }
 
 /// Puts a machine back after its turn.
-fn rest<M: StateMachine>(shared: &Shared<M>, agent: usize, machine: M, performer: Performer<M>, stopped: bool) {
+fn rest<M: StateMachine>(shared: &PlatformShared<M>, agent: usize, machine: M, performer: Performer<M>, stopped: bool) {
     // A deadline in the past was just answered: do not turn in place.
     let deadline = machine.next_deadline().map(|at| at.max(shared.now() + WAKE_AFTER_MIN));
     let mut state = shared.lock();

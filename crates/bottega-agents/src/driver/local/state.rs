@@ -1,4 +1,5 @@
-//! What a platform of one process has in memory, and its locks.
+//! What a platform of one process has in memory, its locks, and the ways in and out: mailboxes and the link to other
+//! processes. These know each other, for what comes back over the link goes into a mailbox.
 
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
@@ -6,12 +7,9 @@ use std::{
     time::Instant,
 };
 
-use super::{
-    super::{alarm::Alarm, queues::Queues, uplink::Uplink},
-    Performer,
-};
+use super::super::{alarm::Alarm, queues::Queues};
 use crate::{
-    AgentId, Event, EventOf, StateMachine, Time,
+    AclMessage, AgentId, Event, EventOf, StateMachine, StoreRequest, Ticket, Time,
     bus::{Blob, BlobId},
     entry_store::EntryStore,
     store::Addressed,
@@ -34,7 +32,7 @@ pub(super) struct Slot<M: StateMachine> {
     pub(super) stopped: bool,
 }
 
-pub(super) struct State<M: StateMachine> {
+pub(super) struct PlatformState<M: StateMachine> {
     pub(super) slots: Vec<Slot<M>>,
     pub(super) index: BTreeMap<AgentId, usize>,
     pub(super) ready: VecDeque<usize>,
@@ -53,8 +51,8 @@ pub(super) struct State<M: StateMachine> {
 
 pub(super) type Store<V> = Box<dyn EntryStore<V, usize> + Send>;
 
-pub(super) struct Shared<M: StateMachine> {
-    pub(super) state: Mutex<State<M>>,
+pub(super) struct PlatformShared<M: StateMachine> {
+    pub(super) state: Mutex<PlatformState<M>>,
     /// Locked before `state` where both are, so that replies arrive in the order of what they tell, and that a store
     /// which takes its time holds up nobody who does not need it.
     pub(super) store: Mutex<Store<M::Value>>,
@@ -67,8 +65,8 @@ pub(super) struct Shared<M: StateMachine> {
     pub(super) uplink: Option<Arc<dyn Uplink<M>>>,
 }
 
-impl<M: StateMachine> Shared<M> {
-    pub(super) fn lock(&self) -> MutexGuard<'_, State<M>> {
+impl<M: StateMachine> PlatformShared<M> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, PlatformState<M>> {
         // No machine runs under the lock, so a panic elsewhere leaves the state whole.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -95,7 +93,7 @@ impl<M: StateMachine> Shared<M> {
     }
 }
 
-impl<M: StateMachine> State<M> {
+impl<M: StateMachine> PlatformState<M> {
     /// Without agents.
     pub(super) fn new() -> Self {
         Self {
@@ -198,4 +196,60 @@ impl<M: StateMachine> State<M> {
         self.alive -= 1;
         self.tell_presence(agent, false);
     }
+}
+
+/// The mailbox of one agent, for threads outside of the platform: an engine that reports, a user who interrupts.
+pub struct Mailbox<M: StateMachine> {
+    pub(super) shared: Arc<PlatformShared<M>>,
+    pub(super) agent: usize,
+}
+
+impl<M: StateMachine> Clone for Mailbox<M> {
+    fn clone(&self) -> Self {
+        Self { shared: Arc::clone(&self.shared), agent: self.agent }
+    }
+}
+
+impl<M: StateMachine> Mailbox<M> {
+    /// Reports an effect. Dropped when the agent has stopped.
+    pub fn complete(&self, completion: M::Completion) {
+        self.shared.lock().deliver(self.agent, Event::Completed(completion));
+        self.shared.work.notify_all();
+    }
+
+    /// Brings something from beyond this process. Dropped when the agent has stopped.
+    pub(in crate::driver) fn deliver(&self, event: EventOf<M>) {
+        self.shared.lock().deliver(self.agent, event);
+        self.shared.work.notify_all();
+    }
+
+    /// Whether the agent has stopped: nothing that is delivered is of use any more.
+    pub(in crate::driver) fn is_closed(&self) -> bool {
+        let state = self.shared.lock();
+        state.closing || state.slots[self.agent].stopped
+    }
+
+    /// The platform's time.
+    pub fn now(&self) -> Time {
+        self.shared.now()
+    }
+}
+
+/// Begins effects of one agent. It must return soon; what takes long belongs on another thread, which reports its
+/// end through the [`Mailbox`].
+pub type Performer<M> = Box<dyn FnMut(<M as StateMachine>::Effect, &Mailbox<M>) + Send>;
+
+/// Links a platform in one process with others: for messages to agents who are elsewhere, and for a store that all share.
+///
+/// No method waits. What comes back goes into a mailbox.
+pub trait Uplink<M: StateMachine>: Send + Sync {
+    /// An agent has come to life here: what others send to it goes into its mailbox. Returns when that is so, or when
+    /// it is known that it cannot be for now.
+    fn add(&self, agent: &AgentId, mailbox: Mailbox<M>);
+
+    /// Brings a message to one of its receivers, who is not here, or loses it.
+    fn publish(&self, now: Time, message: &AclMessage<M::Content>, receiver: &AgentId);
+
+    /// Asks the store for the agent with this mailbox.
+    fn ask_store(&self, mailbox: Mailbox<M>, ticket: Ticket, request: StoreRequest<M::Value>);
 }

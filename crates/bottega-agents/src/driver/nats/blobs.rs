@@ -18,7 +18,7 @@ use ring::digest::{Context as Digest, SHA256};
 use tokio::{io::AsyncReadExt, runtime::Handle};
 use tokio_stream::StreamExt;
 
-use super::NatsError;
+use super::error::NatsError;
 
 /// A blob lies in messages of so many bytes.
 const PART_BYTES: usize = 128 << 10;

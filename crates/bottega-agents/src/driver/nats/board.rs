@@ -14,8 +14,10 @@ use async_nats::{
 use tokio::{runtime::Handle, sync::oneshot};
 
 use super::{
-    ANSWER_TIME, BlobError, names,
-    watch::{News, Written, follow},
+    blobs::BlobError,
+    names,
+    options::ANSWER_TIME,
+    watch::{WatchNews, WrittenEntry, follow},
 };
 use crate::Key;
 
@@ -39,11 +41,11 @@ pub struct NoticeBoard {
     client: Client,
     store: kv::Store,
     handle: Handle,
-    seen: Arc<Mutex<Seen>>,
+    seen: Arc<Mutex<KnownNotices>>,
 }
 
 /// What was heard of the notices.
-struct Seen {
+struct KnownNotices {
     notices: BTreeMap<String, Heard>,
     /// How often the server was reached, and when it was the last time.
     connects: u64,
@@ -59,7 +61,7 @@ struct Heard {
 impl NoticeBoard {
     /// The board, when all that is on it has been read.
     pub(super) async fn open(client: Client, store: kv::Store, handle: Handle) -> Self {
-        let seen = Seen { notices: BTreeMap::new(), connects: 0, connected: now() };
+        let seen = KnownNotices { notices: BTreeMap::new(), connects: 0, connected: now() };
         let board = Self { client, store, handle, seen: Arc::new(Mutex::new(seen)) };
         let (read, is_read) = oneshot::channel();
         let (follower, store, seen) = (board.client.clone(), board.store.clone(), Arc::downgrade(&board.seen));
@@ -68,12 +70,12 @@ impl NoticeBoard {
             let tell = |news| {
                 let Some(seen) = seen.upgrade() else { return false };
                 match news {
-                    News::Entry(entry) => lock(&seen).told(&entry),
-                    News::CaughtUp => {
+                    WatchNews::Entry(entry) => lock(&seen).told(&entry),
+                    WatchNews::CaughtUp => {
                         // Who opened it may have given up.
                         _ = read.take().map(|read| read.send(()));
                     }
-                    News::Nothing => {}
+                    WatchNews::Nothing => {}
                 }
                 true
             };
@@ -154,14 +156,14 @@ impl NoticeBoard {
         }
     }
 
-    fn notice(&self, seen: &Seen, name: &str, heard: &Heard) -> Notice {
+    fn notice(&self, seen: &KnownNotices, name: &str, heard: &Heard) -> Notice {
         let unchanged = heard.at.max(seen.connected).elapsed();
         Notice { name: name.to_owned(), revision: heard.revision, text: Arc::clone(&heard.text), unchanged }
     }
 }
 
-impl Seen {
-    fn told(&mut self, entry: &Written) {
+impl KnownNotices {
+    fn told(&mut self, entry: &WrittenEntry) {
         let Some(name) = names::entry(&entry.key).map(|key| key.to_string()) else { return };
         if let Some(value) = &entry.value {
             self.hear(&name, entry.revision, value);
@@ -178,7 +180,7 @@ impl Seen {
     }
 }
 
-fn lock(seen: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
+fn lock(seen: &Mutex<KnownNotices>) -> MutexGuard<'_, KnownNotices> {
     seen.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

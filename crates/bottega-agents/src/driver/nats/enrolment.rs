@@ -6,7 +6,7 @@ use async_nats::Request;
 use tokio::{runtime::Builder, sync::Semaphore};
 use tokio_stream::StreamExt;
 
-use super::{ANSWER_TIME, Codec, Login, NatsError, NatsOptions, NatsUplink, names, rights::NEWCOMER};
+use super::{Codec, Login, NatsError, NatsOptions, NatsUplink, names, options::ANSWER_TIME, rights::NEWCOMER};
 
 /// The largest request.
 const REQUEST_BYTES_MAX: usize = 1 << 12;
@@ -16,9 +16,9 @@ const ENROL_TIME: Duration = Duration::from_secs(10);
 const AT_ONCE: usize = 16;
 
 /// A key by which a server knows somebody.
-pub struct Key(nkeys::KeyPair);
+pub struct MemberKey(nkeys::KeyPair);
 
-impl Key {
+impl MemberKey {
     /// One that nobody has.
     pub fn new() -> Self {
         Self(nkeys::KeyPair::new_user())
@@ -35,7 +35,7 @@ impl Key {
     }
 }
 
-impl Default for Key {
+impl Default for MemberKey {
     fn default() -> Self {
         Self::new()
     }

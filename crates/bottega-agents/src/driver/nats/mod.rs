@@ -10,6 +10,7 @@ mod blobs;
 mod board;
 mod codec;
 mod enrolment;
+mod error;
 mod names;
 mod options;
 mod pin;
@@ -19,14 +20,13 @@ mod tiles;
 mod watch;
 
 use std::{
-    path::PathBuf,
     sync::{Arc, atomic::Ordering},
     thread,
     time::Duration,
 };
 
 use async_nats::{
-    Client, ConnectErrorKind, Request, RequestErrorKind,
+    Client, Request, RequestErrorKind,
     jetstream::{self, kv},
 };
 use tokio::{
@@ -35,118 +35,29 @@ use tokio::{
 };
 use tokio_stream::StreamExt;
 
-use self::store::Bucket;
 pub use self::{
     blobs::{Blob, BlobError, NatsBlobs},
     board::{Notice, NoticeBoard},
     codec::{Codec, WIRE_VERSION},
-    enrolment::{Key as MemberKey, enrol, is_public_key, newcomer},
+    enrolment::{MemberKey, enrol, is_public_key, newcomer},
+    error::NatsError,
     options::{Login, NatsOptions, Tls},
     pin::Pin,
     rights::Rights,
     tiles::NatsTiles,
 };
+use self::{options::ANSWER_TIME, store::Bucket};
 use super::{Mailbox, Uplink};
 use crate::{AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket, Time};
 
 /// Messages that wait to go out at most; what comes on top is lost, as on any network.
 const OUTBOX_MAX: usize = 1 << 14;
-/// How long the server may take to answer before it counts as silent.
-const ANSWER_TIME: Duration = Duration::from_secs(2);
-/// How long is waited for the server at first.
-const CONNECT_TIME: Duration = Duration::from_secs(5);
 /// How often an agent that hears nothing is asked whether it is still there.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// The subject on which a server says what it stores.
 const STORE_INFO: &str = "$JS.API.INFO";
 /// The oldest server that is known to work.
 const OLDEST: (i64, i64, i64) = (2, 9, 0);
-
-/// Why there is no link.
-#[derive(Debug, thiserror::Error)]
-pub enum NatsError {
-    /// Nobody answers, or not to us.
-    #[error("cannot reach a NATS server at {servers}")]
-    Connect {
-        /// Where it was sought.
-        servers: String,
-        /// Why not.
-        source: async_nats::ConnectError,
-    },
-    /// An address that is none.
-    #[error("`{address}` is no address of a NATS server, such as nats://host:4222")]
-    Address {
-        /// The address.
-        address: String,
-    },
-    /// A name that cannot be one.
-    #[error("`{name}` is no name of a farm: letters, digits, - and _ make one")]
-    Name {
-        /// The name.
-        name: String,
-    },
-    /// What one says who one is with cannot be read.
-    #[error("cannot use the credentials in `{}`", .path.display())]
-    Credentials {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: std::io::Error,
-    },
-    /// The server is older than any that is known to work.
-    #[error("the NATS server is of version {version}; 2.9 or newer is needed")]
-    Version {
-        /// Its version.
-        version: String,
-    },
-    /// The server keeps nothing, or not what was asked for.
-    #[error("the NATS server does not keep {what} for the farm: {reason}")]
-    Keep {
-        /// What.
-        what: &'static str,
-        /// Why not.
-        reason: String,
-        /// Whether it is so whenever it is tried again; not of a server that reads its configuration anew.
-        is_lasting: bool,
-    },
-    /// Nobody answers one who wants to be let in.
-    #[error("nobody lets machines into the farm: {reason}")]
-    NobodyAnswers {
-        /// What the server says.
-        reason: String,
-    },
-    /// The operating system gives no thread.
-    #[error("cannot start a thread")]
-    Thread(#[from] std::io::Error),
-}
-
-impl NatsError {
-    /// Whether the server does not know who one is. One that reads its configuration anew may not know it yet.
-    pub fn is_refusal(&self) -> bool {
-        matches!(self, Self::Connect { source, .. } if source.kind() == ConnectErrorKind::AuthorizationViolation)
-    }
-
-    /// Whether a server that was reached a moment ago may do it when it is asked again: while it reads its configuration anew it
-    /// turns members away, closes links and keeps nothing.
-    pub fn may_pass(&self) -> bool {
-        match self {
-            Self::Connect { source, .. } => matches!(
-                source.kind(),
-                ConnectErrorKind::AuthorizationViolation
-                    | ConnectErrorKind::Authentication
-                    | ConnectErrorKind::TimedOut
-                    | ConnectErrorKind::Io
-            ),
-            Self::Keep { is_lasting, .. } => !is_lasting,
-            Self::NobodyAnswers { .. } => true,
-            Self::Address { .. }
-            | Self::Name { .. }
-            | Self::Credentials { .. }
-            | Self::Version { .. }
-            | Self::Thread(_) => false,
-        }
-    }
-}
 
 /// A link to a farm.
 pub struct NatsUplink<K> {

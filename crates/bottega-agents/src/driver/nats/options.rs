@@ -1,10 +1,16 @@
 //! Where a farm is, and how one says who one is.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 use async_nats::ConnectOptions;
 
-use super::{ANSWER_TIME, CONNECT_TIME, NatsError, names, pin::Pin};
+use super::{error::NatsError, names, pin::Pin};
+
+/// How long the server may take to answer before it counts as silent.
+pub(super) const ANSWER_TIME: Duration = Duration::from_secs(2);
+
+/// How long is waited for the server at first.
+pub(super) const CONNECT_TIME: Duration = Duration::from_secs(5);
 
 /// Where a farm is.
 #[derive(Clone, Debug, Default)]

@@ -12,8 +12,10 @@ use async_nats::{
 };
 
 use super::{
-    Codec, NatsError, names,
-    watch::{News, Written, follow},
+    codec::Codec,
+    error::NatsError,
+    names,
+    watch::{WatchNews, WrittenEntry, follow},
 };
 use crate::{Entry, Event, Key, Revision, StateMachine, StoreReply, StoreRequest, Ticket, driver::Mailbox};
 
@@ -161,16 +163,16 @@ impl<K: Codec> Bucket<K> {
         let mut caught_up = false;
         follow(&self.client, &self.store, &names::below(prefix), |news| {
             match news {
-                News::Entry(Written { key, revision, value: Some(value) }) => {
+                WatchNews::Entry(WrittenEntry { key, revision, value: Some(value) }) => {
                     if let Some(entry) = self.read(&key, revision, &value).filter(|it| it.key.starts_with(prefix)) {
                         tell(StoreReply::Changed(entry));
                     }
                 }
-                News::CaughtUp if !caught_up => {
+                WatchNews::CaughtUp if !caught_up => {
                     caught_up = true;
                     tell(StoreReply::CaughtUp);
                 }
-                News::Entry(_) | News::CaughtUp | News::Nothing => {}
+                WatchNews::Entry(_) | WatchNews::CaughtUp | WatchNews::Nothing => {}
             }
             !mailbox.is_closed()
         })

@@ -15,7 +15,7 @@ use bytes::Bytes;
 use tokio::runtime::Handle;
 use tokio_stream::StreamExt;
 
-use super::{BlobError, NatsError, names};
+use super::{blobs::BlobError, error::NatsError, names};
 use crate::Key;
 
 /// The largest part, so that it fits into a message of any server.

@@ -21,9 +21,9 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 const OPERATION: &str = "KV-Operation";
 
 /// What one is told who follows entries.
-pub(super) enum News {
+pub(super) enum WatchNews {
     /// An entry as it is, or is from now on.
-    Entry(Written),
+    Entry(WrittenEntry),
     /// All entries that there were have been told.
     CaughtUp,
     /// Nothing has happened for a while.
@@ -31,7 +31,7 @@ pub(super) enum News {
 }
 
 /// A writing of an entry.
-pub(super) struct Written {
+pub(super) struct WrittenEntry {
     /// Its key, as the server has it.
     pub(super) key: String,
     pub(super) revision: u64,
@@ -45,9 +45,9 @@ pub(super) struct Written {
 /// Neither the number of entries that wait, which the server tells with each, nor that a consumer goes on delivering is relied
 /// on: where entries are written while a consumer begins, servers (2.9.10) may count wrongly and never come to 0. What is known is
 /// compared with the last entry that there is instead.
-pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(News) -> bool) {
+pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(WatchNews) -> bool) {
     let filter = format!("{}{below}", store.prefix);
-    while tell(News::Nothing) {
+    while tell(WatchNews::Nothing) {
         match open(client, store, &filter).await {
             Ok(messages) => {
                 if !listen(store, &filter, messages, &mut tell).await {
@@ -65,7 +65,7 @@ async fn listen(
     store: &kv::Store,
     filter: &str,
     mut messages: push::Ordered,
-    tell: &mut impl FnMut(News) -> bool,
+    tell: &mut impl FnMut(WatchNews) -> bool,
 ) -> bool {
     // Entries come in the order of their writing: with this one all have come that were there at the beginning.
     let Ok(mut last) = last_written(store, filter).await else { return true };
@@ -73,7 +73,7 @@ async fn listen(
     // There was something a while ago that had not come.
     let mut is_late = false;
     loop {
-        if told >= last && !std::mem::replace(&mut is_caught_up, true) && !tell(News::CaughtUp) {
+        if told >= last && !std::mem::replace(&mut is_caught_up, true) && !tell(WatchNews::CaughtUp) {
             return false;
         }
         match tokio::time::timeout(LOOK_EVERY, messages.next()).await {
@@ -81,13 +81,13 @@ async fn listen(
                 let Some(entry) = written(store, &message) else { continue };
                 told = told.max(entry.revision);
                 is_late = false;
-                if !tell(News::Entry(entry)) {
+                if !tell(WatchNews::Entry(entry)) {
                     return false;
                 }
             }
             Ok(_) => return true,
             Err(_) => {
-                if !tell(News::Nothing) {
+                if !tell(WatchNews::Nothing) {
                     return false;
                 }
                 // A server that does not answer will be asked again.
@@ -147,11 +147,11 @@ async fn open(client: &Client, store: &kv::Store, filter: &str) -> Result<push::
 }
 
 /// What a message says.
-fn written(store: &kv::Store, message: &Message) -> Option<Written> {
+fn written(store: &kv::Store, message: &Message) -> Option<WrittenEntry> {
     let info = message.info().ok()?;
     let key = message.subject.strip_prefix(&*store.prefix)?.to_owned();
     let operation = message.headers.as_ref().and_then(|headers| headers.get(OPERATION));
     let is_there = operation.is_none_or(|operation| operation.as_str() == "PUT");
     let value = is_there.then(|| message.payload.clone());
-    Some(Written { key, revision: info.stream_sequence, value })
+    Some(WrittenEntry { key, revision: info.stream_sequence, value })
 }

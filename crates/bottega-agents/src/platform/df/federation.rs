@@ -15,7 +15,7 @@ use super::{
         ontology::df_description,
         service::{Said, Todo},
     },
-    RESULTS_BYTES_MAX, RESULTS_MAX, index,
+    entry::{RESULTS_BYTES_MAX, RESULTS_MAX, index},
 };
 use crate::{AclMessage, AgentId, Performative, Time, sl, wire::Calendar};
 

@@ -1,5 +1,6 @@
 //! The Directory Facilitator: yellow pages with leases (FIPA00023).
 
+mod entry;
 mod federation;
 mod subscription;
 mod subscriptions;
@@ -9,17 +10,19 @@ use std::{
     time::Duration,
 };
 
+pub use entry::{DESCRIPTION_BYTES_MAX, RESULTS_BYTES_MAX, RESULTS_MAX};
+use entry::{DfEntry, ENTRY, holds, index, is_for, key, largest_of};
 use federation::Federation;
 use subscriptions::{Pages, Subscriptions};
 
 use super::{
     management::{
         DfAgentDescription, FailureReason, Function, LifeCycleRequest, ManagementContent, Outcome, RefuseReason,
-        SearchConstraints, largest,
+        SearchConstraints,
     },
-    ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description, read_df_description},
+    ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description},
     service::{Change, Functions, NoResult, Said, Step, Todo},
-    signature::{name_of_request, signed, written_by},
+    signature::signed,
 };
 use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
 
@@ -27,14 +30,7 @@ use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
 pub const DESCRIPTIONS_MAX: usize = 1 << 16;
 /// The most that all entries take together, in bytes of their text.
 pub const DIRECTORY_BYTES_MAX: usize = 1 << 28;
-/// The longest text of an entry, in bytes.
-pub const DESCRIPTION_BYTES_MAX: usize = 1 << 20;
-/// The most offers of one answer, also where all were asked for: they must fit into a message.
-pub const RESULTS_MAX: usize = 500;
-/// The most that they take together, in bytes; one that takes as much by itself is told.
-pub const RESULTS_BYTES_MAX: usize = DESCRIPTION_BYTES_MAX;
 
-const ENTRY: &str = "df/entry/";
 /// How long after a lease has ended its entry is taken out at the latest.
 const SWEEP_AFTER: Duration = Duration::from_secs(1);
 
@@ -55,40 +51,12 @@ pub struct DfConfig {
     pub salt: u64,
 }
 
-/// One offer and the write that entered it.
-#[derive(Clone, Debug, PartialEq)]
-struct Entry {
-    offer: DfAgentDescription,
-    /// The request that it was entered by.
-    by: Option<String>,
-    revision: Revision,
-    /// Of its text.
-    bytes: usize,
-}
-
-impl Entry {
-    /// What others wrote into the store: what cannot be read is passed over.
-    fn parse(calendar: Calendar, now: Time, revision: Revision, text: &str) -> Option<Self> {
-        let term = sl::parse_term(text).ok()?;
-        let offer = read_df_description(calendar, now, &term).ok()?;
-        offer.name.as_ref()?;
-        Some(Self { offer, by: written_by(DF_DESCRIPTION, &term), revision, bytes: text.len() })
-    }
-
-    /// Whether it is there by this request, which has come before.
-    fn is_by(&self, request: &Said, description: &DfAgentDescription) -> bool {
-        // The lease is what was granted.
-        let granted = DfAgentDescription { lease_time: self.offer.lease_time, ..description.clone() };
-        self.by.is_some() && self.by == name_of_request(request) && self.offer == granted
-    }
-}
-
 /// What agents offer. An agent may enter, change and take out only what it offers itself.
 #[derive(Clone, Debug)]
 pub struct Df {
     config: DfConfig,
     /// By name in small letters.
-    entries: BTreeMap<String, Entry>,
+    entries: BTreeMap<String, DfEntry>,
     /// Of the text of all of them.
     bytes: usize,
     /// What was taken out, and by which write.
@@ -161,7 +129,7 @@ impl Df {
     }
 
     /// Entries that still hold.
-    fn entry(&self, now: Time, name: &AgentId) -> Option<&Entry> {
+    fn entry(&self, now: Time, name: &AgentId) -> Option<&DfEntry> {
         self.entries.get(&index(name)).filter(|entry| holds(&entry.offer, now))
     }
 
@@ -240,44 +208,8 @@ impl Df {
     }
 }
 
-/// Whether the lease of an offer has not ended.
-fn holds(offer: &DfAgentDescription, now: Time) -> bool {
-    offer.lease_time.is_none_or(|end| now < end)
-}
-
-/// Whether `asker` may see an offer: what is `local` and not `global` is for agents of the directory's platform only.
-fn is_for(df: &AgentId, asker: &AgentId, offer: &DfAgentDescription) -> bool {
-    let says = |scope: &str| offer.scope.iter().any(|said| said.eq_ignore_ascii_case(scope));
-    let platform = |agent: &AgentId| agent.name.rsplit_once('@').map(|(_, platform)| platform.to_lowercase());
-    !says("local") || says("global") || platform(df) == platform(asker)
-}
-
-/// The refusal of a description that is too large.
-fn largest_of(calendar: Calendar, offer: &DfAgentDescription) -> RefuseReason {
-    let bytes = |part: DfAgentDescription| sl::print_term(&df_description(calendar, &part)).len();
-    let none = DfAgentDescription::default;
-    let sizes = [
-        ("services", bytes(DfAgentDescription { services: offer.services.clone(), ..none() })),
-        ("protocols", bytes(DfAgentDescription { protocols: offer.protocols.clone(), ..none() })),
-        ("ontologies", bytes(DfAgentDescription { ontologies: offer.ontologies.clone(), ..none() })),
-        ("languages", bytes(DfAgentDescription { languages: offer.languages.clone(), ..none() })),
-        ("scope", bytes(DfAgentDescription { scope: offer.scope.clone(), ..none() })),
-        ("name", bytes(DfAgentDescription { name: offer.name.clone(), ..none() })),
-    ];
-    largest(DF_DESCRIPTION, &sizes)
-}
-
-/// Names of agents are compared without case.
-fn index(agent: &AgentId) -> String {
-    agent.name.to_lowercase()
-}
-
-fn key(agent: &AgentId) -> String {
-    format!("{ENTRY}{}", index(agent))
-}
-
 impl Df {
-    fn entered(&mut self, now: Time, name: &str, entry: Entry) {
+    fn entered(&mut self, now: Time, name: &str, entry: DfEntry) {
         if let Some(end) = entry.offer.lease_time {
             self.sweep_at = Some(self.sweep_at.map_or(end, |at| at.min(end)));
         }
@@ -315,7 +247,7 @@ impl Functions for Df {
             return;
         };
         self.ending.remove(name);
-        match Entry::parse(self.config.calendar, now, revision, text) {
+        match DfEntry::parse(self.config.calendar, now, revision, text) {
             Some(entry) => self.entered(now, name, entry),
             None => self.taken_out(now, name, revision),
         }

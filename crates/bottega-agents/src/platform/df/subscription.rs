@@ -7,7 +7,7 @@ use super::{
         management::{DfAgentDescription, ManagementContent, SearchConstraints},
         service::{Said, Todo},
     },
-    RESULTS_BYTES_MAX, RESULTS_MAX, index,
+    entry::{RESULTS_BYTES_MAX, RESULTS_MAX, index},
 };
 use crate::{AgentId, Performative, Revision, Time};
 
@@ -32,7 +32,7 @@ pub(super) type Wish = (DfAgentDescription, SearchConstraints);
 
 /// A subscription as it stands in the store.
 #[derive(Clone, Debug)]
-pub(super) struct Standing {
+pub(super) struct SubscriptionState {
     /// The message that began it, of which the answers are made.
     pub(super) message: Said,
     pub(super) wish: Wish,
@@ -47,7 +47,7 @@ pub(super) struct Standing {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct News {
+pub(super) struct SubscriptionNews {
     pub(super) revision: Revision,
     pub(super) offer: DfAgentDescription,
     /// Of the offer's text.
@@ -67,9 +67,9 @@ pub(super) struct Lost {
 
 #[derive(Clone, Debug)]
 pub(super) struct Subscription {
-    pub(super) standing: Standing,
+    pub(super) standing: SubscriptionState,
     /// What is not sure, one for each agent, in order of revision.
-    pub(super) news: Vec<News>,
+    pub(super) news: Vec<SubscriptionNews>,
     pub(super) lost: Option<Lost>,
     /// A change of its entry is under way.
     pub(super) is_written: bool,
@@ -77,7 +77,7 @@ pub(super) struct Subscription {
 
 impl Subscription {
     /// Adds what is the newest, in place of what was new of the same agent.
-    pub(super) fn add(&mut self, news: News) {
+    pub(super) fn add(&mut self, news: SubscriptionNews) {
         let name = news.offer.name.as_ref().map(index);
         self.news.retain(|other| other.offer.name.as_ref().map(index) != name);
         self.news.push(news);
@@ -92,8 +92,8 @@ impl Subscription {
         if self.lost.is_some_and(|lost| now < lost.again) {
             return;
         }
-        let Standing { message, wish, .. } = &self.standing;
-        let mut unsaid: Vec<&mut News> = self.news.iter_mut().filter(|news| news.said.is_none()).collect();
+        let SubscriptionState { message, wish, .. } = &self.standing;
+        let mut unsaid: Vec<&mut SubscriptionNews> = self.news.iter_mut().filter(|news| news.said.is_none()).collect();
         // Who wants all gets all, in as many messages as it takes.
         let is_all = wish.1.max_results.is_some_and(|most| most < 0);
         let most = if is_all { unsaid.len() } else { wish.1.results_max(RESULTS_MAX) };
@@ -128,20 +128,23 @@ impl Subscription {
     }
 
     /// How it stands now, if that is not what the store has.
-    pub(super) fn moved(&self, now: Time) -> Option<Standing> {
-        let is_sure = |news: &News| news.said.is_some_and(|(said, _)| said + SURE_AFTER <= now);
-        let last = |news: Option<&News>, known: Revision| news.map_or(known, |news| news.revision.max(known));
+    pub(super) fn moved(&self, now: Time) -> Option<SubscriptionState> {
+        let is_sure = |news: &SubscriptionNews| news.said.is_some_and(|(said, _)| said + SURE_AFTER <= now);
+        let last =
+            |news: Option<&SubscriptionNews>, known: Revision| news.map_or(known, |news| news.revision.max(known));
         let sure = last(self.news.iter().take_while(|news| is_sure(news)).last(), self.standing.sure);
         let told = last(self.news.iter().take_while(|news| news.said.is_some()).last(), self.standing.told);
         if self.is_written || (sure, told) == (self.standing.sure, self.standing.told) {
             return None;
         }
-        Some(Standing { sure, told, ..self.standing.clone() })
+        Some(SubscriptionState { sure, told, ..self.standing.clone() })
     }
 
     /// When another process shall tell.
     pub(super) fn take_over_at(&self) -> Option<Time> {
-        let at = |news: &News| news.since + if news.revision > self.standing.told { TELL_WITHIN } else { SURE_WITHIN };
+        let at = |news: &SubscriptionNews| {
+            news.since + if news.revision > self.standing.told { TELL_WITHIN } else { SURE_WITHIN }
+        };
         self.news.iter().map(at).min()
     }
 

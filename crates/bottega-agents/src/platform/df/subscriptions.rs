@@ -15,8 +15,8 @@ use super::{
         ontology::{Object, agent_term, print_content, read_agent, read_content},
         service::{Change, Said, Todo},
     },
-    Entry, index, is_for,
-    subscription::{Lost, News, PATIENCE, Standing, Subscription, TRY_AGAIN_AFTER, Wish},
+    entry::{DfEntry, index, is_for, largest_of},
+    subscription::{Lost, PATIENCE, Subscription, SubscriptionNews, SubscriptionState, TRY_AGAIN_AFTER, Wish},
 };
 use crate::{AclMessage, AgentId, Performative, Revision, Time, sl, sl::Term, wire::Calendar};
 
@@ -35,7 +35,7 @@ const OBJECT: &str = "subscription";
 /// What a directory knows of its entries.
 pub(super) struct Pages<'a> {
     /// By name in small letters.
-    pub(super) entries: &'a BTreeMap<String, Entry>,
+    pub(super) entries: &'a BTreeMap<String, DfEntry>,
     /// What was taken out, and by which write.
     pub(super) gone: &'a BTreeMap<String, Revision>,
 }
@@ -104,7 +104,7 @@ impl Subscriptions {
         if print_content(self.calendar, &self.me, &message.content).len() > WISH_BYTES_MAX {
             let content = ManagementContent::Refused(
                 Function::Search(wish.0.clone(), wish.1),
-                super::largest_of(self.calendar, &wish.0),
+                largest_of(self.calendar, &wish.0),
             );
             todo.send.push(message.reply(Performative::Refuse, self.me.clone(), content));
             return true;
@@ -114,7 +114,7 @@ impl Subscriptions {
     }
 
     fn begin(&mut self, message: &Said, wish: Wish, begun: Revision, tries: u32, todo: &mut Todo) {
-        let standing = Standing {
+        let standing = SubscriptionState {
             message: message.clone(),
             wish: wish.clone(),
             teller: self.teller.clone(),
@@ -147,7 +147,7 @@ impl Subscriptions {
     /// The message of this number did not reach its subscriber.
     pub(super) fn lost(&mut self, now: Time, number: u64) {
         for subscription in self.by_key.values_mut() {
-            let in_it = |news: &&mut News| news.said.is_some_and(|(_, said)| said == number);
+            let in_it = |news: &&mut SubscriptionNews| news.said.is_some_and(|(_, said)| said == number);
             let mut unsaid = subscription.news.iter_mut().filter(in_it).peekable();
             if unsaid.peek().is_some() {
                 unsaid.for_each(|news| news.said = None);
@@ -164,7 +164,7 @@ impl Subscriptions {
     pub(super) fn changed(
         &mut self,
         now: Time,
-        before: Option<&Entry>,
+        before: Option<&DfEntry>,
         (after, bytes): (&DfAgentDescription, usize),
         revision: Revision,
     ) {
@@ -172,7 +172,7 @@ impl Subscriptions {
             return;
         }
         for subscription in self.by_key.values_mut() {
-            let Standing { message, wish, sure, .. } = &subscription.standing;
+            let SubscriptionState { message, wish, sure, .. } = &subscription.standing;
             let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
             let was_like_it = before.is_some_and(|before| fits(&before.offer));
             // What is not like it any more is told as gone.
@@ -185,7 +185,7 @@ impl Subscriptions {
             let newest = subscription.news.last().map_or(*sure, |news| news.revision);
             let revision = if revision == Revision::ABSENT { Revision(newest.0 + 1) } else { revision };
             if revision > *sure {
-                subscription.add(News { revision, offer, bytes, since: now, said: None });
+                subscription.add(SubscriptionNews { revision, offer, bytes, since: now, said: None });
                 self.due = Some(now);
             }
         }
@@ -228,8 +228,10 @@ impl Subscriptions {
             subscription.note_if_reached(now);
             if subscription.standing.teller != self.teller {
                 if !subscription.is_written && subscription.take_over_at().is_some_and(|at| at <= now) {
-                    moves
-                        .push((key.clone(), Standing { teller: self.teller.clone(), ..subscription.standing.clone() }));
+                    moves.push((
+                        key.clone(),
+                        SubscriptionState { teller: self.teller.clone(), ..subscription.standing.clone() },
+                    ));
                 }
             } else if subscription.lost.is_some_and(|lost| lost.since + PATIENCE <= now) {
                 ends.push(key.clone());
@@ -257,7 +259,7 @@ impl Subscriptions {
         let Some(subscription) = self.by_key.get_mut(key) else { return };
         // In case that the store does not take it.
         subscription.lost = Some(Lost { since: now, again: now + TRY_AGAIN_AFTER });
-        let Standing { message, wish, .. } = subscription.standing.clone();
+        let SubscriptionState { message, wish, .. } = subscription.standing.clone();
         todo.send.push(self.failure(&message, wish, "you could not be reached"));
         todo.writes.push((NO_MARK, Change { key: key.into(), text: String::new() }));
     }
@@ -300,7 +302,7 @@ impl Subscriptions {
     /// All of which it is not sure that the subscriber was told.
     fn look_for_news(&mut self, now: Time, key: &str, pages: &Pages<'_>) {
         let Some(subscription) = self.by_key.get_mut(key) else { return };
-        let Standing { message, wish, begun, sure, .. } = &subscription.standing;
+        let SubscriptionState { message, wish, begun, sure, .. } = &subscription.standing;
         let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
         let offered = pages.entries.values().filter(|entry| entry.revision > *sure && fits(&entry.offer));
         let offered = offered.map(|entry| (entry.revision, entry.offer.clone(), entry.bytes));
@@ -309,8 +311,13 @@ impl Subscriptions {
             let name = Some(AgentId::new(name.as_str()));
             (*revision, DfAgentDescription { name, ..Default::default() }, 0)
         });
-        let news =
-            offered.chain(gone).map(|(revision, offer, bytes)| News { revision, offer, bytes, since: now, said: None });
+        let news = offered.chain(gone).map(|(revision, offer, bytes)| SubscriptionNews {
+            revision,
+            offer,
+            bytes,
+            since: now,
+            said: None,
+        });
         subscription.news = news.collect();
         subscription.news.sort_by_key(|news| news.revision);
     }
@@ -326,8 +333,8 @@ impl Subscriptions {
         self.due = Some(now);
     }
 
-    fn print(&self, standing: &Standing) -> String {
-        let Standing { message, wish, teller, begun, sure, told } = standing;
+    fn print(&self, standing: &SubscriptionState) -> String {
+        let SubscriptionState { message, wish, teller, begun, sure, told } = standing;
         let content = ManagementContent::Subscription(wish.0.clone(), wish.1.clone());
         let wish = print_content(self.calendar, &self.me, &content);
         let number = |number: u64| Term::Bare(number.to_string());
@@ -353,7 +360,7 @@ impl Subscriptions {
         ]))
     }
 
-    fn parse(&self, now: Time, text: &str) -> Option<Standing> {
+    fn parse(&self, now: Time, text: &str) -> Option<SubscriptionState> {
         let term = sl::parse_term(text).ok()?;
         let object = Object::read(OBJECT, &term).ok()?;
         let number = |name: &str| object.get(name)?.as_str()?.parse::<u64>().ok();
@@ -369,7 +376,7 @@ impl Subscriptions {
             reply_with: number("reply-with")?,
             ..AclMessage::new(Performative::Subscribe, subscriber, self.me.clone(), content)
         };
-        Some(Standing {
+        Some(SubscriptionState {
             message,
             wish: (template, constraints),
             teller: object.get("teller")?.as_str()?.to_owned(),

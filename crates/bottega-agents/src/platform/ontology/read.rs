@@ -48,7 +48,7 @@ pub fn read_content(
     act: Performative,
     content: &[Term],
 ) -> Result<ManagementContent, Unread> {
-    let reader = Reader { calendar, now };
+    let reader = TermReader { calendar, now };
     use ManagementContent as M;
     match (act, content) {
         // Whatever it repeats: the conversation tells what is cancelled.
@@ -73,12 +73,12 @@ pub fn read_content(
     }
 }
 
-struct Reader {
+struct TermReader {
     calendar: Calendar,
     now: Time,
 }
 
-impl Reader {
+impl TermReader {
     fn request(&self, action: &Term) -> Result<ManagementContent, Unread> {
         if let Some([_, act]) = action.arguments_of("action")
             && let Some((word, [])) = act.as_call()

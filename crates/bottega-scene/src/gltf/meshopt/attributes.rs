@@ -24,8 +24,8 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     let (blocks, tail) = rest.len().checked_sub(tail_bytes).map(|at| rest.split_at(at)).ok_or(CUT_OFF)?;
     let (baseline, modes) = tail[tail_bytes - stride - modes_bytes..].split_at(stride);
     let channels = match version {
-        Version::V0 => vec![Channel::Bytes; stride / 4],
-        Version::V1 => modes.iter().map(|&mode| Channel::new(mode)).collect::<Result<_, _>>()?,
+        Version::V0 => vec![LaneMeaning::Bytes; stride / 4],
+        Version::V1 => modes.iter().map(|&mode| LaneMeaning::new(mode)).collect::<Result<_, _>>()?,
     };
 
     let block_elements = ((8192 / stride) & !(GROUP - 1)).min(BLOCK_MAX);
@@ -52,7 +52,7 @@ enum Version {
 
 /// What the differences of four lanes mean.
 #[derive(Clone, Copy)]
-enum Channel {
+enum LaneMeaning {
     /// Zigzag differences of single bytes.
     Bytes,
     /// Zigzag differences of two 16-bit numbers.
@@ -61,7 +61,7 @@ enum Channel {
     Xor { rotation: u32 },
 }
 
-impl Channel {
+impl LaneMeaning {
     fn new(mode: u8) -> Result<Self, &'static str> {
         match (mode & 15, mode >> 4) {
             (0, 0) => Ok(Self::Bytes),
@@ -73,13 +73,13 @@ impl Channel {
 }
 
 /// Four lanes of differences of one block.
-type Lanes = [[u8; BLOCK_MAX]; 4];
+type BlockLanes = [[u8; BLOCK_MAX]; 4];
 
 struct Decoder<'a> {
     rest: &'a [u8],
     version: Version,
     /// One for each four bytes of an element.
-    channels: Vec<Channel>,
+    channels: Vec<LaneMeaning>,
     /// The element before the next block.
     previous: Vec<u8>,
 }
@@ -99,7 +99,7 @@ impl<'a> Decoder<'a> {
             Version::V0 => &[][..],
             Version::V1 => self.take(stride / 4)?,
         };
-        let mut lanes: Lanes = [[0; BLOCK_MAX]; 4];
+        let mut lanes: BlockLanes = [[0; BLOCK_MAX]; 4];
         for channel in 0..stride / 4 {
             for (lane, differences) in lanes.iter_mut().enumerate() {
                 match controls.get(channel).map(|control| control >> (2 * lane) & 3) {
@@ -151,7 +151,7 @@ impl<'a> Decoder<'a> {
     }
 
     /// From differences to values, for the four bytes of one channel.
-    fn add_up(&mut self, channel: usize, lanes: &Lanes, out: &mut [u8]) {
+    fn add_up(&mut self, channel: usize, lanes: &BlockLanes, out: &mut [u8]) {
         let stride = self.previous.len();
         let at = 4 * channel;
         let previous = &mut self.previous[at..at + 4];
@@ -159,14 +159,14 @@ impl<'a> Decoder<'a> {
         for (index, element) in out.chunks_exact_mut(stride).enumerate() {
             let coded = [lanes[0][index], lanes[1][index], lanes[2][index], lanes[3][index]];
             last = match self.channels[channel] {
-                Channel::Bytes => std::array::from_fn(|k| last[k].wrapping_add(unzigzag8(coded[k]))),
-                Channel::Words => {
+                LaneMeaning::Bytes => std::array::from_fn(|k| last[k].wrapping_add(unzigzag8(coded[k]))),
+                LaneMeaning::Words => {
                     let word = |bytes: [u8; 4], k: usize| u16::from_le_bytes([bytes[k], bytes[k + 1]]);
                     let sum = |k: usize| word(last, k).wrapping_add(unzigzag16(word(coded, k))).to_le_bytes();
                     let (low, high) = (sum(0), sum(2));
                     [low[0], low[1], high[0], high[1]]
                 }
-                Channel::Xor { rotation } => {
+                LaneMeaning::Xor { rotation } => {
                     (u32::from_le_bytes(last) ^ u32::from_le_bytes(coded).rotate_left(rotation)).to_le_bytes()
                 }
             };

@@ -13,7 +13,7 @@ use super::accessor::find;
 use super::document::{BufferView, Document, Meshopt};
 use super::shortened;
 use crate::SceneError;
-use crate::load::MemoryBudget;
+use crate::budget::MemoryBudget;
 
 /// Decompresses every buffer view that is compressed; `None` for the others.
 pub(super) fn decompress(
@@ -26,7 +26,7 @@ pub(super) fn decompress(
         let Some((name, compressed)) = view.extensions.meshopt() else { return Ok(None) };
         let place = format!("bufferViews[{index}].extensions.{name}");
         let invalid = |problem: String| SceneError::Invalid { path: path.into(), place: place.clone(), problem };
-        let layout = Layout::of(compressed).map_err(invalid)?;
+        let layout = BufferLayout::of(compressed).map_err(invalid)?;
         let data = bytes(compressed, buffers).map_err(invalid)?;
         budget.take(path, &place, layout.count.saturating_mul(layout.stride))?;
         layout.decode(data).map(Some).map_err(|problem| invalid(problem.into()))
@@ -54,13 +54,13 @@ enum Mode {
 }
 
 /// What is to come out of the compressed bytes.
-struct Layout {
+struct BufferLayout {
     mode: Mode,
     count: usize,
     stride: usize,
 }
 
-impl Layout {
+impl BufferLayout {
     fn of(compressed: &Meshopt) -> Result<Self, String> {
         let filter = Filter::of(compressed.filter.as_deref())?;
         let stride = compressed.byte_stride;

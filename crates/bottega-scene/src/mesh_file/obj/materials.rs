@@ -11,7 +11,7 @@ use glam::{Affine2, Mat2, Vec2, Vec3};
 use super::super::mtl::{self, MtlMap, MtlMaterial};
 use crate::error::Warnings;
 use crate::image::{Encoding, Pictures};
-use crate::load::LoadOptions;
+use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::shortened;
 use crate::{

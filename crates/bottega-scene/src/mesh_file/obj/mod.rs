@@ -3,6 +3,7 @@
 //! Read in pieces by several threads. Points, lines, and free-form surfaces are left out, and named; so are faces that refer
 //! to what is not there, or to vertices that are none.
 
+mod file;
 pub(super) mod materials;
 mod parse;
 mod weld;
@@ -10,54 +11,19 @@ mod weld;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
+use file::Run;
 use parse::{Parsed, Statement};
 
-use super::{Source, finish, lines};
-use crate::load::{Held, MemoryBudget};
+use super::source::MeshSource;
+use super::{finish, lines};
+use crate::budget::{HeldBytes, MemoryBudget};
 use crate::text::{Text, decode};
 use crate::{Mesh, SceneError};
 
-/// One corner of a polygon: position, texture coordinates, normal; [`NONE`] where absent.
-type Corner = [u32; 3];
-
-/// Stands for an absent index.
-const NONE: u32 = u32::MAX;
-
-/// A file as it was read.
-pub(crate) struct ObjFile<'a> {
-    source: Source<'a>,
-    positions: Vec<Vec3>,
-    /// Linear; empty where no vertex has a colour.
-    colors: Vec<Vec3>,
-    uvs: Vec<Vec2>,
-    normals: Vec<Vec3>,
-    triangles: Vec<[Corner; 3]>,
-    /// What holds from a triangle on.
-    runs: Vec<Run>,
-    /// Names of the materials, in the order of their first use.
-    materials: Vec<String>,
-    /// The libraries of materials that it names, and the line of each.
-    pub(crate) libraries: Vec<(String, usize)>,
-    /// Each keyword that was left out, and the line of the first one.
-    left_out: Vec<(String, usize)>,
-    /// Lines, and what else is to be told of them.
-    notes: Vec<(usize, String)>,
-    /// The memory of all this.
-    _held: Vec<Held<'a>>,
-}
-
-/// Triangles that share a material and a smoothing group.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    first: usize,
-    /// Index into the names; `None`: before the first `usemtl`.
-    material: Option<usize>,
-    /// 0: flat.
-    smoothing: u32,
-}
+pub(crate) use file::ObjFile;
 
 /// The triangles of one material.
 pub(crate) struct ObjPart {
@@ -71,7 +37,7 @@ pub(crate) struct ObjPart {
 /// - `path`: for errors.
 /// - `bytes`: the file.
 pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -> Result<ObjFile<'a>, SceneError> {
-    let source = Source { path, budget };
+    let source = MeshSource { path, budget };
     let Text { text, guess } = decode(path, bytes, budget)?;
     let blocks = lines::blocks(text.as_bytes(), 1, true);
     let parsed = (blocks.par_iter())
@@ -81,9 +47,9 @@ pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -
             let held = budget.hold(path, parsed.memory_bytes())?;
             Ok((parsed, held))
         })
-        .collect::<Vec<Result<(Parsed, Held<'a>), SceneError>>>();
+        .collect::<Vec<Result<(Parsed, HeldBytes<'a>), SceneError>>>();
     let parsed = parsed.into_iter().collect::<Result<Vec<_>, SceneError>>()?;
-    let (mut parsed, held): (Vec<Parsed>, Vec<Held<'a>>) = parsed.into_iter().unzip();
+    let (mut parsed, held): (Vec<Parsed>, Vec<HeldBytes<'a>>) = parsed.into_iter().unzip();
     resolve(source, &blocks, &mut parsed)?;
     let mut file = ObjFile::join(source, parsed, held);
     file.notes.splice(..0, guess);
@@ -96,7 +62,7 @@ pub(crate) fn recognizes(path: &Path) -> bool {
 }
 
 /// Makes all indices absolute, and checks that they are in range.
-fn resolve(source: Source<'_>, blocks: &[lines::Block<'_>], parsed: &mut [Parsed]) -> Result<(), SceneError> {
+fn resolve(source: MeshSource<'_>, blocks: &[lines::LineBlock<'_>], parsed: &mut [Parsed]) -> Result<(), SceneError> {
     let mut next = [0usize; 3];
     let bases: Vec<[usize; 3]> = parsed
         .iter()
@@ -122,7 +88,7 @@ fn resolve(source: Source<'_>, blocks: &[lines::Block<'_>], parsed: &mut [Parsed
 }
 
 impl<'a> ObjFile<'a> {
-    fn join(source: Source<'a>, parsed: Vec<Parsed>, held: Vec<Held<'a>>) -> Self {
+    fn join(source: MeshSource<'a>, parsed: Vec<Parsed>, held: Vec<HeldBytes<'a>>) -> Self {
         let mut file = Self {
             source,
             positions: Vec::new(),

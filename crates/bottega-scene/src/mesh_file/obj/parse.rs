@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
-use super::super::lines::{Block, Fault, Located, float, integer, next_number, next_word};
-use super::{Corner, NONE};
+use super::super::lines::{LineBlock, LineFault, Located, float, integer, next_number, next_word};
+use super::file::{Corner, NONE};
 use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
 use crate::text::shortened;
@@ -97,12 +97,12 @@ impl LeftOut {
 }
 
 /// Reads a piece. What is damaged in it is left out, unless the whole is no OBJ file.
-pub(super) fn parse(block: Block<'_>) -> Result<Parsed, Located> {
+pub(super) fn parse(block: LineBlock<'_>) -> Result<Parsed, Located> {
     parse_watching(block, |_, _, _| ())
 }
 
 /// Tells where the corner of a triangle of a piece is, before any triangle was left out.
-fn locate_corner(block: Block<'_>, [triangle, corner]: [usize; 2], problem: String) -> Located {
+fn locate_corner(block: LineBlock<'_>, [triangle, corner]: [usize; 2], problem: String) -> Located {
     let mut found = Located { line: block.first_line, column: 1, problem };
     // A piece that could be read once can be read again.
     let _same = parse_watching(block, |triangles, line, words| {
@@ -111,7 +111,7 @@ fn locate_corner(block: Block<'_>, [triangle, corner]: [usize; 2], problem: Stri
             let corners: Vec<&[u8]> = std::iter::from_fn(|| next_number(&mut rest)).collect();
             // A fan: all triangles of a face share its first corner.
             let index = if corner == 0 { 0 } else { triangle - triangles.start + corner };
-            let place = block.locate(line, Fault::new(corners.get(index).copied().unwrap_or(words), ""));
+            let place = block.locate(line, LineFault::new(corners.get(index).copied().unwrap_or(words), ""));
             (found.line, found.column) = (place.line, place.column);
         }
     });
@@ -121,7 +121,7 @@ fn locate_corner(block: Block<'_>, [triangle, corner]: [usize; 2], problem: Stri
 /// Reads a piece.
 ///
 /// - `watch`: is told the triangles of each face, its line, and its corners.
-fn parse_watching(block: Block<'_>, mut watch: impl FnMut(Range<usize>, usize, &[u8])) -> Result<Parsed, Located> {
+fn parse_watching(block: LineBlock<'_>, mut watch: impl FnMut(Range<usize>, usize, &[u8])) -> Result<Parsed, Located> {
     let mut parsed = Parsed::default();
     let mut unknown: Vec<Vec<u8>> = Vec::new();
     block.for_each_statement(|number, line| {
@@ -149,7 +149,7 @@ fn parse_watching(block: Block<'_>, mut watch: impl FnMut(Range<usize>, usize, &
                 unknown.push(keyword.to_vec());
                 let keyword = shortened(&String::from_utf8_lossy(keyword)).into_owned();
                 if unknown.len() > 16 && !keyword.is_ascii() {
-                    return Err(Fault::new(line, "this is no OBJ file"));
+                    return Err(LineFault::new(line, "this is no OBJ file"));
                 }
                 return parsed.add(Statement::Unknown(keyword, number));
             }
@@ -166,12 +166,12 @@ fn text(words: &[u8]) -> String {
     String::from_utf8_lossy(words.trim_ascii()).into_owned()
 }
 
-fn wrong(word: &[u8]) -> Fault<'_> {
-    Fault::new(word, format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word))))
+fn wrong(word: &[u8]) -> LineFault<'_> {
+    LineFault::new(word, format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word))))
 }
 
 /// Up to `N` numbers, and how many there are.
-fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), Fault<'_>> {
+fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), LineFault<'_>> {
     let mut values = [0.0; N];
     let mut count = 0;
     for value in &mut values {
@@ -183,8 +183,8 @@ fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), Fault<'
 }
 
 /// Tells of all the words of a statement, from the first one on.
-fn few(words: &[u8], problem: String) -> Fault<'_> {
-    Fault::new(words.trim_ascii_start(), problem)
+fn few(words: &[u8], problem: String) -> LineFault<'_> {
+    LineFault::new(words.trim_ascii_start(), problem)
 }
 
 impl Parsed {
@@ -204,13 +204,13 @@ impl Parsed {
             + size_of_val(&self.statements[..]))
     }
 
-    fn add<'t>(&mut self, statement: Statement) -> Result<(), Fault<'t>> {
+    fn add<'t>(&mut self, statement: Statement) -> Result<(), LineFault<'t>> {
         self.statements.push((self.triangles.len(), statement));
         Ok(())
     }
 
     /// Damaged ones count too: faces refer to those that follow by their numbers.
-    fn position<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
+    fn position<'t>(&mut self, words: &'t [u8]) -> Result<(), LineFault<'t>> {
         let read = floats(words).and_then(|([x, y, z, r, g, b], count)| {
             if count < 3 {
                 return Err(few(words, format!("a vertex needs three coordinates, here are {count}")));
@@ -234,7 +234,7 @@ impl Parsed {
         read.map(|_| ())
     }
 
-    fn uv<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
+    fn uv<'t>(&mut self, words: &'t [u8]) -> Result<(), LineFault<'t>> {
         let read = floats(words).and_then(|(uv, count)| match count {
             0 => Err(few(words, "texture coordinates without number".into())),
             _ => Ok(Vec2::from_array(uv)),
@@ -243,7 +243,7 @@ impl Parsed {
         read.map(|_| ())
     }
 
-    fn normal<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
+    fn normal<'t>(&mut self, words: &'t [u8]) -> Result<(), LineFault<'t>> {
         let read = floats(words).and_then(|(normal, count)| match count {
             3 => Ok(Vec3::from_array(normal)),
             _ => Err(few(words, format!("a normal needs three numbers, here are {count}"))),
@@ -252,7 +252,7 @@ impl Parsed {
         read.map(|_| ())
     }
 
-    fn smoothing<'t>(&mut self, mut words: &'t [u8]) -> Result<(), Fault<'t>> {
+    fn smoothing<'t>(&mut self, mut words: &'t [u8]) -> Result<(), LineFault<'t>> {
         let group = match next_word(&mut words) {
             None | Some(b"off") => 0,
             Some(b"on") => 1,
@@ -262,7 +262,7 @@ impl Parsed {
         self.add(Statement::Smoothing(group))
     }
 
-    fn polygon<'t>(&mut self, words: &'t [u8]) -> Result<(), Fault<'t>> {
+    fn polygon<'t>(&mut self, words: &'t [u8]) -> Result<(), LineFault<'t>> {
         let all = words;
         let mut words = words;
         let (mut first, mut last) = ([NONE; 3], [NONE; 3]);
@@ -288,7 +288,7 @@ impl Parsed {
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    fn corner<'t>(&self, word: &'t [u8]) -> Result<Corner, Fault<'t>> {
+    fn corner<'t>(&self, word: &'t [u8]) -> Result<Corner, LineFault<'t>> {
         let mut corner = [NONE; 3];
         let counts = self.counts();
         let mut numbers = word.split(|&byte| byte == b'/');
@@ -298,7 +298,7 @@ impl Parsed {
                 Some([]) if kind > 0 => {}
                 Some(number) => {
                     let value = integer(number).ok_or_else(|| wrong(word))?;
-                    *index = encode(value, counts[kind]).map_err(|problem| Fault::new(number, problem))?;
+                    *index = encode(value, counts[kind]).map_err(|problem| LineFault::new(number, problem))?;
                 }
             }
         }
@@ -311,7 +311,7 @@ impl Parsed {
     /// - `base`: how many of each kind were before this piece.
     /// - `totals`: how many of each kind the file has.
     /// - `unsound`: the vertices of the file that cannot be used, in order.
-    pub(super) fn resolve(&mut self, block: Block<'_>, base: [usize; 3], totals: [usize; 3], unsound: &[u32]) {
+    pub(super) fn resolve(&mut self, block: LineBlock<'_>, base: [usize; 3], totals: [usize; 3], unsound: &[u32]) {
         let (mut faces, mut flat): (Vec<Range<usize>>, Vec<usize>) = (Vec::new(), Vec::new());
         for number in 0..self.triangles.len() {
             for which in 0..3 {

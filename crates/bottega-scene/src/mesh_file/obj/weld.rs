@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::{Corner, NONE, ObjFile};
+use super::file::{Corner, NONE, ObjFile};
 use crate::{Mesh, SceneError};
 
 /// Stands for the normal of a smoothing group, together with its number.

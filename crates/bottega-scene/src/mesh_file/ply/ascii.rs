@@ -4,16 +4,16 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::super::Source;
-use super::super::lines::{self, Block, Fault, Located, float, integer, next_word};
-use super::Wanted;
-use super::header::{Element, Header};
+use super::super::lines::{self, LineBlock, LineFault, Located, float, integer, next_word};
+use super::super::source::MeshSource;
+use super::header::{Element, PlyHeader, WantedNumbers};
+use super::role::Role;
 use super::strips::Strip;
-use super::vertices::{self, Role, Slices, UNSOUND};
+use super::vertices::{self, Slices, UNSOUND};
 use crate::text::shortened;
 use crate::{Mesh, SceneError};
 
-pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<Mesh, SceneError> {
+pub(super) fn read(source: MeshSource<'_>, header: &PlyHeader, bytes: &[u8]) -> Result<Mesh, SceneError> {
     let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
     let counts: Vec<usize> = blocks.par_iter().map(|block| rows(*block).count()).collect();
     let elements = Elements::new(source, header, counts.iter().sum())?;
@@ -50,10 +50,10 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8]) -> Result<
 
 /// See [`super::visit_rows`].
 pub(super) fn visit_rows(
-    source: Source<'_>,
-    header: &Header,
+    source: MeshSource<'_>,
+    header: &PlyHeader,
     bytes: &[u8],
-    wanted: &Wanted<'_>,
+    wanted: &WantedNumbers<'_>,
     mut visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
 ) -> Result<(), SceneError> {
     let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
@@ -91,7 +91,7 @@ pub(super) fn visit_rows(
 }
 
 /// The lines that are not empty.
-fn rows(block: Block<'_>) -> impl Iterator<Item = &[u8]> {
+fn rows(block: LineBlock<'_>) -> impl Iterator<Item = &[u8]> {
     block.lines().map(|(_, line)| line).filter(|line| !line.is_empty())
 }
 
@@ -108,7 +108,7 @@ struct Elements<'a> {
 }
 
 impl<'a> Elements<'a> {
-    fn new(source: Source<'_>, header: &'a Header, row_count: usize) -> Result<Self, SceneError> {
+    fn new(source: MeshSource<'_>, header: &'a PlyHeader, row_count: usize) -> Result<Self, SceneError> {
         let mut elements = Self { vertices: None, polygons: Vec::new() };
         let mut next = 0usize;
         for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
@@ -131,11 +131,11 @@ impl<'a> Elements<'a> {
     /// Fills the vertices that a part of the text holds, and returns its triangles.
     fn decode<'t>(
         &self,
-        block: Block<'t>,
+        block: LineBlock<'t>,
         numbers: Range<usize>,
         mut vertices: Slices<'_>,
         vertex_count: usize,
-    ) -> Result<Vec<[u32; 3]>, Fault<'t>> {
+    ) -> Result<Vec<[u32; 3]>, LineFault<'t>> {
         let mut triangles = Vec::new();
         let mut lines = numbers.clone().zip(rows(block));
         let part = |rows: &Range<usize>| overlap(&numbers, rows);
@@ -159,19 +159,19 @@ impl<'a> Elements<'a> {
     }
 }
 
-fn missing<'t>(element: &Element, end: &'t [u8]) -> Fault<'t> {
-    Fault::new(end, format!("a row of `{}` has fewer numbers than announced", element.name()))
+fn missing<'t>(element: &Element, end: &'t [u8]) -> LineFault<'t> {
+    LineFault::new(end, format!("a row of `{}` has fewer numbers than announced", element.name()))
 }
 
-fn wrong(word: &[u8]) -> Fault<'_> {
-    Fault::new(word, format!("`{}` is not a number as announced", shortened(&String::from_utf8_lossy(word))))
+fn wrong(word: &[u8]) -> LineFault<'_> {
+    LineFault::new(word, format!("`{}` is not a number as announced", shortened(&String::from_utf8_lossy(word))))
 }
 
 fn read_vertices<'t>(
     element: &Element,
     lines: &mut impl Iterator<Item = &'t [u8]>,
     vertices: &mut Slices<'_>,
-) -> Result<(), Fault<'t>> {
+) -> Result<(), LineFault<'t>> {
     let roles = element.roles();
     let mut starts = Vec::new();
     for (vertex, mut line) in lines.enumerate() {
@@ -192,14 +192,16 @@ fn read_vertices<'t>(
         }
     }
     let has_alpha = roles.contains(&Some(Role::Color(3)));
-    vertices.complete(has_alpha).map_err(|vertex| Fault::new(starts.get(vertex).copied().unwrap_or_default(), UNSOUND))
+    vertices
+        .complete(has_alpha)
+        .map_err(|vertex| LineFault::new(starts.get(vertex).copied().unwrap_or_default(), UNSOUND))
 }
 
 /// Passes over the numbers of a list whose length is `word`.
-fn skip_list<'t>(word: &'t [u8], line: &mut &'t [u8]) -> Result<(), Fault<'t>> {
+fn skip_list<'t>(word: &'t [u8], line: &mut &'t [u8]) -> Result<(), LineFault<'t>> {
     let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
     for _ in 0..length {
-        next_word(line).ok_or_else(|| Fault::new(line, "a list has fewer numbers than announced"))?;
+        next_word(line).ok_or_else(|| LineFault::new(line, "a list has fewer numbers than announced"))?;
     }
     Ok(())
 }
@@ -209,7 +211,7 @@ fn read_faces<'t>(
     lines: &mut impl Iterator<Item = &'t [u8]>,
     vertex_count: usize,
     triangles: &mut Vec<[u32; 3]>,
-) -> Result<(), Fault<'t>> {
+) -> Result<(), LineFault<'t>> {
     let corners = element.corners();
     let read = if element.is_strips() { read_strip } else { read_corners };
     for mut line in lines {
@@ -232,15 +234,15 @@ fn read_corners<'t>(
     line: &mut &'t [u8],
     vertex_count: usize,
     triangles: &mut Vec<[u32; 3]>,
-) -> Result<(), Fault<'t>> {
+) -> Result<(), LineFault<'t>> {
     let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
     let (mut first, mut last) = (0, 0);
     for corner in 0..length {
-        let word = next_word(line).ok_or_else(|| Fault::new(line, "a face has fewer corners than announced"))?;
+        let word = next_word(line).ok_or_else(|| LineFault::new(line, "a face has fewer corners than announced"))?;
         let index = integer(word).ok_or_else(|| wrong(word))?;
         let in_range = u32::try_from(index).ok().filter(|&index| (index as usize) < vertex_count);
         let index = in_range
-            .ok_or_else(|| Fault::new(word, format!("refers to vertex {index}, but there are {vertex_count}")))?;
+            .ok_or_else(|| LineFault::new(word, format!("refers to vertex {index}, but there are {vertex_count}")))?;
         match corner {
             0 => first = index,
             1 => {}
@@ -256,13 +258,13 @@ fn read_strip<'t>(
     line: &mut &'t [u8],
     vertex_count: usize,
     triangles: &mut Vec<[u32; 3]>,
-) -> Result<(), Fault<'t>> {
+) -> Result<(), LineFault<'t>> {
     let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
     let mut strip = Strip::default();
     for _ in 0..length {
-        let word = next_word(line).ok_or_else(|| Fault::new(line, "a strip has fewer corners than announced"))?;
+        let word = next_word(line).ok_or_else(|| LineFault::new(line, "a strip has fewer corners than announced"))?;
         let index = integer(word).ok_or_else(|| wrong(word))?;
-        triangles.extend(strip.next(index, vertex_count).map_err(|problem| Fault::new(word, problem))?);
+        triangles.extend(strip.next(index, vertex_count).map_err(|problem| LineFault::new(word, problem))?);
     }
     Ok(())
 }

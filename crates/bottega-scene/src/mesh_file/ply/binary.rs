@@ -3,11 +3,11 @@
 
 use rayon::prelude::*;
 
-use super::super::Source;
-use super::Wanted;
-use super::header::{Element, Header, Kind, Property};
+use super::super::source::MeshSource;
+use super::header::{Element, NumberKind, PlyHeader, PlyProperty, WantedNumbers};
+use super::role::Role;
 use super::strips::Strip;
-use super::vertices::{self, Role, Slices, UNSOUND};
+use super::vertices::{self, Slices, UNSOUND};
 use crate::{Mesh, SceneError};
 
 /// Rows that one thread decodes at a time.
@@ -24,27 +24,27 @@ macro_rules! with_reader {
             }};
         }
         match ($kind, $big_endian) {
-            (Kind::I8, _) => arm!(i8, from_le_bytes),
-            (Kind::U8, _) => arm!(u8, from_le_bytes),
-            (Kind::I16, false) => arm!(i16, from_le_bytes),
-            (Kind::U16, false) => arm!(u16, from_le_bytes),
-            (Kind::I32, false) => arm!(i32, from_le_bytes),
-            (Kind::U32, false) => arm!(u32, from_le_bytes),
-            (Kind::F32, false) => arm!(f32, from_le_bytes),
-            (Kind::F64, false) => arm!(f64, from_le_bytes),
-            (Kind::I16, true) => arm!(i16, from_be_bytes),
-            (Kind::U16, true) => arm!(u16, from_be_bytes),
-            (Kind::I32, true) => arm!(i32, from_be_bytes),
-            (Kind::U32, true) => arm!(u32, from_be_bytes),
-            (Kind::F32, true) => arm!(f32, from_be_bytes),
-            (Kind::F64, true) => arm!(f64, from_be_bytes),
+            (NumberKind::I8, _) => arm!(i8, from_le_bytes),
+            (NumberKind::U8, _) => arm!(u8, from_le_bytes),
+            (NumberKind::I16, false) => arm!(i16, from_le_bytes),
+            (NumberKind::U16, false) => arm!(u16, from_le_bytes),
+            (NumberKind::I32, false) => arm!(i32, from_le_bytes),
+            (NumberKind::U32, false) => arm!(u32, from_le_bytes),
+            (NumberKind::F32, false) => arm!(f32, from_le_bytes),
+            (NumberKind::F64, false) => arm!(f64, from_le_bytes),
+            (NumberKind::I16, true) => arm!(i16, from_be_bytes),
+            (NumberKind::U16, true) => arm!(u16, from_be_bytes),
+            (NumberKind::I32, true) => arm!(i32, from_be_bytes),
+            (NumberKind::U32, true) => arm!(u32, from_be_bytes),
+            (NumberKind::F32, true) => arm!(f32, from_be_bytes),
+            (NumberKind::F64, true) => arm!(f64, from_be_bytes),
         }
     }};
 }
 
 /// The part of a file that one element takes, as far as it is known.
 struct Body<'a> {
-    source: Source<'a>,
+    source: MeshSource<'a>,
     element: &'a Element,
     big_endian: bool,
     /// From its first row to the end of the file.
@@ -53,7 +53,12 @@ struct Body<'a> {
     offset: usize,
 }
 
-pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8], big_endian: bool) -> Result<Mesh, SceneError> {
+pub(super) fn read(
+    source: MeshSource<'_>,
+    header: &PlyHeader,
+    bytes: &[u8],
+    big_endian: bool,
+) -> Result<Mesh, SceneError> {
     let mut mesh = Mesh::default();
     let mut triangles = Vec::new();
     let mut offset = header.body;
@@ -79,11 +84,11 @@ pub(super) fn read(source: Source<'_>, header: &Header, bytes: &[u8], big_endian
 
 /// See [`super::visit_rows`].
 pub(super) fn visit_rows(
-    source: Source<'_>,
-    header: &Header,
+    source: MeshSource<'_>,
+    header: &PlyHeader,
     bytes: &[u8],
     big_endian: bool,
-    wanted: &Wanted<'_>,
+    wanted: &WantedNumbers<'_>,
     visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
 ) -> Result<(), SceneError> {
     let mut offset = header.body;
@@ -98,7 +103,7 @@ pub(super) fn visit_rows(
 }
 
 /// Where a piece of the faces is, and what it becomes.
-struct Piece {
+struct FacePiece {
     /// In the bytes of the element.
     start: usize,
     rows: usize,
@@ -148,7 +153,7 @@ impl Body<'_> {
     }
 
     /// The length of a list; `None`: it is cut off, or negative.
-    fn count(&self, at: usize, kind: Kind) -> Option<usize> {
+    fn count(&self, at: usize, kind: NumberKind) -> Option<usize> {
         let bytes = self.bytes.get(at..at + kind.bytes())?;
         usize::try_from(with_reader!(kind, self.big_endian, read => read(bytes) as i64)).ok()
     }
@@ -308,7 +313,7 @@ impl Body<'_> {
     }
 
     /// The pieces of faces that all have the same number of corners; `None`: they have not, or are cut off.
-    fn uniform_pieces(&self, corners: usize) -> Option<(Vec<Piece>, usize)> {
+    fn uniform_pieces(&self, corners: usize) -> Option<(Vec<FacePiece>, usize)> {
         let count = self.element.count;
         if count == 0 {
             return Some((Vec::new(), 0));
@@ -338,20 +343,20 @@ impl Body<'_> {
         let piece = |row: usize| {
             let rows = PIECE_ROWS.min(count - row);
             let uniform = Some(Uniform { stride, list, corners: length });
-            Piece { start: row * stride, rows, triangles: rows * length.saturating_sub(2), uniform }
+            FacePiece { start: row * stride, rows, triangles: rows * length.saturating_sub(2), uniform }
         };
         is_uniform.then(|| ((0..count).step_by(PIECE_ROWS).map(piece).collect(), total))
     }
 
     /// The pieces of faces of any number of corners, found by walking over all of them.
-    fn scanned_pieces(&self, corners: usize) -> Result<(Vec<Piece>, usize), SceneError> {
+    fn scanned_pieces(&self, corners: usize) -> Result<(Vec<FacePiece>, usize), SceneError> {
         let mut pieces = Vec::new();
         let mut at = 0;
         for row in 0..self.element.count {
             let (bytes, list, length) = self.row(at, corners).ok_or_else(|| self.truncated(row))?;
             let uniform = Some(Uniform { stride: bytes, list: list - at, corners: length });
             if row % PIECE_ROWS == 0 {
-                pieces.push(Piece { start: at, rows: 0, triangles: 0, uniform });
+                pieces.push(FacePiece { start: at, rows: 0, triangles: 0, uniform });
             }
             if let Some(piece) = pieces.last_mut() {
                 piece.rows += 1;
@@ -366,7 +371,7 @@ impl Body<'_> {
     /// Fills the triangles of a piece. Returns the greatest index.
     fn decode(
         &self,
-        piece: &Piece,
+        piece: &FacePiece,
         corners: usize,
         size: usize,
         triangles: &mut [[u32; 3]],
@@ -399,7 +404,7 @@ impl Body<'_> {
     }
 
     /// The error for a piece with an index that is out of range.
-    fn first_bad_face(&self, piece: &Piece, corners: usize, vertex_count: usize) -> SceneError {
+    fn first_bad_face(&self, piece: &FacePiece, corners: usize, vertex_count: usize) -> SceneError {
         let kind = self.element.properties[corners].kind;
         let mut at = piece.start;
         for _ in 0..piece.rows {
@@ -422,7 +427,7 @@ impl Body<'_> {
 }
 
 /// What is read of a row of fixed length: its role, its kind, where it is.
-fn columns(properties: &[Property], roles: &[Option<Role>]) -> Vec<(Role, Kind, usize)> {
+fn columns(properties: &[PlyProperty], roles: &[Option<Role>]) -> Vec<(Role, NumberKind, usize)> {
     let mut at = 0;
     let mut columns = Vec::new();
     for (property, role) in properties.iter().zip(roles) {

@@ -1,13 +1,13 @@
 //! What a PLY file says of its elements.
 
-use super::super::Source;
-use super::super::lines::{Fault, Located, integer, next_word};
-use super::vertices::Role;
+use super::super::lines::{LineFault, Located, integer, next_word};
+use super::super::source::MeshSource;
+use super::role::Role;
 use crate::SceneError;
 use crate::text::{column, shortened};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(super) enum PlyEncoding {
     Ascii,
     LittleEndian,
     BigEndian,
@@ -15,7 +15,7 @@ pub(super) enum Encoding {
 
 /// How a number is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum NumberKind {
     I8,
     U8,
     I16,
@@ -26,7 +26,7 @@ pub(super) enum Kind {
     F64,
 }
 
-impl Kind {
+impl NumberKind {
     fn new(word: &[u8]) -> Option<Self> {
         Some(match word {
             b"char" | b"int8" => Self::I8,
@@ -66,19 +66,19 @@ impl Kind {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Property {
+pub(super) struct PlyProperty {
     name: Vec<u8>,
     /// Of the number, or of the elements of the list.
-    pub(super) kind: Kind,
+    pub(super) kind: NumberKind,
     /// How the length of a list is stored; `None`: a single number.
-    pub(super) count: Option<Kind>,
+    pub(super) count: Option<NumberKind>,
 }
 
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     name: Vec<u8>,
     pub(super) count: usize,
-    pub(super) properties: Vec<Property>,
+    pub(super) properties: Vec<PlyProperty>,
     /// Where the header announces it.
     pub(super) line: usize,
 }
@@ -144,9 +144,17 @@ impl Element {
     }
 }
 
+/// Some numbers of the rows of an element.
+pub(super) struct WantedNumbers<'a> {
+    /// Which of the elements.
+    pub(super) element: usize,
+    /// Which of its properties; none of them is a list.
+    pub(super) properties: &'a [usize],
+}
+
 #[derive(Clone, Debug)]
-pub(super) struct Header {
-    pub(super) encoding: Encoding,
+pub(super) struct PlyHeader {
+    pub(super) encoding: PlyEncoding,
     pub(super) elements: Vec<Element>,
     /// Where the numbers begin.
     pub(super) body: usize,
@@ -155,8 +163,8 @@ pub(super) struct Header {
     pub(super) vertex_count: usize,
 }
 
-impl Header {
-    pub(super) fn parse(source: Source<'_>, bytes: &[u8]) -> Result<Self, SceneError> {
+impl PlyHeader {
+    pub(super) fn parse(source: MeshSource<'_>, bytes: &[u8]) -> Result<Self, SceneError> {
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
         let (mut at, mut number) = (0, 0);
@@ -185,9 +193,9 @@ impl Header {
                 Some(b"format") => {
                     let at = words;
                     encoding = Some(match next_word(&mut words) {
-                        Some(b"ascii") => Encoding::Ascii,
-                        Some(b"binary_little_endian") => Encoding::LittleEndian,
-                        Some(b"binary_big_endian") => Encoding::BigEndian,
+                        Some(b"ascii") => PlyEncoding::Ascii,
+                        Some(b"binary_little_endian") => PlyEncoding::LittleEndian,
+                        Some(b"binary_big_endian") => PlyEncoding::BigEndian,
                         other => return Err(wrong(format!("unknown format `{}`", text(other)), at)),
                     });
                 }
@@ -206,7 +214,7 @@ impl Header {
                     elements.push(Element { name, count, properties: Vec::new(), line: number });
                 }
                 Some(b"property") => {
-                    let property = property(words).map_err(|Fault { at, problem }| wrong(problem, at))?;
+                    let property = property(words).map_err(|LineFault { at, problem }| wrong(problem, at))?;
                     let Some(element) = elements.last_mut() else {
                         return Err(wrong("a property before the first element".into(), line));
                     };
@@ -223,14 +231,14 @@ impl Header {
     }
 
     /// Checks that there are vertices and faces, and no more than the rest of the file can hold.
-    fn check(&mut self, source: Source<'_>, body_bytes: usize) -> Result<(), SceneError> {
+    fn check(&mut self, source: MeshSource<'_>, body_bytes: usize) -> Result<(), SceneError> {
         for element in &self.elements {
             // An element is announced at the start of its line.
             let at_element = |problem: String| source.located(Located { line: element.line, column: 1, problem });
             let announced = |problem: &str| at_element(format!("{} `{}` {problem}", element.count, element.name()));
             // A number in ascii takes a digit and a space.
             let row = match self.encoding {
-                Encoding::Ascii => element.properties.len().min(1),
+                PlyEncoding::Ascii => element.properties.len().min(1),
                 _ => element.least_bytes(),
             };
             if element.count.saturating_mul(row) > body_bytes {
@@ -262,25 +270,25 @@ impl Header {
     }
 }
 
-fn property(mut words: &[u8]) -> Result<Property, Fault<'_>> {
-    fn kind<'t>(words: &mut &'t [u8]) -> Result<Kind, Fault<'t>> {
+fn property(mut words: &[u8]) -> Result<PlyProperty, LineFault<'_>> {
+    fn kind<'t>(words: &mut &'t [u8]) -> Result<NumberKind, LineFault<'t>> {
         let at = *words;
         let word = next_word(words);
-        let wrong = || Fault::new(at, format!("unknown type of property `{}`", text(word)));
-        word.and_then(Kind::new).ok_or_else(wrong)
+        let wrong = || LineFault::new(at, format!("unknown type of property `{}`", text(word)));
+        word.and_then(NumberKind::new).ok_or_else(wrong)
     }
     let mut rest = words;
     let (count, kind) = if next_word(&mut rest) == Some(b"list") {
         words = rest;
         let count = kind(&mut words)?;
         if !count.is_integer() {
-            return Err(Fault::new(rest, "the length of a list must be a whole number"));
+            return Err(LineFault::new(rest, "the length of a list must be a whole number"));
         }
         (Some(count), kind(&mut words)?)
     } else {
         (None, kind(&mut words)?)
     };
-    Ok(Property { name: next_word(&mut words).unwrap_or_default().to_vec(), kind, count })
+    Ok(PlyProperty { name: next_word(&mut words).unwrap_or_default().to_vec(), kind, count })
 }
 
 fn text(word: Option<&[u8]>) -> String {

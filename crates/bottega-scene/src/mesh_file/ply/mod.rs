@@ -6,16 +6,19 @@
 mod ascii;
 mod binary;
 mod header;
+mod role;
 mod strips;
 mod vertices;
 
 use std::path::Path;
 
 use glam::Vec4;
-use header::{Element, Encoding, Header};
+use header::{Element, PlyEncoding, PlyHeader, WantedNumbers};
+use role::Role;
 
-use super::{Source, clean, finish, inflate};
-use crate::load::MemoryBudget;
+use super::source::MeshSource;
+use super::{clean, finish, inflate};
+use crate::budget::MemoryBudget;
 use crate::text::decode;
 use crate::{Mesh, SceneError};
 
@@ -24,23 +27,23 @@ use crate::{Mesh, SceneError};
 /// - `path`: for errors and for the name of the mesh.
 /// - `bytes`: the file.
 pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Mesh, SceneError> {
-    let mesh = open(Source { path, budget }, bytes, |source, header, bytes| match header.encoding {
-        Encoding::Ascii => ascii::read(source, header, bytes),
-        Encoding::LittleEndian => binary::read(source, header, bytes, false),
-        Encoding::BigEndian => binary::read(source, header, bytes, true),
+    let mesh = open(MeshSource { path, budget }, bytes, |source, header, bytes| match header.encoding {
+        PlyEncoding::Ascii => ascii::read(source, header, bytes),
+        PlyEncoding::LittleEndian => binary::read(source, header, bytes, false),
+        PlyEncoding::BigEndian => binary::read(source, header, bytes, true),
     })?;
     Ok(finish(mesh))
 }
 
 /// Colours of the faces of a mesh, one for each of the triangles that [`read`] makes of it. `None`: they have none.
 pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Option<Vec<Vec4>>, SceneError> {
-    open(Source { path, budget }, bytes, |source, header, bytes| {
+    open(MeshSource { path, budget }, bytes, |source, header, bytes| {
         let Some((element, faces)) = header.elements.iter().enumerate().find(|(_, element)| element.is_faces()) else {
             return Ok(None);
         };
         let roles = faces.roles();
         let channel = |property: usize| match roles[property] {
-            Some(vertices::Role::Color(channel)) => Some((property, channel)),
+            Some(Role::Color(channel)) => Some((property, channel)),
             _ => None,
         };
         let (properties, channels): (Vec<usize>, Vec<usize>) = (0..roles.len()).filter_map(channel).unzip();
@@ -48,7 +51,7 @@ pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> R
             return Ok(None);
         }
         let mut colors = Vec::new();
-        visit_rows(source, header, bytes, &Wanted { element, properties: &properties }, |values, corners| {
+        visit_rows(source, header, bytes, &WantedNumbers { element, properties: &properties }, |values, corners| {
             let mut color = Vec4::ONE;
             for ((&value, &property), &channel) in values.iter().zip(&properties).zip(&channels) {
                 color[channel] = vertices::color(value, faces.properties[property].kind, channel) as f32;
@@ -79,7 +82,7 @@ pub(crate) fn attribute(
     name: &str,
     budget: &MemoryBudget,
 ) -> Result<Option<Attribute>, SceneError> {
-    open(Source { path, budget }, bytes, |source, header, bytes| {
+    open(MeshSource { path, budget }, bytes, |source, header, bytes| {
         let (name, is_of_faces) = match (name.strip_prefix("vertex_"), name.strip_prefix("face_")) {
             (Some(name), _) => (name, false),
             (None, Some(name)) => (name, true),
@@ -92,7 +95,7 @@ pub(crate) fn attribute(
             return Ok(None);
         }
         let mut attribute = Attribute { channels: properties.len(), values: Vec::new() };
-        visit_rows(source, header, bytes, &Wanted { element, properties: &properties }, |values, corners| {
+        visit_rows(source, header, bytes, &WantedNumbers { element, properties: &properties }, |values, corners| {
             let number = |channel: usize| clean(Vec4::splat(values[channel % values.len()] as f32)).x;
             let count = if is_of_faces { corners.saturating_sub(2) } else { 1 };
             budget.take(path, "", count * size_of::<[f32; 3]>())?;
@@ -103,34 +106,26 @@ pub(crate) fn attribute(
     })
 }
 
-/// Some numbers of the rows of an element.
-struct Wanted<'a> {
-    /// Which of the elements.
-    element: usize,
-    /// Which of its properties; none of them is a list.
-    properties: &'a [usize],
-}
-
 /// Visits the rows of an element: the numbers that are wanted, and how many corners a face has.
 fn visit_rows(
-    source: Source<'_>,
-    header: &Header,
+    source: MeshSource<'_>,
+    header: &PlyHeader,
     bytes: &[u8],
-    wanted: &Wanted<'_>,
+    wanted: &WantedNumbers<'_>,
     visit: impl FnMut(&[f64], usize) -> Result<(), SceneError>,
 ) -> Result<(), SceneError> {
     match header.encoding {
-        Encoding::Ascii => ascii::visit_rows(source, header, bytes, wanted, visit),
-        Encoding::LittleEndian => binary::visit_rows(source, header, bytes, false, wanted, visit),
-        Encoding::BigEndian => binary::visit_rows(source, header, bytes, true, wanted, visit),
+        PlyEncoding::Ascii => ascii::visit_rows(source, header, bytes, wanted, visit),
+        PlyEncoding::LittleEndian => binary::visit_rows(source, header, bytes, false, wanted, visit),
+        PlyEncoding::BigEndian => binary::visit_rows(source, header, bytes, true, wanted, visit),
     }
 }
 
 /// Unfolds a file where it is compressed, and reads its header.
 fn open<T>(
-    source: Source<'_>,
+    source: MeshSource<'_>,
     bytes: &[u8],
-    read: impl FnOnce(Source<'_>, &Header, &[u8]) -> Result<T, SceneError>,
+    read: impl FnOnce(MeshSource<'_>, &PlyHeader, &[u8]) -> Result<T, SceneError>,
 ) -> Result<T, SceneError> {
     let unfolded;
     let bytes = if bytes.starts_with(inflate::GZIP_MAGIC) {
@@ -141,15 +136,15 @@ fn open<T>(
     };
     let body = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);
     if body.starts_with(b"ply") {
-        let header = Header::parse(source, body)?;
-        if header.encoding != Encoding::Ascii {
+        let header = PlyHeader::parse(source, body)?;
+        if header.encoding != PlyEncoding::Ascii {
             return read(source, &header, body);
         }
     }
     // Text from start to end. That the encoding of comments was guessed is nothing to tell of.
     let text = decode(source.path, bytes, source.budget)?.text;
-    let header = Header::parse(source, text.as_bytes())?;
-    if header.encoding != Encoding::Ascii {
+    let header = PlyHeader::parse(source, text.as_bytes())?;
+    if header.encoding != PlyEncoding::Ascii {
         return Err(source.damaged("its header was changed to another encoding, and what follows it with the header"));
     }
     read(source, &header, text.as_bytes())

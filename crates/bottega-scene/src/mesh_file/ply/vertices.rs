@@ -2,41 +2,12 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::super::Source;
-use super::header::{Element, Kind};
+use super::super::source::MeshSource;
+use super::header::{Element, NumberKind};
+use super::role::Role;
 use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
 use crate::{Mesh, SceneError};
-
-/// What a number of a vertex means; which component of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
-    Position(usize),
-    Normal(usize),
-    Uv(usize),
-    Color(usize),
-}
-
-impl Role {
-    /// By the names that exporters use.
-    pub(super) fn new(name: &[u8]) -> Option<Self> {
-        Some(match name {
-            b"x" => Self::Position(0),
-            b"y" => Self::Position(1),
-            b"z" => Self::Position(2),
-            b"nx" | b"normal_x" => Self::Normal(0),
-            b"ny" | b"normal_y" => Self::Normal(1),
-            b"nz" | b"normal_z" => Self::Normal(2),
-            b"u" | b"s" | b"u0" | b"u1" | b"texture_u" | b"texture_s" | b"tx" => Self::Uv(0),
-            b"v" | b"t" | b"v0" | b"v1" | b"texture_v" | b"texture_t" | b"ty" => Self::Uv(1),
-            b"red" | b"r" | b"diffuse_red" => Self::Color(0),
-            b"green" | b"g" | b"diffuse_green" => Self::Color(1),
-            b"blue" | b"b" | b"diffuse_blue" => Self::Color(2),
-            b"alpha" | b"a" | b"diffuse_alpha" => Self::Color(3),
-            _ => return None,
-        })
-    }
-}
 
 /// Part of the vertices. Absent attributes are empty.
 pub(super) struct Slices<'a> {
@@ -47,7 +18,7 @@ pub(super) struct Slices<'a> {
 }
 
 /// Takes memory for the vertices of an element, those attributes that it has all of.
-pub(super) fn allocate(source: Source<'_>, element: &Element) -> Result<Mesh, SceneError> {
+pub(super) fn allocate(source: MeshSource<'_>, element: &Element) -> Result<Mesh, SceneError> {
     let roles = element.roles();
     let count = element.count;
     let has = |part: &[Role]| part.iter().all(|role| roles.contains(&Some(*role)));
@@ -87,7 +58,7 @@ impl<'a> Slices<'a> {
     }
 
     /// Fills one component of all vertices of the part.
-    pub(super) fn fill(&mut self, role: Role, kind: Kind, values: impl Iterator<Item = f64>) {
+    pub(super) fn fill(&mut self, role: Role, kind: NumberKind, values: impl Iterator<Item = f64>) {
         match role {
             Role::Position(axis) => fill(bytemuck::cast_slice_mut(self.positions), 3, axis, values),
             Role::Normal(axis) => fill(bytemuck::cast_slice_mut(self.normals), 3, axis, values),
@@ -100,7 +71,7 @@ impl<'a> Slices<'a> {
     }
 
     /// Sets one component of one vertex.
-    pub(super) fn set(&mut self, vertex: usize, role: Role, kind: Kind, value: f64) {
+    pub(super) fn set(&mut self, vertex: usize, role: Role, kind: NumberKind, value: f64) {
         let one = vertex..vertex + 1;
         let mut slices = Slices {
             positions: &mut self.positions[one.clone()],
@@ -139,7 +110,7 @@ fn fill(to: &mut [f32], width: usize, component: usize, values: impl Iterator<It
 }
 
 /// A colour of the file as linear value.
-pub(super) fn color(value: f64, kind: Kind, channel: usize) -> f64 {
+pub(super) fn color(value: f64, kind: NumberKind, channel: usize) -> f64 {
     let value = value / kind.color_max();
     if kind.is_integer() && channel < 3 { linear_of_srgb(value.clamp(0.0, 1.0)) } else { value }
 }

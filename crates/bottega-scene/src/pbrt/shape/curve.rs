@@ -5,10 +5,10 @@
 
 use glam::{DVec3, Vec2};
 
-use super::super::context::{Context, Outcome};
+use super::super::context::{Context, PbrtResult};
 use super::super::params::Params;
-use super::super::token::Place;
-use super::{Geometry, positions};
+use super::super::token::PbrtPlace;
+use super::geometry::{Geometry, positions};
 use crate::Mesh;
 use crate::text::shortened;
 use crate::tube::bezier_of_bspline;
@@ -23,7 +23,7 @@ const WIDENING: f64 = 1.068_959; // π ∕ (5 sin(π ∕ 5))
 /// Pieces of one Bézier segment, at most.
 const PIECES_MAX: f64 = 32.0;
 
-pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Outcome<Option<Geometry>> {
+pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Option<Geometry>> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`curve` needs the control points `P`"))?;
     positions(&points, params.place_of("P"))?;
     let width = params.float("width")?.unwrap_or(1.0);

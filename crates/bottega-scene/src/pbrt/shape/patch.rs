@@ -2,10 +2,10 @@
 
 use glam::{DVec2, DVec3};
 
-use super::super::context::{Context, Outcome};
+use super::super::context::{Context, PbrtResult};
 use super::super::params::Params;
-use super::super::token::Place;
-use super::{Geometry, indices, matching, positions, texture_coordinate};
+use super::super::token::PbrtPlace;
+use super::geometry::{Geometry, indices, matching, positions, texture_coordinate};
 use crate::Mesh;
 
 /// How far the triangles may be from the patch, in diagonals of the patch.
@@ -14,7 +14,7 @@ const TOLERANCE: f64 = 1e-3;
 /// Strips in either direction, at most.
 const STEPS_MAX: f64 = 32.0;
 
-pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Outcome<Geometry> {
+pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`bilinearmesh` needs the positions `P`"))?;
     positions(&points, params.place_of("P"))?;
     let count = points.len();

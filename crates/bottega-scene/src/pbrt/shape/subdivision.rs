@@ -5,10 +5,10 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec2};
 
-use super::super::context::{Context, Outcome};
+use super::super::context::{Context, PbrtResult};
 use super::super::params::Params;
-use super::super::token::Place;
-use super::{Geometry, indices, positions};
+use super::super::token::PbrtPlace;
+use super::geometry::{Geometry, indices, positions};
 use crate::Mesh;
 
 /// Each level has four times the triangles.
@@ -17,7 +17,7 @@ const LEVELS_MAX: i64 = 12;
 /// Triangles that one surface may become.
 const TRIANGLES_MAX: usize = 1 << 23;
 
-pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Outcome<Geometry> {
+pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`loopsubdiv` needs the positions `P`"))?;
     positions(&points, params.place_of("P"))?;
     let corners = params.integers("indices").ok_or_else(|| at.fault("`loopsubdiv` needs `indices`"))?;

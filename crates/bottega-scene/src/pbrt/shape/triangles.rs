@@ -2,13 +2,13 @@
 
 use glam::Vec4;
 
-use super::super::context::{Context, Outcome};
+use super::super::context::{Context, PbrtResult};
 use super::super::params::Params;
-use super::super::token::Place;
-use super::{Geometry, indices, matching, positions, texture_coordinate};
+use super::super::token::PbrtPlace;
+use super::geometry::{Geometry, indices, matching, positions, texture_coordinate};
 use crate::Mesh;
 
-pub(super) fn read(context: &mut Context<'_>, params: &Params, at: Place) -> Outcome<Geometry> {
+pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`trianglemesh` needs the positions `P`"))?;
     let points = positions(&points, params.place_of("P"))?;
     let count = points.len();

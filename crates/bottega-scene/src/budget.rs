@@ -1,0 +1,68 @@
+//! The memory that a scene may take, counted before it is taken.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::SceneError;
+
+/// Counts the bytes that a scene will take, before they are taken. Several threads may draw on it.
+#[derive(Debug)]
+pub(crate) struct MemoryBudget {
+    limit: usize,
+    taken: AtomicUsize,
+}
+
+impl MemoryBudget {
+    pub(crate) fn new(limit: usize) -> Self {
+        Self { limit, taken: AtomicUsize::new(0) }
+    }
+
+    /// What all may take together, in bytes.
+    pub(crate) fn limit(&self) -> usize {
+        self.limit
+    }
+
+    /// Books bytes for something at `place`, or says that they are too many.
+    pub(crate) fn take(&self, path: &Path, place: &str, bytes: usize) -> Result<(), SceneError> {
+        let before = self.taken.fetch_add(bytes.min(self.limit.saturating_add(1)), Ordering::Relaxed);
+        if before.saturating_add(bytes) <= self.limit { Ok(()) } else { Err(self.exceeded(path, place)) }
+    }
+
+    /// Bytes that may still be taken.
+    pub(crate) fn left(&self) -> usize {
+        self.limit.saturating_sub(self.taken.load(Ordering::Relaxed))
+    }
+
+    /// Books bytes for as long as the result is kept: for what is needed on the way to the scene.
+    pub(crate) fn hold(&self, path: &Path, bytes: usize) -> Result<HeldBytes<'_>, SceneError> {
+        self.take(path, "", bytes)?;
+        Ok(HeldBytes { budget: self, bytes })
+    }
+
+    /// Whether so many bytes would pass if nothing else were there: for what is soon given back.
+    pub(crate) fn check(&self, path: &Path, bytes: usize) -> Result<(), SceneError> {
+        if bytes <= self.limit { Ok(()) } else { Err(self.exceeded(path, "")) }
+    }
+
+    fn exceeded(&self, path: &Path, place: &str) -> SceneError {
+        SceneError::Limit {
+            path: path.into(),
+            place: place.into(),
+            problem: format!("the scene takes more than the limit of {} MiB of memory", self.limit >> 20),
+            remedy: "simplify it or scale its pictures down, or allow more memory",
+        }
+    }
+}
+
+/// Bytes that are given back when this is dropped.
+#[derive(Debug)]
+pub(crate) struct HeldBytes<'a> {
+    budget: &'a MemoryBudget,
+    bytes: usize,
+}
+
+impl Drop for HeldBytes<'_> {
+    fn drop(&mut self) {
+        self.budget.taken.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,25 @@
+//! Primitives as nodes show them.
+
+use super::document;
+use super::source::GltfSource;
+
+/// One primitive as one or more nodes show it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct PrimitiveShape {
+    pub(super) mesh: usize,
+    pub(super) primitive: usize,
+    pub(super) material: Option<usize>,
+    /// Bits of the weights of the morph targets; absent ones are 0.
+    pub(super) weights: Vec<u32>,
+    pub(super) skin: Option<usize>,
+}
+
+impl PrimitiveShape {
+    pub(super) fn primitive<'a>(&self, source: &GltfSource<'a>) -> &'a document::Primitive {
+        &source.document.meshes[self.mesh].primitives[self.primitive]
+    }
+
+    pub(super) fn place(&self, member: &str) -> String {
+        format!("meshes[{}].primitives[{}]{member}", self.mesh, self.primitive)
+    }
+}

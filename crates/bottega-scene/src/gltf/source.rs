@@ -1,0 +1,61 @@
+//! What all parts of the importer look at.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::accessor::Bytes;
+use super::document::Document;
+use crate::SceneError;
+use crate::budget::MemoryBudget;
+use crate::options::LoadOptions;
+use crate::resource::Resources;
+use crate::text::shortened;
+
+/// What all parts of the importer look at.
+pub(super) struct GltfSource<'a> {
+    pub(super) path: &'a Path,
+    pub(super) document: &'a Document,
+    pub(super) bytes: Bytes<'a>,
+    pub(super) options: &'a LoadOptions,
+    /// The variant of materials that is shown (KHR_materials_variants).
+    pub(super) variant: Option<usize>,
+    pub(super) budget: &'a MemoryBudget,
+    pub(super) resources: &'a Resources<'a>,
+    /// What is taken from all places of the world.
+    pub(super) origin: DVec3,
+}
+
+impl GltfSource<'_> {
+    pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
+        SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
+    }
+
+    /// The index of what the options ask for, by its name or else by its number.
+    pub(super) fn by_name<'n>(
+        &self,
+        what: &'static str,
+        wanted: &str,
+        names: impl Iterator<Item = &'n str>,
+    ) -> Result<usize, SceneError> {
+        const SHOWN: usize = 20;
+        let names: Vec<&str> = names.collect();
+        let by_number = || wanted.parse().ok().filter(|&number| number < names.len());
+        names.iter().position(|&name| name == wanted).or_else(by_number).ok_or_else(|| {
+            let shown = names.iter().take(SHOWN).enumerate();
+            let mut known: Vec<String> =
+                shown.map(|(number, name)| format!("{number} `{}`", shortened(name))).collect();
+            if names.len() > SHOWN {
+                known.push("…".into());
+            }
+            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+            SceneError::NoSuch { path: self.path.into(), what, wanted: shortened(wanted).into_owned(), known }
+        })
+    }
+
+    /// Buffers together, in bytes: no honest count of anything is greater.
+    pub(super) fn buffer_bytes(&self) -> usize {
+        let decompressed = self.bytes.decompressed.iter().flatten().map(Vec::len);
+        self.bytes.buffers.iter().map(|buffer| buffer.len()).chain(decompressed).sum()
+    }
+}

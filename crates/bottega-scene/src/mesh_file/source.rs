@@ -1,0 +1,41 @@
+//! The file that a reader of meshes reads.
+
+use std::path::Path;
+
+use bytemuck::Pod;
+
+use super::lines::Located;
+use crate::SceneError;
+use crate::budget::MemoryBudget;
+
+/// The file that is being read, for errors and for the memory that it may take.
+#[derive(Clone, Copy)]
+pub(super) struct MeshSource<'a> {
+    pub(super) path: &'a Path,
+    pub(super) budget: &'a MemoryBudget,
+}
+
+impl MeshSource<'_> {
+    pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
+        SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
+    }
+
+    pub(super) fn located(&self, Located { line, column, problem }: Located) -> SceneError {
+        SceneError::Text { path: self.path.into(), line, column, problem }
+    }
+
+    pub(super) fn damaged(&self, problem: impl Into<String>) -> SceneError {
+        SceneError::Damaged { path: self.path.into(), problem: problem.into() }
+    }
+
+    /// Books memory and takes it, all zero. The caller has checked that the file can hold so many.
+    pub(super) fn zeroed<T: Pod>(&self, count: usize) -> Result<Vec<T>, SceneError> {
+        self.budget.take(self.path, "", count.saturating_mul(size_of::<T>()))?;
+        // Fresh zeros of the system are touched first by the threads that fill them.
+        bytemuck::allocation::try_zeroed_vec(count).map_err(|()| SceneError::Read {
+            path: self.path.into(),
+            by: String::new(),
+            source: std::io::ErrorKind::OutOfMemory.into(),
+        })
+    }
+}

@@ -1,0 +1,61 @@
+//! The geometry of a shape, and the checks of its vertices.
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
+
+use super::super::context::Context;
+use super::super::token::{PbrtFault, PbrtPlace};
+use crate::resource::Location;
+use crate::{COORDINATE_MAX, Mesh};
+
+/// The shape of a shape.
+#[derive(Debug)]
+pub(in super::super) enum Geometry {
+    /// Triangles, and how many primitives pbrt makes of them: each of these has the power of a light for itself.
+    Mesh { mesh: Box<Mesh>, primitive_count: usize },
+    /// Triangles in a file that is not read yet.
+    Ply(Location),
+    /// A whole sphere around the origin, whose pole is +z.
+    Sphere { radius: f64 },
+}
+
+/// Positions in single precision, within reach.
+pub(super) fn positions(points: &[DVec3], at: PbrtPlace) -> Result<Vec<Vec3>, PbrtFault> {
+    if points.iter().any(|point| point.abs().max_element() > f64::from(COORDINATE_MAX)) {
+        return Err(at.fault(format!("a coordinate is beyond {COORDINATE_MAX:e}")));
+    }
+    Ok(points.iter().map(|point| point.as_vec3()).collect())
+}
+
+/// Texture coordinates as we have them: v grows downwards.
+pub(super) fn texture_coordinate(uv: DVec2) -> Vec2 {
+    let uv = Vec2::new(uv.x as f32, (1.0 - uv.y) as f32);
+    if uv.is_finite() { uv } else { Vec2::ZERO }
+}
+
+/// Indices of vertices, of which there are `count`.
+pub(super) fn indices(numbers: &[f64], count: usize, at: PbrtPlace) -> Result<Vec<u32>, PbrtFault> {
+    let index = |&number: &f64| {
+        if number >= 0.0 && number < count as f64 {
+            Ok(number as u32)
+        } else {
+            Err(at.fault(format!("there is no vertex {number}; there are {count}, counted from 0")))
+        }
+    };
+    numbers.iter().map(index).collect()
+}
+
+/// Takes what `list` holds if it has as many elements as there are vertices, and says so if not.
+pub(super) fn matching<T>(
+    context: &mut Context<'_>,
+    list: Option<Vec<T>>,
+    name: &str,
+    count: usize,
+    at: PbrtPlace,
+) -> Vec<T> {
+    let list = list.unwrap_or_default();
+    if list.is_empty() || list.len() == count {
+        return list;
+    }
+    context.warn(at, format!("`{name}` has {} elements for {count} vertices, and is left out", list.len()));
+    Vec::new()
+}
