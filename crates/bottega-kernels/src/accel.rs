@@ -147,6 +147,8 @@ impl Accel {
 
 #[cfg(test)]
 mod tests {
+    use glam::{Affine3A, Vec3};
+
     use super::*;
     use crate::bench::{Random, interior, noisy_sphere};
     use proptest::prelude::*;

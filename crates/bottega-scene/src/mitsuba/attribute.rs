@@ -169,6 +169,7 @@ impl Tiles {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ImageId;
 
     #[test]
     fn pictures_interpolate_as_triangles_do() {
