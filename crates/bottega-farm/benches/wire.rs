@@ -163,10 +163,10 @@ fn measure<T>(kind: &str, value: &T, write: impl Fn(&T, &mut Vec<u8>), is_read: 
 fn main() {
     for (kind, content) in contents() {
         let write = |content: &_, bytes: &mut _| FarmCodec.write_content(content, bytes);
-        measure(kind, &content, write, |bytes| FarmCodec.read_content(bytes).is_some());
+        measure(kind, &content, write, |bytes| FarmCodec.read_content(bytes).is_ok());
     }
     for (kind, value) in values() {
         let write = |value: &_, bytes: &mut _| FarmCodec.write_value(value, bytes);
-        measure(kind, &value, write, |bytes| FarmCodec.read_value(bytes).is_some());
+        measure(kind, &value, write, |bytes| FarmCodec.read_value(bytes).is_ok());
     }
 }

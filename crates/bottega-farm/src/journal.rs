@@ -1,6 +1,6 @@
 //! The journal of a work: an append-only file of rows and tiles, from which an interrupted work goes on.
 //!
-//! Format, version 4, little endian: eight bytes `BOTTEGA` 4, then records of kind (1 byte), length (u64), the first 16
+//! Format, version 5, little endian: eight bytes `BOTTEGA` 5, then records of kind (1 byte), length (u64), the first 16
 //! bytes of the BLAKE3 hash of kind, length and payload, and the payload. Kinds: 1 a name that the owner chose (of scene
 //! and settings), 2 the row of the work, 3 the row of a zone, with its tile or without. Of several records of a zone the
 //! last one counts. A record that was torn by a crash, and all behind it, are not believed: the work goes on from what
@@ -15,10 +15,10 @@ use bottega_image::Tile;
 
 use crate::{
     WorkRow, ZoneId, ZoneRow, ZoneState,
-    wire::{Reader, digest, get_tile, get_work, get_zone, put_tile, put_work, put_zone},
+    wire::{digest, put_tile, put_work, put_zone, read_tile, read_work, take_zone},
 };
 
-const MAGIC: [u8; 8] = *b"BOTTEGA\x04";
+const MAGIC: [u8; 8] = *b"BOTTEGA\x05";
 const HASH_BYTES: usize = 16;
 /// The longest payload that is believed.
 const PAYLOAD_BYTES_MAX: u64 = 1 << 36;
@@ -96,7 +96,6 @@ impl<W: Write + Send> ZoneStore for JournalWriter<W> {
     fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()> {
         self.payload.clear();
         put_zone(row, &mut self.payload);
-        self.payload.push(u8::from(tile.is_some()));
         if let Some(tile) = tile {
             put_tile(tile, &mut self.payload);
         }
@@ -155,12 +154,11 @@ impl Journal {
         let mut zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)> = BTreeMap::new();
         let mut first = true;
         while let Some((kind, payload)) = record(&mut from)? {
-            let mut reader = Reader::new(&payload);
             let understood = match kind {
                 1 if first => String::from_utf8(payload.clone()).map(|name| journal.name = name).is_ok(),
                 _ if first => return Err(JournalError::Name),
-                2 => get_work(&mut reader).map(|row| work = Some(row)).is_ok(),
-                3 => take_zone(&mut reader, &mut zones),
+                2 => read_work(&payload).map(|row| work = Some(row)).is_ok(),
+                3 => keep_zone(&payload, &mut zones),
                 _ => false,
             };
             if !understood {
@@ -203,16 +201,11 @@ fn fill(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
     }
 }
 
-fn take_zone(reader: &mut Reader<'_>, zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> bool {
-    let Ok(row) = get_zone(reader) else { return false };
-    let tile = match reader.u8() {
-        Ok(0) => None,
-        Ok(1) => match get_tile(reader) {
-            Ok(tile) => Some(tile),
-            Err(_) => return false,
-        },
-        _ => return false,
-    };
+/// Takes in the row of a zone, behind which its tile may follow.
+fn keep_zone(payload: &[u8], zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> bool {
+    let Ok((row, rest)) = take_zone(payload) else { return false };
+    let tile = if rest.is_empty() { Ok(None) } else { read_tile(rest).map(Some) };
+    let Ok(tile) = tile else { return false };
     let before = zones.remove(&row.zone).and_then(|(_, tile)| tile);
     zones.insert(row.zone, (row, tile.or(before)));
     true
