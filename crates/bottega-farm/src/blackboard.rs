@@ -7,12 +7,14 @@ mod trust;
 
 use std::{sync::Arc, time::Duration};
 
-use bottega_agents::{AgentId, NumberMap, Revision, bus::BlobId};
+use bottega_agents::{AgentId, NumberMap, Revision};
 use bottega_image::Rect;
 use rustc_hash::FxHashMap;
 
 pub use self::trust::Vote;
-use crate::{Choice, NeighborDifference, RelativePower, WorkId, WorkSettings, ZoneId};
+use crate::{
+    Choice, NeighborDifference, RelativePower, ResultRef, WorkId, WorkSettings, ZoneId, partition::nearest_multiple,
+};
 
 /// A zone is given up after so many agents have failed on it.
 pub const ATTEMPTS_MAX: u32 = 5;
@@ -82,11 +84,6 @@ pub struct Rival {
     pub fence: Revision,
 }
 
-/// The multiple of `grid` that is nearest to a place.
-pub(crate) fn nearest_multiple(at: u32, grid: u32) -> u32 {
-    at.saturating_add(grid / 2) / grid.max(1) * grid.max(1)
-}
-
 /// The least side of a piece, in pixels.
 const PIECE_SIDE_MIN: u32 = 8;
 
@@ -105,17 +102,6 @@ pub enum ZoneState {
     Done,
     /// Given up after [`ATTEMPTS_MAX`] attempts.
     Failed,
-}
-
-/// Refers to the running sums of a zone; they themselves never travel in a message or a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ResultRef {
-    /// The award under which they were made.
-    pub fence: Revision,
-    /// Samples a pixel that they hold.
-    pub samples: u32,
-    /// Digest of the sums: where to find them and whether they are whole.
-    pub digest: BlobId,
 }
 
 impl ZoneRow {

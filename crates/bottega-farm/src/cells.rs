@@ -10,10 +10,7 @@
 
 use bottega_image::{Layout, Rect, Tile};
 
-use crate::{Goal, GoalRules};
-
-/// Side of a cell, in pixels: large enough for an error that is estimated from few samples, small enough to follow the scene.
-pub(crate) const CELL_SIDE: u32 = 32;
+use crate::{Goal, GoalRules, settings::CELL_SIDE};
 
 /// Quarters of an octave's first samples after which there is a look.
 const LOOKS: [u32; 3] = [1, 2, 3];

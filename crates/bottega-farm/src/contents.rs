@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AclMessage, AgentId, Performative, Revision, Time};
 
-use crate::{Choice, RelativePower, ResultRef, WorkId, WorkRow, ZoneId, ZoneRow};
+use crate::{Painting, RelativePower, WorkId, WorkRow, ZoneId, ZoneRow};
 
 /// The vocabulary of all messages of this crate.
 pub const ONTOLOGY: &str = "bottega-farm";
@@ -63,23 +63,6 @@ pub struct Report {
     pub outcome: Result<Painting, String>,
 }
 
-/// What was painted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Painting {
-    /// The settings chosen.
-    pub choice: Choice,
-    /// Where the samples are.
-    pub result: ResultRef,
-    /// T, in reference-machine time.
-    pub time_measured: Duration,
-    /// How many samples it should have next; not more than it has: it is finished, or the Master decides.
-    pub goal: u32,
-    /// T_est for the samples that are still missing, in reference-machine time; where none are, of one more.
-    pub time_left: Duration,
-    /// The estimated relative error, where somebody asked for it.
-    pub error: Option<f64>,
-}
-
 /// An order in an agent's hand, as the agent tells of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Holding {
@@ -89,26 +72,6 @@ pub struct Holding {
     pub fence: Revision,
     /// How far it is; it goes up while it is painted. 0: it is not begun, for what all zones need is not there yet.
     pub progress: u64,
-}
-
-impl Painting {
-    /// Whether two agents made the same of a zone: all that does not depend on who painted it.
-    pub fn is_same(&self, other: &Self) -> bool {
-        let made = |it: &Self| (it.choice, it.result.samples, it.result.digest, it.goal, it.error.map(f64::to_bits));
-        made(self) == made(other)
-    }
-
-    /// Whether two agents may have made the same of a zone with engines that give no two of them the same bits, as far as
-    /// can be told without the pixels. What they estimate of the error, and the samples wanted for it, differ by chance.
-    pub(crate) fn may_look_like(&self, other: &Self) -> bool {
-        let close = |a: f64, b: f64| a.max(b) <= 2.0 * a.min(b);
-        let errors = match (self.error, other.error) {
-            (Some(one), Some(other)) => one == other || close(one, other),
-            (one, other) => one.is_none() == other.is_none(),
-        };
-        let goals = self.goal == other.goal || close(f64::from(self.goal) + 4.0, f64::from(other.goal) + 4.0);
-        (self.choice, self.result.samples) == (other.choice, other.result.samples) && errors && goals
-    }
 }
 
 /// The operations that each agent has (MAGarRO, section 3.1; FIPA00023).

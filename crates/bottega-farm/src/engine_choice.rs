@@ -9,7 +9,7 @@ use bottega_fuzzy::FunctionBlock;
 
 use crate::{
     ExpertError, WorkRow, ZoneRow,
-    expert::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
+    zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
 };
 
 /// Which engine suits a zone better: −1 the first named, 1 the last.

@@ -15,7 +15,7 @@ use bottega_image::Tile;
 
 use crate::{
     WorkRow, ZoneId, ZoneRow, ZoneState,
-    wire::{Reader, digest, get_tile, get_work, get_zone, put_tile, put_work, put_zone},
+    wire::{digest, put_tile, put_work, put_zone, read_tile, read_work, take_zone},
 };
 
 const MAGIC: [u8; 8] = *b"BOTTEGA\x05";
@@ -88,7 +88,6 @@ impl<W: Write + Send> ZoneStore for JournalWriter<W> {
     fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()> {
         let payload = self.begin(3);
         put_zone(row, payload);
-        payload.push(u8::from(tile.is_some()));
         if let Some(tile) = tile {
             put_tile(tile, payload);
         }
@@ -148,12 +147,11 @@ impl Journal {
         let mut first = true;
         while let Some(record) = read_record(&mut from, PAYLOAD_BYTES_MAX)? {
             let Some((&kind, payload)) = record.split_first() else { break };
-            let mut reader = Reader::new(payload);
             let understood = match kind {
                 1 if first => std::str::from_utf8(payload).map(|name| journal.name = name.to_owned()).is_ok(),
                 _ if first => return Err(JournalError::Name),
-                2 => get_work(&mut reader).map(|row| work = Some(row)).is_ok(),
-                3 => take_zone(&mut reader, &mut zones),
+                2 => read_work(payload).map(|row| work = Some(row)).is_ok(),
+                3 => keep_zone(payload, &mut zones),
                 _ => false,
             };
             if !understood {
@@ -178,16 +176,11 @@ fn fill(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
     }
 }
 
-fn take_zone(reader: &mut Reader<'_>, zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> bool {
-    let Ok(row) = get_zone(reader) else { return false };
-    let tile = match reader.u8() {
-        Ok(0) => None,
-        Ok(1) => match get_tile(reader) {
-            Ok(tile) => Some(tile),
-            Err(_) => return false,
-        },
-        _ => return false,
-    };
+/// Takes in the row of a zone, behind which its tile may follow.
+fn keep_zone(payload: &[u8], zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> bool {
+    let Ok((row, rest)) = take_zone(payload) else { return false };
+    let tile = if rest.is_empty() { Ok(None) } else { read_tile(rest).map(Some) };
+    let Ok(tile) = tile else { return false };
     let before = zones.remove(&row.zone).and_then(|(_, tile)| tile);
     zones.insert(row.zone, (row, tile.or(before)));
     true

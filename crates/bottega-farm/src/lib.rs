@@ -53,6 +53,7 @@ mod ids;
 mod importance;
 mod journal;
 mod master;
+mod painting;
 mod partition;
 mod prediction;
 mod render_agent;
@@ -64,30 +65,29 @@ mod technique;
 mod vocabulary;
 mod wire;
 mod work_keys;
+mod zone_inputs;
 
 pub use adaptation::{Adaptation, AdaptationRule, RelativePower};
 pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
 pub use auction::{AuctionRule, Award, Bidder, Field, MemberId, OpenZones, Proposal, Standing, award, credit_after};
 pub use blackboard::{
-    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, ResultRef, Rival, Vote, WorkRow,
-    ZoneRow, ZoneState,
+    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, Rival, Vote, WorkRow, ZoneRow, ZoneState,
 };
 pub use compose::{BandedZone, Mask, masks};
-pub use contents::{
-    Bid, FarmContent, FarmMessage, Holding, LifeCycle, ONTOLOGY, Offer, Order, Painting, Report, protocol,
-};
+pub use contents::{Bid, FarmContent, FarmMessage, Holding, LifeCycle, ONTOLOGY, Offer, Order, Report, protocol};
 pub use driver::{
     AGENTS_MAX, JobError, JobReport, JobSettings, Link, Observer, Progress, StopSwitch, Times, VERIFY_MAX, assist,
     lead, run,
 };
 pub use engine_choice::EngineChoice;
-pub use expert::{Expert, ExpertError};
+pub use expert::Expert;
 pub use goals::GoalRules;
 pub use ids::{WorkId, ZoneId};
 pub use importance::{Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, UnknownChannel};
 pub use journal::{Journal, JournalError, JournalWriter, Kept, ZoneStore};
 pub use master::{Master, MasterConfig, Timing};
+pub use painting::{Painting, ResultRef};
 pub use partition::{Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel};
 pub use prediction::Prediction;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
@@ -97,3 +97,4 @@ pub use technique::{OutputMeaning, Technique};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult, STEP_MAX};
 pub use wire::{FarmCodec, WireError, digest};
 pub use work_keys::{WorkKeys, compare_and_set};
+pub use zone_inputs::ExpertError;

@@ -11,6 +11,7 @@ mod allot;
 mod composition;
 mod ledger;
 mod likeness;
+mod looks;
 mod members;
 mod pace;
 mod plan;
@@ -20,6 +21,7 @@ mod rows;
 mod tail;
 mod trust;
 mod verify;
+mod watched;
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -30,7 +32,7 @@ use std::{
 use bottega_agents::{AgentId, Performative, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use self::{composition::Composition, ledger::Ledger, likeness::Likeness, roster::Roster};
+use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roster};
 use crate::{
     AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, FarmAction, FarmCompletion, FarmContent, FarmEffect,
     FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle, MemberId, Offer, Order, Painting, Partition,
@@ -147,7 +149,7 @@ pub struct Master {
     /// Zones whose rows may rest on the word of one that was found wrong; mostly none.
     dubious: Vec<ZoneId>,
     /// What is known of pixels that were compared by their look.
-    likeness: Likeness,
+    looks: Looks,
     /// Something in the film is to be painted again: it is begun anew when it has answered.
     film_is_stale: bool,
     /// For how many looks there have been too few machines to compare.
@@ -203,7 +205,7 @@ impl Master {
             left_out: FxHashMap::default(),
             lost: BTreeMap::new(),
             dubious: Vec::new(),
-            likeness: Likeness::default(),
+            looks: Looks::default(),
             film_is_stale: false,
             lacking: 0,
             rounds: BTreeMap::new(),

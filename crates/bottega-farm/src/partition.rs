@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use bottega_image::{Rect, Sides};
 
-use crate::{ImportanceMap, ZoneId, blackboard::nearest_multiple};
+use crate::{ImportanceMap, ZoneId};
 
 /// How far the partition is carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -303,6 +303,11 @@ impl<'a> ZoneIndex<'a> {
         found.dedup();
         found.into_iter()
     }
+}
+
+/// The multiple of `grid` that is nearest to a place.
+pub(crate) fn nearest_multiple(at: u32, grid: u32) -> u32 {
+    at.saturating_add(grid / 2) / grid.max(1) * grid.max(1)
 }
 
 #[cfg(test)]

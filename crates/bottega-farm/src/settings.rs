@@ -5,10 +5,11 @@ use std::{fmt, str::FromStr, time::Duration};
 use bottega_engines::Tunables;
 use bottega_image::{Rect, Sides};
 
-use crate::cells::CELL_SIDE;
-
 /// Share of the final samples that profiling takes (MAGarRO, section 3.4: "around 5% of the final number of rays").
 const PROFILE_SHARE: f64 = 0.05;
+
+/// Side of a cell, in pixels: large enough for an error that is estimated from few samples, small enough to follow the scene.
+pub(crate) const CELL_SIDE: u32 = 32;
 
 /// How aggressively the rules may spend less than the user's settings: the paper's Optimization Level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]

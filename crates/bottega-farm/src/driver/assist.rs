@@ -1,9 +1,20 @@
 //! Render Agents of this process in the work of a Master elsewhere.
 
-use bottega_agents::{Bus, LocalBus, Performative};
+use std::{collections::BTreeMap, sync::Arc, thread};
 
-use super::*;
-use crate::{contents::message, protocol};
+use bottega_agents::{AgentId, Bus, LocalBus, LocalPlatform, Performative, driver::Performer};
+use bottega_engines::RenderEngine;
+
+use super::{
+    easel::Easel,
+    link::Link,
+    observer::Observer,
+    populate::add_render_agents,
+    settings::{JobError, JobSettings},
+    shared::{End, Seen, Shared},
+    stop::StopSwitch,
+};
+use crate::{FarmAgent, FarmContent, contents::message, protocol};
 
 /// Paints with the others until the Master lets the agents of this process go, or until `stop` is requested. Returns
 /// whether the work has ended.
@@ -60,22 +71,6 @@ fn leave(mut bus: LocalBus<Seen>, agents: usize, here: &str, master: &AgentId) {
         let id = AgentId::new(format!("render-{}@{here}", i + 1));
         let to = vec![master.clone()];
         bus.publish(message(Performative::Cancel, protocol::SUBSCRIBE, &id, to, FarmContent::Unsubscription));
-    }
-}
-
-impl Shared {
-    /// The Master has left an agent of this process out. When it has left out all who paint for a Master elsewhere, this
-    /// process has no part in the work any more; one that leads goes on with others.
-    pub(super) fn dismissed(&self, reason: String) {
-        tracing::warn!(reason, "the Master has left an agent out");
-        let all_out = {
-            let mut state = self.state();
-            state.dismissed += 1;
-            state.present > 0 && state.dismissed >= state.present
-        };
-        if all_out {
-            self.end(End::LeftOut(reason));
-        }
     }
 }
 

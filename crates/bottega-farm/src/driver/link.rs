@@ -9,7 +9,7 @@ use bottega_agents::{
 use bottega_image::Tile;
 use flate2::{Compression, read::ZlibDecoder, read::ZlibEncoder};
 
-use super::StopSwitch;
+use super::stop::StopSwitch;
 use crate::{FarmCodec, ResultRef, WorkId, WorkKeys, digest, wire};
 
 /// The largest tile that is taken from another machine, in bytes.
@@ -75,7 +75,7 @@ impl Link {
         let packed = self.patiently(stop, || self.uplink.tiles().get(&name, TILE_BYTES_MAX))?;
         let packed = packed.ok_or("its tile is nowhere")?;
         let bytes = unpack(&packed).map_err(|error| format!("its tile cannot be unpacked: {error}"))?;
-        let tile = wire::get_tile(&mut wire::Reader::new(&bytes)).map_err(|error| error.to_string())?;
+        let tile = wire::read_tile(&bytes).map_err(|error| error.to_string())?;
         if digest(&tile) == result.digest { Ok(tile) } else { Err("its tile is another one".to_owned()) }
     }
 

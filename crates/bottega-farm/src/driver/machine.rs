@@ -4,20 +4,11 @@ use std::{sync::Arc, thread, time::Duration};
 
 use bottega_agents::Time;
 
-use super::{End, FarmMailbox, Shared};
+use super::shared::{End, FarmMailbox, Preparation, Shared};
 use crate::{FarmCompletion, RelativePower, WorkId};
 
 /// The benchmark's time on the reference machine.
 const REFERENCE_BENCHMARK: Duration = Duration::from_millis(2);
-/// Whether the engine has made what all zones need.
-#[derive(Default)]
-pub(super) enum Preparation {
-    #[default]
-    NotBegun,
-    /// Agents that wait for it.
-    UnderWay(Vec<(WorkId, FarmMailbox)>),
-    Done,
-}
 
 impl Shared {
     /// In one process the engine has the scene. What it makes of it is made once; who asks meanwhile waits.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bottega_agents::{AgentId, Time};
 use bottega_engines::Survey;
 
-use super::Progress;
+use super::progress::Progress;
 use crate::{AgentRow, FarmMessage, ImportanceMap, Partition, ZoneRow};
 
 /// Sees a job go on. All methods are called from the job's threads and must return soon.

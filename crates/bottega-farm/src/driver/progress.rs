@@ -26,6 +26,21 @@ pub struct Progress {
     pub left: Option<Duration>,
 }
 
+/// Where the time of a job went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Times {
+    /// Wall time from beginning to end.
+    pub total: Duration,
+    /// Wall time of the survey.
+    pub survey: Duration,
+    /// Wall time in which the engine made what all zones need.
+    pub preparation: Duration,
+    /// Processor time of profiling and painting.
+    pub painting: Duration,
+    /// Time that composition took.
+    pub composition: Duration,
+}
+
 /// What a zone adds to the sums.
 #[derive(Clone, Copy, Debug, Default)]
 struct Share {

@@ -1,31 +1,8 @@
 //! Works whose engines give no two agents the same bits: before a report can be compared with the words of others, somebody
 //! looks at the pixels of both.
 
-use bottega_agents::bus::BlobId;
-
 use super::*;
 use crate::{ResultRef, Vote};
-
-/// What looking at pixels has shown, and reports that wait for it. A Master that takes over looks again.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Likeness {
-    /// Pairs of tiles that were looked at, and whether they may be the same picture.
-    seen: BTreeMap<(ZoneId, BlobId, BlobId), bool>,
-    /// Tiles that could not be had.
-    gone: BTreeMap<(ZoneId, BlobId), ()>,
-    /// Reports for which pixels are being looked at.
-    waiting: BTreeMap<ZoneId, FarmMessage>,
-}
-
-impl Likeness {
-    fn forget(&mut self, zone: ZoneId) {
-        let (first, last) = (BlobId([0; 32]), BlobId([u8::MAX; 32]));
-        let pairs: Vec<_> = self.seen.range((zone, first, first)..=(zone, last, last)).map(|(pair, _)| *pair).collect();
-        pairs.iter().for_each(|pair| _ = self.seen.remove(pair));
-        let gone: Vec<_> = self.gone.range((zone, first)..=(zone, last)).map(|(tile, ())| *tile).collect();
-        gone.iter().for_each(|tile| _ = self.gone.remove(tile));
-    }
-}
 
 impl Master {
     /// Whether two agents made the same of a zone.
@@ -34,17 +11,17 @@ impl Master {
             return one.is_same(other);
         }
         let pair = (zone, one.result.digest, other.result.digest);
-        one.may_look_like(other) && (pair.1 == pair.2 || self.likeness.seen.get(&pair).is_some_and(|same| *same))
+        one.may_look_like(other) && (pair.1 == pair.2 || self.looks.found(&pair) == Some(true))
     }
 
     /// Whether the tile of a vote cannot be had, so that it says nothing.
     pub(super) fn is_gone(&self, zone: ZoneId, painting: &Painting) -> bool {
-        self.likeness.gone.contains_key(&(zone, painting.result.digest))
+        self.looks.is_gone(zone, painting.result.digest)
     }
 
     /// The same of a tile that is reported; the next report of it may be of one that is there.
     pub(super) fn take_gone(&mut self, zone: ZoneId, painting: &Painting) -> bool {
-        self.likeness.gone.remove(&(zone, painting.result.digest)).is_some()
+        self.looks.take_gone(zone, painting.result.digest)
     }
 
     /// Whether the words of others can be compared with this report now. If not, pixels are being looked at, and the report is
@@ -60,7 +37,7 @@ impl Master {
             return true;
         }
         let zone = before.zone;
-        if self.likeness.waiting.contains_key(&zone) {
+        if self.looks.is_awaited(zone) {
             // It is repeated; so is that of another, who is not the one that waits.
             return false;
         }
@@ -71,13 +48,13 @@ impl Master {
                 && !self.is_gone(zone, &vote.painting)
                 && painting.may_look_like(&vote.painting)
                 && pair.1 != pair.2
-                && !self.likeness.seen.contains_key(&pair)
+                && self.looks.found(&pair).is_none()
         };
         let Some(vote) = before.votes.iter().find(is_open).filter(|_| !self.is_gone(zone, painting)) else {
             return true;
         };
         let results = [painting.result, vote.painting.result];
-        self.likeness.waiting.insert(zone, message.clone());
+        self.looks.wait(zone, message.clone());
         actions.push(FarmAction::Effect(FarmEffect::Compare { zone, results }));
         false
     }
@@ -95,10 +72,10 @@ impl Master {
     ) {
         let [one, other] = results.map(|result| result.digest);
         match outcome {
-            Ok(same) => _ = self.likeness.seen.insert((zone, one, other), same),
-            Err(gone) => _ = self.likeness.gone.insert((zone, gone.digest), ()),
+            Ok(same) => self.looks.see((zone, one, other), same),
+            Err(gone) => self.looks.lose(zone, gone.digest),
         }
-        let Some(message) = self.likeness.waiting.remove(&zone) else { return };
+        let Some(message) = self.looks.take_waiting(zone) else { return };
         if let FarmContent::Report(report) = &message.content {
             self.take_report(now, &message, report, actions);
         }
@@ -107,7 +84,7 @@ impl Master {
     /// Nobody's word is open on a zone any more.
     pub(super) fn forget_likeness(&mut self, row: &ZoneRow) {
         if row.votes.is_empty() {
-            self.likeness.forget(row.zone);
+            self.looks.forget(row.zone);
         }
     }
 }

@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, time::Duration};
 use bottega_agents::{AgentId, Revision, Time};
 use rustc_hash::FxHashMap;
 
-use super::pace::Watched;
+use super::watched::Watched;
 use crate::{AgentRow, Holding, MemberId, ZoneId, auction::Field};
 
 /// Agents that a Master takes at most.

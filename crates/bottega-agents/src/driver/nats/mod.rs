@@ -322,13 +322,13 @@ where
                     Ok(None) => return,
                     Err(_) => continue,
                 };
-                let sender = names::sender(&message.subject).map(AgentId::new);
-                let now = mailbox.now();
-                let read =
-                    sender.and_then(|from| codec::read_message(&*codec, now, from, me.clone(), &message.payload));
-                match read {
-                    Some(message) => mailbox.deliver(Event::Message(message)),
-                    None => tracing::warn!(subject = %message.subject, "a message that cannot be read"),
+                let Some(sender) = names::sender(&message.subject).map(AgentId::new) else {
+                    tracing::warn!(subject = %message.subject, "a message of nobody");
+                    continue;
+                };
+                match codec::read_message(&*codec, mailbox.now(), sender, me.clone(), &message.payload) {
+                    Ok(message) => mailbox.deliver(Event::Message(message)),
+                    Err(error) => tracing::warn!(subject = %message.subject, %error, "a message that cannot be read"),
                 }
             }
         });

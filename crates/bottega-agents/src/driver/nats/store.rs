@@ -12,7 +12,7 @@ use async_nats::{
 };
 
 use super::{
-    codec::Codec,
+    codec::{self, Codec},
     error::NatsError,
     names,
     watch::{WatchNews, WrittenEntry, follow},
@@ -131,9 +131,7 @@ impl<K: Codec> Bucket<K> {
     }
 
     fn bytes(&self, value: &K::Value) -> bytes::Bytes {
-        let mut bytes = Vec::new();
-        self.codec.write_value(value, &mut bytes);
-        bytes.into()
+        codec::write_entry(&*self.codec, value).into()
     }
 
     async fn entry(&self, key: &Key) -> Result<Option<Entry<K::Value>>, ()> {
@@ -146,11 +144,17 @@ impl<K: Codec> Bucket<K> {
 
     /// An entry, if it can be read.
     fn read(&self, key: &str, revision: u64, value: &[u8]) -> Option<Entry<K::Value>> {
-        let (read_key, read_value) = (names::entry(key), self.codec.read_value(value));
-        if read_key.is_none() || read_value.is_none() {
-            tracing::warn!(key, "an entry that cannot be read");
+        let Some(read_key) = names::entry(key) else {
+            tracing::warn!(key, "an entry whose name cannot be read");
+            return None;
+        };
+        match codec::read_entry(&*self.codec, value) {
+            Ok(value) => Some(Entry { key: read_key, revision: Revision(revision), value }),
+            Err(error) => {
+                tracing::warn!(key, %error, "an entry that cannot be read");
+                None
+            }
         }
-        Some(Entry { key: read_key?, revision: Revision(revision), value: read_value? })
     }
 
     /// Reports all entries under `prefix`, and from then on every write to one, until the agent is gone. After an

@@ -1,0 +1,120 @@
+//! What agents want done in the world, and where it is done.
+
+use std::sync::Arc;
+
+use bottega_image::Tile;
+
+use super::{
+    machine::benchmark,
+    shared::{End, FarmMailbox, Shared},
+};
+use crate::{FarmCompletion, FarmEffect, Mask, ResultRef, ZoneId};
+
+impl Shared {
+    pub(super) fn perform(self: &Arc<Self>, effect: FarmEffect, mailbox: &FarmMailbox) {
+        match effect {
+            FarmEffect::Survey { width, height, .. } => self.survey(width, height, mailbox),
+            FarmEffect::Analyzed { map, partition } => self.observer.analyzed(&map, &partition),
+            FarmEffect::Benchmark => {
+                let power = *self.state().benchmark.get_or_insert_with(|| benchmark(|| mailbox.now()));
+                let lanes = self.processors as f64 / self.agents as f64;
+                mailbox.complete(FarmCompletion::Benchmarked { power, lanes });
+            }
+            FarmEffect::Fetch(work) => self.fetch(work, mailbox),
+            FarmEffect::Paint(order) => self.paint(order, mailbox),
+            FarmEffect::Drop { zone, fence } => self.drop_order(zone, fence),
+            FarmEffect::Look(orders) => mailbox.complete(FarmCompletion::Looked(self.look(&orders))),
+            FarmEffect::Dismissed { reason } => self.dismissed(reason),
+            FarmEffect::LeftOut { agent, reason } => self.observer.left_out(&agent, &reason),
+            FarmEffect::TooFew { present, needed } => self.observer.too_few(present, needed),
+            FarmEffect::BeginFilm(work) => {
+                let kept = self.easel().begin(&work);
+                self.tell_kept(kept);
+            }
+            FarmEffect::ZoneChanged(row) => {
+                let (kept, progress) = self.easel().zone_changed(&row, mailbox.now());
+                self.tell_kept(kept);
+                self.observer.zone_changed(&row);
+                self.observer.progress(&progress);
+            }
+            FarmEffect::AgentChanged(row) => self.observer.agent_changed(&row),
+            FarmEffect::Compare { zone, results } => self.compare(zone, results, mailbox),
+            FarmEffect::Compose { zone, result, mask } => {
+                let shared = Arc::clone(self);
+                let to = mailbox.clone();
+                self.with_tile(zone, result, move |found| shared.compose(zone, &result, &mask, found, &to));
+            }
+            FarmEffect::Finish { failed } => self.end(End::Finished(failed)),
+            FarmEffect::Abandon { reason } => self.end(End::Abandoned(reason)),
+        }
+    }
+
+    /// Looks at two paintings of a zone, when both are here.
+    fn compare(self: &Arc<Self>, zone: ZoneId, results: [ResultRef; 2], mailbox: &FarmMailbox) {
+        self.begin_outstanding();
+        let (shared, to) = (Arc::clone(self), mailbox.clone());
+        let look = move || {
+            let outcome = results.each_ref().map(|result| shared.tile_of(zone, result));
+            let outcome = match outcome {
+                [Ok(one), Ok(other)] => Ok(one.looks_like(&other)),
+                [Err(reason), _] | [_, Err(reason)] if shared.stop.is_requested() => {
+                    tracing::debug!(reason, "stopped before two paintings were compared");
+                    return shared.end_outstanding();
+                }
+                [one, _] => Err(results[usize::from(one.is_ok())]),
+            };
+            to.complete(FarmCompletion::Compared { zone, results, outcome });
+            shared.end_outstanding();
+        };
+        if let Err(error) = self.fetchers.begin(look) {
+            self.end_outstanding();
+            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
+        }
+    }
+
+    /// The tile that a result speaks of, wherever it is.
+    fn tile_of(&self, zone: ZoneId, result: &ResultRef) -> Result<Tile, String> {
+        let here = self.easel().tile(zone, result);
+        let link = self.link.as_ref().ok_or("its tile is not here");
+        here.map_or_else(|| link?.get(result, &self.stop), Ok)
+    }
+
+    fn compose(&self, zone: ZoneId, result: &ResultRef, mask: &Mask, found: Result<(), String>, mailbox: &FarmMailbox) {
+        let before = mailbox.now();
+        let outcome = found.and_then(|()| self.easel().compose(zone, result, mask));
+        self.easel().composition_took(mailbox.now() - before);
+        mailbox.complete(FarmCompletion::Composed { zone, outcome });
+    }
+
+    /// Does something with a zone's tile on the easel: at once where it is there already, else when it has come from the
+    /// machine that painted it.
+    pub(super) fn with_tile(
+        self: &Arc<Self>,
+        zone: ZoneId,
+        result: ResultRef,
+        then: impl FnOnce(Result<(), String>) + Send + 'static,
+    ) {
+        let Some(link) = self.link.clone().filter(|_| !self.easel().has(zone, &result)) else { return then(Ok(())) };
+        self.begin_outstanding();
+        let shared = Arc::clone(self);
+        let fetch = move || {
+            let found = link.get(&result, &shared.stop).map(|tile| {
+                let kept = shared.easel().take_in(zone, &result, tile);
+                shared.tell_kept(kept);
+            });
+            then(found);
+            shared.end_outstanding();
+        };
+        if let Err(error) = self.fetchers.begin(fetch) {
+            self.end_outstanding();
+            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
+        }
+    }
+
+    pub(super) fn tell_kept(&self, kept: std::io::Result<()>) {
+        if let Err(error) = kept {
+            tracing::warn!(%error, "the work could not be kept");
+            self.observer.not_kept(&error);
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Zones at work in the engine: in passes, with an estimate of their errors.
+
+use std::{sync::Arc, time::Duration};
+
+use bottega_agents::{BlobId, Revision};
+use bottega_engines::{CancelSwitch, EngineError, Painted, TaskProgress, ZoneTask};
+use bottega_image::Tile;
+
+use super::shared::{FarmMailbox, Shared};
+use crate::{ErrorUse, FarmCompletion, PaintOrder, PaintResult, ResultRef, ZoneId, cells::Cells, digest};
+
+/// A zone that takes longer than this on all processors is painted in passes, each of which is kept: so much is lost by
+/// an interruption at most.
+const PASS: Duration = crate::STEP_MAX;
+
+/// A zone at work in the engine.
+struct Sitting {
+    order: PaintOrder,
+    /// Samples of one pass.
+    pass: u32,
+    busy: Duration,
+    shared: Arc<Shared>,
+    mailbox: FarmMailbox,
+    cancel: CancelSwitch,
+    progress: TaskProgress,
+    estimate: Estimate,
+}
+
+/// How the error is estimated.
+enum Estimate {
+    /// It is not.
+    None,
+    /// Of the whole zone: the samples of about the first half, once they are there.
+    Zone(Option<Tile>),
+    /// Of each cell, which stops by it.
+    Cells(Cells),
+}
+
+impl Estimate {
+    /// - `by_cells`: whether the engine can paint parts of a zone.
+    fn of(order: &PaintOrder, by_cells: bool) -> Self {
+        match order.error_use {
+            ErrorUse::None => Self::None,
+            ErrorUse::Stops(wanted) if by_cells => Self::Cells(Cells::new(order.rect, wanted, order.samples_max)),
+            ErrorUse::Stops(_) | ErrorUse::Weighs => Self::Zone(None),
+        }
+    }
+
+    /// The error of a zone whose samples are `tile`, and the share of it that is to have more.
+    fn outcome(&mut self, order: &PaintOrder, tile: &Tile) -> (Option<f64>, f64) {
+        match self {
+            Self::None => (None, 1.0),
+            Self::Cells(cells) => (cells.error(), cells.unfinished(order.samples.end)),
+            Self::Zone(half) => {
+                let error = half.take().and_then(|half| tile.relative_error(&half));
+                let is_met =
+                    matches!((order.error_use, error), (ErrorUse::Stops(wanted), Some(error)) if error <= wanted);
+                (error, f64::from(u8::from(!is_met)))
+            }
+        }
+    }
+}
+
+impl Shared {
+    pub(super) fn paint(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
+        let Some(from) = order.from else { return self.sit(order, mailbox) };
+        let (shared, to) = (Arc::clone(self), mailbox.clone());
+        // What cannot be had is painted again, to the same bits.
+        self.with_tile(order.zone, from, move |_| shared.sit(order, &to));
+    }
+
+    fn sit(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
+        let tile = order.from.and_then(|from| {
+            let (id, tile) = self.easel().take(order.zone)?;
+            // Another tile than the one meant is of no use. The zone is painted from the start, to the same bits.
+            (id == from.digest && tile.rect() == order.rect).then_some(tile)
+        });
+        let start = if tile.is_some() { order.samples.start } else { 0 };
+        let count = order.samples.end - start;
+        let wall = order.time_estimated.unwrap_or_default().as_secs_f64() / self.processors as f64;
+        let passes = (wall / PASS.as_secs_f64()).ceil().clamp(1.0, f64::from(count.max(1))) as u32;
+        let engine = self.engine.describe();
+        // Whoever cannot go on would begin anew with each.
+        let passes = if engine.resumes_samples { passes } else { 1 };
+        self.begin_outstanding();
+        let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
+        self.state().orders.insert((order.zone, order.fence), (cancel.clone(), progress.clone()));
+        if self.stop.is_requested() {
+            // Whoever cancelled all orders may not have seen this one.
+            cancel.cancel();
+        }
+        let sitting = Sitting {
+            cancel,
+            progress,
+            // An engine that says nothing of how long it takes has windows that cost something themselves.
+            estimate: Estimate::of(&order, engine.resumes_samples && engine.is_profiled),
+            pass: count.div_ceil(passes).max(1),
+            busy: Duration::ZERO,
+            shared: Arc::clone(self),
+            mailbox: mailbox.clone(),
+            order,
+        };
+        sitting.go_on(start, tile);
+    }
+
+    /// Nobody wants what is painted under any order.
+    pub(super) fn cancel_orders(&self) {
+        self.state().orders.values().for_each(|(cancel, _)| cancel.cancel());
+        self.changed.notify_all();
+    }
+
+    /// Nobody wants what is painted under this order.
+    pub(super) fn drop_order(&self, zone: ZoneId, fence: Revision) {
+        if let Some((cancel, _)) = self.state().orders.get(&(zone, fence)) {
+            cancel.cancel();
+        }
+    }
+
+    /// How far these orders are, as far as they are under way.
+    pub(super) fn look(&self, orders: &[(ZoneId, Revision)]) -> Vec<(ZoneId, Revision, u64)> {
+        let state = self.state();
+        let found = orders.iter().filter_map(|&(zone, fence)| {
+            let (_, progress) = state.orders.get(&(zone, fence))?;
+            Some((zone, fence, progress.get()))
+        });
+        found.collect()
+    }
+}
+
+impl Sitting {
+    /// Starts the next pass.
+    fn go_on(mut self, start: u32, mut tile: Option<Tile>) {
+        let shared = Arc::clone(&self.shared);
+        if shared.stop.is_requested() {
+            return self.interrupted(tile);
+        }
+        let (mut end, mut parts) = (start.saturating_add(self.pass).min(self.order.samples.end), None);
+        match &mut self.estimate {
+            Estimate::None | Estimate::Zone(Some(_)) => {}
+            Estimate::Zone(half) => {
+                // What comes after half of all samples, or after those before, is set against what comes first: for whoever
+                // could not have those before too.
+                let middle = (self.order.samples.end / 2).max(self.order.samples.start);
+                if start >= middle {
+                    half.clone_from(&tile);
+                } else {
+                    end = end.min(middle);
+                }
+            }
+            Estimate::Cells(cells) => match (cells.next(start, tile.as_ref(), self.order.samples.end), tile) {
+                (Some(next), before) => {
+                    (end, parts, tile) = (next.end, next.parts, before);
+                }
+                // Nothing is left to do: that is known only to those who begin a zone that another has finished.
+                (None, Some(before)) => return self.complete(before),
+                (None, None) => return self.done(Err("a zone without cells".to_owned())),
+            },
+        }
+        let PaintOrder { rect, tunables, leaning, .. } = self.order;
+        let (cancel, progress) = (self.cancel.clone(), self.progress.clone());
+        let task = ZoneTask { rect, samples: start..end, tunables, leaning, tile, parts, cancel, progress };
+        shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
+    }
+
+    fn painted(mut self, end: u32, painted: Result<Painted, EngineError>) {
+        match painted {
+            Err(error) => {
+                let reason = error.to_string();
+                self.done(Err(reason));
+            }
+            Ok(Painted { tile, busy, complete: false, .. }) => {
+                self.busy += busy;
+                if self.shared.stop.is_requested() {
+                    self.interrupted(Some(tile));
+                } else if self.cancel.is_cancelled() {
+                    self.end();
+                } else {
+                    self.done(Err("the engine was cancelled".to_owned()));
+                }
+            }
+            Ok(Painted { mut tile, busy, complete: true, .. }) => {
+                self.busy += busy;
+                if tile.rect() != self.order.rect {
+                    return self.done(Err("the engine painted another rectangle".to_owned()));
+                }
+                // An engine may not know before a pass is done.
+                self.progress.add(1);
+                let mut can_be_kept = true;
+                if let Estimate::Cells(cells) = &mut self.estimate {
+                    cells.painted(end, &mut tile);
+                    if cells.unfinished(end) == 0.0 {
+                        return self.complete(tile);
+                    }
+                    // Amid an octave a tile does not say which of its cells have stopped.
+                    can_be_kept = end.is_power_of_two();
+                }
+                if end < self.order.samples.end {
+                    if can_be_kept {
+                        self.pass_done(end, &tile);
+                    }
+                    return self.go_on(end, Some(tile));
+                }
+                self.complete(tile);
+            }
+        }
+    }
+
+    /// All that was ordered is painted, or need not be.
+    fn complete(mut self, tile: Tile) {
+        let digest = digest(&tile);
+        let result = ResultRef { fence: self.order.fence, samples: self.order.samples.end, digest };
+        let (error, unfinished) = self.estimate.outcome(&self.order, &tile);
+        if let Some(Err(reason)) = self.shared.link.as_ref().map(|link| link.put(digest, &tile, &self.shared.stop)) {
+            return self.done(Err(reason));
+        }
+        self.shared.easel().put(self.order.zone, digest, tile);
+        let busy = self.busy;
+        self.done(Ok(PaintResult { result, busy, error, unfinished }));
+    }
+
+    /// Keeps a pass.
+    fn pass_done(&self, samples: u32, tile: &Tile) {
+        let PaintOrder { zone, fence, .. } = self.order;
+        let done = self.shared.easel().pass_done(zone, fence, samples, tile, self.mailbox.now());
+        if let Some((kept, progress)) = done {
+            self.shared.tell_kept(kept);
+            self.shared.observer.progress(&progress);
+        }
+    }
+
+    /// The user stopped the job: what there is goes into the picture, and nobody is told.
+    fn interrupted(self, tile: Option<Tile>) {
+        if let Some(tile) = tile {
+            // Pixels may have different numbers of samples, so it is never gone on with: its digest is none.
+            self.shared.easel().put(self.order.zone, BlobId([0; 32]), tile);
+        }
+        self.end();
+    }
+
+    fn done(self, outcome: Result<PaintResult, String>) {
+        let PaintOrder { zone, fence, .. } = self.order;
+        self.mailbox.complete(FarmCompletion::Painted { zone, fence, outcome });
+        self.end();
+    }
+
+    fn end(self) {
+        self.shared.easel().painting_took(self.busy);
+        self.shared.state().orders.remove(&(self.order.zone, self.order.fence));
+        self.shared.end_outstanding();
+    }
+}

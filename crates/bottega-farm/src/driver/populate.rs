@@ -1,0 +1,132 @@
+//! The agents of a job come to life.
+
+use std::{
+    hash::{BuildHasher, Hasher, RandomState},
+    sync::Arc,
+    thread,
+    time::Duration,
+};
+
+use bottega_agents::{AgentId, LocalPlatform, driver::Performer};
+
+use super::{
+    link::Link,
+    settings::{JobError, JobSettings},
+    shared::{End, FarmMailbox, Seen, Shared},
+};
+use crate::{
+    Analyst, AnalystConfig, FarmAgent, GoalRules, Master, MasterConfig, PartitionSettings, RenderAgent,
+    RenderAgentConfig, Timing, WorkId, WorkRow, WorkSettings, ZoneRow,
+};
+
+const WORK: WorkId = WorkId(1);
+/// Machines go without a word, processes hardly.
+const AMONG_MACHINES: Timing = Timing {
+    bids: Duration::from_millis(500),
+    heartbeat: Duration::from_millis(500),
+    lease: Duration::from_millis(2500),
+};
+/// For so many agents a picture is cut where others may join.
+const AGENTS_EXPECTED: usize = 8;
+
+/// Brings all agents to life. Returns the Master's mailbox.
+pub(super) fn populate(
+    platform: &LocalPlatform<Seen>,
+    settings: &JobSettings,
+    work: WorkSettings,
+    kept: Option<(WorkRow, Vec<ZoneRow>)>,
+    shared: &Arc<Shared>,
+) -> Result<FarmMailbox, JobError> {
+    let add = |id: &AgentId, agent: FarmAgent| {
+        let seen = Seen { agent, shared: Arc::clone(shared) };
+        platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
+    };
+    let link = shared.link.as_ref();
+    let here = link.map_or("bottega", |link| &link.name);
+    let number = link.map_or(WORK, |link| link.work);
+    let master = link.map_or_else(|| AgentId::new("master@bottega"), Link::master);
+    let analyst = AgentId::new(format!("analyst@{here}"));
+    let timing = link.map_or_else(Timing::default, |_| AMONG_MACHINES);
+    let JobSettings { auction, prefetch, .. } = *settings;
+    // Agents of one process have the same processors: an idle one leaves its own to the others.
+    let master_config = MasterConfig {
+        id: master.clone(),
+        work: number,
+        auction,
+        prefetch,
+        shares_tail: link.is_some(),
+        verify: settings.verify,
+        compares_by_look: !shared.engine.describe().exact_by_pixel,
+        secret: secret(),
+        goals: GoalRules::default(),
+        timing,
+    };
+    let mailbox = match kept {
+        Some((work, rows)) => {
+            let config = MasterConfig { work: work.work, ..master_config };
+            add(&master, Master::recover(config, work, rows).into())?
+        }
+        None => {
+            // Nobody knows how many will come from elsewhere; and whoever leads cuts the same zones.
+            let agents = link.map_or(settings.agents, |_| AGENTS_EXPECTED);
+            let mut partition = PartitionSettings::for_agents(settings.level, agents, work.frame);
+            partition.zone_count = settings.zones.unwrap_or(partition.zone_count).max(1);
+            let config = AnalystConfig {
+                id: analyst.clone(),
+                master: master.clone(),
+                work: number,
+                settings: work,
+                importance: settings.importance,
+                partition,
+            };
+            add(&analyst, Analyst::new(config).into())?;
+            add(&master, Master::new(master_config).into())?
+        }
+    };
+    add_render_agents(settings, &master, here, shared, &add)?;
+    Ok(mailbox)
+}
+
+/// A number that nobody can guess.
+fn secret() -> u64 {
+    // Made of random bytes of the operating system.
+    RandomState::new().build_hasher().finish()
+}
+
+/// Brings the Render Agents of this process to life, who work for `master`.
+pub(super) fn add_render_agents(
+    settings: &JobSettings,
+    master: &AgentId,
+    here: &str,
+    shared: &Arc<Shared>,
+    add: &dyn Fn(&AgentId, FarmAgent) -> Result<FarmMailbox, JobError>,
+) -> Result<(), JobError> {
+    let engine = shared.engine.describe();
+    for (i, expert) in (0..settings.agents).zip(settings.experts.iter().cycle()) {
+        let id = AgentId::new(format!("render-{}@{here}", i + 1));
+        let agent = RenderAgent::new(RenderAgentConfig {
+            id: id.clone(),
+            master: master.clone(),
+            adaptation: settings.adaptation,
+            prefetch: settings.prefetch,
+            heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| AMONG_MACHINES).heartbeat,
+            expert: expert.clone().for_engine(&engine).choosing(settings.engine_choice.clone()),
+        });
+        add(&id, agent.into())?;
+    }
+    Ok(())
+}
+
+/// Carries out the effects of one agent. When it goes without the job having ended, the job has: an agent has panicked.
+fn performer(id: &AgentId, shared: &Arc<Shared>) -> Performer<Seen> {
+    struct Notice(Arc<Shared>, bool);
+    impl Drop for Notice {
+        fn drop(&mut self) {
+            if self.1 || thread::panicking() {
+                self.0.end(End::Abandoned("an agent of the farm ended before the work".to_owned()));
+            }
+        }
+    }
+    let notice = Notice(Arc::clone(shared), id.name.starts_with("master@"));
+    Box::new(move |effect, mailbox| notice.0.perform(effect, mailbox))
+}

@@ -1,0 +1,192 @@
+//! What the threads of a job share: the engine, the easel, and how far all is.
+
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    time::Duration,
+};
+
+use bottega_agents::{Mailbox, Revision, StateMachine, Time, Uplink};
+use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
+
+use super::{
+    easel::Easel, fetchers::Fetchers, link::Link, observer::Observer, settings::JobSettings, stop::StopSwitch,
+};
+use crate::{
+    FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, RelativePower, WorkId, ZoneId,
+};
+
+/// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+const LOOK_SELDOM: Duration = Duration::from_secs(2);
+/// So often is looked at the end whether the engine gives back what it has.
+const LOOKS_MAX: u32 = 100;
+
+/// How a job ended.
+#[derive(Clone, Debug)]
+pub(super) enum End {
+    Finished(Vec<ZoneId>),
+    Abandoned(String),
+    /// The Master elsewhere wants nothing of the agents here.
+    LeftOut(String),
+}
+
+/// What the performers of all agents share.
+pub(super) struct Shared {
+    pub(super) engine: Arc<dyn RenderEngine>,
+    pub(super) observer: Arc<dyn Observer>,
+    pub(super) easel: Mutex<Easel>,
+    pub(super) state: Mutex<State>,
+    pub(super) changed: Condvar,
+    pub(super) stop: StopSwitch,
+    pub(super) processors: usize,
+    pub(super) agents: usize,
+    /// To the other machines that paint the work.
+    pub(super) link: Option<Link>,
+    pub(super) fetchers: Fetchers,
+}
+
+#[derive(Default)]
+pub(super) struct State {
+    pub(super) end: Option<End>,
+    /// Surveys and zones that the engine has not reported.
+    pub(super) outstanding: usize,
+    pub(super) survey: Duration,
+    pub(super) preparation: Preparation,
+    /// How long that took.
+    pub(super) preparing: Duration,
+    pub(super) benchmark: Option<RelativePower>,
+    pub(super) messages: u64,
+    /// What the engine is painting: how to end it, and how far it is.
+    pub(super) orders: BTreeMap<(ZoneId, Revision), (CancelSwitch, TaskProgress)>,
+    /// Agents that live here, in the work of a Master elsewhere.
+    pub(super) present: usize,
+    /// Agents of these that the Master has left out.
+    pub(super) dismissed: usize,
+}
+
+pub(super) type FarmMailbox = Mailbox<Seen>;
+
+/// Whether the engine has made what all zones need.
+#[derive(Default)]
+pub(super) enum Preparation {
+    #[default]
+    NotBegun,
+    /// Agents that wait for it.
+    UnderWay(Vec<(WorkId, FarmMailbox)>),
+    Done,
+}
+
+/// What an agent of the farm does, with all its messages seen by the observer.
+pub(super) struct Seen {
+    pub(super) agent: FarmAgent,
+    pub(super) shared: Arc<Shared>,
+}
+
+impl StateMachine for Seen {
+    type Content = FarmContent;
+    type Value = FarmValue;
+    type Effect = FarmEffect;
+    type Completion = FarmCompletion;
+
+    fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        if let FarmEvent::Message(message) = &event {
+            self.shared.observer.heard(now, message);
+        }
+        let before = actions.len();
+        self.agent.handle(now, event, actions);
+        for action in &actions[before..] {
+            if let FarmAction::Send(message) = action {
+                self.shared.state().messages += message.receivers.len() as u64;
+                self.shared.observer.message(now, message);
+            }
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.agent.next_deadline()
+    }
+}
+
+impl Shared {
+    pub(super) fn new(
+        settings: &JobSettings,
+        easel: Easel,
+        engine: Arc<dyn RenderEngine>,
+        observer: Arc<dyn Observer>,
+        stop: &StopSwitch,
+        link: Option<Link>,
+    ) -> Self {
+        Self {
+            easel: Mutex::new(easel),
+            engine,
+            observer,
+            state: Mutex::default(),
+            changed: Condvar::new(),
+            stop: stop.clone(),
+            processors: settings.processors.max(1),
+            agents: settings.agents,
+            link,
+            fetchers: Fetchers::default(),
+        }
+    }
+
+    pub(super) fn uplink(&self) -> Option<Arc<dyn Uplink<Seen>>> {
+        self.link.as_ref().map(|link| Arc::clone(&link.uplink) as _)
+    }
+
+    pub(super) fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn easel(&self) -> MutexGuard<'_, Easel> {
+        self.easel.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The first end counts.
+    pub(super) fn end(&self, end: End) {
+        self.state().end.get_or_insert(end);
+        self.changed.notify_all();
+    }
+
+    /// Waits for the end, and for the engine to give back what it has; when all is painted, not for one that hangs.
+    pub(super) fn wait(&self) -> Option<End> {
+        let mut state = self.state();
+        let mut looks = 0;
+        while state.outstanding > 0 || state.end.is_none() && !self.stop.is_requested() {
+            // Who presses the stop switch tells of it.
+            let time = if state.end.is_some() || self.stop.is_requested() { LOOK_EVERY } else { LOOK_SELDOM };
+            let (woken, result) = self.changed.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner);
+            state = woken;
+            looks += u32::from(result.timed_out() && state.end.is_some());
+            if looks >= LOOKS_MAX {
+                tracing::warn!(outstanding = state.outstanding, "the engine does not give back what it has");
+                break;
+            }
+        }
+        state.end.clone()
+    }
+
+    pub(super) fn begin_outstanding(&self) {
+        self.state().outstanding += 1;
+    }
+
+    pub(super) fn end_outstanding(&self) {
+        self.state().outstanding -= 1;
+        self.changed.notify_all();
+    }
+
+    /// The Master has left an agent of this process out. When it has left out all who paint for a Master elsewhere, this
+    /// process has no part in the work any more; one that leads goes on with others.
+    pub(super) fn dismissed(&self, reason: String) {
+        tracing::warn!(reason, "the Master has left an agent out");
+        let all_out = {
+            let mut state = self.state();
+            state.dismissed += 1;
+            state.present > 0 && state.dismissed >= state.present
+        };
+        if all_out {
+            self.end(End::LeftOut(reason));
+        }
+    }
+}
