@@ -5,9 +5,9 @@ use std::{collections::BTreeMap, path::PathBuf};
 use bottega::{
     Request, RequestError,
     request::{
-        Choice, EnvironmentLight, FrameOptions, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice,
-        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, REQUEST_BYTES_MAX, RulesSource,
-        RulesText, ToneCurve,
+        AdaptationChoice, AuctionChoice, Choice, EnvironmentLight, FrameOptions, GuideChoice, GuideUse,
+        ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
+        REQUEST_BYTES_MAX, RulesSource, RulesText, ToneCurve,
     },
 };
 use bottega_farm::Channel;
@@ -105,6 +105,7 @@ fn change() -> impl Strategy<Value = Apply> {
         of(option::of(1u16..1024), |r, v| r.work.agents = v),
         of((0u8..=3, choice::<ImportanceChoice>()), |r, v| (r.work.level, r.work.importance) = v),
         of(option::of(proptest::collection::vec(select(&Channel::ALL[..]), 0..4)), |r, v| r.work.channels = v),
+        of((choice::<AuctionChoice>(), choice::<AdaptationChoice>()), |r, v| (r.work.auction, r.work.adaptation) = v),
         of(choice::<OptimizationChoice>(), |r, v| r.work.optimization = v),
         of(proptest::collection::vec(rules(), 0..3), |r, v| r.work.rules = v),
         of(option::of(1u16..1024), |r, v| r.devices.threads = v),

@@ -7,8 +7,9 @@ use bottega::{
     devices::DeviceChoice,
     frames::Frames,
     request::{
-        AGENTS_MAX, DEPTH_MAX, FrameOptions, IntegratorChoice, LIGHT_SAMPLES_MAX, OptimizationChoice, PRIORITY_MAX,
-        PixelFilter, PngEncoding, RulesSource, SAMPLES_MAX, ToneCurve, ZONES_MAX,
+        AGENTS_MAX, AdaptationChoice, AuctionChoice, DEPTH_MAX, FrameOptions, ImportanceChoice, IntegratorChoice,
+        LIGHT_SAMPLES_MAX, OptimizationChoice, PRIORITY_MAX, PixelFilter, PngEncoding, RulesSource, SAMPLES_MAX,
+        ToneCurve, ZONES_MAX,
     },
 };
 use bottega_cluster::FarmAddress;
@@ -166,6 +167,15 @@ pub(crate) struct RenderArgs {
     /// Write down what each zone took, for `bottega simulate`.
     #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with_all = ["resume", "error", "time"], help_heading = "Output")]
     pub(crate) record: Option<PathBuf>,
+    /// How the winners of an auction among the agents are found. Default: finishing-time.
+    #[arg(long, value_name = "RULE", value_parser = choice::<AuctionChoice>(), help_heading = "Work")]
+    auction: Option<AuctionChoice>,
+    /// How agents learn their speed. Default: ratio.
+    #[arg(long, value_name = "RULE", value_parser = choice::<AdaptationChoice>(), help_heading = "Work")]
+    adaptation: Option<AdaptationChoice>,
+    /// The rules of the MAGarRO paper: --importance paper, --auction paper and --adaptation paper, where nothing else is said.
+    #[arg(long, help_heading = "Work")]
+    as_in_paper: bool,
     /// Cut the picture into about so many zones; default: by the number of agents.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(ZONES_MAX)), help_heading = "Work")]
     zones: Option<u32>,
@@ -196,6 +206,11 @@ impl RenderArgs {
     /// Has a request say what the options say.
     fn apply(&self, request: &mut Request) -> Result<(), CliError> {
         change(&mut request.scene.file, self.scene_file.clone());
+        if self.as_in_paper {
+            let work = &mut request.work;
+            work.importance = ImportanceChoice::Paper;
+            (work.auction, work.adaptation) = (AuctionChoice::Paper, AdaptationChoice::Paper);
+        }
         self.scene.apply(request);
         set(&mut request.film.crop, self.crop.map(|crop| [crop.x0, crop.y0, crop.x1, crop.y1]));
         set(&mut request.film.filter, self.filter);
@@ -231,6 +246,8 @@ impl RenderArgs {
         let work = &mut request.work;
         set(&mut work.agents, self.agents);
         set(&mut work.zones, self.zones);
+        change(&mut work.auction, self.auction);
+        change(&mut work.adaptation, self.adaptation);
         change(&mut work.optimization, self.optimize);
         if !self.rules.is_empty() {
             work.rules = self.rules.iter().cloned().map(RulesSource::File).collect();

@@ -161,6 +161,8 @@ fn work(words: &mut Words, request: &Request, usual: &Request) -> Result<(), Cli
     };
     words.option("--channels", work.channels.as_ref().map(names));
     words.option("--zones", work.zones);
+    words.choice("--auction", work.auction, usual.work.auction);
+    words.choice("--adaptation", work.adaptation, usual.work.adaptation);
     words.choice("--optimize", work.optimization, usual.work.optimization);
     work.rules.iter().try_for_each(|rules| words.rules("--rules", "work.rules", rules))?;
     words.option("--threads", devices.threads);
@@ -206,8 +208,8 @@ pub(crate) fn line(words: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use bottega::request::{
-        FrameOptions, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion,
-        PixelFilter, PngEncoding, ToneCurve,
+        AdaptationChoice, AuctionChoice, FrameOptions, GuideUse, ImportanceChoice, IntegratorChoice,
+        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
     };
     use bottega_farm::Channel;
     use clap::Parser;
@@ -270,6 +272,7 @@ mod tests {
             ],
             work in (option::of(1u16..1024), 0u8..=3, choice::<ImportanceChoice>(), choice::<OptimizationChoice>()),
             channels in option::of(proptest::collection::vec(select(&Channel::ALL[..]), 1..4)),
+            learning in (choice::<AuctionChoice>(), choice::<AdaptationChoice>()),
             rules in proptest::collection::vec("[a-z]{1,8}\\.fcl", 0..3), threads in option::of(1u16..1024),
             devices in select(&["auto", "cpu", "cpu,H100"][..]), frames in option::of(("-?[0-9]{1,3}(,[0-9]{1,3})?", 0.1f32..99.0)),
             tone in (choice::<ToneCurve>(), choice::<PngEncoding>(), -40.0f32..40.0),
@@ -284,6 +287,7 @@ mod tests {
             let to = &mut request.work;
             (to.agents, to.level, to.importance, to.optimization) = work;
             (to.channels, to.rules) = (channels, rules.into_iter().map(|file| RulesSource::File(file.into())).collect());
+            (to.auction, to.adaptation) = learning;
             request.devices.threads = threads;
             request.devices.names = devices.split(',').map(str::to_owned).collect();
             if let Some((list, fps)) = frames {

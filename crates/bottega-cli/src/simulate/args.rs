@@ -2,7 +2,10 @@
 
 use std::{path::PathBuf, time::Duration};
 
-use clap::{Args, ValueEnum, ValueHint};
+use bottega::request::{AdaptationChoice, AuctionChoice};
+use clap::{Args, ValueHint};
+
+use crate::cli::choice;
 
 /// One of a record and a synthetic work is needed.
 #[derive(Debug, Args)]
@@ -46,11 +49,11 @@ pub(crate) struct SimulateArgs {
     #[arg(long, requires = "verify", help_heading = "Agents")]
     pub(crate) inexact: bool,
     /// How winners of an auction are found.
-    #[arg(long, value_enum, default_value_t = AuctionArg::Finish, help_heading = "Agents")]
-    pub(crate) auction: AuctionArg,
+    #[arg(long, value_name = "RULE", value_parser = choice::<AuctionChoice>(), default_value = "finishing-time", help_heading = "Agents")]
+    pub(crate) auction: AuctionChoice,
     /// How agents learn their speed.
-    #[arg(long, value_enum, default_value_t = AdaptationArg::Median, help_heading = "Agents")]
-    pub(crate) adaptation: AdaptationArg,
+    #[arg(long, value_name = "RULE", value_parser = choice::<AdaptationChoice>(), default_value = "ratio", help_heading = "Agents")]
+    pub(crate) adaptation: AdaptationChoice,
     /// Zones that an agent has in hand at most.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Agents")]
     pub(crate) prefetch: u32,
@@ -83,22 +86,6 @@ pub(crate) struct SimulateArgs {
     /// Print one JSON object instead of text for people.
     #[arg(long, help_heading = "Output")]
     pub(crate) json: bool,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum AuctionArg {
-    /// Who finishes a zone before the whole is expected to end: the default.
-    Finish,
-    /// Who has the most credit gets the most complex zone, as in the MAGarRO paper.
-    Paper,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum AdaptationArg {
-    /// The median of the last ratios of own to estimated time: the default.
-    Median,
-    /// As the MAGarRO paper prints it.
-    Paper,
 }
 
 fn parse_share(text: &str) -> Result<f64, String> {

@@ -12,16 +12,15 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_agents::driver::Faults;
-use bottega_farm::{
-    AdaptationRule, AuctionRule,
-    simulate::{Crew, Outcome, Plan, Record, SyntheticSpread, Workpiece, simulate},
+use bottega::{
+    settings::{adaptation_rule, auction_rule},
+    text::duration,
 };
+use bottega_agents::driver::Faults;
+use bottega_farm::simulate::{Crew, Outcome, Plan, Record, SyntheticSpread, Workpiece, simulate};
 use serde_json::{Value, json};
 
-use self::args::{AdaptationArg, AuctionArg, SimulateArgs};
-use bottega::text::duration;
-
+use self::args::SimulateArgs;
 use crate::error::CliError;
 
 /// The longest file that is read as a record or as a list of agents.
@@ -42,14 +41,8 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
     let plan = Plan {
         faults: Faults { latency_min: args.latency, latency_extra_mean: args.jitter, ..faults(args) },
         benchmark_error: args.benchmark_error,
-        auction: match args.auction {
-            AuctionArg::Finish => AuctionRule::FinishingTime,
-            AuctionArg::Paper => AuctionRule::Paper,
-        },
-        adaptation: match args.adaptation {
-            AdaptationArg::Median => AdaptationRule::MedianRatio,
-            AdaptationArg::Paper => AdaptationRule::Paper,
-        },
+        auction: auction_rule(args.auction),
+        adaptation: adaptation_rule(args.adaptation),
         prefetch: args.prefetch,
         verify: args.verify,
         inexact: args.inexact,

@@ -140,6 +140,22 @@ choices! {
         Visual,
     }
 
+    /// How the winners of an auction are found.
+    AuctionChoice {
+        /// An agent gets the largest zone that it finishes before the whole is expected to end: the default.
+        FinishingTime,
+        /// The most complex zone goes to the bidder with the most credit, as in the MAGarRO paper.
+        Paper,
+    }
+
+    /// How agents learn their speed.
+    AdaptationChoice {
+        /// By the median of the last ratios of own to reference time: the default.
+        Ratio,
+        /// By equation (1) of the MAGarRO paper, as printed.
+        Paper,
+    }
+
     /// How far expert rules may trade quality for time.
     OptimizationChoice {
         /// Every zone at exactly the settings asked for.

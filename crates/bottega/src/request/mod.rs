@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 pub use self::validate::check_size;
 pub use self::{
     choices::{
-        Choice, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice,
-        OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
+        AdaptationChoice, AuctionChoice, Choice, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice,
+        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
     },
     field::InvalidField,
     json::{REQUEST_BYTES_MAX, RequestError},

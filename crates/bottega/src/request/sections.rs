@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     choices::{
-        GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion,
-        PixelFilter, PngEncoding, ToneCurve,
+        AdaptationChoice, AuctionChoice, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice,
+        OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
     },
     limits::PRIORITY,
 };
@@ -266,6 +266,10 @@ sections! {
         channels: Option<Vec<Channel>> = None,
         /// About so many zones; none: by the number of agents.
         zones: Option<u32> = None,
+        /// How the winners of an auction are found.
+        auction: AuctionChoice = AuctionChoice::FinishingTime,
+        /// How agents learn their speed.
+        adaptation: AdaptationChoice = AdaptationChoice::Ratio,
         /// How far expert rules may trade quality for time, zone by zone.
         optimization: OptimizationChoice = OptimizationChoice::Off,
         /// The expert rules, which agents carry in turn; none: those that come with the program or the engine.

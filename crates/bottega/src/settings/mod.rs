@@ -7,7 +7,9 @@ mod photons;
 use std::time::{Duration, Instant};
 
 use bottega_engines::Tunables;
-use bottega_farm::{ChannelSet, Expert, Goal, ImportanceFunction, JobSettings, Level, Optimization};
+use bottega_farm::{
+    AdaptationRule, AuctionRule, ChannelSet, Expert, Goal, ImportanceFunction, JobSettings, Level, Optimization,
+};
 use bottega_image::{Encoding, Layout, Rect, ToneMap};
 use bottega_render::Filter;
 
@@ -21,8 +23,8 @@ use crate::{
     devices::processors,
     error::Error,
     request::{
-        DEPTH_MAX, ImportanceChoice, OptimizationChoice, PixelFilter, PngEncoding, Request, SAMPLES_MAX, ToneCurve,
-        WorkOptions,
+        AdaptationChoice, AuctionChoice, DEPTH_MAX, ImportanceChoice, OptimizationChoice, PixelFilter, PngEncoding,
+        Request, SAMPLES_MAX, ToneCurve, WorkOptions,
     },
     subject::Subject,
     text::duration,
@@ -79,6 +81,8 @@ pub(crate) fn shared_settings(
         experts,
         processors: threads(request),
         importance: importance_function(&request.work),
+        auction: auction_rule(request.work.auction),
+        adaptation: adaptation_rule(request.work.adaptation),
         zones: request.work.zones,
         verify: request.farm.verify.unwrap_or(1),
         ..settings
@@ -167,6 +171,22 @@ fn optimization(optimization: OptimizationChoice) -> Optimization {
         OptimizationChoice::N => Optimization::Normal,
         OptimizationChoice::B => Optimization::Big,
         OptimizationChoice::Vb => Optimization::VeryBig,
+    }
+}
+
+/// How the winners of an auction are found.
+pub fn auction_rule(choice: AuctionChoice) -> AuctionRule {
+    match choice {
+        AuctionChoice::FinishingTime => AuctionRule::FinishingTime,
+        AuctionChoice::Paper => AuctionRule::Paper,
+    }
+}
+
+/// How agents learn their speed.
+pub fn adaptation_rule(choice: AdaptationChoice) -> AdaptationRule {
+    match choice {
+        AdaptationChoice::Ratio => AdaptationRule::MedianRatio,
+        AdaptationChoice::Paper => AdaptationRule::Paper,
     }
 }
 
