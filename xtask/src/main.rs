@@ -14,6 +14,7 @@ mod fresh;
 mod fuzzy_reference;
 mod layers;
 mod leaks;
+mod maps;
 #[cfg(test)]
 mod modules;
 mod needs;
