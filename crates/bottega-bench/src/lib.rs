@@ -38,7 +38,7 @@ pub use self::error::Error;
 pub trait Report {
     /// Tables for people, in whole lines.
     fn as_text(&self) -> String;
-    /// One JSON object.
+    /// The same for programs.
     fn as_json(&self) -> Value;
 }
 
