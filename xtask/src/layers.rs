@@ -44,11 +44,10 @@ const LAYERS: &[(&str, &[&str])] = &[
     ),
     ("bottega-web", &["bottega", "bottega-cluster"]),
     (
-        "bottega-cli",
+        "bottega-bench",
         &[
             "bottega-image",
             "bottega-scene",
-            "bottega-fuzzy",
             "bottega-kernels",
             "bottega-hra",
             "bottega-gpu",
@@ -58,6 +57,22 @@ const LAYERS: &[(&str, &[&str])] = &[
             "bottega-farm",
             "bottega",
             "bottega-cluster",
+        ],
+    ),
+    (
+        "bottega-cli",
+        &[
+            "bottega-image",
+            "bottega-scene",
+            "bottega-fuzzy",
+            "bottega-gpu",
+            "bottega-render",
+            "bottega-agents",
+            "bottega-engines",
+            "bottega-farm",
+            "bottega",
+            "bottega-cluster",
+            "bottega-bench",
             "bottega-web",
         ],
     ),
@@ -87,6 +102,19 @@ mod tests {
                     used.name
                 );
             }
+        }
+    }
+
+    #[test]
+    fn only_who_asks_for_it_builds_the_bindings_of_embree() {
+        let metadata = MetadataCommand::new().no_deps().exec().expect("cargo metadata runs");
+        let has_feature = |package: &cargo_metadata::Package| package.features.contains_key("embree");
+        assert!(metadata.workspace_packages().into_iter().any(has_feature), "the feature has another name");
+        for package in metadata.workspace_packages() {
+            let default = package.features.get("default").into_iter().flatten();
+            let used = package.dependencies.iter().flat_map(|used| &used.features);
+            let asks = default.chain(used).find(|feature| feature.contains("embree"));
+            assert!(asks.is_none(), "{} is built with Embree by default", package.name);
         }
     }
 

@@ -11,7 +11,6 @@ mod words;
 
 use std::path::PathBuf;
 
-use bottega::request::GuideChoice;
 use bottega_cluster::build::build;
 use bottega_render::{AgentSettings, ala::Criterion};
 use clap::{Args, Parser, Subcommand, ValueHint};
@@ -26,7 +25,7 @@ pub(crate) use self::{
     words::{line, words},
 };
 use crate::{
-    bench::{AlaArgs, EnginesBenchArgs, FarmBenchArgs, HraBenchArgs, MagarroArgs},
+    bench::BenchArgs,
     engines::EnginesArgs,
     farm::{JobsArgs, JoinArgs, MachinesArgs, UpArgs},
     platform::PlatformArgs,
@@ -162,96 +161,6 @@ pub(crate) struct InfoArgs {
     /// Print one JSON object instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct BenchArgs {
-    #[command(subcommand)]
-    pub(crate) what: BenchCommand,
-}
-
-#[derive(Debug, Subcommand)]
-pub(crate) enum BenchCommand {
-    /// Rays per second by kind of ray, and paths per second.
-    Rays {
-        /// Scenes to measure; whose paths a second are measured beside the rays of built-in ones.
-        #[arg(value_hint = ValueHint::FilePath)]
-        scenes: Vec<PathBuf>,
-        /// Repetitions, interleaved; the median is printed.
-        #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=100))]
-        repeat: u16,
-        /// The GPU whose name contains this is measured too, by itself: its rays do not travel.
-        #[arg(long, value_name = "NAME")]
-        gpu: Option<String>,
-        /// Print one JSON object instead of text for people.
-        #[arg(long)]
-        json: bool,
-    },
-    /// Error and time beside other renderers on the same triangles: efficiencies, and ours over theirs.
-    Peers(PeersArgs),
-    /// What it costs that bottega has another engine paint in zones, beside the same picture as one window.
-    Engines(EnginesBenchArgs),
-    /// Awards a second, and how long an agent waits for one, in a farm of many agents on a real NATS server.
-    Farm(Box<FarmBenchArgs>),
-    /// The tables of the HRA paper: rays by direct calls, through the allocator, and with a GPU beside the processors.
-    Hra(HraBenchArgs),
-    /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
-    Magarro(MagarroArgs),
-    /// The tables and figures of the paper on Autonomous Lighting Agents: photon mapping, its agents, and ours.
-    Ala(AlaArgs),
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct PeersArgs {
-    /// Folder with the scenes: SCENE.json (ours, and Cycles'), SCENE.xml (Mitsuba's), SCENE.scn (LuxCore's), the PLY meshes
-    /// that they name, and reference/ref_SCENE.exr.
-    #[arg(value_hint = ValueHint::DirPath)]
-    pub(crate) folder: PathBuf,
-    /// A scene by name; may be given more than once. Default: all.
-    #[arg(long, value_name = "NAME")]
-    pub(crate) scene: Vec<String>,
-    /// Samples a pixel.
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
-    pub(crate) spp: u32,
-    /// Repetitions, interleaved; medians of the times and means of the errors are printed.
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
-    pub(crate) repeat: u16,
-    /// Only those others whose names begin so (`mitsuba`, `mitsuba llvm`, `cycles`, `luxcore`); may be given more than
-    /// once.
-    #[arg(long, value_name = "NAME")]
-    pub(crate) peer: Vec<String>,
-    /// What our paths learn beforehand; the time for it counts.
-    #[arg(long, value_name = "GUIDE", value_parser = choice::<GuideChoice>(), default_value = "ala")]
-    pub(crate) guide: GuideChoice,
-    /// Numbers of threads to paint with. Default: one, and as many as there are processors.
-    #[arg(long, value_delimiter = ',', value_parser = parse_threads)]
-    pub(crate) threads: Vec<usize>,
-    /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); who is missing is left out.
-    #[arg(long, value_name = "PROGRAM", default_value = "python3")]
-    pub(crate) python: String,
-    /// Compare the time of the processors, not of the clock: for a machine that has other work as well.
-    #[arg(long)]
-    pub(crate) processor_time: bool,
-    /// How long one picture of another renderer may take, in seconds.
-    #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
-    pub(crate) timeout: u64,
-    /// Print one JSON object instead of text for people.
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
-impl PeersArgs {
-    /// Whether another renderer is to be run.
-    pub(crate) fn includes(&self, name: &str) -> bool {
-        self.peer.is_empty() || self.peer.iter().any(|wanted| name.starts_with(wanted.as_str()))
-    }
-}
-
-fn parse_threads(text: &str) -> Result<usize, String> {
-    match text.trim().parse() {
-        Ok(threads @ 1..=1024) => Ok(threads),
-        _ => Err("a number from 1 to 1024 is needed".to_owned()),
-    }
 }
 
 #[derive(Debug, Args)]

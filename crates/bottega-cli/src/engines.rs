@@ -8,7 +8,6 @@ use std::process::ExitCode;
 
 pub(crate) use args::EnginesArgs;
 use args::EnginesCommand;
-pub(crate) use attempt::Trial;
 
 use crate::error::CliError;
 

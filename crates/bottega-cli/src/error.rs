@@ -21,6 +21,8 @@ pub(crate) enum CliError {
     Bottega(#[from] bottega::Error),
     #[error(transparent)]
     Cluster(#[from] bottega_cluster::Error),
+    #[error(transparent)]
+    Bench(#[from] bottega_bench::Error),
     #[error("cannot serve the live view")]
     Serve(#[from] ServeError),
     #[error("the simulation came to nothing")]
@@ -53,6 +55,7 @@ impl CliError {
         match self {
             Self::Bottega(error) => error.is_usage(),
             Self::Cluster(error) => error.is_usage(),
+            Self::Bench(error) => error.is_usage(),
             _ => false,
         }
     }
@@ -62,13 +65,9 @@ impl CliError {
         match self {
             Self::Bottega(error) => error.remedy(),
             Self::Cluster(error) => error.remedy(),
+            Self::Bench(error) => error.remedy(),
             _ => None,
         }
-    }
-
-    /// With all that it is due to, in one line.
-    pub(crate) fn told(&self) -> String {
-        bottega::error::told(self)
     }
 }
 
@@ -129,7 +128,9 @@ fn shown(error: &dyn std::error::Error, remedy: Option<String>, excerpt: Option<
 /// An error of the program, as it is shown to people.
 pub(crate) fn report(error: &CliError) -> String {
     let excerpt = match error {
-        CliError::Bottega(error) | CliError::Cluster(bottega_cluster::Error::Bottega(error)) => error.excerpt(),
+        CliError::Bottega(error)
+        | CliError::Cluster(bottega_cluster::Error::Bottega(error))
+        | CliError::Bench(bottega_bench::Error::Bottega(error)) => error.excerpt(),
         _ => None,
     };
     shown(error, error.remedy(), excerpt)

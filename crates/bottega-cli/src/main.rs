@@ -30,7 +30,6 @@ mod output;
 mod analyze;
 mod bench;
 mod cli;
-mod clock;
 mod devices;
 mod diff;
 mod engines;

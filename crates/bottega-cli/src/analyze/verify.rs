@@ -3,13 +3,14 @@
 use std::{fs, ops::Range, sync::mpsc};
 
 use bottega::text::shown;
+use bottega_bench::clock::processor_seconds;
 use bottega_engines::{CancelSwitch, EngineError, Leaning, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask};
 use bottega_farm::{Choice, Goal, ImportanceFunction, Level, Prediction};
 use bottega_image::{Rect, Tile};
 use serde_json::{Value, json};
 
 use super::{Analyzed, LEVELS, plot};
-use crate::{cli::AnalyzeArgs, clock::processor_seconds, error::CliError};
+use crate::{cli::AnalyzeArgs, error::CliError};
 
 /// A zone, what was predicted for it, and what it took.
 pub(super) struct Zone {

@@ -1,22 +1,15 @@
 //! `bottega engines try`: a small picture, whole and in windows.
 
-use std::{
-    fs,
-    process::ExitCode,
-    sync::{Arc, mpsc},
-    time::Instant,
-};
+use std::{fs, process::ExitCode, time::Instant};
 
 use bottega::{
     devices::processors,
     engines::{absolute, located, parameters},
     text::shown,
 };
-use bottega_engines::{
-    CancelSwitch, Leaning, RenderEngine, TaskProgress, Tunables, ZoneTask,
-    external::{EngineFault, ExternalEngine, ExternalOptions, Located, SceneRequest, Session, manifest::Determinism},
-};
-use bottega_image::{AovSet, ExrOptions, Film, Layout, Metadata, Picture, Rect, Tile, rel_mse, seams, write_exr};
+use bottega_bench::engines::EngineTrial;
+use bottega_engines::external::{Located, SceneRequest, Session, manifest::Determinism};
+use bottega_image::{ExrOptions, Metadata, Picture, Rect, rel_mse, seams, write_exr};
 
 use super::args::TryArgs;
 use crate::error::CliError;
@@ -39,7 +32,7 @@ pub(super) fn run(args: &TryArgs) -> Result<ExitCode, CliError> {
     drop(session);
     let frame = Rect::of_size(size.0, size.1);
     let request = SceneRequest { size: Some(size), ..request };
-    let trial = |seed| Trial::begin(&engine, &request, seed);
+    let trial = |seed| EngineTrial::begin(&engine, &request, seed);
     let trials = (trial(1).map_err(failed)?, trial(2).map_err(failed)?);
     let (whole, whole_seconds) = trials.0.paint(&[frame], args.spp)?;
     let (other, _) = trials.1.paint(&[frame], args.spp)?;
@@ -79,58 +72,6 @@ fn cut(frame: Rect) -> Vec<Rect> {
         Rect::new(edge(frame.x1, column), edge(frame.y1, row), edge(frame.x1, column + 1), edge(frame.y1, row + 1))
     };
     (0..WINDOWS * WINDOWS).map(cell).filter(|rect| !rect.is_empty()).collect()
-}
-
-/// An engine with one seed.
-pub(crate) struct Trial {
-    engine: ExternalEngine,
-    frame: Rect,
-}
-
-impl Trial {
-    /// Starts it with the scene at a size.
-    pub(crate) fn begin(located: &Arc<Located>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
-        let session = Session::open(located, request)?;
-        let (width, height) = request.size.unwrap_or_default();
-        let options = ExternalOptions {
-            request: request.clone(),
-            seed,
-            samples: 0,
-            layout: Layout::new(AovSet::NONE),
-            scene_depth: Some(0),
-            scene_light_samples: Some(0),
-            bounds_zones: false,
-            time: None,
-            surveyor: None,
-        };
-        let engine = ExternalEngine::new(Arc::clone(located), options, session)?;
-        Ok(Self { engine, frame: Rect::of_size(width, height) })
-    }
-
-    /// Paints windows, one after the other. The picture, and the seconds that it took.
-    pub(crate) fn paint(&self, windows: &[Rect], samples: u32) -> Result<(Film, f64), CliError> {
-        let layout = Layout::new(AovSet::NONE);
-        let mut film = Film::new(self.frame, layout);
-        let begun = Instant::now();
-        for &rect in windows {
-            let (sender, answer) = mpsc::channel();
-            let task = ZoneTask {
-                rect,
-                samples: 0..samples,
-                // As the scene says.
-                tunables: Tunables { max_depth: 0, light_samples: 0 },
-                leaning: Leaning::default(),
-                tile: None::<Tile>,
-                parts: None,
-                cancel: CancelSwitch::default(),
-                progress: TaskProgress::default(),
-            };
-            self.engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
-            let painted = answer.recv().map_err(|_| CliError::failed("the engine ended", "this is unexpected"))??;
-            film.add_tile(&painted.tile, |_, _| 1.0);
-        }
-        Ok((film, begun.elapsed().as_secs_f64()))
-    }
 }
 
 /// Tells how far the windows are from the whole, beside how far two seeds are apart.

@@ -1,0 +1,192 @@
+//! The ways that are compared, and what each of them takes.
+
+use std::{
+    ops::Range,
+    path::Path,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, RenderEngine, Tunables};
+use bottega_image::{AovSet, Film, Layout, Picture, Rect, Tile, USUAL_TRIM, rel_mse_trimmed};
+use bottega_render::{
+    AgentSettings, Filter, Oracle, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, View, ala::AgentReport,
+    photon::MapBytes,
+};
+
+use crate::{Error, painting::paint_samples, shared_meshes};
+
+/// One way to paint the scene.
+#[derive(Clone, Debug)]
+pub(super) struct LightMethod {
+    pub(super) name: String,
+    /// `None`: paths.
+    pub(super) photons: Option<PhotonSettings>,
+}
+
+/// The error of a picture, and the time that went into its samples.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mark {
+    pub(super) samples: u32,
+    /// Without what was made beforehand.
+    pub(super) seconds: f64,
+    /// Relative mean square error, without the worst 0.1 % of the pixels.
+    pub(super) error: f64,
+}
+
+/// The times, memory and picture of a way.
+#[derive(Clone, Debug)]
+pub(super) struct MethodResult {
+    pub(super) way: LightMethod,
+    /// Photons, agents and all that is computed of them before the first sample.
+    pub(super) casting: f64,
+    pub(super) bytes: MapBytes,
+    pub(super) marks: Vec<Mark>,
+    pub(super) agents: Option<AgentReport>,
+    pub(super) picture: Picture,
+}
+
+/// The scene, and how it is painted.
+pub(super) struct PaintedScene<'a> {
+    pub(super) path: &'a Path,
+    pub(super) view: View,
+    pub(super) max_depth: u32,
+    pub(super) threads: usize,
+}
+
+impl LightMethod {
+    pub(super) fn paths() -> Self {
+        Self { name: "paths".to_owned(), photons: None }
+    }
+
+    /// Photons, and final gathering from them.
+    pub(super) fn photons(count: u32) -> Self {
+        let photons = PhotonSettings { count, ..PhotonSettings::default() };
+        Self { name: format!("{} photons", counted(count)), photons: Some(photons) }
+    }
+
+    /// As in the paper: with shadow photons and an irradiance cache, too.
+    pub(super) fn photons_as_in_the_paper(count: u32) -> Self {
+        let photons =
+            PhotonSettings { count, irradiance_cache: 0.15, shadow_photons: true, ..PhotonSettings::default() };
+        Self { name: format!("{} photons, cached", counted(count)), photons: Some(photons) }
+    }
+
+    /// - `is_asked_for_shadows`: else all shadow rays are traced.
+    pub(super) fn agents(oracle: Oracle, cast: u32, is_asked_for_shadows: bool) -> Self {
+        let agents = AgentSettings { cast, oracle, decides_shadows: is_asked_for_shadows, ..AgentSettings::default() };
+        let photons = PhotonSettings { agents: Some(agents), ..PhotonSettings::default() };
+        let whose = if oracle == Oracle::Paper { " of the paper" } else { "" };
+        Self { name: format!("{} agents{whose}", counted(cast)), photons: Some(photons) }
+    }
+}
+
+impl MethodResult {
+    /// Seconds of rendering until the error is no greater: between two marks by straight lines of logarithms. `None`: it was not
+    /// reached.
+    pub(super) fn seconds_to(&self, error: f64) -> Option<f64> {
+        let next = self.marks.iter().position(|mark| mark.error <= error)?;
+        let there = self.marks[next];
+        let Some(before) = next.checked_sub(1).map(|before| self.marks[before]) else { return Some(there.seconds) };
+        let share = (before.error / error).ln() / (before.error / there.error).ln();
+        Some(before.seconds * (there.seconds / before.seconds).powf(share.clamp(0.0, 1.0)))
+    }
+
+    pub(super) fn error(&self) -> f64 {
+        self.marks.last().map_or(f64::NAN, |mark| mark.error)
+    }
+
+    pub(super) fn seconds(&self) -> f64 {
+        self.marks.last().map_or(f64::NAN, |mark| mark.seconds)
+    }
+
+    /// Megabytes of all maps.
+    pub(super) fn megabytes(&self) -> f64 {
+        let MapBytes { seen, irradiance, shadow, cache, agents } = self.bytes;
+        (seen + irradiance + shadow + cache + agents) as f64 / 1e6
+    }
+
+    /// The share of shadow rays that were traced.
+    pub(super) fn traced(&self) -> Option<f64> {
+        let tally = self.agents?.tally;
+        Some(tally.shadow_traced as f64 / (tally.shadow_traced + tally.shadow_spared).max(1) as f64)
+    }
+}
+
+impl PaintedScene<'_> {
+    /// A converged picture.
+    pub(super) fn reference(&self, samples: u32) -> Result<Picture, Error> {
+        let engine = self.engine(&LightMethod::paths(), 0x7265_6665, samples)?;
+        engine.prepare()?;
+        Ok(picture(&self.samples(&engine, 0..samples, None)?.0))
+    }
+
+    /// Paints with 1, 2, 4 and so on samples a pixel.
+    pub(super) fn paint(&self, way: LightMethod, samples: u32, reference: &Picture) -> Result<MethodResult, Error> {
+        let engine = self.engine(&way, 0, samples)?;
+        let begun = Instant::now();
+        engine.prepare()?;
+        let casting = begun.elapsed().as_secs_f64();
+        let (mut marks, mut time, mut tile, mut taken) = (Vec::new(), Duration::ZERO, None, 0);
+        while taken < samples {
+            let next = (2 * taken).clamp(1, samples);
+            let (painted, took) = self.samples(&engine, taken..next, tile.take())?;
+            time += took;
+            let error = rel_mse_trimmed(reference, &picture(&painted), USUAL_TRIM)?;
+            marks.push(Mark { samples: next, seconds: time.as_secs_f64(), error });
+            (taken, tile) = (next, Some(painted));
+        }
+        let (bytes, agents) = (engine.map_bytes(), engine.lighting_agents());
+        let picture = tile.map_or_else(|| reference.clone(), |tile| picture(&tile));
+        Ok(MethodResult { casting, bytes, marks, agents, picture, way })
+    }
+
+    fn engine(&self, way: &LightMethod, seed: u64, planned: u32) -> Result<BuiltinEngine, Error> {
+        // Anew each time: maps that are there already would cost nothing.
+        let prepared = self.prepared()?;
+        let photons = way.photons.map(|photons| PhotonSettings { bounces: self.max_depth, ..photons });
+        let settings = PathSettings {
+            seed,
+            max_depth: self.max_depth,
+            filter: Filter::PIXEL,
+            planned_samples: planned,
+            photons,
+            ..PathSettings::default()
+        };
+        let layout = Layout::new(AovSet::NONE);
+        let options = BuiltinOptions { view: self.view, settings, layout, threads: self.threads };
+        Ok(BuiltinEngine::new(prepared, options, Devices::default()))
+    }
+
+    pub(super) fn prepared(&self) -> Result<Arc<PreparedScene>, Error> {
+        let loaded = bottega_scene::load(self.path, &shared_meshes())?;
+        let options = PrepareOptions { threads: self.threads, ..PrepareOptions::default() };
+        Ok(Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options)?))
+    }
+
+    fn samples(
+        &self,
+        engine: &BuiltinEngine,
+        samples: Range<u32>,
+        tile: Option<Tile>,
+    ) -> Result<(Tile, Duration), Error> {
+        let rect = Rect::of_size(self.view.width, self.view.height);
+        let tunables = Tunables { max_depth: self.max_depth, light_samples: 1 };
+        paint_samples(engine, rect, tunables, samples, tile)
+    }
+}
+
+fn picture(tile: &Tile) -> Picture {
+    let mut film = Film::new(tile.rect(), tile.layout().clone());
+    film.add_tile(tile, |_, _| 1.0);
+    film.to_picture()
+}
+
+/// A number as people say it.
+fn counted(count: u32) -> String {
+    match count {
+        1_000_000.. if count.is_multiple_of(100_000) => format!("{} M", f64::from(count) / 1e6),
+        1_000.. => format!("{} k", f64::from(count) / 1e3),
+        _ => count.to_string(),
+    }
+}

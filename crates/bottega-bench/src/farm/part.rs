@@ -1,0 +1,200 @@
+//! Some of the agents, in a process of their own.
+
+use std::{
+    fmt,
+    io::{self, BufRead, BufReader, Read, Write},
+    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+    str::FromStr,
+    sync::Arc,
+    thread,
+    time::Duration,
+};
+
+use bottega_farm::{JobError, JobSettings, Link, StopSwitch, assist};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    access::{ServerAccess, ServerLinks},
+    idle_engine::{self, IdleEngine},
+    watch::{AgentWatch, Wait},
+};
+use crate::Error;
+
+/// What a process says when all its agents are linked.
+const READY: &str = "ready";
+/// The stack of a thread that waits.
+const STACK_BYTES: usize = 256 << 10;
+
+/// What a process with some of the agents is told.
+#[derive(Clone, Debug)]
+pub struct PartOptions {
+    /// Which agents.
+    pub share: AgentShare,
+    /// About how many zones the picture has.
+    pub zones: u32,
+    /// Mean time of a zone over all agents.
+    pub zone_time: Duration,
+    /// The way to the server.
+    pub access: ServerAccess,
+}
+
+/// Makes the command of a process that calls [`run_part`] with these options.
+pub type PartCommand<'a> = &'a dyn Fn(&PartOptions) -> io::Result<Command>;
+
+/// Agents of one process. As text: `WORK:FIRST:COUNT`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AgentShare {
+    /// The work that all agents paint.
+    pub work: u64,
+    /// The number of the first agent.
+    pub first: u32,
+    /// How many there are.
+    pub count: u32,
+}
+
+impl fmt::Display for AgentShare {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.work, self.first, self.count)
+    }
+}
+
+impl FromStr for AgentShare {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let read = || {
+            let (work, rest) = text.split_once(':')?;
+            let (first, count) = rest.split_once(':')?;
+            Some(Self { work: work.parse().ok()?, first: first.parse().ok()?, count: count.parse().ok()? })
+        };
+        read().ok_or_else(|| "WORK:FIRST:COUNT is needed".to_owned())
+    }
+}
+
+/// What a process has seen.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct PartReport {
+    pub(super) waits: Vec<Wait>,
+    pub(super) answers: Vec<Wait>,
+    pub(super) messages: u64,
+    pub(super) bytes: u64,
+}
+
+/// Lives as these agents until the work is done, or standard input ends because the process with the Master is gone.
+///
+/// - `output`: that process reads it: a line when all agents are linked, and one with what they have seen.
+///
+/// # Errors
+/// An agent cannot live or fails.
+pub fn run_part(options: &PartOptions, output: &mut dyn Write) -> Result<(), Error> {
+    let share = options.share;
+    let links = ServerLinks::new(options.access.clone())?;
+    let settings = idle_engine::settings(options.zones);
+    let links = (0..share.count).map(|i| links.link(share.work, share.first + i)).collect::<Result<Vec<_>, _>>()?;
+    say(output, READY)?;
+    let stops: Vec<StopSwitch> = links.iter().map(|_| StopSwitch::new()).collect();
+    end_with_parent(stops.clone())?;
+    let mut agents = Vec::new();
+    for ((link, stop), agent) in links.into_iter().zip(stops).zip(share.first..) {
+        let engine = IdleEngine::new(options.zone_time, agent).map_err(Error::Thread)?;
+        let settings = settings.clone();
+        let live = move || live(&settings, engine, &stop, &link);
+        agents.push(thread::Builder::new().stack_size(STACK_BYTES).spawn(live).map_err(Error::Thread)?);
+    }
+    let mut report = PartReport::default();
+    for agent in agents {
+        let seen = agent.join().map_err(|_| Error::Panic { thread: "an agent" })?;
+        let PartReport { waits, answers, messages, bytes } = seen.map_err(bottega::Error::Job)?;
+        report.waits.extend(waits);
+        report.answers.extend(answers);
+        report.messages += messages;
+        report.bytes += bytes;
+    }
+    say(output, &serde_json::to_string(&report).unwrap_or_default())
+}
+
+/// Says something to the process with the Master. When that is gone, so is the work.
+fn say(output: &mut dyn Write, line: &str) -> Result<(), Error> {
+    output.write_all(format!("{line}\n").as_bytes()).and_then(|()| output.flush()).map_err(|_| Error::MasterGone)
+}
+
+/// One agent, as a machine that has joined has it.
+fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: &Link) -> Result<PartReport, JobError> {
+    let watch = Arc::new(AgentWatch::default());
+    assist(settings, Arc::new(engine), Arc::clone(&watch) as _, stop, link.clone())?;
+    let traffic = link.uplink.traffic();
+    let [waits, answers] = watch.take();
+    Ok(PartReport {
+        waits,
+        answers,
+        messages: traffic.messages_in + traffic.messages_out,
+        bytes: traffic.bytes_in + traffic.bytes_out,
+    })
+}
+
+/// Whoever started this process holds the other end of its input.
+fn end_with_parent(stops: Vec<StopSwitch>) -> Result<(), Error> {
+    let watch = move || {
+        _ = io::stdin().lock().read_to_end(&mut Vec::new());
+        stops.iter().for_each(StopSwitch::request);
+    };
+    thread::Builder::new().spawn(watch).map(drop).map_err(Error::Thread)
+}
+
+/// Such a process, as seen from the one that has started it.
+pub(super) struct PartProcess {
+    child: Child,
+    /// While it is open the process lives.
+    input: Option<ChildStdin>,
+    output: BufReader<ChildStdout>,
+}
+
+impl PartProcess {
+    pub(super) fn start(options: &PartOptions, command: PartCommand<'_>) -> Result<Self, Error> {
+        let mut command = command(options).map_err(Error::Process)?;
+        command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = command.spawn().map_err(Error::Process)?;
+        let (input, output) = (child.stdin.take(), child.stdout.take());
+        let output = output.ok_or_else(|| Error::Process(io::Error::other("it has no output")))?;
+        Ok(Self { child, input, output: BufReader::new(output) })
+    }
+
+    /// Waits until all its agents are linked.
+    pub(super) fn until_ready(&mut self) -> Result<(), Error> {
+        (self.hear()?.trim() == READY).then_some(()).ok_or(Error::PartEnded)
+    }
+
+    /// What it has seen, now that the work is done. An agent that the Master has not come to know is let go by this too.
+    pub(super) fn report(&mut self) -> Result<PartReport, Error> {
+        self.input = None;
+        serde_json::from_str(&self.hear()?).map_err(|_| Error::PartEnded)
+    }
+
+    fn hear(&mut self) -> Result<String, Error> {
+        let mut line = String::new();
+        self.output.read_line(&mut line).map_err(|_| Error::PartEnded)?;
+        Ok(line)
+    }
+}
+
+impl Drop for PartProcess {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        _ = self.child.kill();
+        _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_is_read_as_it_is_written() {
+        let share = AgentShare { work: u64::MAX, first: 3, count: 9 };
+        assert_eq!(share.to_string().parse(), Ok(share));
+        for wrong in ["", "1:2", "1:2:x", "1:2:3:4", "-1:2:3"] {
+            assert!(wrong.parse::<AgentShare>().is_err(), "{wrong}");
+        }
+    }
+}

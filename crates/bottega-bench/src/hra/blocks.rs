@@ -1,0 +1,80 @@
+//! Pictures of the scenes, zone by zone of 512 × 512: what the high-level primitive, samples of a block of pixels, brings on the
+//! processors, on a GPU, and on both. Nobody makes rays for others here, so what both do can be held against the sum.
+
+use std::sync::Arc;
+
+use bottega::devices::{beside_gpus, painter};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices};
+use bottega_image::{AovSet, Layout};
+use bottega_render::{Filter, PathSettings, View};
+
+use super::{
+    options::{HraOptions, RUNS_MIN, Way},
+    ray_scene::{BOUNCES_MAX, RayScene, SIDE},
+    report::{BlockColumn, BlockRow, Occupation, occupation},
+};
+use crate::{Error, painting::paint_zone_with};
+
+/// How long a run should take at the paper's number of rays, in seconds.
+const SECONDS: f64 = 40.0;
+/// Samples a pixel of the first look.
+const PILOT_SAMPLES: u32 = 1;
+/// No more samples a pixel than this.
+const SAMPLES_MAX: u32 = 1 << 18;
+
+/// Paints with the processors, with the GPU, and with both; each way so many samples that all take the same time.
+pub(super) fn measure(options: &HraOptions, scene: &RayScene) -> Result<BlockRow, Error> {
+    let mut ways = vec![Way::Cpu];
+    if options.gpu.is_some() {
+        ways.extend([Way::CpuAndGpu, Way::Gpu]);
+    }
+    let mut columns = Vec::new();
+    for way in ways {
+        let (mut samples, mut rate) = (PILOT_SAMPLES, 0.0);
+        let wanted = SECONDS * options.scale;
+        while f64::from(samples) < f64::from(SAMPLES_MAX) {
+            let seconds = once(options, scene, way, samples)?.0;
+            rate = f64::from(samples) / seconds;
+            if seconds > 0.3 * wanted {
+                break;
+            }
+            samples = samples.saturating_mul(4).min(SAMPLES_MAX);
+        }
+        let samples = ((rate * wanted) as u32).clamp(1, SAMPLES_MAX);
+        columns.push((samples, BlockColumn { way, samples_per_second: Vec::new(), resources: Vec::new() }));
+    }
+    for _ in 0..options.runs.max(RUNS_MIN) {
+        for (samples, column) in &mut columns {
+            let (seconds, resources) = once(options, scene, column.way, *samples)?;
+            column.samples_per_second.push(f64::from(*samples) * f64::from(SIDE * SIDE) / seconds);
+            column.resources = resources;
+        }
+    }
+    let columns = columns.into_iter().map(|(_, column)| column).collect();
+    Ok(BlockRow { scene: scene.name, kind: scene.kind, columns })
+}
+
+/// One run. The scene is on its devices before the clock is started.
+fn once(options: &HraOptions, scene: &RayScene, way: Way, samples: u32) -> Result<(f64, Occupation), Error> {
+    let processors = usize::from(options.processors);
+    let threads = match way {
+        Way::Gpu => 0,
+        Way::CpuAndGpu => beside_gpus(processors, 1),
+        Way::Direct | Way::Cpu => processors,
+    };
+    let gpu = options.gpu.as_deref().filter(|_| way != Way::Cpu);
+    let lanes = gpu.map(|name| painter(name, &scene.prepared)).transpose()?.into_iter().collect();
+    let settings = PathSettings {
+        guiding: false,
+        max_depth: BOUNCES_MAX,
+        filter: Filter::PIXEL,
+        planned_samples: samples,
+        ..PathSettings::default()
+    };
+    let view = View { camera: 0, width: SIDE, height: SIDE };
+    let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads };
+    let devices = Devices { lanes, costs: None };
+    let engine = BuiltinEngine::new(Arc::clone(&scene.prepared), options, devices);
+    let (_, time) = paint_zone_with(&engine, view, settings, samples)?;
+    Ok((time.as_secs_f64(), occupation(&engine.report())))
+}

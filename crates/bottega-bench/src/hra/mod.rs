@@ -1,0 +1,134 @@
+//! The tables of the HRA paper on this machine: the same rays by direct calls, through the allocator, and with a GPU.
+//!
+//! The same paths are followed in each way, so the rays are the same and, but for a GPU's rounding, so is the light that they
+//! find: that is checked after every run.
+
+mod blocks;
+mod options;
+mod paper;
+mod processors;
+mod ray_scene;
+mod report;
+mod tables;
+mod walk;
+
+use std::time::Instant;
+
+use bottega_gpu::{GpuOptions, GpuRays};
+use bottega_hra::{Hra, HraConfig, HraReport, Resource, VirtualCpu, timeline_svg};
+use bottega_render::RenderWork;
+use bottega_scene::Scene;
+
+pub use self::{options::HraOptions, report::HraBenchReport};
+use self::{
+    options::{RUNS_MIN, Way},
+    ray_scene::RayScene,
+    report::{RayColumn, RayRow, occupation},
+    walk::{Caller, WalkResult, walk},
+};
+use crate::{Error, Report, create_folder, write_file};
+
+/// Paths that tell how many rays a path has.
+const PILOT_PATHS: u64 = 1 << 16;
+/// Spans of a resource that are drawn.
+const SPANS_KEPT: usize = 20_000;
+/// By how much a GPU's light may differ: it finds other hits along edges.
+const GPU_DIFFERENCE: f64 = 5e-3;
+
+/// Measures all ways in turn, and writes what `output` asks for. Keeps the calling thread, and all threads that it starts, to
+/// so many processors: call it before other threads are started that should be kept to them, too.
+///
+/// # Errors
+/// The GPU cannot be used, two ways find different light, or a file cannot be written.
+pub fn measure(options: &HraOptions) -> Result<HraBenchReport, Error> {
+    let is_kept = processors::keep_to(options.processors);
+    if let Some(folder) = &options.output {
+        create_folder(folder)?;
+    }
+    let scenes = [RayScene::a()?, RayScene::b()?];
+    let rows = scenes.iter().map(|scene| measure_rays(options, scene)).collect::<Result<Vec<_>, _>>()?;
+    let blocks = scenes.iter().map(|scene| blocks::measure(options, scene)).collect::<Result<Vec<_>, _>>()?;
+    let report = HraBenchReport { processors: options.processors, is_kept, batch: options.batch, rows, blocks };
+    if let Some(folder) = &options.output {
+        write_file(&folder.join("hra.json"), &report.as_json().to_string())?;
+    }
+    Ok(report)
+}
+
+fn measure_rays(options: &HraOptions, scene: &RayScene) -> Result<RayRow, Error> {
+    let pilot = walk(scene, &Caller::Direct, PILOT_PATHS, options.batch, usize::from(options.processors))?;
+    let rays_wanted = paper::RAYS * options.scale;
+    let paths = (rays_wanted * PILOT_PATHS as f64 / pilot.rays as f64).ceil() as u64;
+    let mut ways = vec![Way::Direct, Way::Cpu];
+    if options.gpu.is_some() {
+        ways.extend([Way::CpuAndGpu, Way::Gpu]);
+    }
+    let column = |way| RayColumn { way, seconds: Vec::new(), resources: Vec::new() };
+    let mut columns: Vec<RayColumn> = ways.into_iter().map(column).collect();
+    let mut known: Option<WalkResult> = None;
+    for _ in 0..options.runs.max(RUNS_MIN) {
+        for column in &mut columns {
+            let (found, seconds, report) = once(options, scene, column.way, paths)?;
+            check(column.way, &found, known.get_or_insert_with(|| found.clone()))?;
+            column.seconds.push(seconds);
+            if let Some(report) = report {
+                column.resources = occupation(&report);
+                draw(options, scene, column.way, &report)?;
+            }
+        }
+    }
+    let rays = known.as_ref().map_or(0, |found| found.rays);
+    if let (Some(folder), Some(found)) = (&options.output, &known) {
+        tables::picture(&folder.join(format!("{}.png", scene.name)), found)?;
+    }
+    Ok(RayRow { scene: scene.name, kind: scene.kind, paths, rays, columns })
+}
+
+/// One run. The scene is on its devices before the clock is started.
+fn once(
+    options: &HraOptions,
+    scene: &RayScene,
+    way: Way,
+    paths: u64,
+) -> Result<(WalkResult, f64, Option<HraReport>), Error> {
+    let loops = usize::from(options.processors);
+    let mut resources: Vec<Box<dyn Resource<RenderWork>>> = Vec::new();
+    if matches!(way, Way::Cpu | Way::CpuAndGpu) {
+        resources.extend(VirtualCpu::lanes(loops, RenderWork::perform));
+    }
+    if matches!(way, Way::Gpu | Way::CpuAndGpu) {
+        resources.extend(gpu(options.gpu.as_deref(), scene.prepared.scene())?);
+    }
+    let spans_kept = if options.output.is_some() { SPANS_KEPT } else { 0 };
+    let hra = (way != Way::Direct).then(|| Hra::new(HraConfig { spans_kept, ..HraConfig::default() }, resources));
+    let gpus = usize::from(matches!(way, Way::Gpu | Way::CpuAndGpu));
+    let caller = hra.as_ref().map_or(Caller::Direct, |hra| Caller::Allocator(hra, gpus));
+    let begun = Instant::now();
+    let found = walk(scene, &caller, paths, options.batch, loops)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    Ok((found, seconds, hra.map(|hra| hra.report())))
+}
+
+/// The GPU that was asked for, with the triangles of the scene on it: it answers batches of rays.
+fn gpu(name: Option<&str>, scene: &Scene) -> Result<Option<Box<dyn Resource<RenderWork>>>, Error> {
+    let Some(name) = name else { return Ok(None) };
+    let options = GpuOptions { adapter: Some(name.to_owned()), ..GpuOptions::default() };
+    Ok(Some(Box::new(GpuRays::new(scene, &options)?)))
+}
+
+/// All ways find the same light.
+fn check(way: Way, found: &WalkResult, known: &WalkResult) -> Result<(), Error> {
+    let is_same = match way {
+        Way::Direct | Way::Cpu => found == known,
+        Way::CpuAndGpu | Way::Gpu => (found.light() / known.light() - 1.0).abs() <= GPU_DIFFERENCE,
+    };
+    let other = || Error::OtherLight { way: way.name(), found: found.light(), known: known.light() };
+    if is_same { Ok(()) } else { Err(other()) }
+}
+
+/// Draws what each resource did when.
+fn draw(options: &HraOptions, scene: &RayScene, way: Way, report: &HraReport) -> Result<(), Error> {
+    let Some(folder) = &options.output else { return Ok(()) };
+    let path = folder.join(format!("{}-{}.svg", scene.name, way.key()));
+    write_file(&path, &timeline_svg(report, None))
+}

@@ -1,0 +1,92 @@
+//! The figures of all ways on both scenes.
+
+use bottega_hra::{HraReport, ResourceReport};
+
+use super::options::Way;
+
+/// Resources of an allocator: name, share of time with work, units.
+pub(super) type Occupation = Vec<(String, f64, u64)>;
+
+/// The times of all ways on both scenes.
+pub struct HraBenchReport {
+    pub(super) processors: u16,
+    /// Whether the system kept the program to them.
+    pub(super) is_kept: bool,
+    pub(super) batch: u32,
+    pub(super) rows: Vec<RayRow>,
+    pub(super) blocks: Vec<BlockRow>,
+}
+
+/// The rays of one scene.
+pub(super) struct RayRow {
+    pub(super) scene: &'static str,
+    pub(super) kind: &'static str,
+    pub(super) paths: u64,
+    /// As the processors count them.
+    pub(super) rays: u64,
+    pub(super) columns: Vec<RayColumn>,
+}
+
+/// One way to do them.
+pub(super) struct RayColumn {
+    pub(super) way: Way,
+    /// Of all runs, in their order.
+    pub(super) seconds: Vec<f64>,
+    /// Of the last run.
+    pub(super) resources: Occupation,
+}
+
+impl RayColumn {
+    /// Without the best and the worst.
+    pub(super) fn average(&self) -> f64 {
+        average(&self.seconds)
+    }
+}
+
+/// The pictures of one scene.
+pub(super) struct BlockRow {
+    pub(super) scene: &'static str,
+    pub(super) kind: &'static str,
+    pub(super) columns: Vec<BlockColumn>,
+}
+
+/// One way to paint them.
+pub(super) struct BlockColumn {
+    pub(super) way: Way,
+    /// Of all runs, in their order.
+    pub(super) samples_per_second: Vec<f64>,
+    /// Of the last run.
+    pub(super) resources: Occupation,
+}
+
+impl BlockColumn {
+    /// Without the best and the worst.
+    pub(super) fn average(&self) -> f64 {
+        average(&self.samples_per_second)
+    }
+}
+
+impl BlockRow {
+    /// What both together do, of the sum of what each does alone.
+    pub(super) fn share_of_sum(&self) -> Option<f64> {
+        let rate = |way| self.columns.iter().find(|column| column.way == way).map(BlockColumn::average);
+        Some(rate(Way::CpuAndGpu)? / (rate(Way::Cpu)? + rate(Way::Gpu)?))
+    }
+}
+
+/// Without the least and the greatest.
+fn average(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let kept = &sorted[1..sorted.len() - 1];
+    kept.iter().sum::<f64>() / kept.len() as f64
+}
+
+/// What each resource did.
+pub(super) fn occupation(report: &HraReport) -> Occupation {
+    let share = |resource: &ResourceReport| {
+        let busy = resource.busy.as_secs_f64() / report.uptime.as_secs_f64().max(1e-9);
+        (resource.descriptor.name.clone(), busy, resource.units)
+    };
+    report.resources.iter().map(share).collect()
+}

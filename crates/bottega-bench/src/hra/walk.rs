@@ -1,0 +1,223 @@
+//! The loop above the allocator: follows paths, and asks for hits and occlusion of their rays.
+
+use std::{
+    collections::BTreeMap,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+    thread,
+};
+
+use bottega_hra::{Hra, HraClient, WorkUnit};
+use bottega_kernels::{Hit, Ray};
+use bottega_render::{RenderOutput, RenderWork};
+
+use super::ray_scene::{PathState, RayScene, SIDE, Step};
+use crate::Error;
+
+/// Batches that one loop has under way: there are as many loops as processors, so that each of these follows rays or makes some.
+/// More would only push each other out of the cache.
+const BATCHES_UNDER_WAY: usize = 1;
+/// The same for each GPU, which is some way off.
+const BATCHES_OF_A_GPU: usize = 6;
+/// A unit of light, as a share of what a pixel's film counts in: sums of whole numbers do not depend on their order.
+pub(super) const LIGHT_UNITS: f32 = (1 << 20) as f32;
+
+/// What a walk has found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct WalkResult {
+    /// Rays of all kinds.
+    pub(super) rays: u64,
+    /// Light by pixel.
+    pub(super) film: Vec<u64>,
+}
+
+impl WalkResult {
+    fn new() -> Self {
+        Self { rays: 0, film: vec![0; (SIDE * SIDE) as usize] }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.film.iter_mut().zip(&other.film).for_each(|(sum, light)| *sum += light);
+    }
+
+    /// Mean light of a pixel.
+    pub(super) fn light(&self) -> f64 {
+        self.film.iter().map(|&light| light as f64).sum::<f64>() / f64::from(LIGHT_UNITS) / self.film.len() as f64
+    }
+}
+
+/// Who does the primitives.
+pub(super) enum Caller<'a> {
+    /// Whoever asks, in place.
+    Direct,
+    /// The resources of an allocator, so many GPUs among them.
+    Allocator(&'a Hra<RenderWork>, usize),
+}
+
+/// Follows `paths` paths in batches of `batch`, by so many loops at once.
+pub(super) fn walk(
+    scene: &RayScene,
+    caller: &Caller<'_>,
+    paths: u64,
+    batch: u32,
+    loops: usize,
+) -> Result<WalkResult, Error> {
+    let next = AtomicU64::new(0);
+    let source = Source { scene, paths, batch: u64::from(batch), next: &next };
+    thread::scope(|scope| {
+        let start = |_| {
+            let client = match caller {
+                Caller::Direct => None,
+                Caller::Allocator(hra, gpus) => Some((hra.client(), BATCHES_UNDER_WAY + gpus * BATCHES_OF_A_GPU)),
+            };
+            scope.spawn(move || match client {
+                None => in_place(source),
+                Some((client, batches)) => by_allocator(source, &client, batches),
+            })
+        };
+        let loops: Vec<_> = (0..loops).map(start).collect();
+        let mut found = WalkResult::new();
+        for one in loops {
+            let one = one.join().map_err(|_| Error::Panic { thread: "a loop" })?;
+            found.merge(&one?);
+        }
+        Ok(found)
+    })
+}
+
+/// Where batches come from.
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    scene: &'a RayScene,
+    paths: u64,
+    batch: u64,
+    next: &'a AtomicU64,
+}
+
+impl<'a> Source<'a> {
+    fn batch(&self) -> Option<Batch<'a>> {
+        let first = self.next.fetch_add(self.batch, Ordering::Relaxed);
+        let end = (first + self.batch).min(self.paths);
+        let (paths, rays): (_, Vec<_>) = (first..end).map(|n| self.scene.path(n)).unzip();
+        let rays = Arc::new(rays);
+        (first < end).then_some(Batch { scene: self.scene, paths, rays, next: Vec::new(), shadows: Vec::new() })
+    }
+}
+
+/// Paths that are followed together.
+struct Batch<'a> {
+    scene: &'a RayScene,
+    paths: Vec<PathState>,
+    /// Of each path the ray that is asked for.
+    rays: Arc<Vec<Ray>>,
+    next: Vec<(PathState, Ray)>,
+    /// Pixel, and light if it comes through.
+    shadows: Vec<(u32, f32)>,
+}
+
+impl Batch<'_> {
+    /// What is asked first.
+    fn ask(&mut self) -> RenderWork {
+        // The rays are needed again when their hits are known.
+        RenderWork::Rays { scene: Arc::clone(&self.scene.prepared), rays: Arc::clone(&self.rays) }
+    }
+
+    /// Takes an answer; returns what is asked next, if the batch is not through.
+    fn go_on(&mut self, answer: RenderOutput, found: &mut WalkResult) -> Result<Option<RenderWork>, Error> {
+        match answer {
+            RenderOutput::Hits(hits) => Ok(self.hits(&hits, found)),
+            RenderOutput::Occlusion(occluded) => {
+                found.rays += occluded.len() as u64;
+                for ((pixel, light), _) in self.shadows.drain(..).zip(occluded).filter(|(_, occluded)| !occluded) {
+                    found.film[pixel as usize] += (light * LIGHT_UNITS) as u64;
+                }
+                Ok(self.bounce())
+            }
+            _ => Err(Error::WrongAnswer),
+        }
+    }
+
+    fn hits(&mut self, hits: &[Hit], found: &mut WalkResult) -> Option<RenderWork> {
+        found.rays += hits.len() as u64;
+        let mut rays = Vec::with_capacity(hits.len());
+        for ((path, ray), hit) in self.paths.iter().zip(self.rays.iter()).zip(hits) {
+            let Step { shadow, next } = self.scene.step(*path, ray, hit);
+            if let Some((ray, light)) = shadow {
+                rays.push(ray);
+                self.shadows.push((path.pixel, light));
+            }
+            self.next.extend(next);
+        }
+        if rays.is_empty() {
+            return self.bounce();
+        }
+        Some(RenderWork::Occlusion { scene: Arc::clone(&self.scene.prepared), rays: Arc::new(rays) })
+    }
+
+    fn bounce(&mut self) -> Option<RenderWork> {
+        let (paths, rays): (_, Vec<_>) = self.next.drain(..).unzip();
+        (self.paths, self.rays) = (paths, Arc::new(rays));
+        (!self.rays.is_empty()).then(|| self.ask())
+    }
+}
+
+fn in_place(source: Source<'_>) -> Result<WalkResult, Error> {
+    let mut found = WalkResult::new();
+    while let Some(mut batch) = source.batch() {
+        let mut work = Some(batch.ask());
+        while let Some(asked) = work {
+            work = batch.go_on(asked.perform(), &mut found)?;
+        }
+    }
+    Ok(found)
+}
+
+fn by_allocator<'a>(source: Source<'a>, client: &HraClient<RenderWork>, batches: usize) -> Result<WalkResult, Error> {
+    let mut found = WalkResult::new();
+    let mut under_way = BTreeMap::new();
+    let mut number = 0;
+    let mut begin = |under_way: &mut BTreeMap<u64, Batch<'a>>| {
+        let Some(mut batch) = source.batch() else { return Ok(()) };
+        number += 1;
+        client.submit(WorkUnit::new(batch.ask(), number))?;
+        under_way.insert(number, batch);
+        Ok::<_, Error>(())
+    };
+    for _ in 0..batches {
+        begin(&mut under_way)?;
+    }
+    while let Some(answer) = client.take() {
+        let output = answer.output?;
+        let batch = under_way.get_mut(&answer.ticket).ok_or(Error::WrongAnswer)?;
+        match batch.go_on(output, &mut found)? {
+            Some(work) => client.submit(WorkUnit::new(work, answer.ticket))?,
+            None => {
+                under_way.remove(&answer.ticket);
+                begin(&mut under_way)?;
+            }
+        }
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_hra::{HraConfig, VirtualCpu};
+
+    use super::*;
+
+    #[test]
+    fn the_allocator_finds_the_same_light_as_direct_calls() {
+        let scene = RayScene::a().unwrap();
+        let direct = walk(&scene, &Caller::Direct, 20_000, 512, 1).unwrap();
+        assert!(direct.light() > 0.0 && direct.rays > 60_000, "{} rays", direct.rays);
+        for lanes in [1, 3] {
+            let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(lanes, RenderWork::perform));
+            let found = walk(&scene, &Caller::Allocator(&hra, 0), 20_000, 777, lanes).unwrap();
+            assert!(found == direct, "{lanes} lanes: {} and {} rays", found.rays, direct.rays);
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! The times and errors of all ways to paint.
+
+use bottega_farm::{Level, Optimization};
+use bottega_image::Picture;
+
+/// Times of one way to paint, in seconds, by number of agents.
+#[derive(Clone, Debug)]
+pub(super) struct MagarroRow {
+    pub(super) level: Level,
+    pub(super) optimization: Optimization,
+    /// As the farm does it, or by the paper's rules of importance, auction and adaptation.
+    pub(super) by_the_paper: bool,
+    /// One agent, one thread.
+    pub(super) measured: f64,
+    /// Wall time of the look at the scene within it.
+    pub(super) survey: f64,
+    /// Replayed, by [`AGENTS`].
+    pub(super) replayed: [f64; 4],
+    pub(super) zones: usize,
+    pub(super) error: Option<PictureError>,
+}
+
+/// How a picture differs from the one without optimization.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PictureError {
+    pub(super) rmse: f64,
+    /// Mean absolute difference of what a display shows, in percent of white.
+    pub(super) percent: f64,
+    pub(super) flip: f64,
+}
+
+/// The times and errors of all ways to paint, and two of the pictures.
+#[derive(Clone, Debug)]
+pub struct MagarroReport {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) samples: u32,
+    pub(super) light_samples: u32,
+    pub(super) max_depth: u32,
+    /// No partition, no optimization.
+    pub(super) whole: MagarroRow,
+    /// Level 3 without optimization.
+    pub(super) off: MagarroRow,
+    /// Between two seeds of that.
+    pub(super) noise: PictureError,
+    /// Optimization n, levels 1 to 3.
+    pub(super) levels: Vec<MagarroRow>,
+    /// Level 3, by [`OPTIMIZATIONS`].
+    pub(super) optimizations: Vec<MagarroRow>,
+    /// Level 3, optimization n, by the paper's rules.
+    pub(super) paper: MagarroRow,
+    pub(super) pictures: Pictures,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Pictures {
+    pub(super) off: Picture,
+    pub(super) very_big: Picture,
+}

@@ -1,0 +1,213 @@
+//! The tables as text and as JSON.
+
+use bottega_farm::Optimization;
+use serde_json::{Value, json};
+
+use super::{
+    paper::{self, AGENTS},
+    report::{MagarroReport, MagarroRow, PictureError},
+};
+use crate::Report;
+
+impl Report for MagarroReport {
+    fn as_text(&self) -> String {
+        as_text(self)
+    }
+
+    fn as_json(&self) -> Value {
+        as_json(self)
+    }
+}
+
+/// Minutes and seconds as the paper writes them, with tenths.
+fn clock(seconds: f64) -> String {
+    format!("{}:{:04.1}", (seconds / 60.0) as u64, seconds % 60.0)
+}
+
+/// Time of one agent, measured; of more, replayed.
+pub(super) fn times(row: &MagarroRow) -> [f64; 4] {
+    let mut times = row.replayed;
+    times[0] = row.measured;
+    times
+}
+
+fn as_text(report: &MagarroReport) -> String {
+    let MagarroReport { width, height, samples, light_samples, max_depth, .. } = report;
+    let mut text = format!(
+        "{width}x{height}, {samples} samples a pixel, {light_samples} light samples a bounce, {max_depth} bounces\n\
+         times are minutes:seconds; m: measured with one agent on one thread, r: replayed from what the zones took\n\n"
+    );
+    text += "Table 1: partition, optimization n             (the paper)\n";
+    text += "agents        level 1      level 2      level 3    level 1  level 2  level 3\n";
+    for (index, agents) in AGENTS.iter().enumerate() {
+        text += &format!("{agents:<7}");
+        for row in &report.levels {
+            text += &format!("{:>11} {}", clock(times(row)[index]), kind(index));
+        }
+        for row in paper::TABLE_1 {
+            text += &format!("{:>9}", clock(row[index]));
+        }
+        text += "\n";
+    }
+    text += &format!(
+        "8 agents over 1: {} (the paper: {})\n\n",
+        ratios(report.levels.iter().map(speedup)),
+        ratios(paper::TABLE_1.iter().map(|row| row[0] / row[3]))
+    );
+    text +=
+        "Table 2: optimization, level 3\nagents        off         vs          s          n          b         vb\n";
+    let columns: Vec<&MagarroRow> = std::iter::once(&report.off).chain(&report.optimizations).collect();
+    for (index, agents) in AGENTS.iter().enumerate() {
+        text += &format!("{agents:<7}");
+        for row in &columns {
+            text += &format!("{:>9} {}", clock(times(row)[index]), kind(index));
+        }
+        text += "\npaper  ";
+        text += &if index == 0 { format!("{:>9}  ", clock(paper::UNOPTIMIZED)) } else { format!("{:>11}", "–  ") };
+        for row in paper::TABLE_2 {
+            text += &format!("{:>9}  ", clock(row[index]));
+        }
+        text += "\n";
+    }
+    text += &format!(
+        "\noff over optimized, 1 agent: {} (the paper: {})\n",
+        ratios(report.optimizations.iter().map(|row| report.off.measured / row.measured)),
+        ratios(paper::TABLE_2.iter().map(|row| paper::UNOPTIMIZED / row[0]))
+    );
+    text += &format!(
+        "partition costs {:+.1} % (level 3 over none, 1 agent, off)\n",
+        100.0 * (report.off.measured / report.whole.measured - 1.0)
+    );
+    text += &format!(
+        "the paper's rules of importance, auction and adaptation, level 3, n: {}; 8 agents over 1: {:.2}\n\n",
+        AGENTS
+            .iter()
+            .zip(times(&report.paper))
+            .map(|(agents, time)| format!("{agents}: {}", clock(time)))
+            .collect::<Vec<_>>()
+            .join("  "),
+        speedup(&report.paper)
+    );
+    text += "against off    RMSE       difference   FLIP mean\n";
+    let noise = Some(report.noise);
+    for (name, error) in std::iter::once(("two seeds", noise))
+        .chain(report.optimizations.iter().map(|row| (name(row.optimization), row.error)))
+    {
+        let Some(PictureError { rmse, percent, flip }) = error else { continue };
+        text += &format!("{name:<13} {rmse:>8.5}   {percent:>7.2} %   {flip:>9.4}\n");
+    }
+    let (difference, paper_noise) = paper::DIFFERENCE;
+    text + &format!("the paper                {difference:>6} % of vb, of which noise about {paper_noise} %\n")
+}
+
+fn kind(index: usize) -> &'static str {
+    if index == 0 { "m" } else { "r" }
+}
+
+fn name(optimization: Optimization) -> &'static str {
+    match optimization {
+        Optimization::Off => "off",
+        Optimization::VerySmall => "vs",
+        Optimization::Small => "s",
+        Optimization::Normal => "n",
+        Optimization::Big => "b",
+        Optimization::VeryBig => "vb",
+    }
+}
+
+/// One agent over eight, both replayed, so that nothing but the number differs.
+pub(super) fn speedup(row: &MagarroRow) -> f64 {
+    row.replayed[0] / row.replayed[3]
+}
+
+fn ratios(values: impl Iterator<Item = f64>) -> String {
+    values.map(|value| format!("{value:.2}")).collect::<Vec<_>>().join("  ")
+}
+
+fn as_json(report: &MagarroReport) -> Value {
+    let error = |error: Option<PictureError>| {
+        error.map(
+            |PictureError { rmse, percent, flip }| json!({"rmse": rmse, "difference_percent": percent, "flip": flip}),
+        )
+    };
+    let row = |row: &MagarroRow| {
+        json!({
+            "level": row.level as u8, "optimize": name(row.optimization), "by_the_papers_rules": row.by_the_paper,
+            "zones": row.zones, "agents": AGENTS, "measured_seconds_1_agent": row.measured,
+            "survey_seconds": row.survey, "replayed_seconds": row.replayed, "speedup_8_agents": speedup(row),
+            "error": error(row.error),
+        })
+    };
+    json!({
+        "width": report.width, "height": report.height, "samples": report.samples,
+        "light_samples": report.light_samples, "max_depth": report.max_depth,
+        "whole": row(&report.whole),
+        "off": row(&report.off),
+        "noise": error(Some(report.noise)),
+        "table_1": report.levels.iter().map(row).collect::<Vec<_>>(),
+        "table_2": report.optimizations.iter().map(row).collect::<Vec<_>>(),
+        "papers_rules": row(&report.paper),
+        "paper": {
+            "unoptimized_seconds": paper::UNOPTIMIZED, "table_1_seconds": paper::TABLE_1,
+            "table_2_seconds": paper::TABLE_2, "difference_percent": paper::DIFFERENCE.0,
+            "noise_percent": paper::DIFFERENCE.1,
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_farm::Level;
+    use bottega_image::Picture;
+
+    use super::{
+        super::{Pictures, paper::OPTIMIZATIONS},
+        *,
+    };
+
+    fn row(level: Level, optimization: Optimization, measured: f64) -> MagarroRow {
+        let replayed = [measured, measured / 2.0, measured / 4.0, measured / 7.5];
+        let error = Some(PictureError { rmse: 0.01, percent: 1.5, flip: 0.02 });
+        MagarroRow { level, optimization, by_the_paper: false, measured, survey: 0.1, replayed, zones: 64, error }
+    }
+
+    fn report() -> MagarroReport {
+        let level_3 = |optimization| row(Level::Balanced, optimization, 50.0);
+        let levels = [Level::Divided, Level::Joined, Level::Balanced];
+        let picture = Picture::new(1, 1);
+        MagarroReport {
+            width: 320,
+            height: 240,
+            samples: 64,
+            light_samples: 4,
+            max_depth: 8,
+            whole: row(Level::Whole, Optimization::Off, 100.0),
+            off: row(Level::Balanced, Optimization::Off, 102.0),
+            noise: PictureError { rmse: 0.005, percent: 1.0, flip: 0.01 },
+            levels: levels.map(|level| row(level, Optimization::Normal, 50.0)).to_vec(),
+            optimizations: OPTIMIZATIONS.map(level_3).to_vec(),
+            paper: level_3(Optimization::Normal),
+            pictures: Pictures { off: picture.clone(), very_big: picture },
+        }
+    }
+
+    #[test]
+    fn ours_stand_beside_the_papers() {
+        let text = as_text(&report());
+        // 105:02 over 16:52.
+        assert!(text.contains("8 agents over 1: 7.50  7.50  7.50 (the paper: 3.51  3.51  6.23)"), "{text}");
+        assert!(text.contains("off over optimized, 1 agent: 2.04"), "{text}");
+        assert!(text.contains("partition costs +2.0 %"), "{text}");
+        assert!(text.contains("0:50.0 m") && text.contains("0:06.7 r"), "{text}");
+        let json = as_json(&report());
+        assert_eq!(json["table_2"].as_array().map(Vec::len), Some(5));
+        assert_eq!(json["table_1"][2]["measured_seconds_1_agent"], json!(50.0));
+    }
+
+    #[test]
+    fn the_plot_has_a_curve_for_each_row() {
+        let svg = super::super::plot::svg(&report());
+        // Three levels and as many of the paper's, the ideal, and two of optimization.
+        assert_eq!(svg.matches("<polyline").count(), 9);
+    }
+}

@@ -1,0 +1,61 @@
+//! Pictures painted by the built-in engine as one zone, and how long they took.
+
+use std::{
+    ops::Range,
+    sync::{Arc, mpsc},
+    time::{Duration, Instant},
+};
+
+use bottega_engines::{
+    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, Leaning, RenderEngine, TaskProgress, Tunables,
+    ZoneTask,
+};
+use bottega_image::{AovSet, Layout, Rect, Tile};
+use bottega_render::{PathSettings, PreparedScene, View};
+
+use crate::Error;
+
+/// Paints a whole picture as one zone.
+pub(crate) fn paint_zone(
+    scene: &Arc<PreparedScene>,
+    view: View,
+    settings: PathSettings,
+    threads: usize,
+    spp: u32,
+) -> Result<(Tile, Duration), Error> {
+    let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads };
+    let engine = BuiltinEngine::new(Arc::clone(scene), options, Devices::default());
+    paint_zone_with(&engine, view, settings, spp)
+}
+
+/// Paints a whole picture as one zone, with an engine that is there.
+pub(crate) fn paint_zone_with(
+    engine: &BuiltinEngine,
+    view: View,
+    settings: PathSettings,
+    spp: u32,
+) -> Result<(Tile, Duration), Error> {
+    let tunables = Tunables { max_depth: settings.max_depth, light_samples: settings.light_samples };
+    paint_samples(engine, Rect::of_size(view.width, view.height), tunables, 0..spp, None)
+}
+
+/// Paints samples of all pixels of a rectangle. Returns the sums and the time that they took.
+///
+/// - `tile`: the running sums of those before.
+pub(crate) fn paint_samples(
+    engine: &BuiltinEngine,
+    rect: Rect,
+    tunables: Tunables,
+    samples: Range<u32>,
+    tile: Option<Tile>,
+) -> Result<(Tile, Duration), Error> {
+    let (sender, receiver) = mpsc::channel();
+    let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
+    let task = ZoneTask { rect, samples, tunables, leaning: Leaning::default(), tile, parts: None, cancel, progress };
+    let start = Instant::now();
+    // The receiver outlives the engine's report.
+    engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
+    let lost = || EngineError::Zone { engine: "builtin".to_owned(), rect, reason: "it did not report".to_owned() };
+    let painted = receiver.recv().map_err(|_| lost())??;
+    Ok((painted.tile, start.elapsed()))
+}

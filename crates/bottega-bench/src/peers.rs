@@ -1,0 +1,334 @@
+//! Error and time beside other renderers, on the same triangles, in one run.
+//!
+//! Error is the relative mean squared error against a reference, without the worst thousandth of the pixels and without
+//! the error of the reference itself. For all who sample without bias, error times seconds is a constant of renderer and
+//! scene; its inverse is the efficiency, and the quotient of two efficiencies says how many times as fast as the other
+//! one comes to the same error. Time is that of the clock on the wall, or, on a machine that has other work as well, that of
+//! the processors.
+
+mod report;
+
+use std::{
+    fs::{self, File},
+    io::{Read, Write},
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega::{request::GuideChoice, settings::whole_guide};
+use bottega_image::{Film, Picture, USUAL_TRIM, firefly_count, read_picture, rel_mse_trimmed};
+use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use serde_json::Value;
+
+pub use self::report::PeersReport;
+use self::report::{OURS, PeerRow};
+use crate::{
+    Error,
+    clock::processor_seconds,
+    neutral_scene::{self, NeutralScene},
+    painting::paint_zone,
+    say,
+};
+
+/// Who paints what, and how often.
+#[derive(Clone, Debug)]
+pub struct PeersOptions {
+    /// Folder with the scenes: SCENE.json (ours, and Cycles'), SCENE.xml (Mitsuba's), SCENE.scn (LuxCore's), the PLY meshes
+    /// that they name, and reference/ref_SCENE.exr.
+    pub folder: PathBuf,
+    /// Scenes by name; empty: all that have a reference.
+    pub scenes: Vec<String>,
+    /// Samples a pixel.
+    pub spp: u32,
+    /// Repetitions, interleaved, at least 1; medians of the times and means of the errors are told.
+    pub repeat: u16,
+    /// Only those others whose names begin so; empty: all.
+    pub peers: Vec<String>,
+    /// What our paths learn beforehand; the time for it counts.
+    pub guide: GuideChoice,
+    /// Numbers of threads to paint with.
+    pub threads: Vec<usize>,
+    /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); who is missing is left out.
+    pub python: String,
+    /// Compare the time of the processors, not of the clock.
+    pub processor_time: bool,
+    /// How long one picture of another renderer may take.
+    pub timeout: Duration,
+}
+
+impl PeersOptions {
+    /// Whether another renderer is to be run.
+    fn includes(&self, name: &str) -> bool {
+        self.peers.is_empty() || self.peers.iter().any(|wanted| name.starts_with(wanted.as_str()))
+    }
+}
+
+/// A renderer that is run as a child of its own: some hang, some abort, none may take the others along.
+struct Peer {
+    name: &'static str,
+    /// Python, told the folder, scene, samples, seed, threads and where the picture is to be.
+    script: &'static str,
+    /// What it is told beside that.
+    variant: Option<&'static str>,
+}
+
+const PEERS: [Peer; 4] = [
+    Peer { name: "mitsuba llvm_ad_rgb", script: include_str!("peers/mitsuba.py"), variant: Some("llvm_ad_rgb") },
+    Peer { name: "mitsuba scalar_rgb", script: include_str!("peers/mitsuba.py"), variant: Some("scalar_rgb") },
+    Peer { name: "cycles", script: include_str!("peers/cycles.py"), variant: None },
+    Peer { name: "luxcore", script: include_str!("peers/luxcore.py"), variant: None },
+];
+
+/// How often a child is asked whether it has ended.
+const POLL: Duration = Duration::from_millis(20);
+
+/// One picture painted.
+struct PeerPicture {
+    picture: Picture,
+    seconds: f64,
+    /// Samples a pixel, as some take more than they are told.
+    samples: f64,
+}
+
+/// Paints every scene with every renderer, in turn.
+///
+/// - `log`: is told who is left out, and why.
+///
+/// # Errors
+/// A scene or its reference cannot be read, or our own engine fails.
+pub fn measure(options: &PeersOptions, log: &mut dyn Write) -> Result<PeersReport, Error> {
+    let known: Value = fs::read(options.folder.join("reference/ref_info.json"))
+        .ok()
+        .and_then(|bytes| serde_json::from_slice(&bytes).ok())
+        .unwrap_or_default();
+    let peers: Vec<&Peer> = PEERS.iter().filter(|peer| options.includes(peer.name)).collect();
+    let mut report = PeersReport { rows: Vec::new(), missing: Vec::new() };
+    for name in &scenes(options)? {
+        let scene = neutral_scene::load(&options.folder.join(name).with_extension("json"))?;
+        let reference = read_picture(options.folder.join(format!("reference/ref_{name}.exr")))?;
+        let reference_error = known[name]["ref_relmse"].as_f64().unwrap_or(0.0);
+        for &threads in &options.threads {
+            let all = paint_all(options, &peers, &scene, name, threads, &mut report.missing, log)?;
+            for (renderer, painted) in all {
+                if painted.len() == usize::from(options.repeat.max(1)) {
+                    report.rows.push(row(name, threads, renderer, &painted, &reference, reference_error)?);
+                }
+            }
+        }
+    }
+    Ok(report)
+}
+
+/// The pictures of a scene by renderer, ours first. Renderers take turns, so that whatever else the machine does meanwhile meets
+/// all of them; one that fails is left out from then on.
+fn paint_all(
+    options: &PeersOptions,
+    peers: &[&Peer],
+    scene: &NeutralScene,
+    name: &str,
+    threads: usize,
+    missing: &mut Vec<(&'static str, String)>,
+    log: &mut dyn Write,
+) -> Result<Vec<(&'static str, Vec<PeerPicture>)>, Error> {
+    let mut all: Vec<(&'static str, Vec<PeerPicture>)> = vec![(OURS, Vec::new())];
+    all.extend(peers.iter().map(|peer| (peer.name, Vec::new())));
+    for seed in 0..options.repeat.max(1) {
+        all[0].1.push(ours(scene, threads, options, seed)?);
+        for (peer, (_, painted)) in peers.iter().zip(&mut all[1..]) {
+            if missing.iter().any(|(name, _)| *name == peer.name) {
+                continue;
+            }
+            match paint(peer, options, scene, name, threads, seed) {
+                Ok(picture) => painted.push(picture),
+                Err(reason) => {
+                    say(log, format_args!("{} is left out: {reason}", peer.name));
+                    missing.push((peer.name, reason));
+                }
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The scenes to paint: those asked for, or all of the folder that have a reference.
+fn scenes(options: &PeersOptions) -> Result<Vec<String>, Error> {
+    if !options.scenes.is_empty() {
+        return Ok(options.scenes.clone());
+    }
+    let entries = fs::read_dir(&options.folder)
+        .map_err(|source| bottega::Error::Read { path: options.folder.clone(), source })?;
+    let mut scenes: Vec<String> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "json"))
+        .filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()))
+        .filter(|name| options.folder.join(format!("reference/ref_{name}.exr")).is_file())
+        .collect();
+    scenes.sort();
+    if scenes.is_empty() {
+        return Err(Error::NoScenes { folder: options.folder.clone() });
+    }
+    Ok(scenes)
+}
+
+fn row(
+    scene: &str,
+    threads: usize,
+    renderer: &'static str,
+    painted: &[PeerPicture],
+    reference: &Picture,
+    reference_error: f64,
+) -> Result<PeerRow, Error> {
+    let mut seconds: Vec<f64> = painted.iter().map(|painted| painted.seconds).collect();
+    seconds.sort_by(f64::total_cmp);
+    let seconds = seconds[seconds.len() / 2];
+    let count = painted.len() as f64;
+    let (mut error, mut samples, mut fireflies) = (0.0, 0.0, 0.0);
+    for painted in painted {
+        error += rel_mse_trimmed(reference, &painted.picture, USUAL_TRIM)? / count;
+        samples += painted.samples / count;
+        fireflies += firefly_count(&painted.picture) as f64 / count;
+    }
+    let mpaths = samples * reference.data.len() as f64 / seconds / 1e6;
+    let rel_mse = (error - reference_error).max(1e-9);
+    Ok(PeerRow { scene: scene.to_owned(), threads, renderer, mpaths, seconds, rel_mse, fireflies })
+}
+
+fn ours(scene: &NeutralScene, threads: usize, options: &PeersOptions, seed: u16) -> Result<PeerPicture, Error> {
+    let before = processor_seconds();
+    let (picture, time) = paint_ours(scene, threads, options.spp, seed.into(), options.guide)?;
+    let seconds = match (options.processor_time, before.zip(processor_seconds())) {
+        (false, _) => time.as_secs_f64(),
+        (true, Some((before, after))) => after - before,
+        (true, None) => return Err(Error::NoProcessorTime),
+    };
+    Ok(PeerPicture { picture, seconds, samples: options.spp.into() })
+}
+
+/// Paints a scene as its peers do. Returns the picture and the time that it took.
+fn paint_ours(
+    scene: &NeutralScene,
+    threads: usize,
+    spp: u32,
+    seed: u64,
+    guide: GuideChoice,
+) -> Result<(Picture, Duration), Error> {
+    let (guiding, agents) = whole_guide(guide);
+    // Anew each time: what is learnt of where light comes from belongs to the time of a picture.
+    let options = PrepareOptions { threads, ..PrepareOptions::default() };
+    let prepared = Arc::new(PreparedScene::new(Arc::new(scene.scene.clone()), &options)?);
+    let view = View { camera: 0, width: scene.width, height: scene.height };
+    let settings = PathSettings {
+        seed,
+        max_depth: scene.max_bounces + 1,
+        filter: Filter::PIXEL,
+        planned_samples: spp,
+        guiding,
+        agents,
+        ..PathSettings::default()
+    };
+    let (tile, time) = paint_zone(&prepared, view, settings, threads, spp)?;
+    let mut film = Film::new(tile.rect(), tile.layout().clone());
+    film.add_tile(&tile, |_, _| 1.0);
+    Ok((film.to_picture(), time))
+}
+
+/// Runs a peer. The error says why there is no picture of it.
+fn paint(
+    peer: &Peer,
+    options: &PeersOptions,
+    scene: &NeutralScene,
+    name: &str,
+    threads: usize,
+    seed: u16,
+) -> Result<PeerPicture, String> {
+    let told = |what: &str, error: std::io::Error| format!("{what}: {error}");
+    let folder = std::env::temp_dir().join(format!("bottega-peers-{}", std::process::id()));
+    fs::create_dir_all(&folder).map_err(|error| told("no temporary folder", error))?;
+    let (out, log) = (folder.join("picture.raw"), folder.join("log.txt"));
+    let log_file = File::create(&log).map_err(|error| told("no log", error))?;
+    let mut child = Command::new(&options.python)
+        .arg("-")
+        .arg(&options.folder)
+        .args([name, &options.spp.to_string(), &seed.to_string(), &threads.to_string()])
+        .arg(&out)
+        .args(peer.variant)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(log_file)
+        .spawn()
+        .map_err(|error| told(&options.python, error))?;
+    if let Some(mut input) = child.stdin.take() {
+        // A child that ends at once tells why in its log.
+        drop(input.write_all(peer.script.as_bytes()));
+    }
+    let deadline = Instant::now() + options.timeout;
+    let status = loop {
+        match child.try_wait().map_err(|error| told("lost", error))? {
+            Some(status) => break status,
+            None if Instant::now() < deadline => thread::sleep(POLL),
+            None => {
+                drop(child.kill());
+                drop(child.wait());
+                return Err(format!("it did not end within {} s", options.timeout.as_secs()));
+            }
+        }
+    };
+    let mut answer = String::new();
+    if let Some(mut output) = child.stdout.take() {
+        output.read_to_string(&mut answer).map_err(|error| told("no answer", error))?;
+    }
+    let spent: Option<Value> = answer.lines().last().and_then(|line| serde_json::from_str(line).ok());
+    let result = match spent {
+        Some(spent) if status.success() => read_raw(&out, scene).and_then(|picture| {
+            let number = |key: &str| spent[key].as_f64().ok_or_else(|| format!("its answer lacks `{key}`"));
+            let time = if options.processor_time { "processor_seconds" } else { "seconds" };
+            Ok(PeerPicture { picture, seconds: number(time)?, samples: number("samples")? })
+        }),
+        _ => {
+            let log = fs::read_to_string(&log).unwrap_or_default();
+            Err(log.lines().last().unwrap_or("it ended without an answer").to_owned())
+        }
+    };
+    drop(fs::remove_dir_all(&folder));
+    result
+}
+
+fn read_raw(path: &Path, scene: &NeutralScene) -> Result<Picture, String> {
+    let bytes = fs::read(path).map_err(|error| error.to_string())?;
+    let floats: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    let data: Vec<[f32; 3]> = floats.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    if data.len() != scene.width as usize * scene.height as usize {
+        return Err(format!("its picture has {} pixels", data.len()));
+    }
+    Ok(Picture { data, ..Picture::new(scene.width, scene.height) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_cannot_be_run_is_told_why() {
+        let options = PeersOptions {
+            folder: "nowhere".into(),
+            scenes: Vec::new(),
+            spp: 1,
+            repeat: 1,
+            peers: vec!["mitsuba".to_owned()],
+            guide: GuideChoice::Ala,
+            threads: vec![1],
+            python: "no such python".to_owned(),
+            processor_time: true,
+            timeout: Duration::from_secs(5),
+        };
+        let scene = NeutralScene { scene: bottega_scene::Scene::default(), width: 2, height: 2, max_bounces: 1 };
+        let reason = paint(&PEERS[0], &options, &scene, "a", 1, 0).err().unwrap_or_default();
+        assert!(reason.starts_with("no such python"), "{reason}");
+        assert!(processor_seconds().is_none_or(|seconds| seconds >= 0.0));
+        assert!(scenes(&options).is_err());
+        assert!(options.includes("mitsuba scalar_rgb") && !options.includes("cycles"));
+    }
+}

@@ -1,0 +1,158 @@
+//! The figures of all renderers, as text and as JSON.
+
+use serde_json::{Value, json};
+
+use crate::Report;
+
+/// The name of our own renderer.
+pub(super) const OURS: &str = "bottega";
+
+/// The figures of all renderers on all scenes.
+#[derive(Debug)]
+pub struct PeersReport {
+    pub(super) rows: Vec<PeerRow>,
+    /// Renderers that are left out, and why.
+    pub(super) missing: Vec<(&'static str, String)>,
+}
+
+/// What a renderer reached on a scene with a number of threads.
+#[derive(Debug)]
+pub(super) struct PeerRow {
+    pub(super) scene: String,
+    pub(super) threads: usize,
+    pub(super) renderer: &'static str,
+    /// Pixels times samples, all in millions a second; medians of the repetitions.
+    pub(super) mpaths: f64,
+    pub(super) seconds: f64,
+    pub(super) rel_mse: f64,
+    /// Pixels far brighter than what is around them, in one picture.
+    pub(super) fireflies: f64,
+}
+
+impl PeerRow {
+    pub(super) fn efficiency(&self) -> f64 {
+        1.0 / (self.rel_mse * self.seconds)
+    }
+}
+
+impl Report for PeersReport {
+    fn as_text(&self) -> String {
+        as_text(&self.rows)
+    }
+
+    fn as_json(&self) -> Value {
+        as_json(&self.rows, &self.missing)
+    }
+}
+
+/// Ratios of our efficiency to the best of the others: number of threads, one ratio for each scene, and their geometric
+/// mean.
+type Ratios = (usize, Vec<(String, f64)>, f64);
+
+/// The ratios by number of threads.
+fn ratios(rows: &[PeerRow]) -> Vec<Ratios> {
+    let mut threads: Vec<usize> = rows.iter().map(|row| row.threads).collect();
+    threads.sort_unstable();
+    threads.dedup();
+    let of = |threads: usize| {
+        let ours = rows.iter().filter(|row| row.threads == threads && row.renderer == OURS);
+        let ratios: Vec<(String, f64)> = ours
+            .filter_map(|ours| {
+                let others =
+                    rows.iter().filter(|row| row.threads == threads && row.scene == ours.scene && row.renderer != OURS);
+                let best = others.map(PeerRow::efficiency).max_by(f64::total_cmp)?;
+                Some((ours.scene.clone(), ours.efficiency() / best))
+            })
+            .collect();
+        let mean = ratios.iter().map(|(_, ratio)| ratio.ln()).sum::<f64>() / ratios.len().max(1) as f64;
+        (threads, ratios, mean.exp())
+    };
+    threads.into_iter().map(of).collect()
+}
+
+/// Our efficiency over that of a row on the same scene with as many threads.
+fn ratio(rows: &[PeerRow], other: &PeerRow) -> Option<f64> {
+    let ours =
+        rows.iter().find(|row| row.renderer == OURS && row.scene == other.scene && row.threads == other.threads)?;
+    Some(ours.efficiency() / other.efficiency())
+}
+
+fn as_text(rows: &[PeerRow]) -> String {
+    let mut out = format!(
+        "{:<12} {:>7}  {:<20} {:>9} {:>9} {:>9} {:>12} {:>9}  {}\n",
+        "scene", "threads", "renderer", "Mpaths/s", "seconds", "relMSE", "efficiency", "fireflies", "ours over it"
+    );
+    for row in rows {
+        let ratio = ratio(rows, row).map_or_else(String::new, |ratio| format!("{ratio:.2}"));
+        out += &format!(
+            "{:<12} {:>7}  {:<20} {:>9.3} {:>9.2} {:>9.5} {:>12.3} {:>9.1}  {ratio}\n",
+            row.scene,
+            row.threads,
+            row.renderer,
+            row.mpaths,
+            row.seconds,
+            row.rel_mse,
+            row.efficiency(),
+            row.fireflies
+        );
+    }
+    for (threads, ratios, mean) in ratios(rows) {
+        let each: Vec<String> = ratios.iter().map(|(scene, ratio)| format!("{scene} {ratio:.2}")).collect();
+        if !each.is_empty() {
+            out +=
+                &format!("\nover the best of them, {threads} threads: {}; geometric mean {mean:.2}\n", each.join(", "));
+        }
+    }
+    out
+}
+
+fn as_json(rows: &[PeerRow], missing: &[(&str, String)]) -> Value {
+    let rows_json: Vec<Value> = rows
+        .iter()
+        .map(|row| {
+            json!({
+                "scene": row.scene, "threads": row.threads, "renderer": row.renderer, "mpaths_per_second": row.mpaths,
+                "seconds": row.seconds, "rel_mse": row.rel_mse, "efficiency": row.efficiency(), "fireflies": row.fireflies,
+                "ours_over_it": ratio(rows, row),
+            })
+        })
+        .collect();
+    let best: Vec<Value> = ratios(rows)
+        .into_iter()
+        .map(|(threads, ratios, mean)| {
+            let scenes: serde_json::Map<String, Value> =
+                ratios.into_iter().map(|(scene, ratio)| (scene, json!(ratio))).collect();
+            json!({"threads": threads, "scenes": scenes, "geometric_mean": mean})
+        })
+        .collect();
+    let missing: serde_json::Map<String, Value> =
+        missing.iter().map(|(name, reason)| ((*name).to_owned(), json!(reason))).collect();
+    json!({"rows": rows_json, "over_the_best": best, "left_out": missing})
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(renderer: &'static str, scene: &str, seconds: f64, rel_mse: f64) -> PeerRow {
+        PeerRow { scene: scene.to_owned(), threads: 1, renderer, mpaths: 1.0, seconds, rel_mse, fireflies: 0.0 }
+    }
+
+    #[test]
+    fn ratios_are_to_the_best_of_each_scene() {
+        let rows = [
+            row(OURS, "a", 1.0, 0.1),
+            row("mitsuba scalar_rgb", "a", 4.0, 0.2),
+            row("cycles", "a", 2.0, 0.1),
+            row(OURS, "b", 1.0, 0.1),
+            row("cycles", "b", 1.0, 0.8),
+            row(OURS, "c", 1.0, 0.1),
+        ];
+        let all = ratios(&rows);
+        let (threads, each, mean) = &all[0];
+        assert_eq!((*threads, each.len()), (1, 2), "nobody else painted c");
+        assert!((each[0].1 - 2.0).abs() < 1e-9 && (each[1].1 - 8.0).abs() < 1e-9 && (mean - 4.0).abs() < 1e-9);
+        assert_eq!(as_json(&rows, &[])["over_the_best"][0]["scenes"]["b"], json!(8.0));
+        assert!(as_text(&rows).contains("geometric mean 4.00"));
+    }
+}
