@@ -36,13 +36,13 @@ mod tests {
     fn the_files_that_maps_name_exist() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the root of the repository");
         let mut missing = Vec::new();
-        let mut look = |text: &str, folder: &Path, map: &Path| {
+        let look = |text: &str, folder: &Path, map: &Path, missing: &mut Vec<String>| {
             for path in paths(text).filter(|path| !exists(path, root, folder)) {
                 missing.push(format!("{}: `{path}`", map.strip_prefix(root).unwrap_or(map).display()));
             }
         };
         let page = root.join("ARCHITECTURE.md");
-        look(&fs::read_to_string(&page).expect("a page"), root, &page);
+        look(&fs::read_to_string(&page).expect("a page"), root, &page, &mut missing);
         let crates: Vec<PathBuf> =
             fs::read_dir(root.join("crates")).expect("a folder").flatten().map(|entry| entry.path()).collect();
         assert!(crates.len() > 12, "{crates:?}");
@@ -52,7 +52,7 @@ mod tests {
                 missing.push(format!("{}: no table `{HEADING}`", folder.display()));
                 continue;
             };
-            look(&table, folder, &source);
+            look(&table, folder, &source, &mut missing);
         }
         assert!(missing.is_empty(), "\n{}", missing.join("\n"));
     }

@@ -27,7 +27,7 @@ pub struct HraConfig {
     /// No resource hangs before so much time has passed.
     pub hang_min: Duration,
     /// A resource that is called directly hangs after so much time, whatever is expected. For far ones see
-    /// [`Window::patience`].
+    /// [`Window::patience`](crate::Window::patience).
     pub hang_max: Duration,
     /// Spans of activity that are kept for each resource, for [`timeline_svg`](crate::timeline_svg); 0: none.
     pub spans_kept: usize,

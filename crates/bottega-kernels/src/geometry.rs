@@ -39,7 +39,7 @@ pub enum Precision {
     Fast,
 }
 
-/// How an [`Accel`] is built.
+/// How an [`Accel`](crate::Accel) is built.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
     /// Threads to build with; 0 for as many as the machine has. The result does not depend on it.

@@ -125,7 +125,7 @@ fn values(row: ZoneRow) -> Vec<FarmValue> {
         credit: -3.0,
         agreed: 12,
         failures: 2,
-        left_out: (row.zone.0 % 2 == 0).then(|| "it failed".to_owned()),
+        left_out: row.zone.0.is_multiple_of(2).then(|| "it failed".to_owned()),
         ..AgentRow::new(AgentId::new("a"), RelativePower::new(2.0), 1.0)
     };
     let mut all = vec![FarmValue::Zone(Arc::new(row)), FarmValue::Agent(Arc::new(agent))];
