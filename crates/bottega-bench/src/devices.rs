@@ -71,7 +71,7 @@ fn one(
     for &primitive in primitives {
         match lane(primitive).and_then(|lane| rate(primitive, lane, subject)) {
             Ok((rate, cost)) => measured.rates.push((primitive, rate, cost)),
-            Err(error) => measured.notes.push(format!("{primitive}: {}", error.told())),
+            Err(error) => measured.notes.push(format!("{primitive}: {}", error.error_chain())),
         }
     }
     measured

@@ -51,7 +51,7 @@ pub struct EnginesReport {
     engine: String,
     scene: PathBuf,
     spp: u32,
-    pairs: Vec<Pair>,
+    pairs: Vec<TimedPair>,
     /// Medians of what painting in zones adds, as shares of the engine alone.
     wall: f64,
     processors: Option<f64>,
@@ -67,13 +67,13 @@ struct PictureTime {
 
 /// The same picture by the engine alone and by bottega.
 #[derive(Clone, Copy, Debug)]
-struct Pair {
+struct TimedPair {
     alone: PictureTime,
     zones: PictureTime,
     zone_count: usize,
 }
 
-impl Pair {
+impl TimedPair {
     fn wall(&self) -> f64 {
         self.zones.wall / self.alone.wall - 1.0
     }
@@ -134,12 +134,12 @@ pub fn measure(
         let before = if alone_first { Some(alone(options, &engine, &request)?) } else { None };
         let (zones, zone_count) = in_zones(render, &request, &output)?;
         let alone = before.map_or_else(|| alone(options, &engine, &request), Ok)?;
-        let pair = Pair { alone, zones, zone_count };
+        let pair = TimedPair { alone, zones, zone_count };
         say(log, format_args!("{}", pair.line()));
         pairs.push(pair);
     }
-    let wall = median(pairs.iter().map(Pair::wall).collect());
-    let processors = pairs.iter().map(Pair::processors).collect::<Option<Vec<_>>>().map(median);
+    let wall = median(pairs.iter().map(TimedPair::wall).collect());
+    let processors = pairs.iter().map(TimedPair::processors).collect::<Option<Vec<_>>>().map(median);
     let EnginesOptions { engine, scene, spp, .. } = options.clone();
     Ok(EnginesReport { engine, scene, spp, pairs, wall, processors })
 }
@@ -197,7 +197,7 @@ impl Report for EnginesReport {
 
     fn as_json(&self) -> Value {
         let time = |time: &PictureTime| json!({"seconds": time.wall, "processor_seconds": time.processors});
-        let each = |pair: &Pair| json!({"alone": time(&pair.alone), "zones": time(&pair.zones), "zone_count": pair.zone_count});
+        let each = |pair: &TimedPair| json!({"alone": time(&pair.alone), "zones": time(&pair.zones), "zone_count": pair.zone_count});
         json!({
             "engine": self.engine,
             "scene": self.scene,
@@ -216,9 +216,9 @@ mod tests {
     #[test]
     fn overheads_are_relative_to_the_engine_alone() {
         let took = |wall, processors| PictureTime { wall, processors };
-        let pair = Pair { alone: took(10.0, Some(20.0)), zones: took(10.5, Some(20.2)), zone_count: 4 };
+        let pair = TimedPair { alone: took(10.0, Some(20.0)), zones: took(10.5, Some(20.2)), zone_count: 4 };
         assert!((pair.wall() - 0.05).abs() < 1e-12 && (pair.processors().unwrap() - 0.01).abs() < 1e-12);
-        assert_eq!(Pair { zones: took(1.0, None), ..pair }.processors(), None);
+        assert_eq!(TimedPair { zones: took(1.0, None), ..pair }.processors(), None);
         assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
     }
 

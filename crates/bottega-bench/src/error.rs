@@ -149,8 +149,8 @@ impl Error {
     }
 
     /// With all that it is due to, in one line.
-    pub fn told(&self) -> String {
-        bottega::error::told(self)
+    pub fn error_chain(&self) -> String {
+        bottega::error::error_chain(self)
     }
 }
 

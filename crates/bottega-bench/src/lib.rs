@@ -4,10 +4,18 @@
 //! Every measurement takes plain options and returns a [`Report`]. What is told on the way, such as which picture is being
 //! painted, goes to a writer; a line that cannot be written there changes no figure.
 //!
-//! - [`rays`]: rays and paths a second. [`devices`]: what work costs on each processor and GPU.
-//! - [`hra`], [`magarro`], [`ala`]: the three papers.
-//! - [`peers`]: error and time beside other renderers. [`engines`]: the overhead of painting in zones with another engine.
-//! - [`farm`]: awards a second, on a real NATS server.
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | rays and paths a second | [`rays`]: `src/rays/` |
+//! | what work costs on each processor and GPU | [`devices`] |
+//! | the three papers | [`hra`]: `src/hra/`; [`magarro`]: `src/magarro/`; [`ala`]: `src/ala/` |
+//! | error and time beside other renderers, and the scenes that all of them read | [`peers`]: `src/peers/`; `src/neutral_scene.rs` |
+//! | the overhead of painting in zones with another engine | [`engines`] |
+//! | awards a second, on a real NATS server | [`farm`]: `src/farm/` |
+//! | painting that several measurements share | `src/painting.rs` |
+//! | time of the processors | [`clock`] |
 
 pub mod ala;
 pub mod clock;

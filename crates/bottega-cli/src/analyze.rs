@@ -9,8 +9,9 @@ use std::{fs, path::Path, process::ExitCode, sync::Arc};
 
 use bottega::{
     Request,
-    settings::{agents, importance_function, level, threads},
-    subject::Subject,
+    devices::threads,
+    loaded_scene::LoadedScene,
+    settings::{agents, importance_function, level},
     text::shown,
 };
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, RenderEngine, Survey, Tunables};
@@ -72,7 +73,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
 /// A scene that was surveyed.
 struct Analyzed {
     request: Request,
-    subject: Subject,
+    subject: LoadedScene,
     engine: BuiltinEngine,
     survey: Survey,
     settings: WorkSettings,
@@ -81,7 +82,7 @@ struct Analyzed {
 
 impl Analyzed {
     fn new(args: &AnalyzeArgs, request: Request) -> Result<Self, CliError> {
-        let subject = Subject::load(&request)?;
+        let subject = LoadedScene::load(&request)?;
         let is_single = !args.verify.is_empty() && request.devices.threads.is_none();
         let painters = if is_single { 1 } else { threads(&request) };
         let max_depth = subject.hints.max_depth.unwrap_or(DEFAULT_DEPTH);

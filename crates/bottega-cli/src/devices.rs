@@ -21,7 +21,7 @@ pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
         let found = gpus.iter().map(|gpu| gpu.name.clone()).collect();
         return Err(GpuError::UnknownAdapter { wanted: wanted.clone(), found }.into());
     }
-    let measured = args.bench.then(|| measure(&names)).transpose()?;
+    let measured = args.bench.then(|| measure(&names).map_err(CliError::from)).transpose()?;
     if args.json {
         let gpus = gpus.iter().map(|gpu| {
             let software = gpu.kind == AdapterKind::Software;

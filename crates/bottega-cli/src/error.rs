@@ -22,7 +22,7 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Cluster(#[from] bottega_cluster::Error),
     #[error(transparent)]
-    Bench(#[from] bottega_bench::Error),
+    Bench(Box<bottega_bench::Error>),
     #[error("cannot serve the live view")]
     Serve(#[from] ServeError),
     #[error("the simulation came to nothing")]
@@ -128,9 +128,11 @@ fn shown(error: &dyn std::error::Error, remedy: Option<String>, excerpt: Option<
 /// An error of the program, as it is shown to people.
 pub(crate) fn report(error: &CliError) -> String {
     let excerpt = match error {
-        CliError::Bottega(error)
-        | CliError::Cluster(bottega_cluster::Error::Bottega(error))
-        | CliError::Bench(bottega_bench::Error::Bottega(error)) => error.excerpt(),
+        CliError::Bottega(error) | CliError::Cluster(bottega_cluster::Error::Bottega(error)) => error.excerpt(),
+        CliError::Bench(error) => match &**error {
+            bottega_bench::Error::Bottega(error) => error.excerpt(),
+            _ => None,
+        },
         _ => None,
     };
     shown(error, error.remedy(), excerpt)
@@ -143,6 +145,12 @@ pub(crate) fn report_of(error: &bottega_cluster::Error) -> String {
         _ => None,
     };
     shown(error, error.remedy(), excerpt)
+}
+
+impl From<bottega_bench::Error> for CliError {
+    fn from(error: bottega_bench::Error) -> Self {
+        Self::Bench(Box::new(error))
+    }
 }
 
 /// Errors of crates that the library has a word for.

@@ -7,7 +7,7 @@
 //! | options, and the request that they make | `src/cli.rs`, `src/cli/render.rs`, `src/cli/scene.rs`, `src/cli/light.rs`, `src/cli/engine.rs` |
 //! | requests that are read; a request as options | `src/cli/request.rs`, `src/cli/words.rs` |
 //! | `render`, `request` | `src/render.rs`, `src/request.rs` |
-//! | the progress bar, lines of text and JSON, the trace | `src/voice.rs` |
+//! | the progress bar, lines of text and JSON, the trace | `src/console_watcher.rs` |
 //! | standard output and standard error | `src/output.rs` |
 //! | errors as people read them | `src/error.rs` |
 //! | Ctrl-C | `src/signals.rs` |
@@ -16,7 +16,7 @@
 //! | `up`, `join`, `jobs`, `machines` | `src/farm/` |
 //! | `engines` | `src/engines/` |
 //! | `rules` | `src/rules/` |
-//! | `devices` | `src/devices/` |
+//! | `devices` | `src/devices.rs` |
 //! | `simulate` | `src/simulate/` |
 //! | `platform`; machines and jobs of a farm as agents, and what they can be asked | `src/platform/`; `src/platform/farm/`, `src/platform/farm/ontology.rs` |
 //! | options of `bench` | `src/bench/` |
@@ -30,6 +30,7 @@ mod output;
 mod analyze;
 mod bench;
 mod cli;
+mod console_watcher;
 mod devices;
 mod diff;
 mod engines;
@@ -42,7 +43,6 @@ mod request;
 mod rules;
 mod signals;
 mod simulate;
-mod voice;
 
 use std::process::ExitCode;
 

@@ -2,18 +2,18 @@
 
 use std::{process::ExitCode, sync::Arc};
 
-use bottega::{Request, Session, SessionOptions, StopSwitch, keeping::journal_of};
+use bottega::{Request, Session, SessionOptions, StopSwitch, journal::journal_of};
 use bottega_cluster::{
     animation::{render_frames, submit_frames},
-    client::{self, Outcome},
+    client::{self, RenderOutcome},
 };
 use bottega_web::Dashboard;
 
 use crate::{
     cli::RenderArgs,
+    console_watcher::{ConsoleWatcher, OutputForm},
     error::CliError,
     signals::{interrupted, stop_on_signal},
-    voice::{Form, Voice},
 };
 
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
@@ -48,7 +48,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
 fn one(
     request: &Request,
     options: SessionOptions,
-    voice: &Arc<Voice>,
+    voice: &Arc<ConsoleWatcher>,
     stop: &StopSwitch,
 ) -> Result<ExitCode, CliError> {
     let session = Session::open_with(request, options)?;
@@ -57,7 +57,12 @@ fn one(
 }
 
 /// Asks a farm, and paints with it unless nobody waits for the picture.
-fn in_farm(args: &RenderArgs, request: &Request, voice: &Arc<Voice>, stop: &StopSwitch) -> Result<ExitCode, CliError> {
+fn in_farm(
+    args: &RenderArgs,
+    request: &Request,
+    voice: &Arc<ConsoleWatcher>,
+    stop: &StopSwitch,
+) -> Result<ExitCode, CliError> {
     let farm = args.farm.as_ref().and_then(Option::as_ref);
     let (credentials, watcher) = (args.login.credentials(), Arc::clone(voice) as _);
     match (request.frames.is_some(), args.detach) {
@@ -65,8 +70,8 @@ fn in_farm(args: &RenderArgs, request: &Request, voice: &Arc<Voice>, stop: &Stop
         (true, false) => render_frames(farm, &credentials, request, args.resume, watcher, stop)?,
         (false, true) => _ = client::submit(farm, &credentials, request, watcher, stop)?,
         (false, false) => match client::render(farm, &credentials, request, options(args), watcher, stop)? {
-            Outcome::Led(picture) if !picture.is_whole() => return Ok(interrupted()),
-            Outcome::Led(_) | Outcome::Fetched(_) => return Ok(ExitCode::SUCCESS),
+            RenderOutcome::Local(picture) if !picture.is_whole() => return Ok(interrupted()),
+            RenderOutcome::Local(_) | RenderOutcome::Remote(_) => return Ok(ExitCode::SUCCESS),
         },
     }
     Ok(if stop.is_requested() { interrupted() } else { ExitCode::SUCCESS })
@@ -82,14 +87,14 @@ fn options(args: &RenderArgs) -> SessionOptions {
 }
 
 /// Who is told: people or programs, the dashboard, the trace.
-fn voice(args: &RenderArgs) -> Result<Voice, CliError> {
+fn voice(args: &RenderArgs) -> Result<ConsoleWatcher, CliError> {
     let form = match (args.scene.json, args.quiet) {
-        (true, _) => Form::Json,
-        (_, true) => Form::Quiet,
-        _ => Form::Text,
+        (true, _) => OutputForm::Json,
+        (_, true) => OutputForm::Quiet,
+        _ => OutputForm::Text,
     };
     let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
-    Voice::new(form, dashboard, args.trace.as_deref(), args.detach)
+    ConsoleWatcher::new(form, dashboard, args.trace.as_deref(), args.detach)
 }
 
 fn unwritable(source: bottega::RequestError) -> CliError {

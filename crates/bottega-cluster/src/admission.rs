@@ -8,7 +8,7 @@ use std::{
 use crate::error::Error;
 use crate::{
     address::Group,
-    link::Answer,
+    link::EnrolmentAnswer,
     members::Members,
     server::{Setup, reload},
 };
@@ -39,8 +39,8 @@ impl Admission {
         if answer.member.is_some()
             && let Err(error) = self.tell_server(count)
         {
-            let reason = format!("its server cannot be told of it: {}", error.told());
-            answer = Answer { member: None, refused: Some(reason) };
+            let reason = format!("its server cannot be told of it: {}", error.error_chain());
+            answer = EnrolmentAnswer { member: None, refused: Some(reason) };
         }
         if let Some(member) = &answer.member {
             tracing::info!(member, group = group.word(), "let in");

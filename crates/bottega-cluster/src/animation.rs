@@ -13,8 +13,11 @@ use std::{
 };
 
 use bottega::{
-    Event, Request, StopSwitch, Watcher, denoise, devices::DeviceChoice, engines::Material, session::Reporter,
-    settings::threads, state::state_folder,
+    Event, Request, StopSwitch, Watcher, denoise,
+    devices::{DeviceChoice, threads},
+    engines::SceneFiles,
+    session::Reporter,
+    state::state_folder,
 };
 use bottega_image::check_writable;
 
@@ -23,14 +26,14 @@ use crate::{
     cache::Cache,
     client::{new_job, order, unfetched, write_picture},
     error::Error,
-    job::{JobState, Order, for_others},
+    job::{JobSpec, JobState, for_others},
     job_board::{JobBoard, ended_badly},
     link::{Credentials, FarmLink, link},
     part::Member,
     patience::patiently,
+    prepared_job::WorkerDevices,
     refusals::{RefusalWatch, Refusals},
-    studio::Own,
-    worker::{CACHE_BYTES, Said, Worker},
+    worker::{CACHE_BYTES, Worker, WorkerMessage},
 };
 
 /// How often is looked for frames that are painted.
@@ -110,14 +113,14 @@ fn paint_with_others(
         .map_err(|error| Error::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once"))?;
     let say = {
         let reporter = Arc::clone(reporter);
-        move |said: Said<'_>| match said {
-            Said::Line(line) => reporter.say(line),
-            Said::Failure(error) => reporter.warn(error.told_with_remedy()),
+        move |said: WorkerMessage<'_>| match said {
+            WorkerMessage::Line(line) => reporter.say(line),
+            WorkerMessage::Failure(error) => reporter.warn(error.error_chain_with_remedy()),
         }
     };
     let cache = Cache::new(state_folder().join("cache"), CACHE_BYTES);
     let devices = DeviceChoice::of(&request.devices.names).unwrap_or_default();
-    let own = Own { threads: request.devices.threads, devices };
+    let own = WorkerDevices { threads: request.devices.threads, devices };
     let mut worker = Worker::new(member, cache, own, Some(only), Box::new(say));
     while !stop.is_requested() && !over.load(Ordering::Relaxed) {
         worker.work_once();
@@ -145,7 +148,7 @@ fn submit(
     let Some(&first) = missing.first() else { return Ok(BTreeMap::new()) };
     let first = request.at_frame(first)?;
     first.output.file.as_deref().map(check_writable).transpose()?;
-    let material = Material::gather(&first)?;
+    let material = SceneFiles::gather(&first)?;
     for warning in &material.warnings {
         reporter.warn(warning.clone());
     }
@@ -156,7 +159,7 @@ fn submit(
         let of_frame = request.at_frame(frame)?;
         let mut job = new_job(&of_frame, &material, me);
         job.scene = format!("{}, frame {frame}", job.scene);
-        let number = board.submit(&job, &Order { request: for_others(&of_frame)?, ..order.clone() })?;
+        let number = board.submit(&job, &JobSpec { request: for_others(&of_frame)?, ..order.clone() })?;
         let output = of_frame.output.file.unwrap_or_default();
         wanted.insert(number, Wanted { frame, work: job.work, output });
     }
@@ -179,7 +182,7 @@ fn collect(
     let (mut failure, mut watch) = (None, RefusalWatch::default());
     while !wanted.is_empty() && !stop.is_requested() {
         let mut over = Vec::new();
-        let seats = board.seats();
+        let seats = board.presences();
         for (seat, refusal) in watch.news(&seats, |work| wanted.values().any(|frame| frame.work == work)) {
             reporter.warn(format!("{} leaves frames out: {}", seat.name, refusal.reason));
         }

@@ -17,7 +17,7 @@ use bottega_agents::driver::nats::{BlobError, NatsBlobs};
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
-use crate::{cache::Cache, scene_files::write_whole};
+use crate::{cache::Cache, sent_files::write_whole};
 
 /// Bytes of a piece.
 pub(crate) const CHUNK_BYTES: usize = 4 << 20;

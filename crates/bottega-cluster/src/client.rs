@@ -9,10 +9,10 @@ use std::{
 
 use bottega::{
     Event, Picture, Request, Session, SessionOptions, StopSwitch, Watcher, denoise,
-    engines::Material,
+    devices::threads,
+    engines::SceneFiles,
     request::EnvironmentLight,
-    session::{Reporter, Tools},
-    settings::threads,
+    session::{PaintingTools, Reporter},
     text::shown,
 };
 use bottega_farm::{JobError, JobReport};
@@ -21,14 +21,14 @@ use crate::{
     address::FarmAddress,
     build::build,
     error::Error,
-    job::{Job, JobState, Order, for_others, unix_seconds},
+    job::{Job, JobSpec, JobState, for_others, unix_seconds},
     job_board::{JobBoard, ended_badly},
     link::{Credentials, FarmLink, link},
     names::fresh_number,
-    part::{Leading, Member, Part, take_part},
+    part::{Leading, Member, PartOutcome, take_part},
     patience::{meanwhile, patiently},
     refusals::{RefusalWatch, Refusals},
-    scene_files::SceneFiles,
+    sent_files::SentFiles,
     transfer::{self, Sent},
 };
 
@@ -44,7 +44,7 @@ pub struct SubmittedJob {
 }
 
 /// A picture that a farm has painted.
-enum Painted {
+enum JobOutcome {
     /// With this process as leader, which has the pixels.
     Here(Box<JobReport>, Option<Leading>),
     /// With another one: the bytes of the file.
@@ -52,11 +52,11 @@ enum Painted {
 }
 
 /// What a farm came to.
-pub enum Outcome {
+pub enum RenderOutcome {
     /// This process led the job, and has the picture; it is written.
-    Led(Box<Picture>),
+    Local(Box<Picture>),
     /// Another machine led it to its end; the picture is written to this file.
-    Fetched(PathBuf),
+    Remote(PathBuf),
 }
 
 /// Paints a picture with the machines of a farm, and writes it where the request says.
@@ -72,14 +72,14 @@ pub fn render(
     options: SessionOptions,
     watcher: Arc<dyn Watcher>,
     stop: &StopSwitch,
-) -> Result<Outcome, Error> {
+) -> Result<RenderOutcome, Error> {
     let session = Session::open_with(request, options)?;
-    let (material, name) = (session.material()?, session.name()?);
+    let (material, name) = (session.scene_files()?, session.name()?);
     let reporter = Arc::new(Reporter::new(watcher));
     let (painting, tools) = session.begin(Arc::clone(&reporter))?;
     let job = SubmittedJob::submit((farm, credentials), request, &material, Some(&name), stop, &reporter)?;
     match job.paint(tools, &reporter)? {
-        Painted::Here(report, leading) => {
+        JobOutcome::Here(report, leading) => {
             let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
             let failed = picture.report().failed.len();
             if let Some(leading) = leading
@@ -87,9 +87,9 @@ pub fn render(
             {
                 reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
             }
-            Ok(Outcome::Led(Box::new(picture.close()?)))
+            Ok(RenderOutcome::Local(Box::new(picture.close()?)))
         }
-        Painted::Elsewhere(picture) => {
+        JobOutcome::Elsewhere(picture) => {
             painting.leave();
             let output = request.output.file.clone().unwrap_or_default();
             write_picture(&output, &picture).map_err(|error| unfetched(job.number, &error))?;
@@ -102,7 +102,7 @@ pub fn render(
                 reporter.warn(format!("cannot remove {}: {error}", journal.display()));
             }
             reporter.tell(Event::Fetched { output: shown(&output) });
-            Ok(Outcome::Fetched(output))
+            Ok(RenderOutcome::Remote(output))
         }
     }
 }
@@ -120,7 +120,7 @@ pub fn submit(
 ) -> Result<u32, Error> {
     request.validate().map_err(bottega::Error::from)?;
     let reporter = Reporter::new(watcher);
-    let material = Material::gather(request)?;
+    let material = SceneFiles::gather(request)?;
     material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
     let job = SubmittedJob::submit((farm, credentials), request, &material, None, stop, &reporter)?;
     Ok(job.number)
@@ -133,7 +133,7 @@ impl SubmittedJob {
     fn submit(
         (farm, credentials): (Option<&FarmAddress>, &Credentials),
         request: &Request,
-        material: &Material,
+        material: &SceneFiles,
         journal: Option<&str>,
         stop: &StopSwitch,
         reporter: &Reporter,
@@ -149,7 +149,7 @@ impl SubmittedJob {
         board.refuse_guests()?;
         board.sweep();
         let (order, sent) = order(&board, &name, request, material, stop, reporter)?;
-        let order = Order { journal: journal.map(str::to_owned), ..order };
+        let order = JobSpec { journal: journal.map(str::to_owned), ..order };
         let job = new_job(request, material, &name);
         let number = board.submit(&job, &order)?;
         sent.keep();
@@ -161,10 +161,10 @@ impl SubmittedJob {
 
     /// Paints with the others until the picture is there, or the user wants to stop. Tells the user which machines have left
     /// the job out.
-    fn paint(&self, tools: Tools, reporter: &Reporter) -> Result<Painted, Error> {
+    fn paint(&self, tools: PaintingTools, reporter: &Reporter) -> Result<JobOutcome, Error> {
         let mut watch = RefusalWatch::default();
         let tell = || {
-            let seats = self.member.board.seats();
+            let seats = self.member.board.presences();
             for (seat, refusal) in watch.news(&seats, |work| work == self.work) {
                 reporter.warn(format!("{} is left out: {}", seat.name, refusal.reason));
             }
@@ -172,7 +172,7 @@ impl SubmittedJob {
         meanwhile(LOOK_EVERY, tell, || self.paint_with_others(tools, reporter))
     }
 
-    fn paint_with_others(&self, mut tools: Tools, reporter: &Reporter) -> Result<Painted, Error> {
+    fn paint_with_others(&self, mut tools: PaintingTools, reporter: &Reporter) -> Result<JobOutcome, Error> {
         let Member { board, stop, .. } = &self.member;
         let say = |line: &str| reporter.say(line);
         let mut said_paused = false;
@@ -186,7 +186,7 @@ impl SubmittedJob {
             }
             if let JobState::Done { .. } = job.state {
                 let picture = patiently(stop, say, || board.picture(&job))?;
-                return picture.map(Painted::Elsewhere).ok_or_else(|| {
+                return picture.map(JobOutcome::Elsewhere).ok_or_else(|| {
                     Error::failed("the job is done, and its picture is nowhere", "see `bottega jobs log`")
                 });
             }
@@ -205,14 +205,14 @@ impl SubmittedJob {
             helped = false;
             let part = || take_part(&self.member, self.number, &job, &mut tools, || false);
             match patiently(stop, say, part) {
-                Ok(Part::Led(report, leading)) => return Ok(Painted::Here(report, Some(leading))),
-                Ok(Part::Left(Some(report))) if stop.is_requested() => {
+                Ok(PartOutcome::Led(report, leading)) => return Ok(JobOutcome::Here(report, Some(leading))),
+                Ok(PartOutcome::Left(Some(report))) if stop.is_requested() => {
                     self.call_off();
-                    return Ok(Painted::Here(report, None));
+                    return Ok(JobOutcome::Here(report, None));
                 }
-                Ok(Part::Left(None)) if stop.is_requested() => return Err(self.called_off()),
-                Ok(Part::Left(_)) => {}
-                Ok(Part::Helped) => helped = true,
+                Ok(PartOutcome::Left(None)) if stop.is_requested() => return Err(self.called_off()),
+                Ok(PartOutcome::Left(_)) => {}
+                Ok(PartOutcome::Helped) => helped = true,
                 // Those who were not left out go on.
                 Err(Error::Bottega(bottega::Error::Job(JobError::LeftOut { reason }))) => {
                     reporter.warn(format!("this machine is left out: {reason}"));
@@ -238,7 +238,7 @@ impl SubmittedJob {
     fn unwritten(&self, error: &Error) -> Error {
         let number = self.number;
         Error::failed(
-            error.told(),
+            error.error_chain(),
             format!(
                 "the farm has all that is painted: the next machine that leads job {number} has it keep the picture, and \
                  `bottega jobs fetch {number} -o FILE` writes it, where there is room; `bottega jobs cancel {number}` calls it off"
@@ -269,7 +269,7 @@ impl SubmittedJob {
 
 impl Drop for SubmittedJob {
     fn drop(&mut self) {
-        self.member.board.rise(&self.member.name);
+        self.member.board.leave(&self.member.name);
     }
 }
 
@@ -277,7 +277,7 @@ impl Drop for SubmittedJob {
 pub(crate) fn unfetched(number: u32, error: &Error) -> Error {
     let remedy =
         format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
-    Error::failed(error.told(), remedy)
+    Error::failed(error.error_chain(), remedy)
 }
 
 /// Writes a picture that another process has made. The file is there as a whole or not at all.
@@ -288,7 +288,7 @@ pub fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 }
 
 /// A job that is asked for now.
-pub(crate) fn new_job(request: &Request, material: &Material, from: &str) -> Job {
+pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> Job {
     let mut job = Job {
         version: build().identity().to_owned(),
         commit: build().commit().to_owned(),
@@ -313,17 +313,17 @@ pub(crate) fn order<'a>(
     board: &'a JobBoard,
     me: &'a str,
     request: &Request,
-    material: &Material,
+    material: &SceneFiles,
     stop: &StopSwitch,
     reporter: &Reporter,
-) -> Result<(Order, Sent<'a>), Error> {
+) -> Result<(JobSpec, Sent<'a>), Error> {
     let environment = match &request.environment.light {
         Some(EnvironmentLight::File(path)) => Some(path.as_path()),
         _ => None,
     };
-    let (files, transfer) = SceneFiles::read(&request.scene.file, &material.files, environment)?;
+    let (files, transfer) = SentFiles::read(&request.scene.file, &material.files, environment)?;
     let sent = transfer::send(&transfer, board, me, stop, reporter)?;
     let request = for_others(request)?;
     request.to_value().map_err(|source| bottega::Error::Request { origin: "the options".to_owned(), source })?;
-    Ok((Order { request, files, engine: material.engine.clone(), journal: None }, sent))
+    Ok((JobSpec { request, files, engine: material.engine.clone(), journal: None }, sent))
 }

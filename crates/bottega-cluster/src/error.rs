@@ -72,14 +72,14 @@ impl Error {
     }
 
     /// With all that it is due to, in one line.
-    pub fn told(&self) -> String {
-        bottega::error::told(self)
+    pub fn error_chain(&self) -> String {
+        bottega::error::error_chain(self)
     }
 
     /// The same with what can be done about it.
-    pub fn told_with_remedy(&self) -> String {
+    pub fn error_chain_with_remedy(&self) -> String {
         let remedy = self.remedy().map(|remedy| format!("; {remedy}")).unwrap_or_default();
-        format!("{}{remedy}", self.told())
+        format!("{}{remedy}", self.error_chain())
     }
 }
 

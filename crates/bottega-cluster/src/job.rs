@@ -13,7 +13,7 @@ use bottega::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{error::Error, scene_files::SceneFiles};
+use crate::{error::Error, sent_files::SentFiles};
 
 /// Lines that a job's log has at most; older ones go.
 const LOG_LINES_MAX: usize = 200;
@@ -105,12 +105,12 @@ impl Job {
 /// What a job asks for: a request, and the files that it names by what is in them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Order {
+pub struct JobSpec {
     /// The picture. Its rules are texts; its files are those of `files`, whatever it calls them.
     #[serde(with = "request_json")]
     pub request: Request,
     /// The files of the scene.
-    pub files: SceneFiles,
+    pub files: SentFiles,
     /// The engine of other people that paints it, as all machines must have it; none: our own.
     #[serde(default)]
     pub engine: Option<String>,
@@ -132,7 +132,7 @@ mod request_json {
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Request, D::Error> {
         let value = Value::deserialize(deserializer)?;
-        Request::from_value(value).map_err(|error| de::Error::custom(bottega::error::told(&error)))
+        Request::from_value(value).map_err(|error| de::Error::custom(bottega::error::error_chain(&error)))
     }
 }
 
@@ -151,7 +151,7 @@ pub fn for_others(request: &Request) -> Result<Request, Error> {
     Ok(request)
 }
 
-impl Order {
+impl JobSpec {
     /// What is asked of this machine: the scene is here, and how many processors it has is its own matter.
     ///
     /// - `scene`, `environment`: where the files are that were fetched.
@@ -165,7 +165,7 @@ impl Order {
         // References out of the scene's folder lie within the cache: where they are was decided when they were fetched. This
         // machine's own files are no business of the scene.
         request.scene.allow_outside = false;
-        request.scene.asset_roots = vec![SceneFiles::root_of(scene)];
+        request.scene.asset_roots = vec![SentFiles::root_of(scene)];
         if let Some(environment) = environment {
             request.environment.light = Some(EnvironmentLight::File(environment));
         }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{build::build, error::Error};
 use crate::{
-    job::{Job, JobState, Order},
+    job::{Job, JobSpec, JobState},
     machine::{Standing, order_name},
     refusals::Refusal,
     together,
@@ -60,7 +60,7 @@ impl Lead {
 
 /// A machine that is there.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Seat {
+pub struct Presence {
     /// The process.
     pub name: String,
     /// Its processors.
@@ -81,7 +81,7 @@ pub struct Seat {
     pub refusals: Vec<Refusal>,
 }
 
-impl Seat {
+impl Presence {
     /// The seat of a machine of this build that paints, or waits for work.
     pub fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
         Self {
@@ -113,7 +113,7 @@ pub struct JobBoard {
 
 impl JobBoard {
     /// Keeps a job. Returns its number.
-    pub fn submit(&self, job: &Job, order: &Order) -> Result<u32, Error> {
+    pub fn submit(&self, job: &Job, order: &JobSpec) -> Result<u32, Error> {
         self.uplink.blobs().put(&order_blob(job.work), &text(order)).map_err(Error::Blob)?;
         let first = self.all().last().map_or(1, |(number, _)| number + 1);
         for number in first..first + TRIES_MAX {
@@ -205,7 +205,7 @@ impl JobBoard {
     }
 
     /// What a job asks for.
-    pub fn order(&self, job: &Job) -> Result<Order, Error> {
+    pub fn spec(&self, job: &Job) -> Result<JobSpec, Error> {
         let bytes = self.uplink.blobs().get(&order_blob(job.work), ORDER_BYTES_MAX).map_err(Error::Blob)?;
         bytes
             .and_then(|bytes| serde_json::from_slice(&bytes).ok())
@@ -293,15 +293,15 @@ impl JobBoard {
     }
 
     /// Machines that are there.
-    pub fn seats(&self) -> Vec<Seat> {
+    pub fn presences(&self) -> Vec<Presence> {
         self.seated().into_iter().map(|(seat, _)| seat).collect()
     }
 
     /// The same, with the number of each seat's last writing.
-    pub(crate) fn seated(&self) -> Vec<(Seat, u64)> {
+    pub(crate) fn seated(&self) -> Vec<(Presence, u64)> {
         let notices = self.uplink.notices().all("seat/");
         let sat_on = notices.iter().filter(|notice| notice.unchanged < SEAT_EMPTY);
-        let read = sat_on.filter_map(|notice| Some((read::<Seat>(notice)?, notice)));
+        let read = sat_on.filter_map(|notice| Some((read::<Presence>(notice)?, notice)));
         let mut seats_of: BTreeMap<String, usize> = BTreeMap::new();
         let own = read.filter(|(seat, notice)| {
             let of_member = seats_of.entry(member_of(&seat.name).to_owned()).or_default();
@@ -313,14 +313,14 @@ impl JobBoard {
     }
 
     /// Says that a machine is there.
-    pub fn sit(&self, seat: &Seat) {
+    pub fn attend(&self, seat: &Presence) {
         if let Err(error) = self.uplink.notices().put(&seat_name(&seat.name), &text(seat)) {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
 
     /// Says that it has gone.
-    pub fn rise(&self, name: &str) {
+    pub fn leave(&self, name: &str) {
         let order = order_name(name);
         let is_told = !self.uplink.is_guest() && self.uplink.notices().get(&order).is_some();
         for notice in is_told.then_some(order).into_iter().chain([seat_name(name)]) {

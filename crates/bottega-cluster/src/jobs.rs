@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bottega::keeping::{is_journal_of, journal_of};
+use bottega::journal::{is_journal_of, journal_of};
 
 use crate::{
     client::{unfetched, write_picture},
@@ -83,7 +83,7 @@ pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<P
 /// picture stays.
 fn forget_journal(board: &JobBoard, job: &Job, output: &Path) {
     let path = journal_of(output);
-    let Some(name) = board.order(job).ok().and_then(|order| order.journal) else { return };
+    let Some(name) = board.spec(job).ok().and_then(|order| order.journal) else { return };
     if is_journal_of(&path, &name)
         && let Err(error) = fs::remove_file(&path)
     {

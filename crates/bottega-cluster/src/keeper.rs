@@ -61,7 +61,7 @@ impl Keeper {
         if let Some(bytes) = limit
             && let Err(error) = board.tell_limit(bytes)
         {
-            tracing::warn!("the farm is not told how much its server keeps: {}", error.told());
+            tracing::warn!("the farm is not told how much its server keeps: {}", error.error_chain());
         }
         Self {
             server,

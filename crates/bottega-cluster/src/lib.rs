@@ -16,9 +16,9 @@
 //! | jobs on the notices, who leads them; how they stand | [`job_board`], [`view`]; machines that leave a job out: [`refusals`] |
 //! | asking for a picture; for frames | [`client`], [`animation`] |
 //! | steering of jobs and machines | [`jobs`], [`machine`] |
-//! | how scenes travel: files, pieces, sending, the cache | `src/scene_files.rs`, `src/chunks.rs`, `src/transfer.rs`, [`cache`] |
+//! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
-//! | a job made ready here; led or helped | `src/studio.rs`, `src/part.rs` |
+//! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
 //! | which build of the farm this is | [`build`](mod@build) |
 //! | a picture asked for without a command line | `examples/submit.rs` |
@@ -43,12 +43,12 @@ pub mod names;
 pub mod own_server;
 mod part;
 mod patience;
+mod prepared_job;
 pub mod refusals;
 pub mod room;
-mod scene_files;
+mod sent_files;
 mod server;
 mod shares;
-mod studio;
 mod together;
 mod transfer;
 pub mod up;

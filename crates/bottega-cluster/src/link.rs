@@ -63,13 +63,13 @@ struct Membership {
 
 /// What one who wants to be let in says, and hears.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Request {
+pub(crate) struct EnrolmentRequest {
     pub(crate) key: String,
     pub(crate) host: String,
 }
 
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Answer {
+pub(crate) struct EnrolmentAnswer {
     pub(crate) member: Option<String>,
     pub(crate) refused: Option<String>,
 }
@@ -205,7 +205,7 @@ fn as_member(
 /// Asks to become a member.
 fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, Error> {
     let key = MemberKey::new();
-    let request = Request { key: key.public(), host: host_name() };
+    let request = EnrolmentRequest { key: key.public(), host: host_name() };
     let request = serde_json::to_vec(&request).unwrap_or_default();
     let group = word.group.word();
     let options = NatsOptions { login: newcomer(group, &word.secret), ..pinned(address, word, "newcomer") };
@@ -216,13 +216,13 @@ fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, Error> {
         error => error.is_refusal() && begun.elapsed() < PATIENCE_OF_REFUSED,
     };
     let answer = persist(PATIENCE, may_pass, || enrol(&options, group, &request)).map_err(told)?;
-    let answer: Option<Answer> = serde_json::from_slice(&answer).ok();
+    let answer: Option<EnrolmentAnswer> = serde_json::from_slice(&answer).ok();
     let refused = |reason: String| {
         Error::failed(format!("the farm does not let this machine in: {reason}"), "see what `bottega up` says")
     };
     match (answer, key.seed()) {
-        (Some(Answer { member: Some(member), .. }), Some(seed)) => Ok(Membership { member, seed }),
-        (Some(Answer { refused: Some(reason), .. }), _) => Err(refused(reason)),
+        (Some(EnrolmentAnswer { member: Some(member), .. }), Some(seed)) => Ok(Membership { member, seed }),
+        (Some(EnrolmentAnswer { refused: Some(reason), .. }), _) => Err(refused(reason)),
         _ => Err(refused("its answer is not understood".to_owned())),
     }
 }

@@ -11,7 +11,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
-use crate::job_board::{JobBoard, Seat};
+use crate::job_board::{JobBoard, Presence};
 
 /// How long one who has just come looks whether seats are renewed: those who sit there do so twice a second.
 const LOOK_FOR: Duration = Duration::from_millis(1500);
@@ -60,7 +60,7 @@ pub struct Roster {
 
 impl Roster {
     /// Takes the seats that are not silent, with the numbers of their last writings; returns those that count.
-    pub fn look(&mut self, seats: Vec<(Seat, u64)>) -> Vec<Seat> {
+    pub fn look(&mut self, seats: Vec<(Presence, u64)>) -> Vec<Presence> {
         let mut first = BTreeMap::new();
         let mut there = Vec::new();
         for (seat, revision) in seats {
@@ -93,7 +93,7 @@ impl JobBoard {
     }
 
     /// The machines that are there, for one who has linked up a moment ago and cannot know since when seats are silent.
-    pub fn present(&self) -> Vec<Seat> {
+    pub fn present(&self) -> Vec<Presence> {
         let mut roster = Roster::default();
         let begun = Instant::now();
         loop {
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn a_seat_counts_once_it_was_renewed_and_until_it_is_silent() {
         let mut roster = Roster::default();
-        let seat = |name: &str| Seat::new(name, 1, None);
+        let seat = |name: &str| Presence::new(name, 1, None);
         let mut look = |seats: &[(&str, u64)]| {
             let seats = seats.iter().map(|(name, revision)| (seat(name), *revision)).collect();
             roster.look(seats).into_iter().map(|seat| seat.name).collect::<Vec<_>>()

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::Error;
 use crate::{
     address::{FARM, Group},
-    link::{Answer, Request, write_secret},
+    link::{EnrolmentAnswer, EnrolmentRequest, write_secret},
     names::plain,
 };
 
@@ -97,16 +97,16 @@ impl Members {
     }
 
     /// Lets one in who knows the word of a group. What it sends is not believed.
-    pub(crate) fn answer(&mut self, group: Group, request: &[u8]) -> Answer {
-        let refuse = |reason: &str| Answer { member: None, refused: Some(reason.to_owned()) };
-        let Ok(Request { key, host }) = serde_json::from_slice(request) else {
+    pub(crate) fn answer(&mut self, group: Group, request: &[u8]) -> EnrolmentAnswer {
+        let refuse = |reason: &str| EnrolmentAnswer { member: None, refused: Some(reason.to_owned()) };
+        let Ok(EnrolmentRequest { key, host }) = serde_json::from_slice(request) else {
             return refuse("it says nothing sensible");
         };
         if !is_public_key(&key) {
             return refuse("its key is none");
         }
         if let Some(known) = self.roll.members.iter().find(|member| member.key == key) {
-            return Answer { member: Some(known.name.clone()), refused: None };
+            return EnrolmentAnswer { member: Some(known.name.clone()), refused: None };
         }
         if self.roll.members.len() >= MEMBERS_MAX {
             return refuse("there are too many members");
@@ -118,7 +118,7 @@ impl Members {
         }
         self.roll.members.push(Member { name: name.clone(), key, is_guest: group == Group::Guest });
         match self.save() {
-            Ok(()) => Answer { member: Some(name), refused: None },
+            Ok(()) => EnrolmentAnswer { member: Some(name), refused: None },
             Err(error) => {
                 self.roll.members.pop();
                 refuse(&format!("the farm cannot note it: {error}"))
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     fn request(key: &str, host: &str) -> Vec<u8> {
-        serde_json::to_vec(&Request { key: key.to_owned(), host: host.to_owned() }).unwrap()
+        serde_json::to_vec(&EnrolmentRequest { key: key.to_owned(), host: host.to_owned() }).unwrap()
     }
 
     #[test]

@@ -17,11 +17,11 @@ use bottega_farm::{
 
 use crate::{
     job::{Job, JobState},
-    job_board::{JobBoard, Lead, Lease, RENEW_EVERY, Seat},
+    job_board::{JobBoard, Lead, Lease, Presence, RENEW_EVERY},
     refusals::{RefusalWatch, Refusals},
     together::{self, Together},
 };
-use bottega::session::Tools;
+use bottega::session::PaintingTools;
 
 use crate::error::Error;
 
@@ -45,14 +45,14 @@ pub(crate) struct Member {
 
 impl Member {
     /// Its seat, while it paints a job or waits for one.
-    pub(crate) fn seat(&self, job: Option<u32>) -> Seat {
+    pub(crate) fn seat(&self, job: Option<u32>) -> Presence {
         let (is_guest, refusals) = (self.board.uplink.is_guest(), self.refusals.last());
-        Seat { is_guest, refusals, ..Seat::new(&self.name, self.threads, job) }
+        Presence { is_guest, refusals, ..Presence::new(&self.name, self.threads, job) }
     }
 }
 
 /// How a part in a job ended.
-pub(crate) enum Part {
+pub(crate) enum PartOutcome {
     /// This process led the job to its end. It leads on until the picture is safe.
     Led(Box<JobReport>, Leading),
     /// The one who leads has let this process go: all is painted.
@@ -68,9 +68,9 @@ pub(crate) fn take_part(
     member: &Member,
     number: u32,
     job: &Job,
-    tools: &mut Tools,
+    tools: &mut PaintingTools,
     elsewhere: impl Fn() -> bool + Send + 'static,
-) -> Result<Part, Error> {
+) -> Result<PartOutcome, Error> {
     let Member { board, name, .. } = member;
     // It may take longer than a lease.
     learn_from_others(board, job, &*tools.engine)?;
@@ -81,7 +81,8 @@ pub(crate) fn take_part(
         board.log(number, &format!("{name} leads"));
     }
     let this = StopSwitch::new();
-    let told = Arc::new(Told { inner: Arc::clone(&tools.observer), lead: Mutex::default(), log: Mutex::default() });
+    let told =
+        Arc::new(LoggingObserver { inner: Arc::clone(&tools.observer), lead: Mutex::default(), log: Mutex::default() });
     let guard = Guard {
         member: member.clone(),
         number,
@@ -102,7 +103,7 @@ pub(crate) fn take_part(
     prepare_together(member, number, job, tools, &this);
     let prepared = begun.elapsed();
     if this.is_requested() {
-        return Ok(Part::Left(None));
+        return Ok(PartOutcome::Left(None));
     }
     let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
     let (settings, engine) = (&less(&tools.settings, prepared), Arc::clone(&tools.engine));
@@ -113,13 +114,13 @@ pub(crate) fn take_part(
         report.times.total += prepared;
         report.times.preparation += prepared;
         return Ok(if report.stopped {
-            Part::Left(Some(report))
+            PartOutcome::Left(Some(report))
         } else {
-            Part::Led(report, Leading { _watch: watch, link })
+            PartOutcome::Led(report, Leading { _watch: watch, link })
         });
     }
     let helped = bottega_farm::assist(settings, engine, told, &this, link).map_err(Error::job)?;
-    Ok(if helped { Part::Helped } else { Part::Left(None) })
+    Ok(if helped { PartOutcome::Helped } else { PartOutcome::Left(None) })
 }
 
 /// The same with less time, if there is only so much.
@@ -134,7 +135,7 @@ fn less(settings: &JobSettings, spent: Duration) -> JobSettings {
 }
 
 /// Makes what all zones need with the other machines of the job, as far as it can be shared out.
-fn prepare_together(member: &Member, number: u32, job: &Job, tools: &Tools, this: &StopSwitch) {
+fn prepare_together(member: &Member, number: u32, job: &Job, tools: &PaintingTools, this: &StopSwitch) {
     let Member { board, name, .. } = member;
     // One who may only paint is trusted in nothing else, and where machines are compared none is.
     if board.uplink.is_guest() || tools.settings.verify > 1 || tools.engine.learnt().is_some() {
@@ -224,7 +225,7 @@ struct Guard {
     /// Whether it has taken the lead of one who has gone: this process will lead when its agents have left.
     has_claimed: bool,
     this: StopSwitch,
-    told: Arc<Told>,
+    told: Arc<LoggingObserver>,
     /// Has learnt, or will have, what others need not learn again; until they are told.
     learner: Option<Arc<dyn RenderEngine>>,
     elsewhere: Box<dyn Fn() -> bool + Send>,
@@ -292,7 +293,7 @@ impl Guard {
 
     fn renew(&mut self) {
         let Member { board, name, .. } = &self.member;
-        board.sit(&Seat { takes_orders: !self.asked, ..self.member.seat(Some(self.number)) });
+        board.attend(&Presence { takes_orders: !self.asked, ..self.member.seat(Some(self.number)) });
         let lead = Lead { leader: Some(name.clone()), ..self.told.lead() };
         let Some(lease) = &mut self.lease else { return };
         let renewed = board.renew(lease, &lead);
@@ -317,7 +318,7 @@ impl Guard {
         }
         let board = &self.member.board;
         let mut lines = std::mem::take(&mut *self.told.log.lock().unwrap_or_else(PoisonError::into_inner));
-        let seats = board.seats();
+        let seats = board.presences();
         let news = self.watch.news(&seats, |work| work == self.work).into_iter();
         lines.extend(
             news.filter(|(seat, _)| seat.is_guest)
@@ -340,19 +341,19 @@ impl Guard {
 }
 
 /// An observer that remembers how far the job is, and what is to be written into its log.
-struct Told {
+struct LoggingObserver {
     inner: Arc<dyn Observer>,
     lead: Mutex<Lead>,
     log: Mutex<Vec<String>>,
 }
 
-impl Told {
+impl LoggingObserver {
     fn lead(&self) -> Lead {
         self.lead.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
-impl Observer for Told {
+impl Observer for LoggingObserver {
     fn surveyed(&self, survey: &Arc<Survey>) {
         self.inner.surveyed(survey);
     }

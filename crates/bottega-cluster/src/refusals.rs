@@ -8,7 +8,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::job_board::Seat;
+use crate::job_board::Presence;
 
 /// Refusals that stand on a seat at most; older ones go.
 const REFUSALS_MAX: usize = 16;
@@ -55,7 +55,11 @@ pub struct RefusalWatch(BTreeSet<(String, u64)>);
 
 impl RefusalWatch {
     /// What machines have refused since the last call: of the works that are asked for.
-    pub fn news<'a>(&mut self, seats: &'a [Seat], is_asked_for: impl Fn(u64) -> bool) -> Vec<(&'a Seat, Refusal)> {
+    pub fn news<'a>(
+        &mut self,
+        seats: &'a [Presence],
+        is_asked_for: impl Fn(u64) -> bool,
+    ) -> Vec<(&'a Presence, Refusal)> {
         let mut news = Vec::new();
         for seat in seats {
             for refusal in seat.refusals.iter().take(REFUSALS_MAX).filter(|refusal| is_asked_for(refusal.work)) {
@@ -83,7 +87,7 @@ mod tests {
 
     #[test]
     fn each_refusal_is_told_once_and_in_one_line() {
-        let mut seat = Seat::new("m", 1, None);
+        let mut seat = Presence::new("m", 1, None);
         seat.refusals = vec![refusal(1, "no\u{1b}[31m\nroom"), refusal(2, "x")];
         let (mut watch, seats) = (RefusalWatch::default(), [seat]);
         let news = watch.news(&seats, |work| work == 101);

@@ -1,6 +1,6 @@
 //! Which job a machine paints: so that jobs have machines in proportion to their priorities.
 
-use crate::job_board::Seat;
+use crate::job_board::Presence;
 
 /// A job that wants machines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub(crate) struct Wanting {
 /// The job that a machine which has none takes: the one that has least for its priority; the older one of equals.
 ///
 /// - `seats`: all machines but this one.
-pub(crate) fn choose(jobs: &[Wanting], seats: &[Seat]) -> Option<u32> {
+pub(crate) fn choose(jobs: &[Wanting], seats: &[Presence]) -> Option<u32> {
     jobs.iter()
         .map(|job| (share(job, seated(job.number, seats) + 1), job.number))
         .min_by(|a, b| {
@@ -26,7 +26,7 @@ pub(crate) fn choose(jobs: &[Wanting], seats: &[Seat]) -> Option<u32> {
 /// the last by name goes first, so that not all go at once.
 ///
 /// - `seats`: all machines, this one among them.
-pub(crate) fn should_move(me: &str, number: u32, jobs: &[Wanting], seats: &[Seat]) -> bool {
+pub(crate) fn should_move(me: &str, number: u32, jobs: &[Wanting], seats: &[Presence]) -> bool {
     let Some(own) = jobs.iter().find(|job| job.number == number) else { return true };
     let is_last = seats.iter().filter(|seat| seat.job == Some(number)).all(|seat| &*seat.name <= me);
     let mine = share(own, seated(number, seats));
@@ -35,7 +35,7 @@ pub(crate) fn should_move(me: &str, number: u32, jobs: &[Wanting], seats: &[Seat
 }
 
 /// Machines that paint a job.
-fn seated(number: u32, seats: &[Seat]) -> usize {
+fn seated(number: u32, seats: &[Presence]) -> usize {
     seats.iter().filter(|seat| seat.job == Some(number)).count()
 }
 
@@ -49,9 +49,9 @@ mod tests {
 
     use super::*;
 
-    fn settle(jobs: &[Wanting], count: usize) -> Vec<Seat> {
-        let seat = |i: usize| Seat::new(&format!("m{i:03}"), 1, None);
-        let mut seats: Vec<Seat> = (0..count).map(seat).collect();
+    fn settle(jobs: &[Wanting], count: usize) -> Vec<Presence> {
+        let seat = |i: usize| Presence::new(&format!("m{i:03}"), 1, None);
+        let mut seats: Vec<Presence> = (0..count).map(seat).collect();
         for i in 0..count {
             seats[i].job = choose(jobs, &seats);
         }

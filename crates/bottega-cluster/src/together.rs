@@ -55,7 +55,7 @@ impl<'a> Together<'a> {
 
     /// Whether there is another machine that may take part.
     fn has_others(&self) -> bool {
-        self.board.seats().iter().any(|seat| seat.name != self.me && seat.standing == Standing::Active)
+        self.board.presences().iter().any(|seat| seat.name != self.me && seat.standing == Standing::Active)
     }
 
     fn parts_of(&self, stage: u32, count: u32) -> Vec<SharedPart> {
@@ -116,7 +116,7 @@ impl<'a> Together<'a> {
                 return Ok(Err(RenderError::Left));
             }
             let parts = self.parts_of(stage, found.len() as u32);
-            let there: Vec<String> = self.board.seats().into_iter().map(|seat| seat.name).collect();
+            let there: Vec<String> = self.board.presences().into_iter().map(|seat| seat.name).collect();
             let is_there = |name: &str| there.iter().any(|it| it == name);
             match next_part(&parts, self.me, is_there, PATIENCE.max(2 * longest)) {
                 NextPart::Done => return Ok(Ok(())),

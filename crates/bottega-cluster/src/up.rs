@@ -52,7 +52,7 @@ pub struct UpOptions {
 }
 
 /// A farm on this machine.
-pub enum Farm {
+pub enum LocalFarm {
     /// This process has it.
     Here(Box<Host>),
     /// Another process of this user has it, and nothing is changed.
@@ -87,7 +87,7 @@ pub struct Host {
     _alone: fs::File,
 }
 
-impl Farm {
+impl LocalFarm {
     /// Begins a farm, with a NATS server as a child of this process.
     ///
     /// # Errors
@@ -175,7 +175,7 @@ fn lock(folder: &Path) -> Result<Option<fs::File>, Error> {
 }
 
 /// Another process of this user has the farm: it is left alone.
-fn up_already(args: &UpOptions, folder: PathBuf) -> Result<Farm, Error> {
+fn up_already(args: &UpOptions, folder: PathBuf) -> Result<LocalFarm, Error> {
     let process = fs::read_to_string(folder.join(LOCK)).unwrap_or_default();
     let file = folder.join("members.json");
     if !file.is_file() {
@@ -192,7 +192,7 @@ fn up_already(args: &UpOptions, folder: PathBuf) -> Result<Farm, Error> {
         ));
     }
     let invitation = Box::new(Invitation::new(listen, &words(&members)?));
-    Ok(Farm::Elsewhere { process, listen, invitation })
+    Ok(LocalFarm::Elsewhere { process, listen, invitation })
 }
 
 /// The words by which one becomes a member.

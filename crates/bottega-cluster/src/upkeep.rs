@@ -89,7 +89,7 @@ impl JobBoard {
 
     /// Forgets a job and all that was kept for it: its scene, too, as far as no other job needs it.
     pub fn remove_with_scene(&self, number: u32) -> Result<(), Error> {
-        let order = self.get(number).and_then(|job| self.order(&job).ok());
+        let order = self.get(number).and_then(|job| self.spec(&job).ok());
         self.remove(number)?;
         let pieces: BTreeSet<String> = order.map(|order| order.files.blobs().collect()).unwrap_or_default();
         // Nobody sends under no name.
@@ -101,7 +101,7 @@ impl JobBoard {
     fn needed(&self) -> Option<BTreeSet<String>> {
         let jobs = self.all();
         let live = jobs.iter().filter(|(_, job)| !job.state.is_over());
-        let orders = live.map(|(_, job)| self.order(job)).collect::<Result<Vec<_>, _>>().ok()?;
+        let orders = live.map(|(_, job)| self.spec(job)).collect::<Result<Vec<_>, _>>().ok()?;
         Some(orders.iter().flat_map(|order| order.files.blobs()).collect())
     }
 
@@ -159,7 +159,7 @@ impl JobBoard {
         let held = |job: &Job| {
             // What it asks for cannot be read: of its scene nothing is known.
             let pieces: BTreeSet<String> =
-                self.order(job).map(|order| order.files.blobs().collect()).unwrap_or_default();
+                self.spec(job).map(|order| order.files.blobs().collect()).unwrap_or_default();
             let scene = pieces.iter().filter_map(|name| sizes.get(&**name)).sum();
             let prefix = format!("job-{}/", job.work);
             let own: u64 =

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::{
     job::{Job, JobState},
-    job_board::{JobBoard, Lead, Seat},
+    job_board::{JobBoard, Lead, Presence},
     machine::{Roster, Standing},
 };
 
@@ -77,7 +77,7 @@ impl JobView {
 #[derive(Clone, Debug, PartialEq)]
 pub struct MachineView {
     /// What it says of itself.
-    pub seat: Seat,
+    pub seat: Presence,
     /// What it is told.
     pub ordered: Standing,
 }
@@ -100,7 +100,7 @@ impl FarmView {
             JobView::of(number, &job, &board.lead(number).unwrap_or_default(), machines)
         });
         let jobs = jobs.collect();
-        let machine = |seat: Seat| MachineView { ordered: board.order_to(&seat.name).standing, seat };
+        let machine = |seat: Presence| MachineView { ordered: board.order_to(&seat.name).standing, seat };
         Self { jobs, machines: seats.into_iter().map(machine).collect() }
     }
 

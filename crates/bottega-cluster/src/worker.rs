@@ -9,23 +9,23 @@ use std::{
 
 use bottega::{StopSwitch, devices::processors, state::state_folder};
 
-pub use crate::studio::Own;
+pub use crate::prepared_job::WorkerDevices;
 use crate::{
     cache::Cache,
     error::Error,
     job::{Job, JobState},
-    job_board::{JobBoard, RENEW_EVERY, Seat},
+    job_board::{JobBoard, Presence, RENEW_EVERY},
     link::FarmLink,
     machine::{MachineOrder, Standing},
-    part::{Member, Part, take_part},
+    part::{Member, PartOutcome, take_part},
     patience::{meanwhile, patiently},
+    prepared_job::PreparedJob,
     refusals::{Refusal, Refusals},
     shares::{Wanting, choose, should_move},
-    studio::Studio,
 };
 
 /// What a machine that paints for a farm says to its user.
-pub enum Said<'a> {
+pub enum WorkerMessage<'a> {
     /// What it does.
     Line(&'a str),
     /// Why it does not paint a job.
@@ -36,7 +36,7 @@ pub enum Said<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct JoinOptions {
     /// What paints.
-    pub own: Own,
+    pub own: WorkerDevices,
     /// Where scenes are kept; none: a folder of the user's state.
     pub cache: Option<PathBuf>,
     /// How much of them, in bytes; what was used longest ago goes first. None: 20 GiB.
@@ -48,7 +48,7 @@ pub struct JoinOptions {
 /// Paints for a farm until the user wants to stop, or somebody has this machine leave.
 ///
 /// - `say`: tells the user what it does.
-pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(Said<'_>)>) {
+pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>)>) {
     let FarmLink { uplink, name, .. } = link;
     let JoinOptions { own, cache, cache_bytes, once } = options;
     let threads = own.threads.map_or_else(processors, usize::from);
@@ -72,14 +72,14 @@ const STAYS: Duration = Duration::from_secs(5);
 pub(crate) struct Worker {
     member: Member,
     cache: Cache,
-    own: Own,
+    own: WorkerDevices,
     /// The job that was painted last: its scene stays loaded.
-    studio: Option<Studio>,
+    studio: Option<PreparedJob>,
     /// The only ones that it may; then it is the process that asked for them, and takes no orders.
     only: Option<BTreeSet<u32>>,
     /// A job that is painted, and whose picture somebody else makes safe.
     helped: Option<u32>,
-    say: Box<dyn Fn(Said<'_>)>,
+    say: Box<dyn Fn(WorkerMessage<'_>)>,
 }
 
 impl Worker {
@@ -90,16 +90,16 @@ impl Worker {
     pub(crate) fn new(
         member: Member,
         cache: Cache,
-        own: Own,
+        own: WorkerDevices,
         only: Option<BTreeSet<u32>>,
-        say: Box<dyn Fn(Said<'_>)>,
+        say: Box<dyn Fn(WorkerMessage<'_>)>,
     ) -> Self {
         Self { member, cache, own, studio: None, only, helped: None, say }
     }
 
     /// Says that it has gone.
     pub(crate) fn leave(&self) {
-        self.member.board.rise(&self.member.name);
+        self.member.board.leave(&self.member.name);
     }
 
     /// Does what it is told, until the user wants to stop or somebody has it leave.
@@ -111,9 +111,9 @@ impl Worker {
             let MachineOrder { standing, by } = self.member.board.order_to(&self.member.name);
             if before != standing {
                 match standing {
-                    Standing::Active => (self.say)(Said::Line(&format!("resumed by {by}; waiting for work"))),
-                    Standing::Suspended => (self.say)(Said::Line(&format!("suspended by {by}"))),
-                    Standing::Terminated => (self.say)(Said::Line(&format!("told to leave by {by}"))),
+                    Standing::Active => (self.say)(WorkerMessage::Line(&format!("resumed by {by}; waiting for work"))),
+                    Standing::Suspended => (self.say)(WorkerMessage::Line(&format!("suspended by {by}"))),
+                    Standing::Terminated => (self.say)(WorkerMessage::Line(&format!("told to leave by {by}"))),
                 }
             }
             before = standing;
@@ -130,7 +130,7 @@ impl Worker {
         // Memory, too, is for others now.
         self.studio = None;
         let Member { board, name, stop, .. } = &self.member;
-        board.sit(&Seat { standing: Standing::Suspended, ..self.member.seat(None) });
+        board.attend(&Presence { standing: Standing::Suspended, ..self.member.seat(None) });
         let begun = Instant::now();
         while begun.elapsed() < RENEW_EVERY
             && !stop.is_requested()
@@ -154,11 +154,11 @@ impl Worker {
     /// Takes part in a job, or waits a moment if there is none. Returns whether one came to its end.
     pub(crate) fn work_once(&mut self) -> bool {
         let Member { board, name, .. } = &self.member;
-        let others: Vec<Seat> = board.seats().into_iter().filter(|seat| seat.name != *name).collect();
+        let others: Vec<Presence> = board.presences().into_iter().filter(|seat| seat.name != *name).collect();
         let wanting = wanting(board, |number, job| self.would(number, job));
         let chosen = choose(&wanting, &others).and_then(|number| Some((number, board.get(number)?)));
         let Some((number, job)) = chosen else {
-            board.sit(&Seat { takes_orders: self.only.is_none(), ..self.member.seat(None) });
+            board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.seat(None) });
             self.wait();
             return false;
         };
@@ -169,11 +169,11 @@ impl Worker {
             // What is wrong with one job is no reason to leave the farm.
             Err(error) => {
                 let Member { board, name, refusals, .. } = &self.member;
-                let reason = error.told_with_remedy();
+                let reason = error.error_chain_with_remedy();
                 board.log(number, &format!("{name} is left out: {reason}"));
-                (self.say)(Said::Failure(&error));
+                (self.say)(WorkerMessage::Failure(&error));
                 refusals.add(Refusal { job: number, work: job.work, reason });
-                board.sit(&Seat { takes_orders: self.only.is_none(), ..self.member.seat(None) });
+                board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.seat(None) });
                 true
             }
         }
@@ -198,23 +198,23 @@ impl Worker {
 
     fn take_part(&mut self, number: u32, job: &Job) -> Result<bool, Error> {
         let teller = &self.say;
-        let say = |line: &str| teller(Said::Line(line));
+        let say = |line: &str| teller(WorkerMessage::Line(line));
         let Member { board, stop, .. } = &self.member;
-        let seat = Seat { takes_orders: self.only.is_none(), ..self.member.seat(Some(number)) };
+        let seat = Presence { takes_orders: self.only.is_none(), ..self.member.seat(Some(number)) };
         if self.studio.as_ref().is_none_or(|studio| studio.work != job.work) {
             // The old one goes first: two scenes may be more than there is room for.
             self.studio = None;
-            let open = || Studio::open(&self.member, job, &self.cache, &self.own);
-            let sit = || board.sit(&seat);
+            let open = || PreparedJob::open(&self.member, job, &self.cache, &self.own);
+            let sit = || board.attend(&seat);
             self.studio = Some(meanwhile(RENEW_EVERY, sit, || patiently(stop, say, open))?);
         }
         let Some(studio) = &self.studio else { return Ok(false) };
         let before = studio.samples_done();
-        (self.say)(Said::Line(&format!("job {number}: painting {}", job.scene)));
+        (self.say)(WorkerMessage::Line(&format!("job {number}: painting {}", job.scene)));
         let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
         let part = patiently(stop, say, part)?;
-        let is_over = !matches!(part, Part::Left(_));
-        if let Part::Led(mut report, leading) = part {
+        let is_over = !matches!(part, PartOutcome::Left(_));
+        if let PartOutcome::Led(mut report, leading) = part {
             let state = match report.failed.len() {
                 0 => {
                     let metadata = studio.finish(board, number, &mut report);
@@ -230,7 +230,7 @@ impl Worker {
         }
         let how = if is_over { "done" } else { "left" };
         let samples = (studio.samples_done() - before) as f64 / 1e6;
-        (self.say)(Said::Line(&format!("job {number}: {how}, {samples:.1} M samples here")));
+        (self.say)(WorkerMessage::Line(&format!("job {number}: {how}, {samples:.1} M samples here")));
         Ok(is_over)
     }
 
@@ -241,7 +241,7 @@ impl Worker {
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         move || {
             let wanting = || wanting(&board, |number, job| may(&only, &refusals, number, job));
-            is_called_off() || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.seats())
+            is_called_off() || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.presences())
         }
     }
 }

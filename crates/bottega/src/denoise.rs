@@ -10,7 +10,7 @@ use bottega_denoise::{DenoiseError, Denoised, Denoiser};
 use bottega_farm::{JobReport, StopSwitch};
 use bottega_image::{Aov, Metadata, ReadLimits, read_image_bytes};
 
-use crate::{error::Error, events::Event, request::Request, session::Reporter, settings::threads};
+use crate::{devices::threads, error::Error, events::Event, request::Request, session::Reporter};
 
 /// Under which name a picture says by what it was denoised.
 pub const KEY: &str = "denoised";

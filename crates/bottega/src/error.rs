@@ -190,13 +190,13 @@ impl Error {
     }
 
     /// With all that it is due to, in one line.
-    pub fn told(&self) -> String {
-        told(self)
+    pub fn error_chain(&self) -> String {
+        error_chain(self)
     }
 }
 
 /// An error with all that it is due to, in one line.
-pub fn told(error: &dyn std::error::Error) -> String {
+pub fn error_chain(error: &dyn std::error::Error) -> String {
     let causes = std::iter::successors(error.source(), |error| error.source());
     causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
 }

@@ -1,52 +1,10 @@
-//! Animations: the same scene at several times, a picture each.
+//! Which frames an animation has, and how their pictures are called.
 
 mod list;
 mod name;
 
-use std::path::Path;
-
 pub use self::list::{Frames, FramesError};
 pub(crate) use self::name::{FrameName, NameError};
-use crate::{error::Error, keeping::journal_of, request::Request};
-
-impl Request {
-    /// The request of one frame of an animation: its time, and where its picture goes.
-    ///
-    /// # Errors
-    /// The name of the output has no place for the number of a frame, or several.
-    pub fn at_frame(&self, frame: i32) -> Result<Self, Error> {
-        let Some(frames) = &self.frames else { return Ok(self.clone()) };
-        let mut request = self.clone();
-        request.scene.time = Some(frame as f32 / frames.fps);
-        if !request.engine.is_builtin() {
-            request.engine.frame = Some(frame);
-        }
-        if let Some(file) = &self.output.file {
-            request.output.file = Some(frame_name(file)?.of(frame));
-        }
-        request.frames = None;
-        Ok(request)
-    }
-
-    /// The frames that are to be painted; of an animation that is gone on with those of which not all is there.
-    ///
-    /// # Errors
-    /// As of [`Self::at_frame`].
-    pub fn missing_frames(&self, resume: bool) -> Result<Vec<i32>, Error> {
-        let Some(frames) = &self.frames else { return Ok(Vec::new()) };
-        let Some(file) = &self.output.file else { return Ok(frames.list.iter().collect()) };
-        let name = frame_name(file)?;
-        let has = |frame: i32| {
-            let output = name.of(frame);
-            resume && output.is_file() && !journal_of(&output).is_file()
-        };
-        Ok(frames.list.iter().filter(|frame| !has(*frame)).collect())
-    }
-}
-
-fn frame_name(output: &Path) -> Result<FrameName, Error> {
-    FrameName::new(output).map_err(|error| Error::usage(error.to_string(), frame_name_help(&error)))
-}
 
 /// What can be done about a name that has no place for a number.
 pub(crate) fn frame_name_help(error: &NameError) -> &'static str {

@@ -20,21 +20,23 @@
 //! |---|---|
 //! | what may be asked for: sections, words, limits, checks | [`request`]: `src/request/sections.rs`, `src/request/choices.rs`, `src/request/limits.rs`, `src/request/validate.rs` |
 //! | requests as JSON; one field set by its path | `src/request/json.rs`, `src/request/set.rs` |
-//! | the way from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs` |
+//! | the way from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs` |
 //! | what is told meanwhile, and to whom | [`events`]; `src/session/reporter.rs`, `src/session/watcher.rs` |
 //! | the picture, its files and its metadata | [`picture`] |
-//! | what a request means to engines and farm | [`settings`]; its scene: [`subject`]; which integrator paints it: [`method`] |
-//! | our own engine made ready | `src/own.rs` |
-//! | other renderers; which layers their pictures have; what a farm is sent | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/material.rs` |
+//! | what a request means to engines and farm | [`settings`]; its scene: [`loaded_scene`]; which integrator paints it: [`method`] |
+//! | our own engine made ready | `src/builtin.rs` |
+//! | other renderers; which layers their pictures have; what a farm is sent | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/scene_files.rs` |
 //! | processors and GPUs, what each costs | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs` |
 //! | expert knowledge, from files or with the program | [`rules`] |
-//! | animations: which frames, under which names | [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
-//! | the journal beside a picture | [`keeping`] |
+//! | animations: the request of a frame; which frames, under which names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
+//! | the journal beside a picture | [`journal`] |
 //! | previews, denoising | `src/preview.rs`, [`denoise`] |
 //! | which build this is | [`identity`] |
 //! | what is kept for this user between runs | [`state`] |
 //! | ten lines; a scene made in memory | `examples/ten_lines.rs`, `examples/in_memory.rs` |
 
+mod animation;
+mod builtin;
 pub mod denoise;
 pub mod devices;
 pub mod engines;
@@ -42,9 +44,9 @@ pub mod error;
 pub mod events;
 pub mod frames;
 pub mod identity;
-pub mod keeping;
+pub mod journal;
+pub mod loaded_scene;
 pub mod method;
-mod own;
 pub mod picture;
 mod preview;
 pub mod request;
@@ -52,7 +54,6 @@ pub mod rules;
 pub mod session;
 pub mod settings;
 pub mod state;
-pub mod subject;
 pub mod text;
 
 pub use bottega_farm::StopSwitch;
@@ -62,9 +63,9 @@ pub use bottega_scene as scene;
 pub use glam;
 
 pub use self::{
+    builtin::own_engine,
     error::Error,
     events::Event,
-    own::own_engine,
     picture::Picture,
     request::{InvalidField, Request, RequestError},
     session::{Session, SessionOptions, Watcher},

@@ -5,9 +5,9 @@ use bottega_render::PhotonSettings;
 use bottega_scene::{Follows, IntegratorHint, PhotonHints, Scene};
 
 use crate::{
-    request::{Choice, IntegratorChoice, Request},
+    loaded_scene::LoadedScene,
+    request::{IntegratorChoice, Request, WordChoice},
     settings::{agent_photons, photon_settings},
-    subject::Subject,
 };
 
 /// How a picture is painted.
@@ -25,7 +25,7 @@ impl Method {
     /// The method of a request for a scene.
     ///
     /// - `bounces`: surfaces that light may come to.
-    pub fn of(request: &Request, subject: &Subject, bounces: u32) -> Self {
+    pub fn of(request: &Request, subject: &LoadedScene, bounces: u32) -> Self {
         let hint = subject.hints.integrator.as_ref();
         let (integrator, hints, reason) = match (request.integrator.method, hint) {
             (Some(asked), hint) => {
@@ -78,7 +78,10 @@ fn name(integrator: IntegratorChoice, photons: Option<&PhotonSettings>) -> &'sta
 }
 
 /// The counterpart of an integrator, and why it is not another one.
-fn chosen(hint: &IntegratorHint, subject: &Subject) -> (IntegratorChoice, Option<PhotonHints>, Option<&'static str>) {
+fn chosen(
+    hint: &IntegratorHint,
+    subject: &LoadedScene,
+) -> (IntegratorChoice, Option<PhotonHints>, Option<&'static str>) {
     const MEDIA: &str = ", since photons do not go through media; caustics may lack light";
     let has_media = subject.prepared.has_media();
     match hint.follows {

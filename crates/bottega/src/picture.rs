@@ -6,9 +6,9 @@ use std::{
     sync::Arc,
 };
 
-use bottega_farm::{JobReport, JobSettings};
+use bottega_farm::{Goal, JobReport, JobSettings};
 use bottega_image::{
-    ExrOptions, Film, HalfOrFloat, Metadata, OutputFormat, PngOptions, ReadLimits, write_exr, write_png,
+    Aov, ExrOptions, Film, HalfOrFloat, Metadata, OutputFormat, PngOptions, ReadLimits, write_exr, write_png,
 };
 use bottega_scene::RenderHints;
 
@@ -16,7 +16,7 @@ use crate::{
     error::Error,
     events::Event,
     request::{PIXELS_MAX, Request},
-    session::{Reporter, samples_taken},
+    session::Reporter,
     settings::{encoding, tone},
     text::shown,
 };
@@ -121,6 +121,15 @@ impl Picture {
         });
         Ok(self)
     }
+}
+
+/// Samples of all pixels. Where cells stop by their error only the film knows them.
+fn samples_taken(report: &JobReport, settings: &JobSettings) -> u64 {
+    if matches!(settings.goal, Goal::Error(_)) {
+        let film = &report.film;
+        return film.rect().pixels().map(|(x, y)| film.aov(Aov::SampleCount, x, y)[0] as u64).sum();
+    }
+    report.rows.iter().map(|row| row.size() * u64::from(row.samples_done())).sum()
 }
 
 /// Writes a picture.

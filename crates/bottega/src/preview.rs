@@ -19,7 +19,7 @@ const SHARE: u32 = 100;
 
 /// What of the picture is shown.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Look {
+pub(crate) struct PreviewView {
     /// All pixels of the picture.
     pub(crate) frame: Rect,
     /// Those that are painted.
@@ -31,7 +31,7 @@ pub(crate) struct Look {
 }
 
 /// Shows the picture while it is painted.
-pub(crate) struct Show {
+pub(crate) struct LivePreview {
     frame: Rect,
     preview: Preview,
     file: Option<PathBuf>,
@@ -58,8 +58,8 @@ pub(crate) fn check_preview(path: &Path) -> Result<(), Error> {
     ))
 }
 
-impl Show {
-    pub(crate) fn new(look: Look, file: Option<PathBuf>, watcher: Option<Arc<dyn Watcher>>) -> Self {
+impl LivePreview {
+    pub(crate) fn new(look: PreviewView, file: Option<PathBuf>, watcher: Option<Arc<dyn Watcher>>) -> Self {
         let preview = Preview::new(look.crop, look.exposure, look.tone);
         Self { frame: look.frame, preview, file, watcher, state: Mutex::default(), woken: Condvar::new() }
     }

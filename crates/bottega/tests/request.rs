@@ -5,15 +5,15 @@ use std::{collections::BTreeMap, path::PathBuf};
 use bottega::{
     Request, RequestError,
     request::{
-        AdaptationChoice, AuctionChoice, Choice, EnvironmentLight, FrameOptions, GuideChoice, GuideUse,
-        ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
-        REQUEST_BYTES_MAX, RulesSource, RulesText, ToneCurve,
+        AdaptationChoice, AuctionChoice, EnvironmentLight, FrameOptions, GuideChoice, GuideUse, ImportanceChoice,
+        IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
+        REQUEST_BYTES_MAX, RulesSource, RulesText, ToneCurve, WordChoice,
     },
 };
 use bottega_farm::Channel;
 use proptest::{option, prelude::*, sample::select};
 
-fn choice<T: Choice + std::fmt::Debug>() -> impl Strategy<Value = T> {
+fn choice<T: WordChoice + std::fmt::Debug>() -> impl Strategy<Value = T> {
     select(T::VARIANTS)
 }
 

@@ -76,7 +76,7 @@ pub fn measure(options: &FarmOptions, command: PartCommand<'_>, stop: &StopSwitc
         }
         ServerChoice::Farm(address, credentials) => (None, ServerAccess::Farm(address.clone(), credentials.clone())),
     };
-    let run = run(options, access, command, stop)?;
+    let run = run(options, &access, command, stop)?;
     let figures = Figures::of(&run);
     Ok(FarmBenchReport { run, figures })
 }
@@ -93,7 +93,7 @@ impl Report for FarmBenchReport {
 
 fn run(
     options: &FarmOptions,
-    access: ServerAccess,
+    access: &ServerAccess,
     command: PartCommand<'_>,
     stop: &StopSwitch,
 ) -> Result<FarmRun, Error> {

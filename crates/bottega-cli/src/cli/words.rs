@@ -4,15 +4,15 @@ use std::path::Path;
 
 use bottega::{
     Request,
-    request::{Choice, EnvironmentLight, GuideChoice, RulesSource, SceneOptions},
+    request::{EnvironmentLight, GuideChoice, RulesSource, SceneOptions, WordChoice},
 };
 
 use crate::error::CliError;
 
 /// The words of a command line under construction.
-struct Words(Vec<String>);
+struct OptionWords(Vec<String>);
 
-impl Words {
+impl OptionWords {
     /// A switch, where it is on.
     fn switch(&mut self, option: &str, is_on: bool) {
         if is_on {
@@ -33,7 +33,7 @@ impl Words {
         self.option(option, (value != usual).then(|| value.to_string()));
     }
 
-    fn choice<T: Choice>(&mut self, option: &str, value: T, usual: T) {
+    fn choice<T: WordChoice>(&mut self, option: &str, value: T, usual: T) {
         self.option(option, (value != usual).then(|| value.word()));
     }
 
@@ -61,7 +61,7 @@ fn no_option(what: &str) -> CliError {
 /// # Errors
 /// There are no options for some of it.
 pub(crate) fn words(request: &Request) -> Result<Vec<String>, CliError> {
-    let (mut words, usual) = (Words(Vec::new()), Request::new(&request.scene.file));
+    let (mut words, usual) = (OptionWords(Vec::new()), Request::new(&request.scene.file));
     words.0.push(request.scene.file.display().to_string());
     request.output.file.iter().for_each(|file| words.path("--output", file));
     let empty = [
@@ -80,7 +80,7 @@ pub(crate) fn words(request: &Request) -> Result<Vec<String>, CliError> {
     Ok(words.0)
 }
 
-fn scene(words: &mut Words, scene: &SceneOptions) {
+fn scene(words: &mut OptionWords, scene: &SceneOptions) {
     words.switch("--strict", scene.strict);
     words.switch("--allow-outside", scene.allow_outside);
     scene.asset_roots.iter().for_each(|root| words.path("--asset-root", root));
@@ -91,14 +91,14 @@ fn scene(words: &mut Words, scene: &SceneOptions) {
     words.option("--variant", scene.variant.as_ref());
 }
 
-fn picture(words: &mut Words, request: &Request, usual: &Request) {
+fn picture(words: &mut OptionWords, request: &Request, usual: &Request) {
     let (view, film, environment) = (&request.view, &request.film, &request.environment);
     words.option("--camera", view.camera.as_ref());
     words.option("--lens-radius", view.lens_radius);
     words.option("--focus-distance", view.focus_distance);
     words.option("--size", film.size.map(|[width, height]| format!("{width}x{height}")));
     words.option("--crop", film.crop.map(|[x0, y0, x1, y1]| format!("{x0},{y0},{x1},{y1}")));
-    words.option("--filter", film.filter.map(Choice::word));
+    words.option("--filter", film.filter.map(WordChoice::word));
     let layers = |names: &Vec<String>| if names.is_empty() { "none".to_owned() } else { names.join(",") };
     words.option("--aov", film.layers.as_ref().map(layers));
     words.switch("--denoise", film.denoise);
@@ -114,13 +114,13 @@ fn picture(words: &mut Words, request: &Request, usual: &Request) {
     words.changed("--env-strength", &environment.strength, &usual.environment.strength);
 }
 
-fn light(words: &mut Words, request: &Request, usual: &Request) {
+fn light(words: &mut OptionWords, request: &Request, usual: &Request) {
     let (goal, integrator, photons) = (&request.goal, &request.integrator, &request.photons);
     words.option("--spp", goal.samples);
     words.option("--error", goal.error);
     words.option("--time", goal.time);
     words.changed("--seed", &request.seed, &usual.seed);
-    words.option("--integrator", integrator.method.map(Choice::word));
+    words.option("--integrator", integrator.method.map(WordChoice::word));
     words.option("--max-depth", integrator.max_depth);
     words.changed("--light-samples", &integrator.light_samples, &usual.integrator.light_samples);
     words.option("--photons", photons.count);
@@ -140,7 +140,7 @@ fn light(words: &mut Words, request: &Request, usual: &Request) {
     words.option("--ala", (!request.guide.uses.is_empty()).then(|| list(&request.guide.uses)));
 }
 
-fn engine(words: &mut Words, request: &Request, usual: &Request) -> Result<(), CliError> {
+fn engine(words: &mut OptionWords, request: &Request, usual: &Request) -> Result<(), CliError> {
     let engine = &request.engine;
     words.option("--engine", (engine.names != usual.engine.names).then(|| engine.names.join(",")));
     engine.rules.iter().try_for_each(|rules| words.rules("--engine-rules", "engine.rules", rules))?;
@@ -151,7 +151,7 @@ fn engine(words: &mut Words, request: &Request, usual: &Request) -> Result<(), C
     Ok(())
 }
 
-fn work(words: &mut Words, request: &Request, usual: &Request) -> Result<(), CliError> {
+fn work(words: &mut OptionWords, request: &Request, usual: &Request) -> Result<(), CliError> {
     let (work, devices, farm) = (&request.work, &request.devices, &request.farm);
     words.option("--agents", work.agents);
     words.changed("--level", &work.level, &usual.work.level);
@@ -178,7 +178,7 @@ fn work(words: &mut Words, request: &Request, usual: &Request) -> Result<(), Cli
     Ok(())
 }
 
-fn output(words: &mut Words, request: &Request, usual: &Request) {
+fn output(words: &mut OptionWords, request: &Request, usual: &Request) {
     let (output, usual) = (&request.output, &usual.output);
     words.changed("--exposure", &output.exposure, &usual.exposure);
     words.choice("--tonemap", output.tonemap, usual.tonemap);
@@ -188,7 +188,7 @@ fn output(words: &mut Words, request: &Request, usual: &Request) {
     words.switch("--tiled", output.tiled);
 }
 
-fn list<T: Choice>(choices: &[T]) -> String {
+fn list<T: WordChoice>(choices: &[T]) -> String {
     choices.iter().map(|choice| choice.word()).collect::<Vec<_>>().join(",")
 }
 
@@ -226,7 +226,7 @@ mod tests {
         args.to_request().unwrap_or_else(|error| panic!("{words:?}: {error}"))
     }
 
-    fn choice<T: Choice + std::fmt::Debug>() -> impl Strategy<Value = T> {
+    fn choice<T: WordChoice + std::fmt::Debug>() -> impl Strategy<Value = T> {
         select(T::VARIANTS)
     }
 
@@ -326,6 +326,6 @@ mod tests {
         assert!(words(&request).unwrap_err().is_usage());
         let mut request = Request::new("a.glb");
         request.lighting_agents.decides.clear();
-        assert!(words(&request).unwrap_err().told().contains("lighting_agents.decides"));
+        assert!(words(&request).unwrap_err().to_string().contains("lighting_agents.decides"));
     }
 }

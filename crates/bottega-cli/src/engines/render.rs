@@ -13,7 +13,7 @@ use crate::{
     denoise,
     error::CliError,
     farm::{Asked, Painted, Tools},
-    keeping::Keeping,
+    journal::Keeping,
     preview::{Look, Show, check_preview},
     render,
     reporter::Reporter,

@@ -80,7 +80,7 @@ pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
 }
 
 fn list(board: &JobBoard, as_json: bool) {
-    let seats = board.seats();
+    let seats = board.presences();
     if !as_json {
         println!(
             "{:>4}  {:<9} {:>5}  {:>8}  {:>8}  {:>8}  {:<24} scene",
@@ -140,7 +140,7 @@ fn tell_room(board: &JobBoard) {
 fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     let job = known(board, number)?;
     let lead = board.lead(number).unwrap_or_default();
-    let all = board.seats();
+    let all = board.presences();
     // A machine that was killed does not say that it has left.
     let seats: Vec<_> = all.iter().filter(|seat| seat.job == Some(number) && !job.state.is_over()).collect();
     let view = JobView::of(number, &job, &lead, seats.len());

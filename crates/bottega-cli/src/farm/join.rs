@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use bottega::{StopSwitch, devices::DeviceChoice};
 use bottega_cluster::{
     FarmAddress, link,
-    worker::{self, JoinOptions, Own, Said},
+    worker::{self, JoinOptions, WorkerDevices, WorkerMessage},
 };
 use clap::{Args, ValueHint};
 
@@ -50,11 +50,11 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let how = if link.uplink.is_guest() { "as a guest: " } else { "" };
     let (servers, version) = (&link.servers, link.uplink.server_version());
     println!("joined {servers} (NATS {version}) as {}; {how}waiting for work", link.name);
-    let own = Own { threads: args.threads, devices: args.devices.clone() };
+    let own = WorkerDevices { threads: args.threads, devices: args.devices.clone() };
     let options = JoinOptions { own, cache: args.cache.clone(), cache_bytes: args.cache_size, once: args.once };
-    let say = |said: Said<'_>| match said {
-        Said::Line(line) => println!("{line}"),
-        Said::Failure(error) => eprintln!("{}", crate::error::report_of(error)),
+    let say = |said: WorkerMessage<'_>| match said {
+        WorkerMessage::Line(line) => println!("{line}"),
+        WorkerMessage::Failure(error) => eprintln!("{}", crate::error::report_of(error)),
     };
     worker::join(link, options, &stop, Box::new(say));
     println!("left the farm");

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bottega_cluster::{
     JobBoard,
-    job_board::Seat,
+    job_board::Presence,
     machine::{MachineOrder, Standing},
     names::host_name,
 };
@@ -64,12 +64,12 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn list(board: &JobBoard, there: &[Seat], as_json: bool) {
+fn list(board: &JobBoard, there: &[Presence], as_json: bool) {
     if !as_json {
         println!("{:<32} {:<10} {:>7}  {:>4}  version", "machine", "state", "threads", "job");
     }
     for seat in there {
-        let Seat { name, threads, version, job, standing, takes_orders, .. } = seat;
+        let Presence { name, threads, version, job, standing, takes_orders, .. } = seat;
         let ordered = board.order_to(name).standing;
         if as_json {
             println!(

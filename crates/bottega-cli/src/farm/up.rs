@@ -3,7 +3,7 @@
 use std::{net::SocketAddr, path::PathBuf, process::ExitCode};
 
 use bottega::StopSwitch;
-use bottega_cluster::up::{Farm, Invitation, UpOptions};
+use bottega_cluster::up::{Invitation, LocalFarm, UpOptions};
 use clap::{Args, ValueHint};
 
 use super::args::parse_gigabytes;
@@ -45,15 +45,15 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
         server: args.server.clone(),
         hidden: args.hidden,
     };
-    match Farm::up(&options)? {
-        Farm::Here(host) => {
+    match LocalFarm::up(&options)? {
+        LocalFarm::Here(host) => {
             let stop = StopSwitch::new();
             stop_on_signal(&stop)?;
             println!("the farm is up (NATS {}). {}", host.server_version(), host.room_said());
             tell(&host.invitation);
             host.keep_up(&stop)?;
         }
-        Farm::Elsewhere { process, listen, invitation } => {
+        LocalFarm::Elsewhere { process, listen, invitation } => {
             println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
             tell(&invitation);
         }

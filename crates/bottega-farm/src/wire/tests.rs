@@ -315,7 +315,8 @@ fn numbers_that_cannot_be_computed_with_and_absurd_rectangles_are_refused() {
 fn variants_that_do_not_exist_are_refused() {
     let kinds = contents(ZoneRow::open(WorkId(1), ZoneId(1), Rect::of_size(1, 1), 1.0, NeighborDifference::default()));
     let last = kinds.iter().map(|content| written(|bytes| FarmCodec.write_content(content, bytes))[0]).max();
-    for kind in last.expect("kinds") + 1..=u8::MAX {
+    // Numbers from 128 up take two bytes.
+    for kind in last.expect("kinds") + 1..128 {
         let read = FarmCodec.read_content(&[kind, 0, 0, 0, 0]);
         assert!(matches!(read, Err(WireError::Layout { .. })), "{kind}: {read:?}");
     }

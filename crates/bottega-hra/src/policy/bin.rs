@@ -20,7 +20,7 @@ pub(crate) struct ChunkOrder {
 
 /// A chunk from which a resource may be served.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Head {
+pub(crate) struct BinHead {
     pub(crate) primitive: Primitive,
     pub(crate) order: ChunkOrder,
     /// Items of the unit in front.
@@ -29,7 +29,7 @@ pub(crate) struct Head {
     pub(crate) late: Time,
 }
 
-impl Head {
+impl BinHead {
     pub(crate) fn priority(&self) -> i32 {
         self.order.priority.0
     }
@@ -75,9 +75,9 @@ impl<T> Shelf<T> {
         Some(chunk)
     }
 
-    fn head(&self, primitive: Primitive, order: ChunkOrder) -> Option<Head> {
+    fn head(&self, primitive: Primitive, order: ChunkOrder) -> Option<BinHead> {
         let front = self.chunks.get(&order)?.front()?;
-        Some(Head { primitive, order, size: front.size, data: front.data, late: front.late })
+        Some(BinHead { primitive, order, size: front.size, data: front.data, late: front.late })
     }
 
     /// The first chunk after `order` that is of other data or lower priority.
@@ -134,7 +134,12 @@ impl<T> Bin<T> {
     }
 
     /// Of the units that are late at `until`, the one that was so first.
-    pub(crate) fn latest(&self, able: PrimitiveSet, until: Time, holds: impl Fn(Option<Data>) -> bool) -> Option<Head> {
+    pub(crate) fn latest(
+        &self,
+        able: PrimitiveSet,
+        until: Time,
+        holds: impl Fn(Option<Data>) -> bool,
+    ) -> Option<BinHead> {
         let first = |primitive: Primitive| {
             let shelf = &self.shelves[primitive.index()];
             let late = shelf.late.iter().take_while(|(late, _)| *late <= until);
@@ -150,9 +155,9 @@ impl<T> Bin<T> {
         primitive: Primitive,
         holds: impl Fn(Option<Data>) -> bool,
         resident: impl Fn(DataId) -> bool,
-    ) -> Option<Head> {
+    ) -> Option<BinHead> {
         let shelf = &self.shelves[primitive.index()];
-        let mut best: Option<Head> = None;
+        let mut best: Option<BinHead> = None;
         let mut next = shelf.chunks.first_key_value().map(|(&order, _)| order);
         let mut looked_at = 0;
         while let Some(order) = next {
@@ -175,7 +180,7 @@ impl<T> Bin<T> {
     }
 
     /// Takes up to `count` units from `head` on, of the same priority and data.
-    pub(crate) fn draw(&mut self, head: &Head, count: usize) -> Vec<Unit<T>> {
+    pub(crate) fn draw(&mut self, head: &BinHead, count: usize) -> Vec<Unit<T>> {
         let shelf = &mut self.shelves[head.primitive.index()];
         let mut drawn = Vec::new();
         let mut next = Some(head.order);

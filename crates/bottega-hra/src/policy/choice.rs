@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::bin::Head;
+use super::bin::BinHead;
 use super::time::Time;
 use super::unit::Unit;
 use crate::ResourceId;
@@ -15,7 +15,7 @@ pub(super) enum LaneChoice<T> {
     /// A unit that failed elsewhere.
     Retry(Unit<T>),
     /// So many units from there.
-    Draw { head: Head, units: usize },
+    Draw { head: BinHead, units: usize },
     /// Nothing before that time: others will be sooner, those named first of all, who must be awake to be so.
     Decline { until: Time, sooner: Vec<ResourceId> },
     /// There is nothing that it can do.

@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use super::bin::Head;
+use super::bin::BinHead;
 use super::choice::{ASK_AGAIN_MIN, LaneChoice};
 use super::core::{Core, Out};
 use super::lane::{Health, LaneState};
@@ -54,15 +54,16 @@ impl<T> Core<T> {
         }
         let lane = &self.lanes[id.index()];
         let resident = |data| lane.residency.is_resident(data);
-        let mut heads: Vec<Head> =
+        let mut heads: Vec<BinHead> =
             able.iter().filter_map(|primitive| self.bin.head(primitive, holds, resident)).collect();
-        let Some(priority) = heads.iter().map(Head::priority).max() else {
+        let Some(priority) = heads.iter().map(BinHead::priority).max() else {
             return if self.starves(id) { LaneChoice::shortly(now) } else { LaneChoice::Nothing };
         };
         let lane = &self.lanes[id.index()];
         heads.retain(|head| head.priority() == priority && !lane.is_trying(head.primitive));
         self.replan(now);
-        let suits = |head: &Head| !self.lanes[id.index()].knows(head.primitive) || self.has_share(id, head.primitive);
+        let suits =
+            |head: &BinHead| !self.lanes[id.index()].knows(head.primitive) || self.has_share(id, head.primitive);
         if !heads.iter().any(suits) && self.starves(id) {
             return LaneChoice::shortly(now);
         }
@@ -165,13 +166,13 @@ impl<T> Core<T> {
 
     /// Best first. Without a plan: what the fewest can do, so that one who can do everything does not take away the
     /// only work of one who cannot; then first come.
-    fn sort(&self, id: ResourceId, heads: &mut [Head]) {
+    fn sort(&self, id: ResourceId, heads: &mut [BinHead]) {
         let Some(planned) = &self.planned else {
             heads.sort_by_key(|head| (self.roster.count_of(head.primitive), head.sequence()));
             return;
         };
         let lane = &self.lanes[id.index()];
-        let rank = |head: &Head| {
+        let rank = |head: &BinHead| {
             let p = head.primitive.index();
             if !lane.knows(head.primitive) {
                 return (true, f64::INFINITY); // Tried first, so that it becomes known.
@@ -187,7 +188,7 @@ impl<T> Core<T> {
     }
 
     /// Books that `id` spends time on a primitive.
-    fn owe(&mut self, id: ResourceId, head: &Head, units: usize) {
+    fn owe(&mut self, id: ResourceId, head: &BinHead, units: usize) {
         let Some(planned) = &mut self.planned else { return };
         let time = self.lanes[id.index()].predict_ns(head.primitive, head.size).unwrap_or(0.0) * units as f64;
         let owed = &mut planned.owed[id.index()];
@@ -220,7 +221,7 @@ impl<T> Core<T> {
 
     /// Units that `id` gets at once: what suits it, but not more than its part of what is left. Where handing over costs much, a
     /// packet still has units for as long as that takes: a shorter one would not end much sooner.
-    fn packet_units(&self, id: ResourceId, head: &Head, pace: Option<&DrainRate>) -> usize {
+    fn packet_units(&self, id: ResourceId, head: &BinHead, pace: Option<&DrainRate>) -> usize {
         let lane = &self.lanes[id.index()];
         let wanted = lane.packet_units(head.primitive, head.size);
         match (pace, lane.cost_ns(head.primitive, head.size)) {
@@ -234,7 +235,13 @@ impl<T> Core<T> {
 
     /// Whether others would be done with everything before `id` with this unit; then, when to ask again, and who would
     /// be done with it first. Of all that ask about a unit, that one does not decline it.
-    fn declines(&self, now: Time, id: ResourceId, head: &Head, pace: Option<&DrainRate>) -> Option<(Time, ResourceId)> {
+    fn declines(
+        &self,
+        now: Time,
+        id: ResourceId,
+        head: &BinHead,
+        pace: Option<&DrainRate>,
+    ) -> Option<(Time, ResourceId)> {
         let pace = pace?;
         let lane = &self.lanes[id.index()];
         if !lane.knows(head.primitive) {

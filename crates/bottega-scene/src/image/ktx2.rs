@@ -35,7 +35,7 @@ enum Block {
     Bc7,
 }
 
-struct Picture<'a> {
+struct Ktx2Picture<'a> {
     width: u32,
     height: u32,
     layout: Ktx2Layout,
@@ -54,13 +54,13 @@ enum Packing {
 
 /// Width, height and bytes of a texel as it is kept. An error says what is wrong.
 pub(super) fn header(bytes: &[u8]) -> Result<(u32, u32, usize), String> {
-    let picture = Picture::of(bytes)?;
+    let picture = Ktx2Picture::of(bytes)?;
     Ok((picture.width, picture.height, 4))
 }
 
 /// The texels of a picture whose header was read, `[width × height]`. An error says what is wrong.
 pub(super) fn texels(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
-    let picture = Picture::of(bytes)?;
+    let picture = Ktx2Picture::of(bytes)?;
     if picture.layout == Ktx2Layout::BasisLz {
         return basis_lz(bytes);
     }
@@ -82,7 +82,7 @@ const MODEL_UASTC: u8 = 166;
 /// The supercompression scheme that keeps codebooks for all levels.
 const SCHEME_BASIS_LZ: u32 = 1;
 
-impl<'a> Picture<'a> {
+impl<'a> Ktx2Picture<'a> {
     fn of(bytes: &'a [u8]) -> Result<Self, String> {
         Self::parse(bytes).ok_or("its KTX2 container is cut off")?
     }

@@ -1,6 +1,6 @@
 //! Who paints on this machine: what the user asks for, and what comes of it.
 
-use std::{str::FromStr, sync::Arc, time::Duration};
+use std::{sync::Arc, time::Duration};
 
 use bottega_engines::Devices;
 use bottega_gpu::{AdapterKind, GpuError, GpuPaths, PathOptions, adapters};
@@ -10,14 +10,10 @@ use bottega_render::{PreparedScene, RenderWork};
 
 use super::costs;
 use crate::{
-    error::{Error, told},
+    error::{Error, error_chain},
+    request::DeviceChoice,
     state::state_folder,
 };
-
-/// The word for the processors in a list of devices.
-const PROCESSORS: &str = "cpu";
-/// The word for whatever is there.
-pub(crate) const AUTO: &str = "auto";
 
 /// A device that does not answer for so long hangs, whatever it was expected to take: a slow one may be the only one.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -26,85 +22,8 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// that handing over takes.
 const UNITS_PER_PACKET: usize = 4096;
 
-/// Which devices are to paint.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum DeviceChoice {
-    /// The processors, and the best GPU if there is one.
-    #[default]
-    Auto,
-    /// These and no others.
-    These {
-        /// Whether the processors are among them.
-        processors: bool,
-        /// GPUs, by parts of their names.
-        gpus: Vec<String>,
-    },
-}
-
-impl DeviceChoice {
-    /// The processors alone.
-    fn processors() -> Self {
-        Self::These { processors: true, gpus: Vec::new() }
-    }
-
-    /// The same, where pixels must be the same to the last bit on every machine.
-    pub fn exactly(&self, exact: bool) -> Result<Self, Error> {
-        match self {
-            _ if !exact => Ok(self.clone()),
-            Self::These { gpus, .. } if !gpus.is_empty() => Err(Error::usage(
-                format!("`{}` does not paint to the last bit what processors paint", gpus.join(",")),
-                "let no GPU take part, or do without the exactness",
-            )),
-            _ => Ok(Self::processors()),
-        }
-    }
-
-    /// What of a machine paints for a job of others: where it must be exact the processors alone, if there are any among them.
-    pub fn for_others(&self, exact: bool) -> Self {
-        match self {
-            Self::These { processors: true, .. } if exact => Self::processors(),
-            _ => self.clone(),
-        }
-    }
-}
-
-impl DeviceChoice {
-    /// What a list of names chooses.
-    ///
-    /// # Errors
-    /// What is allowed, where it chooses nothing.
-    pub fn of(names: &[String]) -> Result<Self, String> {
-        if names == [AUTO] {
-            return Ok(Self::Auto);
-        }
-        if names.is_empty() || names.iter().any(|name| name.trim().is_empty() || name == AUTO) {
-            return Err(format!("`{AUTO}`, or names with commas between them: `{PROCESSORS}`, parts of GPUs' names"));
-        }
-        let gpus = names.iter().filter(|name| *name != PROCESSORS).cloned();
-        Ok(Self::These { processors: names.iter().any(|name| name == PROCESSORS), gpus: gpus.collect() })
-    }
-
-    /// The names that choose this.
-    pub fn names(&self) -> Vec<String> {
-        match self {
-            Self::Auto => vec![AUTO.to_owned()],
-            Self::These { processors, gpus } => {
-                processors.then(|| PROCESSORS.to_owned()).into_iter().chain(gpus.iter().cloned()).collect()
-            }
-        }
-    }
-}
-
-impl FromStr for DeviceChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::of(&text.split(',').map(|name| name.trim().to_owned()).collect::<Vec<_>>())
-    }
-}
-
 /// Who will paint.
-pub struct Crew {
+pub struct DeviceSet {
     /// Processors; 0: none.
     pub threads: usize,
     /// The devices beside them, and what their work costs.
@@ -115,7 +34,7 @@ pub struct Crew {
     pub notes: Vec<String>,
 }
 
-impl Crew {
+impl DeviceSet {
     /// Finds those who can paint this scene with these values a pixel.
     ///
     /// - `photons`: whether it is painted by photons.
@@ -162,7 +81,7 @@ impl Crew {
             // Refused to that device, not to the picture.
             Err(error) => {
                 let name = name.map_or("the GPU", String::as_str);
-                self.notes.push(format!("{name} does not take part: {}", told(&error)));
+                self.notes.push(format!("{name} does not take part: {}", error_chain(&error)));
                 Ok(())
             }
         }
@@ -223,35 +142,6 @@ fn names(threads: usize, gpus: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn devices_are_asked_for_by_name_or_are_whatever_is_there() {
-        let these = |processors, gpus: &[&str]| {
-            Ok(DeviceChoice::These { processors, gpus: gpus.iter().map(|gpu| (*gpu).to_owned()).collect() })
-        };
-        assert_eq!("auto".parse(), Ok(DeviceChoice::Auto));
-        assert_eq!("cpu".parse(), these(true, &[]));
-        assert_eq!("llvmpipe".parse(), these(false, &["llvmpipe"]));
-        assert_eq!("cpu, H200".parse(), these(true, &["H200"]));
-        for names in ["auto", "cpu", "llvmpipe", "cpu,H200"] {
-            assert_eq!(names.parse::<DeviceChoice>().unwrap().names().join(","), names);
-        }
-        for wrong in ["", "cpu,", "auto,cpu"] {
-            assert!(wrong.parse::<DeviceChoice>().is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn what_is_exact_is_the_processors_matter() {
-        assert_eq!(DeviceChoice::Auto.exactly(true).unwrap(), DeviceChoice::processors());
-        assert_eq!(DeviceChoice::Auto.exactly(false).unwrap(), DeviceChoice::Auto);
-        let gpu: DeviceChoice = "cpu,llvmpipe".parse().unwrap();
-        assert!(gpu.exactly(true).is_err() && gpu.exactly(false).is_ok());
-        assert_eq!(gpu.for_others(true).exactly(true).unwrap(), DeviceChoice::processors());
-        assert_eq!(gpu.for_others(false), gpu);
-        let alone: DeviceChoice = "llvmpipe".parse().unwrap();
-        assert!(alone.for_others(true).exactly(true).is_err(), "nobody is left who could");
-    }
 
     #[test]
     fn who_paints_is_said_in_words() {

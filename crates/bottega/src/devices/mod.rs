@@ -8,13 +8,18 @@ use std::{sync::Arc, thread};
 use bottega_hra::{HraReport, Incident, Lane};
 use bottega_render::{PreparedScene, RenderWork};
 
-pub(crate) use self::choice::AUTO;
-pub use self::choice::{Crew, DeviceChoice, beside_gpus};
-use crate::error::Error;
+pub use self::choice::{DeviceSet, beside_gpus};
+pub use crate::request::DeviceChoice;
+use crate::{error::Error, request::Request};
 
 /// Processors that this process may use.
 pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Processors that a request allows.
+pub fn threads(request: &Request) -> usize {
+    request.devices.threads.map_or_else(processors, usize::from)
 }
 
 /// The GPU that was asked for, with the scene on it: it paints blocks of pixels.

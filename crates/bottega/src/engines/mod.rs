@@ -1,8 +1,8 @@
 //! Engines that other people wrote, and pictures painted with them.
 
 mod layers;
-mod material;
 mod painter;
+mod scene_files;
 
 use std::{
     collections::BTreeMap,
@@ -13,18 +13,15 @@ use std::{
 use bottega_engines::external::{self, Entry, Located, Shelf};
 
 pub use self::{
-    material::Material,
-    painter::{Mix, Painter},
+    painter::{ExternalPainter, Mix},
+    scene_files::SceneFiles,
 };
 use crate::{
     error::Error,
-    request::{EngineOptions, Request, RulesText},
+    request::{BUILTIN, EngineOptions, Request, RulesText},
     rules::rule_texts,
     state::state_folder,
 };
-
-/// The name of our own engine.
-pub const BUILTIN: &str = "builtin";
 
 impl EngineOptions {
     /// The engine of other people that paints, and whether ours paints with it.

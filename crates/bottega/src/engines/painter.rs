@@ -20,14 +20,15 @@ use bottega_image::{Layer, Layout, Metadata, Rect};
 use bottega_scene::Projection;
 use glam::Mat4;
 
-use super::{BUILTIN, absolute, layers, located, parameters};
+use super::{absolute, layers, located, parameters};
 use crate::{
+    builtin::own_engine,
+    devices::threads,
     error::Error,
     identity::identity,
-    own::own_engine,
-    request::{DEPTH_MAX, IntegratorChoice, Request, SAMPLES_MAX},
-    settings::{agents, check_crop, crop, job_settings, samples_unasked, shared_settings, threads},
-    subject::Subject,
+    loaded_scene::LoadedScene,
+    request::{BUILTIN, DEPTH_MAX, IntegratorChoice, Request, SAMPLES_MAX},
+    settings::{agents, check_crop, crop, job_settings, samples_unasked, shared_settings},
     text::shown,
 };
 
@@ -37,7 +38,7 @@ const DEFAULT_DEPTH: u32 = 16;
 const DEFAULT_SAMPLES: u32 = 64;
 
 /// An engine of other people with the picture that it is to paint.
-pub struct Painter {
+pub struct ExternalPainter {
     /// The engine as it is found on this machine.
     pub located: Arc<Located>,
     /// The engine with the scene opened.
@@ -60,7 +61,7 @@ pub struct Mix {
     pub mixed: Arc<MixedEngine>,
 }
 
-impl Painter {
+impl ExternalPainter {
     /// Finds the engine, opens the scene with it, and makes it ready.
     ///
     /// - `sent`: the folder of the files of a scene that another machine sent; none: it is the user's own.
@@ -320,7 +321,7 @@ fn own_view(asked: &Request, title: &str) -> Result<CameraView, Error> {
             "put a camera into the scene",
         )
     };
-    let subject = Subject::load(asked).map_err(|error| lacking(error.told()))?;
+    let subject = LoadedScene::load(asked).map_err(|error| lacking(error.error_chain()))?;
     let camera = &subject.scene().cameras[subject.view.camera];
     match camera.projection {
         Projection::Perspective { vertical_fov } => {
@@ -357,7 +358,7 @@ struct Own {
 /// Our own engine with the same picture: it reads size, samples, depth and filter from the same file.
 fn own(asked: &Request, opened: &Opened, title: &str, experts: Vec<Expert>, layout: Layout) -> Result<Own, Error> {
     let asked = as_opened(asked, opened);
-    let mut subject = Subject::load(&asked)?;
+    let mut subject = LoadedScene::load(&asked)?;
     if subject.hints.is_sky_added {
         return Err(Error::failed(
             format!("the scene has no light: our own engine would have a sky shine on it, and {title} none"),
@@ -394,7 +395,7 @@ fn surveyor(asked: &Request, located: &Located, opened: &Opened) -> Option<Surve
     Some(Box::new(move |width, height| {
         let _one = once.lock().unwrap_or_else(PoisonError::into_inner);
         let look = || -> Result<Survey, Error> {
-            let subject = Subject::load(&asked)?;
+            let subject = LoadedScene::load(&asked)?;
             let settings = job_settings(&asked, &subject, vec![Expert::path_tracing()])?;
             let (engine, _) = own_engine(&asked, &subject, &settings)?;
             Ok(engine.survey(width, height)?)

@@ -4,8 +4,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, IntoStaticStr, VariantArray};
 
+/// The name of our own engine.
+pub const BUILTIN: &str = "builtin";
+
 /// A word out of a few.
-pub trait Choice: Copy + PartialEq + Send + Sync + VariantArray + EnumMessage + 'static {
+pub trait WordChoice: Copy + PartialEq + Send + Sync + VariantArray + EnumMessage + 'static {
     /// The word.
     fn word(self) -> &'static str;
 
@@ -35,7 +38,7 @@ macro_rules! choices {
                 $($(#[$variant_attribute])* $variant,)*
             }
 
-            impl Choice for $name {
+            impl WordChoice for $name {
                 fn word(self) -> &'static str {
                     self.into()
                 }

@@ -1,6 +1,7 @@
 //! A picture asked for, as a value: what every door makes, and all that a session reads.
 
 mod choices;
+mod device_choice;
 mod field;
 mod json;
 mod limits;
@@ -16,9 +17,10 @@ use serde::{Deserialize, Serialize};
 pub use self::validate::check_size;
 pub use self::{
     choices::{
-        AdaptationChoice, AuctionChoice, Choice, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice,
-        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
+        AdaptationChoice, AuctionChoice, BUILTIN, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice,
+        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve, WordChoice,
     },
+    device_choice::{AUTO, DeviceChoice},
     field::InvalidField,
     json::{REQUEST_BYTES_MAX, RequestError},
     limits::*,

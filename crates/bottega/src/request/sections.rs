@@ -9,9 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     choices::{
-        AdaptationChoice, AuctionChoice, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice,
-        OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
+        AdaptationChoice, AuctionChoice, BUILTIN, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice,
+        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
     },
+    device_choice::AUTO,
     limits::PRIORITY,
 };
 use crate::frames::Frames;
@@ -240,7 +241,7 @@ sections! {
     /// Who paints: our own engine or other renderers.
     EngineOptions {
         /// `builtin`, the name of another renderer, or both: the one named first takes simple zones.
-        names: Vec<String> = vec![crate::engines::BUILTIN.to_owned()],
+        names: Vec<String> = vec![BUILTIN.to_owned()],
         /// Rules for which of two engines suits a zone; none: those that come with the program.
         rules: Option<RulesSource> = None,
         /// Parameters of the engine's own, by name.
@@ -281,7 +282,7 @@ sections! {
         /// Processors; none: all.
         threads: Option<u16> = None,
         /// `auto` alone (the processors, and the best GPU if there is one), or `cpu` and parts of GPUs' names.
-        names: Vec<String> = vec![crate::devices::AUTO.to_owned()],
+        names: Vec<String> = vec![AUTO.to_owned()],
         /// Whether every pixel is the same to the last bit, whoever paints it: by processors alone.
         exact: bool = false,
     }

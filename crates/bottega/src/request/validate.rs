@@ -6,14 +6,11 @@ use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
 
 use super::{
-    DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FilmOptions, GoalOptions, GuideChoice,
-    GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions, OutputOptions, PhotonOptions, REQUEST_VERSION,
-    Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
+    DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FilmOptions, GoalOptions,
+    GuideChoice, GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions, OutputOptions, PhotonOptions,
+    REQUEST_VERSION, Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
 };
-use crate::{
-    devices::DeviceChoice,
-    frames::{FrameName, frame_name_help},
-};
+use crate::frames::{FrameName, frame_name_help};
 
 type Checked = Result<(), InvalidField>;
 
@@ -230,7 +227,7 @@ impl GuideOptions {
                     "given",
                     format!(
                         "it says what lighting agents are asked for, and `{}` asks none: leave it out, or make `guide.by` `ala`",
-                        super::Choice::word(by)
+                        super::WordChoice::word(by)
                     ),
                 ))
             }
@@ -241,7 +238,7 @@ impl GuideOptions {
 
 impl EngineOptions {
     fn validate(&self) -> Checked {
-        let others = self.names.iter().filter(|name| *name != crate::engines::BUILTIN).count();
+        let others = self.names.iter().filter(|name| *name != super::BUILTIN).count();
         if self.names.is_empty() || self.names.len() > 2 || others > 1 || self.names.len() - others > 1 {
             return Err(InvalidField::new(
                 "engine.names",

@@ -1,7 +1,7 @@
 //! A request being painted: from its scene to its picture.
 
-mod hand;
 mod lighting_agents;
+mod painter;
 mod painting;
 mod reporter;
 mod watcher;
@@ -20,21 +20,20 @@ use bottega_farm::{
 use bottega_image::{Film, Metadata, Rect, check_writable};
 use bottega_scene::Scene;
 
-use self::hand::Hand;
-pub(crate) use self::painting::samples_taken;
-pub use self::{painting::Painting, reporter::Reporter, watcher::Watcher};
+use self::painter::Painter;
+pub use self::{painting::ActiveSession, reporter::Reporter, watcher::Watcher};
 use crate::{
+    builtin::BuiltinPainter,
     denoise,
-    engines::{Material, Painter, agent_rules, choice_rules},
+    engines::{ExternalPainter, SceneFiles, agent_rules, choice_rules},
     error::Error,
-    keeping::Keeping,
-    own::OwnPainter,
+    journal::PictureJournal,
+    loaded_scene::LoadedScene,
     picture::Picture,
-    preview::{Look, Show, check_preview},
+    preview::{LivePreview, PreviewView, check_preview},
     request::Request,
     rules::{engine_choice, experts},
     settings::{goal, shared_goal, tone},
-    subject::Subject,
 };
 
 /// What a session does beside the picture. None of it changes a pixel.
@@ -52,7 +51,7 @@ pub struct SessionOptions {
 
 /// A part in a picture that others paint, too: see [`Session::for_others`].
 #[derive(Clone, Copy, Debug)]
-pub struct Part<'a> {
+pub struct JobPart<'a> {
     /// The request as it was made, before files were looked for here: the picture holds it.
     pub asked: &'a Request,
     /// The folder below which all files of the scene are: it was sent here.
@@ -63,23 +62,23 @@ pub struct Part<'a> {
     pub turn: usize,
 }
 
-/// A request with its scene loaded and its engine at hand.
+/// A request with its scene loaded and its engine at painter.
 pub struct Session {
     request: Request,
     /// The request that the picture holds.
     asked: Request,
     options: SessionOptions,
-    hand: Hand,
+    painter: Painter,
     settings: JobSettings,
     denoiser: Option<Denoiser>,
     /// What the user should know before anything is painted.
     notes: Vec<String>,
     begun: Instant,
-    keeping: Option<Keeping>,
+    journal: Option<PictureJournal>,
 }
 
 /// What is needed to paint.
-pub struct Tools {
+pub struct PaintingTools {
     /// The job.
     pub settings: JobSettings,
     /// Who paints.
@@ -111,8 +110,8 @@ impl Session {
         Self::check(request, &options)?;
         let (experts, notes) = experts(agent_rules(request)?)?;
         if request.engine.is_builtin() {
-            let subject = Subject::load(request)?;
-            let own = OwnPainter::open(request, subject, experts, goal(request, begun)?)?;
+            let subject = LoadedScene::load(request)?;
+            let own = BuiltinPainter::open(request, subject, experts, goal(request, begun)?)?;
             return Self::of_own(request, options, own, notes, begun);
         }
         if options.record.is_some() {
@@ -120,23 +119,23 @@ impl Session {
         }
         let denoiser = denoise::ready(request)?;
         let choice = choice_rules(request)?.map(engine_choice).transpose()?;
-        let mut painter = Painter::open(request, experts, None)?;
+        let mut painter = ExternalPainter::open(request, experts, None)?;
         painter.settings.engine_choice = choice;
         painter.settings.goal = goal(request, begun)?;
         let name = painter.name(request)?;
-        let keeping = Keeping::of_request(request, &name, options.resume)?;
+        let journal = PictureJournal::of_request(request, &name, options.resume)?;
         let settings = painter.settings.clone();
-        let hand = Hand::Other(Box::new(painter));
+        let painter = Painter::Other(Box::new(painter));
         Ok(Self {
             request: request.clone(),
             asked: request.clone(),
             options,
-            hand,
+            painter,
             settings,
             denoiser,
             notes,
             begun,
-            keeping,
+            journal,
         })
     }
 
@@ -152,21 +151,21 @@ impl Session {
             return Err(Error::usage("only our own engine paints a scene that is in no file", "leave out the engine"));
         }
         let (experts, notes) = experts(agent_rules(request)?)?;
-        let subject = Subject::of_scene(scene, request)?;
-        let own = OwnPainter::open(request, subject, experts, goal(request, begun)?)?;
+        let subject = LoadedScene::of_scene(scene, request)?;
+        let own = BuiltinPainter::open(request, subject, experts, goal(request, begun)?)?;
         let (settings, denoiser) = (own.settings.clone(), denoise::ready(request)?);
         let notes = own.notes(request).into_iter().chain(notes).collect();
-        let hand = Hand::Own(Box::new(own));
+        let painter = Painter::Own(Box::new(own));
         Ok(Self {
             request: request.clone(),
             asked: request.clone(),
             options,
-            hand,
+            painter,
             settings,
             denoiser,
             notes,
             begun,
-            keeping: None,
+            journal: None,
         })
     }
 
@@ -175,7 +174,7 @@ impl Session {
     ///
     /// # Errors
     /// As of [`Self::open`]; or the engine here is another one.
-    pub fn for_others(request: &Request, part: Part<'_>) -> Result<Self, Error> {
+    pub fn for_others(request: &Request, part: JobPart<'_>) -> Result<Self, Error> {
         let begun = Instant::now();
         request.validate()?;
         let (mut experts, notes) = experts(agent_rules(request)?)?;
@@ -184,14 +183,14 @@ impl Session {
         experts.rotate_left(turn);
         let goal = shared_goal(request);
         let choice = choice_rules(request)?.map(engine_choice).transpose()?;
-        let hand = match part.engine {
+        let painter = match part.engine {
             None => {
-                let mut own = OwnPainter::open(request, Subject::load(request)?, experts, goal)?;
+                let mut own = BuiltinPainter::open(request, LoadedScene::load(request)?, experts, goal)?;
                 own.settings.agents = 1;
-                Hand::Own(Box::new(own))
+                Painter::Own(Box::new(own))
             }
             Some(wanted) => {
-                let mut painter = Painter::open(request, experts, Some(part.files))?;
+                let mut painter = ExternalPainter::open(request, experts, Some(part.files))?;
                 let here = painter.located.identity();
                 if here != wanted {
                     return Err(Error::failed(
@@ -201,15 +200,15 @@ impl Session {
                 }
                 painter.engine.watch_faults(|fault| tracing::warn!("{fault}"));
                 painter.settings.goal = goal;
-                Hand::Other(Box::new(painter))
+                Painter::Other(Box::new(painter))
             }
         };
-        if let Hand::Own(own) = &hand {
+        if let Painter::Own(own) = &painter {
             own.crew.notes.iter().for_each(|note| tracing::warn!("{note}"));
         }
-        let settings = JobSettings { engine_choice: choice, ..hand.settings().clone() };
+        let settings = JobSettings { engine_choice: choice, ..painter.settings().clone() };
         let (options, request, asked) = (SessionOptions::default(), request.clone(), part.asked.clone());
-        Ok(Self { request, asked, options, hand, settings, denoiser: None, notes, begun, keeping: None })
+        Ok(Self { request, asked, options, painter, settings, denoiser: None, notes, begun, journal: None })
     }
 
     fn check(request: &Request, options: &SessionOptions) -> Result<(), Error> {
@@ -230,26 +229,26 @@ impl Session {
     fn of_own(
         request: &Request,
         options: SessionOptions,
-        own: OwnPainter,
+        own: BuiltinPainter,
         notes: Vec<String>,
         begun: Instant,
     ) -> Result<Self, Error> {
         let settings = own.settings.clone();
         // Denoisers that are not there are told before anything is written.
         let denoiser = denoise::ready(request)?;
-        let keeping = Keeping::of_request(request, &own.name(request), options.resume)?;
+        let journal = PictureJournal::of_request(request, &own.name(request), options.resume)?;
         let notes = notes.into_iter().chain(own.notes(request)).collect();
-        let hand = Hand::Own(Box::new(own));
+        let painter = Painter::Own(Box::new(own));
         Ok(Self {
             request: request.clone(),
             asked: request.clone(),
             options,
-            hand,
+            painter,
             settings,
             denoiser,
             notes,
             begun,
-            keeping,
+            journal,
         })
     }
 
@@ -265,7 +264,7 @@ impl Session {
 
     /// Samples taken so far, all pixels together.
     pub fn samples_done(&self) -> u64 {
-        self.hand.counter()()
+        self.painter.counter()()
     }
 
     /// What makes the picture what it is: two sessions with the same name give the same bits. How many agents and threads take
@@ -274,9 +273,9 @@ impl Session {
     /// # Errors
     /// The scene file of another engine cannot be read.
     pub fn name(&self) -> Result<String, Error> {
-        match &self.hand {
-            Hand::Own(own) => Ok(own.name(&self.request)),
-            Hand::Other(painter) => painter.name(&self.request),
+        match &self.painter {
+            Painter::Own(own) => Ok(own.name(&self.request)),
+            Painter::Other(painter) => painter.name(&self.request),
         }
     }
 
@@ -284,10 +283,10 @@ impl Session {
     ///
     /// # Errors
     /// The engine cannot tell what its scene refers to.
-    pub fn material(&self) -> Result<Material, Error> {
-        match &self.hand {
-            Hand::Own(own) => Ok(Material::of(&self.request, &own.subject)),
-            Hand::Other(_) => Material::gather(&self.request),
+    pub fn scene_files(&self) -> Result<SceneFiles, Error> {
+        match &self.painter {
+            Painter::Own(own) => Ok(SceneFiles::of(&self.request, &own.subject)),
+            Painter::Other(_) => SceneFiles::gather(&self.request),
         }
     }
 
@@ -297,7 +296,7 @@ impl Session {
     /// The agents came to no picture, zones failed, or the picture cannot be written. What was painted is kept beside the output.
     pub fn render(self, watcher: Arc<dyn Watcher>, stop: &StopSwitch) -> Result<Picture, Error> {
         let (painting, tools) = self.begin(Arc::new(Reporter::new(watcher)))?;
-        let Tools { settings, engine, observer, store, kept } = tools;
+        let PaintingTools { settings, engine, observer, store, kept } = tools;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
         painting.finish(report, stop)?.close()
     }
@@ -307,34 +306,36 @@ impl Session {
     ///
     /// # Errors
     /// The preview cannot be begun, or no time is left.
-    pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(Painting, Tools), Error> {
+    pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(ActiveSession, PaintingTools), Error> {
         self.notes.iter().for_each(|note| reporter.warn(note.clone()));
-        reporter.tell(self.hand.started(&self.request, &self.settings));
-        let (journal, store, kept) = match self.keeping.take() {
-            Some(Keeping { path, store, kept }) => (Some(path), Some(store), kept),
+        reporter.tell(self.painter.started(&self.request, &self.settings));
+        let (journal, store, kept) = match self.journal.take() {
+            Some(PictureJournal { path, store, kept }) => (Some(path), Some(store), kept),
             None => (None, None, None),
         };
         self.show(&reporter, kept.as_ref())?;
-        reporter.watch(self.hand.counter());
+        reporter.watch(self.painter.counter());
         if self.settings.goal != shared_goal(&self.request) {
             self.settings.goal = goal(&self.request, self.begun)?;
         }
         let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
-            (self.hand.engine(), Arc::clone(&reporter) as _);
+            (self.painter.engine(), Arc::clone(&reporter) as _);
         let record = |_: &PathBuf| Arc::new(Recorder::new(Arc::clone(&engine), Arc::clone(&observer)));
-        let recorder = self.options.record.as_ref().map(record);
+        let recorder = self.options.record.as_ref().map(|path| (path.clone(), record(path)));
         let (engine, observer) = match &recorder {
-            Some(recorder) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
+            Some((_, recorder)) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
             None => (engine, observer),
         };
-        let tools = Tools { settings: self.settings.clone(), engine, observer, store, kept };
-        Ok((Painting { session: self, reporter, recorder, journal }, tools))
+        let tools = PaintingTools { settings: self.settings.clone(), engine, observer, store, kept };
+        let Self { request, asked, painter, settings, denoiser, .. } = self;
+        let active = ActiveSession { request, asked, painter, settings, denoiser, reporter, recorder, journal };
+        Ok((active, tools))
     }
 
     /// What painting for others takes. They lead, and are told.
-    pub fn tools(&self) -> Tools {
-        let (settings, engine) = (self.settings.clone(), self.hand.engine());
-        Tools { settings, engine, observer: Arc::new(()), store: None, kept: None }
+    pub fn tools(&self) -> PaintingTools {
+        let (settings, engine) = (self.settings.clone(), self.painter.engine());
+        PaintingTools { settings, engine, observer: Arc::new(()), store: None, kept: None }
     }
 
     /// Denoises a picture that this machine has led for others, if they have asked for that. What the picture says of itself.
@@ -342,7 +343,7 @@ impl Session {
     /// # Errors
     /// The denoiser is not there or fails; the picture keeps its noise then.
     pub fn finish_for_others(&self, report: &mut JobReport) -> (Metadata, Result<(), Error>) {
-        let mut metadata = self.hand.metadata(&self.asked, report);
+        let mut metadata = self.painter.metadata(&self.asked, report);
         let denoised = denoise::here(&self.request, report, &mut metadata);
         (metadata, denoised)
     }
@@ -352,13 +353,13 @@ impl Session {
     /// # Errors
     /// It cannot be written.
     pub fn write_to(&self, path: &Path, film: &Film, metadata: &Metadata) -> Result<(), Error> {
-        crate::picture::write(&self.request, self.hand.hints(), path, film, metadata)
+        crate::picture::write(&self.request, self.painter.hints(), path, film, metadata)
     }
 
     /// From now on shows what is painted. What is kept of it is shown at once, amid what a look at the picture gives.
     fn show(&self, reporter: &Arc<Reporter>, kept: Option<&Kept>) -> Result<(), Error> {
         let SessionOptions { preview, shows, .. } = &self.options;
-        let watch_faults = |painter: &Painter| {
+        let watch_faults = |painter: &ExternalPainter| {
             let (teller, title) = (Arc::downgrade(reporter), painter.title());
             painter.engine.watch_faults(move |fault| {
                 if let Some(reporter) = teller.upgrade() {
@@ -366,7 +367,7 @@ impl Session {
                 }
             });
         };
-        if let Hand::Other(painter) = &self.hand {
+        if let Painter::Other(painter) = &self.painter {
             watch_faults(painter);
         }
         if preview.is_none() && !shows {
@@ -374,11 +375,11 @@ impl Session {
         }
         let (settings, output) = (&self.settings, &self.request.output);
         let frame = Rect::of_size(settings.width, settings.height);
-        let look = Look { frame, crop: settings.crop, exposure: output.exposure, tone: tone(output.tonemap) };
+        let look = PreviewView { frame, crop: settings.crop, exposure: output.exposure, tone: tone(output.tonemap) };
         let watcher = shows.then(|| Arc::clone(reporter.watcher()));
-        let show = Arc::new(Show::new(look, preview.clone(), watcher));
-        match &self.hand {
-            Hand::Own(own) => {
+        let show = Arc::new(LivePreview::new(look, preview.clone(), watcher));
+        match &self.painter {
+            Painter::Own(own) => {
                 if let Some(kept) = kept {
                     let (columns, rows) = survey_size(&look.frame);
                     show.begin(&own.engine.survey(columns, rows)?);
@@ -387,7 +388,7 @@ impl Session {
                 reporter.show(&show, own.subject.loaded);
                 own.engine.watch(move |tile| show.painted(tile));
             }
-            Hand::Other(painter) => {
+            Painter::Other(painter) => {
                 reporter.show(&show, self.begun);
                 painter.engine.watch(move |tile| show.painted(tile));
             }

@@ -14,7 +14,7 @@ use bottega_farm::{AgentRow, FarmMessage, ImportanceMap, Observer, Partition, Pr
 use super::Watcher;
 use crate::{
     events::{self, AgentEvent, Event, Zone, ZoneEvent},
-    preview::Show,
+    preview::LivePreview,
 };
 
 /// How often progress is told.
@@ -33,7 +33,7 @@ pub struct Reporter {
 
 /// Shows the picture while it is painted.
 struct Showing {
-    show: Arc<Show>,
+    show: Arc<LivePreview>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
@@ -99,7 +99,7 @@ impl Reporter {
     }
 
     /// From now on keeps `show` fresh, and tells how long after the end of loading, `loaded`, it was.
-    pub(crate) fn show(self: &Arc<Self>, show: &Arc<Show>, loaded: Instant) {
+    pub(crate) fn show(self: &Arc<Self>, show: &Arc<LivePreview>, loaded: Instant) {
         let (reporter, showing) = (Arc::downgrade(self), Arc::clone(show));
         let thread = thread::spawn(move || {
             let renewed = |number| {

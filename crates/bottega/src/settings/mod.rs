@@ -20,13 +20,13 @@ pub use self::{
     photons::{agent_photons, photon_settings},
 };
 use crate::{
-    devices::processors,
+    devices::threads,
     error::Error,
+    loaded_scene::LoadedScene,
     request::{
         AdaptationChoice, AuctionChoice, DEPTH_MAX, ImportanceChoice, OptimizationChoice, PixelFilter, PngEncoding,
         Request, SAMPLES_MAX, ToneCurve, WorkOptions,
     },
-    subject::Subject,
     text::duration,
 };
 
@@ -45,7 +45,7 @@ const DEFAULT_DEPTH: u32 = 16;
 ///
 /// # Errors
 /// The crop does not lie within the picture, or a layer is unknown.
-pub fn job_settings(request: &Request, subject: &Subject, experts: Vec<Expert>) -> Result<JobSettings, Error> {
+pub fn job_settings(request: &Request, subject: &LoadedScene, experts: Vec<Expert>) -> Result<JobSettings, Error> {
     let frame = subject.frame();
     let crop = crop(request).or_else(|| hinted_crop(subject)).unwrap_or(frame);
     check_crop(&crop, &frame)?;
@@ -144,13 +144,8 @@ pub(crate) fn planned_samples(job: &JobSettings) -> u32 {
 }
 
 /// Bounces of light.
-pub fn max_depth(request: &Request, subject: &Subject) -> u32 {
+pub fn max_depth(request: &Request, subject: &LoadedScene) -> u32 {
     request.integrator.max_depth.or(subject.hints.max_depth).map_or(DEFAULT_DEPTH, |depth| depth.min(DEPTH_MAX))
-}
-
-/// Processors that the request allows.
-pub fn threads(request: &Request) -> usize {
-    request.devices.threads.map_or_else(processors, usize::from)
 }
 
 /// Agents for so many processors, where nobody says.
@@ -204,7 +199,7 @@ pub fn importance_function(work: &WorkOptions) -> ImportanceFunction {
 }
 
 /// How samples are spread over a pixel.
-pub(crate) fn filter(request: &Request, subject: &Subject) -> Filter {
+pub(crate) fn filter(request: &Request, subject: &LoadedScene) -> Filter {
     match request.film.filter {
         None => subject.hints.filter.unwrap_or_default(),
         Some(PixelFilter::BlackmanHarris) => Filter::default(),
@@ -216,7 +211,7 @@ pub(crate) fn filter(request: &Request, subject: &Subject) -> Filter {
 }
 
 /// The part of the picture that the file asks for, as far as it lies within.
-fn hinted_crop(subject: &Subject) -> Option<Rect> {
+fn hinted_crop(subject: &LoadedScene) -> Option<Rect> {
     let [x, y, width, height] = subject.hints.crop?;
     let frame = subject.frame();
     let (x1, y1) = (x.saturating_add(width).min(frame.x1), y.saturating_add(height).min(frame.y1));

@@ -70,7 +70,7 @@ impl Farm for BoardFarm {
     }
 
     fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String> {
-        self.board.tell(machine, order).map_err(|error| error.told())
+        self.board.tell(machine, order).map_err(|error| error.error_chain())
     }
 
     fn change(&self, number: u32, change: JobChange) -> Result<(), String> {
@@ -80,7 +80,7 @@ impl Farm for BoardFarm {
             JobChange::Cancel => steer(&self.board, number, &JobState::Cancelled, "called off"),
             JobChange::Priority(priority) => set_priority(&self.board, number, priority),
         };
-        changed.map_err(|error| error.told())
+        changed.map_err(|error| error.error_chain())
     }
 }
 

@@ -18,7 +18,7 @@ use super::{
     talk::Message,
 };
 use bottega_cluster::{
-    job_board::Seat,
+    job_board::Presence,
     machine::Standing,
     view::{FarmView, JobView, MachineView},
 };
@@ -103,7 +103,7 @@ fn is_answered(message: &Message, function: &Function) -> bool {
 }
 
 fn machine(standing: Standing, ordered: Standing) -> MachineView {
-    let seat = Seat { standing, ..Seat::new("m-1", 8, Some(3)) };
+    let seat = Presence { standing, ..Presence::new("m-1", 8, Some(3)) };
     MachineView { seat, ordered }
 }
 

@@ -6,17 +6,17 @@ use bottega::{
     Request, Session,
     devices::DeviceChoice,
     identity::{difference, with_commit},
-    session::{Part, Tools},
+    session::{JobPart, PaintingTools},
 };
 use bottega_farm::JobReport;
 use bottega_image::{Film, Metadata};
 
 use crate::{
-    build::build, cache::Cache, error::Error, job::Job, job_board::JobBoard, part::Member, scene_files::SceneFiles,
+    build::build, cache::Cache, error::Error, job::Job, job_board::JobBoard, part::Member, sent_files::SentFiles,
 };
 
 /// A job made ready.
-pub(crate) struct Studio {
+pub(crate) struct PreparedJob {
     /// Which.
     pub(crate) work: u64,
     session: Session,
@@ -24,14 +24,14 @@ pub(crate) struct Studio {
 
 /// What of this machine paints.
 #[derive(Clone, Debug, Default)]
-pub struct Own {
+pub struct WorkerDevices {
     /// Processors to use; `None`: all.
     pub threads: Option<u16>,
     /// Which devices.
     pub devices: DeviceChoice,
 }
 
-impl Own {
+impl WorkerDevices {
     /// Has a request be painted by this.
     fn apply(&self, request: &mut Request) {
         request.devices.threads = self.threads;
@@ -39,24 +39,24 @@ impl Own {
     }
 }
 
-impl Studio {
+impl PreparedJob {
     /// Fetches what this machine lacks of a job's scene, and loads it.
-    pub(crate) fn open(member: &Member, job: &Job, cache: &Cache, own: &Own) -> Result<Self, Error> {
+    pub(crate) fn open(member: &Member, job: &Job, cache: &Cache, own: &WorkerDevices) -> Result<Self, Error> {
         if job.version != build().identity() {
             return Err(other_build(job));
         }
-        let order = member.board.order(job)?;
+        let order = member.board.spec(job)?;
         let (scene, environment) = order.files.fetch(cache, member.board.uplink.blobs())?;
         let mut request = order.on_this_machine(&scene, environment)?;
         own.apply(&mut request);
         let turn = member.name.bytes().map(usize::from).sum::<usize>();
-        let files = SceneFiles::root_of(&scene);
-        let part = Part { asked: &order.request, files: &files, engine: order.engine.as_deref(), turn };
+        let files = SentFiles::root_of(&scene);
+        let part = JobPart { asked: &order.request, files: &files, engine: order.engine.as_deref(), turn };
         Ok(Self { work: job.work, session: Session::for_others(&request, part)? })
     }
 
     /// What painting takes.
-    pub(crate) fn tools(&self) -> Tools {
+    pub(crate) fn tools(&self) -> PaintingTools {
         self.session.tools()
     }
 
@@ -68,7 +68,7 @@ impl Studio {
     pub(crate) fn finish(&self, board: &JobBoard, number: u32, report: &mut JobReport) -> Metadata {
         let (metadata, denoised) = self.session.finish_for_others(report);
         if let Err(error) = denoised {
-            board.log(number, &format!("the picture keeps its noise: {}", error.told()));
+            board.log(number, &format!("the picture keeps its noise: {}", error.error_chain()));
         }
         metadata
     }

@@ -9,11 +9,11 @@ use bottega_engines::external::Files;
 use bottega_scene::SceneFile;
 
 use super::{absolute, located};
-use crate::{error::Error, method::Method, request::Request, settings::max_depth, subject::Subject};
+use crate::{error::Error, loaded_scene::LoadedScene, method::Method, request::Request, settings::max_depth};
 
 /// The files of a scene, and which engine paints it.
 #[derive(Clone, Debug, Default)]
-pub struct Material {
+pub struct SceneFiles {
     /// Files that the scene refers to.
     pub files: Vec<SceneFile>,
     /// The engine of other people that all machines must have; `None`: our own.
@@ -24,9 +24,9 @@ pub struct Material {
     pub method: Option<String>,
 }
 
-impl Material {
+impl SceneFiles {
     /// Of a scene that our own engine has read.
-    pub fn of(request: &Request, subject: &Subject) -> Self {
+    pub fn of(request: &Request, subject: &LoadedScene) -> Self {
         let method = Method::of(request, subject, max_depth(request, subject));
         let warnings = subject.warnings.iter().map(ToString::to_string).chain(method.note.clone()).collect();
         let method = method.note.clone().unwrap_or_else(|| format!("painted by {}", method.name()));
@@ -36,7 +36,7 @@ impl Material {
     /// Reads the scene, or has its engine tell what it refers to.
     pub fn gather(request: &Request) -> Result<Self, Error> {
         if request.engine.is_builtin() {
-            return Ok(Self::of(request, &Subject::load(request)?));
+            return Ok(Self::of(request, &LoadedScene::load(request)?));
         }
         let (name, _) = request.engine.other()?;
         let engine = located(&request.engine.manifests, name)?;

@@ -28,7 +28,7 @@ const SAY_EVERY: Duration = Duration::from_secs(5);
 
 /// In which form people or programs are told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Form {
+pub(crate) enum OutputForm {
     /// A progress bar and lines of text on standard error.
     Text,
     /// One JSON object a line on standard output.
@@ -38,8 +38,8 @@ pub(crate) enum Form {
 }
 
 /// Tells everybody who wants to know.
-pub(crate) struct Voice {
-    form: Form,
+pub(crate) struct ConsoleWatcher {
+    form: OutputForm,
     bar: ProgressBar,
     dashboard: Option<Dashboard>,
     trace: Option<Mutex<BufWriter<File>>>,
@@ -48,16 +48,16 @@ pub(crate) struct Voice {
     said: Mutex<Option<Instant>>,
 }
 
-impl Voice {
+impl ConsoleWatcher {
     /// - `trace`: a file for every message between the agents.
     /// - `is_detached`: nobody waits for what a farm is asked for.
     pub(crate) fn new(
-        form: Form,
+        form: OutputForm,
         dashboard: Option<Dashboard>,
         trace: Option<&Path>,
         is_detached: bool,
     ) -> Result<Self, CliError> {
-        let bar = if form == Form::Text { ProgressBar::new(BAR_STEPS) } else { ProgressBar::hidden() };
+        let bar = if form == OutputForm::Text { ProgressBar::new(BAR_STEPS) } else { ProgressBar::hidden() };
         if let Ok(style) = ProgressStyle::with_template("{bar:40.cyan/dim} {percent:>3}% {msg}") {
             bar.set_style(style);
         }
@@ -74,7 +74,7 @@ impl Voice {
 
     /// Says something to people only.
     fn say(&self, text: &str) {
-        if self.form == Form::Text {
+        if self.form == OutputForm::Text {
             self.bar.suspend(|| eprintln!("{text}"));
         }
     }
@@ -134,12 +134,12 @@ impl Voice {
     }
 }
 
-impl Watcher for Voice {
+impl Watcher for ConsoleWatcher {
     fn told(&self, event: Event) {
         match self.form {
-            Form::Text => self.show(&event),
-            Form::Json => println!("{}", event.to_json()),
-            Form::Quiet => {}
+            OutputForm::Text => self.show(&event),
+            OutputForm::Json => println!("{}", event.to_json()),
+            OutputForm::Quiet => {}
         }
         if let Event::Asked { job, last_job } = &event {
             say_if_ended_at_once(Some(parting(*job, *last_job)));
@@ -182,7 +182,7 @@ impl Watcher for Voice {
     }
 }
 
-impl Drop for Voice {
+impl Drop for ConsoleWatcher {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
         say_if_ended_at_once(None);

@@ -11,14 +11,14 @@ use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
 use crate::{
     error::Error,
     identity::identity,
+    loaded_scene::LoadedScene,
     method::Method,
     request::Request,
     settings::{directions, filter, guide_agents},
-    subject::Subject,
 };
 
 /// Where a work is kept, and what is kept of it already.
-pub struct Keeping {
+pub struct PictureJournal {
     /// The journal.
     pub path: PathBuf,
     /// Writes into it.
@@ -40,7 +40,7 @@ pub fn is_journal_of(path: &Path, name: &str) -> bool {
     journal.is_some_and(|journal| journal.name == name)
 }
 
-impl Keeping {
+impl PictureJournal {
     /// The journal beside the output of a request, if it is written to a file.
     ///
     /// # Errors
@@ -92,7 +92,7 @@ impl Keeping {
 
 /// What makes the picture what it is: two works with the same name give the same bits. How many agents and threads take
 /// part is not in it, so that another machine may go on.
-pub fn name_of(request: &Request, subject: &Subject, settings: &JobSettings) -> String {
+pub fn name_of(request: &Request, subject: &LoadedScene, settings: &JobSettings) -> String {
     let method = Method::of(request, subject, settings.tunables.max_depth);
     [
         format!("version={}", identity()),
@@ -135,9 +135,9 @@ mod tests {
     fn a_journal_of_another_picture_is_refused_by_what_differs() {
         let folder = tempfile::tempdir().expect("a folder");
         let output = folder.path().join("picture.exr");
-        drop(Keeping::begin(&output, "scene=a; spp=4", false).map_err(drop).expect("a new journal"));
-        assert!(Keeping::begin(&output, "scene=a; spp=4", true).is_ok());
-        let error = Keeping::begin(&output, "scene=a; spp=8", true).map(|_| ()).expect_err("another picture");
+        drop(PictureJournal::begin(&output, "scene=a; spp=4", false).map_err(drop).expect("a new journal"));
+        assert!(PictureJournal::begin(&output, "scene=a; spp=4", true).is_ok());
+        let error = PictureJournal::begin(&output, "scene=a; spp=8", true).map(|_| ()).expect_err("another picture");
         assert!(error.to_string().contains("it has spp=4, not spp=8"), "{error}");
         assert!(is_journal_of(&journal_of(&output), "scene=a; spp=4"));
         assert!(!is_journal_of(&journal_of(&output), "scene=a; spp=8") && !is_journal_of(&output, "scene=a; spp=4"));
@@ -146,7 +146,8 @@ mod tests {
     #[test]
     fn without_a_journal_there_is_nothing_to_go_on_with() {
         let folder = tempfile::tempdir().expect("a folder");
-        let error = Keeping::begin(&folder.path().join("picture.exr"), "", true).map(|_| ()).expect_err("no journal");
+        let error =
+            PictureJournal::begin(&folder.path().join("picture.exr"), "", true).map(|_| ()).expect_err("no journal");
         assert!(error.to_string().contains("nothing to go on with"), "{error}");
     }
 
@@ -155,6 +156,6 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let output = folder.path().join("picture.png");
         std::fs::write(folder.path().join("picture.png.bottega-journal"), b"not a journal at all").expect("written");
-        assert!(matches!(Keeping::begin(&output, "", true), Err(Error::Journal { .. })));
+        assert!(matches!(PictureJournal::begin(&output, "", true), Err(Error::Journal { .. })));
     }
 }

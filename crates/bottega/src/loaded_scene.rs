@@ -10,16 +10,16 @@ use bottega_scene::{
 use glam::Mat3;
 
 use crate::{
+    devices::threads,
     error::Error,
     request::{EnvironmentLight, Request, SceneOptions, check_size},
-    settings::threads,
 };
 
 /// Height of a picture of which only the shape is known.
 const DEFAULT_HEIGHT: u32 = 720;
 
 /// A scene ready to be painted.
-pub struct Subject {
+pub struct LoadedScene {
     /// The scene with its acceleration structures.
     pub prepared: Arc<PreparedScene>,
     /// Camera and size.
@@ -34,7 +34,7 @@ pub struct Subject {
     pub loaded: Instant,
 }
 
-impl Subject {
+impl LoadedScene {
     /// Reads the scene file of a request.
     ///
     /// # Errors

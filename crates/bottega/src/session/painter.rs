@@ -9,10 +9,10 @@ use bottega_scene::RenderHints;
 
 use super::Reporter;
 use crate::{
-    engines::Painter,
+    builtin::BuiltinPainter,
+    engines::ExternalPainter,
     error::Error,
     events::{EngineShare, Event, corners},
-    own::OwnPainter,
     picture::REQUEST_KEY,
     request::Request,
     text::shown,
@@ -22,12 +22,12 @@ use crate::{
 const SEAMS_SEEN: f64 = 1e-4;
 
 /// Who paints here.
-pub(super) enum Hand {
-    Own(Box<OwnPainter>),
-    Other(Box<Painter>),
+pub(super) enum Painter {
+    Own(Box<BuiltinPainter>),
+    Other(Box<ExternalPainter>),
 }
 
-impl Hand {
+impl Painter {
     pub(super) fn engine(&self) -> Arc<dyn RenderEngine> {
         match self {
             Self::Own(own) => Arc::clone(&own.engine) as _,
@@ -132,7 +132,7 @@ impl Hand {
 }
 
 /// Tells who painted how much of a picture of two engines, and whether one sees where.
-fn tell_mix(painter: &Painter, crop: Rect, report: &JobReport, reporter: &Reporter) -> Result<(), Error> {
+fn tell_mix(painter: &ExternalPainter, crop: Rect, report: &JobReport, reporter: &Reporter) -> Result<(), Error> {
     let Some(mix) = &painter.mix else { return Ok(()) };
     let engines = mix.mixed.zones_by_engine().into_iter();
     let engines = engines.map(|(engine, zones)| EngineShare { engine, zones }).collect();

@@ -8,30 +8,35 @@ use bottega_image::Metadata;
 use bottega_render::PathSettings;
 
 use crate::{
-    devices::{Crew, DeviceChoice, costs, incident_line},
+    devices::{DeviceChoice, DeviceSet, costs, incident_line},
     error::Error,
-    keeping::name_of,
+    journal::name_of,
+    loaded_scene::LoadedScene,
     method::Method,
     request::Request,
     session::Reporter,
     settings::{asks_for_agents, directions, filter, guide_agents, job_settings, max_depth, planned_samples},
-    subject::Subject,
     text::shown,
 };
 
 /// Our own engine with the picture that it is to paint.
-pub(crate) struct OwnPainter {
-    pub(crate) subject: Subject,
+pub(crate) struct BuiltinPainter {
+    pub(crate) subject: LoadedScene,
     pub(crate) engine: Arc<BuiltinEngine>,
-    pub(crate) crew: Crew,
+    pub(crate) crew: DeviceSet,
     pub(crate) method: Method,
     pub(crate) settings: JobSettings,
 }
 
-impl OwnPainter {
+impl BuiltinPainter {
     /// - `subject`: the scene of the request.
     /// - `goal`: when a zone is finished.
-    pub(crate) fn open(request: &Request, subject: Subject, experts: Vec<Expert>, goal: Goal) -> Result<Self, Error> {
+    pub(crate) fn open(
+        request: &Request,
+        subject: LoadedScene,
+        experts: Vec<Expert>,
+        goal: Goal,
+    ) -> Result<Self, Error> {
         let method = Method::of(request, &subject, max_depth(request, &subject));
         let settings = JobSettings { goal, ..job_settings(request, &subject, experts)? };
         let (engine, crew) = own_engine(request, &subject, &settings)?;
@@ -111,7 +116,11 @@ impl OwnPainter {
 ///
 /// # Errors
 /// A device that was asked for by name is not there or cannot paint this.
-pub fn own_engine(request: &Request, subject: &Subject, job: &JobSettings) -> Result<(BuiltinEngine, Crew), Error> {
+pub fn own_engine(
+    request: &Request,
+    subject: &LoadedScene,
+    job: &JobSettings,
+) -> Result<(BuiltinEngine, DeviceSet), Error> {
     let depth = max_depth(request, subject);
     let photons = Method::of(request, subject, depth).photons;
     let settings = PathSettings {
@@ -128,7 +137,7 @@ pub fn own_engine(request: &Request, subject: &Subject, job: &JobSettings) -> Re
     let choice = DeviceChoice::of(&request.devices.names)
         .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed))?
         .exactly(request.devices.exact)?;
-    let mut crew = Crew::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some())?;
+    let mut crew = DeviceSet::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some())?;
     let options = BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads };
     let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, std::mem::take(&mut crew.devices));
     Ok((engine, crew))

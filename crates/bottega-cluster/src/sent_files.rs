@@ -29,14 +29,14 @@ pub(crate) struct SentFile {
 
 /// All files of a scene.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct SceneFiles {
+pub struct SentFiles {
     /// The scene file first.
     files: Vec<SentFile>,
     /// The picture that lights it, if it is no file of the scene.
     environment: Option<SentFile>,
 }
 
-impl SceneFiles {
+impl SentFiles {
     /// Reads the files, and says what is to be sent of them.
     pub(crate) fn read(
         scene: &Path,
@@ -98,7 +98,7 @@ impl SceneFiles {
 /// A folder in a folder, for each that a reference leads out of.
 const INNER: &str = "in";
 
-impl SceneFiles {
+impl SentFiles {
     /// The folder below which all files of a scene are that was fetched.
     pub(crate) fn root_of(scene: &Path) -> PathBuf {
         let mut folders = scene.ancestors().skip(1);
@@ -162,7 +162,7 @@ mod tests {
         for (scene, root) in
             [("/cache/scenes/1/in/in/a.glb", "/cache/scenes/1"), ("/cache/scenes/1/a.glb", "/cache/scenes/1")]
         {
-            assert_eq!(SceneFiles::root_of(Path::new(scene)), Path::new(root));
+            assert_eq!(SentFiles::root_of(Path::new(scene)), Path::new(root));
         }
     }
 

@@ -1,0 +1,125 @@
+//! Which devices a request names.
+
+use std::str::FromStr;
+
+use super::InvalidField;
+
+/// The word for the processors in a list of devices.
+const PROCESSORS: &str = "cpu";
+/// The word for whatever is there.
+pub const AUTO: &str = "auto";
+
+/// Which devices are to paint.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum DeviceChoice {
+    /// The processors, and the best GPU if there is one.
+    #[default]
+    Auto,
+    /// These and no others.
+    These {
+        /// Whether the processors are among them.
+        processors: bool,
+        /// GPUs, by parts of their names.
+        gpus: Vec<String>,
+    },
+}
+
+impl DeviceChoice {
+    /// The processors alone.
+    fn processors() -> Self {
+        Self::These { processors: true, gpus: Vec::new() }
+    }
+
+    /// The same, where pixels must be the same to the last bit on every machine.
+    ///
+    /// # Errors
+    /// A GPU was asked for by name.
+    pub fn exactly(&self, exact: bool) -> Result<Self, InvalidField> {
+        match self {
+            _ if !exact => Ok(self.clone()),
+            Self::These { gpus, .. } if !gpus.is_empty() => Err(InvalidField::new(
+                "devices.names",
+                format!("`{}`", self.names().join(",")),
+                "a GPU does not paint to the last bit what processors paint: leave out `devices.exact` (--exact), or the GPU",
+            )),
+            _ => Ok(Self::processors()),
+        }
+    }
+
+    /// What of a machine paints for a job of others: where it must be exact the processors alone, if there are any among them.
+    pub fn for_others(&self, exact: bool) -> Self {
+        match self {
+            Self::These { processors: true, .. } if exact => Self::processors(),
+            _ => self.clone(),
+        }
+    }
+}
+
+impl DeviceChoice {
+    /// What a list of names chooses.
+    ///
+    /// # Errors
+    /// What is allowed, where it chooses nothing.
+    pub fn of(names: &[String]) -> Result<Self, String> {
+        if names == [AUTO] {
+            return Ok(Self::Auto);
+        }
+        if names.is_empty() || names.iter().any(|name| name.trim().is_empty() || name == AUTO) {
+            return Err(format!("`{AUTO}`, or names with commas between them: `{PROCESSORS}`, parts of GPUs' names"));
+        }
+        let gpus = names.iter().filter(|name| *name != PROCESSORS).cloned();
+        Ok(Self::These { processors: names.iter().any(|name| name == PROCESSORS), gpus: gpus.collect() })
+    }
+
+    /// The names that choose this.
+    pub fn names(&self) -> Vec<String> {
+        match self {
+            Self::Auto => vec![AUTO.to_owned()],
+            Self::These { processors, gpus } => {
+                processors.then(|| PROCESSORS.to_owned()).into_iter().chain(gpus.iter().cloned()).collect()
+            }
+        }
+    }
+}
+
+impl FromStr for DeviceChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::of(&text.split(',').map(|name| name.trim().to_owned()).collect::<Vec<_>>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn devices_are_asked_for_by_name_or_are_whatever_is_there() {
+        let these = |processors, gpus: &[&str]| {
+            Ok(DeviceChoice::These { processors, gpus: gpus.iter().map(|gpu| (*gpu).to_owned()).collect() })
+        };
+        assert_eq!("auto".parse(), Ok(DeviceChoice::Auto));
+        assert_eq!("cpu".parse(), these(true, &[]));
+        assert_eq!("llvmpipe".parse(), these(false, &["llvmpipe"]));
+        assert_eq!("cpu, H200".parse(), these(true, &["H200"]));
+        for names in ["auto", "cpu", "llvmpipe", "cpu,H200"] {
+            assert_eq!(names.parse::<DeviceChoice>().unwrap().names().join(","), names);
+        }
+        for wrong in ["", "cpu,", "auto,cpu"] {
+            assert!(wrong.parse::<DeviceChoice>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_exact_is_the_processors_matter() {
+        assert_eq!(DeviceChoice::Auto.exactly(true).unwrap(), DeviceChoice::processors());
+        assert_eq!(DeviceChoice::Auto.exactly(false).unwrap(), DeviceChoice::Auto);
+        let gpu: DeviceChoice = "cpu,llvmpipe".parse().unwrap();
+        assert!(gpu.exactly(true).is_err() && gpu.exactly(false).is_ok());
+        assert_eq!(gpu.for_others(true).exactly(true).unwrap(), DeviceChoice::processors());
+        assert_eq!(gpu.for_others(false), gpu);
+        let alone: DeviceChoice = "llvmpipe".parse().unwrap();
+        assert!(alone.for_others(true).exactly(true).is_err(), "nobody is left who could");
+    }
+}
