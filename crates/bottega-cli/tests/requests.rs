@@ -185,3 +185,25 @@ fn the_examples_of_the_library_paint_pictures() {
         assert!(picture.width == 320 && (0.05..0.9).contains(&mean), "{name}: {mean}");
     }
 }
+
+#[test]
+fn what_is_wrong_with_a_request_is_found_before_it_is_painted_or_sent() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let record = folder.path().join("record.json");
+    let json = br#"{"scene": {"file": "cornell-box.glb"}, "goal": {"error": 0.1}}"#;
+    let picture = folder.path().join("a.exr");
+    let output = fed(&["render", "--request", "-", "--record", text(&record), "-o", text(&picture)], json);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(told.contains("--record is for whole pictures") && !picture.exists(), "{told}");
+
+    let mut request = Request::new(scenes().join("cornell-box.glb"));
+    assert!(Session::examine(&request).is_ok());
+    request.film.size = Some([8, 8]);
+    request.film.crop = Some([0, 0, 9, 8]);
+    assert!(Session::examine(&request).map(drop).expect_err("a crop beyond the picture").to_string().contains("crop"));
+    request.film.crop = None;
+    let rules = bottega::request::RulesText { name: "mine.fcl".into(), text: "FUNCTION_BLOCK".to_owned() };
+    request.work.rules = vec![bottega::request::RulesSource::Text(rules)];
+    assert!(Session::examine(&request).map(drop).expect_err("rules that are cut off").to_string().contains("mine.fcl"));
+}

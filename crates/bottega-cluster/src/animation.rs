@@ -13,13 +13,11 @@ use std::{
 };
 
 use bottega::{
-    Event, Request, StopSwitch, Watcher, denoise,
+    Event, Request, Session, StopSwitch, Watcher, denoise,
     devices::{DeviceChoice, threads},
-    engines::SceneFiles,
     session::Reporter,
     state::state_folder,
 };
-use bottega_image::check_writable;
 
 use crate::{
     address::FarmAddress,
@@ -147,8 +145,7 @@ fn submit(
     let missing = request.missing_frames(resume)?;
     let Some(&first) = missing.first() else { return Ok(BTreeMap::new()) };
     let first = request.at_frame(first)?;
-    first.output.file.as_deref().map(check_writable).transpose()?;
-    let material = SceneFiles::gather(&first)?;
+    let material = Session::examine(&first)?;
     for warning in &material.warnings {
         reporter.warn(warning.clone());
     }

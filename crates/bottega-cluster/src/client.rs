@@ -118,9 +118,8 @@ pub fn submit(
     watcher: Arc<dyn Watcher>,
     stop: &StopSwitch,
 ) -> Result<u32, Error> {
-    request.validate().map_err(bottega::Error::from)?;
     let reporter = Reporter::new(watcher);
-    let material = SceneFiles::gather(request)?;
+    let material = Session::examine(request)?;
     material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
     let job = SubmittedJob::submit((farm, credentials), request, &material, None, stop, &reporter)?;
     Ok(job.number)
@@ -138,12 +137,6 @@ impl SubmittedJob {
         stop: &StopSwitch,
         reporter: &Reporter,
     ) -> Result<Self, Error> {
-        if request.goal.time.is_some() {
-            return Err(Error::usage(
-                "a farm paints until there are samples enough, or the error is small enough; it keeps no time",
-                "leave out the time, or the farm",
-            ));
-        }
         let FarmLink { uplink, name, .. } = link(farm, credentials)?;
         let board = JobBoard { uplink };
         board.refuse_guests()?;
@@ -317,6 +310,12 @@ pub(crate) fn order<'a>(
     stop: &StopSwitch,
     reporter: &Reporter,
 ) -> Result<(JobSpec, Sent<'a>), Error> {
+    if request.goal.time.is_some() {
+        return Err(Error::usage(
+            "a farm paints until there are samples enough, or the error is small enough; it keeps no time",
+            "leave out the time, or the farm",
+        ));
+    }
     let environment = match &request.environment.light {
         Some(EnvironmentLight::File(path)) => Some(path.as_path()),
         _ => None,

@@ -1,7 +1,7 @@
 //! Requests as JSON text.
 
 use bottega_scene::objects_only::ObjectsOnly;
-use serde::{Deserialize, de::IgnoredAny};
+use serde::Deserialize;
 
 use super::{InvalidField, REQUEST_VERSION, Request};
 
@@ -51,8 +51,6 @@ impl RequestError {
 #[derive(Deserialize)]
 struct Versioned {
     version: Option<serde_json::Value>,
-    #[serde(flatten)]
-    _rest: std::collections::BTreeMap<String, IgnoredAny>,
 }
 
 impl Request {
@@ -65,7 +63,7 @@ impl Request {
             return Err(RequestError::TooLong);
         }
         // What is newer is not judged by what is known here.
-        if let Ok(Versioned { version: Some(version), .. }) = serde_json::from_slice(text) {
+        if let Ok(Versioned { version: Some(version) }) = serde_json::from_slice(text) {
             refuse_newer(&version)?;
         }
         let mut json = serde_json::Deserializer::from_slice(text);

@@ -33,7 +33,7 @@ use crate::{
     preview::{LivePreview, PreviewView, check_preview},
     request::Request,
     rules::{engine_choice, experts},
-    settings::{goal, shared_goal, tone},
+    settings::{goal, job_settings, shared_goal, tone},
 };
 
 /// What a session does beside the picture. None of it changes a pixel.
@@ -109,34 +109,22 @@ impl Session {
         let begun = Instant::now();
         Self::check(request, &options)?;
         let (experts, notes) = experts(agent_rules(request)?)?;
-        if request.engine.is_builtin() {
-            let subject = LoadedScene::load(request)?;
-            let own = BuiltinPainter::open(request, subject, experts, goal(request, begun)?)?;
-            return Self::of_own(request, options, own, notes, begun);
-        }
-        if options.record.is_some() {
-            return Err(Error::usage("--record is for our own engine", "leave it out, or leave out --engine"));
-        }
+        let (painter, notes) = if request.engine.is_builtin() {
+            let own = BuiltinPainter::open(request, LoadedScene::load(request)?, experts, goal(request, begun)?)?;
+            let notes = notes.into_iter().chain(own.notes(request)).collect();
+            (Painter::Own(Box::new(own)), notes)
+        } else {
+            let choice = choice_rules(request)?.map(engine_choice).transpose()?;
+            let mut other = ExternalPainter::open(request, experts, None)?;
+            other.settings.engine_choice = choice;
+            other.settings.goal = goal(request, begun)?;
+            (Painter::Other(Box::new(other)), notes)
+        };
+        // Denoisers that are not there are told before anything is written.
         let denoiser = denoise::ready(request)?;
-        let choice = choice_rules(request)?.map(engine_choice).transpose()?;
-        let mut painter = ExternalPainter::open(request, experts, None)?;
-        painter.settings.engine_choice = choice;
-        painter.settings.goal = goal(request, begun)?;
-        let name = painter.name(request)?;
-        let journal = PictureJournal::of_request(request, &name, options.resume)?;
-        let settings = painter.settings.clone();
-        let painter = Painter::Other(Box::new(painter));
-        Ok(Self {
-            request: request.clone(),
-            asked: request.clone(),
-            options,
-            painter,
-            settings,
-            denoiser,
-            notes,
-            begun,
-            journal,
-        })
+        let session = Self { denoiser, ..Self::new(request, options, painter, notes, begun) };
+        let journal = PictureJournal::of_request(request, &session.name()?, session.options.resume)?;
+        Ok(Self { journal, ..session })
     }
 
     /// A scene that was made in memory. The request's `scene.file` is its name alone; what is painted of it is not kept for
@@ -153,20 +141,10 @@ impl Session {
         let (experts, notes) = experts(agent_rules(request)?)?;
         let subject = LoadedScene::of_scene(scene, request)?;
         let own = BuiltinPainter::open(request, subject, experts, goal(request, begun)?)?;
-        let (settings, denoiser) = (own.settings.clone(), denoise::ready(request)?);
         let notes = own.notes(request).into_iter().chain(notes).collect();
         let painter = Painter::Own(Box::new(own));
-        Ok(Self {
-            request: request.clone(),
-            asked: request.clone(),
-            options,
-            painter,
-            settings,
-            denoiser,
-            notes,
-            begun,
-            journal: None,
-        })
+        let denoiser = denoise::ready(request)?;
+        Ok(Self { denoiser, ..Self::new(request, options, painter, notes, begun) })
     }
 
     /// A part in a picture that another process asked for. The request's files are on this machine; nothing is kept here, and
@@ -207,8 +185,42 @@ impl Session {
             own.crew.notes.iter().for_each(|note| tracing::warn!("{note}"));
         }
         let settings = JobSettings { engine_choice: choice, ..painter.settings().clone() };
-        let (options, request, asked) = (SessionOptions::default(), request.clone(), part.asked.clone());
-        Ok(Self { request, asked, options, painter, settings, denoiser: None, notes, begun, journal: None })
+        let session = Self::new(request, SessionOptions::default(), painter, notes, begun);
+        Ok(Self { settings, asked: part.asked.clone(), ..session })
+    }
+
+    /// Without denoiser and journal.
+    fn new(request: &Request, options: SessionOptions, painter: Painter, notes: Vec<String>, begun: Instant) -> Self {
+        Self {
+            request: request.clone(),
+            asked: request.clone(),
+            options,
+            settings: painter.settings().clone(),
+            painter,
+            denoiser: None,
+            notes,
+            begun,
+            journal: None,
+        }
+    }
+
+    /// Finds out what can be wrong with a request that others paint, before any of it is sent to them. What they must be sent.
+    ///
+    /// # Errors
+    /// The request, its scene or its rules cannot be used, or its output cannot be written.
+    pub fn examine(request: &Request) -> Result<SceneFiles, Error> {
+        Self::check(request, &SessionOptions::default())?;
+        let (experts, notes) = experts(agent_rules(request)?)?;
+        choice_rules(request)?.map(engine_choice).transpose()?;
+        let mut files = if request.engine.is_builtin() {
+            let scene = LoadedScene::load(request)?;
+            job_settings(request, &scene, experts)?;
+            SceneFiles::of(request, &scene)
+        } else {
+            SceneFiles::gather(request)?
+        };
+        files.warnings.splice(0..0, notes);
+        Ok(files)
     }
 
     fn check(request: &Request, options: &SessionOptions) -> Result<(), Error> {
@@ -223,33 +235,14 @@ impl Session {
             check_writable(file)?;
         }
         options.preview.as_deref().map(check_preview).transpose()?;
+        let is_recordable = request.goal.error.is_none() && request.goal.time.is_none() && !options.resume;
+        if options.record.is_some() && !(is_recordable && request.engine.is_builtin()) {
+            return Err(Error::usage(
+                "--record is for whole pictures of our own engine with a fixed number of samples",
+                "leave it out, or the error, the time, --resume or the engine",
+            ));
+        }
         Ok(())
-    }
-
-    fn of_own(
-        request: &Request,
-        options: SessionOptions,
-        own: BuiltinPainter,
-        notes: Vec<String>,
-        begun: Instant,
-    ) -> Result<Self, Error> {
-        let settings = own.settings.clone();
-        // Denoisers that are not there are told before anything is written.
-        let denoiser = denoise::ready(request)?;
-        let journal = PictureJournal::of_request(request, &own.name(request), options.resume)?;
-        let notes = notes.into_iter().chain(own.notes(request)).collect();
-        let painter = Painter::Own(Box::new(own));
-        Ok(Self {
-            request: request.clone(),
-            asked: request.clone(),
-            options,
-            painter,
-            settings,
-            denoiser,
-            notes,
-            begun,
-            journal,
-        })
     }
 
     /// What is asked for.
