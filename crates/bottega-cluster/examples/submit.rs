@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let farm = arguments.next().map(|address| address.parse::<FarmAddress>()).transpose()?;
     let mut request = Request::new(scene);
     request.film.size = Some([160, 120]);
-    request.goal.samples = Some(16);
+    request.goal.samples = Some(256);
     request.output.file = Some(picture.into());
     let watcher = |event: Event| {
         if let Event::Asked { job, .. } = event {

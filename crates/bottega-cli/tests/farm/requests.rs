@@ -17,7 +17,7 @@ fn a_request_of_no_command_line_is_painted_by_two_processes() {
     let output = command.output().expect("the example starts");
     assert!(output.status.success(), "{}\n{}", String::from_utf8_lossy(&output.stderr), farm.logs());
     let plain = farm.path("plain.exr");
-    farm.succeed(&["render", "goblets.glb", "-o", text(&plain), "--size=160x120", "--spp=16", "--quiet"]);
+    farm.succeed(&["render", "goblets.glb", "-o", text(&plain), "--size=160x120", "--spp=256", "--quiet"]);
     assert!(bits(&picture) == bits(&plain), "{}", farm.logs());
     assert_eq!(farm.job(1)["state"], "done");
     assert!(machine.end());
