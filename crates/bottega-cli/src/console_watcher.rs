@@ -10,7 +10,7 @@ use std::{
 
 use bottega::{
     Watcher,
-    events::{Event, LightingAgents, Progress},
+    events::{AuctionEvent, Event, LightingAgents, Progress},
     text::duration,
 };
 use bottega_agents::Time;
@@ -207,6 +207,7 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
         Event::Recorded { file } => vec![recorded(file)],
         Event::Fetched { output } => vec![format!("{output}: led to its end by another machine")],
         Event::Denoised { by, seconds } => vec![format!("denoised in {} by {by}", length(*seconds))],
+        Event::Auction(auction) => vec![told_auction(auction)],
         Event::Finished { .. } => finished(event),
         Event::Interrupted { output, .. } => {
             vec![format!("stopped; {output} holds what is painted. Go on with the same command and --resume.")]
@@ -214,6 +215,7 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
         Event::Analyzed { .. }
         | Event::Zone(_)
         | Event::Agent(_)
+        | Event::Round(_)
         | Event::Progress(_)
         | Event::Preview { .. }
         | Event::Sending { .. }
@@ -265,6 +267,17 @@ fn parting(job: u32, last: Option<u32>) -> String {
 /// For people: where a record is, and what to do with it.
 pub(crate) fn recorded(file: &str) -> String {
     format!("recorded in {file}; try: bottega simulate {file} --agents 8")
+}
+
+/// What the auction came to, in one line.
+fn told_auction(auction: &AuctionEvent) -> String {
+    let AuctionEvent { rounds, contested, credit_decided, bidders, bids, awards, .. } = auction;
+    format!(
+        "auction: {awards} awards in {rounds} rounds, {contested} with several bidders, {credit_decided} decided by credit; \
+         {:.1} bidders and {:.1} bids a round",
+        *bidders as f64 / *rounds as f64,
+        *bids as f64 / *rounds as f64,
+    )
 }
 
 fn finished(event: &Event) -> Vec<String> {

@@ -12,7 +12,7 @@ use std::{
 use bottega_engines::{RenderEngine, Survey};
 use bottega_farm::{
     AgentRow, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Link, Observer, Partition, Progress,
-    StopSwitch, WorkId, ZoneRow,
+    RoundSummary, StopSwitch, WorkId, ZoneRow,
 };
 
 use crate::{
@@ -368,6 +368,10 @@ impl Observer for LoggingObserver {
 
     fn agent_changed(&self, row: &AgentRow) {
         self.inner.agent_changed(row);
+    }
+
+    fn round_closed(&self, round: &RoundSummary) {
+        self.inner.round_closed(round);
     }
 
     fn progress(&self, progress: &Progress) {

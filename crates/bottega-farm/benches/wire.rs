@@ -126,7 +126,11 @@ fn contents() -> Vec<(&'static str, FarmContent)> {
 
 fn values() -> Vec<(&'static str, FarmValue)> {
     let votes = [1, 2].map(|number| Vote { agent: agent(number), painting: painting() }).to_vec();
-    let agent_row = AgentRow { credit: -3.25, agreed: 41, ..AgentRow::new(agent(7), RelativePower::new(0.73), 16.0) };
+    let agent_row = AgentRow {
+        credit: Credit { sum: -3.25, promised: 9.5, taken: 9.75 },
+        agreed: 41,
+        ..AgentRow::new(agent(7), RelativePower::new(0.73), 16.0)
+    };
     vec![
         ("row of a zone, open", FarmValue::Zone(Arc::new(open()))),
         ("row of a zone, profiled", FarmValue::Zone(Arc::new(profiled()))),

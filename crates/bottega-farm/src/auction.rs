@@ -1,38 +1,48 @@
 //! Who gets which zone. Pure: the Master asks, and sends what comes out.
 //!
 //! Source: MAGarRO, section 3.4, "Auctioning": agents try to get the more complex zones first; among several the one
-//! with more credit wins; credit rises or falls in proportion to T_est − T.
+//! with more credit wins; credit rises or falls in proportion to T_est − T. The default rule weighs what an agent promises
+//! by how far its promises held. `docs/magarro.md` states the rules.
 
+mod by_credit;
+mod by_time;
+mod credit;
 mod field;
 mod open_zones;
+mod round;
+mod tally;
 
-use std::time::Duration;
-
-pub use self::{field::Field, open_zones::OpenZones};
+use self::{by_time::ByTime, round::Candidate};
+pub use self::{
+    credit::Credit,
+    field::Field,
+    open_zones::OpenZones,
+    tally::{AuctionTally, RoundSummary},
+};
 use crate::{Bid, Offer, ZoneId};
 
 /// Agents called in one round at most.
 pub(crate) const BIDDERS_MAX: usize = 16;
-/// How far beyond the expected end of all work a zone may be finished, as a share of the time until then.
-const SLACK: f64 = 0.02;
-/// A piece that takes an agent less than this is not worth its messages.
-const PIECE_TIME_MIN: f64 = 0.1;
-/// An agent gets zones that take this share of the time that is left, at most: what was estimated wrong can then be made
-/// good with the rest (the factoring of Hummel, Schonberg and Flynn 1992).
-const SHARE_OF_REST: f64 = 0.5;
-
-/// Zones too large for all bidders that are set against all other agents in one round, at most.
-const LEFT_MAX: usize = 4;
 
 /// How a zone's winner is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AuctionRule {
     /// The most complex open zone goes to the bidder with the most credit.
     Paper,
+    /// As [`Self::FinishingTime`], but each agent is taken at its word: to see what credit is worth.
+    Promised,
     /// An agent gets the largest zone that it finishes before the work as a whole can be expected to end; when there is
-    /// none, only what nobody else would finish sooner. So a slow agent does not take the last big zone.
+    /// none, only what nobody else would finish sooner. So a slow agent does not take the last big zone. When it finishes is
+    /// what it promises, weighed by how far its promises held.
     #[default]
     FinishingTime,
+}
+
+impl AuctionRule {
+    /// Whether what agents promise is weighed by how far their promises held.
+    pub(crate) fn weighs_promises(self) -> bool {
+        self == Self::FinishingTime
+    }
 }
 
 /// An agent's number on the list of its Master, which it keeps for good.
@@ -64,7 +74,9 @@ pub struct Bidder {
     pub agent: MemberId,
     /// Its credit.
     pub credit: f64,
-    /// Its own time for a second of the reference machine's, all its processors together.
+    /// What its word is worth by how far its promises held: 1 where they did, 0.5 where it needed twice as long.
+    pub worth: f64,
+    /// Its own time for a second of the reference machine's, all its processors together, by its own word.
     pub own: f64,
     /// What it said.
     pub proposal: Proposal,
@@ -93,206 +105,48 @@ pub struct Standing<'a> {
     pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
 }
 
-/// Finds the winners of one round. Each zone has at most one, each bidder wins at most as many as it has room for, and
-/// nothing that it did not bid for.
+/// What a round came to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Decision {
+    /// Who gets what.
+    pub awards: Vec<Award>,
+    /// Whether it would have been otherwise if all had been believed alike.
+    pub credit_decided: bool,
+}
+
+/// Decides one round. Each zone has at most one winner, each bidder wins at most as many as it has room for, and nothing
+/// that it did not bid for.
 ///
 /// - `offers`: largest first.
-pub fn award(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &Standing<'_>) -> Vec<Award> {
-    let mut bidders: Vec<Candidate> = bidders.into_iter().map(|bidder| Candidate::new(bidder, offers)).collect();
+pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &Standing<'_>) -> Decision {
+    let by_time = |bidders: Vec<Bidder>, weighs: bool| {
+        let worth = |bidder: &Bidder| if weighs { bidder.worth } else { 1.0 };
+        let candidate = |bidder: Bidder| {
+            let worth = worth(&bidder);
+            Candidate::new(bidder, offers, worth)
+        };
+        ByTime::new(offers, bidders.into_iter().map(candidate).collect(), standing).award()
+    };
     match rule {
-        AuctionRule::Paper => by_credit(offers, &mut bidders),
-        AuctionRule::FinishingTime => ByTime::new(offers, bidders, standing).award(),
-    }
-}
-
-/// A bidder during a round.
-struct Candidate {
-    bidder: Bidder,
-    /// When it would have finished each of the offers, in their order, by its own word; in seconds from now. `None`: it does
-    /// not bid for that one.
-    finish: Vec<Option<f64>>,
-    room: u32,
-    /// What it has won in this round, in its own seconds.
-    won: f64,
-}
-
-impl Candidate {
-    fn new(bidder: Bidder, offers: &[Offer]) -> Self {
-        let bids = &bidder.proposal.bids;
-        let bid_for = |(place, offer): (usize, &Offer)| {
-            // They come in the order of the offers, unless something was taken away meanwhile.
-            let likely = bids.get(place).filter(|bid| bid.zone == offer.zone);
-            likely.or_else(|| bids.iter().find(|bid| bid.zone == offer.zone)).map(|bid| bid.finish.as_secs_f64())
-        };
-        let finish = offers.iter().enumerate().map(bid_for).collect();
-        Self { finish, room: bidder.proposal.room, bidder, won: 0.0 }
-    }
-
-    fn own(&self, lot: &Lot) -> f64 {
-        self.bidder.own * lot.time
-    }
-
-    /// When it would have finished a zone, by its own word and behind what it has won.
-    fn finish(&self, lot: &Lot) -> Option<f64> {
-        self.finish[lot.place].map(|finish| finish + self.won)
-    }
-
-    fn bids_for(&self, lot: &Lot) -> bool {
-        self.finish[lot.place].is_some()
-    }
-
-    /// When it would begin one.
-    fn ready(&self, open: &[Lot]) -> f64 {
-        let begin = |lot: &Lot| Some((self.finish(lot)? - self.own(lot)).max(self.won));
-        open.iter().find_map(begin).unwrap_or(self.won)
-    }
-}
-
-/// An offer during a round.
-#[derive(Clone, Copy, Debug)]
-struct Lot {
-    zone: ZoneId,
-    /// Among all offers.
-    place: usize,
-    /// T_est, in seconds.
-    time: f64,
-    complexity: f64,
-}
-
-impl Lot {
-    fn all(offers: &[Offer]) -> Vec<Self> {
-        let lot = |(place, offer): (usize, &Offer)| {
-            let (time, complexity) = (offer.time_estimated.as_secs_f64(), offer.complexity);
-            Self { zone: offer.zone, place, time, complexity }
-        };
-        offers.iter().enumerate().map(lot).collect()
-    }
-}
-
-fn by_credit(offers: &[Offer], bidders: &mut [Candidate]) -> Vec<Award> {
-    let mut by_complexity = Lot::all(offers);
-    by_complexity.sort_by(|a, b| b.complexity.total_cmp(&a.complexity));
-    let mut winners = Vec::new();
-    for lot in by_complexity {
-        let bids = bidders.iter_mut().filter(|bidder| bidder.room > 0 && bidder.bids_for(&lot));
-        // Of equal credit the one that came first.
-        let best = bids.reduce(|best, other| if other.bidder.credit > best.bidder.credit { other } else { best });
-        if let Some(winner) = best {
-            winner.room -= 1;
-            winners.push(Award { zone: lot.zone, agent: winner.bidder.agent, share: None });
+        AuctionRule::Paper => {
+            let candidate = |bidder| Candidate::new(bidder, offers, 1.0);
+            by_credit::decide(offers, &mut bidders.into_iter().map(candidate).collect::<Vec<_>>())
+        }
+        AuctionRule::Promised => Decision { awards: by_time(bidders, false), credit_decided: false },
+        AuctionRule::FinishingTime => {
+            let first = bidders.first().map_or(1.0, |bidder| bidder.worth);
+            let differ = bidders.iter().any(|bidder| bidder.worth != first);
+            let at_their_word = differ.then(|| by_time(bidders.clone(), false));
+            let awards = by_time(bidders, true);
+            let credit_decided = at_their_word.is_some_and(|other| other != awards);
+            Decision { awards, credit_decided }
         }
     }
-    winners
-}
-
-/// A round that is decided by when zones would be finished.
-struct ByTime<'a> {
-    /// Not given away, largest first.
-    open: Vec<Lot>,
-    bidders: Vec<Candidate>,
-    standing: &'a Standing<'a>,
-    /// When the work as a whole should end, in seconds from now.
-    end: f64,
-}
-
-/// What a bidder gets.
-enum Gets {
-    All(usize),
-    Part(usize, f64),
-}
-
-impl<'a> ByTime<'a> {
-    fn new(offers: &[Offer], mut bidders: Vec<Candidate>, standing: &'a Standing<'a>) -> Self {
-        bidders.retain(|bidder| bidder.room > 0);
-        let end = standing.field.end(standing.now, standing.open) * (1.0 + SLACK);
-        Self { open: Lot::all(offers), bidders, standing, end }
-    }
-
-    fn award(mut self) -> Vec<Award> {
-        let mut winners = Vec::new();
-        while let Some(index) = self.first() {
-            let Some(gets) = self.best_for(index) else {
-                self.bidders.swap_remove(index);
-                continue;
-            };
-            let (place, share) = match gets {
-                Gets::All(place) => (place, None),
-                Gets::Part(place, share) => (place, Some(share)),
-            };
-            let offer = self.open.remove(place);
-            let bidder = &mut self.bidders[index];
-            winners.push(Award { zone: offer.zone, agent: bidder.bidder.agent, share });
-            bidder.won += bidder.own(&offer) * share.unwrap_or(1.0);
-            bidder.room -= 1;
-            if bidder.room == 0 {
-                self.bidders.swap_remove(index);
-            }
-        }
-        winners
-    }
-
-    /// Whoever is idle first chooses first; of several the one with more credit, then who came first.
-    fn first(&self) -> Option<usize> {
-        (0..self.bidders.len()).min_by(|&a, &b| {
-            let (a, b) = (&self.bidders[a], &self.bidders[b]);
-            let by_credit = b.bidder.credit.total_cmp(&a.bidder.credit);
-            a.ready(&self.open)
-                .total_cmp(&b.ready(&self.open))
-                .then(by_credit)
-                .then(a.bidder.agent.cmp(&b.bidder.agent))
-        })
-    }
-
-    fn best_for(&self, index: usize) -> Option<Gets> {
-        let bidder = &self.bidders[index];
-        let left = self.end - bidder.ready(&self.open);
-        let takes_all = self.standing.can_cut.is_none() || left < 4.0 * PIECE_TIME_MIN;
-        let wanted = if takes_all { left } else { left * SHARE_OF_REST };
-        let bids = |lot: &Lot| bidder.bids_for(lot);
-        if let Some(place) = self.open.iter().position(|lot| bids(lot) && bidder.own(lot) <= wanted) {
-            return Some(Gets::All(place));
-        }
-        // All are larger. The largest that can be cut gives it what it can do in time.
-        let can_cut = |lot: &Lot| {
-            let rest = bidder.own(lot) - wanted;
-            let is_worth_it = wanted >= PIECE_TIME_MIN && rest >= PIECE_TIME_MIN;
-            bids(lot) && is_worth_it && self.standing.can_cut.is_some_and(|can_cut| can_cut(lot.zone))
-        };
-        if let Some(place) = self.open.iter().position(can_cut) {
-            return Some(Gets::Part(place, wanted / bidder.own(&self.open[place])));
-        }
-        let in_time = |lot: &Lot| bidder.finish(lot).is_some_and(|finish| finish <= self.end);
-        if let Some(place) = self.open.iter().position(in_time) {
-            return Some(Gets::All(place));
-        }
-        (0..self.open.len().min(LEFT_MAX)).find(|&place| self.nobody_sooner(index, place)).map(Gets::All)
-    }
-
-    /// Whether none of all agents would have finished a zone before this one, behind all that it has in hand and has won.
-    /// All are measured alike, by what the Master knows of them: so of all agents one is the soonest.
-    fn nobody_sooner(&self, index: usize, place: usize) -> bool {
-        let (lot, now, field) = (&self.open[place], self.standing.now, self.standing.field);
-        let time = lot.time;
-        let finish = |bidder: &Candidate| field.finish(now, time, bidder.bidder.agent) + bidder.won;
-        let own = &self.bidders[index];
-        if !own.bids_for(lot) {
-            return false;
-        }
-        let limit = finish(own);
-        let mut bids = self.bidders.iter().filter(|bidder| bidder.bids_for(lot));
-        let bids_now = |agent: MemberId| self.bidders.iter().any(|it| it.bidder.agent == agent);
-        !bids.any(|other| finish(other) < limit) && !field.anybody_sooner(now, time, limit, bids_now)
-    }
-}
-
-/// The credit after a zone: T_est − T is added. Seconds of reference-machine time.
-pub fn credit_after(credit: f64, estimated: Duration, measured: Duration) -> f64 {
-    credit + estimated.as_secs_f64() - measured.as_secs_f64()
 }
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
+    use std::{collections::BTreeMap, time::Duration};
 
     use bottega_agents::Time;
     use proptest::prelude::*;
@@ -323,11 +177,12 @@ mod tests {
             field.set(agent, Some((own, (load > 0.0).then_some(ready))));
             let finish = |offer: &Offer| offer.time_estimated.mul_f64(own) + Duration::from_secs_f64(load);
             let bids = offers.iter().map(|offer| Bid { zone: offer.zone, finish: finish(offer) }).collect();
-            Bidder { agent, credit, own, proposal: Proposal { room, bids } }
+            Bidder { agent, credit, worth: 1.0, own, proposal: Proposal { room, bids } }
         };
         let bidders = agents.iter().enumerate().map(bidder).collect();
-        let winners = award(rule, &offers, bidders, &Standing { field: &field, now: 0.0, open, can_cut });
-        (offers, winners)
+        let standing = Standing { field: &field, now: 0.0, open, can_cut };
+        let awards = decide(rule, &offers, bidders, &standing).awards;
+        (offers, awards)
     }
 
     fn whole(zone: u32, agent: u32) -> Award {

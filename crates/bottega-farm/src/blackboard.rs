@@ -13,7 +13,8 @@ use rustc_hash::FxHashMap;
 
 pub use self::trust::Vote;
 use crate::{
-    Choice, NeighborDifference, RelativePower, ResultRef, WorkId, WorkSettings, ZoneId, partition::nearest_multiple,
+    AuctionTally, Choice, Credit, NeighborDifference, RelativePower, ResultRef, WorkId, WorkSettings, ZoneId,
+    partition::nearest_multiple,
 };
 
 /// A zone is given up after so many agents have failed on it.
@@ -352,8 +353,8 @@ pub struct AgentRow {
     pub power: RelativePower,
     /// Processors that work on its zones at once; may be a fraction where agents share a machine.
     pub lanes: f64,
-    /// Its credit, in seconds of reference-machine time.
-    pub credit: f64,
+    /// How far its promises held.
+    pub credit: Credit,
     /// How often others made the same of a zone as it did, where that is compared.
     pub agreed: u32,
     /// How often it has failed since it last painted something.
@@ -365,8 +366,17 @@ pub struct AgentRow {
 impl AgentRow {
     /// An agent of which only its benchmark has spoken.
     pub fn new(agent: AgentId, power: RelativePower, lanes: f64) -> Self {
-        Self { agent, power, lanes, credit: 0.0, agreed: 0, failures: 0, left_out: None }
+        Self { agent, power, lanes, credit: Credit::default(), agreed: 0, failures: 0, left_out: None }
     }
+}
+
+/// What the rounds of a work's auction came to. Written now and then, and at the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AuctionRow {
+    /// Which work.
+    pub work: WorkId,
+    /// What they came to.
+    pub tally: AuctionTally,
 }
 
 /// Any row.
@@ -378,6 +388,8 @@ pub enum FarmValue {
     Work(Arc<WorkRow>),
     /// Of an agent.
     Agent(Arc<AgentRow>),
+    /// Of the auction.
+    Auction(Arc<AuctionRow>),
 }
 
 /// What one reader has seen of the rows of a work.
@@ -385,6 +397,7 @@ pub enum FarmValue {
 pub struct Blackboard {
     work: Option<Arc<WorkRow>>,
     zones: NumberMap<(Revision, Arc<ZoneRow>)>,
+    auction: Option<Arc<AuctionRow>>,
     /// How many of them are the Analyst's.
     root_count: usize,
     /// A hash map, for speed: never gone through.
@@ -392,6 +405,11 @@ pub struct Blackboard {
 }
 
 impl Blackboard {
+    /// What the rounds of the auction came to, as far as it was written.
+    pub fn auction(&self) -> Option<&AuctionRow> {
+        self.auction.as_deref()
+    }
+
     /// Takes in a row as it is, unless a later one is known. Returns whether a zone's row is new or has changed.
     pub fn see(&mut self, revision: Revision, value: FarmValue) -> bool {
         match value {
@@ -408,6 +426,7 @@ impl Blackboard {
                 return true;
             }
             FarmValue::Work(row) => self.work = Some(row),
+            FarmValue::Auction(row) => self.auction = Some(row),
             FarmValue::Agent(row) => match self.agents.get_mut(&row.agent) {
                 Some(known) => *known = row,
                 None => _ = self.agents.insert(row.agent.clone(), row),

@@ -34,13 +34,13 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roster};
 use crate::{
-    AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, FarmAction, FarmCompletion, FarmContent, FarmEffect,
-    FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle, MemberId, Offer, Order, Painting, Partition,
-    Proposal, RelativePower, Report, Rival, Standing, WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
+    AgentRow, AuctionRule, AuctionTally, Award, Bidder, Blackboard, Choice, Credit, Decision, FarmAction,
+    FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle,
+    MemberId, Offer, Order, Painting, Partition, Proposal, RelativePower, Report, Rival, RoundSummary, Standing,
+    WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
     auction::BIDDERS_MAX,
-    award,
     contents::{answer, asking, message},
-    credit_after, protocol,
+    decide, protocol,
 };
 
 /// The ticket of the watch.
@@ -85,6 +85,8 @@ pub struct MasterConfig {
     pub compares_by_look: bool,
     /// What nobody else knows: it decides what of agents that are believed is compared all the same.
     pub secret: u64,
+    /// What is known of agents from works before, if anything: how far their promises held.
+    pub credits: Arc<BTreeMap<AgentId, Credit>>,
     /// How a goal is neared.
     pub goals: GoalRules,
     /// How long it waits for what.
@@ -112,6 +114,8 @@ enum Then {
         confirmation: Box<FarmMessage>,
         /// Whether something was painted.
         well: bool,
+        /// How long the agent had the order, by this Master's clock.
+        taken: Option<Duration>,
     },
     /// Nothing: the zone is open again.
     TakenBack,
@@ -122,6 +126,8 @@ enum Then {
 struct Round {
     deadline: Time,
     offers: Vec<Offer>,
+    /// How many were called.
+    called: u32,
     awaited: Vec<MemberId>,
     proposals: Vec<(MemberId, Proposal)>,
 }
@@ -160,6 +166,10 @@ pub struct Master {
     recalls: bool,
     /// Those of them in which all have answered.
     answered: Vec<u64>,
+    /// What the rounds came to that have ended.
+    tally: AuctionTally,
+    /// Whether that has changed since it was written.
+    tally_is_due: bool,
     /// Pieces that were cut off and have no row yet, with the zones that say so.
     owed: BTreeMap<ZoneId, ZoneId>,
     /// Those of them that nobody has tried to write yet, or not well.
@@ -189,7 +199,7 @@ impl Master {
     /// A Master that has just been born. It goes on from what it finds on the Blackboard.
     pub fn new(config: MasterConfig) -> Self {
         let ledger = Ledger::new(config.auction);
-        let roster = Roster::new(config.prefetch as usize);
+        let roster = Roster::new(config.prefetch as usize, config.auction.weighs_promises());
         Self {
             keys: WorkKeys::new(config.work),
             config,
@@ -211,6 +221,8 @@ impl Master {
             rounds: BTreeMap::new(),
             recalls: false,
             answered: Vec::new(),
+            tally: AuctionTally::default(),
+            tally_is_due: false,
             owed: BTreeMap::new(),
             due: Vec::new(),
             writes: FxHashMap::default(),
@@ -303,6 +315,8 @@ impl StateMachine for Master {
     fn next_deadline(&self) -> Option<Time> {
         // Rounds that began later end later.
         let round = self.rounds.values().next().map(|round| round.deadline);
-        [self.next_look, round].into_iter().flatten().min()
+        let calls = self.begun && !self.stopping && self.ledger.open.has_waiting();
+        let due = self.roster.next_due().filter(|_| calls);
+        [self.next_look, round, due].into_iter().flatten().min()
     }
 }

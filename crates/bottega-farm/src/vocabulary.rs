@@ -7,8 +7,8 @@ use bottega_engines::{Leaning, Survey, Tunables};
 use bottega_image::Rect;
 
 use crate::{
-    AgentRow, ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, WorkId,
-    WorkRow, ZoneId, ZoneRow,
+    AgentRow, ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, RoundSummary,
+    WorkId, WorkRow, ZoneId, ZoneRow,
 };
 
 /// A zone, or some of its samples, to paint.
@@ -97,8 +97,10 @@ pub enum FarmEffect {
     BeginFilm(Arc<WorkRow>),
     /// A zone's row has changed: for those who watch, and for the journal.
     ZoneChanged(Arc<ZoneRow>),
-    /// An agent's row is about to be on the Blackboard, for those who watch.
+    /// What is known of an agent has changed, its credit or its speed, say: for those who watch.
     AgentChanged(Arc<AgentRow>),
+    /// A round of the auction has ended, for those who watch.
+    RoundClosed(RoundSummary),
     /// Look whether two paintings of a zone may be the same picture; ends with [`FarmCompletion::Compared`].
     Compare {
         /// Which zone.

@@ -58,6 +58,7 @@ impl Stage {
             verify: 1,
             compares_by_look: false,
             secret: 7,
+            credits: Arc::default(),
             goals: GoalRules::default(),
             timing: Timing::default(),
         }

@@ -7,7 +7,7 @@ use bottega_agents::{
     driver::{Faults, Random},
 };
 use bottega_farm::{
-    AuctionRule,
+    AuctionRule, AuctionTally,
     simulate::{Crew, Incident, IncidentKind, Outcome, Plan, SimulationError, SyntheticSpread, Workpiece, simulate},
 };
 
@@ -187,4 +187,52 @@ fn who_cannot_finish_is_told() {
     let crew: Crew = "1,agent-0@fail=3s".parse().expect("a crew");
     let error = simulate(&piece(16, 10.0, 1), &Plan::calm(crew, 1)).expect_err("nobody is left");
     assert!(matches!(error, SimulationError::Unfinished { zones: 16, .. }), "{error}");
+}
+
+/// A third of the agents promise to be twice as fast as they are: their clocks go too slow. It is their second work, so their
+/// credit is known.
+#[test]
+fn credit_finds_out_who_promises_more_than_it_holds() {
+    let works = 40;
+    let mut sums = [[0.0; 2]; 2];
+    for seed in 0..works {
+        let mut crew = Crew::equal(9);
+        for agent in [0, 3, 6] {
+            crew.incidents.push(Incident { at: Duration::ZERO, agent, kind: IncidentKind::Boast(2.0) });
+        }
+        let spread = SyntheticSpread { zones: 0.3, ..SyntheticSpread::default() };
+        let piece = |seed| Arc::new(Workpiece::synthetic(18, &spread, seed).expect("so many zones can be"));
+        for (sums, auction) in sums.iter_mut().zip([AuctionRule::FinishingTime, AuctionRule::Promised]) {
+            let plan = Plan { auction, ..Plan::calm(crew.clone(), seed) };
+            let first = run(&piece(seed), &plan);
+            let second = run(&piece(seed + works), &Plan { credits: Arc::new(first.credits()), ..plan });
+            sums[0] += first.makespan.as_secs_f64();
+            sums[1] += second.makespan.as_secs_f64();
+            let is_boaster = |index: usize| index % 3 == 0;
+            for (index, agent) in second.agents.iter().enumerate() {
+                let reliability = agent.credit.reliability();
+                let right = if is_boaster(index) { 0.4..0.75 } else { 0.75..2.01 };
+                assert!(right.contains(&reliability), "seed {seed}, agent-{index}: {reliability}");
+            }
+        }
+    }
+    let [believed_by_credit, at_their_word] = sums;
+    let [first, second] = [0, 1].map(|work| at_their_word[work] / believed_by_credit[work]);
+    eprintln!("at their word they take {first:.3} of the time in their first work, {second:.3} in their second");
+    assert!(first > 1.0 && second > 1.1, "{first} {second}");
+}
+
+#[test]
+fn rounds_have_several_bidders_and_little_time_is_lost_by_them() {
+    for spec in ["8", "2x0.5,4x1.0,2x2.0"] {
+        let (mut contested, mut efficiency) = (0.0, 0.0);
+        for seed in 0..10 {
+            let outcome = run(&piece(64, 1.0, seed), &Plan::calm(spec.parse().expect("a crew"), seed));
+            contested += AuctionTally::contested_of_first_half(&outcome.rounds) / 10.0;
+            efficiency += outcome.efficiency() / 10.0;
+            assert!(outcome.rounds.iter().all(|round| round.bidders <= round.called && round.bids >= round.bidders));
+        }
+        eprintln!("{spec}: {contested:.2} of the first half contested, efficiency {efficiency:.3}");
+        assert!(contested >= 0.5 && efficiency >= 0.95, "{spec}: {contested} {efficiency}");
+    }
 }

@@ -76,10 +76,13 @@ impl JobState {
             }
             Event::Progress(_) | Event::Sending { .. } | Event::Step { .. } => self.progress = Some(event),
             Event::Preview { .. } => self.preview = Some(event),
+            // Told as they end, and summed up at the end.
+            Event::Round(_) => {}
             Event::Note { .. }
             | Event::Warning { .. }
             | Event::Asked { .. }
             | Event::LightingAgents(_)
+            | Event::Auction(_)
             | Event::Mixed { .. }
             | Event::Recorded { .. }
             | Event::Frame { .. }

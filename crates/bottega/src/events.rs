@@ -1,7 +1,7 @@
 //! What happens while a picture is painted, as it crosses the process boundary. Version 1: fields and kinds may be added, none
 //! changes its meaning.
 
-use bottega_farm::{AgentRow, ZoneRow, ZoneState};
+use bottega_farm::{AgentRow, AuctionTally, RoundSummary, ZoneRow, ZoneState};
 use bottega_image::Rect;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -95,6 +95,10 @@ pub enum Event {
     Zone(Box<ZoneEvent>),
     /// An agent's row on the Blackboard has changed.
     Agent(AgentEvent),
+    /// A round of the auction has ended.
+    Round(RoundEvent),
+    /// What all rounds of the auction came to.
+    Auction(AuctionEvent),
     /// How far the work is.
     Progress(Progress),
     /// There is a new preview, with a colour for every pixel: in the file of `--preview`, and as `/api/preview.png` where
@@ -237,13 +241,57 @@ pub struct AgentEvent {
     pub power: f64,
     /// Processors that work on its zones at once.
     pub lanes: f64,
-    /// Its credit, in seconds of reference-machine time.
+    /// Its credit: the sum of T_est − T over its zones, in seconds of reference-machine time.
     pub credit: f64,
+    /// How far its promises held lately: 1 when what it promised took as long as it said, 0.5 when it took twice as long.
+    pub reliability: f64,
+    /// Seconds since rendering began.
+    pub seconds: f64,
     /// How often it has failed since it last painted something.
     pub failures: u32,
     /// Why it is left out of the work, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
+}
+
+/// A round of the auction: agents were called, bid, and zones were given away.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RoundEvent {
+    /// Its number: the conversation of its messages.
+    pub round: u64,
+    /// Seconds since rendering began.
+    pub seconds: f64,
+    /// Zones on offer.
+    pub offers: u32,
+    /// Agents that were called.
+    pub called: u32,
+    /// Agents that made a proposal.
+    pub bidders: u32,
+    /// Bids for single zones, all proposals together.
+    pub bids: u32,
+    /// Zones, or parts of zones, that were given away.
+    pub awards: u32,
+    /// Whether it would have been otherwise if all had been believed alike.
+    pub credit_decided: bool,
+}
+
+/// What all rounds of an auction came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AuctionEvent {
+    /// How many there were.
+    pub rounds: u64,
+    /// Of them those with several bidders.
+    pub contested: u64,
+    /// Share of the first half of them that had several bidders.
+    pub contested_of_first_half: f64,
+    /// Rounds that would have been otherwise if all had been believed alike.
+    pub credit_decided: u64,
+    /// Agents that made a proposal, all rounds together.
+    pub bidders: u64,
+    /// Bids for single zones, all rounds together.
+    pub bids: u64,
+    /// Zones, or parts of zones, that were given away.
+    pub awards: u64,
 }
 
 /// How often an engine painted a zone.
@@ -336,13 +384,33 @@ impl From<&ZoneRow> for ZoneEvent {
     }
 }
 
-impl From<&AgentRow> for AgentEvent {
-    fn from(row: &AgentRow) -> Self {
+impl RoundEvent {
+    /// A round that ended so many seconds after rendering began.
+    pub fn new(round: &RoundSummary, seconds: f64) -> Self {
+        let RoundSummary { round, offers, called, bidders, bids, awards, credit_decided } = *round;
+        Self { round, seconds, offers, called, bidders, bids, awards, credit_decided }
+    }
+}
+
+impl AuctionEvent {
+    /// All rounds, as they ended.
+    pub fn of(all: &[RoundSummary]) -> Self {
+        let AuctionTally { rounds, contested, credit_decided, bidders, bids, awards } = AuctionTally::of(all);
+        let contested_of_first_half = AuctionTally::contested_of_first_half(all);
+        Self { rounds, contested, contested_of_first_half, credit_decided, bidders, bids, awards }
+    }
+}
+
+impl AgentEvent {
+    /// An agent as it stands so many seconds after rendering began.
+    pub fn new(row: &AgentRow, seconds: f64) -> Self {
         Self {
             agent: row.agent.to_string(),
             power: row.power.get(),
             lanes: row.lanes,
-            credit: row.credit,
+            credit: row.credit.sum,
+            reliability: row.credit.reliability(),
+            seconds,
             failures: row.failures,
             left_out: row.left_out.clone(),
         }

@@ -110,6 +110,7 @@ impl Picture {
         }
         let painting = report.times.painting.as_secs_f64() / settings.processors as f64;
         let overhead = (1.0 - painting / seconds).max(0.0);
+        reporter.tell_auction();
         reporter.tell(Event::Finished {
             output,
             seconds,

@@ -33,7 +33,7 @@ pub(crate) struct SimulateArgs {
     /// Who paints: `8`, `4x1.0,4x0.25` (how many x how fast), `2x1:8` (with eight processors each), `agent-3@join=5s`,
     /// `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (four times slower from then on), `agent-3@hang=8s` (says
     /// that it lives, and paints no more), `agent-3@break=5s:0.5` (half of its orders fail), `agent-3@lie=5s:0.1` (a tenth of
-    /// what it paints is wrong); or a file with such words. Default: as in the record.
+    /// what it paints is wrong), `agent-3@boast=0s:2` (promises to be twice as fast as it is); or a file with such words. Default: as in the record.
     #[arg(long, value_name = "SPEC", num_args = 1.., help_heading = "Agents")]
     pub(crate) agents: Vec<String>,
     /// All agents share one machine of so many processors, as those of one process do. Default: each has its own.

@@ -13,10 +13,12 @@ use std::{
 };
 
 use bottega::{
+    events::AuctionEvent,
     settings::{adaptation_rule, auction_rule},
     text::duration,
 };
 use bottega_agents::driver::Faults;
+use bottega_farm::AuctionTally;
 use bottega_farm::simulate::{Crew, Outcome, Plan, Record, SyntheticSpread, Workpiece, simulate};
 use serde_json::{Value, json};
 
@@ -149,6 +151,17 @@ fn as_text(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Str
         100.0 * outcome.efficiency(),
         outcome.messages_per_zone(),
     );
+    let tally = AuctionTally::of(&outcome.rounds);
+    text += &format!(
+        "auction         {} rounds, {} with several bidders ({:.0} % of the first half), {} decided by credit; {:.1} bidders and \
+         {:.1} bids a round\n",
+        tally.rounds,
+        tally.contested,
+        100.0 * AuctionTally::contested_of_first_half(&outcome.rounds),
+        tally.credit_decided,
+        tally.bidders as f64 / tally.rounds.max(1) as f64,
+        tally.bids as f64 / tally.rounds.max(1) as f64,
+    );
     if outcome.failed > 0 {
         text += &format!("given up        {} zones\n", outcome.failed);
     }
@@ -167,9 +180,12 @@ fn as_text(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Str
         for (agent, share) in agents.iter().zip(busy_shares(outcome)) {
             let bar = "█".repeat((share * 40.0).round() as usize);
             text += &format!(
-                "{:<12} speed {:<5} {:>5.1} % busy, {:>3} orders  {bar}\n",
+                "{:<12} speed {:<5} V_cp {:<6.3} credit {:>8.2} s, held {:>4.2}; {:>5.1} % busy, {:>3} orders  {bar}\n",
                 agent.name,
                 agent.speed,
+                agent.power.get(),
+                agent.credit.sum,
+                agent.credit.reliability(),
                 100.0 * share,
                 agent.orders
             );
@@ -213,6 +229,7 @@ fn as_json(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Val
             json!({
                 "name": agent.name, "speed": agent.speed, "processors": agent.lanes, "orders": agent.orders,
                 "busy_seconds": agent.busy.as_secs_f64(), "busy_share": share, "left_out": agent.left_out,
+                "power": agent.power.get(), "credit": agent.credit.sum, "reliability": agent.credit.reliability(),
             })
         })
         .collect();
@@ -228,6 +245,7 @@ fn as_json(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Val
         "efficiency": outcome.efficiency(),
         "messages": outcome.messages,
         "messages_per_zone": outcome.messages_per_zone(),
+        "auction": AuctionEvent::of(&outcome.rounds),
         "measured_seconds": measured.map(|measured| measured.as_secs_f64()),
         "difference": measured.map(|measured| difference(outcome, measured)),
         "simulated_in_seconds": took.as_secs_f64(),

@@ -29,7 +29,9 @@ impl OpenZones {
     fn rank(rule: AuctionRule, offer: &Offer) -> Rank {
         let rank = match rule {
             AuctionRule::Paper => offer.complexity.max(0.0).to_bits(),
-            AuctionRule::FinishingTime => u64::try_from(offer.time_estimated.as_nanos()).unwrap_or(u64::MAX),
+            AuctionRule::FinishingTime | AuctionRule::Promised => {
+                u64::try_from(offer.time_estimated.as_nanos()).unwrap_or(u64::MAX)
+            }
         };
         (rank, Reverse(offer.zone))
     }

@@ -38,6 +38,7 @@ impl Shared {
                 self.observer.progress(&progress);
             }
             FarmEffect::AgentChanged(row) => self.observer.agent_changed(&row),
+            FarmEffect::RoundClosed(round) => self.observer.round_closed(&round),
             FarmEffect::Compare { zone, results } => self.compare(zone, results, mailbox),
             FarmEffect::Compose { zone, result, mask } => {
                 let shared = Arc::clone(self);

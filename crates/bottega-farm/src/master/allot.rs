@@ -60,9 +60,10 @@ impl Master {
         }
     }
 
-    /// Calls those who may bid, some at a time. Returns whether there was anything to call for.
+    /// Calls all who are idle or will be soon, some at a time, once one of them needs another zone. Returns whether there was
+    /// anything to call for.
     fn open_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) -> bool {
-        if !self.ledger.open.has_waiting() || !self.roster.has_bidders() {
+        if !self.ledger.open.has_waiting() || !self.roster.is_due(now) {
             return false;
         }
         let bidders = self.roster.bidders(BIDDERS_MAX);
@@ -74,7 +75,10 @@ impl Master {
         let cfp = message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, to, content);
         actions.push(FarmAction::Send(asking(cfp, conversation, Some(deadline))));
         self.roster.call(conversation, &bidders);
-        self.rounds.insert(conversation, Round { deadline, offers, awaited: bidders, proposals: Vec::new() });
+        self.rounds.insert(
+            conversation,
+            Round { deadline, offers, called: bidders.len() as u32, awaited: bidders, proposals: Vec::new() },
+        );
         true
     }
 
@@ -119,15 +123,28 @@ impl Master {
         }
         round.proposals.sort_unstable_by_key(|(agent, _)| *agent);
         let bidders: Vec<MemberId> = round.proposals.iter().map(|(agent, _)| *agent).collect();
-        let winners = self.winners(now, &round.offers, round.proposals);
+        let bids: usize = round.proposals.iter().map(|(_, proposal)| proposal.bids.len()).sum();
+        let Decision { awards: winners, credit_decided } = self.decide(now, &round.offers, round.proposals);
+        let summary = RoundSummary {
+            round: conversation,
+            offers: round.offers.len() as u32,
+            called: round.called,
+            bidders: bidders.len() as u32,
+            bids: bids as u32,
+            awards: winners.len() as u32,
+            credit_decided,
+        };
+        self.tally.add(&summary);
+        self.tally_is_due = true;
+        actions.push(FarmAction::Effect(FarmEffect::RoundClosed(summary)));
         for offer in round.offers {
             self.ledger.open.give_back(self.config.auction, conversation, offer);
         }
         let is_lucky = |agent: MemberId| winners.iter().any(|award| award.agent == agent);
         let losers: Vec<MemberId> = bidders.iter().copied().filter(|&agent| !is_lucky(agent)).collect();
         for &agent in &losers {
-            // Asked again when things have changed, and not in a circle.
-            self.roster.pass_over(agent);
+            // Who needs a zone is asked again when things have changed, and not in a circle; the others with the next who does.
+            self.roster.pass_over(now, agent);
         }
         if !losers.is_empty() {
             let (me, to) = (&self.config.id, self.names(&losers));
@@ -146,7 +163,7 @@ impl Master {
     /// The largest zone that nobody took waits for the agent that would have finished it soonest. That one may have been
     /// passed over when things were otherwise.
     fn recall(&mut self, now: Time) {
-        if !std::mem::take(&mut self.recalls) || self.roster.has_bidders() || !self.roster.has_passed_over() {
+        if !std::mem::take(&mut self.recalls) || self.roster.is_due(now) || !self.roster.has_passed_over() {
             return;
         }
         if self.config.auction == AuctionRule::Paper {
@@ -159,7 +176,7 @@ impl Master {
         }
     }
 
-    fn winners(&self, now: Time, offers: &[Offer], proposals: Vec<(MemberId, Proposal)>) -> Vec<Award> {
+    fn decide(&self, now: Time, offers: &[Offer], proposals: Vec<(MemberId, Proposal)>) -> Decision {
         let still_open = |offer: &&Offer| {
             let row = self.board.zone(offer.zone);
             let is_open = |row: &ZoneRow| row.state == ZoneState::Profiled && !row.is_waiting();
@@ -168,7 +185,8 @@ impl Master {
         let offers: Vec<Offer> = offers.iter().filter(still_open).copied().collect();
         let bidder = |(agent, proposal): (MemberId, Proposal)| {
             let member = self.roster.get(agent)?;
-            Some(Bidder { agent, credit: member.row.credit, own: member.own(), proposal })
+            let (credit, worth, own) = (member.row.credit.sum, member.worth(), member.promised_own());
+            Some(Bidder { agent, credit, worth, own, proposal })
         };
         let bidders = proposals.into_iter().filter_map(bidder).collect();
         let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| self.can_cut(zone);
@@ -178,7 +196,7 @@ impl Master {
             open: self.ledger.open.time_estimated().as_secs_f64(),
             can_cut: self.config.shares_tail.then_some(can_cut),
         };
-        award(self.config.auction, &offers, bidders, &standing)
+        decide(self.config.auction, &offers, bidders, &standing)
     }
 
     fn give(&mut self, now: Time, award: &Award, conversation: u64, actions: &mut Vec<FarmAction>) {

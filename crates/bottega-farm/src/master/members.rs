@@ -58,7 +58,10 @@ impl Master {
             return self.answer(message, Performative::Refuse, FarmContent::LeftOut { reason }, actions);
         }
         let known = self.roster.get_by_name(agent).map(|member| &member.row).or_else(|| self.board.agent(agent));
-        let known = known.cloned().unwrap_or_else(|| AgentRow::new(agent.clone(), power, lanes));
+        let known = known.cloned().unwrap_or_else(|| {
+            let credit = self.config.credits.get(agent).map(Credit::carried_over).unwrap_or_default();
+            AgentRow { credit, ..AgentRow::new(agent.clone(), power, lanes) }
+        });
         let row = AgentRow { power, lanes, left_out: None, ..known };
         let Some(id) = self.roster.join(now, row.clone()) else {
             return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);

@@ -29,6 +29,8 @@ impl Master {
             // The agent will repeat it.
             return;
         }
+        // Another may have taken it over since.
+        let sent = self.sent.get(&zone).filter(|_| row.agent.as_ref() == Some(&message.sender)).copied();
         let valid = row.fence_of(&message.sender, revision) == Some(fence);
         let is_counted = |vote: &Vote| vote.painting.result.fence == fence;
         let is_there = row.result.is_some_and(|result| result.fence == fence) || row.votes.iter().any(is_counted);
@@ -54,10 +56,11 @@ impl Master {
                 .accepted(row, fence, painting)
                 .map(|accepted| self.compared(row, accepted, painting, &message.sender)),
         };
+        let taken = self.roster.find(&message.sender).and_then(|agent| self.roster.report(now, agent, sent));
         match after {
             Ok((row, verdict)) => {
                 self.pass_painted += row.time_measured.unwrap_or_default();
-                let then = Then::Receive { confirmation: Box::new(received()), well: true };
+                let then = Then::Receive { confirmation: Box::new(received()), well: true, taken };
                 self.forget_likeness(&row);
                 self.write(now, row, then, actions);
                 self.pronounce(now, zone, &verdict, actions);
@@ -71,7 +74,7 @@ impl Master {
                         self.write(now, row, Then::TakenBack, actions);
                     }
                 } else if let Some(row) = after {
-                    let then = Then::Receive { confirmation: Box::new(received()), well: false };
+                    let then = Then::Receive { confirmation: Box::new(received()), well: false, taken };
                     self.write(now, row, then, actions);
                 } else {
                     actions.push(FarmAction::Send(received()));

@@ -13,6 +13,16 @@ pub(super) const MEMBERS_MAX: usize = 1 << 14;
 /// Zones to profile that an agent has in hand at most. They are short; more of them hide the way of a message.
 const PROFILE_WINDOW: usize = 4;
 
+/// An agent needs another zone when this share of what it has in hand is not painted yet.
+const AHEAD_SHARE: f64 = 0.25;
+/// And no later than this before it will have painted that.
+const AHEAD_MIN: Duration = Duration::from_millis(20);
+
+/// Later than anything.
+fn never() -> Time {
+    Time::since_start(Duration::MAX)
+}
+
 /// Agents that are looked at for one zone.
 const FREE_LOOKED_AT: usize = 64;
 /// Failures of an agent whose zones are remembered.
@@ -23,6 +33,8 @@ const FAILED_KEPT: usize = 16;
 pub(super) struct Member {
     pub(super) id: MemberId,
     pub(super) row: AgentRow,
+    /// Whether what it says of its speed is weighed by how far its promises held.
+    weighs_promises: bool,
     /// When it last said something.
     pub(super) heard: Time,
     /// It refused, or said nothing: not asked before.
@@ -37,6 +49,8 @@ pub(super) struct Member {
     load: Duration,
     /// When it will have painted them, as far as can be known.
     pub(super) ready: Time,
+    /// When it last reported on an order.
+    reported: Time,
     /// Its orders, as it tells of them.
     watched: Watched,
     /// The orders that it has failed on since it last painted something.
@@ -94,13 +108,15 @@ impl<K: Copy + Ord> Order<K> {
 pub(super) struct Roster {
     /// Zones that an agent has in hand before it is asked no more.
     window: usize,
+    /// Whether what agents say of their speed is weighed by how far their promises held.
+    weighs_promises: bool,
     /// By number. Who has gone keeps its number; its place is empty.
     members: Vec<Option<Member>>,
     count: usize,
     names: Vec<AgentId>,
     /// A hash map, for speed: never gone through.
     numbers: FxHashMap<AgentId, MemberId>,
-    /// Those who may bid, the first to be idle first.
+    /// Those who may bid, by when they need another zone: see [`Member::due`].
     free: BTreeSet<(Time, MemberId)>,
     /// Those who may profile, by how soon they would be through.
     profiling: Order<u64>,
@@ -116,8 +132,9 @@ impl Roster {
     /// Nobody yet.
     ///
     /// - `window`: zones that an agent has in hand before it is asked no more.
-    pub(super) fn new(window: usize) -> Self {
-        Self { window, ..Self::default() }
+    /// - `weighs_promises`: whether what agents say of their speed is weighed by how far their promises held.
+    pub(super) fn new(window: usize, weighs_promises: bool) -> Self {
+        Self { window, weighs_promises, ..Self::default() }
     }
 
     /// The number of an agent that is here, or was, or that a row names.
@@ -155,7 +172,7 @@ impl Roster {
             }
             member => {
                 self.count += 1;
-                *member = Some(Member::new(id, now, row));
+                *member = Some(Member { weighs_promises: self.weighs_promises, ..Member::new(id, now, row) });
             }
         }
         self.place(id);
@@ -181,7 +198,7 @@ impl Roster {
         let willing = member.rests_until.is_none();
         let may_bid = member.hands < self.window && willing && !member.passed_over && member.round.is_none();
         let places = Places {
-            free: may_bid.then_some(member.ready),
+            free: may_bid.then(|| member.due()),
             profiling: (member.hands < PROFILE_WINDOW).then(|| ((member.hands as f64 + 1.0) * own).to_bits()),
             laden: (member.hands > 0).then_some(member.ready),
         };
@@ -281,9 +298,9 @@ impl Roster {
         }
     }
 
-    /// An agent bid and won nothing.
-    pub(super) fn pass_over(&mut self, id: MemberId) {
-        if let Some(member) = self.members[id.index()].as_mut() {
+    /// An agent bid and won nothing. If it needs a zone, it is not asked again until something has changed.
+    pub(super) fn pass_over(&mut self, now: Time, id: MemberId) {
+        if let Some(member) = self.members[id.index()].as_mut().filter(|member| member.due() <= now) {
             member.passed_over = true;
             self.passed_over.insert(id);
             self.place(id);
@@ -371,7 +388,7 @@ impl Roster {
         self.profiling.agents.first().map(|(_, id)| *id)
     }
 
-    /// Who may bid, the first to be idle first; `count_max` of them.
+    /// Who may bid, those first who need another zone first; `count_max` of them.
     pub(super) fn bidders(&self, count_max: usize) -> Vec<MemberId> {
         self.free.iter().take(count_max).map(|(_, id)| *id).collect()
     }
@@ -388,8 +405,27 @@ impl Roster {
     }
 
     /// Whether anybody may bid.
-    pub(super) fn has_bidders(&self) -> bool {
+    pub(super) fn has_free(&self) -> bool {
         !self.free.is_empty()
+    }
+
+    /// When the next of those who may bid needs another zone.
+    pub(super) fn next_due(&self) -> Option<Time> {
+        self.free.first().map(|(due, _)| *due).filter(|due| *due < never())
+    }
+
+    /// Whether anybody who may bid needs another zone.
+    pub(super) fn is_due(&self, now: Time) -> bool {
+        self.next_due().is_some_and(|due| due <= now)
+    }
+
+    /// An agent has reported on an order. Returns how long it had it, by this Master's clock.
+    ///
+    /// - `sent`: when the order was given, if that is known; else it was given before the last report.
+    pub(super) fn report(&mut self, now: Time, id: MemberId, sent: Option<Time>) -> Option<Duration> {
+        let member = self.members[id.index()].as_mut()?;
+        let before = std::mem::replace(&mut member.reported, now);
+        Some(now - sent.map_or(before, |sent| sent.max(before)))
     }
 
     /// Some of those who have nothing at all to do.
@@ -422,6 +458,7 @@ impl Member {
         Self {
             id,
             row,
+            weighs_promises: false,
             heard: now,
             rests_until: None,
             passed_over: false,
@@ -429,6 +466,7 @@ impl Member {
             hands: 0,
             load: Duration::ZERO,
             ready: now,
+            reported: now,
             watched: Watched::default(),
             failed: Vec::new(),
             places: Places::default(),
@@ -440,8 +478,33 @@ impl Member {
         self.hands == 0 && self.rests_until.is_none() && self.round.is_none()
     }
 
-    /// Its own time for a second of the reference machine's, all its processors together.
-    pub(super) fn own(&self) -> f64 {
+    /// Its own time for a second of the reference machine's, all its processors together, as it says.
+    pub(super) fn promised_own(&self) -> f64 {
         self.row.power.get() / self.row.lanes.max(1e-6)
+    }
+
+    /// The same, as it is believed.
+    pub(super) fn own(&self) -> f64 {
+        self.promised_own() / self.worth()
+    }
+
+    /// What its word is worth.
+    pub(super) fn worth(&self) -> f64 {
+        if self.weighs_promises { self.row.credit.worth() } else { 1.0 }
+    }
+
+    /// When it needs another zone: a while before it will have painted what it has in hand, for it may be faster than was
+    /// thought, and an award takes its time.
+    fn due(&self) -> Time {
+        if self.hands == 0 {
+            return self.ready;
+        }
+        if self.load.is_zero() {
+            // It looks at zones of which nobody knows how long they take; that is short.
+            return never();
+        }
+        let load = crate::adaptation::scaled(self.load, self.own());
+        let ahead = load.mul_f64(AHEAD_SHARE) + AHEAD_MIN;
+        Time::since_start(self.ready.elapsed().saturating_sub(ahead))
     }
 }

@@ -2,8 +2,8 @@
 
 use bottega_agents::Entry;
 
-use super::{ledger::Holders, *};
-use crate::compare_and_set;
+use super::{ledger::Holders, roster::Member, *};
+use crate::{AuctionRow, compare_and_set};
 
 /// Agents whose credit is written at one look.
 const CREDITS_AT_ONCE: usize = 32;
@@ -76,6 +76,14 @@ impl Master {
                 }
                 self.board.see(revision, FarmValue::Agent(row));
                 is_new
+            }
+            FarmValue::Auction(row) => {
+                // Of a Master before this one.
+                if row.tally.rounds > self.tally.rounds {
+                    self.tally = row.tally;
+                }
+                self.board.see(revision, FarmValue::Auction(row));
+                false
             }
             work @ FarmValue::Work(_) => {
                 self.board.see(revision, work);
@@ -171,7 +179,7 @@ impl Master {
     fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
         match write.then {
             Then::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
-            Then::Receive { confirmation, well } => {
+            Then::Receive { confirmation, well, taken } => {
                 let name = confirmation.receivers.first().cloned();
                 let agent = name.as_ref().and_then(|agent| self.roster.find(agent));
                 actions.push(FarmAction::Send(*confirmation));
@@ -179,7 +187,7 @@ impl Master {
                     self.succeed(&name, actions);
                 }
                 if write.row.state == ZoneState::Done {
-                    self.credit(&write.row);
+                    self.credit(&write.row, taken, actions);
                 }
                 if let Some(agent) = agent {
                     self.help_out(now, agent, actions);
@@ -190,20 +198,27 @@ impl Master {
     }
 
     /// Credit rises or falls in proportion to T_est − T. It is on the Blackboard soon: see [`Self::write_credits`].
-    fn credit(&mut self, row: &ZoneRow) {
-        let (Some(estimated), Some(measured), Some(agent)) = (row.time_estimated, row.time_measured, &row.agent) else {
-            return;
-        };
+    fn credit(&mut self, row: &ZoneRow, taken: Option<Duration>, actions: &mut Vec<FarmAction>) {
+        let (Some(estimated), Some(taken), Some(agent)) = (row.time_estimated, taken, &row.agent) else { return };
         let Some(id) = self.roster.find(agent) else { return };
-        let known = self.roster.update(id, |row| row.credit = credit_after(row.credit, estimated, measured));
-        if known.is_some() && self.credited.insert(id) {
-            self.credits_due.push_back(id);
+        let Some(own) = self.roster.get(id).map(Member::promised_own) else { return };
+        if let Some(row) = self.roster.update(id, |row| row.credit.learn(estimated, own, taken)) {
+            actions.push(FarmAction::Effect(FarmEffect::AgentChanged(Arc::new(row.clone()))));
+            if self.credited.insert(id) {
+                self.credits_due.push_back(id);
+            }
         }
     }
 
     /// Writes the credit of some of those whose credit has changed, the one that has waited longest first. A row after
     /// each zone would be as many writes again as the zones themselves are, and what is lost with a Master is little.
     pub(super) fn write_credits(&mut self, actions: &mut Vec<FarmAction>) {
+        if std::mem::take(&mut self.tally_is_due) {
+            let (ticket, key) = (Ticket(self.number()), self.keys.auction());
+            let row = AuctionRow { work: self.config.work, tally: self.tally };
+            let request = StoreRequest::Put { key, value: FarmValue::Auction(Arc::new(row)) };
+            actions.push(FarmAction::Store { ticket, request });
+        }
         for _ in 0..CREDITS_AT_ONCE {
             let Some(id) = self.credits_due.pop_front() else { return };
             self.credited.remove(&id);

@@ -162,7 +162,7 @@ impl Master {
 
     /// Gives zones that wait for what others make of them to those who have not seen them.
     pub(super) fn give_out_comparisons(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        if !self.verifies() || !self.roster.has_bidders() {
+        if !self.verifies() || !self.roster.has_free() {
             return;
         }
         let zones: Vec<ZoneId> = self.ledger.comparisons(LARGEST_LOOKED_AT, NEXT_LOOKED_AT);

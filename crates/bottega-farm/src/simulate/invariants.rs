@@ -55,9 +55,9 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &Work
                 if row.left_out.is_some() && row.failures == 0 {
                     convicts.push(row.agent.clone());
                 }
-                must(row.credit.is_finite(), &|| format!("{} has a credit of {}", row.agent, row.credit));
+                must(row.credit.sum.is_finite(), &|| format!("{} has a credit of {}", row.agent, row.credit.sum));
             }
-            FarmValue::Work(_) => {}
+            FarmValue::Work(_) | FarmValue::Auction(_) => {}
         }
     }
     let is_convict = |agent: &&AgentId| convicts.contains(agent);

@@ -15,7 +15,7 @@ mod recorder;
 mod studio;
 mod workpiece;
 
-use std::{sync::Arc, time::Duration};
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use bottega_agents::{
     AgentId, Performative, Time,
@@ -32,8 +32,8 @@ pub use self::{
     workpiece::{SyntheticSpread, Workpiece, WorkpieceError, ZONES_MAX},
 };
 use crate::{
-    AdaptationRule, AuctionRule, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
-    RelativePower, RenderAgent, RenderAgentConfig, Timing, WorkKeys, contents::message, protocol,
+    AdaptationRule, AuctionRule, Credit, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
+    RelativePower, RenderAgent, RenderAgentConfig, RoundSummary, Timing, WorkKeys, contents::message, protocol,
 };
 
 /// How long the platform is watched after the end, until everybody has gone home.
@@ -58,6 +58,8 @@ pub struct Plan {
     pub auction: AuctionRule,
     /// How agents learn their speed.
     pub adaptation: AdaptationRule,
+    /// What is known of agents from works before.
+    pub credits: Arc<BTreeMap<AgentId, Credit>>,
     /// Zones that an agent has in hand at most.
     pub prefetch: u32,
     /// Whether zones are cut near the end, and slow agents' zones given to idle ones too: see
@@ -90,6 +92,7 @@ impl Plan {
             fetch: Duration::ZERO,
             auction: AuctionRule::default(),
             adaptation: AdaptationRule::default(),
+            credits: Arc::default(),
             prefetch: 2,
             verify: 1,
             inexact: false,
@@ -124,6 +127,8 @@ pub struct Outcome {
     pub messages: u64,
     /// Films that were begun: one for each Master that lived.
     pub films: u32,
+    /// Rounds of the auction, as they ended.
+    pub rounds: Vec<RoundSummary>,
     /// The agents in the order of the crew.
     pub agents: Vec<AgentOutcome>,
     /// Who painted what when, in the order of their ends.
@@ -149,9 +154,18 @@ pub struct AgentOutcome {
     pub orders: u32,
     /// Why it was left out of the work, if it was.
     pub left_out: Option<String>,
+    /// Its credit at the end.
+    pub credit: Credit,
+    /// V_cp at the end, as its Master knew it.
+    pub power: RelativePower,
 }
 
 impl Outcome {
+    /// How far the promises of the agents held, for [`Plan::credits`] of the next work.
+    pub fn credits(&self) -> BTreeMap<AgentId, Credit> {
+        self.agents.iter().map(|agent| (AgentId::new(agent.name.clone()), agent.credit)).collect()
+    }
+
     /// The least time over the time taken, 0..=1.
     pub fn efficiency(&self) -> f64 {
         self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
@@ -234,6 +248,7 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<Outcome, Simulati
         lacked_machines: studio.lacked_machines,
         messages,
         films: studio.film.films,
+        rounds: std::mem::take(&mut studio.rounds),
         spans: std::mem::take(&mut studio.spans),
         spans_left_out: studio.spans_left_out,
         agents: agents(plan, studio),
@@ -249,6 +264,8 @@ fn agents(plan: &Plan, studio: &SimulatedFarm) -> Vec<AgentOutcome> {
         busy: Duration::from_secs_f64(seat.busy),
         orders: seat.orders,
         left_out: seat.left_out.clone(),
+        credit: seat.known.as_ref().map(|row| row.credit).unwrap_or_default(),
+        power: seat.known.as_ref().map_or(seat.power, |row| row.power),
     };
     studio.names.iter().zip(&studio.seats).map(outcome).collect()
 }
@@ -295,14 +312,16 @@ impl<'a> Play<'a> {
                 orders: 0,
                 breaks: 0.0,
                 lies: 0.0,
+                boasts: 1.0,
                 left_out: None,
+                known: None,
             };
             studio.add_agent(AgentId::new(format!("agent-{index}")), seat);
         }
         let joins = agents.iter().enumerate().map(|(index, agent)| (agent.joins, Happening::Joins(index)));
         let befall = incidents.iter().map(|incident| (incident.at, Happening::Befalls(incident.agent, incident.kind)));
         let mut timeline: Vec<_> =
-            std::iter::once((piece.survey, Happening::Analyzed)).chain(joins).chain(befall).collect();
+            std::iter::once((piece.survey, Happening::Analyzed)).chain(befall).chain(joins).collect();
         timeline.sort_by_key(|(at, _)| *at);
         timeline.reverse();
         let mut simulator = Simulator::new(plan.seed, plan.faults.clone(), studio);
@@ -320,6 +339,7 @@ impl<'a> Play<'a> {
             verify,
             compares_by_look: inexact,
             secret: plan.seed ^ 0x5ec7e7,
+            credits: Arc::clone(&plan.credits),
             goals: GoalRules::default(),
             timing,
         };
@@ -374,6 +394,9 @@ impl<'a> Play<'a> {
             }
             Happening::Befalls(index, IncidentKind::Break(share)) => {
                 self.simulator.world_mut().seats[index].breaks = share;
+            }
+            Happening::Befalls(index, IncidentKind::Boast(factor)) => {
+                self.simulator.world_mut().seats[index].boasts = factor;
             }
             Happening::Befalls(index, IncidentKind::Lie(share)) => {
                 self.simulator.world_mut().seats[index].lies = share;

@@ -13,7 +13,10 @@ use super::{
     machines::{Machines, PaintJob},
     workpiece::Workpiece,
 };
-use crate::{FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, RelativePower, ResultRef, ZoneId};
+use crate::{
+    AgentRow, FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, RelativePower, ResultRef, RoundSummary,
+    ZoneId,
+};
 
 /// What an agent's benchmark takes.
 const BENCHMARK: Duration = Duration::from_millis(6);
@@ -65,8 +68,12 @@ pub(super) struct Seat {
     pub(super) breaks: f64,
     /// Share of its orders that it paints wrong.
     pub(super) lies: f64,
+    /// Its clock goes so many times too slow: it takes itself to be so many times faster than it is.
+    pub(super) boasts: f64,
     /// Why its Master has left it out, if it has.
     pub(super) left_out: Option<String>,
+    /// What its Master knows of it.
+    pub(super) known: Option<Arc<AgentRow>>,
 }
 
 /// Machines, film, and what is seen of both.
@@ -88,6 +95,8 @@ pub(super) struct SimulatedFarm {
     done: Vec<PaintJob>,
     pub(super) spans: Vec<Span>,
     pub(super) spans_left_out: u64,
+    /// Of the auction, as they ended.
+    pub(super) rounds: Vec<RoundSummary>,
     /// It was told that there were too few machines to compare.
     pub(super) lacked_machines: bool,
     pub(super) film: FilmLog,
@@ -109,6 +118,7 @@ impl SimulatedFarm {
             done: Vec::new(),
             spans: Vec::new(),
             spans_left_out: 0,
+            rounds: Vec::new(),
             lacked_machines: false,
         }
     }
@@ -162,7 +172,7 @@ impl SimulatedFarm {
 
     fn finished(&mut self, now: Time, job: &PaintJob) -> FarmCompletion {
         let (zone, fence) = (job.zone, job.fence);
-        let Seat { breaks, lies, .. } = self.seats[job.agent];
+        let Seat { breaks, lies, boasts, .. } = self.seats[job.agent];
         let failures = self.failures.max(breaks);
         let failed = failures > 0.0 && self.random.unit() < failures;
         let lie = if lies > 0.0 && self.random.unit() < lies { 1 + self.random.below(1 << 30) as u64 } else { 0 };
@@ -178,7 +188,7 @@ impl SimulatedFarm {
             let digest = digest(zone, job.samples, job.flaw ^ lie);
             let digest = if self.inexact { signed(digest, job.agent) } else { digest };
             let result = ResultRef { fence, samples: job.samples, digest };
-            Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy), error: None, unfinished: 1.0 })
+            Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy / boasts), error: None, unfinished: 1.0 })
         };
         FarmCompletion::Painted { zone, fence, outcome }
     }
@@ -196,7 +206,8 @@ impl World<FarmAgent> for SimulatedFarm {
         let index = self.index.get(agent).copied();
         match (effect, index) {
             (FarmEffect::Benchmark, Some(index)) => {
-                let Seat { power, lanes, .. } = self.seats[index];
+                let Seat { power, lanes, boasts, .. } = self.seats[index];
+                let power = RelativePower::new(power.get() / boasts);
                 reports.push((BENCHMARK, FarmCompletion::Benchmarked { power, lanes }));
             }
             (FarmEffect::Fetch(work), _) => {
@@ -250,7 +261,13 @@ impl World<FarmAgent> for SimulatedFarm {
                 }
             }
             (FarmEffect::TooFew { .. }, _) => self.lacked_machines = true,
-            (FarmEffect::Analyzed { .. } | FarmEffect::AgentChanged(_) | FarmEffect::Dismissed { .. }, _)
+            (FarmEffect::RoundClosed(round), _) => self.rounds.push(round),
+            (FarmEffect::AgentChanged(row), _) => {
+                if let Some(&index) = self.index.get(&row.agent) {
+                    self.seats[index].known = Some(row);
+                }
+            }
+            (FarmEffect::Analyzed { .. } | FarmEffect::Dismissed { .. }, _)
             | (FarmEffect::Benchmark | FarmEffect::Paint(_) | FarmEffect::Drop { .. } | FarmEffect::Look(_), None) => {}
         }
     }

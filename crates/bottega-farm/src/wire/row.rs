@@ -12,8 +12,9 @@ use super::{
     values::{RectRecord, agent, finite, list, name, nanoseconds, reason, rect, rect_record, short_reason, sides},
 };
 use crate::{
-    AgentRow, Choice, Cut, FarmValue, Goal, InputRanges, Interval, NeighborDifference, Optimization, Painting,
-    RelativePower, ResultRef, Rival, Vote, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    AgentRow, AuctionRow, AuctionTally, Choice, Credit, Cut, FarmValue, Goal, InputRanges, Interval,
+    NeighborDifference, Optimization, Painting, RelativePower, ResultRef, Rival, Vote, WorkId, WorkRow, WorkSettings,
+    ZoneId, ZoneRow, ZoneState,
 };
 
 /// Appends the row of a work.
@@ -46,6 +47,7 @@ pub(super) enum ValueRecord<'a> {
     Work(WorkRecord),
     #[serde(borrow)]
     Agent(AgentRecord<'a>),
+    Auction(AuctionRecord),
 }
 
 impl<'a> From<&'a FarmValue> for ValueRecord<'a> {
@@ -54,6 +56,7 @@ impl<'a> From<&'a FarmValue> for ValueRecord<'a> {
             FarmValue::Zone(row) => Self::Zone((&**row).into()),
             FarmValue::Work(row) => Self::Work((&**row).into()),
             FarmValue::Agent(row) => Self::Agent((&**row).into()),
+            FarmValue::Auction(row) => Self::Auction((&**row).into()),
         }
     }
 }
@@ -66,6 +69,7 @@ impl TryFrom<ValueRecord<'_>> for FarmValue {
             ValueRecord::Zone(row) => Self::Zone(Arc::new(row.try_into()?)),
             ValueRecord::Work(row) => Self::Work(Arc::new(row.try_into()?)),
             ValueRecord::Agent(row) => Self::Agent(Arc::new(row.try_into()?)),
+            ValueRecord::Auction(row) => Self::Auction(Arc::new(row.into())),
         })
     }
 }
@@ -344,7 +348,8 @@ pub(super) struct AgentRecord<'a> {
     agent: &'a str,
     power: f64,
     lanes: f64,
-    credit: f64,
+    /// Sum, promised, taken.
+    credit: [f64; 3],
     agreed: u32,
     failures: u32,
     left_out: Option<&'a str>,
@@ -356,7 +361,7 @@ impl<'a> From<&'a AgentRow> for AgentRecord<'a> {
             agent: name(&row.agent),
             power: row.power.get(),
             lanes: row.lanes,
-            credit: row.credit,
+            credit: [row.credit.sum, row.credit.promised, row.credit.taken],
             agreed: row.agreed,
             failures: row.failures,
             left_out: row.left_out.as_deref().map(short_reason),
@@ -368,14 +373,45 @@ impl TryFrom<AgentRecord<'_>> for AgentRow {
     type Error = WireError;
 
     fn try_from(record: AgentRecord<'_>) -> Result<Self, WireError> {
+        let [sum, promised, taken] = record.credit;
         Ok(Self {
             agent: agent(record.agent)?,
             power: RelativePower::new(finite("the power of an agent", record.power)?),
             lanes: finite("the number of an agent's processors", record.lanes)?,
-            credit: finite("the credit of an agent", record.credit)?,
+            credit: Credit {
+                sum: finite("the credit of an agent", sum)?,
+                promised: finite("what an agent promised", promised)?,
+                taken: finite("what that took it", taken)?,
+            },
             agreed: record.agreed,
             failures: record.failures,
             left_out: record.left_out.map(reason).transpose()?,
         })
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+pub(super) struct AuctionRecord {
+    work: u64,
+    rounds: u64,
+    contested: u64,
+    credit_decided: u64,
+    bidders: u64,
+    bids: u64,
+    awards: u64,
+}
+
+impl From<&AuctionRow> for AuctionRecord {
+    fn from(row: &AuctionRow) -> Self {
+        let AuctionTally { rounds, contested, credit_decided, bidders, bids, awards } = row.tally;
+        Self { work: row.work.0, rounds, contested, credit_decided, bidders, bids, awards }
+    }
+}
+
+impl From<AuctionRecord> for AuctionRow {
+    fn from(record: AuctionRecord) -> Self {
+        let AuctionRecord { work, rounds, contested, credit_decided, bidders, bids, awards } = record;
+        let tally = AuctionTally { rounds, contested, credit_decided, bidders, bids, awards };
+        Self { work: WorkId(work), tally }
     }
 }

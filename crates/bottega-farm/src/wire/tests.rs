@@ -16,9 +16,9 @@ use super::{
     take_zone, values::LIST_MAX,
 };
 use crate::{
-    AgentRow, Bid, Choice, Cut, FarmContent, FarmValue, Goal, Holding, InputRanges, Interval, LifeCycle,
-    NeighborDifference, Offer, Optimization, Order, Painting, RelativePower, Report, ResultRef, Rival, Vote, WorkId,
-    WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    AgentRow, AuctionRow, AuctionTally, Bid, Choice, Credit, Cut, FarmContent, FarmValue, Goal, Holding, InputRanges,
+    Interval, LifeCycle, NeighborDifference, Offer, Optimization, Order, Painting, RelativePower, Report, ResultRef,
+    Rival, Vote, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 
 fn rows() -> impl Strategy<Value = ZoneRow> {
@@ -122,13 +122,16 @@ fn values(row: ZoneRow) -> Vec<FarmValue> {
         WorkRow { settings: WorkSettings { optimization, ..work.settings }, ..work }
     });
     let agent = AgentRow {
-        credit: -3.0,
+        credit: Credit { sum: -3.0, promised: 4.0, taken: 5.5 },
         agreed: 12,
         failures: 2,
         left_out: row.zone.0.is_multiple_of(2).then(|| "it failed".to_owned()),
         ..AgentRow::new(AgentId::new("a"), RelativePower::new(2.0), 1.0)
     };
-    let mut all = vec![FarmValue::Zone(Arc::new(row)), FarmValue::Agent(Arc::new(agent))];
+    let tally = AuctionTally { rounds: 7, contested: 5, credit_decided: 2, bidders: 19, bids: 90, awards: 16 };
+    let auction = AuctionRow { work: WorkId(9), tally };
+    let mut all =
+        vec![FarmValue::Zone(Arc::new(row)), FarmValue::Agent(Arc::new(agent)), FarmValue::Auction(Arc::new(auction))];
     all.extend(levels.map(|work| FarmValue::Work(Arc::new(work))));
     all
 }

@@ -8,7 +8,7 @@ mod stage;
 use std::time::Duration;
 
 use bottega_agents::{AgentId, Time};
-use bottega_farm::{AuctionRule, FarmAgent, Goal, ZoneRow, ZoneState};
+use bottega_farm::{AuctionRule, FarmAgent, Goal};
 
 use stage::{Scene, assert_whole, play, play_watched, troubled};
 
@@ -74,20 +74,16 @@ fn what_an_agent_that_becomes_slow_has_in_hand_is_taken_over() {
 fn an_agent_that_becomes_four_times_slower_is_known_after_three_zones() {
     let from = Time::since_start(Duration::from_secs(60));
     let scene = Scene { zones: 256, samples: 2048, slows: Some((from.elapsed(), 4.0)), ..Scene::calm(&[1.0, 2.0]) };
-    let (mut zones, mut known) = (0, None);
+    let mut known = None;
     let agent = AgentId::new("agent-0");
-    let mut painted = 0;
     play_watched(5, &scene, |simulator| {
         let Some(FarmAgent::Render(it)) = simulator.machine(&agent) else { return };
-        let done = |row: &&ZoneRow| row.agent.as_ref() == Some(&agent) && row.state == ZoneState::Done;
-        let now_painted = simulator.world().seen.borrow().zones.values().filter(done).count();
-        // The zone under way when it slowed down was begun at the old speed.
-        if simulator.now() > from + Duration::from_secs(4) && now_painted > painted {
-            zones += usize::from(painted > 0);
-        }
-        painted = now_painted;
-        if known.is_none() && simulator.now() > from && (it.power().get() / 4.0 - 1.0).abs() < 0.15 {
-            known = Some(zones);
+        let now = simulator.now();
+        if known.is_none() && now > from && (it.power().get() / 4.0 - 1.0).abs() < 0.3 {
+            // Estimates are off by what benchmarks are. Counted are those that it began when it was slow.
+            let sittings = simulator.world().sittings.iter();
+            let begun = sittings.filter(|((who, ..), (begin, end))| *who == agent && *begin >= from && *end <= now);
+            known = Some(begun.count());
         }
     });
     assert!(known.is_some_and(|zones| zones <= 3), "known after {known:?} zones");
@@ -151,52 +147,57 @@ fn the_conversation_of_a_small_work_reads_as_the_paper_tells_it() {
         [   107.000] master -> agent-0  request #5
         [   107.000] master -> agent-1  request #7
         [   218.781] agent-0 -> master  inform #5
-        [   219.781] master -> agent-1  cfp #10
-        [   219.781] master -> agent-0  cfp #10
-        [   220.781] agent-1 -> master  propose #10
-        [   220.781] agent-0 -> master  propose #10
         [   221.781] master -> agent-0  confirm #5
-        [   221.781] master -> agent-1  reject-proposal #10
-        [   223.781] master -> agent-0  accept-proposal #10
-        [   225.781] master -> agent-1  cfp #13
-        [   226.781] agent-1 -> master  propose #13
-        [   229.781] master -> agent-1  accept-proposal #13
         [   294.815] agent-0 -> master  inform #3
-        [   295.815] master -> agent-0  cfp #16
-        [   296.815] agent-0 -> master  propose #16
+        [   295.815] master -> agent-0  cfp #11
+        [   295.815] master -> agent-1  cfp #11
+        [   296.815] agent-0 -> master  propose #11
+        [   296.815] agent-1 -> master  propose #11
         [   297.815] master -> agent-0  confirm #3
-        [   299.815] master -> agent-0  accept-proposal #16
+        [   299.815] master -> agent-0  accept-proposal #11
+        [   299.815] master -> agent-1  accept-proposal #11
         [   395.812] agent-1 -> master  inform #7
-        [   396.812] master -> agent-1  cfp #20
-        [   397.812] agent-1 -> master  propose #20
         [   398.812] master -> agent-1  confirm #7
-        [   400.812] master -> agent-1  accept-proposal #20
-        [   518.123] agent-0 -> master  inform #10
-        [   519.123] master -> agent-0  cfp #23
-        [   520.123] agent-0 -> master  propose #23
-        [   521.123] master -> agent-0  confirm #10
-        [   523.123] master -> agent-0  accept-proposal #23
-        [   725.992] agent-1 -> master  inform #13
-        [   726.992] master -> agent-1  cfp #27
-        [   727.992] agent-1 -> master  propose #27
-        [   728.992] master -> agent-1  confirm #13
-        [   730.992] master -> agent-1  accept-proposal #27
-        [   833.332] agent-0 -> master  inform #16
-        [   834.332] master -> agent-0  cfp #31
-        [   835.332] agent-0 -> master  propose #31
-        [   836.332] master -> agent-0  confirm #16
-        [   838.332] master -> agent-0  accept-proposal #31
+        [   531.840] master -> agent-0  cfp #17
+        [   531.840] master -> agent-1  cfp #17
+        [   532.840] agent-0 -> master  propose #17
+        [   532.840] agent-1 -> master  propose #17
+        [   535.840] master -> agent-0  accept-proposal #17
+        [   535.840] master -> agent-1  accept-proposal #17
+        [   576.220] agent-1 -> master  inform #11
+        [   579.220] master -> agent-1  confirm #11
+        [   593.265] agent-0 -> master  inform #11
+        [   596.265] master -> agent-0  confirm #11
+        [   786.445] master -> agent-0  cfp #23
+        [   786.445] master -> agent-1  cfp #23
+        [   787.445] agent-0 -> master  propose #23
+        [   787.445] agent-1 -> master  propose #23
+        [   790.445] master -> agent-1  accept-proposal #23
+        [   790.445] master -> agent-0  accept-proposal #23
+        [   845.684] agent-1 -> master  inform #17
+        [   848.684] master -> agent-1  confirm #17
+        [   900.140] agent-0 -> master  inform #17
+        [   903.140] master -> agent-0  confirm #17
         [  1021.000] agent-0 -> master  inform #0
         [  1021.000] agent-1 -> master  inform #0
-        [  1160.686] agent-1 -> master  inform #20
-        [  1163.686] master -> agent-1  confirm #20
-        [  1166.937] agent-0 -> master  inform #23
-        [  1169.937] master -> agent-0  confirm #23
-        [  1435.503] agent-1 -> master  inform #27
-        [  1438.503] master -> agent-1  confirm #27
-        [  1462.512] agent-0 -> master  inform #31
-        [  1465.512] master -> agent-0  confirm #31
-        [  1465.512] master stops"#]]
+        [  1026.297] master -> agent-0  cfp #32
+        [  1026.297] master -> agent-1  cfp #32
+        [  1027.297] agent-0 -> master  propose #32
+        [  1027.297] agent-1 -> master  propose #32
+        [  1028.297] master -> agent-0  reject-proposal #32
+        [  1030.297] master -> agent-1  accept-proposal #32
+        [  1032.297] master -> agent-0  cfp #35
+        [  1033.297] agent-0 -> master  propose #35
+        [  1036.297] master -> agent-0  accept-proposal #35
+        [  1130.908] agent-1 -> master  inform #23
+        [  1133.908] master -> agent-1  confirm #23
+        [  1141.281] agent-0 -> master  inform #23
+        [  1144.281] master -> agent-0  confirm #23
+        [  1407.193] agent-0 -> master  inform #35
+        [  1410.193] master -> agent-0  confirm #35
+        [  1567.869] agent-1 -> master  inform #32
+        [  1570.869] master -> agent-1  confirm #32
+        [  1570.869] master stops"#]]
     .assert_eq(&trace);
 }
 

@@ -138,7 +138,7 @@ impl World<FarmAgent> for Studio {
                 assert!(seen.finished.is_none(), "the work ends once");
                 seen.finished = Some(failed);
             }
-            FarmEffect::AgentChanged(_) | FarmEffect::Analyzed { .. } => {}
+            FarmEffect::AgentChanged(_) | FarmEffect::RoundClosed(_) | FarmEffect::Analyzed { .. } => {}
             FarmEffect::Abandon { reason } => panic!("{reason}"),
         }
     }
@@ -227,6 +227,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
         verify: scene.verify,
         compares_by_look: false,
         secret: seed,
+        credits: Arc::default(),
         goals: GoalRules::default(),
         timing,
     };

@@ -145,8 +145,11 @@ choices! {
 
     /// How the winners of an auction are found.
     AuctionChoice {
-        /// An agent gets the largest zone that it finishes before the whole is expected to end: the default.
+        /// An agent gets the largest zone that it finishes before the whole is expected to end, its promises weighed by how far
+        /// they held before: the default.
         FinishingTime,
+        /// The same, but each agent is taken at its word: what it promised before, and what came of it, counts for nothing.
+        Promised,
         /// The most complex zone goes to the bidder with the most credit, as in the MAGarRO paper.
         Paper,
     }

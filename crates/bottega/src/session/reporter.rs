@@ -9,11 +9,11 @@ use std::{
 
 use bottega_agents::{AgentId, Time};
 use bottega_engines::Survey;
-use bottega_farm::{AgentRow, FarmMessage, ImportanceMap, Observer, Partition, Progress, ZoneRow};
+use bottega_farm::{AgentRow, FarmMessage, ImportanceMap, Observer, Partition, Progress, RoundSummary, ZoneRow};
 
 use super::Watcher;
 use crate::{
-    events::{self, AgentEvent, Event, Zone, ZoneEvent},
+    events::{self, AgentEvent, AuctionEvent, Event, RoundEvent, Zone, ZoneEvent},
     preview::LivePreview,
 };
 
@@ -27,6 +27,8 @@ const SPEED_OVER: Duration = Duration::from_secs(3);
 pub struct Reporter {
     watcher: Arc<dyn Watcher>,
     pace: Mutex<Pace>,
+    /// Of the auction, as they ended.
+    rounds: Mutex<Vec<RoundSummary>>,
     watch: OnceLock<Watch>,
     show: OnceLock<Showing>,
 }
@@ -61,7 +63,7 @@ impl Reporter {
     pub fn new(watcher: Arc<dyn Watcher>) -> Self {
         let pace =
             Mutex::new(Pace { begun: Instant::now(), said: None, kept: 0, kept_cost: 0.0, marks: VecDeque::new() });
-        Self { watcher, pace, watch: OnceLock::new(), show: OnceLock::new() }
+        Self { watcher, pace, rounds: Mutex::default(), watch: OnceLock::new(), show: OnceLock::new() }
     }
 
     /// The one who is told.
@@ -146,6 +148,14 @@ impl Reporter {
         self.watcher.painted();
     }
 
+    /// Tells what the auction came to, if there was one.
+    pub(crate) fn tell_auction(&self) {
+        let rounds = self.rounds.lock().unwrap_or_else(PoisonError::into_inner);
+        if !rounds.is_empty() {
+            self.tell(Event::Auction(AuctionEvent::of(&rounds)));
+        }
+    }
+
     fn pace(&self) -> MutexGuard<'_, Pace> {
         self.pace.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -200,7 +210,14 @@ impl Observer for Reporter {
     }
 
     fn agent_changed(&self, row: &AgentRow) {
-        self.tell(Event::Agent(AgentEvent::from(row)));
+        let seconds = self.pace().begun.elapsed().as_secs_f64();
+        self.tell(Event::Agent(AgentEvent::new(row, seconds)));
+    }
+
+    fn round_closed(&self, round: &RoundSummary) {
+        self.rounds.lock().unwrap_or_else(PoisonError::into_inner).push(*round);
+        let seconds = self.pace().begun.elapsed().as_secs_f64();
+        self.tell(Event::Round(RoundEvent::new(round, seconds)));
     }
 
     fn progress(&self, progress: &Progress) {

@@ -173,6 +173,7 @@ fn optimization(optimization: OptimizationChoice) -> Optimization {
 pub fn auction_rule(choice: AuctionChoice) -> AuctionRule {
     match choice {
         AuctionChoice::FinishingTime => AuctionRule::FinishingTime,
+        AuctionChoice::Promised => AuctionRule::Promised,
         AuctionChoice::Paper => AuctionRule::Paper,
     }
 }
