@@ -27,7 +27,7 @@ pub(crate) use self::{
 use crate::{
     bench::BenchArgs,
     engines::EnginesArgs,
-    farm::{JobsArgs, JoinArgs, MachinesArgs, UpArgs},
+    farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs},
     platform::PlatformArgs,
     rules::RulesArgs,
     simulate::args::SimulateArgs,
@@ -65,6 +65,8 @@ pub(crate) enum Command {
     Join(JoinArgs),
     /// See and steer what a farm is asked for.
     Jobs(JobsArgs),
+    /// See the Blackboard of a farm's job: its zones and agents, row by row.
+    Blackboard(BlackboardArgs),
     /// See and steer the machines of a farm.
     Machines(MachinesArgs),
     /// See, check and try the other renderers that can paint.

@@ -90,6 +90,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Up(args) => farm::up(&args),
         Command::Join(args) => farm::join(&args),
         Command::Jobs(args) => farm::jobs(&args),
+        Command::Blackboard(args) => farm::blackboard(&args),
         Command::Machines(args) => farm::machines(&args),
         Command::Engines(args) => engines::run(&args),
         Command::Rules(args) => rules::run(&args),

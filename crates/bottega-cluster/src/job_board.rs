@@ -201,6 +201,7 @@ impl JobBoard {
         self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix));
         self.uplink.notices().remove(&job_name(number)).map_err(Error::Blob)?;
         self.uplink.notices().remove(&lead_name(number)).map_err(Error::Blob)?;
+        self.forget_society(number);
         Ok(())
     }
 

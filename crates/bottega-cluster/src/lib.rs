@@ -15,6 +15,7 @@
 //! | a job: a [`Request`](bottega::Request) and the digests of its files | [`job`](mod@job) |
 //! | jobs on the notices, who leads them; how they stand | [`job_board`], [`view`]; machines that leave a job out: [`refusals`] |
 //! | asking for a picture; for frames | [`client`], [`animation`] |
+//! | rows of a job, for people; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
 //! | steering of jobs and machines | [`jobs`], [`machine`] |
 //! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
@@ -26,6 +27,7 @@
 pub mod address;
 mod admission;
 pub mod animation;
+pub mod blackboard;
 pub mod build;
 pub mod cache;
 mod chunks;
@@ -49,6 +51,7 @@ pub mod room;
 mod sent_files;
 mod server;
 mod shares;
+pub mod society;
 mod together;
 mod transfer;
 pub mod up;

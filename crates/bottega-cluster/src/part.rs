@@ -2,7 +2,7 @@
 
 use std::{
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
     thread::{self, JoinHandle},
@@ -19,6 +19,7 @@ use crate::{
     job::{Job, JobState},
     job_board::{JobBoard, Lead, Lease, Presence, RENEW_EVERY},
     refusals::{RefusalWatch, Refusals},
+    society::SeenSociety,
     together::{self, Together},
 };
 use bottega::session::PaintingTools;
@@ -81,8 +82,12 @@ pub(crate) fn take_part(
         board.log(number, &format!("{name} leads"));
     }
     let this = StopSwitch::new();
-    let told =
-        Arc::new(LoggingObserver { inner: Arc::clone(&tools.observer), lead: Mutex::default(), log: Mutex::default() });
+    let told = Arc::new(LoggingObserver {
+        inner: Arc::clone(&tools.observer),
+        lead: Mutex::default(),
+        log: Mutex::default(),
+        society: Mutex::default(),
+    });
     let guard = Guard {
         member: member.clone(),
         number,
@@ -108,6 +113,7 @@ pub(crate) fn take_part(
     let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
     let (settings, engine) = (&less(&tools.settings, prepared), Arc::clone(&tools.engine));
     if leads {
+        let settings = &JobSettings { credits: board.credits(), ..settings.clone() };
         let (store, kept) = (tools.store.take(), tools.kept.take());
         let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
         let mut report = Box::new(report.map_err(Error::job)?);
@@ -174,6 +180,8 @@ pub(crate) struct Leading {
 impl Leading {
     /// The picture is safe: the job is over, and what was kept for it goes.
     pub(crate) fn finish(&self, board: &JobBoard, number: u32, state: &JobState) -> Result<(), Error> {
+        // As long as it is not over its rows are those of the store.
+        let painted = board.get(number).filter(|job| !job.state.is_over());
         board.change(number, |job| {
             job.say(match state {
                 JobState::Failed { reason } => format!("failed: {reason}"),
@@ -182,6 +190,9 @@ impl Leading {
             job.state = state.clone();
             true
         })?;
+        if let Some(job) = &painted {
+            board.keep_rows(job);
+        }
         self.link.forget();
         board.forget_learnt(self.link.work.0);
         together::forget(board, self.link.work.0);
@@ -244,6 +255,7 @@ impl Guard {
                 renewed = Some(Instant::now());
                 self.renew();
                 self.keep_log();
+                self.tell_society();
             }
             if !self.this.is_requested() && self.is_to_leave() {
                 self.this.request();
@@ -330,8 +342,19 @@ impl Guard {
         }
     }
 
+    /// The leader tells of its agents and of the auction.
+    fn tell_society(&self) {
+        if self.lease.is_some() {
+            self.told.society().tell(&self.member.board, self.number);
+        }
+    }
+
     /// Nobody need wait until the lease is over; but who has claimed it will lead.
     fn lay_down(&mut self) {
+        self.tell_society();
+        if self.lease.is_some() {
+            self.told.society().keep_credits(&self.member.board);
+        }
         if let Some(lease) = self.lease.as_mut().filter(|_| !self.has_claimed || self.member.stop.is_requested())
             && let Err(error) = self.member.board.renew(lease, &Lead { leader: None, ..self.told.lead() })
         {
@@ -345,9 +368,14 @@ struct LoggingObserver {
     inner: Arc<dyn Observer>,
     lead: Mutex<Lead>,
     log: Mutex<Vec<String>>,
+    society: Mutex<SeenSociety>,
 }
 
 impl LoggingObserver {
+    fn society(&self) -> MutexGuard<'_, SeenSociety> {
+        self.society.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn lead(&self) -> Lead {
         self.lead.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -367,10 +395,12 @@ impl Observer for LoggingObserver {
     }
 
     fn agent_changed(&self, row: &AgentRow) {
+        self.society().see_agent(row);
         self.inner.agent_changed(row);
     }
 
     fn round_closed(&self, round: &RoundSummary) {
+        self.society().see_round(round);
         self.inner.round_closed(round);
     }
 

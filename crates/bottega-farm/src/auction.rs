@@ -14,7 +14,7 @@ mod tally;
 
 use self::{by_time::ByTime, round::Candidate};
 pub use self::{
-    credit::Credit,
+    credit::{Credit, home},
     field::Field,
     open_zones::OpenZones,
     tally::{AuctionTally, RoundSummary},

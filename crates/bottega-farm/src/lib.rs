@@ -72,7 +72,7 @@ pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
 pub use auction::{
     AuctionRule, AuctionTally, Award, Bidder, Credit, Decision, Field, MemberId, OpenZones, Proposal, RoundSummary,
-    Standing, decide,
+    Standing, decide, home,
 };
 pub use blackboard::{
     ATTEMPTS_MAX, AgentRow, AuctionRow, Blackboard, Cut, FarmValue, InputRanges, Interval, Rival, Vote, WorkRow,

@@ -85,8 +85,8 @@ pub struct MasterConfig {
     pub compares_by_look: bool,
     /// What nobody else knows: it decides what of agents that are believed is compared all the same.
     pub secret: u64,
-    /// What is known of agents from works before, if anything: how far their promises held.
-    pub credits: Arc<BTreeMap<AgentId, Credit>>,
+    /// How far the promises of machines held in works before, by [`home`](crate::home).
+    pub credits: Arc<BTreeMap<String, Credit>>,
     /// How a goal is neared.
     pub goals: GoalRules,
     /// How long it waits for what.

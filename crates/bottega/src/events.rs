@@ -245,8 +245,9 @@ pub struct AgentEvent {
     pub credit: f64,
     /// How far its promises held lately: 1 when what it promised took as long as it said, 0.5 when it took twice as long.
     pub reliability: f64,
-    /// Seconds since rendering began.
-    pub seconds: f64,
+    /// Seconds since rendering began, where that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
     /// How often it has failed since it last painted something.
     pub failures: u32,
     /// Why it is left out of the work, if it is.
@@ -402,8 +403,8 @@ impl AuctionEvent {
 }
 
 impl AgentEvent {
-    /// An agent as it stands so many seconds after rendering began.
-    pub fn new(row: &AgentRow, seconds: f64) -> Self {
+    /// An agent as it stands so many seconds after rendering began, where that is known.
+    pub fn new(row: &AgentRow, seconds: Option<f64>) -> Self {
         Self {
             agent: row.agent.to_string(),
             power: row.power.get(),

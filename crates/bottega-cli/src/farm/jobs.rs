@@ -10,6 +10,7 @@ use bottega_cluster::{
     machine::Standing,
     refusals::RefusalWatch,
     room::{MAKE_ROOM, bytes_said},
+    society::Society,
     view::JobView,
 };
 use clap::{Args, Subcommand, ValueHint};
@@ -144,8 +145,11 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     // A machine that was killed does not say that it has left.
     let seats: Vec<_> = all.iter().filter(|seat| seat.job == Some(number) && !job.state.is_over()).collect();
     let view = JobView::of(number, &job, &lead, seats.len());
+    let society = board.society(number).unwrap_or_default();
     if as_json {
-        println!("{}", json!(view));
+        let mut told = json!(view);
+        told["society"] = json!(society);
+        println!("{told}");
         return Ok(());
     }
     println!("job {number}: {} -> {}", job.scene, job.output);
@@ -162,6 +166,7 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     for seat in seats {
         println!("  {} ({} processors)", seat.name, seat.threads);
     }
+    tell_society(&society);
     for (seat, refusal) in RefusalWatch::default().news(&all, |work| work == job.work) {
         println!("  {} is left out: {}", seat.name, refusal.reason);
     }
@@ -172,6 +177,26 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
         println!("the farm has the picture: bottega jobs fetch {number}");
     }
     Ok(())
+}
+
+/// The agents, and what the auction came to.
+fn tell_society(society: &Society) {
+    if society.rounds > 0 {
+        println!(
+            "auction: {} awards in {} rounds, {} with several bidders, {} decided by credit; {:.1} bids a round",
+            society.awards,
+            society.rounds,
+            society.contested,
+            society.credit_decided,
+            society.bids as f64 / society.rounds as f64
+        );
+    }
+    for agent in &society.agents {
+        println!(
+            "  {}: V_cp {:.3}, credit {:.2} s, promises held {:.2}",
+            agent.agent, agent.power, agent.credit, agent.reliability
+        );
+    }
 }
 
 fn ago(at: u64) -> String {

@@ -1,6 +1,7 @@
 //! `bottega up`, `join`, `jobs` and `machines`: farms, as people on a command line see and steer them.
 
 mod args;
+mod blackboard;
 mod jobs;
 mod join;
 mod machines;
@@ -8,6 +9,7 @@ mod up;
 
 pub(crate) use self::{
     args::LoginArgs,
+    blackboard::{BlackboardArgs, run as blackboard},
     jobs::{JobsArgs, run as jobs},
     join::{JoinArgs, run as join},
     machines::{MachinesArgs, run as machines},

@@ -58,7 +58,7 @@ pub(super) fn populate(
         verify: settings.verify,
         compares_by_look: !shared.engine.describe().exact_by_pixel,
         secret: secret(),
-        credits: Arc::default(),
+        credits: Arc::clone(&settings.credits),
         goals: GoalRules::default(),
         timing,
     };

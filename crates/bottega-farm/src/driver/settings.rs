@@ -1,12 +1,13 @@
 //! What is asked of a job, and why it may give no picture.
 
-use std::thread;
+use std::{collections::BTreeMap, sync::Arc, thread};
 
 use bottega_engines::Tunables;
 use bottega_image::{Layout, Rect};
 
 use crate::{
-    AdaptationRule, AuctionRule, EngineChoice, Expert, Goal, ImportanceFunction, Level, Optimization, WorkSettings,
+    AdaptationRule, AuctionRule, Credit, EngineChoice, Expert, Goal, ImportanceFunction, Level, Optimization,
+    WorkSettings,
 };
 
 /// Agents of one job at most.
@@ -50,6 +51,8 @@ pub struct JobSettings {
     pub auction: AuctionRule,
     /// How agents learn their speed.
     pub adaptation: AdaptationRule,
+    /// How far the promises of machines held in works before: see [`MasterConfig::credits`](crate::MasterConfig::credits).
+    pub credits: Arc<BTreeMap<String, Credit>>,
     /// Zones that an agent has in hand at most.
     pub prefetch: u32,
     /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
@@ -77,6 +80,7 @@ impl JobSettings {
             importance: ImportanceFunction::default(),
             auction: AuctionRule::default(),
             adaptation: AdaptationRule::default(),
+            credits: Arc::default(),
             prefetch: 2,
             verify: 1,
         }

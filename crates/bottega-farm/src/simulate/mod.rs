@@ -58,8 +58,8 @@ pub struct Plan {
     pub auction: AuctionRule,
     /// How agents learn their speed.
     pub adaptation: AdaptationRule,
-    /// What is known of agents from works before.
-    pub credits: Arc<BTreeMap<AgentId, Credit>>,
+    /// How far the promises of agents held in works before, by name.
+    pub credits: Arc<BTreeMap<String, Credit>>,
     /// Zones that an agent has in hand at most.
     pub prefetch: u32,
     /// Whether zones are cut near the end, and slow agents' zones given to idle ones too: see
@@ -162,8 +162,8 @@ pub struct AgentOutcome {
 
 impl Outcome {
     /// How far the promises of the agents held, for [`Plan::credits`] of the next work.
-    pub fn credits(&self) -> BTreeMap<AgentId, Credit> {
-        self.agents.iter().map(|agent| (AgentId::new(agent.name.clone()), agent.credit)).collect()
+    pub fn credits(&self) -> BTreeMap<String, Credit> {
+        self.agents.iter().map(|agent| (agent.name.clone(), agent.credit)).collect()
     }
 
     /// The least time over the time taken, 0..=1.

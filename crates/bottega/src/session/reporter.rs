@@ -211,7 +211,7 @@ impl Observer for Reporter {
 
     fn agent_changed(&self, row: &AgentRow) {
         let seconds = self.pace().begun.elapsed().as_secs_f64();
-        self.tell(Event::Agent(AgentEvent::new(row, seconds)));
+        self.tell(Event::Agent(AgentEvent::new(row, Some(seconds))));
     }
 
     fn round_closed(&self, round: &RoundSummary) {

@@ -44,6 +44,7 @@ pub use self::{
     options::{Login, NatsOptions, Tls},
     pin::Pin,
     rights::Rights,
+    store::EntryNews,
     tiles::NatsTiles,
 };
 use self::{options::ANSWER_TIME, store::Bucket};
@@ -189,6 +190,12 @@ impl<K: Codec> NatsUplink<K> {
             }
             Err(_) => ServerState::Silent,
         }
+    }
+
+    /// Tells of all entries of the store whose names begin so, and from then on of every write to one, until `tell` says that it
+    /// is enough; it is asked at least every few seconds. Blocks meanwhile.
+    pub fn follow_entries(&self, prefix: &Key, tell: impl FnMut(EntryNews<K::Value>) -> bool) {
+        self.handle.block_on(self.bucket.follow(prefix, tell));
     }
 
     /// Lets all entries of the store go whose names begin so.

@@ -78,6 +78,17 @@ pub(super) async fn open(
     }
 }
 
+/// What one is told who follows entries.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EntryNews<V> {
+    /// An entry as it is, or is from now on.
+    Entry(Entry<V>),
+    /// All entries that there were have been told.
+    CaughtUp,
+    /// Nothing of use, or nothing for a while.
+    Nothing,
+}
+
 /// The bucket with its codec.
 pub(super) struct Bucket<K> {
     client: Client,
@@ -164,21 +175,28 @@ impl<K: Codec> Bucket<K> {
         M: StateMachine<Content = K::Content, Value = K::Value>,
     {
         let tell = |reply| mailbox.deliver(Event::Store { ticket, reply });
-        let mut caught_up = false;
-        follow(&self.client, &self.store, &names::below(prefix), |news| {
+        self.follow(prefix, |news| {
             match news {
-                WatchNews::Entry(WrittenEntry { key, revision, value: Some(value) }) => {
-                    if let Some(entry) = self.read(&key, revision, &value).filter(|it| it.key.starts_with(prefix)) {
-                        tell(StoreReply::Changed(entry));
-                    }
-                }
-                WatchNews::CaughtUp if !caught_up => {
-                    caught_up = true;
-                    tell(StoreReply::CaughtUp);
-                }
-                WatchNews::Entry(_) | WatchNews::CaughtUp | WatchNews::Nothing => {}
+                EntryNews::Entry(entry) => tell(StoreReply::Changed(entry)),
+                EntryNews::CaughtUp => tell(StoreReply::CaughtUp),
+                EntryNews::Nothing => {}
             }
             !mailbox.is_closed()
+        })
+        .await;
+    }
+
+    /// Tells of all entries under `prefix`, and from then on of every write to one, until `tell` says that it is enough. After
+    /// an interruption all are told again.
+    pub(super) async fn follow(&self, prefix: &Key, mut tell: impl FnMut(EntryNews<K::Value>) -> bool) {
+        let mut caught_up = false;
+        follow(&self.client, &self.store, &names::below(prefix), |news| match news {
+            WatchNews::Entry(WrittenEntry { key, revision, value: Some(value) }) => {
+                let entry = self.read(&key, revision, &value).filter(|it| it.key.starts_with(prefix));
+                tell(entry.map_or(EntryNews::Nothing, EntryNews::Entry))
+            }
+            WatchNews::CaughtUp if !std::mem::replace(&mut caught_up, true) => tell(EntryNews::CaughtUp),
+            WatchNews::Entry(_) | WatchNews::CaughtUp | WatchNews::Nothing => tell(EntryNews::Nothing),
         })
         .await;
     }

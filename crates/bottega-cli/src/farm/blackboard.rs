@@ -1,0 +1,123 @@
+//! `bottega blackboard`: the rows of a job, as its agents have them.
+
+use std::{collections::BTreeMap, process::ExitCode};
+
+use bottega::{
+    StopSwitch,
+    events::{AgentEvent, Event, ZoneEvent},
+};
+use bottega_cluster::{Job, JobBoard, blackboard::RowNews, jobs::known};
+use clap::Args;
+
+use super::args::FarmArgs;
+use crate::{error::CliError, signals};
+
+/// See the Blackboard of a job: each zone with its size, complexity, estimated and measured time and agent; the agents with
+/// their speed and credit.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "For example:\n  bottega blackboard\n  bottega blackboard 3 --json\n  bottega blackboard 3 --watch"
+)]
+pub(crate) struct BlackboardArgs {
+    /// The job; default: the newest that is painted, or the newest.
+    job: Option<u32>,
+    /// Print every change from now on, until the job is over.
+    #[arg(long)]
+    watch: bool,
+    #[command(flatten)]
+    farm: FarmArgs,
+}
+
+pub(crate) fn run(args: &BlackboardArgs) -> Result<ExitCode, CliError> {
+    let board = args.farm.board()?;
+    let (number, job) = match args.job {
+        Some(number) => (number, known(&board, number)?),
+        None => newest(&board)?,
+    };
+    let rows = board.rows(&job)?;
+    if args.farm.json {
+        rows.iter().for_each(|row| println!("{}", row.to_json()));
+    } else {
+        print!("{}", as_table(number, &rows));
+    }
+    if args.watch {
+        watch(&board, number, &job, args.farm.json)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn newest(board: &JobBoard) -> Result<(u32, Job), CliError> {
+    let jobs = board.all();
+    let under_way = jobs.iter().rev().find(|(_, job)| !job.state.is_over());
+    under_way.or(jobs.last()).cloned().ok_or_else(|| {
+        CliError::usage("the farm has no jobs", "ask for a picture: bottega render scene.glb -o picture.exr --farm")
+    })
+}
+
+/// Prints what changes from now on.
+fn watch(board: &JobBoard, number: u32, job: &Job, as_json: bool) -> Result<(), CliError> {
+    let stop = StopSwitch::new();
+    signals::stop_on_signal(&stop)?;
+    let mut caught_up = false;
+    board.watch_rows(job, |news| {
+        match news {
+            RowNews::Row(row) if caught_up && as_json => println!("{}", row.to_json()),
+            RowNews::Row(Event::Zone(zone)) if caught_up => println!("{}", zone_line(&zone)),
+            RowNews::Row(Event::Agent(agent)) if caught_up => println!("{}", agent_line(&agent)),
+            RowNews::CaughtUp => caught_up = true,
+            RowNews::Row(_) | RowNews::Nothing => {}
+        }
+        !stop.is_requested() && board.get(number).is_some_and(|job| !job.state.is_over())
+    })?;
+    Ok(())
+}
+
+/// All rows: zones by their numbers, agents by their names.
+fn as_table(number: u32, rows: &[Event]) -> String {
+    let (mut zones, mut agents) = (BTreeMap::new(), BTreeMap::new());
+    for row in rows {
+        match row {
+            Event::Zone(zone) => _ = zones.insert(zone.id, zone),
+            Event::Agent(agent) => _ = agents.insert(&agent.agent, agent),
+            _ => {}
+        }
+    }
+    if zones.is_empty() && agents.is_empty() {
+        return format!("job {number} has no rows: it has not begun, or nobody kept them\n");
+    }
+    let mut text = format!(
+        "{:>6} {:<10} {:>8} {:>10} {:>9} {:>9} {:>5} {:>5} {:>7}  agent\n",
+        "zone", "state", "size", "complexity", "T_est", "T_real", "depth", "light", "samples"
+    );
+    zones.values().for_each(|zone| text += &format!("{}\n", zone_line(zone)));
+    agents.values().for_each(|agent| text += &format!("{}\n", agent_line(agent)));
+    text
+}
+
+fn zone_line(zone: &ZoneEvent) -> String {
+    let seconds = |time: Option<f64>| time.map_or("-".to_owned(), |time| format!("{time:.3}"));
+    let choice = |value: fn(&bottega::events::ZoneChoice) -> u32| {
+        zone.choice.as_ref().map_or("-".to_owned(), |choice| value(choice).to_string())
+    };
+    format!(
+        "{:>6} {:<10} {:>8} {:>10.1} {:>9} {:>9} {:>5} {:>5} {:>7}  {}",
+        zone.id,
+        zone.state,
+        zone.size,
+        zone.complexity,
+        seconds(zone.seconds_estimated),
+        seconds(zone.seconds_measured),
+        choice(|choice| choice.max_depth),
+        choice(|choice| choice.light_samples),
+        zone.samples,
+        zone.agent.as_deref().unwrap_or("-")
+    )
+}
+
+fn agent_line(agent: &AgentEvent) -> String {
+    let left_out = agent.left_out.as_ref().map_or(String::new(), |reason| format!("; left out: {reason}"));
+    format!(
+        "{}: V_cp {:.3}, {} processors, credit {:.2} s, promises held {:.2}{left_out}",
+        agent.agent, agent.power, agent.lanes, agent.credit, agent.reliability
+    )
+}

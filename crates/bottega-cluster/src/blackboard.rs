@@ -1,0 +1,112 @@
+//! The Blackboard of a job, as people and programs read it: the rows of its zones, of its agents and of its auction.
+//!
+//! While a job is painted its rows are entries of the farm's store, written by its leader (and read by all). When it is done
+//! the leader keeps what they said last, as a blob.
+
+use std::time::{Duration, Instant};
+
+use bottega::events::{AgentEvent, Event, ZoneEvent};
+use bottega_agents::driver::nats::EntryNews;
+use bottega_farm::{FarmValue, WorkId, WorkKeys};
+
+use crate::{error::Error, job::Job, job_board::JobBoard};
+
+/// The most that is read of the rows of a job that is over.
+const ROWS_BYTES_MAX: usize = 1 << 28;
+/// A server that tells nothing for so long is not waited for.
+const SILENT: Duration = Duration::from_secs(10);
+
+/// What one is told who watches a Blackboard.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RowNews {
+    /// A row as it is, or is from now on: an [`Event::Zone`] or an [`Event::Agent`].
+    Row(Event),
+    /// All rows that there were have been told.
+    CaughtUp,
+    /// Nothing for a while.
+    Nothing,
+}
+
+impl JobBoard {
+    /// Tells of all rows of a job, and from then on of every change, until `tell` says that it is enough. Of a job that is over
+    /// what its rows said last.
+    ///
+    /// # Errors
+    /// The farm does not answer.
+    pub fn watch_rows(&self, job: &Job, mut tell: impl FnMut(RowNews) -> bool) -> Result<(), Error> {
+        if job.state.is_over() {
+            let rows = self.kept_rows(job)?;
+            _ = rows.into_iter().map(RowNews::Row).chain([RowNews::CaughtUp]).all(tell);
+            return Ok(());
+        }
+        let prefix = WorkKeys::new(WorkId(job.work)).prefix();
+        self.uplink.follow_entries(&prefix, |news| match news {
+            EntryNews::Entry(entry) => tell(as_event(&entry.value).map_or(RowNews::Nothing, RowNews::Row)),
+            EntryNews::CaughtUp => tell(RowNews::CaughtUp),
+            EntryNews::Nothing => tell(RowNews::Nothing),
+        });
+        Ok(())
+    }
+
+    /// All rows of a job as they are now.
+    ///
+    /// # Errors
+    /// The farm does not answer.
+    pub fn rows(&self, job: &Job) -> Result<Vec<Event>, Error> {
+        let mut rows = Vec::new();
+        let (begun, mut is_whole) = (Instant::now(), false);
+        self.watch_rows(job, |news| match news {
+            RowNews::Row(row) => {
+                rows.push(row);
+                true
+            }
+            RowNews::CaughtUp => {
+                is_whole = true;
+                false
+            }
+            RowNews::Nothing => begun.elapsed() < SILENT,
+        })?;
+        if is_whole {
+            Ok(rows)
+        } else {
+            Err(Error::failed(
+                "the farm's server does not tell the rows of the job",
+                "see whether it runs: bottega jobs list",
+            ))
+        }
+    }
+
+    /// Keeps what the rows of a job said last. That they could not be kept spoils no picture.
+    pub(crate) fn keep_rows(&self, job: &Job) {
+        let kept = self.rows(job).and_then(|rows| {
+            let mut text = Vec::new();
+            for row in rows {
+                text.extend(row.to_json().into_bytes());
+                text.push(b'\n');
+            }
+            self.uplink.blobs().put(&rows_blob(job.work), &text).map_err(Error::Blob)
+        });
+        if let Err(error) = kept {
+            tracing::debug!(%error, "the rows of the job were not kept");
+        }
+    }
+
+    fn kept_rows(&self, job: &Job) -> Result<Vec<Event>, Error> {
+        let bytes = self.uplink.blobs().get(&rows_blob(job.work), ROWS_BYTES_MAX).map_err(Error::Blob)?;
+        let bytes = bytes.unwrap_or_default();
+        Ok(bytes.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect())
+    }
+}
+
+/// A row as an event; `None`: it is none that people read.
+fn as_event(row: &FarmValue) -> Option<Event> {
+    match row {
+        FarmValue::Zone(row) => Some(Event::Zone(Box::new(ZoneEvent::from(&**row)))),
+        FarmValue::Agent(row) => Some(Event::Agent(AgentEvent::new(row, None))),
+        FarmValue::Work(_) | FarmValue::Auction(_) => None,
+    }
+}
+
+fn rows_blob(work: u64) -> String {
+    format!("job-{work}/rows")
+}
