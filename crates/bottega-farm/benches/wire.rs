@@ -16,9 +16,9 @@ use std::{
 use bottega_agents::{AgentId, BlobId, Revision, driver::nats::Codec};
 use bottega_engines::Tunables;
 use bottega_farm::{
-    AgentRow, Bid, Choice, FarmCodec, FarmContent, FarmValue, Goal, Holding, InputRanges, Interval, NeighborDifference,
-    Offer, Optimization, Order, Painting, RelativePower, Report, ResultRef, Vote, WorkId, WorkRow, WorkSettings,
-    ZoneId, ZoneRow, ZoneState,
+    AgentRow, Bid, Choice, Credit, FarmCodec, FarmContent, FarmValue, Goal, Holding, InputRanges, Interval,
+    NeighborDifference, Offer, Optimization, Order, Painting, RelativePower, Report, ResultRef, Vote, WorkId, WorkRow,
+    WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 use bottega_image::{Rect, Sides};
 
@@ -102,7 +102,7 @@ fn contents() -> Vec<(&'static str, FarmContent)> {
         time_estimated: Duration::from_nanos(1_512_008_117 + 10_007 * u64::from(zone)),
     };
     let bid = |zone| Bid { zone: ZoneId(zone), finish: Duration::from_nanos(7_512_008_117 + u64::from(zone)) };
-    let order = |row: ZoneRow| Order { work: Arc::new(work()), row: Arc::new(row), fence };
+    let order = |row: ZoneRow| Order { work: Arc::new(work()), row: Arc::new(row), fence, decides: false };
     let report = |outcome| FarmContent::Report(Arc::new(Report { zone, fence, outcome }));
     let profiling = ZoneRow { agent: Some(agent(7)), state: ZoneState::Profiling, ..open() };
     let awarded = ZoneRow { agent: Some(agent(7)), state: ZoneState::Awarded, ..profiled() };

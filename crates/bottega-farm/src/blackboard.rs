@@ -13,8 +13,8 @@ use rustc_hash::FxHashMap;
 
 pub use self::trust::Vote;
 use crate::{
-    AuctionTally, Choice, Credit, NeighborDifference, RelativePower, ResultRef, WorkId, WorkSettings, ZoneId,
-    partition::nearest_multiple,
+    AuctionTally, Choice, Credit, Goal, NeighborDifference, RelativePower, ResultRef, WorkId, WorkSettings, ZoneId,
+    adaptation::scaled, partition::nearest_multiple,
 };
 
 /// A zone is given up after so many agents have failed on it.
@@ -218,6 +218,27 @@ impl ZoneRow {
         } else {
             self.rival.as_ref().filter(|rival| rival.agent == *agent).map(|rival| rival.fence)
         }
+    }
+
+    /// Whether the rules of the agent that gets it by auction decide what it is painted with: nothing of it is painted but what
+    /// profiling did, and no other agent has a part of it.
+    pub fn is_undecided(&self, settings: &WorkSettings) -> bool {
+        let is_whole = self.piece.is_none() && self.cut.is_none() && self.votes.is_empty();
+        let is_profiled = |choice: Choice| self.samples_done() <= choice.profile_samples(&settings.goal);
+        // Where samples are added until they are enough, they go on from those that there are.
+        let has_samples = settings.goal == Goal::Samples && self.goal.is_none();
+        let has_rules = settings.optimization.rule_input().is_some();
+        has_rules && has_samples && is_whole && self.choice.is_some_and(is_profiled)
+    }
+
+    /// The row of a zone whose agent has decided otherwise than the one that profiled it. The first samples are of other
+    /// settings, so they are painted again; T_est goes with the samples.
+    #[must_use]
+    pub fn decided_anew(&self, choice: Choice) -> Self {
+        let before = self.choice.map_or(0, |before| self.goal_samples(&before)).saturating_sub(self.samples_done());
+        let ratio = f64::from(choice.samples) / f64::from(before.max(1));
+        let time_estimated = self.time_estimated.map(|time| scaled(time, ratio));
+        Self { choice: Some(choice), result: None, goal: None, time_estimated, ..self.clone() }
     }
 
     /// Who has it in hand.

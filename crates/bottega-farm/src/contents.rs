@@ -50,6 +50,8 @@ pub struct Order {
     pub row: Arc<ZoneRow>,
     /// The revision of that row: the fencing token that the result must carry.
     pub fence: Revision,
+    /// Whether the agent's own rules decide what the zone is painted with, not those of the agent that profiled it.
+    pub decides: bool,
 }
 
 /// What came of an order.

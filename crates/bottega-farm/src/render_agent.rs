@@ -42,6 +42,8 @@ pub struct RenderAgentConfig {
 struct Hand {
     order: Order,
     choice: Choice,
+    /// Whether T_est is of these settings, but for the number of samples.
+    is_estimated: bool,
     begun: bool,
     /// When it was given.
     since: Time,
@@ -253,10 +255,13 @@ impl RenderAgent {
             _ => {}
         }
         self.unanswered.remove(zone);
-        // A zone that was profiled keeps its settings, whoever paints it.
-        let choice = order.row.choice.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
+        let decided = order.row.choice.filter(|_| !order.decides);
+        let choice = decided.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
         let conversation = message.conversation_id;
-        let mut hand = Hand { order: order.clone(), choice, begun: false, since: now, painted: 0, conversation };
+        let profiled = order.row.choice.unwrap_or(choice);
+        let order = if choice == profiled { order.clone() } else { order.decided_anew(choice) };
+        let is_estimated = choice.tunables == profiled.tunables;
+        let mut hand = Hand { order, choice, is_estimated, begun: false, since: now, painted: 0, conversation };
         if self.fetched {
             hand.begin(self.power(), &self.config.expert, actions);
         }
@@ -290,6 +295,7 @@ impl RenderAgent {
             let left = f64::from(goal.saturating_sub(samples).max(1));
             let taken = f64::from(painted.result.samples.saturating_sub(hand.order.row.samples_done()).max(1));
             if !profiling
+                && hand.is_estimated
                 && let (Some(adaptation), Some(estimated)) = (&mut self.adaptation, hand.order.row.time_estimated)
             {
                 adaptation.learn(painted.busy, estimated);
@@ -412,6 +418,11 @@ impl Hand {
 }
 
 impl Order {
+    /// The same, painted with what the rules of this agent say.
+    fn decided_anew(&self, choice: Choice) -> Self {
+        Self { row: Arc::new(self.row.decided_anew(choice)), ..self.clone() }
+    }
+
     /// Whether it can be carried out: what a peer sends is not believed.
     fn is_sound(&self) -> bool {
         let (row, settings) = (&self.row, &self.work.settings);

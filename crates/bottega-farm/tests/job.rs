@@ -8,8 +8,8 @@ use std::{
 };
 
 use bottega_farm::{
-    AuctionRule, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalWriter, Kept, Level, Observer,
-    Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
+    AuctionRule, Expert, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalWriter, Kept, Level,
+    Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
 };
 use bottega_image::{Aov, Film, Rect};
 
@@ -347,4 +347,45 @@ fn the_slowest_conversation() {
     });
     let (times, teller) = jobs.max_by_key(|(times, _)| times.total).unwrap();
     eprintln!("{}{times:?}", teller.0.lock().unwrap());
+}
+
+/// Rules that ask for this share of the light samples, whatever the zone.
+fn rules(share: f64) -> Expert {
+    let text = format!(
+        "FUNCTION_BLOCK f VAR_INPUT size : REAL; END_VAR VAR_OUTPUT light_samples : REAL; END_VAR \
+         FUZZIFY size TERM any := (0, 1) (1e9, 1); END_FUZZIFY \
+         DEFUZZIFY light_samples TERM some := {share}; METHOD : COGS; DEFAULT := 1; END_DEFUZZIFY \
+         RULEBLOCK r RULE 1 : IF size IS any THEN light_samples IS some; END_RULEBLOCK END_FUNCTION_BLOCK"
+    );
+    Expert::parse(&text).expect("rules")
+}
+
+#[test]
+fn the_rules_of_the_agent_that_wins_a_zone_decide_what_it_is_painted_with() {
+    let experts = vec![rules(0.25), rules(0.75)];
+    let settings = JobSettings {
+        agents: 2,
+        zones: Some(24),
+        optimization: Optimization::Normal,
+        experts,
+        samples: 64,
+        ..settings()
+    };
+    let engine = Arc::new(FakeEngine::new(2, 0));
+    let report = run(&settings, engine.clone(), Arc::new(()), &StopSwitch::new(), None, None).unwrap();
+    let mut painted = [0; 2];
+    for row in &report.rows {
+        let name = row.agent.as_ref().expect("somebody painted it").to_string();
+        let agent = usize::from(name.starts_with("render-2@"));
+        painted[agent] += 1;
+        let samples = [16, 48][agent];
+        assert_eq!(row.choice.map(|choice| choice.samples), Some(samples), "{name}");
+        assert_eq!(row.samples_done(), samples);
+    }
+    assert!(painted.iter().all(|&count| count > 0), "{painted:?}");
+    // Each pixel has the samples of its zone in the film, and no zone is painted twice but for its first samples.
+    let counts = sample_counts(&report.film);
+    assert!(counts.iter().all(|count| [16, 48].contains(count)));
+    let taken: u64 = counts.iter().map(|&count| u64::from(count)).sum();
+    assert!((taken..taken * 12 / 10).contains(&engine.samples_painted()), "{} {taken}", engine.samples_painted());
 }

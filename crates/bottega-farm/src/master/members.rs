@@ -160,7 +160,7 @@ impl Master {
         // What others made of it is nothing that an agent should know before.
         let row =
             if row.votes.is_empty() { row.clone() } else { Arc::new(ZoneRow { votes: Vec::new(), ..(**row).clone() }) };
-        let order = Order { work: work.clone(), row: row.clone(), fence };
+        let order = Order { work: work.clone(), row: row.clone(), fence, decides: self.decides(&row) };
         let (performative, protocol, content) = if row.state == ZoneState::Profiling {
             (Performative::Request, protocol::REQUEST, FarmContent::Profile(order))
         } else {
@@ -171,6 +171,13 @@ impl Master {
         let reply_by = now + self.config.timing.lease;
         actions.push(FarmAction::Send(asking(order, conversation, Some(reply_by))));
         self.sent.insert(row.zone, now);
+    }
+
+    /// Whether the rules of whoever paints a zone decide what it is painted with: MAGarRO, section 3.4, "when a task is assigned to
+    /// an agent". Agents that are compared must paint the same.
+    pub(super) fn decides(&self, row: &ZoneRow) -> bool {
+        let settings = self.board.work().map(|work| &work.settings);
+        !self.verifies() && settings.is_some_and(|settings| row.is_undecided(settings))
     }
 
     pub(super) fn answer(

@@ -56,7 +56,12 @@ impl Master {
                 .accepted(row, fence, painting)
                 .map(|accepted| self.compared(row, accepted, painting, &message.sender)),
         };
+        let is_estimated = report
+            .outcome
+            .as_ref()
+            .is_ok_and(|it| row.choice.is_none_or(|chosen| chosen.tunables == it.choice.tunables));
         let taken = self.roster.find(&message.sender).and_then(|agent| self.roster.report(now, agent, sent));
+        let taken = taken.filter(|_| is_estimated);
         match after {
             Ok((row, verdict)) => {
                 self.pass_painted += row.time_measured.unwrap_or_default();
@@ -116,9 +121,11 @@ impl Master {
         if work.settings.optimization.rule_input().is_none() && choice != unchanged || !within {
             return Err("the settings are not what the user allows");
         }
-        if row.choice.is_some_and(|chosen| chosen != choice) {
+        let is_chosen = row.choice.is_none_or(|chosen| chosen == choice);
+        if !is_chosen && !self.decides(row) {
             return Err("the settings are not what was chosen for the zone");
         }
+        let row = &if is_chosen { row.clone() } else { row.decided_anew(choice) };
         let complete = result.samples == row.goal_samples(&choice);
         if result.samples > choice.samples || row.state == ZoneState::Awarded && !complete || result.samples == 0 {
             return Err("the number of samples is wrong");

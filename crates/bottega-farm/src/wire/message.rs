@@ -64,6 +64,7 @@ pub(super) struct OrderRecord<'a> {
     #[serde(borrow)]
     row: ZoneRecord<'a>,
     fence: u64,
+    decides: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -172,7 +173,7 @@ impl TryFrom<ContentRecord<'_>> for FarmContent {
 
 impl<'a> From<&'a Order> for OrderRecord<'a> {
     fn from(order: &'a Order) -> Self {
-        Self { work: (&*order.work).into(), row: (&*order.row).into(), fence: order.fence.0 }
+        Self { work: (&*order.work).into(), row: (&*order.row).into(), fence: order.fence.0, decides: order.decides }
     }
 }
 
@@ -181,7 +182,7 @@ impl TryFrom<OrderRecord<'_>> for Order {
 
     fn try_from(record: OrderRecord<'_>) -> Result<Self, WireError> {
         let (work, row) = (Arc::new(record.work.try_into()?), Arc::new(record.row.try_into()?));
-        Ok(Self { work, row, fence: Revision(record.fence) })
+        Ok(Self { work, row, fence: Revision(record.fence), decides: record.decides })
     }
 }
 

@@ -87,7 +87,8 @@ fn work(goal: Goal) -> WorkRow {
 /// One of each kind, about this row.
 fn contents(row: ZoneRow) -> Vec<FarmContent> {
     let (zone, fence) = (row.zone, Revision(99));
-    let order = Order { work: Arc::new(work(Goal::Error(0.1))), row: Arc::new(row), fence };
+    let order =
+        Order { work: Arc::new(work(Goal::Error(0.1))), row: Arc::new(row), fence, decides: fence.0.is_multiple_of(2) };
     let power = RelativePower::new(0.5);
     let offer = Offer { zone, complexity: 3.5, time_estimated: Duration::from_secs(2) };
     let report = |outcome| FarmContent::Report(Arc::new(Report { zone, fence, outcome }));
