@@ -7,7 +7,7 @@
 //!
 //! | what | where |
 //! |---|---|
-//! | a scene made ready | `src/prepare.rs` |
+//! | a scene made ready; what is found out before a picture | `src/prepare.rs`, `src/prepass.rs` |
 //! | numbers that are not random | `src/sampler.rs`, `src/sampler/sobol.rs` |
 //! | scattering at a surface | `src/bsdf/` |
 //! | choice of a light: among many, through windows | `src/lights/tree.rs`, `src/lights/portal.rs` |
@@ -45,6 +45,7 @@ mod lights;
 mod mapping;
 mod media;
 mod prepare;
+mod prepass;
 mod sampling;
 mod settings;
 mod sharing;
@@ -54,6 +55,7 @@ pub use error::RenderError;
 pub use filter::Filter;
 pub use guide::UnreadGuide;
 pub use prepare::{PrepareOptions, PreparedScene, SceneGeometry, build_accel};
+pub use prepass::Prepass;
 pub use settings::{AgentSettings, AgentUse, DirectLight, Oracle, PathSettings, PhotonFilter, PhotonSettings, View};
 pub use sharing::Sharing;
 pub use survey::survey;

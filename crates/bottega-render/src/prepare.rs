@@ -1,7 +1,7 @@
 //! A scene made ready for painting.
 
 use std::sync::{
-    Arc, Mutex, OnceLock, PoisonError,
+    Arc,
     atomic::{AtomicU64, Ordering},
 };
 
@@ -11,16 +11,13 @@ use bottega_scene::{AlphaMode, Instance, Material, MediumId, Mesh, Scene, Spectr
 use glam::{Affine3A, Mat3};
 
 use crate::{
-    AgentUse, PathSettings, PhotonSettings, RenderError, View,
-    ala::{AgentReport, Agents},
+    RenderError, View,
     bsdf::{Bsdf, SurfacePoint, scattering},
-    guide::{Guide, UnreadGuide},
-    lights::{Emission, Lights, NO_LIGHT},
+    lights::{Lights, NO_LIGHT},
     media::{
         Filling, Homogeneous,
         varying::{Majorants, Varying},
     },
-    photon::{MapBytes, Passes, PhotonPlan, PhotonPlans, PhotonStore},
 };
 
 /// How a scene is prepared.
@@ -39,7 +36,8 @@ impl Default for PrepareOptions {
     }
 }
 
-/// A scene, its acceleration structure and its light tables. Immutable, and shared by all who paint it.
+/// A scene, its acceleration structure and its light tables. Immutable, and shared by all who paint it. What is found out
+/// of it before a picture is in a [`Prepass`](crate::Prepass).
 pub struct PreparedScene {
     scene: Arc<Scene>,
     accel: Accel,
@@ -55,22 +53,8 @@ pub struct PreparedScene {
     has_panes: bool,
     needs_volume: bool,
     threads: usize,
-    guides: Mutex<Vec<(Learnt, GuidePlace)>>,
-    emission: OnceLock<Emission>,
-    photons: PhotonStore,
-    photon_plans: PhotonPlans,
     id: DataId,
 }
-
-/// What a guide is for: a view, samples a pixel, what agents are asked for, and whether paths are guided.
-type Learnt = (View, u32, AgentUse, bool);
-
-fn learnt_for(view: View, settings: &PathSettings) -> Learnt {
-    (view, settings.planned_samples, settings.agents, settings.guiding)
-}
-
-/// Where a guide is put by the first who needs it, while others wait.
-type GuidePlace = Arc<OnceLock<Arc<Guide>>>;
 
 /// What is known of an instance beside the scene's own record.
 #[derive(Clone, Copy, Debug)]
@@ -156,10 +140,6 @@ impl PreparedScene {
             has_panes,
             needs_volume,
             threads: options.threads,
-            guides: Mutex::default(),
-            emission: OnceLock::new(),
-            photons: PhotonStore::default(),
-            photon_plans: PhotonPlans::default(),
             id,
         }
     }
@@ -218,11 +198,7 @@ impl PreparedScene {
 
     /// Bytes that preparation added to the scene.
     pub fn memory_bytes(&self) -> usize {
-        let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
-        let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
-        guides.sum::<usize>()
-            + self.photons.memory_bytes()
-            + self.accel.memory_bytes()
+        self.accel.memory_bytes()
             + self.lights.memory_bytes()
             + size_of_val(&*self.instances)
             + size_of_val(&*self.materials)
@@ -248,44 +224,12 @@ impl PreparedScene {
         self.threads
     }
 
-    /// What emits photons.
-    pub(crate) fn emission(&self) -> &Emission {
-        self.emission.get_or_init(|| Emission::new(self))
-    }
-
-    /// Where photons and agents of a view are sent; the first who asks looks at it.
-    pub(crate) fn photon_plan(&self, view: View) -> Arc<PhotonPlan> {
-        self.photon_plans.of_view(self, view)
-    }
-
-    /// The photon maps of a picture.
-    pub(crate) fn passes(&self, view: View, photons: PhotonSettings, seed: u64, pass_count: u32) -> Arc<Passes> {
-        self.photons.passes(self.photon_plan(view), photons, seed, pass_count)
-    }
-
-    /// What the lighting agents of a picture are like, and what they were asked so far; `None` where there are none.
-    pub fn lighting_agents(&self, view: View, photons: PhotonSettings, seed: u64) -> Option<AgentReport> {
-        photons.agents?;
-        self.passes(view, photons, seed, 1).known_agents().map(Agents::report)
-    }
-
-    /// What the maps of a picture by photons take.
-    pub fn map_bytes(&self, view: View, photons: PhotonSettings, seed: u64) -> MapBytes {
-        self.passes(view, photons, seed, 1).bytes()
-    }
-
     /// Does something on as many threads as are meant for what is made once.
     pub(crate) fn on_threads<T: Send>(&self, make: impl FnOnce() -> T + Send) -> T {
         match rayon::ThreadPoolBuilder::new().num_threads(self.threads).build() {
             Ok(pool) => pool.install(make),
             Err(_) => make(),
         }
-    }
-
-    /// What is known of where light comes from, for a view and as many samples a pixel as are planned. The first who asks
-    /// learns it by `learn`; who asks meanwhile waits.
-    pub(crate) fn guide(&self, view: View, settings: &PathSettings, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
-        Arc::clone(self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
     /// Whether paths of a view learn beforehand: it has pixels and samples enough, and no media take part.
@@ -297,45 +241,6 @@ impl PreparedScene {
         let pixels = u64::from(view.width) * u64::from(view.height);
         let is_large = pixels >= PIXELS_MIN && pixels * u64::from(planned_samples) >= SAMPLES_MIN;
         is_large && !self.needs_volume && !self.has_panes
-    }
-
-    /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing
-    /// yet.
-    pub fn learnt(&self, view: View, settings: &PathSettings) -> Option<Vec<u8>> {
-        match settings.photons {
-            None => Some(self.guide_place(learnt_for(view, settings)).get()?.to_bytes()),
-            Some(photons) => self.passes(view, photons, settings.seed, 1).to_bytes(),
-        }
-    }
-
-    /// Takes what somebody else has [learnt](Self::learnt) of the same view of the same scene, by the same version of this
-    /// program. Whoever has learnt it already keeps that.
-    ///
-    /// # Errors
-    /// The bytes are nothing of the kind.
-    pub fn learn_from(&self, view: View, settings: &PathSettings, bytes: &[u8]) -> Result<(), UnreadGuide> {
-        if let Some(photons) = settings.photons {
-            let is_taken = self.passes(view, photons, settings.seed, 1).take_bytes(bytes);
-            return is_taken.then_some(()).ok_or(UnreadGuide);
-        }
-        let guide = Guide::from_bytes(bytes)?;
-        self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(guide));
-        Ok(())
-    }
-
-    fn guide_place(&self, of: Learnt) -> GuidePlace {
-        /// Guides that are kept.
-        const GUIDES_MAX: usize = 4;
-        let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, place)) = guides.iter().find(|(known, _)| *known == of) {
-            return Arc::clone(place);
-        }
-        if guides.len() == GUIDES_MAX {
-            guides.remove(0);
-        }
-        let place = GuidePlace::default();
-        guides.push((of, Arc::clone(&place)));
-        place
     }
 
     #[inline(always)]

@@ -154,7 +154,7 @@ pub(crate) fn probe(
     rect: Rect,
     sample_count: u32,
 ) -> Result<Vec<SurveyPixel>, RenderError> {
-    let integrator = PathIntegrator::new(scene, view, settings)?.with_wanted(Wanted { albedo: true, cost: true });
+    let integrator = PathIntegrator::unguided(scene, view, settings)?.with_wanted(Wanted { albedo: true, cost: true });
     let (sample_count, mut records) = (sample_count.max(1), Vec::new());
     let mut pixels = Vec::with_capacity(rect.area() as usize);
     for y in rect.y0..rect.y1 {
@@ -251,7 +251,7 @@ fn recursion_levels(
     settings: &PathSettings,
     client: &HraClient<RenderWork>,
 ) -> Result<Vec<f32>, RenderError> {
-    let integrator = PathIntegrator::new(scene, view, settings)?;
+    let integrator = PathIntegrator::unguided(scene, view, settings)?;
     let whole = Rect::of_size(view.width, view.height);
     let mut levels = vec![0.0; whole.area() as usize];
     let mut chains: Vec<Chain> = whole

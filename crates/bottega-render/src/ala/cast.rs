@@ -12,7 +12,7 @@ use super::{
     swarm::Swarm,
 };
 use crate::{
-    PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
+    PhotonSettings, PreparedScene, Prepass, RenderError, RenderOutput, RenderWork, View,
     integrator::{PhotonIntegrator, sensing_settings},
     photon::{Passes, parts},
     sharing::Hands,
@@ -30,6 +30,8 @@ pub(super) const MEASURING: u32 = 16;
 pub struct AgentWork {
     /// The scene.
     pub scene: Arc<PreparedScene>,
+    /// What is known of it.
+    pub prepass: Arc<Prepass>,
     /// The picture: agents are sent to what it shows.
     pub view: View,
     /// Another seed gives other agents.
@@ -55,8 +57,9 @@ pub struct SensorWork {
 impl AgentWork {
     /// Casts them on the calling thread.
     pub fn perform(self) -> Vec<Agent> {
-        let plan = self.scene.photon_plan(self.view);
-        compiled::run(Casting { prepared: &self.scene, plan: &plan.emission, seed: self.seed, indices: self.indices })
+        let Self { scene, prepass, view, seed, indices } = self;
+        let plan = prepass.photon_plan(&scene, view);
+        compiled::run(Casting { prepared: &scene, sources: &plan.sources, plan: &plan.emission, seed, indices })
     }
 }
 
@@ -82,6 +85,7 @@ impl SensorWork {
 /// The agents of a picture whose caustics are known.
 pub(crate) fn cast_agents(
     scene: &Arc<PreparedScene>,
+    prepass: &Arc<Prepass>,
     view: View,
     photons: PhotonSettings,
     seed: u64,
@@ -90,11 +94,15 @@ pub(crate) fn cast_agents(
 ) -> Result<Agents, RenderError> {
     let settings = photons.agents.unwrap_or_default();
     let begun = Instant::now();
-    let works = parts(settings.cast, AGENTS)
-        .map(|indices| RenderWork::Agents(AgentWork { scene: Arc::clone(scene), view, seed, indices }));
+    let works = parts(settings.cast, AGENTS).map(|indices| {
+        let (scene, prepass) = (Arc::clone(scene), Arc::clone(prepass));
+        RenderWork::Agents(AgentWork { scene, prepass, view, seed, indices })
+    });
     let answer = |output| if let RenderOutput::Agents(part) = output { Some(part) } else { None };
     let agents = hands.run(works.collect(), answer)?;
-    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, passes.plan().extent(), agents.concat(), &settings)));
+    let plan = passes.plan();
+    let swarm = || Swarm::new(plan.sources.source_count(), plan.extent(), agents.concat(), &settings);
+    let swarm = Arc::new(scene.on_threads(swarm));
     let casting = begun.elapsed();
     let network = Arc::new(scene.on_threads(|| Network::new(&swarm)));
     let work = |errand| {

@@ -23,9 +23,8 @@ use super::{
 use crate::{
     AgentSettings, Oracle, RenderError,
     integrator::PhotonIntegrator,
-    lights::EmissionPlan,
     photon::{
-        ByBounces, Extent, IrradianceMap, Nearest, Photon, PhotonMap, PhotonMaps,
+        ByBounces, Extent, IrradianceMap, Nearest, Photon, PhotonMap, PhotonMaps, PhotonPlan,
         cache::{Estimate, IrradianceCache, Record, Surroundings},
         parts,
     },
@@ -64,10 +63,11 @@ pub(super) enum Indirect {
 }
 
 /// Casts agents on the threads of the present pool.
-fn cast(prepared: &PreparedScene, plan: &EmissionPlan, settings: AgentSettings, seed: u64) -> Vec<Agent> {
+fn cast(prepared: &PreparedScene, plan: &PhotonPlan, settings: AgentSettings, seed: u64) -> Vec<Agent> {
     let works: Vec<_> = parts(settings.cast, AGENTS).collect();
-    let parts: Vec<Vec<Agent>> =
-        works.into_par_iter().map(|indices| compiled::run(Casting { prepared, plan, seed, indices })).collect();
+    let (sources, plan) = (&*plan.sources, &plan.emission);
+    let cast = |indices| compiled::run(Casting { prepared, sources, plan, seed, indices });
+    let parts: Vec<Vec<Agent>> = works.into_par_iter().map(cast).collect();
     parts.concat()
 }
 
@@ -91,8 +91,8 @@ impl Agents {
     ) -> Result<Self, RenderError> {
         let begun = Instant::now();
         let plan = integrator.plan();
-        let agents = cast(prepared, &plan.emission, settings, seed);
-        let swarm = Swarm::new(prepared, plan.extent(), agents, &settings);
+        let agents = cast(prepared, plan, settings, seed);
+        let swarm = Swarm::new(plan.sources.source_count(), plan.extent(), agents, &settings);
         let casting = begun.elapsed();
         let network = Network::new(&swarm);
         let run = |errands: Vec<Errand>| {

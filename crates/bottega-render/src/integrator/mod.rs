@@ -16,7 +16,7 @@ pub(crate) use turns::Painting;
 
 use bottega_kernels::compiled;
 
-use crate::{PathSettings, PreparedScene, RenderError, View};
+use crate::{PathSettings, PreparedScene, Prepass, RenderError, View};
 
 /// Whichever integrator the settings ask for.
 pub(crate) enum Integrator<'a> {
@@ -27,14 +27,15 @@ pub(crate) enum Integrator<'a> {
 impl<'a> Integrator<'a> {
     pub(crate) fn new(
         prepared: &'a PreparedScene,
+        prepass: &Prepass,
         view: View,
         settings: &'a PathSettings,
         wanted: Wanted,
     ) -> Result<Self, RenderError> {
         Ok(match settings.photons {
-            None => Self::Paths(PathIntegrator::new(prepared, view, settings)?.with_wanted(wanted)),
+            None => Self::Paths(PathIntegrator::new(prepared, prepass, view, settings)?.with_wanted(wanted)),
             Some(photons) => {
-                Self::Photons(PhotonIntegrator::new(prepared, view, settings, photons)?.with_wanted(wanted))
+                Self::Photons(PhotonIntegrator::new(prepared, prepass, view, settings, photons)?.with_wanted(wanted))
             }
         })
     }

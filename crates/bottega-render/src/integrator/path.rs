@@ -21,7 +21,7 @@ use glam::{Vec2, Vec3};
 
 use super::{turns::Painting, volume};
 use crate::{
-    PathSettings, PreparedScene, RenderError, View,
+    PathSettings, PreparedScene, Prepass, RenderError, View,
     bsdf::{Bsdf, SurfacePoint, scattering},
     camera::{CameraRay, CameraRays, RayCone},
     filter::FilterSampler,
@@ -148,10 +148,15 @@ pub struct PathIntegrator<'a> {
 
 impl<'a> PathIntegrator<'a> {
     /// An integrator for the picture `view`.
-    pub fn new(prepared: &'a PreparedScene, view: View, settings: &'a PathSettings) -> Result<Self, RenderError> {
+    pub fn new(
+        prepared: &'a PreparedScene,
+        prepass: &Prepass,
+        view: View,
+        settings: &'a PathSettings,
+    ) -> Result<Self, RenderError> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
         if (settings.guiding || settings.agents.any()) && prepared.can_learn(view, settings.planned_samples) {
-            let guide = prepared.guide(view, settings, || integrator.learn(view));
+            let guide = prepass.guide(view, settings, || integrator.learn(view));
             integrator.splits = settings.agents.roulette && guide.goes_by_worth();
             integrator.looks_rarely = settings.agents.shadows && guide.goes_by_worth();
             integrator.guide = Some(guide);

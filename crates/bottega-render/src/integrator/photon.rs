@@ -23,7 +23,7 @@ use bottega_scene::MediumId;
 
 use super::path::{PathIntegrator, PathRecord};
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, View,
+    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, View,
     ala::Agents,
     camera::CameraRay,
     photon::{Passes, cache::IrradianceCache},
@@ -56,6 +56,7 @@ impl<'a> PhotonIntegrator<'a> {
     /// There is no such picture, or the scene has media that photons know nothing of.
     pub fn new(
         prepared: &'a PreparedScene,
+        prepass: &Prepass,
         view: View,
         settings: &'a PathSettings,
         photons: PhotonSettings,
@@ -67,7 +68,7 @@ impl<'a> PhotonIntegrator<'a> {
         let affordable = PASSES_BYTES / (u64::from(photons.count.max(1)) * PHOTON_BYTES);
         let pass_count =
             if photons.progressive { u64::from(settings.planned_samples).min(affordable).max(1) as u32 } else { 1 };
-        let passes = prepared.passes(view, photons, settings.seed, pass_count);
+        let passes = prepass.passes(prepared, view, photons, settings.seed, pass_count);
         let is_cached = photons.irradiance_cache > 0.0 && photons.final_rays > 0 && !photons.progressive;
         let cache = is_cached.then(|| passes.cache(view));
         Ok(Self { base, photons, passes, cache, view })
@@ -129,9 +130,9 @@ impl<'a> PhotonIntegrator<'a> {
         }
     }
 
-    /// A camera ray through the pixel (x, y).
-    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> CameraRay {
-        self.base.camera_ray(sampler, x, y).0
+    /// What its paths from the camera go by.
+    pub(crate) fn base(&self) -> &PathIntegrator<'a> {
+        &self.base
     }
 
     fn camera_medium(&self) -> Option<MediumId> {

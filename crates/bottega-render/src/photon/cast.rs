@@ -13,7 +13,7 @@ use super::{
     trace::{Traced, Tracing},
 };
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
+    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, RenderOutput, RenderWork, View,
     ala::cast_agents,
     integrator::PhotonIntegrator,
     sharing::{Hands, Sharing},
@@ -29,6 +29,8 @@ const POINTS: u32 = 4096;
 pub struct PhotonWork {
     /// The scene.
     pub scene: Arc<PreparedScene>,
+    /// What is known of it.
+    pub prepass: Arc<Prepass>,
     /// How.
     pub settings: PhotonSettings,
     /// The picture: photons are sent to what it shows.
@@ -54,8 +56,8 @@ pub struct IrradianceWork {
 impl PhotonWork {
     /// Traces them on the calling thread.
     pub fn perform(self) -> Traced {
-        let Self { scene, settings, view, only_caustics, seed, indices } = self;
-        let plan = scene.photon_plan(view);
+        let Self { scene, prepass, settings, view, only_caustics, seed, indices } = self;
+        let plan = prepass.photon_plan(&scene, view);
         let tracer = if only_caustics {
             caustic_tracer(&scene, &plan, &settings, seed)
         } else {
@@ -81,6 +83,7 @@ impl IrradianceWork {
 /// The scene has media, the allocator did not do the work, or it was left before its end.
 pub fn cast_photons(
     scene: &Arc<PreparedScene>,
+    prepass: &Arc<Prepass>,
     view: View,
     settings: &PathSettings,
     client: &HraClient<RenderWork>,
@@ -88,16 +91,16 @@ pub fn cast_photons(
 ) -> Result<(), RenderError> {
     let Some(photons) = settings.photons else { return Ok(()) };
     let hands = Hands::new(client, others);
-    let integrator = PhotonIntegrator::new(scene, view, settings, photons)?;
+    let integrator = PhotonIntegrator::new(scene, prepass, view, settings, photons)?;
     if photons.progressive {
         return Ok(());
     }
-    let passes = scene.passes(view, photons, settings.seed, 1);
+    let passes = prepass.passes(scene, view, photons, settings.seed, 1);
     if !passes.is_made() {
-        passes.put(maps(scene, view, photons, settings.seed, &hands)?);
+        passes.put(maps(scene, prepass, view, photons, settings.seed, &hands)?);
     }
     if photons.agents.is_some() && !passes.has_agents() {
-        passes.put_agents(cast_agents(scene, view, photons, settings.seed, &passes, &hands)?);
+        passes.put_agents(cast_agents(scene, prepass, view, photons, settings.seed, &passes, &hands)?);
     }
     integrator.cast(0..1);
     Ok(())
@@ -106,16 +109,17 @@ pub fn cast_photons(
 /// The maps of one pass.
 fn maps(
     scene: &Arc<PreparedScene>,
+    prepass: &Arc<Prepass>,
     view: View,
     photons: PhotonSettings,
     seed: u64,
     hands: &Hands<'_>,
 ) -> Result<PhotonMaps, RenderError> {
-    let plan = scene.photon_plan(view);
+    let plan = prepass.photon_plan(scene, view);
     let trace = |count: u32, only_caustics: bool| {
         let work = |indices| {
-            let scene = Arc::clone(scene);
-            PhotonWork { scene, settings: photons, view, only_caustics, seed, indices }
+            let (scene, prepass) = (Arc::clone(scene), Arc::clone(prepass));
+            PhotonWork { scene, prepass, settings: photons, view, only_caustics, seed, indices }
         };
         let works = parts(count, PHOTONS).map(work).map(|work| RenderWork::Photons(Box::new(work))).collect();
         let found =

@@ -122,7 +122,7 @@ mod tests {
     use glam::Affine3A;
 
     use super::*;
-    use crate::{PhotonSettings, PrepareOptions, photon::PhotonMaps};
+    use crate::{PhotonSettings, PrepareOptions, Prepass, photon::PhotonMaps};
 
     const VIEW: View = View { camera: 0, width: 48, height: 48 };
 
@@ -183,7 +183,7 @@ mod tests {
         // Photons that are kept, and photons that a place in the picture asks for.
         let work = |scene: &PreparedScene| {
             let settings = PhotonSettings { progressive: true, count: 20_000, ..PhotonSettings::default() };
-            let plan = scene.photon_plan(VIEW);
+            let plan = Prepass::default().photon_plan(scene, VIEW);
             let maps = PhotonMaps::new(scene, &plan, &settings, 0, 0);
             let mut asked = 0_u64;
             for p in places_seen(scene, VIEW) {
@@ -207,7 +207,7 @@ mod tests {
             let kind = LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
             scene.lights.push(Light { name: String::new(), kind });
             let scene = prepared(scene);
-            let (plan, settings) = (scene.photon_plan(VIEW), PhotonSettings::default());
+            let (plan, settings) = (Prepass::default().photon_plan(&scene, VIEW), PhotonSettings::default());
             let tracer = crate::photon::tracer(&scene, &plan, &settings, 0, 0);
             let direct = crate::photon::traced(tracer, 20_000).direct;
             let Extent { center, radius, .. } = *plan.extent();

@@ -123,10 +123,9 @@ pub(crate) fn tracer<'a>(
     pass: u32,
 ) -> Tracer<'a> {
     let (bounces, with_shadows) = (settings.bounces, settings.shadow_photons);
-    let emission = prepared.emission();
     Tracer {
         prepared,
-        emission,
+        emission: &plan.sources,
         plan: &plan.emission,
         seed,
         pass,

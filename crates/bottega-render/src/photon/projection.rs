@@ -5,7 +5,11 @@
 //! often: whatever the map says, the mean is right.
 
 use super::trace::{Traced, Tracer};
-use crate::{lights::EmissionPlan, prepare::PreparedScene, sampler::Quad};
+use crate::{
+    lights::{Emission, EmissionPlan},
+    prepare::PreparedScene,
+    sampler::Quad,
+};
 
 /// Cells along each number, in the order in which they are chosen: source, place (2), direction (2).
 const CELLS: [usize; 5] = [4, 4, 4, 8, 8];
@@ -30,10 +34,10 @@ pub(crate) struct Projection {
 
 impl Projection {
     /// Tries out a scene on the calling thread.
-    pub(crate) fn new(prepared: &PreparedScene, plan: &EmissionPlan) -> Self {
+    pub(crate) fn new(prepared: &PreparedScene, emission: &Emission, plan: &EmissionPlan) -> Self {
         let tracer = Tracer {
             prepared,
-            emission: prepared.emission(),
+            emission,
             plan,
             seed: 0,
             pass: 0,
