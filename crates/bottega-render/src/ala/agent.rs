@@ -7,11 +7,11 @@ use glam::Vec3;
 
 use crate::{
     camera::RayCone,
-    integrator::{BLEND, bsdf_at, is_broad, is_matte},
     interaction::{Asks, Interaction, is_there},
     lights::{Emission, EmissionPlan, Emitted},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
+    shading::{BLEND, bsdf_at, is_broad, is_matte},
 };
 
 /// Sets the numbers of agents apart from those of pixels and photons.

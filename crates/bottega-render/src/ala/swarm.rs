@@ -3,8 +3,9 @@
 use super::agent::Agent;
 use crate::{
     AgentSettings,
+    extent::Extent,
     lights::NO_LIGHT,
-    photon::{Extent, Nearest, Photon, PhotonMap, is_alike},
+    photon::{Nearest, Photon, PhotonMap, is_alike},
 };
 
 /// Agents from which the density around a place is estimated.

@@ -2,16 +2,17 @@
 
 mod path;
 mod photon;
+mod record;
+mod transport;
 mod turns;
 mod volume;
 
 pub use path::PathIntegrator;
-
-pub(crate) use path::light::shadow_ray;
-pub use path::{BLEND, DEPTH_SHIFT, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
-pub(crate) use path::{PathRecord, Wanted, bsdf_at, exp};
 pub use photon::PhotonIntegrator;
-pub(crate) use photon::{Hands, SensorPlace, is_broad, is_matte, sensing_settings};
+pub(crate) use photon::{Hands, SensorPlace, sensing_settings};
+pub(crate) use record::{PathRecord, Wanted};
+pub(crate) use transport::shadow_ray;
+pub use transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
 pub(crate) use turns::Painting;
 
 use bottega_kernels::compiled;

@@ -1,21 +1,21 @@
 //! The maps of a picture, made by whatever the allocator has.
 
-use std::{ops::Range, sync::Arc};
+use std::sync::Arc;
 
 use bottega_hra::HraClient;
-use bottega_kernels::compiled;
 
 use super::{
-    bounces::{IrradianceMap, IrradiancePlaces},
-    irradiance::{IrradianceAt, irradiance_count},
-    map::PhotonMap,
-    maps::{Estimator, PhotonMaps, caustic_tracer, joined, photon_counts, tracer},
-    trace::{Traced, Tracing},
+    bounces::IrradianceMap,
+    irradiance::irradiance_count,
+    maps::{PhotonMaps, joined, photon_counts},
+    trace::Traced,
+    units::{IrradianceWork, PhotonWork},
 };
 use crate::{
     PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, RenderOutput, RenderWork, View,
     ala::cast_agents,
     integrator::PhotonIntegrator,
+    parts::parts,
     sharing::{Hands, Sharing},
 };
 
@@ -23,57 +23,6 @@ use crate::{
 const PHOTONS: u32 = 8192;
 /// Points of one unit of work.
 const POINTS: u32 = 4096;
-
-/// Photons to be traced.
-#[derive(Clone)]
-pub struct PhotonWork {
-    /// The scene.
-    pub scene: Arc<PreparedScene>,
-    /// What is known of it.
-    pub prepass: Arc<Prepass>,
-    /// How.
-    pub settings: PhotonSettings,
-    /// The picture: photons are sent to what it shows.
-    pub view: View,
-    /// Whether they are sent to mirrors and glass alone.
-    pub only_caustics: bool,
-    /// Another seed gives other photons.
-    pub seed: u64,
-    /// Which photons.
-    pub indices: Range<u32>,
-}
-
-/// Irradiance to be computed from photons at the places of some of them.
-#[derive(Clone)]
-pub struct IrradianceWork {
-    /// The scene that the photons are of.
-    pub(crate) scene: Arc<PreparedScene>,
-    pub(crate) all: Arc<PhotonMap>,
-    pub(crate) estimator: Estimator,
-    pub(crate) points: Range<u32>,
-}
-
-impl PhotonWork {
-    /// Traces them on the calling thread.
-    pub fn perform(self) -> Traced {
-        let Self { scene, prepass, settings, view, only_caustics, seed, indices } = self;
-        let plan = prepass.photon_plan(&scene, view);
-        let tracer = if only_caustics {
-            caustic_tracer(&scene, &plan, &settings, seed)
-        } else {
-            tracer(&scene, &plan, &settings, seed, 0)
-        };
-        compiled::run(Tracing { tracer, indices })
-    }
-}
-
-impl IrradianceWork {
-    /// Computes it on the calling thread.
-    pub fn perform(self) -> IrradiancePlaces {
-        let (prepared, all) = (&*self.scene, &*self.all);
-        compiled::run(IrradianceAt { prepared, estimator: self.estimator, all, points: self.points })
-    }
-}
 
 /// Makes the maps of a picture by photons, if nobody has made them yet: the photons and what is computed from them are units
 /// of work, which others may do as well. A progressive picture makes the maps of each pass when a sample needs them. Does
@@ -142,9 +91,4 @@ fn maps(
         maps.irradiance = scene.on_threads(|| IrradianceMap::new(joined(known)));
     }
     Ok(maps)
-}
-
-/// Cuts a range that begins with 0.
-pub(crate) fn parts(count: u32, size: u32) -> impl Iterator<Item = Range<u32>> {
-    (0..count.div_ceil(size)).map(move |part| part * size..count.min((part + 1).saturating_mul(size)))
 }

@@ -2,9 +2,10 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{extent::Extent, projection::Projection};
+use super::{projection::Projection, trial::try_out};
 use crate::{
     View,
+    extent::Extent,
     lights::{Emission, EmissionPlan},
     prepare::PreparedScene,
 };
@@ -30,7 +31,7 @@ impl PhotonPlan {
 
     /// Where photons must leave the lights to come to mirrors and glass; the first who asks tries it out.
     pub(crate) fn projection(&self, prepared: &PreparedScene) -> &Projection {
-        self.projection.get_or_init(|| Projection::new(prepared, &self.sources, &self.emission))
+        self.projection.get_or_init(|| try_out(prepared, &self.sources, &self.emission))
     }
 }
 
