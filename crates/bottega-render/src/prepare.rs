@@ -65,7 +65,8 @@ impl PreparedScene {
     ///
     /// - `accel`: what [`build_accel`] made of the same scene.
     pub fn with_accel(scene: Arc<Scene>, accel: Accel, options: &PrepareOptions) -> Self {
-        let mut surfaces = Surfaces::new(Arc::clone(&scene));
+        let mut surfaces = Surfaces::new(scene);
+        let scene = Arc::clone(surfaces.scene());
         let lights = Lights::new(&scene, &surfaces.materials, &mut surfaces.instances, options.compensate_environment);
         let materials = &surfaces.materials;
         let has_opacity =
