@@ -146,6 +146,7 @@ impl Subject {
                 let rect = Rect::new(x, y, x + BLOCK, y + BLOCK);
                 RenderWork::Block(BlockWork {
                     scene,
+                    prepass: Arc::default(),
                     view: View { camera: 0, width: SIDE, height: SIDE },
                     settings: Arc::clone(&self.settings),
                     tile: Tile::new(rect, Layout::new(AovSet::NONE)),

@@ -11,20 +11,20 @@ use bottega_engines::{
     ZoneTask,
 };
 use bottega_image::{AovSet, Layout, Rect, Tile};
-use bottega_render::{PathSettings, PreparedScene, View};
+use bottega_render::{PathSettings, PreparedScene, Prepass, View};
 
 use crate::Error;
 
 /// Paints a whole picture as one zone.
 pub(crate) fn paint_zone(
-    scene: &Arc<PreparedScene>,
+    (scene, prepass): (&Arc<PreparedScene>, &Arc<Prepass>),
     view: View,
     settings: PathSettings,
     threads: usize,
     spp: u32,
 ) -> Result<(Tile, Duration), Error> {
     let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads };
-    let engine = BuiltinEngine::new(Arc::clone(scene), options, Devices::default());
+    let engine = BuiltinEngine::with_prepass(Arc::clone(scene), Arc::clone(prepass), options, Devices::default());
     paint_zone_with(&engine, view, settings, spp)
 }
 

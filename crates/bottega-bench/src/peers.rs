@@ -229,7 +229,7 @@ fn paint_ours(
         agents,
         ..PathSettings::default()
     };
-    let (tile, time) = paint_zone(&prepared, view, settings, threads, spp)?;
+    let (tile, time) = paint_zone((&prepared, &Arc::default()), view, settings, threads, spp)?;
     let mut film = Film::new(tile.rect(), tile.layout().clone());
     film.add_tile(&tile, |_, _| 1.0);
     Ok((film.to_picture(), time))

@@ -11,7 +11,7 @@ use std::{
 
 use bottega::{devices::processors, text::shown};
 use bottega_kernels::bench as kernels;
-use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{PathSettings, PrepareOptions, PreparedScene, Prepass, View};
 use bottega_scene::LoadOptions;
 use serde_json::{Map, Value, json};
 
@@ -78,10 +78,11 @@ fn paths(scene: &Path, repeat: u16) -> Result<PathsRow, Error> {
     let threads = processors();
     let options = PrepareOptions { threads, ..PrepareOptions::default() };
     let prepared = Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options)?);
+    let subject = (&prepared, &Arc::default());
     let (mut one, mut all) = (Vec::new(), Vec::new());
     for _ in 0..repeat {
-        one.push(paint(&prepared, 1)?);
-        all.push(paint(&prepared, threads)?);
+        one.push(paint(subject, 1)?);
+        all.push(paint(subject, threads)?);
     }
     let rate = |times: &mut Vec<Duration>| {
         times.sort();
@@ -91,7 +92,7 @@ fn paths(scene: &Path, repeat: u16) -> Result<PathsRow, Error> {
     Ok(PathsRow { scene: shown(scene), threads, on_one: rate(&mut one), on_all: rate(&mut all) })
 }
 
-fn paint(scene: &Arc<PreparedScene>, threads: usize) -> Result<Duration, Error> {
+fn paint(scene: (&Arc<PreparedScene>, &Arc<Prepass>), threads: usize) -> Result<Duration, Error> {
     let view = View { camera: 0, width: PATHS_SIDE, height: PATHS_SIDE };
     Ok(paint_zone(scene, view, PathSettings::default(), threads, PATHS_SAMPLES)?.1)
 }

@@ -94,7 +94,8 @@ impl Analyzed {
         };
         let options =
             BuiltinOptions { view: subject.view, settings, layout: Layout::new(AovSet::NONE), threads: painters };
-        let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, Devices::default());
+        let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
+        let engine = BuiltinEngine::with_prepass(scene, prepass, options, Devices::default());
         let frame = subject.frame();
         let (columns, rows) = survey_size(&frame);
         let survey = engine.survey(columns, rows)?;

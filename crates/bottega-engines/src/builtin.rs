@@ -15,7 +15,7 @@ use bottega_hra::{
 };
 use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{
-    AgentUse, BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View,
+    AgentUse, BlockWork, PathSettings, PreparedScene, Prepass, RenderOutput, RenderWork, View,
     ala::AgentReport,
     integrator::PathIntegrator,
     photon::{MapBytes, cast_photons},
@@ -84,6 +84,7 @@ type Watcher = Box<dyn Fn(&Tile) + Send + Sync>;
 
 struct Shared {
     scene: Arc<PreparedScene>,
+    prepass: Arc<Prepass>,
     options: BuiltinOptions,
     /// How many there are beside the processors.
     devices: usize,
@@ -100,7 +101,17 @@ struct Shared {
 impl BuiltinEngine {
     /// An engine on `options.threads` processors, and on whatever else is given as `devices`: with these, pixels are no
     /// longer the same to the last bit.
-    pub fn new(scene: Arc<PreparedScene>, mut options: BuiltinOptions, devices: Devices) -> Self {
+    pub fn new(scene: Arc<PreparedScene>, options: BuiltinOptions, devices: Devices) -> Self {
+        Self::with_prepass(scene, Arc::default(), options, devices)
+    }
+
+    /// The same with what other engines have found out of the scene, and will.
+    pub fn with_prepass(
+        scene: Arc<PreparedScene>,
+        prepass: Arc<Prepass>,
+        mut options: BuiltinOptions,
+        devices: Devices,
+    ) -> Self {
         let processors = VirtualCpu::lanes(options.threads, RenderWork::perform);
         let Devices { lanes, costs } = devices;
         let device_count = lanes.len();
@@ -114,6 +125,7 @@ impl BuiltinEngine {
         let hra = Hra::with_costs(HraConfig::default(), lanes, &costs);
         let shared = Shared {
             scene,
+            prepass,
             options,
             devices: device_count,
             cancelled: AtomicBool::new(false),
@@ -144,14 +156,14 @@ impl BuiltinEngine {
 
     /// What the lighting agents of the picture were like and what they were asked so far, if it has any.
     pub fn lighting_agents(&self) -> Option<AgentReport> {
-        let BuiltinOptions { view, settings, .. } = &self.shared.options;
-        self.shared.scene.lighting_agents(*view, settings.photons?, settings.seed)
+        let Shared { scene, prepass, options: BuiltinOptions { view, settings, .. }, .. } = &*self.shared;
+        prepass.lighting_agents(scene, *view, settings.photons?, settings.seed)
     }
 
     /// What the maps of a picture by photons take so far.
     pub fn map_bytes(&self) -> MapBytes {
-        let BuiltinOptions { view, settings, .. } = &self.shared.options;
-        let bytes = |photons| self.shared.scene.map_bytes(*view, photons, settings.seed);
+        let Shared { scene, prepass, options: BuiltinOptions { view, settings, .. }, .. } = &*self.shared;
+        let bytes = |photons| prepass.map_bytes(scene, *view, photons, settings.seed);
         settings.photons.map_or_else(MapBytes::default, bytes)
     }
 
@@ -162,10 +174,10 @@ impl BuiltinEngine {
 
     fn prepared(&self, others: Option<&dyn Sharing>) -> Result<(), EngineError> {
         // With the settings of the user: a zone whose settings are lowered must not be the one from which all learn.
-        let options = &self.shared.options;
+        let Shared { scene, prepass, options, .. } = &*self.shared;
         let prepared = match options.settings.photons {
-            None => PathIntegrator::new(&self.shared.scene, options.view, &options.settings).map(|_| ()),
-            Some(_) => cast_photons(&self.shared.scene, options.view, &options.settings, &self.hra.client(), others),
+            None => PathIntegrator::new(scene, prepass, options.view, &options.settings).map(|_| ()),
+            Some(_) => cast_photons(scene, prepass, options.view, &options.settings, &self.hra.client(), others),
         };
         prepared.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
@@ -207,13 +219,13 @@ impl RenderEngine for BuiltinEngine {
     }
 
     fn learnt(&self) -> Option<Vec<u8>> {
-        let options = &self.shared.options;
-        self.shared.scene.learnt(options.view, &options.settings)
+        let Shared { scene, prepass, options, .. } = &*self.shared;
+        prepass.learnt(scene, options.view, &options.settings)
     }
 
     fn learn_from(&self, bytes: &[u8]) -> Result<(), EngineError> {
-        let options = &self.shared.options;
-        let learnt = self.shared.scene.learn_from(options.view, &options.settings, bytes);
+        let Shared { scene, prepass, options, .. } = &*self.shared;
+        let learnt = prepass.learn_from(scene, options.view, &options.settings, bytes);
         learnt.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
@@ -345,6 +357,7 @@ impl<'a> ZonePainter<'a> {
         block.in_unit = if wanted.saturating_mul(3) / 2 >= left { left } else { wanted };
         let work = RenderWork::Block(BlockWork {
             scene: Arc::clone(&self.shared.scene),
+            prepass: Arc::clone(&self.shared.prepass),
             view: self.shared.options.view,
             settings: Arc::clone(&self.settings),
             tile,

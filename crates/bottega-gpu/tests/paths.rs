@@ -57,6 +57,7 @@ fn a_processor_and_a_device_paint_one_picture() {
     let layout = Layout::new(AovSet::NONE);
     let block = |rect| BlockWork {
         scene: Arc::clone(&scene),
+        prepass: Arc::default(),
         view: View { camera: 0, width: SIDE, height: SIDE },
         settings: Arc::clone(&settings),
         tile: Tile::new(rect, layout.clone()),

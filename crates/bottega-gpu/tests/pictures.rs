@@ -54,6 +54,7 @@ fn paint(path: &Path, options: &PathOptions) -> Result<Pair, GpuError> {
     let frame = Rect::of_size(WIDTH, HEIGHT);
     let block = BlockWork {
         scene: Arc::clone(&scene),
+        prepass: Arc::default(),
         view: View { camera: 0, width: WIDTH, height: HEIGHT },
         settings: Arc::new(settings),
         tile: Tile::new(frame, Layout::new(AovSet::NONE)),

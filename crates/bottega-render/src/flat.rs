@@ -18,51 +18,21 @@ use bottega_scene::TextureMap;
 use crate::PreparedScene;
 
 pub use layout::{
-    CameraRecord, EnvironmentRecord, FilterRecord, InstanceRecord, LIGHT_WORDS, MeshRecord, ParallelRecord,
+    CameraRecord, EnvironmentRecord, FilterRecord, InstanceRecord, LIGHT_WORDS, MeshRecord, NONE, ParallelRecord,
     PictureLightRecord, PictureRecord, PointLightRecord, ShiningRecord, SphereLightRecord, SphereRecord,
-    SpotLightRecord, SurfaceLightRecord, TableRecord, TreeNodeRecord, code,
+    SpotLightRecord, SurfaceLightRecord, TableRecord, TreeNodeRecord, code, header,
 };
 pub use picture::{FlatPicture, sobol_table};
 pub use record::{Place, Portable, Record, place_of, places};
 pub(crate) use words::Words;
 
-/// Stands for a place where nothing is.
-pub const NONE: u32 = u32::MAX;
-
 /// Constants of light transport that shaders share: where they are declared, they say what they are.
 pub mod constants {
     pub use crate::filter::INTERVALS as FILTER_INTERVALS;
-    pub use crate::integrator::{BLEND, DEPTH_SHIFT, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
+    pub use crate::integrator::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
     pub use crate::interaction::{ASKS_AS_SHADOW, CLEARANCE, COSINE_MIN};
     pub use crate::lights::{DISTANCE_SQUARED_MIN, SHARE_MIN, SOLID_ANGLE_MIN};
-}
-
-/// Places of a [`FlatScene`] that say where everything else is.
-pub mod header {
-    /// Records of instances, [`InstanceRecord`](super::InstanceRecord).
-    pub const INSTANCES: usize = 0;
-    /// Records of spheres, [`SphereRecord`](super::SphereRecord).
-    pub const SPHERES: usize = 1;
-    /// Records of the lights of the tree, [`LIGHT_WORDS`](super::LIGHT_WORDS) each, by their numbers in it.
-    pub const LIGHTS: usize = 2;
-    /// How many these are.
-    pub const LIGHT_COUNT: usize = 3;
-    /// Nodes of the tree, [`TreeNodeRecord`](super::TreeNodeRecord).
-    pub const TREE: usize = 4;
-    /// Intensity of all lights of the tree together (f32).
-    pub const TREE_INTENSITY: usize = 5;
-    /// Records of triangles that shine, [`ShiningRecord`](super::ShiningRecord).
-    pub const SHINING: usize = 6;
-    /// Parallel lights, [`ParallelRecord`](super::ParallelRecord).
-    pub const PARALLEL: usize = 7;
-    /// How many these are.
-    pub const PARALLEL_COUNT: usize = 8;
-    /// The [`EnvironmentRecord`](super::EnvironmentRecord); [`NONE`](super::NONE): there is none.
-    pub const ENVIRONMENT: usize = 9;
-    /// Whether light sampling finds light from infinitely far away.
-    pub const HAS_FAR: usize = 10;
-    /// Words of the header.
-    pub const COUNT: usize = 16;
+    pub use crate::shading::{BLEND, DEPTH_SHIFT};
 }
 
 /// A prepared scene as words.

@@ -18,8 +18,8 @@ use crate::{
     bsdf::{Lifted, anisotropy_at},
     camera::RayCone,
     mapping::{Spot, TexturePlace},
-    prepare::{PreparedMaterial, PreparedScene},
     sampling::orthonormal_basis,
+    surfaces::{PreparedMaterial, Surfaces},
 };
 
 /// Distance that a new ray keeps from the surface, relative to the sizes of the numbers that its place was computed
@@ -73,25 +73,18 @@ impl Interaction {
     /// - `origin`, `direction`: the ray; unit length.
     /// - `cone`: its width at the hit.
     #[inline(always)]
-    pub(crate) fn new(prepared: &PreparedScene, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
+    pub(crate) fn new(surfaces: &Surfaces, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
         match hit.sphere() {
-            Some(sphere) => Self::on_sphere(prepared, sphere, hit, origin, direction, cone),
-            None => Self::on_triangle(prepared, hit, direction, cone),
+            Some(sphere) => Self::on_sphere(surfaces, sphere, hit, origin, direction, cone),
+            None => Self::on_triangle(surfaces, hit, direction, cone),
         }
     }
 
-    fn on_sphere(
-        prepared: &PreparedScene,
-        index: u32,
-        hit: &Hit,
-        origin: Vec3,
-        direction: Vec3,
-        cone: RayCone,
-    ) -> Self {
-        let scene = prepared.scene();
+    fn on_sphere(surfaces: &Surfaces, index: u32, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
+        let scene = surfaces.scene();
         let sphere = &scene.spheres[index as usize];
         let ng = (origin + hit.t * direction - sphere.center).normalize_or(-direction);
-        let (material, known) = prepared.material(sphere.material);
+        let (material, known) = surfaces.material(sphere.material);
         let uv = if known.is_textured { sphere_uv(sphere, ng) } else { Vec2::ZERO };
         // One turn of u around the equator.
         let footprint = if known.is_textured { cone.width / (2.0 * PI * sphere.radius) } else { 0.0 };
@@ -133,10 +126,10 @@ impl Interaction {
     }
 
     #[inline(always)]
-    fn on_triangle(prepared: &PreparedScene, hit: &Hit, direction: Vec3, cone: RayCone) -> Self {
-        let scene = &**prepared.scene();
+    fn on_triangle(surfaces: &Surfaces, hit: &Hit, direction: Vec3, cone: RayCone) -> Self {
+        let scene = &**surfaces.scene();
         let instance = &scene.instances[hit.instance as usize];
-        let known_instance = prepared.instance(hit.instance);
+        let known_instance = surfaces.instance(hit.instance);
         let mesh = &scene.meshes[instance.mesh as usize];
         let triangle = mesh.triangles[hit.primitive as usize];
         let (u, v) = (hit.u, hit.v);
@@ -148,7 +141,7 @@ impl Interaction {
         let area_vector = to_normal * e1.cross(e2);
         let ng = area_vector.normalize_or(-direction);
         let p = instance.world_from_object.transform_point3(local);
-        let (material, known) = prepared.material(mesh.material);
+        let (material, known) = surfaces.material(mesh.material);
         // Rounding errors of the hit and of the next test are relative to the size of the triangle and to the place.
         let extent = e1.abs().max(e2.abs()).max_element() * known_instance.scale;
         let mut point = Self {
@@ -215,11 +208,13 @@ impl Interaction {
             return self.set_frame(ns);
         }
         let mapped = |point: &Self, map: (&TextureMap, f32), footprint: f32| {
-            mapped_normal(scene, map, point, footprint, ns, (sides.tangent)(map.0.uv_set))
+            mapped_normal(scene, map, point.texture_place(), footprint, ns, (sides.tangent)(map.0.uv_set))
         };
         let lifted = |point: &Self, source: &ReliefSource, footprint: f32| match source {
             ReliefSource::Normals(map, scale) => mapped(point, (map, *scale), footprint),
-            ReliefSource::Heights(height) => bumped_normal(scene, height, point, footprint, ns, &sides.derivatives),
+            ReliefSource::Heights(height) => {
+                bumped_normal(scene, height, point.texture_place(), footprint, ns, &sides.derivatives)
+            }
         };
         let mut lifted_by_mitsuba = None;
         match &material.relief {
@@ -414,8 +409,8 @@ impl Asks {
 }
 
 /// The material of what is hit.
-pub(crate) fn material_of(prepared: &PreparedScene, hit: &Hit) -> u32 {
-    let scene = prepared.scene();
+pub(crate) fn material_of(surfaces: &Surfaces, hit: &Hit) -> u32 {
+    let scene = surfaces.scene();
     match hit.sphere() {
         Some(sphere) => scene.spheres[sphere as usize].material,
         None => scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material,
@@ -423,23 +418,17 @@ pub(crate) fn material_of(prepared: &PreparedScene, hit: &Hit) -> u32 {
 }
 
 /// Whether what is hit emits light, on whichever side.
-pub(crate) fn shines(prepared: &PreparedScene, hit: &Hit) -> bool {
-    prepared.material(material_of(prepared, hit)).1.shines
+pub(crate) fn shines(surfaces: &Surfaces, hit: &Hit) -> bool {
+    surfaces.material(material_of(surfaces, hit)).1.shines
 }
 
 /// Whether a candidate hit is there. `chance` is asked for a number in [0, 1) where the surface is half transparent, and told
 /// the number of the surface: equal ones must get equal answers.
-pub(crate) fn is_there(
-    prepared: &PreparedScene,
-    ray: &Ray,
-    hit: &Hit,
-    asks: Asks,
-    chance: impl FnOnce(u64) -> f32,
-) -> bool {
-    if asks == Asks::Camera && prepared.culls_backs() && is_culled(prepared.scene(), ray, hit) {
+pub(crate) fn is_there(surfaces: &Surfaces, ray: &Ray, hit: &Hit, asks: Asks, chance: impl FnOnce(u64) -> f32) -> bool {
+    if asks == Asks::Camera && surfaces.culls_backs() && is_culled(surfaces.scene(), ray, hit) {
         return false;
     }
-    let (opacity, is_left) = opacity_of(prepared, ray, hit);
+    let (opacity, is_left) = opacity_of(surfaces, ray, hit);
     opacity >= 1.0 || (opacity > 0.0 && chance(asks.number_of(hit, is_left)) < opacity)
 }
 
@@ -461,14 +450,14 @@ fn is_culled(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
 }
 
 /// The probability with which a candidate hit is there, and whether it is where a ray leaves a ball.
-pub(crate) fn opacity_of(prepared: &PreparedScene, ray: &Ray, hit: &Hit) -> (f32, bool) {
-    let scene = &**prepared.scene();
+pub(crate) fn opacity_of(surfaces: &Surfaces, ray: &Ray, hit: &Hit) -> (f32, bool) {
+    let scene = &**surfaces.scene();
     let sphere = hit.sphere().map(|sphere| &scene.spheres[sphere as usize]);
     let material = match sphere {
         Some(sphere) => sphere.material,
         None => scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material,
     };
-    let (material, known) = prepared.material(material);
+    let (material, known) = surfaces.material(material);
     if !known.has_opacity || known.is_null {
         return (if known.is_null { 0.0 } else { 1.0 }, false);
     }

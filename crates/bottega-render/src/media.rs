@@ -1,16 +1,14 @@
 //! Participating media: how far light gets in them, and where it goes when it is scattered. Those that vary in space are
 //! in [`varying`].
 
+mod phase;
 pub(crate) mod varying;
-
-use std::f32::consts::PI;
 
 use bottega_kernels::math;
 use bottega_scene::{Medium, Spectrum};
-use glam::Vec3;
 
+pub(crate) use self::phase::Phase;
 use self::varying::Varying;
-use crate::sampling::orthonormal_basis;
 
 /// A medium of either kind, ready for use.
 #[derive(Clone, Copy, Debug)]
@@ -106,43 +104,12 @@ pub(crate) fn channel_probabilities(throughput: Spectrum) -> Spectrum {
     throughput / throughput.element_sum()
 }
 
-/// Henyey and Greenstein 1941, *Diffuse Radiation in the Galaxy*: where light goes that a medium scatters. It sums up to
-/// 1, and is drawn by itself, so that its value is its density.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Phase {
-    /// Mean cosine of the angle by which light is turned.
-    pub(crate) g: f32,
-}
-
-impl Phase {
-    /// Value in sr⁻¹, and density in sr⁻¹ of [`Self::sample`].
-    ///
-    /// - `cosine`: of the angle between the directions in which light goes before and afterwards.
-    pub(crate) fn eval(self, cosine: f32) -> f32 {
-        let g = self.g;
-        let denominator = (1.0 + g * g - 2.0 * g * cosine).max(1e-12);
-        (1.0 - g * g) / (4.0 * PI * denominator * denominator.sqrt())
-    }
-
-    /// A direction after light that went along `direction` was scattered, or the other way round.
-    pub(crate) fn sample(self, direction: Vec3, u: [f32; 2]) -> (Vec3, f32) {
-        let g = self.g;
-        let cosine = if g.abs() < 1e-3 {
-            1.0 - 2.0 * u[0]
-        } else {
-            let root = (1.0 - g * g) / (1.0 - g + 2.0 * g * u[0]);
-            ((1.0 + g * g - root * root) / (2.0 * g)).clamp(-1.0, 1.0)
-        };
-        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-        let (sin, cos) = math::sin_cos_of_turns(u[1]);
-        let (s, t) = orthonormal_basis(direction);
-        let wi = (s * (sine * cos) + t * (sine * sin) + direction * cosine).normalize();
-        (wi, self.eval(cosine))
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::PI;
+
+    use glam::Vec3;
+
     use super::*;
     use crate::{sampler::PixelSampler, sampling::uniform_sphere};
 

@@ -1,26 +1,25 @@
 //! A scene made ready for painting.
 
-use std::sync::{
-    Arc, Mutex, OnceLock, PoisonError,
-    atomic::{AtomicU64, Ordering},
+use std::{
+    ops::Deref,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
 };
 
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_scene::{AlphaMode, Instance, Material, MediumId, Mesh, Scene, Spectrum, Sphere, Surface};
-use glam::{Affine3A, Mat3};
+use bottega_scene::{Instance, MediumId, Mesh, Scene, Sphere};
 
 use crate::{
-    AgentUse, PathSettings, PhotonSettings, RenderError, View,
-    ala::{AgentReport, Agents},
-    bsdf::{Bsdf, SurfacePoint, scattering},
-    guide::{Guide, UnreadGuide},
-    lights::{Emission, Lights, NO_LIGHT},
+    RenderError, View,
+    lights::Lights,
     media::{
         Filling, Homogeneous,
         varying::{Majorants, Varying},
     },
-    photon::{MapBytes, Passes, PhotonPlan, PhotonPlans, PhotonStore},
+    surfaces::{Surfaces, used_materials},
 };
 
 /// How a scene is prepared.
@@ -39,77 +38,20 @@ impl Default for PrepareOptions {
     }
 }
 
-/// A scene, its acceleration structure and its light tables. Immutable, and shared by all who paint it.
+/// A scene, its acceleration structure and its light tables. Immutable, and shared by all who paint it. What is found out
+/// of it before a picture is in a [`Prepass`](crate::Prepass).
 pub struct PreparedScene {
-    scene: Arc<Scene>,
+    surfaces: Surfaces,
     accel: Accel,
-    instances: Vec<PreparedInstance>,
-    materials: Vec<PreparedMaterial>,
     /// Of the media that vary in space.
     majorants: Vec<Option<Majorants>>,
     lights: Lights,
-    /// Whether the camera sees through some surface from behind.
-    culls_backs: bool,
     has_opacity: bool,
     has_boundaries: bool,
     has_panes: bool,
     needs_volume: bool,
     threads: usize,
-    guides: Mutex<Vec<(Learnt, GuidePlace)>>,
-    emission: OnceLock<Emission>,
-    photons: PhotonStore,
-    photon_plans: PhotonPlans,
     id: DataId,
-}
-
-/// What a guide is for: a view, samples a pixel, what agents are asked for, and whether paths are guided.
-type Learnt = (View, u32, AgentUse, bool);
-
-fn learnt_for(view: View, settings: &PathSettings) -> Learnt {
-    (view, settings.planned_samples, settings.agents, settings.guiding)
-}
-
-/// Where a guide is put by the first who needs it, while others wait.
-type GuidePlace = Arc<OnceLock<Arc<Guide>>>;
-
-/// What is known of an instance beside the scene's own record.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PreparedInstance {
-    /// Turns normals, and vectors along them whose length is an area: det M · M⁻ᵀ of the linear part M.
-    pub(crate) world_from_normal: Mat3,
-    /// No vector gets longer than this times its length.
-    pub(crate) scale: f32,
-    /// Place of its first triangle among those that shine; [`NO_LIGHT`] where it does not.
-    pub(crate) first_light: u32,
-}
-
-/// What is known of a material beside the scene's own record.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PreparedMaterial {
-    /// Whether a lookup depends on the footprint.
-    pub(crate) is_textured: bool,
-    /// Textures that are looked up for it.
-    pub(crate) texture_count: u8,
-    /// Whether it depends on the directions of the texture coordinates.
-    pub(crate) needs_tangents: bool,
-    /// Whether rays may pass it as if it were not there.
-    pub(crate) has_opacity: bool,
-    /// Whether it is no more than the boundary of media.
-    pub(crate) is_null: bool,
-    /// Whether light that goes straight through it goes on as if nothing was there.
-    pub(crate) is_pane: bool,
-    /// Whether light that goes through it comes into another medium.
-    pub(crate) parts_media: bool,
-    /// Whether it emits light, other than by being unlit.
-    pub(crate) shines: bool,
-    /// Whether light may go through to the other side.
-    pub(crate) transmits: bool,
-    /// The scattering seen from the back and from the front, where it is the same everywhere on the surface.
-    pub(crate) bsdfs: Option<[Bsdf; 2]>,
-    /// What fills the space before the front and behind it, where light may go through to it.
-    pub(crate) media: [Option<MediumId>; 2],
-    /// Absorption before the front and behind it, per unit of distance; 0 for opaque things.
-    pub(crate) absorption: [Spectrum; 2],
 }
 
 impl PreparedScene {
@@ -123,12 +65,12 @@ impl PreparedScene {
     ///
     /// - `accel`: what [`build_accel`] made of the same scene.
     pub fn with_accel(scene: Arc<Scene>, accel: Accel, options: &PrepareOptions) -> Self {
-        let materials: Vec<_> = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
-        let mut instances: Vec<_> =
-            scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
-        let lights = Lights::new(&scene, &materials, &mut instances, options.compensate_environment);
-        let culls_backs = used_materials(&scene).any(|material| scene.materials[material].culls_back);
-        let has_opacity = culls_backs || used_materials(&scene).any(|material| materials[material].has_opacity);
+        let mut surfaces = Surfaces::new(scene);
+        let scene = Arc::clone(surfaces.scene());
+        let lights = Lights::new(&scene, &surfaces.materials, &mut surfaces.instances, options.compensate_environment);
+        let materials = &surfaces.materials;
+        let has_opacity =
+            surfaces.culls_backs() || used_materials(&scene).any(|material| materials[material].has_opacity);
         let parts_media = |material: usize| {
             materials[material].is_null && materials[material].media[0] != materials[material].media[1]
         };
@@ -144,30 +86,17 @@ impl PreparedScene {
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
         Self {
-            scene,
+            surfaces,
             accel,
-            instances,
-            materials,
             majorants,
             lights,
-            culls_backs,
             has_opacity,
             has_boundaries,
             has_panes,
             needs_volume,
             threads: options.threads,
-            guides: Mutex::default(),
-            emission: OnceLock::new(),
-            photons: PhotonStore::default(),
-            photon_plans: PhotonPlans::default(),
             id,
         }
-    }
-
-    /// The scene as it was imported.
-    #[inline(always)]
-    pub fn scene(&self) -> &Arc<Scene> {
-        &self.scene
     }
 
     /// The acceleration structure.
@@ -179,11 +108,6 @@ impl PreparedScene {
     /// Names it as data that may be resident in a resource; unique within the process.
     pub fn data_id(&self) -> DataId {
         self.id
-    }
-
-    /// Whether the camera sees through some surface from behind.
-    pub(crate) fn culls_backs(&self) -> bool {
-        self.culls_backs
     }
 
     /// Whether some surface may let rays pass, so that hits must be asked.
@@ -218,14 +142,9 @@ impl PreparedScene {
 
     /// Bytes that preparation added to the scene.
     pub fn memory_bytes(&self) -> usize {
-        let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
-        let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
-        guides.sum::<usize>()
-            + self.photons.memory_bytes()
-            + self.accel.memory_bytes()
+        self.accel.memory_bytes()
             + self.lights.memory_bytes()
-            + size_of_val(&*self.instances)
-            + size_of_val(&*self.materials)
+            + self.surfaces.memory_bytes()
             + self.majorants.iter().flatten().map(Majorants::memory_bytes).sum::<usize>()
     }
 
@@ -236,7 +155,7 @@ impl PreparedScene {
 
     /// What fills space.
     pub(crate) fn medium(&self, id: MediumId) -> Filling<'_> {
-        let medium = &self.scene.media[id.0 as usize];
+        let medium = &self.scene().media[id.0 as usize];
         match (&medium.variation, &self.majorants[id.0 as usize]) {
             (Some(variation), Some(majorants)) => Filling::Varying(Varying::new(medium, variation, majorants)),
             _ => Filling::Homogeneous(Homogeneous::new(medium)),
@@ -248,44 +167,12 @@ impl PreparedScene {
         self.threads
     }
 
-    /// What emits photons.
-    pub(crate) fn emission(&self) -> &Emission {
-        self.emission.get_or_init(|| Emission::new(self))
-    }
-
-    /// Where photons and agents of a view are sent; the first who asks looks at it.
-    pub(crate) fn photon_plan(&self, view: View) -> Arc<PhotonPlan> {
-        self.photon_plans.of_view(self, view)
-    }
-
-    /// The photon maps of a picture.
-    pub(crate) fn passes(&self, view: View, photons: PhotonSettings, seed: u64, pass_count: u32) -> Arc<Passes> {
-        self.photons.passes(self.photon_plan(view), photons, seed, pass_count)
-    }
-
-    /// What the lighting agents of a picture are like, and what they were asked so far; `None` where there are none.
-    pub fn lighting_agents(&self, view: View, photons: PhotonSettings, seed: u64) -> Option<AgentReport> {
-        photons.agents?;
-        self.passes(view, photons, seed, 1).known_agents().map(Agents::report)
-    }
-
-    /// What the maps of a picture by photons take.
-    pub fn map_bytes(&self, view: View, photons: PhotonSettings, seed: u64) -> MapBytes {
-        self.passes(view, photons, seed, 1).bytes()
-    }
-
     /// Does something on as many threads as are meant for what is made once.
     pub(crate) fn on_threads<T: Send>(&self, make: impl FnOnce() -> T + Send) -> T {
         match rayon::ThreadPoolBuilder::new().num_threads(self.threads).build() {
             Ok(pool) => pool.install(make),
             Err(_) => make(),
         }
-    }
-
-    /// What is known of where light comes from, for a view and as many samples a pixel as are planned. The first who asks
-    /// learns it by `learn`; who asks meanwhile waits.
-    pub(crate) fn guide(&self, view: View, settings: &PathSettings, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
-        Arc::clone(self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
     /// Whether paths of a view learn beforehand: it has pixels and samples enough, and no media take part.
@@ -298,59 +185,14 @@ impl PreparedScene {
         let is_large = pixels >= PIXELS_MIN && pixels * u64::from(planned_samples) >= SAMPLES_MIN;
         is_large && !self.needs_volume && !self.has_panes
     }
+}
 
-    /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing
-    /// yet.
-    pub fn learnt(&self, view: View, settings: &PathSettings) -> Option<Vec<u8>> {
-        match settings.photons {
-            None => Some(self.guide_place(learnt_for(view, settings)).get()?.to_bytes()),
-            Some(photons) => self.passes(view, photons, settings.seed, 1).to_bytes(),
-        }
-    }
-
-    /// Takes what somebody else has [learnt](Self::learnt) of the same view of the same scene, by the same version of this
-    /// program. Whoever has learnt it already keeps that.
-    ///
-    /// # Errors
-    /// The bytes are nothing of the kind.
-    pub fn learn_from(&self, view: View, settings: &PathSettings, bytes: &[u8]) -> Result<(), UnreadGuide> {
-        if let Some(photons) = settings.photons {
-            let is_taken = self.passes(view, photons, settings.seed, 1).take_bytes(bytes);
-            return is_taken.then_some(()).ok_or(UnreadGuide);
-        }
-        let guide = Guide::from_bytes(bytes)?;
-        self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(guide));
-        Ok(())
-    }
-
-    fn guide_place(&self, of: Learnt) -> GuidePlace {
-        /// Guides that are kept.
-        const GUIDES_MAX: usize = 4;
-        let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, place)) = guides.iter().find(|(known, _)| *known == of) {
-            return Arc::clone(place);
-        }
-        if guides.len() == GUIDES_MAX {
-            guides.remove(0);
-        }
-        let place = GuidePlace::default();
-        guides.push((of, Arc::clone(&place)));
-        place
-    }
+impl Deref for PreparedScene {
+    type Target = Surfaces;
 
     #[inline(always)]
-    pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {
-        &self.instances[index as usize]
-    }
-
-    #[inline(always)]
-    pub(crate) fn mesh(&self, instance: u32) -> &Mesh {
-        &self.scene.meshes[self.scene.instances[instance as usize].mesh as usize]
-    }
-
-    #[inline(always)]
-    pub(crate) fn material(&self, index: u32) -> (&Material, &PreparedMaterial) {
-        (&self.scene.materials[index as usize], &self.materials[index as usize])
+    fn deref(&self) -> &Surfaces {
+        &self.surfaces
     }
 }
 
@@ -385,47 +227,4 @@ pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, Ren
     let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(scene);
     let build = BuildOptions { threads: options.threads, ..BuildOptions::default() };
     Ok(Accel::build(&meshes, &instances, &spheres, &build)?)
-}
-
-fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
-    let linear = Mat3::from(world_from_object.matrix3);
-    // det M · M⁻ᵀ without a division: good for matrices that are nearly singular, too.
-    let world_from_normal = Mat3::from_cols(
-        linear.y_axis.cross(linear.z_axis),
-        linear.z_axis.cross(linear.x_axis),
-        linear.x_axis.cross(linear.y_axis),
-    );
-    let scale = linear.x_axis.length() + linear.y_axis.length() + linear.z_axis.length();
-    PreparedInstance { world_from_normal, scale, first_light: NO_LIGHT }
-}
-
-fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
-    let transmits = material.transmits();
-    let parts_media = material.parts_media();
-    let texture_count = material.textures().len().min(usize::from(u8::MAX)) as u8;
-    let is_textured = texture_count > 0;
-    let is_null = material.surface == Surface::Null;
-    let side = |front| scattering(scene, material, &SurfacePoint::plain(front));
-    let absorption = |medium: Option<MediumId>| {
-        medium.filter(|_| transmits).map_or(Spectrum::ZERO, |medium| scene.media[medium.0 as usize].absorption)
-    };
-    PreparedMaterial {
-        bsdfs: (!is_textured && !material.is_blended()).then(|| [side(false), side(true)]),
-        transmits,
-        media: if parts_media { [material.exterior, material.interior] } else { [None; 2] },
-        parts_media,
-        is_pane: material.is_seen_through(),
-        is_textured,
-        texture_count,
-        is_null,
-        needs_tangents: material.needs_tangents(),
-        has_opacity: is_null || material.alpha_mode != AlphaMode::Opaque,
-        shines: material.emission.factor.max_element() > 0.0,
-        absorption: [material.exterior, material.interior].map(absorption),
-    }
-}
-
-fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
-    let meshes = scene.instances.iter().map(|instance| scene.meshes[instance.mesh as usize].material as usize);
-    meshes.chain(scene.spheres.iter().map(|sphere| sphere.material as usize))
 }

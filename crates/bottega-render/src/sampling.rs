@@ -17,6 +17,14 @@ pub(crate) fn uniform_disk(u: [f32; 2]) -> Vec2 {
     radius * Vec2::new(cos, sin)
 }
 
+/// The direction at angle arccos(1 − `one_minus_cos`) to an axis, `turn` of the way around.
+pub(crate) fn around(axis: Vec3, one_minus_cos: f32, turn: f32) -> Vec3 {
+    let (s, t) = orthonormal_basis(axis);
+    let (sin, cos) = math::sin_cos_of_turns(turn);
+    let sine = (one_minus_cos * (2.0 - one_minus_cos)).max(0.0).sqrt();
+    (s * (sine * cos) + t * (sine * sin) + axis * (1.0 - one_minus_cos)).normalize()
+}
+
 /// A direction uniform over the sphere.
 #[inline(always)]
 pub(crate) fn uniform_sphere(u: [f32; 2]) -> Vec3 {

@@ -2,12 +2,11 @@
 
 use std::cell::Cell;
 
-use bottega_hra::HraClient;
+use bottega_hra::{HraClient, WorkUnit};
 
 use crate::{
     RenderError, RenderOutput, RenderWork,
-    photon::bytes::{Reader, Writer},
-    survey::run,
+    photon::bytes::{Reader, Told, Writer},
 };
 
 /// Units of work from which on they are shared out.
@@ -30,14 +29,6 @@ pub trait Sharing: Send + Sync {
         parts: u32,
         perform: &mut dyn FnMut(u32) -> Result<Vec<u8>, RenderError>,
     ) -> Result<Vec<Vec<u8>>, RenderError>;
-}
-
-/// What can be told to others.
-pub(crate) trait Told: Sized {
-    fn write(&self, to: &mut Writer);
-
-    /// `None`: it is nothing of the kind.
-    fn read(from: &mut Reader<'_>) -> Option<Self>;
 }
 
 /// All who work for one picture: the processors here, and perhaps others.
@@ -90,4 +81,24 @@ fn found<T: Told>(bytes: &[u8], count: usize) -> Option<Vec<T>> {
     let mut from = Reader(bytes);
     let found = (0..count).map(|_| T::read(&mut from)).collect::<Option<Vec<T>>>()?;
     from.0.is_empty().then_some(found)
+}
+
+/// Submits all work and returns the outputs in the same order.
+pub(crate) fn run(client: &HraClient<RenderWork>, works: Vec<RenderWork>) -> Result<Vec<RenderOutput>, RenderError> {
+    let count = works.len();
+    client.submit_group(works.into_iter().zip(0..).map(|(work, ticket)| WorkUnit::new(work, ticket)).collect())?;
+    let mut outputs: Vec<Option<RenderOutput>> = vec![None; count];
+    let mut failure = None;
+    // All answers are taken even after a failure: none may be left for the client's next user.
+    while let Some(completed) = client.take() {
+        match completed.output {
+            Ok(RenderOutput::Refused(error)) => failure = Some(RenderError::Refused(error)),
+            Ok(output) => outputs[completed.ticket as usize] = Some(output),
+            Err(error) => failure = Some(error.into()),
+        }
+    }
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    outputs.into_iter().collect::<Option<Vec<_>>>().ok_or(RenderError::Unanswered)
 }

@@ -3,22 +3,28 @@
 //! Two passes, both by work units alone: levels of recursion, by following mirrored and refracted rays breadth first
 //! in batches; and a few paths a pixel, for what pixels look like and what they cost.
 
+mod probe;
+
 use std::sync::Arc;
 
-use bottega_hra::{HraClient, WorkUnit};
+use bottega_hra::HraClient;
 use bottega_image::Rect;
-use bottega_kernels::{Hit, Ray, compiled};
+use bottega_kernels::{Hit, Ray};
 use glam::Vec3;
 
 use crate::{
     Filter, PathSettings, PreparedScene, ProbeWork, RenderError, RenderOutput, RenderWork, View,
     bsdf::LobeFlags,
     camera::RayCone,
-    integrator::{Painting, PathIntegrator, PathRecord, Wanted, bsdf_at},
+    integrator::PathIntegrator,
     interaction::{Asks, Interaction, is_there},
-    luminance,
     sampler::{DimensionSet, PixelSampler},
+    shading::bsdf_at,
+    sharing::run,
 };
+
+pub use probe::SurveyPixel;
+pub(crate) use probe::probe;
 
 /// Levels of recursion that are told apart.
 const LEVELS_MAX: u32 = 16;
@@ -34,35 +40,6 @@ const PROBE_SAMPLES: u32 = 6;
 const PROBE_DEPTH_MAX: u32 = 16;
 /// Side of a probe's block, in pixels.
 const PROBE_SIDE: u32 = 16;
-
-/// What the fast pass saw in one pixel; means over its samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SurveyPixel {
-    /// Levels of recursion in mirror and transparent surfaces (the paper's importance function).
-    pub recursion_levels: f32,
-    /// Traversal steps (nodes and leaves visited) that one path took.
-    pub steps: f32,
-    /// Mean radiance, linear RGB.
-    pub color: [f32; 3],
-    /// Standard deviation of the luminance over the samples.
-    pub noise: f32,
-    /// Reflectance of the first surface.
-    pub albedo: [f32; 3],
-    /// Distance to the first surface; 0 where there is none.
-    pub depth: f32,
-    /// Vertices of one path.
-    pub path_length: f32,
-    /// Rays towards lights of one path.
-    pub shadow_rays: f32,
-    /// Vertices of one path at surfaces of several lobes, which are dearer to evaluate than a single one.
-    pub layered: f32,
-    /// Textures of the surfaces that one path meets.
-    pub lookups: f32,
-    /// Share of the luminance that came over more than one scattering, 0..=1.
-    pub indirect: f32,
-    /// Standard deviation of the luminance of [`albedo`](Self::albedo) over the samples.
-    pub detail: f32,
-}
 
 /// A low-resolution look at the scene, row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -104,26 +81,6 @@ pub fn survey(
     Ok(Survey { width: view.width, height: view.height, pixels, zones_max: None })
 }
 
-/// Submits all work and returns the outputs in the same order.
-pub(crate) fn run(client: &HraClient<RenderWork>, works: Vec<RenderWork>) -> Result<Vec<RenderOutput>, RenderError> {
-    let count = works.len();
-    client.submit_group(works.into_iter().zip(0..).map(|(work, ticket)| WorkUnit::new(work, ticket)).collect())?;
-    let mut outputs: Vec<Option<RenderOutput>> = vec![None; count];
-    let mut failure = None;
-    // All answers are taken even after a failure: none may be left for the client's next user.
-    while let Some(completed) = client.take() {
-        match completed.output {
-            Ok(RenderOutput::Refused(error)) => failure = Some(RenderError::Refused(error)),
-            Ok(output) => outputs[completed.ticket as usize] = Some(output),
-            Err(error) => failure = Some(error.into()),
-        }
-    }
-    if let Some(error) = failure {
-        return Err(error);
-    }
-    outputs.into_iter().collect::<Option<Vec<_>>>().ok_or(RenderError::Unanswered)
-}
-
 fn probe_all(
     scene: &Arc<PreparedScene>,
     view: View,
@@ -144,84 +101,6 @@ fn probe_all(
         }
     }
     Ok(pixels)
-}
-
-/// Looks at a block of pixels by a few paths. Everything but the recursion levels, row-major.
-pub(crate) fn probe(
-    scene: &PreparedScene,
-    view: View,
-    settings: &PathSettings,
-    rect: Rect,
-    sample_count: u32,
-) -> Result<Vec<SurveyPixel>, RenderError> {
-    let integrator = PathIntegrator::new(scene, view, settings)?.with_wanted(Wanted { albedo: true, cost: true });
-    let (sample_count, mut records) = (sample_count.max(1), Vec::new());
-    let mut pixels = Vec::with_capacity(rect.area() as usize);
-    for y in rect.y0..rect.y1 {
-        let row = Rect { y0: y, y1: y + 1, ..rect };
-        let samples: Vec<(u32, u32, u32)> =
-            row.pixels().flat_map(|(x, y)| (0..sample_count).map(move |sample| (x, y, sample))).collect();
-        compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
-        pixels.extend(records.chunks_exact(sample_count as usize).map(seen_by));
-    }
-    Ok(pixels)
-}
-
-/// What the samples of one pixel saw.
-fn seen_by(samples: &[PathRecord]) -> SurveyPixel {
-    let sample_count = samples.len() as u32;
-    let share = 1.0 / sample_count as f32;
-    let mut pixel = SurveyPixel::default();
-    let (mut color, mut albedo) = (Vec3::ZERO, Vec3::ZERO);
-    let (mut brightness, mut pattern) = (Spread::default(), Spread::default());
-    let (mut covered, mut indirect) = (0.0_f32, 0.0_f32);
-    for record in samples {
-        let values = record.values;
-        let radiance = Vec3::from(values.radiance);
-        brightness.add(luminance(radiance));
-        pattern.add(luminance(values.albedo.into()));
-        color += radiance * share;
-        albedo += Vec3::from(values.albedo) * share;
-        pixel.steps += values.cost * share;
-        pixel.depth += values.depth;
-        pixel.path_length += record.vertex_count as f32 * share;
-        pixel.shadow_rays += record.counts.shadow_rays as f32 * share;
-        pixel.layered += record.counts.layered as f32 * share;
-        pixel.lookups += record.counts.lookups as f32 * share;
-        covered += values.alpha;
-        indirect += record.indirect();
-    }
-    pixel.color = color.to_array();
-    pixel.albedo = albedo.to_array();
-    pixel.depth /= covered.max(1.0);
-    let found = brightness.mean * sample_count as f32;
-    pixel.indirect = if found > 0.0 { (indirect / found).min(1.0) } else { 0.0 };
-    pixel.noise = brightness.deviation();
-    pixel.detail = pattern.deviation();
-    pixel
-}
-
-/// Mean and standard deviation of numbers that come one by one, without cancellation between large sums. Source: Welford
-/// 1962, *Note on a Method for Calculating Corrected Sums of Squares and Products*.
-#[derive(Clone, Copy, Default)]
-struct Spread {
-    count: u32,
-    mean: f32,
-    squares: f32,
-}
-
-impl Spread {
-    fn add(&mut self, value: f32) {
-        self.count += 1;
-        let from_mean = value - self.mean;
-        self.mean += from_mean / self.count as f32;
-        self.squares += from_mean * (value - self.mean);
-    }
-
-    /// Of one number; 0 for fewer than two.
-    fn deviation(&self) -> f32 {
-        (self.squares / self.count.saturating_sub(1).max(1) as f32).sqrt()
-    }
 }
 
 /// A ray that is followed from mirror to mirror.
@@ -251,7 +130,7 @@ fn recursion_levels(
     settings: &PathSettings,
     client: &HraClient<RenderWork>,
 ) -> Result<Vec<f32>, RenderError> {
-    let integrator = PathIntegrator::new(scene, view, settings)?;
+    let integrator = PathIntegrator::unguided(scene, view, settings)?;
     let whole = Rect::of_size(view.width, view.height);
     let mut levels = vec![0.0; whole.area() as usize];
     let mut chains: Vec<Chain> = whole

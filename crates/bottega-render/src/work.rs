@@ -7,7 +7,7 @@ use bottega_image::{Aov, Rect, Tile};
 use bottega_kernels::{Hit, Ray};
 
 use crate::{
-    PathSettings, PreparedScene, RenderError, View,
+    PathSettings, PreparedScene, Prepass, RenderError, View,
     ala::{Agent, AgentWork, Sensed, SensorWork},
     integrator::{Integrator, Wanted},
     photon::{IrradiancePlaces, IrradianceWork, PhotonWork, Traced},
@@ -53,6 +53,8 @@ pub enum RenderWork {
 pub struct BlockWork {
     /// The scene.
     pub scene: Arc<PreparedScene>,
+    /// What is known of it.
+    pub prepass: Arc<Prepass>,
     /// The picture.
     pub view: View,
     /// How.
@@ -63,7 +65,7 @@ pub struct BlockWork {
     pub samples: Range<u32>,
 }
 
-/// A fast look at a block of pixels.
+/// A fast look at a block of pixels, by paths that learn nothing.
 #[derive(Clone)]
 pub struct ProbeWork {
     /// The scene.
@@ -159,10 +161,10 @@ impl BlockWork {
     /// Adds the samples on the calling thread. Each pixel is a left fold over its samples in the order of their
     /// indices, so any cut into ranges ends with the same bits.
     pub fn perform(self) -> Result<BlockOutput, RenderError> {
-        let Self { scene, view, settings, mut tile, samples } = self;
+        let Self { scene, prepass, view, settings, mut tile, samples } = self;
         let layout = tile.layout();
         let wanted = Wanted { albedo: layout.offset(Aov::Albedo).is_some(), cost: layout.offset(Aov::Cost).is_some() };
-        let integrator = Integrator::new(&scene, view, &settings, wanted)?;
+        let integrator = Integrator::new(&scene, &prepass, view, &settings, wanted)?;
         if let Integrator::Photons(photons) = &integrator {
             photons.cast(samples.clone());
         }

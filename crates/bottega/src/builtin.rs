@@ -139,6 +139,7 @@ pub fn own_engine(
         .exactly(request.devices.exact)?;
     let mut crew = DeviceSet::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some())?;
     let options = BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads };
-    let engine = BuiltinEngine::new(Arc::clone(&subject.prepared), options, std::mem::take(&mut crew.devices));
+    let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
+    let engine = BuiltinEngine::with_prepass(scene, prepass, options, std::mem::take(&mut crew.devices));
     Ok((engine, crew))
 }

@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Instant};
 
 use bottega_image::Rect;
-use bottega_render::{PrepareOptions, PreparedScene, View, build_accel};
+use bottega_render::{PrepareOptions, PreparedScene, Prepass, View, build_accel};
 use bottega_scene::{
     Environment, LoadOptions, Loaded, Metadata, Panorama, Projection, RenderHints, Scene, SceneFile, Spectrum, Warning,
 };
@@ -22,6 +22,8 @@ const DEFAULT_HEIGHT: u32 = 720;
 pub struct LoadedScene {
     /// The scene with its acceleration structures.
     pub prepared: Arc<PreparedScene>,
+    /// What is found out of it before pictures.
+    pub prepass: Arc<Prepass>,
     /// Camera and size.
     pub view: View,
     /// What of the file is not as its author meant it.
@@ -72,7 +74,8 @@ impl LoadedScene {
         let accel = build_accel(&scene, &options)?;
         let loaded = Instant::now();
         let prepared = Arc::new(PreparedScene::with_accel(Arc::new(scene), accel, &options));
-        Ok(Self { prepared, view: View { camera, width, height }, warnings, hints, files, loaded })
+        let view = View { camera, width, height };
+        Ok(Self { prepared, prepass: Arc::default(), view, warnings, hints, files, loaded })
     }
 
     /// The scene as it was read.

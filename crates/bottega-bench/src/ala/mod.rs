@@ -17,7 +17,7 @@ use std::{
 
 use bottega_image::{Canvas, ColorMap, Picture, ToneMap, read_picture};
 use bottega_render::{
-    AgentSettings, Oracle, PathSettings, PhotonSettings, View,
+    AgentSettings, Oracle, PathSettings, PhotonSettings, Prepass, View,
     ala::{Criterion, Density, SampleSet, Samples},
 };
 
@@ -141,7 +141,7 @@ fn densities(
         ("agents-of-the-paper", SampleSet::Agents, Oracle::Paper),
         ("agents", SampleSet::Agents, Oracle::Error),
     ];
-    let prepared = scene.prepared()?;
+    let (prepared, prepass) = (scene.prepared()?, Prepass::default());
     let of = |(name, set, oracle): (&'static str, SampleSet, Oracle)| {
         say(log, format_args!("comparing {name} …"));
         let agents = AgentSettings { cast: options.lighting_agents, oracle, ..AgentSettings::default() };
@@ -150,7 +150,8 @@ fn densities(
         let bounces = scene.max_depth;
         let photons = PhotonSettings { count, bounces, agents: Some(agents), ..PhotonSettings::default() };
         let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
-        let samples = Samples::new(&prepared, scene.view, &settings, set, &[Criterion::Irradiance], LUDD_RADIUS)?;
+        let samples =
+            Samples::new(&prepared, &prepass, scene.view, &settings, set, &[Criterion::Irradiance], LUDD_RADIUS)?;
         let found = samples.over(&prepared, scene.view)?;
         let value = |pixel: &Option<Density>| pixel.as_ref().and_then(Density::all).unwrap_or(f32::NAN);
         Ok((name, found.pixels.iter().map(value).collect()))

@@ -68,8 +68,9 @@ fn sampled(args: &AnalyzeArgs, subject: &Analyzed, set: SampleSet) -> Result<Lud
     let bounces = subject.settings.tunables.max_depth;
     let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
     let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
-    let (scene, view) = (&subject.subject.prepared, subject.subject.view);
-    let samples = Samples::new(scene, view, &settings, set, &args.ludd, args.ludd_radius)?;
+    let loaded = &subject.subject;
+    let (scene, prepass, view) = (&loaded.prepared, &loaded.prepass, loaded.view);
+    let samples = Samples::new(scene, prepass, view, &settings, set, &args.ludd, args.ludd_radius)?;
     Ok(samples.over(scene, view)?)
 }
 

@@ -70,7 +70,7 @@ fn paint(
 ) -> Compared {
     let settings = Arc::new(settings);
     let tile = Tile::new(Rect::new(0, 0, SIDE, SIDE), layout());
-    let block = BlockWork { scene: Arc::clone(scene), view: view(), settings, tile, samples };
+    let block = BlockWork { scene: Arc::clone(scene), prepass: Arc::default(), view: view(), settings, tile, samples };
     let processor = block.clone().perform().unwrap().tile;
     let outcome = worker.perform(vec![RenderWork::Block(block)]).remove(0);
     match outcome.unwrap() {
@@ -223,6 +223,7 @@ fn a_lost_device_gives_blocks_back_and_is_made_anew() {
     let Some(mut worker) = worker(&scene, 1 << 10) else { return };
     let block = |x: u32| BlockWork {
         scene: Arc::clone(&scene),
+        prepass: Arc::default(),
         view: view(),
         settings: Arc::new(settings()),
         tile: Tile::new(Rect::new(x, 0, x + 8, 8), layout()),
@@ -248,7 +249,14 @@ fn what_is_no_work_for_the_device_is_given_back_and_the_rest_is_done() {
     let block = |scene: &Arc<PreparedScene>, layout: Layout, samples| {
         let tile = Tile::new(Rect::new(3, 4, 8, 6), layout);
         let settings = Arc::new(settings());
-        RenderWork::Block(BlockWork { scene: Arc::clone(scene), view: view(), settings, tile, samples })
+        RenderWork::Block(BlockWork {
+            scene: Arc::clone(scene),
+            prepass: Arc::default(),
+            view: view(),
+            settings,
+            tile,
+            samples,
+        })
     };
     let costly = Layout::new(AovSet::NONE.with(Aov::Cost));
     let works = vec![

@@ -198,6 +198,7 @@ impl Worker {
     }
 
     /// Answers a batch of rays.
+    #[expect(clippy::result_large_err, reason = "work that failed is given back whole, once a batch")]
     fn follow(&mut self, work: RenderWork) -> Outcome {
         let answer = match &work {
             RenderWork::Rays { scene, .. } | RenderWork::Occlusion { scene, .. }

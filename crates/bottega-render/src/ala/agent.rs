@@ -7,11 +7,11 @@ use glam::Vec3;
 
 use crate::{
     camera::RayCone,
-    integrator::{BLEND, bsdf_at, is_broad, is_matte},
     interaction::{Asks, Interaction, is_there},
-    lights::{EmissionPlan, Emitted},
+    lights::{Emission, EmissionPlan, Emitted},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
+    shading::{BLEND, bsdf_at, is_broad, is_matte},
 };
 
 /// Sets the numbers of agents apart from those of pixels and photons.
@@ -51,7 +51,8 @@ pub struct Agent {
 /// Agents to cast.
 pub(crate) struct Casting<'a> {
     pub(crate) prepared: &'a PreparedScene,
-    /// Where they are sent.
+    /// What casts them, and where they are sent.
+    pub(crate) sources: &'a Emission,
     pub(crate) plan: &'a EmissionPlan,
     pub(crate) seed: u64,
     pub(crate) indices: Range<u32>,
@@ -75,7 +76,7 @@ impl Casting<'_> {
     fn cast(&self, index: u32, agents: &mut Vec<Agent>) {
         let sampler = PixelSampler::new(self.seed ^ AGENT_SEED, 0, 0, index);
         let [u, v] = sampler.two_quads(DimensionSet::CAMERA, DimensionSet::light(0));
-        let Some(start) = self.prepared.emission().cast(self.prepared, self.plan, u, v) else { return };
+        let Some(start) = self.sources.cast(self.prepared, self.plan, u, v) else { return };
         let Emitted { mut origin, direction, light, .. } = start;
         let (mut distance, mut gap, mut clone) = (0.0, 0.0, 0);
         for _ in 0..CROSSINGS_MAX {

@@ -12,12 +12,12 @@ use super::{
 };
 use crate::{
     AgentSettings, Oracle,
+    extent::Extent,
     photon::{
-        Extent, IrradianceMap, IrradiancePlaces,
-        bytes::{Reader, Writer},
+        IrradianceMap, IrradiancePlaces,
+        bytes::{Reader, Told, Writer},
         cache::{IrradianceCache, Record},
     },
-    sharing::Told,
 };
 
 impl Told for Vec<Agent> {

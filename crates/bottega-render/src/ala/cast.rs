@@ -1,87 +1,24 @@
 //! The agents of a picture, cast and looking around by whatever the allocator has.
 
-use std::{ops::Range, sync::Arc, time::Instant};
-
-use bottega_kernels::compiled;
+use std::{sync::Arc, time::Instant};
 
 use super::{
-    agent::{Agent, Casting},
-    map::{Agents, joined},
+    map::Agents,
     network::Network,
-    sensing::{Errand, Sensed, Sensing},
+    sense::joined,
+    sensing::{AGENTS, Errand},
     swarm::Swarm,
+    units::{AgentWork, SensorWork},
 };
 use crate::{
-    PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
-    integrator::{PhotonIntegrator, sensing_settings},
-    photon::{Passes, parts},
+    PhotonSettings, PreparedScene, Prepass, RenderError, RenderOutput, RenderWork, View, parts::parts, photon::Passes,
     sharing::Hands,
 };
-
-/// Agents that one unit of work casts: some milliseconds.
-pub(super) const AGENTS: u32 = 4096;
-/// Agents that look around in one unit of work.
-pub(super) const SENSING: u32 = 512;
-/// Those that measure indirect light by our own rules: fewer, since each that must follows hundreds of paths.
-pub(super) const MEASURING: u32 = 16;
-
-/// Agents to be cast.
-#[derive(Clone)]
-pub struct AgentWork {
-    /// The scene.
-    pub scene: Arc<PreparedScene>,
-    /// The picture: agents are sent to what it shows.
-    pub view: View,
-    /// Another seed gives other agents.
-    pub seed: u64,
-    /// Which of them.
-    pub indices: Range<u32>,
-}
-
-/// Sensors to be deployed.
-#[derive(Clone)]
-pub struct SensorWork {
-    /// The scene.
-    pub(crate) scene: Arc<PreparedScene>,
-    pub(crate) photons: PhotonSettings,
-    pub(crate) seed: u64,
-    pub(crate) passes: Arc<Passes>,
-    pub(crate) swarm: Arc<Swarm>,
-    pub(crate) network: Arc<Network>,
-    /// By whom, and what for.
-    pub(crate) errand: Errand,
-}
-
-impl AgentWork {
-    /// Casts them on the calling thread.
-    pub fn perform(self) -> Vec<Agent> {
-        let plan = self.scene.photon_plan(self.view);
-        compiled::run(Casting { prepared: &self.scene, plan: &plan.emission, seed: self.seed, indices: self.indices })
-    }
-}
-
-impl SensorWork {
-    /// Agents on the errand.
-    pub(crate) fn agent_count(&self) -> u64 {
-        self.errand.agents().len() as u64
-    }
-
-    /// Deploys them on the calling thread.
-    ///
-    /// # Errors
-    /// The scene has no camera, or media.
-    pub fn perform(self) -> Result<Sensed, RenderError> {
-        let Self { scene, photons, seed, passes, swarm, network, errand } = self;
-        let settings = sensing_settings(&photons, seed);
-        let integrator = PhotonIntegrator::sensing(&scene, &settings, photons, Arc::clone(&passes))?;
-        let maps = passes.of_sample(&scene, 0);
-        Ok(compiled::run(Sensing { integrator: &integrator, maps, swarm: &swarm, network: &network, seed, errand }))
-    }
-}
 
 /// The agents of a picture whose caustics are known.
 pub(crate) fn cast_agents(
     scene: &Arc<PreparedScene>,
+    prepass: &Arc<Prepass>,
     view: View,
     photons: PhotonSettings,
     seed: u64,
@@ -90,11 +27,15 @@ pub(crate) fn cast_agents(
 ) -> Result<Agents, RenderError> {
     let settings = photons.agents.unwrap_or_default();
     let begun = Instant::now();
-    let works = parts(settings.cast, AGENTS)
-        .map(|indices| RenderWork::Agents(AgentWork { scene: Arc::clone(scene), view, seed, indices }));
+    let works = parts(settings.cast, AGENTS).map(|indices| {
+        let (scene, prepass) = (Arc::clone(scene), Arc::clone(prepass));
+        RenderWork::Agents(AgentWork { scene, prepass, view, seed, indices })
+    });
     let answer = |output| if let RenderOutput::Agents(part) = output { Some(part) } else { None };
     let agents = hands.run(works.collect(), answer)?;
-    let swarm = Arc::new(scene.on_threads(|| Swarm::new(scene, passes.plan().extent(), agents.concat(), &settings)));
+    let plan = passes.plan();
+    let swarm = || Swarm::new(plan.sources.source_count(), plan.extent(), agents.concat(), &settings);
+    let swarm = Arc::new(scene.on_threads(swarm));
     let casting = begun.elapsed();
     let network = Arc::new(scene.on_threads(|| Network::new(&swarm)));
     let work = |errand| {

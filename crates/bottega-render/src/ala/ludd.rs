@@ -2,7 +2,7 @@
 //!
 //! Where all samples say the same, one of them would do: their density of useful data is 0.
 
-use std::{fmt, str::FromStr, sync::Arc};
+use std::{fmt, str::FromStr};
 
 use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 use super::Agents;
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, View,
-    integrator::PhotonIntegrator,
+    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, View,
+    integrator::{PathIntegrator, PhotonIntegrator},
     luminance,
     photon::{Estimator, Nearest, Photon, PhotonMap, traced, tracer},
     sampler::PixelSampler,
@@ -175,7 +175,8 @@ impl Samples {
     /// # Errors
     /// There is no such picture, or the scene has media.
     pub fn new(
-        scene: &Arc<PreparedScene>,
+        scene: &PreparedScene,
+        prepass: &Prepass,
         view: View,
         settings: &PathSettings,
         set: SampleSet,
@@ -188,16 +189,17 @@ impl Samples {
             ..photons
         };
         let settings = PathSettings { photons: Some(photons), ..*settings };
-        let integrator = PhotonIntegrator::new(scene, view, &settings, photons)?;
-        let plan = scene.photon_plan(view);
+        let integrator = PhotonIntegrator::new(scene, prepass, view, &settings, photons)?;
+        let plan = prepass.photon_plan(scene, view);
         let share = radius;
         let radius = share * plan.extent().radius;
-        let importance =
-            criteria.contains(&Criterion::Importance).then(|| scene.on_threads(|| seen(&integrator, view)));
+        let importance = criteria
+            .contains(&Criterion::Importance)
+            .then(|| scene.on_threads(|| seen(scene, integrator.base(), view)));
         let layers = match set {
             SampleSet::Agents => {
                 integrator.cast(0..1);
-                let known = scene.passes(view, photons, settings.seed, 1);
+                let known = prepass.passes(scene, view, photons, settings.seed, 1);
                 known.known_agents().map_or_else(Vec::new, |agents| of_agents(agents, criteria, importance.as_ref()))
             }
             _ => scene.on_threads(|| {
@@ -252,11 +254,11 @@ impl Samples {
     ///
     /// # Errors
     /// There is no such picture.
-    pub fn over(&self, scene: &Arc<PreparedScene>, view: View) -> Result<Ludd, RenderError> {
+    pub fn over(&self, scene: &PreparedScene, view: View) -> Result<Ludd, RenderError> {
         let settings = PathSettings::default();
-        let integrator = PhotonIntegrator::new(scene, view, &settings, PhotonSettings::default())?;
+        let camera = PathIntegrator::unguided(scene, view, &settings)?;
         let place = |index: u32| {
-            let p = first_place(&integrator, index % view.width, index / view.width)?;
+            let p = first_place(scene, &camera, index % view.width, index / view.width)?;
             Some(self.density_at(p))
         };
         let all = 0..view.width * view.height;
@@ -266,16 +268,16 @@ impl Samples {
 }
 
 /// What a camera ray of a pixel meets first.
-fn first_place(integrator: &PhotonIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
-    let ray = integrator.camera_ray(&PixelSampler::new(0, x, y, 0), x, y);
-    let hit = integrator.prepared().accel().intersect(&Ray { t_max: ray.reach, ..Ray::new(ray.origin, ray.direction) });
+fn first_place(scene: &PreparedScene, camera: &PathIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
+    let (ray, _) = camera.camera_ray(&PixelSampler::new(0, x, y, 0), x, y);
+    let hit = scene.accel().intersect(&Ray { t_max: ray.reach, ..Ray::new(ray.origin, ray.direction) });
     hit.is_some().then(|| ray.origin + ray.direction * hit.t)
 }
 
 /// Places that a camera sees.
-fn seen(integrator: &PhotonIntegrator<'_>, view: View) -> PhotonMap {
+fn seen(scene: &PreparedScene, camera: &PathIntegrator<'_>, view: View) -> PhotonMap {
     let all = 0..view.width * view.height;
-    let place = |index: u32| first_place(integrator, index % view.width, index / view.width);
+    let place = |index: u32| first_place(scene, camera, index % view.width, index / view.width);
     let places: Vec<Vec3> = all.into_par_iter().filter_map(place).collect();
     PhotonMap::new(places.into_iter().map(|p| Photon::new(p, Vec3::Z, Vec3::Z, Spectrum::ZERO)).collect())
 }

@@ -1,39 +1,24 @@
 //! What a swarm knows, and the oracle that is asked while the picture is painted (§4.4).
 
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::sync::Arc;
 
-use bottega_kernels::compiled;
 use bottega_scene::Spectrum;
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::{
-    agent::{Agent, Casting},
-    cast::{AGENTS, SENSING},
-    network::Network,
-    own, paper,
+    paper,
     report::{AgentReport, Tallies, Tally},
-    sensing::{Errand, Sensed, Sensing},
-    swarm::Swarm,
     visibility::{Answer, Visibility},
 };
 use crate::{
-    AgentSettings, Oracle, RenderError,
-    integrator::PhotonIntegrator,
-    lights::EmissionPlan,
+    AgentSettings,
+    extent::Extent,
     photon::{
-        ByBounces, Extent, IrradianceMap, Nearest, Photon, PhotonMap, PhotonMaps,
+        ByBounces, Nearest, Photon, PhotonMap,
         cache::{Estimate, IrradianceCache, Record, Surroundings},
-        parts,
     },
     prepare::PreparedScene,
 };
-
-/// Does errands, and joins what was found in their order.
-pub(super) type Run<'a> = dyn FnMut(Vec<Errand>) -> Result<Sensed, RenderError> + 'a;
 
 /// Greatest radius of a record, in radii of what is seen.
 const SHARE_MAX: f32 = 0.5;
@@ -63,98 +48,9 @@ pub(super) enum Indirect {
     Records(IrradianceCache, Extent),
 }
 
-/// Casts agents on the threads of the present pool.
-fn cast(prepared: &PreparedScene, plan: &EmissionPlan, settings: AgentSettings, seed: u64) -> Vec<Agent> {
-    let works: Vec<_> = parts(settings.cast, AGENTS).collect();
-    let parts: Vec<Vec<Agent>> =
-        works.into_par_iter().map(|indices| compiled::run(Casting { prepared, plan, seed, indices })).collect();
-    parts.concat()
-}
-
 impl Agents {
     /// Irradiance sensors that are looked for.
     pub(crate) const SENSORS: usize = paper::Fitted::SENSORS;
-
-    /// Casts agents and lets them look around, on the threads of the present pool.
-    ///
-    /// - `integrator`: follows the light that comes to a sensor.
-    /// - `maps`: know the caustics.
-    ///
-    /// # Errors
-    /// None here: errands that are run at once are run.
-    pub(crate) fn new(
-        prepared: &PreparedScene,
-        settings: AgentSettings,
-        integrator: &PhotonIntegrator<'_>,
-        maps: &PhotonMaps,
-        seed: u64,
-    ) -> Result<Self, RenderError> {
-        let begun = Instant::now();
-        let plan = integrator.plan();
-        let agents = cast(prepared, &plan.emission, settings, seed);
-        let swarm = Swarm::new(prepared, plan.extent(), agents, &settings);
-        let casting = begun.elapsed();
-        let network = Network::new(&swarm);
-        let run = |errands: Vec<Errand>| {
-            let sense =
-                |errand| compiled::run(Sensing { integrator, maps, swarm: &swarm, network: &network, seed, errand });
-            Ok(joined(errands.into_par_iter().map(sense).collect()))
-        };
-        Self::sense(prepared, *plan.extent(), settings, &swarm, &network, run, [casting, Duration::ZERO])
-    }
-
-    /// Lets the agents of a swarm look around.
-    ///
-    /// - `extent`: of what is seen.
-    /// - `run`: does errands.
-    /// - `times`: what casting took, and what sensing has taken so far.
-    ///
-    /// # Errors
-    /// The errands were not run.
-    pub(super) fn sense(
-        prepared: &PreparedScene,
-        extent: Extent,
-        settings: AgentSettings,
-        swarm: &Swarm,
-        network: &Network,
-        mut run: impl FnMut(Vec<Errand>) -> Result<Sensed, RenderError>,
-        times: [Duration; 2],
-    ) -> Result<Self, RenderError> {
-        let begun = Instant::now();
-        let (mut agents, sensors) = match settings.oracle {
-            Oracle::Paper => Self::dig(settings, swarm, network, &mut run)?,
-            Oracle::Error => own::sense(prepared, extent, settings, swarm, network, &mut run)?,
-        };
-        agents.report = AgentReport {
-            cast: settings.cast,
-            agents: swarm.len() as u64,
-            clones: swarm.agents.iter().filter(|agent| agent.clone > 0).count() as u64,
-            sensors,
-            links: network.link_count(),
-            object_distance: swarm.object_distance,
-            map_bytes: agents.memory_bytes() as u64,
-            casting: times[0],
-            sensing: times[1] + begun.elapsed(),
-            tally: Tally::default(),
-            ..agents.report
-        };
-        Ok(agents)
-    }
-
-    /// By the rules of the paper.
-    fn dig(
-        settings: AgentSettings,
-        swarm: &Swarm,
-        network: &Network,
-        run: &mut Run<'_>,
-    ) -> Result<(Self, [u64; 4]), RenderError> {
-        let sensed = run(parts(swarm.len() as u32, SENSING).map(Errand::Dig).collect())?;
-        let answers = paper::answers(network, &sensed.discoveries);
-        let (sensors, object_distance) = (IrradianceMap::new(sensed.irradiance), swarm.object_distance);
-        let indirect = Indirect::Fitted(paper::Fitted { sensors, object_distance });
-        let visibility = Arc::new(Visibility::new(swarm, network, &answers));
-        Ok((Self::of(settings, visibility, indirect, &answers), sensed.sensors))
-    }
 
     /// By our own rules, before any has measured indirect light.
     pub(super) fn without_light(
@@ -172,7 +68,12 @@ impl Agents {
         Self::of(settings, visibility, indirect, answers)
     }
 
-    fn of(settings: AgentSettings, visibility: Arc<Visibility>, indirect: Indirect, answers: &[Answer]) -> Self {
+    pub(super) fn of(
+        settings: AgentSettings,
+        visibility: Arc<Visibility>,
+        indirect: Indirect,
+        answers: &[Answer],
+    ) -> Self {
         let count = |answer: Answer| answers.iter().filter(|&&it| it == answer).count() as u64;
         let answers = [count(Answer::Lit), count(Answer::Shaded), count(Answer::Trace)];
         let report = AgentReport { answers, ..AgentReport::default() };
@@ -350,12 +251,4 @@ impl Agents {
         };
         [self.visibility.places().clone(), sensors]
     }
-}
-
-/// Joins parts in their order.
-pub(super) fn joined(parts: Vec<Sensed>) -> Sensed {
-    parts.into_iter().fold(Sensed::default(), |mut all, part| {
-        all.append(part);
-        all
-    })
 }

@@ -14,14 +14,16 @@ mod own;
 mod paper;
 mod probe;
 mod report;
+mod sense;
 mod sensing;
 mod swarm;
+mod units;
 mod visibility;
 
 pub use agent::Agent;
 pub(crate) use cast::cast_agents;
-pub use cast::{AgentWork, SensorWork};
 pub use ludd::{Criterion, Density, Ludd, SampleSet, Samples, UnknownCriterion, useful_data_density};
 pub(crate) use map::Agents;
 pub use report::{AgentReport, Tally};
 pub use sensing::Sensed;
+pub use units::{AgentWork, SensorWork};

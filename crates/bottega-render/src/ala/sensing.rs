@@ -2,22 +2,31 @@
 
 use std::{ops::Range, sync::Arc};
 
-use bottega_kernels::compiled::Task;
-
-use super::{
-    agent::Agent,
-    map::Agents,
-    network::Network,
-    own::{self, Candidate},
-    paper,
-    probe::Probe,
-    swarm::Swarm,
-};
+use super::{agent::Agent, map::Agents, network::Network, probe::Probe, swarm::Swarm};
 use crate::{
+    RenderError,
     integrator::PhotonIntegrator,
     photon::{IrradiancePlaces, PhotonMaps, cache::Record},
     prepare::PreparedScene,
 };
+
+/// Agents that one unit of work casts: some milliseconds.
+pub(super) const AGENTS: u32 = 4096;
+/// Agents that look around in one unit of work.
+pub(super) const SENSING: u32 = 512;
+/// Those that measure indirect light by our own rules: fewer, since each that must follows hundreds of paths.
+pub(super) const MEASURING: u32 = 16;
+
+/// Does errands, and joins what was found in their order.
+pub(super) type Run<'a> = dyn FnMut(Vec<Errand>) -> Result<Sensed, RenderError> + 'a;
+
+/// An agent, and the side of its surface that it would measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Candidate {
+    pub(super) index: u32,
+    /// Whether it is the side that the agent did not come from.
+    pub(super) is_back: bool,
+}
 
 /// What some agents are to do.
 #[derive(Clone)]
@@ -94,19 +103,5 @@ impl<'a> Sensing<'a> {
     /// Where the sensors of an agent go.
     pub(super) fn probe(&self, index: u32) -> Probe<'a> {
         Probe { prepared: self.prepared(), agent: self.agent(index), seed: self.seed, reach: self.network.reach(index) }
-    }
-}
-
-impl Task for Sensing<'_> {
-    type Output = Sensed;
-
-    #[inline(always)]
-    fn run(self) -> Sensed {
-        let part_of = |part: &Range<u32>| part.start as usize..part.end as usize;
-        match &self.errand {
-            Errand::Dig(indices) => paper::dig(&self, indices.clone()),
-            Errand::Look { who, part, numbers } => own::look(&self, &who[part_of(part)], numbers.clone()),
-            Errand::Measure { who, part, others } => own::measure(&self, &who[part_of(part)], others),
-        }
     }
 }

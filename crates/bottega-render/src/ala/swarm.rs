@@ -3,9 +3,9 @@
 use super::agent::Agent;
 use crate::{
     AgentSettings,
+    extent::Extent,
     lights::NO_LIGHT,
-    photon::{Extent, Nearest, Photon, PhotonMap, is_alike},
-    prepare::PreparedScene,
+    photon::{Nearest, Photon, PhotonMap, is_alike},
 };
 
 /// Agents from which the density around a place is estimated.
@@ -29,20 +29,16 @@ pub(crate) struct Swarm {
 impl Swarm {
     /// Builds the tree on the threads of the present pool.
     ///
+    /// - `source_count`: how many sources cast them.
     /// - `extent`: of what is seen.
     /// - `agents`: in the order of their identities.
     ///   Those for whom there is no memory are left out.
-    pub(crate) fn new(
-        prepared: &PreparedScene,
-        extent: &Extent,
-        mut agents: Vec<Agent>,
-        settings: &AgentSettings,
-    ) -> Self {
+    pub(crate) fn new(source_count: usize, extent: &Extent, mut agents: Vec<Agent>, settings: &AgentSettings) -> Self {
         agents.truncate(settings.agents_max());
         let object_distance = object_distance(extent, &agents);
         let place = |(agent, index): (&Agent, u32)| Photon::tagged(agent.p, agent.to_light, agent.normal, index);
         let tree = PhotonMap::new(agents.iter().zip(0..).map(place).collect());
-        let cast_by_light = settings.cast as f32 / prepared.emission().source_count().max(1) as f32;
+        let cast_by_light = settings.cast as f32 / source_count.max(1) as f32;
         Self { agents, tree, object_distance, cast_by_light }
     }
 

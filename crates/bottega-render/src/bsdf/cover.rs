@@ -172,6 +172,14 @@ impl Boundary {
     }
 }
 
+impl Microfacets {
+    /// What a rough boundary of these facets lets through to a base; see [`Cover::new`].
+    pub(super) fn cover(&self, eta: f32, thickness: f32, mean: Mean) -> Cover {
+        let [x, y] = self.alpha();
+        Cover::new(self.distribution(), self.shadowing, eta, (x * y).sqrt(), thickness, mean)
+    }
+}
+
 /// Mean over the normals that a direction at cosine `mu` sees of what `way` makes of a facet: a direction and its share.
 fn share(facets: &Microfacets, mu: f32, eta: f32, way: impl Fn(Vec3, Vec3) -> Option<(Vec3, f32)>) -> f32 {
     let wo = Vec3::new((1.0 - mu * mu).max(0.0).sqrt(), 0.0, mu);

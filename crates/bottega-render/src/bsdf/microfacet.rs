@@ -5,14 +5,13 @@ use bottega_scene::{Distribution, Shadowing};
 use glam::Vec3;
 
 use super::beckmann::Beckmann;
-use super::cover::{Cover, Mean};
 use super::ggx::{Ggx, SMOOTH_ALPHA};
 
 /// Facets with either distribution; none where the boundary is smooth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Microfacets {
     normals: Normals,
-    shadowing: Shadowing,
+    pub(super) shadowing: Shadowing,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,12 +69,6 @@ impl Microfacets {
 
     pub(super) fn distribution(&self) -> Distribution {
         if let Normals::Beckmann(_) = self.normals { Distribution::Beckmann } else { Distribution::Ggx }
-    }
-
-    /// What a rough boundary of these facets lets through to a base; see [`Cover::new`].
-    pub(super) fn cover(&self, eta: f32, thickness: f32, mean: Mean) -> Cover {
-        let [x, y] = self.alpha();
-        Cover::new(self.distribution(), self.shadowing, eta, (x * y).sqrt(), thickness, mean)
     }
 
     /// G₁: share of the facets that a direction on either side sees.

@@ -5,6 +5,8 @@
 //! perceptual roughness (nodes even in its root: at grazing angles it is α / μ that counts). Means over the
 //! cosine-weighted hemisphere are those of the *interpolated* tables, so that lobes normalized with them balance exactly.
 
+mod compute;
+
 use std::fmt;
 use std::sync::OnceLock;
 
@@ -12,7 +14,6 @@ use glam::Vec3;
 
 use super::fresnel;
 use super::ggx::Ggx;
-use super::sheen;
 
 /// Nodes of a curve.
 pub const MU: usize = 32;
@@ -163,32 +164,6 @@ impl Tables {
                 _ => curve.at[i],
             })
         })
-    }
-
-    fn compute() -> Self {
-        let cells: Vec<[Cell; MU]> = (0..ROUGHNESS)
-            .map(|i| {
-                let root = i as f32 / (ROUGHNESS - 1) as f32;
-                std::array::from_fn(|j| Cell::integrate(node_mu(j), root * root))
-            })
-            .collect();
-        let by_roughness = |value: &dyn Fn(&Cell) -> f32| -> Vec<Curve> {
-            cells.iter().map(|row| Curve::new(std::array::from_fn(|j| value(&row[j])))).collect()
-        };
-        let by_index = |value: &dyn Fn(&Cell, usize) -> f32| -> Vec<Curve> {
-            (0..INDEX).flat_map(|k| by_roughness(&|cell| value(cell, k))).collect()
-        };
-        let sheen = |i: usize| {
-            let roughness = sheen::roughness_at(i as f32 / (ROUGHNESS - 1) as f32);
-            Curve::new(std::array::from_fn(|j| sheen::albedo_by_quadrature(node_mu(j), roughness)))
-        };
-        Self {
-            single: by_roughness(&|cell| cell.single),
-            schlick: by_roughness(&|cell| cell.schlick),
-            rise: by_index(&|cell, k| cell.rise[k]),
-            boundary: [by_index(&|cell, k| cell.boundary[0][k]), by_index(&|cell, k| cell.boundary[1][k])],
-            sheen: (0..ROUGHNESS).map(sheen).collect(),
-        }
     }
 }
 

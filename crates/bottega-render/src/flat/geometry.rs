@@ -4,7 +4,7 @@ use bottega_scene::{Mesh, Scene};
 use glam::{Mat3, Vec3};
 
 use super::{InstanceRecord, MeshRecord, NONE, Portable, SphereRecord, Words, header};
-use crate::prepare::{PreparedMaterial, PreparedScene};
+use crate::{prepare::PreparedScene, surfaces::PreparedMaterial};
 
 /// Words that the geometry takes, at most.
 pub(super) fn count(prepared: &PreparedScene) -> u64 {

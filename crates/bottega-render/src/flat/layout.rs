@@ -2,8 +2,38 @@
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
-use super::NONE;
 use crate::record;
+
+/// Stands for a place where nothing is.
+pub const NONE: u32 = u32::MAX;
+
+/// Places of a [`FlatScene`](crate::flat::FlatScene) that say where everything else is.
+pub mod header {
+    /// Records of instances, [`InstanceRecord`](super::InstanceRecord).
+    pub const INSTANCES: usize = 0;
+    /// Records of spheres, [`SphereRecord`](super::SphereRecord).
+    pub const SPHERES: usize = 1;
+    /// Records of the lights of the tree, [`LIGHT_WORDS`](super::LIGHT_WORDS) each, by their numbers in it.
+    pub const LIGHTS: usize = 2;
+    /// How many these are.
+    pub const LIGHT_COUNT: usize = 3;
+    /// Nodes of the tree, [`TreeNodeRecord`](super::TreeNodeRecord).
+    pub const TREE: usize = 4;
+    /// Intensity of all lights of the tree together (f32).
+    pub const TREE_INTENSITY: usize = 5;
+    /// Records of triangles that shine, [`ShiningRecord`](super::ShiningRecord).
+    pub const SHINING: usize = 6;
+    /// Parallel lights, [`ParallelRecord`](super::ParallelRecord).
+    pub const PARALLEL: usize = 7;
+    /// How many these are.
+    pub const PARALLEL_COUNT: usize = 8;
+    /// The [`EnvironmentRecord`](super::EnvironmentRecord); [`NONE`](super::NONE): there is none.
+    pub const ENVIRONMENT: usize = 9;
+    /// Whether light sampling finds light from infinitely far away.
+    pub const HAS_FAR: usize = 10;
+    /// Words of the header.
+    pub const COUNT: usize = 16;
+}
 
 /// Numbers that stand for the variants of enums.
 pub mod code {

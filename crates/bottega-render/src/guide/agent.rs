@@ -11,23 +11,12 @@
 
 use glam::Vec3;
 
-use super::tree::Guide;
 use crate::lights::{CHOICE_NUMBERS, Choice};
 
 /// Vertices from which a region's agent learns, at least.
 const VERTICES_MIN: usize = 48;
 /// What is so many times as bright as the mean counts as no brighter.
 const OUTLIER: f32 = 40.0;
-/// Paths in a part of the picture, as far as there are enough.
-const PATHS_PER_PART: usize = 64;
-/// Least side of a part, in pixels.
-const SIDE_MIN: f64 = 4.0;
-/// What a part shows counts as no less than this share of what the picture does.
-const DARKEST: f32 = 0.3;
-/// A path whose first region is so many times as noisy as its part of the picture is bright counts as no noisier.
-const NOISE_MAX: f32 = 20.0;
-/// A light that differs from the mean of those next to it by more than this factor is taken for noise.
-const BRIGHTEST: f32 = 4.0;
 
 /// What is known of the surfaces of one region.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,7 +26,7 @@ pub(crate) struct Agent {
     /// Root of the mean square of what leaves, over the work.
     strength: f32,
     /// Root of its variance, over the work.
-    noise: f32,
+    pub(super) noise: f32,
 }
 
 /// Numbers that an [`Agent`] is written down as.
@@ -117,72 +106,13 @@ pub(super) struct Seen {
 /// What the parts of the picture are worth: 1 ∕ (I √(V ∕ K)), see the [module](self).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Expected {
-    columns: u32,
-    rows: u32,
-    worth: Vec<f32>,
+    pub(super) columns: u32,
+    pub(super) rows: u32,
+    pub(super) worth: Vec<f32>,
 }
 
 impl Expected {
-    /// From paths all over a picture of this size in pixels, and what was learnt from them.
-    pub(super) fn new(size: [u32; 2], paths: &[Seen], guide: &Guide) -> Self {
-        let [width, height] = size.map(f64::from);
-        let parts = (paths.len() / PATHS_PER_PART).max(1) as f64;
-        let side = (width * height / parts).sqrt().max(SIDE_MIN);
-        let [columns, rows] = [width, height].map(|length| (length / side).ceil().max(1.0) as u32);
-        let mut expected = Self { columns, rows, worth: Vec::new() };
-        let count = (columns * rows) as usize;
-        let (mut sums, mut counts) = (vec![0.0_f64; count], vec![0_u32; count]);
-        for path in paths {
-            let part = expected.part(path.place);
-            sums[part] += f64::from(path.brightness);
-            counts[part] += 1;
-        }
-        let total = sums.iter().sum::<f64>() / paths.len().max(1) as f64;
-        let means: Vec<f32> = sums
-            .iter()
-            .zip(&counts)
-            .map(|(&sum, &count)| if count > 0 { (sum / f64::from(count)) as f32 } else { total as f32 })
-            .collect();
-        let least = DARKEST * total as f32;
-        let shown: Vec<f32> = (0..count).map(|part| expected.calmed(&means, part).max(least)).collect();
-        if !(total > 0.0 && total.is_finite()) {
-            return Self::default();
-        }
-        // In units of this, paths go on as one on the average where they first can.
-        let mut sum = 0.0_f64;
-        for path in paths {
-            let Some((p, normal, throughput)) = path.first else { continue };
-            let agent = guide.leaf(p, normal).and_then(|leaf| guide.agent(leaf));
-            let noise = agent.map_or(0.0, |agent| agent.noise * throughput);
-            sum += f64::from((noise / shown[expected.part(path.place)]).min(NOISE_MAX));
-        }
-        let unit = (sum / paths.len().max(1) as f64) as f32;
-        let worth = |shown: &f32| {
-            let worth = 1.0 / (shown * unit);
-            if worth.is_finite() { worth } else { 0.0 }
-        };
-        expected.worth = shown.iter().map(worth).collect();
-        expected
-    }
-
-    /// What a part shows, if that is about what is around it.
-    fn calmed(&self, means: &[f32], part: usize) -> f32 {
-        let (columns, rows) = (self.columns as usize, self.rows as usize);
-        let (x, y) = (part % columns, part / columns);
-        let mut around = [0.0; 9];
-        let mut count = 0;
-        for y in y.saturating_sub(1)..(y + 2).min(rows) {
-            for x in x.saturating_sub(1)..(x + 2).min(columns) {
-                around[count] = means[y * columns + x];
-                count += 1;
-            }
-        }
-        around[..count].sort_unstable_by(f32::total_cmp);
-        let middle = around[count / 2];
-        means[part].clamp(middle / BRIGHTEST, middle * BRIGHTEST)
-    }
-
-    fn part(&self, [x, y]: [f32; 2]) -> usize {
+    pub(super) fn part(&self, [x, y]: [f32; 2]) -> usize {
         let along = |place: f32, count: u32| ((place * count as f32) as u32).min(count.saturating_sub(1));
         (along(y, self.rows) * self.columns + along(x, self.columns)) as usize
     }

@@ -17,6 +17,7 @@
 mod agent;
 mod bytes;
 mod directions;
+mod expected;
 mod learn;
 pub(crate) mod octahedron;
 mod train;

@@ -2,21 +2,22 @@
 
 mod path;
 mod photon;
+mod record;
+mod transport;
 mod turns;
 mod volume;
 
 pub use path::PathIntegrator;
-
-pub(crate) use path::light::shadow_ray;
-pub use path::{BLEND, DEPTH_SHIFT, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
-pub(crate) use path::{PathRecord, Wanted, bsdf_at, exp};
 pub use photon::PhotonIntegrator;
-pub(crate) use photon::{Hands, SensorPlace, is_broad, is_matte, sensing_settings};
+pub(crate) use photon::{Hands, SensorPlace, sensing_settings};
+pub(crate) use record::{PathRecord, Wanted};
+pub(crate) use transport::shadow_ray;
+pub use transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
 pub(crate) use turns::Painting;
 
 use bottega_kernels::compiled;
 
-use crate::{PathSettings, PreparedScene, RenderError, View};
+use crate::{PathSettings, PreparedScene, Prepass, RenderError, View};
 
 /// Whichever integrator the settings ask for.
 pub(crate) enum Integrator<'a> {
@@ -27,14 +28,15 @@ pub(crate) enum Integrator<'a> {
 impl<'a> Integrator<'a> {
     pub(crate) fn new(
         prepared: &'a PreparedScene,
+        prepass: &Prepass,
         view: View,
         settings: &'a PathSettings,
         wanted: Wanted,
     ) -> Result<Self, RenderError> {
         Ok(match settings.photons {
-            None => Self::Paths(PathIntegrator::new(prepared, view, settings)?.with_wanted(wanted)),
+            None => Self::Paths(PathIntegrator::new(prepared, prepass, view, settings)?.with_wanted(wanted)),
             Some(photons) => {
-                Self::Photons(PhotonIntegrator::new(prepared, view, settings, photons)?.with_wanted(wanted))
+                Self::Photons(PhotonIntegrator::new(prepared, prepass, view, settings, photons)?.with_wanted(wanted))
             }
         })
     }

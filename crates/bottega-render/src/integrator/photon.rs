@@ -10,27 +10,20 @@
 //! what indirect light comes to matte surfaces; where they do not know, rays are gathered that end where they do.
 
 mod eye;
+mod paint;
 mod place;
 mod sense;
 
-use std::{
-    ops::Range,
-    sync::{Arc, OnceLock},
-};
+use std::sync::{Arc, OnceLock};
 
-use bottega_kernels::compiled::{self, Task};
 use bottega_scene::MediumId;
 
-use super::path::{PathIntegrator, PathRecord};
+use super::{path::PathIntegrator, record::Wanted};
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, View,
-    ala::Agents,
-    camera::CameraRay,
+    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, View,
     photon::{Passes, cache::IrradianceCache},
-    sampler::PixelSampler,
 };
-use eye::Eye;
-pub(crate) use eye::{Hands, Known, is_broad, is_matte};
+pub(crate) use eye::Hands;
 pub(crate) use sense::{SensorPlace, sensing_settings};
 
 /// What the maps of all passes of a progressive picture may take. Samples beyond those that have passes of their own take
@@ -56,6 +49,7 @@ impl<'a> PhotonIntegrator<'a> {
     /// There is no such picture, or the scene has media that photons know nothing of.
     pub fn new(
         prepared: &'a PreparedScene,
+        prepass: &Prepass,
         view: View,
         settings: &'a PathSettings,
         photons: PhotonSettings,
@@ -67,92 +61,22 @@ impl<'a> PhotonIntegrator<'a> {
         let affordable = PASSES_BYTES / (u64::from(photons.count.max(1)) * PHOTON_BYTES);
         let pass_count =
             if photons.progressive { u64::from(settings.planned_samples).min(affordable).max(1) as u32 } else { 1 };
-        let passes = prepared.passes(view, photons, settings.seed, pass_count);
+        let passes = prepass.passes(prepared, view, photons, settings.seed, pass_count);
         let is_cached = photons.irradiance_cache > 0.0 && photons.final_rays > 0 && !photons.progressive;
         let cache = is_cached.then(|| passes.cache(view));
         Ok(Self { base, photons, passes, cache, view })
     }
 
-    /// Makes the maps that a range of samples needs, if they are not there: on all processors that the scene was prepared
-    /// with.
-    pub fn cast(&self, samples: Range<u32>) {
-        for sample in samples {
-            self.passes.of_sample(self.base.prepared(), sample);
-            if !self.photons.progressive {
-                break;
-            }
-        }
-        self.cache();
-        self.agents();
-    }
-
-    /// The irradiance at some places; the first who asks has it made.
-    fn cache(&self) -> Option<&IrradianceCache> {
-        let prepared = self.base.prepared();
-        let make = || prepared.on_threads(|| place::records(self, self.passes.of_sample(prepared, 0)));
-        self.cache.as_ref().map(|cache| cache.get_or_init(make))
-    }
-
-    /// The agents that are asked, if they are wanted; the first who asks has them made.
-    fn agents(&self) -> Option<&Agents> {
-        let settings = self.photons.agents?;
-        let prepared = self.base.prepared();
-        let make = || {
-            prepared.on_threads(|| {
-                let maps = self.passes.of_sample(prepared, 0);
-                Agents::new(prepared, settings, self, maps, self.base.settings().seed)
-                    .unwrap_or_else(|_| unreachable!("errands on this machine are run"))
-            })
-        };
-        Some(self.passes.agents(make))
-    }
-
-    pub(crate) fn with_wanted(self, wanted: super::Wanted) -> Self {
+    pub(crate) fn with_wanted(self, wanted: Wanted) -> Self {
         Self { base: self.base.with_wanted(wanted), ..self }
     }
 
-    /// Paints samples of pixels, one after the other.
-    pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
-        records.clear();
-        let mut hands = Hands::new(self);
-        let (cache, agents) = (self.cache(), self.agents());
-        for &(x, y, index) in samples {
-            let sampler = PixelSampler::new(self.base.settings().seed, x, y, index);
-            let (ray, factor) = self.base.camera_ray(&sampler, x, y);
-            let maps = self.passes.of_sample(self.base.prepared(), index);
-            let known = Known { maps, cache, agents };
-            let sample = Sample { integrator: self, known, sampler, ray, hands: &mut hands };
-            records.push(compiled::run(sample).scaled(factor));
-        }
-        if let Some(agents) = agents {
-            agents.count(&hands.tally);
-        }
-    }
-
-    /// A camera ray through the pixel (x, y).
-    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> CameraRay {
-        self.base.camera_ray(sampler, x, y).0
+    /// What its paths from the camera go by.
+    pub(crate) fn base(&self) -> &PathIntegrator<'a> {
+        &self.base
     }
 
     fn camera_medium(&self) -> Option<MediumId> {
         self.base.camera_medium()
-    }
-}
-
-/// One sample of a pixel.
-struct Sample<'a> {
-    integrator: &'a PhotonIntegrator<'a>,
-    known: Known<'a>,
-    sampler: PixelSampler,
-    ray: CameraRay,
-    hands: &'a mut Hands,
-}
-
-impl Task for Sample<'_> {
-    type Output = PathRecord;
-
-    #[inline(always)]
-    fn run(self) -> PathRecord {
-        Eye::new(self.integrator, self.known, self.sampler, self.hands).look(&self.ray)
     }
 }

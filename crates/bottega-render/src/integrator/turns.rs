@@ -1,8 +1,15 @@
 //! Paths of several samples, followed in turn: what one waits for of memory is under way while others are worked on.
 
-use bottega_kernels::{Hit, compiled::Task};
+use bottega_image::SampleValues;
+use bottega_kernels::{
+    Hit,
+    compiled::{self, Task},
+};
 
-use super::path::{BRANCHES_MAX, Branch, Path, PathIntegrator, PathRecord};
+use super::{
+    path::{BRANCHES_MAX, Branch, Path, PathIntegrator},
+    record::PathRecord,
+};
 use crate::{interaction, sampler::PixelSampler};
 
 /// Paths under way at a time.
@@ -42,6 +49,15 @@ impl Task for Painting<'_> {
         } else {
             in_turn::<false>(integrator, samples, records);
         }
+    }
+}
+
+impl PathIntegrator<'_> {
+    /// One sample of the pixel (x, y). Radiance that is not finite counts as 0.
+    pub fn sample(&self, x: u32, y: u32, sample_index: u32) -> SampleValues {
+        let mut records = Vec::new();
+        compiled::run(Painting { integrator: self, samples: &[(x, y, sample_index)], records: &mut records });
+        records.first().copied().unwrap_or_default().values
     }
 }
 

@@ -13,8 +13,10 @@ use bottega_kernels::{Hit, Ray};
 use bottega_scene::{MediumId, Spectrum, Surface};
 use glam::Vec3;
 
-use super::path::{
-    BLEND, DEPTH_SHIFT, PathIntegrator, PathRecord, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN, bsdf_at,
+use super::{
+    path::PathIntegrator,
+    record::PathRecord,
+    transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN},
 };
 use crate::{
     PathSettings, PreparedScene,
@@ -28,6 +30,7 @@ use crate::{
     },
     sampler::{DimensionSet, PixelSampler},
     settings::DirectLight,
+    shading::{BLEND, DEPTH_SHIFT, bsdf_at},
 };
 
 /// Boundaries of media that a path or a shadow ray may cross without being scattered.
@@ -41,8 +44,17 @@ const PANE: u64 = 0x7061_6e65_7061_6e65;
 /// Sets the numbers of tracking apart from those that other decisions take.
 const TRACKING: u64 = 0x7472_6163_6b69_6e67;
 
+impl PathIntegrator<'_> {
+    /// One sample in which media take part.
+    pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
+        let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
+        let (ray, factor) = self.camera_ray(&sampler, x, y);
+        trace(self, sampler, &ray).scaled(factor)
+    }
+}
+
 /// Follows one path. The integrator gives the camera and the settings.
-pub(super) fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {
+fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {
     let (prepared, settings) = (integrator.prepared(), integrator.settings());
     let mut path = Path {
         prepared,

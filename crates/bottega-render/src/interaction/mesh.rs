@@ -4,23 +4,23 @@ use bottega_kernels::{Hit, prefetch};
 use bottega_scene::Mesh;
 use glam::{Vec2, Vec3};
 
-use crate::prepare::PreparedScene;
+use crate::surfaces::Surfaces;
 
 /// Asks memory for the triangle that was hit.
 #[inline(always)]
-pub(crate) fn request_triangle(prepared: &PreparedScene, hit: &Hit) {
+pub(crate) fn request_triangle(surfaces: &Surfaces, hit: &Hit) {
     if !hit.is_none() && hit.sphere().is_none() {
-        prefetch(&prepared.mesh(hit.instance).triangles, hit.primitive as usize);
+        prefetch(&surfaces.mesh(hit.instance).triangles, hit.primitive as usize);
     }
 }
 
 /// Asks memory for the vertices of the triangle that was hit.
 #[inline(always)]
-pub(crate) fn request_vertices(prepared: &PreparedScene, hit: &Hit) {
+pub(crate) fn request_vertices(surfaces: &Surfaces, hit: &Hit) {
     if hit.is_none() || hit.sphere().is_some() {
         return;
     }
-    let mesh = prepared.mesh(hit.instance);
+    let mesh = surfaces.mesh(hit.instance);
     for vertex in mesh.triangles[hit.primitive as usize] {
         prefetch(&mesh.positions, vertex as usize);
         prefetch(&mesh.normals, vertex as usize);

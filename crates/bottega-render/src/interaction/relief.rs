@@ -3,8 +3,7 @@
 use bottega_scene::{ScalarParam, Scene, TextureMap, Uvs};
 use glam::Vec3;
 
-use super::Interaction;
-use crate::mapping::gradients;
+use crate::mapping::{TexturePlace, gradients};
 
 /// The normal of the surface lifted by `height` along `ns`. Outward like `ns`.
 ///
@@ -13,16 +12,16 @@ use crate::mapping::gradients;
 pub(super) fn bumped_normal(
     scene: &Scene,
     height: &ScalarParam,
-    point: &Interaction,
+    place: TexturePlace,
     footprint: f32,
     ns: Vec3,
     derivatives: impl Fn(u8) -> Option<[Vec3; 2]>,
 ) -> Vec3 {
     let Some((map, channel)) = &height.texture else { return ns };
-    let (uv, footprint) = point.texture_place().of(scene, map, footprint);
+    let (uv, footprint) = place.of(scene, map, footprint);
     let slopes = scene.images[map.image.0 as usize].slopes(map, uv, footprint);
     if let Some(mapping) = map.mapping(scene) {
-        let [u, v] = gradients(mapping, point.p);
+        let [u, v] = gradients(mapping, place.spot.p);
         let slope = (u * slopes[0][*channel as usize] + v * slopes[1][*channel as usize]) * height.factor;
         return (ns - (slope - ns * ns.dot(slope))).normalize_or(ns);
     }
@@ -36,12 +35,12 @@ pub(super) fn bumped_normal(
 pub(super) fn mapped_normal(
     scene: &Scene,
     (map, scale): (&TextureMap, f32),
-    point: &Interaction,
+    place: TexturePlace,
     footprint: f32,
     ns: Vec3,
     tangent: (Vec3, f32),
 ) -> Vec3 {
-    let (uv, footprint) = point.texture_place().of(scene, map, footprint);
+    let (uv, footprint) = place.of(scene, map, footprint);
     let texel = scene.images[map.image.0 as usize].eval(map, uv, footprint).truncate();
     let bent = (texel * 2.0 - 1.0) * Vec3::new(scale, scale, 1.0);
     let t = tangent.0 - ns * ns.dot(tangent.0);

@@ -9,8 +9,11 @@
 //! (parts of the tree learnt by place; the root of the mean square as target); Pantaleoni 2019, *Importance sampling of
 //! many lights with reinforcement lightcuts learning* (a cut that adapts).
 
+use bottega_kernels::Hit;
+use glam::Vec3;
+
 use super::{LightSample, Lights, NO_LIGHT, Receiver, tree::LightTree};
-use crate::{bsdf::warp::ONE_MINUS_EPSILON, prepare::PreparedScene, sampler::Quad};
+use crate::{bsdf::warp::ONE_MINUS_EPSILON, sampler::Quad, surfaces::Surfaces};
 
 /// Parts of the tree that a choice tells apart.
 pub(crate) const PARTS: usize = 32;
@@ -258,17 +261,17 @@ impl Lights {
     #[inline(always)]
     pub(crate) fn sample_by(
         &self,
-        prepared: &PreparedScene,
+        surfaces: &Surfaces,
         receiver: &Receiver,
         choice: &Choice,
         u: Quad,
     ) -> Option<LightSample> {
         if choice.share <= 0.0 {
-            return self.sample(prepared, receiver, u);
+            return self.sample(surfaces, receiver, u);
         }
         let far = self.far_share_by(receiver, choice);
         if u[0] < far {
-            return self.sample_far(prepared.scene(), receiver, u[0] / far, far, [u[1], u[2]]);
+            return self.sample_far(surfaces.scene(), receiver, u[0] / far, far, [u[1], u[2]]);
         }
         let rest = ((u[0] - far) / (1.0 - far)).min(ONE_MINUS_EPSILON);
         let by_choice = self.near_by_choice(choice) / (1.0 - far);
@@ -287,7 +290,7 @@ impl Lights {
         if pmf <= 0.0 || light as usize >= self.lights.len() {
             return None;
         }
-        let sample = self.sample_place(prepared, light, receiver.p, [u[1], u[2]])?;
+        let sample = self.sample_place(surfaces, light, receiver.p, [u[1], u[2]])?;
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
@@ -309,8 +312,27 @@ impl Lights {
         by_tree * whole + self.near_by_choice(choice) * choice.probability(part) * below
     }
 
+    /// Density per solid angle with which the place `p` that was hit on a surface that shines is drawn: by a choice that was
+    /// learnt, or as nobody has learnt.
+    #[inline(always)]
+    pub(crate) fn hit_pdf_by(
+        &self,
+        surfaces: &Surfaces,
+        hit: &Hit,
+        receiver: &Receiver,
+        p: Vec3,
+        choice: Option<&Choice>,
+    ) -> f32 {
+        let Some(light) = self.light_of(surfaces, hit) else { return 0.0 };
+        let pmf = match choice {
+            None => self.pmf(receiver, light),
+            Some(choice) => self.pmf_by(receiver, choice, light),
+        };
+        if pmf > 0.0 { pmf * self.place_pdf(surfaces.scene(), light, receiver.p, p) } else { 0.0 }
+    }
+
     /// Density per solid angle with which [`Self::sample_by`] draws a direction that meets no surface.
-    pub(crate) fn environment_pdf_by(&self, receiver: &Receiver, choice: &Choice, direction: glam::Vec3) -> f32 {
+    pub(crate) fn environment_pdf_by(&self, receiver: &Receiver, choice: &Choice, direction: Vec3) -> f32 {
         if choice.share <= 0.0 {
             return self.environment_pdf(receiver, direction);
         }

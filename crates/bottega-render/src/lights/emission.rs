@@ -13,18 +13,14 @@ mod tests;
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
-use bottega_kernels::{Ray, math};
+use bottega_kernels::Ray;
 use bottega_scene::{Environment, Light as SceneLight, LightKind, Portal, Spectrum, TextureMap};
 use glam::{Vec2, Vec3};
 
 use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual};
-use crate::{
-    luminance,
-    photon::Extent,
-    prepare::PreparedScene,
-    sampler::Quad,
-    sampling::{orthonormal_basis, uniform_sphere},
-};
+use crate::{extent::Extent, luminance, prepare::PreparedScene, sampler::Quad, sampling::uniform_sphere};
+use place::{Spread, Start};
+use plan::{AIMED, FIRST, STEP};
 pub(crate) use plan::{Aim, EmissionPlan};
 
 /// Part of the mean that every cell of a light's picture has at least, so that nothing is missed that shines between the
@@ -48,30 +44,7 @@ pub(crate) struct Emitted {
     pub(crate) light: u32,
 }
 
-/// Where a photon starts, where it goes, and the power that it stands for.
-struct Start {
-    origin: Vec3,
-    direction: Vec3,
-    power: Spectrum,
-    spread: Spread,
-}
-
-/// How densely directions are drawn at a place.
-enum Spread {
-    /// All alike.
-    Everywhere,
-    /// By the cosine to a normal.
-    Cosine(Vec3),
-    /// So that none else may be taken.
-    AsDrawn,
-}
-
 impl Start {
-    /// One whose direction may not be changed.
-    fn as_drawn(origin: Vec3, direction: Vec3, power: Spectrum) -> Self {
-        Self { origin, direction, power, spread: Spread::AsDrawn }
-    }
-
     /// The same, perhaps in a direction to what is seen; its power then is that by all ways in which the direction is drawn.
     ///
     /// - `v`: direction (2), whether it is aimed (1), spare (1).
@@ -188,7 +161,50 @@ impl Emission {
 
     /// How photons are sent to what is seen.
     pub(crate) fn plan(&self, prepared: &PreparedScene, extent: Extent) -> EmissionPlan {
-        EmissionPlan::new(prepared, self, extent)
+        let mut plan = EmissionPlan { extent, sums: self.sums.clone(), discs: vec![(self.radius, 1.0)] };
+        if extent.is_whole() {
+            return plan;
+        }
+        let mut radii: Vec<f32> = std::iter::successors(Some(extent.radius), |radius| Some(radius * STEP))
+            .take_while(|&radius| radius < extent.whole)
+            .collect();
+        radii.push(self.radius);
+        let others = (1.0 - FIRST) / (radii.len() - 1).max(1) as f32;
+        plan.discs = radii.iter().zip(0..).map(|(&radius, i)| (radius, if i == 0 { FIRST } else { others })).collect();
+        let source = |index: usize| {
+            let power = self.sums[index + 1] - self.sums[index];
+            (power, power * self.arriving(prepared, &extent, &self.sources[index]))
+        };
+        let powers: Vec<(f64, f64)> = (0..self.sources.len()).map(source).collect();
+        let arriving: f64 = powers.iter().map(|(_, arriving)| arriving).sum();
+        if arriving > 0.0 {
+            let mut sum = 0.0;
+            let aimed = f64::from(AIMED);
+            let mut add = |(power, part): &(f64, f64)| {
+                sum += (1.0 - aimed) * power + aimed * part / arriving;
+                sum
+            };
+            plan.sums = std::iter::once(0.0).chain(powers.iter().map(&mut add)).collect();
+            if let Some(last) = plan.sums.last_mut() {
+                *last = 1.0;
+            }
+        }
+        plan
+    }
+
+    /// An estimate of the share of a source's power that may come to what is seen.
+    fn arriving(&self, prepared: &PreparedScene, extent: &Extent, source: &Source) -> f64 {
+        let near = |p: Vec3| f64::from((extent.radius / p.distance(extent.center)).min(1.0)).powi(2);
+        let scene = &**prepared.scene();
+        match source {
+            Source::Near(number) | Source::Pictured(number, ..) => match &prepared.lights().lights[*number as usize] {
+                Light::Surface(surface) => near(surface.ball().0),
+                Light::Sphere(index) => near(scene.spheres[*index as usize].center),
+                Light::Punctual(index) => near(punctual::position(scene, *index)),
+            },
+            Source::Portal(portal) => near(portal.corner + 0.5 * (portal.edges[0] + portal.edges[1])),
+            Source::Parallel(..) | Source::Environment => f64::from(extent.radius / self.radius).powi(2),
+        }
     }
 
     /// A photon. `None`: these numbers emit none, and count as one that carries nothing.
@@ -270,12 +286,12 @@ impl Emission {
                 Start::as_drawn(origin, direction, power / density)
             }
             Source::Parallel(direction, irradiance) => {
-                let (origin, disc) = plan.on_disc(self, *direction, u[1], place);
+                let (origin, disc) = plan.on_disc((self.center, self.radius), *direction, u[1], place);
                 Start::as_drawn(origin, *direction, *irradiance * disc)
             }
             Source::Environment => {
                 let (wi, radiance, pdf) = self.far(prepared, towards)?;
-                let (origin, disc) = plan.on_disc(self, -wi, u[1], place);
+                let (origin, disc) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
                 Start::as_drawn(origin, -wi, radiance * (disc / pdf))
             }
             Source::Portal(portal) => self.through(prepared, portal, place, towards)?,
@@ -324,12 +340,4 @@ fn near_source(prepared: &PreparedScene, number: u32, index: u32) -> (Source, f3
         Some(table) => (Source::Pictured(number, index, table), mean),
         None => (Source::Near(number), 0.0),
     }
-}
-
-/// The direction at angle arccos(1 − `one_minus_cos`) to an axis, `turn` of the way around.
-pub(super) fn around(axis: Vec3, one_minus_cos: f32, turn: f32) -> Vec3 {
-    let (s, t) = orthonormal_basis(axis);
-    let (sin, cos) = math::sin_cos_of_turns(turn);
-    let sine = (one_minus_cos * (2.0 - one_minus_cos)).max(0.0).sqrt();
-    (s * (sine * cos) + t * (sine * sin) + axis * (1.0 - one_minus_cos)).normalize()
 }

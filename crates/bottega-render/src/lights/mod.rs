@@ -13,6 +13,7 @@ mod flat;
 mod portal;
 mod punctual;
 mod rectangle;
+mod sample;
 mod sphere;
 mod surface;
 mod tree;
@@ -29,14 +30,15 @@ use glam::Vec3;
 use crate::{
     bsdf::warp::ONE_MINUS_EPSILON,
     luminance,
-    prepare::{PreparedInstance, PreparedMaterial, PreparedScene},
     sampler::Quad,
+    surfaces::{PreparedInstance, PreparedMaterial, Surfaces},
 };
 use bounds::LightBounds;
 pub(crate) use choice::{Asked, Choice, NUMBERS as CHOICE_NUMBERS};
 pub(crate) use emission::{Aim, Emission, EmissionPlan, Emitted};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
+pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
 pub use surface::SOLID_ANGLE_MIN;
 use surface::{Grid, Panel, Shape, SurfaceLight};
 pub use tree::DISTANCE_SQUARED_MIN;
@@ -46,38 +48,6 @@ pub(crate) use tree::{Arc, Segment};
 /// Least probability with which light from infinitely far away is asked for, and least probability with which it is not,
 /// where there is light of both kinds: what is estimated of them knows nothing of shadows.
 pub const SHARE_MIN: f32 = 0.1;
-
-/// Stands for "no light" in the number of a light.
-pub(crate) const NO_LIGHT: u32 = u32::MAX;
-
-/// Light that reaches a point from one direction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LightSample {
-    /// Unit length, from the point to the light.
-    pub(crate) wi: Vec3,
-    /// How far the light is; infinite for one infinitely far away.
-    pub(crate) distance: f32,
-    /// Radiance along `wi`, if nothing is between. Of a light without extent: intensity over squared distance.
-    pub(crate) radiance: Spectrum,
-    /// Density per solid angle, or the probability alone of a light without extent.
-    pub(crate) pdf: f32,
-    /// Whether only light sampling can find it.
-    pub(crate) is_delta: bool,
-    /// Which light of the tree it was; [`NO_LIGHT`] for one infinitely far away.
-    pub(crate) light: u32,
-    /// The factor of `pdf` that is the probability of this light.
-    pub(crate) pmf: f32,
-}
-
-/// A point that asks for light.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Receiver {
-    /// World space.
-    pub(crate) p: Vec3,
-    /// Normal of an opaque surface on the side that is lit; 0 where light counts from everywhere: in a medium, and on a
-    /// surface that lets light through.
-    pub(crate) n: Vec3,
-}
 
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
@@ -176,9 +146,9 @@ impl Lights {
             let number = collected.push(Light::Sphere(index), sphere::bounds(scene, sphere));
             lights.spheres.push((index, number));
         }
-        for (index, prepared) in instances.iter_mut().enumerate() {
+        for (index, instance) in instances.iter_mut().enumerate() {
             if shines(scene.meshes[scene.instances[index].mesh as usize].material) {
-                prepared.first_light = lights.triangles.len() as u32;
+                instance.first_light = lights.triangles.len() as u32;
                 lights.add_instance(scene, index as u32, &mut collected);
             }
         }
@@ -248,31 +218,25 @@ impl Lights {
 
     /// Draws one light and a place on it. `None`: these numbers give no light.
     #[inline(always)]
-    pub(crate) fn sample(&self, prepared: &PreparedScene, receiver: &Receiver, u: Quad) -> Option<LightSample> {
+    pub(crate) fn sample(&self, surfaces: &Surfaces, receiver: &Receiver, u: Quad) -> Option<LightSample> {
         let share = self.far_share(receiver);
         if u[0] < share {
-            return self.sample_far(prepared.scene(), receiver, u[0] / share, share, [u[1], u[2]]);
+            return self.sample_far(surfaces.scene(), receiver, u[0] / share, share, [u[1], u[2]]);
         }
         let choice = if share > 0.0 { ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON) } else { u[0] };
         let (light, pmf) = self.tree.sample(receiver, choice)?;
         let pmf = pmf * (1.0 - share);
-        let sample = self.sample_place(prepared, light, receiver.p, [u[1], u[2]])?;
+        let sample = self.sample_place(surfaces, light, receiver.p, [u[1], u[2]])?;
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
     /// Draws a place on one light, whose number is taken as given: `pdf` is the density of the place alone.
     #[inline(always)]
-    pub(crate) fn sample_place(
-        &self,
-        prepared: &PreparedScene,
-        light: u32,
-        from: Vec3,
-        u: [f32; 2],
-    ) -> Option<LightSample> {
+    pub(crate) fn sample_place(&self, surfaces: &Surfaces, light: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let sample = match &self.lights[light as usize] {
-            Light::Surface(surface) => surface.sample(prepared, from, u)?,
-            Light::Sphere(index) => sphere::sample(prepared.scene(), *index, from, u)?,
-            Light::Punctual(index) => punctual::sample(prepared.scene(), *index, from)?,
+            Light::Surface(surface) => surface.sample(surfaces, from, u)?,
+            Light::Sphere(index) => sphere::sample(surfaces.scene(), *index, from, u)?,
+            Light::Punctual(index) => punctual::sample(surfaces.scene(), *index, from)?,
         };
         Some(LightSample { light, ..sample })
     }
@@ -367,11 +331,11 @@ impl Lights {
     }
 
     /// The number of the light that was hit; `None` where light sampling never finds it.
-    pub(crate) fn light_of(&self, prepared: &PreparedScene, hit: &Hit) -> Option<u32> {
+    pub(crate) fn light_of(&self, surfaces: &Surfaces, hit: &Hit) -> Option<u32> {
         let number = match hit.sphere() {
             Some(sphere) => self.of_sphere(sphere),
             None => {
-                let first = prepared.instance(hit.instance).first_light;
+                let first = surfaces.instance(hit.instance).first_light;
                 if first == NO_LIGHT {
                     return None;
                 }
@@ -391,26 +355,8 @@ impl Lights {
     }
 
     /// Density per solid angle with which [`Self::sample`] draws the place `p` that was hit on a surface that shines.
-    pub(crate) fn hit_pdf(&self, prepared: &PreparedScene, hit: &Hit, receiver: &Receiver, p: Vec3) -> f32 {
-        self.hit_pdf_by(prepared, hit, receiver, p, None)
-    }
-
-    /// The same with which light is drawn by a choice that was learnt, or as nobody has learnt.
-    #[inline(always)]
-    pub(crate) fn hit_pdf_by(
-        &self,
-        prepared: &PreparedScene,
-        hit: &Hit,
-        receiver: &Receiver,
-        p: Vec3,
-        choice: Option<&Choice>,
-    ) -> f32 {
-        let Some(light) = self.light_of(prepared, hit) else { return 0.0 };
-        let pmf = match choice {
-            None => self.pmf(receiver, light),
-            Some(choice) => self.pmf_by(receiver, choice, light),
-        };
-        if pmf > 0.0 { pmf * self.place_pdf(prepared.scene(), light, receiver.p, p) } else { 0.0 }
+    pub(crate) fn hit_pdf(&self, surfaces: &Surfaces, hit: &Hit, receiver: &Receiver, p: Vec3) -> f32 {
+        self.hit_pdf_by(surfaces, hit, receiver, p, None)
     }
 
     /// Draws a light of the tree for a segment along which a medium scatters, and tells its probability.

@@ -9,10 +9,9 @@ use glam::{Vec2, Vec3};
 use super::{
     LightSample, NO_LIGHT,
     bounds::{Cone, LightBounds},
-    emission::around,
     environment::{direction_of_square, square_of},
 };
-use crate::luminance;
+use crate::{luminance, sampling::around};
 
 /// What bounds its light, for the choice of a light; `None` for one that is nowhere.
 pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {

@@ -17,8 +17,8 @@ use crate::{
     flat::{SurfaceLightRecord, code},
     interaction::{emitted, opacity_at},
     luminance,
-    prepare::PreparedScene,
     sampling::uniform_triangle,
+    surfaces::Surfaces,
 };
 
 /// A light that is seen under a larger solid angle than this is sampled by solid angle, in sr. Below, area sampling is as
@@ -380,7 +380,7 @@ impl SurfaceLight {
 
     /// Draws a place on the light for the point `from`.
     #[inline(always)]
-    pub(super) fn sample(&self, prepared: &PreparedScene, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+    pub(super) fn sample(&self, surfaces: &Surfaces, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let (corner, x, y) = self.extent();
         let normal = x.cross(y);
         let double_area = normal.length();
@@ -397,7 +397,7 @@ impl SurfaceLight {
         let distance = distance_squared.sqrt();
         // The projected area times the distance, above 0 where the front is seen.
         let facing = -normal.dot(to_light);
-        let scene = &**prepared.scene();
+        let scene = &**surfaces.scene();
         let material = &scene.materials[self.material as usize];
         if !(distance > 0.0 && facing != 0.0 && material.emission_sides.has(facing > 0.0)) {
             return None;

@@ -7,7 +7,7 @@ use bottega_scene::{Environment, Image, ImageId, Light as SceneLight, Material, 
 use glam::Vec2;
 
 use super::*;
-use crate::{PrepareOptions, sampler::PixelSampler, sampling::uniform_sphere};
+use crate::{PrepareOptions, PreparedScene, sampler::PixelSampler, sampling::uniform_sphere};
 
 /// Numbers that look random.
 fn numbers(key: u32) -> impl FnMut() -> f32 {

@@ -5,12 +5,12 @@ use std::f32::consts::TAU;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::{
-    cache::{Look, RINGS, SECTORS},
-    record::{of_shared_exponent, shared_exponent},
-};
+use super::record::{of_shared_exponent, shared_exponent};
 use crate::sampling::orthonormal_basis;
 
+/// Rings of directions, from the normal to the horizon, and directions in each.
+pub(crate) const RINGS: usize = 10;
+pub(crate) const SECTORS: usize = 32;
 /// Rings and sectors of directions that make a cell: few enough for detail, rays enough for a mean.
 const RINGS_JOINED: usize = 2;
 const SECTORS_JOINED: usize = 4;
@@ -18,6 +18,14 @@ const CELL_RINGS: usize = RINGS / RINGS_JOINED;
 const CELL_SECTORS: usize = SECTORS / SECTORS_JOINED;
 /// Cells of the hemisphere, which all weigh alike by the cosine.
 pub(crate) const CELLS: usize = CELL_RINGS * CELL_SECTORS;
+
+/// What a ray found.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Look {
+    pub(crate) radiance: Spectrum,
+    /// Infinite where it met nothing.
+    pub(crate) distance: f32,
+}
 
 /// Mean radiance from each cell of the hemisphere above a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

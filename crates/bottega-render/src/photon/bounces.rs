@@ -4,11 +4,10 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{
-    bytes::{Reader, Writer},
+    bytes::{Reader, Told, Writer},
     map::{Nearest, PhotonMap},
     record::{Photon, of_shared_exponent, shared_exponent},
 };
-use crate::sharing::Told;
 
 /// Numbers of bounces that are told apart; the last one stands for all above.
 pub(crate) const BOUNCES_KEPT: usize = 32;

@@ -15,6 +15,14 @@ pub(crate) struct Writer(pub(crate) Vec<u8>);
 #[derive(Debug)]
 pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
 
+/// What can be told to others.
+pub(crate) trait Told: Sized {
+    fn write(&self, to: &mut Writer);
+
+    /// `None`: it is nothing of the kind.
+    fn read(from: &mut Reader<'_>) -> Option<Self>;
+}
+
 impl Writer {
     pub(crate) fn number(&mut self, number: u32) {
         self.0.extend(number.to_le_bytes());

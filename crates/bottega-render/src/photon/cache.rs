@@ -10,6 +10,7 @@ mod surroundings;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
+pub(crate) use super::around::Look;
 use super::{
     bounces::{BOUNCES_KEPT, ByBounces},
     bytes::{Reader, Writer},
@@ -17,8 +18,7 @@ use super::{
 };
 use crate::luminance;
 use record::EFFORT_MAX;
-pub(crate) use record::{Look, Measurement, RAYS, Record, direction};
-pub(in crate::photon) use record::{RINGS, SECTORS};
+pub(crate) use record::{Measurement, RAYS, Record, direction};
 use surroundings::Speakers;
 pub(crate) use surroundings::Surroundings;
 

@@ -1,21 +1,21 @@
 //! The maps of a picture, made by whatever the allocator has.
 
-use std::{ops::Range, sync::Arc};
+use std::sync::Arc;
 
 use bottega_hra::HraClient;
-use bottega_kernels::compiled;
 
 use super::{
-    bounces::{IrradianceMap, IrradiancePlaces},
-    irradiance::{IrradianceAt, irradiance_count},
-    map::PhotonMap,
-    maps::{Estimator, PhotonMaps, caustic_tracer, joined, photon_counts, tracer},
-    trace::{Traced, Tracing},
+    bounces::IrradianceMap,
+    irradiance::irradiance_count,
+    maps::{PhotonMaps, joined, photon_counts},
+    trace::Traced,
+    units::{IrradianceWork, PhotonWork},
 };
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, RenderOutput, RenderWork, View,
+    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, RenderOutput, RenderWork, View,
     ala::cast_agents,
     integrator::PhotonIntegrator,
+    parts::parts,
     sharing::{Hands, Sharing},
 };
 
@@ -23,55 +23,6 @@ use crate::{
 const PHOTONS: u32 = 8192;
 /// Points of one unit of work.
 const POINTS: u32 = 4096;
-
-/// Photons to be traced.
-#[derive(Clone)]
-pub struct PhotonWork {
-    /// The scene.
-    pub scene: Arc<PreparedScene>,
-    /// How.
-    pub settings: PhotonSettings,
-    /// The picture: photons are sent to what it shows.
-    pub view: View,
-    /// Whether they are sent to mirrors and glass alone.
-    pub only_caustics: bool,
-    /// Another seed gives other photons.
-    pub seed: u64,
-    /// Which photons.
-    pub indices: Range<u32>,
-}
-
-/// Irradiance to be computed from photons at the places of some of them.
-#[derive(Clone)]
-pub struct IrradianceWork {
-    /// The scene that the photons are of.
-    pub(crate) scene: Arc<PreparedScene>,
-    pub(crate) all: Arc<PhotonMap>,
-    pub(crate) estimator: Estimator,
-    pub(crate) points: Range<u32>,
-}
-
-impl PhotonWork {
-    /// Traces them on the calling thread.
-    pub fn perform(self) -> Traced {
-        let Self { scene, settings, view, only_caustics, seed, indices } = self;
-        let plan = scene.photon_plan(view);
-        let tracer = if only_caustics {
-            caustic_tracer(&scene, &plan, &settings, seed)
-        } else {
-            tracer(&scene, &plan, &settings, seed, 0)
-        };
-        compiled::run(Tracing { tracer, indices })
-    }
-}
-
-impl IrradianceWork {
-    /// Computes it on the calling thread.
-    pub fn perform(self) -> IrradiancePlaces {
-        let (prepared, all) = (&*self.scene, &*self.all);
-        compiled::run(IrradianceAt { prepared, estimator: self.estimator, all, points: self.points })
-    }
-}
 
 /// Makes the maps of a picture by photons, if nobody has made them yet: the photons and what is computed from them are units
 /// of work, which others may do as well. A progressive picture makes the maps of each pass when a sample needs them. Does
@@ -81,6 +32,7 @@ impl IrradianceWork {
 /// The scene has media, the allocator did not do the work, or it was left before its end.
 pub fn cast_photons(
     scene: &Arc<PreparedScene>,
+    prepass: &Arc<Prepass>,
     view: View,
     settings: &PathSettings,
     client: &HraClient<RenderWork>,
@@ -88,16 +40,16 @@ pub fn cast_photons(
 ) -> Result<(), RenderError> {
     let Some(photons) = settings.photons else { return Ok(()) };
     let hands = Hands::new(client, others);
-    let integrator = PhotonIntegrator::new(scene, view, settings, photons)?;
+    let integrator = PhotonIntegrator::new(scene, prepass, view, settings, photons)?;
     if photons.progressive {
         return Ok(());
     }
-    let passes = scene.passes(view, photons, settings.seed, 1);
+    let passes = prepass.passes(scene, view, photons, settings.seed, 1);
     if !passes.is_made() {
-        passes.put(maps(scene, view, photons, settings.seed, &hands)?);
+        passes.put(maps(scene, prepass, view, photons, settings.seed, &hands)?);
     }
     if photons.agents.is_some() && !passes.has_agents() {
-        passes.put_agents(cast_agents(scene, view, photons, settings.seed, &passes, &hands)?);
+        passes.put_agents(cast_agents(scene, prepass, view, photons, settings.seed, &passes, &hands)?);
     }
     integrator.cast(0..1);
     Ok(())
@@ -106,16 +58,17 @@ pub fn cast_photons(
 /// The maps of one pass.
 fn maps(
     scene: &Arc<PreparedScene>,
+    prepass: &Arc<Prepass>,
     view: View,
     photons: PhotonSettings,
     seed: u64,
     hands: &Hands<'_>,
 ) -> Result<PhotonMaps, RenderError> {
-    let plan = scene.photon_plan(view);
+    let plan = prepass.photon_plan(scene, view);
     let trace = |count: u32, only_caustics: bool| {
         let work = |indices| {
-            let scene = Arc::clone(scene);
-            PhotonWork { scene, settings: photons, view, only_caustics, seed, indices }
+            let (scene, prepass) = (Arc::clone(scene), Arc::clone(prepass));
+            PhotonWork { scene, prepass, settings: photons, view, only_caustics, seed, indices }
         };
         let works = parts(count, PHOTONS).map(work).map(|work| RenderWork::Photons(Box::new(work))).collect();
         let found =
@@ -138,9 +91,4 @@ fn maps(
         maps.irradiance = scene.on_threads(|| IrradianceMap::new(joined(known)));
     }
     Ok(maps)
-}
-
-/// Cuts a range that begins with 0.
-pub(crate) fn parts(count: u32, size: u32) -> impl Iterator<Item = Range<u32>> {
-    (0..count.div_ceil(size)).map(move |part| part * size..count.min((part + 1).saturating_mul(size)))
 }

@@ -9,10 +9,12 @@ use glam::Vec3;
 use crate::{
     PathSettings, View,
     camera::RayCone,
-    integrator::{BLEND, PathIntegrator, bsdf_at},
+    extent::Extent,
+    integrator::PathIntegrator,
     interaction::Interaction,
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
+    shading::{BLEND, bsdf_at},
 };
 
 /// Rays from the camera along a side of the picture.
@@ -21,50 +23,16 @@ const SIDE: u32 = 32;
 const MIRRORS_MAX: u32 = 8;
 /// Half of what is seen lies within the radius divided by this.
 const MARGIN: f32 = 2.0;
-/// Lengths as a share of the radius: half of what is seen is finer than the whole of it.
-const DETAIL: f32 = 0.5;
 /// How much wider than what is seen a scene must be for it to matter.
 const WIDE: f32 = 4.0;
 
-/// Where what a camera sees is, and how wide.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Extent {
-    /// In the middle of what is seen.
-    pub(crate) center: Vec3,
-    /// Of what is seen.
-    pub(crate) radius: f32,
-    /// Radius of the scene; the same where what is seen is no small part of it.
-    pub(crate) whole: f32,
-}
-
 impl Extent {
-    /// Of a whole scene. Without surfaces the radius is 0.
-    pub(crate) fn whole(prepared: &PreparedScene) -> Self {
-        let bounds = prepared.accel().bounds();
-        let radius = 0.5 * (bounds.max - bounds.min).length();
-        let is_sound = radius.is_finite() && bounds.center().is_finite();
-        let (center, radius) = if is_sound { (bounds.center(), radius) } else { (Vec3::ZERO, 0.0) };
-        Self { center, radius, whole: radius }
-    }
-
     /// Of what a view shows.
     pub(crate) fn of_view(prepared: &PreparedScene, view: View) -> Self {
         let whole = Self::whole(prepared);
         let Some((center, median)) = middle(&places_seen(prepared, view)) else { return whole };
         let radius = MARGIN * median;
         if radius > 0.0 && WIDE * radius < whole.radius { Self { center, radius, whole: whole.radius } } else { whole }
-    }
-
-    /// Whether the scene itself is the measure.
-    #[inline(always)]
-    pub(crate) fn is_whole(&self) -> bool {
-        self.radius >= self.whole
-    }
-
-    /// The length that others are shares of at a place: half the radius of what is seen, and farther off half of how far it is.
-    #[inline(always)]
-    pub(crate) fn length_at(&self, p: Vec3) -> f32 {
-        if self.is_whole() { self.whole } else { DETAIL * p.distance(self.center).clamp(self.radius, self.whole) }
     }
 }
 
@@ -122,7 +90,7 @@ mod tests {
     use glam::Affine3A;
 
     use super::*;
-    use crate::{PhotonSettings, PrepareOptions, photon::PhotonMaps};
+    use crate::{PhotonSettings, PrepareOptions, Prepass, photon::PhotonMaps};
 
     const VIEW: View = View { camera: 0, width: 48, height: 48 };
 
@@ -183,7 +151,7 @@ mod tests {
         // Photons that are kept, and photons that a place in the picture asks for.
         let work = |scene: &PreparedScene| {
             let settings = PhotonSettings { progressive: true, count: 20_000, ..PhotonSettings::default() };
-            let plan = scene.photon_plan(VIEW);
+            let plan = Prepass::default().photon_plan(scene, VIEW);
             let maps = PhotonMaps::new(scene, &plan, &settings, 0, 0);
             let mut asked = 0_u64;
             for p in places_seen(scene, VIEW) {
@@ -207,7 +175,7 @@ mod tests {
             let kind = LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
             scene.lights.push(Light { name: String::new(), kind });
             let scene = prepared(scene);
-            let (plan, settings) = (scene.photon_plan(VIEW), PhotonSettings::default());
+            let (plan, settings) = (Prepass::default().photon_plan(&scene, VIEW), PhotonSettings::default());
             let tracer = crate::photon::tracer(&scene, &plan, &settings, 0, 0);
             let direct = crate::photon::traced(tracer, 20_000).direct;
             let Extent { center, radius, .. } = *plan.extent();

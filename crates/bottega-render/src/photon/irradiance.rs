@@ -9,8 +9,8 @@ use glam::Vec3;
 
 use super::{
     bounces::{BOUNCES_KEPT, IrradiancePlaces, kept},
+    estimator::{Estimator, FLATNESS},
     map::{Nearest, PhotonMap},
-    maps::{Estimator, FLATNESS},
     record::Photon,
     trace::is_alike,
 };

@@ -1,16 +1,13 @@
 //! The maps of a picture: made once, on all processors, the same whoever makes them.
 
-use std::f32::consts::PI;
-
 use bottega_kernels::compiled;
-use bottega_scene::Spectrum;
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
     bounces::{IrradianceMap, IrradiancePlaces},
     bytes::{Reader, Writer},
-    extent::Extent,
+    estimator::{Estimator, FLATNESS},
     irradiance::{IrradianceAt, irradiance_count},
     map::{Nearest, PhotonMap},
     plan::PhotonPlan,
@@ -18,7 +15,7 @@ use super::{
     record::Photon,
     trace::{Traced, Tracer, Tracing, is_alike, visibility_tag},
 };
-use crate::{PhotonSettings, prepare::PreparedScene, settings::PhotonFilter};
+use crate::{PhotonSettings, extent::Extent, prepare::PreparedScene};
 
 /// Photons that one processor traces in a row.
 const BATCH: u32 = 4096;
@@ -29,8 +26,6 @@ const CAUSTIC_REACH: f32 = 0.5;
 /// How far photons may be that tell whether a light is seen, as a share of how far others may, and how many must agree.
 const VISIBILITY_REACH: f32 = 0.5;
 const VISIBILITY_COUNT: u32 = 12;
-/// How far off the plane of a surface photons count that lie on it, as a share of how far they may be in all.
-pub(super) const FLATNESS: f32 = 0.25;
 /// Radius of the first pass of a progressive picture, as a share of how far photons may be where they are counted.
 const FIRST_RADIUS: f32 = 0.2;
 /// How the radius shrinks from pass to pass (Hachisuka et al. 2008, eq. 9): 0 not at all, 1 never to be seen.
@@ -71,47 +66,12 @@ impl Reach {
     }
 }
 
-/// What a photon brings to a point near it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Arrived {
-    /// Back along the way that it came.
-    pub(crate) to_light: Vec3,
-    /// Whether it arrived on the side of the normal.
-    pub(crate) is_before: bool,
-    /// How often it was scattered before.
-    pub(crate) bounces: u32,
-    /// Its share of the irradiance.
-    pub(crate) light: Spectrum,
-}
-
-/// Where photons count.
-#[derive(Clone, Copy)]
-struct Disc {
-    p: Vec3,
-    normal: Vec3,
-    radius_squared: f32,
-    /// What a photon's power counts in its middle.
-    share: f32,
-}
-
 /// Joins parts in their order.
 pub(super) fn joined(parts: Vec<IrradiancePlaces>) -> IrradiancePlaces {
     parts.into_iter().fold(IrradiancePlaces::default(), |mut all, part| {
         all.append(part);
         all
     })
-}
-
-/// How the density of photons is estimated.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Estimator {
-    /// What a photon's power counts.
-    scale: f32,
-    filter: PhotonFilter,
-    /// How many photons are looked for, and how far, as a share of the length that counts there.
-    gather: u32,
-    reach: f32,
-    extent: Extent,
 }
 
 /// What photons of a pass are traced by.
@@ -123,10 +83,9 @@ pub(crate) fn tracer<'a>(
     pass: u32,
 ) -> Tracer<'a> {
     let (bounces, with_shadows) = (settings.bounces, settings.shadow_photons);
-    let emission = prepared.emission();
     Tracer {
         prepared,
-        emission,
+        emission: &plan.sources,
         plan: &plan.emission,
         seed,
         pass,
@@ -308,114 +267,6 @@ impl PhotonMaps {
         }
     }
 }
-
-impl Estimator {
-    /// - `extent`: of what is seen.
-    pub(crate) fn new(settings: &PhotonSettings, extent: Extent) -> Self {
-        let scale = 1.0 / settings.count.max(1) as f32;
-        let reach = settings.radius.clamp(0.0, 2.0);
-        Self { scale, filter: settings.filter, gather: settings.gather, reach, extent }
-    }
-
-    /// How far photons may be from a place.
-    #[inline(always)]
-    fn reach_at(&self, p: Vec3) -> f32 {
-        self.reach * self.extent.length_at(p)
-    }
-
-    /// How many photons are looked for.
-    pub(super) fn gathered(&self) -> usize {
-        self.gather as usize
-    }
-
-    /// Irradiance on the side of a surface where a photon arrived, by those near it: `add` takes it apart, with the number of
-    /// bounces.
-    pub(crate) fn irradiance(
-        &self,
-        map: &PhotonMap,
-        photon: &Photon,
-        found: &mut Nearest,
-        mut add: impl FnMut(u32, Spectrum),
-    ) {
-        let on_this_side = |arrived: &Arrived| if arrived.is_before { Spectrum::ONE } else { Spectrum::ZERO };
-        let on_this_side = |arrived: &Arrived| add(arrived.bounces, arrived.light * on_this_side(arrived));
-        self.gather(map, photon.p, photon.mark().normal(), self.reach_at(photon.p), found, on_this_side);
-    }
-
-    /// Looks for the photons near a point, and tells `take` what each brings to it: all of it together is the irradiance.
-    ///
-    /// - `map`: where to look; `found` says for how many of them.
-    /// - `normal`: of the surface, on the side that is lit if light cannot go through.
-    #[inline(always)]
-    pub(crate) fn gather(
-        &self,
-        map: &PhotonMap,
-        p: Vec3,
-        normal: Vec3,
-        reach: f32,
-        found: &mut Nearest,
-        mut take: impl FnMut(&Arrived),
-    ) {
-        map.nearest(p, reach * reach, found);
-        let radius_squared = if found.is_full() { found.farthest() } else { reach * reach };
-        if found.is_empty() || radius_squared <= 0.0 {
-            return;
-        }
-        let disc = Disc { p, normal, radius_squared, share: self.scale / (PI * radius_squared) };
-        // The farthest only says how large the disc is: counted, it would make all a little too bright.
-        for (index, distance_squared) in found.iter().filter(|&(_, distance)| distance < radius_squared) {
-            if let Some(arrived) = self.weighed(map, index, distance_squared, &disc) {
-                take(&arrived);
-            }
-        }
-    }
-
-    /// The same for all photons within a radius, however many.
-    #[inline(always)]
-    pub(crate) fn gather_within(
-        &self,
-        map: &PhotonMap,
-        p: Vec3,
-        normal: Vec3,
-        reach: f32,
-        mut take: impl FnMut(&Arrived),
-    ) {
-        let radius_squared = reach * reach;
-        if radius_squared <= 0.0 {
-            return;
-        }
-        let disc = Disc { p, normal, radius_squared, share: self.scale / (PI * radius_squared) };
-        map.within(p, radius_squared, |index, distance_squared| {
-            if let Some(arrived) = self.weighed(map, index, distance_squared, &disc) {
-                take(&arrived);
-            }
-        });
-    }
-
-    #[inline(always)]
-    fn weighed(&self, map: &PhotonMap, index: u32, distance_squared: f32, disc: &Disc) -> Option<Arrived> {
-        let Disc { p, normal, radius_squared, share } = *disc;
-        let photon = map.photon(index);
-        let off_plane = (photon.p - p).dot(normal);
-        // Photons on the other side of the surface are those of light that goes through: their normal is the opposite.
-        let its_normal = photon.mark().normal();
-        let is_before = is_alike(its_normal, normal);
-        let is_behind = is_alike(-its_normal, normal);
-        if !(is_before || is_behind) || off_plane * off_plane > FLATNESS * FLATNESS * radius_squared {
-            return None;
-        }
-        let part = distance_squared / radius_squared;
-        let weight = match self.filter {
-            PhotonFilter::Epanechnikov => 2.0 * (1.0 - part),
-            PhotonFilter::Cone => (1.0 - part.sqrt() / CONE) / (1.0 - 2.0 / (3.0 * CONE)),
-        };
-        let light = photon.mark().power() * (weight * share);
-        Some(Arrived { to_light: photon.mark().to_light(), is_before, bounces: photon.mark().bounces(), light })
-    }
-}
-
-/// k of the cone filter.
-const CONE: f32 = 1.1;
 
 /// What the radius of a pass is to that of the first one: r²ᵢ₊₁ ∕ r²ᵢ = (i + α) ∕ (i + 1) with i from 1 (Knaus and Zwicker
 /// 2011, *Progressive Photon Mapping: A Probabilistic Approach*, eq. 15).

@@ -4,15 +4,10 @@
 //! on it, and its direction. So it serves sources of every kind. Cells in which trials found nothing are tried, too, less
 //! often: whatever the map says, the mean is right.
 
-use super::trace::{Traced, Tracer};
-use crate::{lights::EmissionPlan, prepare::PreparedScene, sampler::Quad};
+use crate::sampler::Quad;
 
 /// Cells along each number, in the order in which they are chosen: source, place (2), direction (2).
-const CELLS: [usize; 5] = [4, 4, 4, 8, 8];
-/// Photons that try it out.
-const TRIALS: u32 = 1 << 17;
-/// Surfaces that these may come to.
-const TRIAL_BOUNCES: u32 = 6;
+pub(super) const CELLS: [usize; 5] = [4, 4, 4, 8, 8];
 /// How much what was found in the cells next to one counts for it.
 const NEIGHBOR: f64 = 0.1;
 /// The share of photons that leave as they would without a map.
@@ -29,38 +24,13 @@ pub(crate) struct Projection {
 }
 
 impl Projection {
-    /// Tries out a scene on the calling thread.
-    pub(crate) fn new(prepared: &PreparedScene, plan: &EmissionPlan) -> Self {
-        let tracer = Tracer {
-            prepared,
-            emission: prepared.emission(),
-            plan,
-            seed: 0,
-            pass: 0,
-            bounces: TRIAL_BOUNCES,
-            with_shadows: false,
-            only_caustics: true,
-            strength: 1.0,
-            projection: None,
-        };
-        let mut found = vec![0.0; CELLS.iter().product()];
-        let (mut traced, mut sum) = (Traced::default(), 0.0);
-        for index in 0..TRIALS {
-            traced.caustic.clear();
-            let [u, v] = tracer.numbers(index);
-            tracer.trace(index, &mut traced);
-            if !traced.caustic.is_empty() {
-                let cell =
-                    ordered(u, v).iter().zip(CELLS).fold(0, |cell, (&u, count)| cell * count + cell_of(u, count));
-                found[cell] += 1.0;
-                sum += 1.0;
-            }
-        }
+    /// From how much was found in each cell, and in all of them together.
+    pub(super) fn new(found: &[f64], sum: f64) -> Self {
         if sum == 0.0 {
             return Self { levels: Vec::new() };
         }
         // What is met with probability p has a mean square of p: its root makes the least noise.
-        let wanted: Vec<f64> = spread(&found).into_iter().map(f64::sqrt).collect();
+        let wanted: Vec<f64> = spread(found).into_iter().map(f64::sqrt).collect();
         let (all, blind) = (wanted.iter().sum::<f64>(), BLIND / found.len() as f64);
         let mut level: Vec<f32> = wanted.iter().map(|wanted| (blind + (1.0 - BLIND) * wanted / all) as f32).collect();
         let mut levels = Vec::new();
@@ -120,11 +90,11 @@ fn spread(found: &[f64]) -> Vec<f64> {
 }
 
 /// The numbers of which cells are told.
-fn ordered(u: Quad, v: Quad) -> [f32; 5] {
+pub(super) fn ordered(u: Quad, v: Quad) -> [f32; 5] {
     [u[0], u[2], u[3], v[0], v[1]]
 }
 
-fn cell_of(u: f32, count: usize) -> usize {
+pub(super) fn cell_of(u: f32, count: usize) -> usize {
     ((u * count as f32) as usize).min(count - 1)
 }
 

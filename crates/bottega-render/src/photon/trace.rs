@@ -7,19 +7,18 @@ use bottega_scene::{Spectrum, Surface};
 use glam::Vec3;
 
 use super::{
-    bytes::{Reader, Writer},
+    bytes::{Reader, Told, Writer},
     projection::Projection,
     record::Photon,
 };
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, TransportMode},
     camera::RayCone,
-    integrator::{BLEND, bsdf_at, exp},
     interaction::{Asks, Interaction, is_there, opacity_of},
     lights::{Aim, Emission, EmissionPlan, Emitted},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler, Quad},
-    sharing::Told,
+    shading::{BLEND, bsdf_at, exp},
 };
 
 /// Sets the numbers of photons apart from those of pixels.

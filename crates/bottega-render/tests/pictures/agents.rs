@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bottega_image::{AovSet, FlipOptions, Layout, Picture, Rect, Tile, flip, read_picture};
 use bottega_render::{
-    AgentSettings, BlockWork, Filter, Oracle, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, View,
-    ala::AgentReport,
+    AgentSettings, BlockWork, Filter, Oracle, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, Prepass,
+    View, ala::AgentReport,
 };
 use bottega_scene::LoadOptions;
 
@@ -23,10 +23,18 @@ fn painted(scene: &Arc<PreparedScene>, oracle: Oracle, decides_shadows: bool) ->
     let settings = PathSettings { photons: Some(photons), filter: Filter::PIXEL, ..PathSettings::default() };
     let tile = Tile::new(Rect::of_size(SIDE, SIDE), Layout::new(AovSet::NONE));
     let view = View { camera: 0, width: SIDE, height: SIDE };
-    let work = BlockWork { scene: Arc::clone(scene), view, settings: Arc::new(settings), tile, samples: 0..SAMPLES };
+    let (scene, prepass) = (Arc::clone(scene), Arc::<Prepass>::default());
+    let work = BlockWork {
+        scene: Arc::clone(&scene),
+        prepass: Arc::clone(&prepass),
+        view,
+        settings: Arc::new(settings),
+        tile,
+        samples: 0..SAMPLES,
+    };
     let tile = work.perform().expect("a picture").tile;
     let mean = |x: u32, y: u32| [0, 1, 2].map(|channel| tile.pixel(x, y)[channel] / SAMPLES as f32);
-    let report = scene.lighting_agents(view, photons, settings.seed).expect("agents that were asked");
+    let report = prepass.lighting_agents(&scene, view, photons, settings.seed).expect("agents that were asked");
     (Picture::from_fn(SIDE, SIDE, mean), report)
 }
 

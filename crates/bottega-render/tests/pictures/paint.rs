@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc, thread};
 
 use bottega_image::{AovSet, Film, Layout, Rect, Tile};
-use bottega_render::{BlockWork, Filter, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{BlockWork, Filter, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, Prepass, View};
 use bottega_scene::{LoadOptions, Loaded};
 
 /// Threads that paint; the picture does not depend on it.
@@ -43,11 +43,12 @@ pub(crate) fn paint_by(
         ..PathSettings::default()
     };
     let samples = samples.div_ceil(SEEDS);
-    (0..SEEDS).map(|seed| paint_once(&prepared, &Arc::new(settings(seed)), size, samples)).collect()
+    let subject = (&prepared, &Arc::default());
+    (0..SEEDS).map(|seed| paint_once(subject, &Arc::new(settings(seed)), size, samples)).collect()
 }
 
 fn paint_once(
-    prepared: &Arc<PreparedScene>,
+    (prepared, prepass): (&Arc<PreparedScene>, &Arc<Prepass>),
     settings: &Arc<PathSettings>,
     (width, height): (u32, u32),
     samples: u32,
@@ -58,8 +59,9 @@ fn paint_once(
     let bands: Vec<Rect> = (0..height).step_by(4).map(|y| Rect::new(0, y, width, (y + 4).min(height))).collect();
     let paint_band = |rect: &Rect| -> Tile {
         let view = View { camera: 0, width, height };
-        let (scene, settings) = (Arc::clone(prepared), Arc::clone(settings));
-        let work = BlockWork { scene, view, settings, tile: Tile::new(*rect, layout.clone()), samples: 0..samples };
+        let (scene, prepass, settings) = (Arc::clone(prepared), Arc::clone(prepass), Arc::clone(settings));
+        let tile = Tile::new(*rect, layout.clone());
+        let work = BlockWork { scene, prepass, view, settings, tile, samples: 0..samples };
         work.perform().expect("a picture").tile
     };
     let paint_every = |first: usize| bands.iter().skip(first).step_by(THREADS as usize).map(paint_band).collect();

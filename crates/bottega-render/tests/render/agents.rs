@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
-use bottega_render::{AgentUse, BlockWork, Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{AgentUse, Filter, PathSettings, PrepareOptions, PreparedScene, View};
 use bottega_scene::{Environment, Material, Scene};
 use glam::Vec3;
 
-use crate::scenes::{add_quad, add_room, add_sphere, camera, cornell, matte, prepare};
+use crate::scenes::{Subject, add_quad, add_room, add_sphere, camera, cornell, matte, prepare};
 use crate::strategies::{assert_same_mean, moments};
 
 /// Large enough that there is something to learn from.
@@ -25,17 +25,15 @@ fn settings(agents: AgentUse, seed: u64, planned_samples: u32) -> PathSettings {
 }
 
 /// Paints a part of the picture, with what it costs.
-fn paint(scene: &Arc<PreparedScene>, settings: &PathSettings, rect: Rect, cuts: &[u32]) -> Tile {
+fn paint(scene: &Subject, settings: &PathSettings, rect: Rect, cuts: &[u32]) -> Tile {
     let mut tile = Tile::new(rect, Layout::new([Aov::Cost].into_iter().collect::<AovSet>()));
     for samples in cuts.windows(2) {
-        let settings = Arc::new(*settings);
-        let work = BlockWork { scene: Arc::clone(scene), view: VIEW, settings, tile, samples: samples[0]..samples[1] };
-        tile = work.perform().expect("a picture").tile;
+        tile = scene.block(VIEW, *settings, tile, samples[0]..samples[1]).perform().expect("a picture").tile;
     }
     tile
 }
 
-fn whole(scene: &Arc<PreparedScene>, settings: &PathSettings, spp: u32) -> Tile {
+fn whole(scene: &Subject, settings: &PathSettings, spp: u32) -> Tile {
     paint(scene, settings, Rect::of_size(SIDE, SIDE), &[0, spp])
 }
 
@@ -137,15 +135,15 @@ fn all_of_it_in_a_room_with_glass() {
 fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
     let by = |threads| {
         let options = PrepareOptions { threads, compensate_environment: true };
-        Arc::new(PreparedScene::new(Arc::new(around_a_corner()), &options).expect("a sound scene"))
+        Subject::new(PreparedScene::new(Arc::new(around_a_corner()), &options).expect("a sound scene"))
     };
     let settings = PathSettings { guiding: true, ..settings(ALL, 3, 32) };
     let (one, three) = (by(1), by(3));
     let expected = whole(&one, &settings, 4);
-    let learnt = one.learnt(VIEW, &settings).expect("it was painted");
+    let learnt = one.prepass.learnt(&one.scene, VIEW, &settings).expect("it was painted");
     let told = by(1);
-    told.learn_from(VIEW, &settings, &learnt).expect("what was learnt");
-    assert!(told.learnt(VIEW, &settings).as_ref() == Some(&learnt));
+    told.prepass.learn_from(&told.scene, VIEW, &settings, &learnt).expect("what was learnt");
+    assert!(told.prepass.learnt(&told.scene, VIEW, &settings).as_ref() == Some(&learnt));
     assert!(whole(&one, &PathSettings { agents: NOTHING, ..settings }, 4) != expected);
     for scene in [&three, &told] {
         for (x0, y0, side) in [(0, 0, 37), (90, 61, 38), (40, 100, 5)] {
@@ -162,20 +160,15 @@ fn what_is_sent_damaged_is_refused_or_harmless() {
     let scene = prepare(lamps([5, 5]));
     let settings = settings(ALL, 3, 32);
     whole(&scene, &settings, 1);
-    let learnt = scene.learnt(VIEW, &settings).expect("it was painted");
+    let learnt = scene.prepass.learnt(&scene.scene, VIEW, &settings).expect("it was painted");
     let (mut refused, mut taken) = (0, 0);
     for i in 0..60 {
         let mut bytes = learnt.clone();
         // All over: what leads, nodes, agents, what the parts of the picture are worth.
         let place = (i * bytes.len() / 60 + 7 * i) % bytes.len();
         bytes[place] ^= 1 << (i % 8);
-        let options = PrepareOptions { threads: 1, compensate_environment: false };
-        let other = Arc::new(PreparedScene::with_accel(
-            Arc::clone(scene.scene()),
-            bottega_render::build_accel(scene.scene(), &options).expect("a sound scene"),
-            &options,
-        ));
-        if other.learn_from(VIEW, &settings, &bytes).is_err() {
+        let other = Subject { scene: Arc::clone(&scene.scene), prepass: Arc::default() };
+        if other.prepass.learn_from(&other.scene, VIEW, &settings, &bytes).is_err() {
             refused += 1;
             continue;
         }

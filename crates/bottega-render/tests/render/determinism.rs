@@ -1,35 +1,32 @@
 //! A pixel depends on scene, settings and seed, and on nothing else.
 
-use std::sync::Arc;
-
 use bottega_hra::{Hra, HraConfig, VirtualCpu, WorkUnit};
 use bottega_image::{Aov, Layout, Rect, Tile};
-use bottega_render::{BlockWork, PathSettings, PreparedScene, RenderOutput, RenderWork, View};
+use bottega_render::{BlockWork, PathSettings, RenderOutput, RenderWork, View};
 use bottega_scene::{AlphaMode, Material};
 use glam::Vec3;
 use proptest::prelude::*;
 
-use crate::scenes::{add_quad, cornell, matte, prepare};
+use crate::scenes::{Subject, add_quad, cornell, matte, prepare};
 
 const VIEW: View = View { camera: 0, width: 20, height: 15 };
 
-fn scene() -> Arc<PreparedScene> {
+fn scene() -> Subject {
     let mut scene = cornell();
     let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::splat(0.5)) };
     add_quad(&mut scene, Vec3::new(-0.5, -0.5, 0.8), Vec3::X, Vec3::Y, veil);
     prepare(scene)
 }
 
-fn block(scene: &Arc<PreparedScene>, tile: Tile, samples: std::ops::Range<u32>, seed: u64) -> BlockWork {
-    let settings = Arc::new(PathSettings { seed, light_samples: 2, ..PathSettings::default() });
-    BlockWork { scene: Arc::clone(scene), view: VIEW, settings, tile, samples }
+fn block(scene: &Subject, tile: Tile, samples: std::ops::Range<u32>, seed: u64) -> BlockWork {
+    scene.block(VIEW, PathSettings { seed, light_samples: 2, ..PathSettings::default() }, tile, samples)
 }
 
 fn empty(rect: Rect) -> Tile {
     Tile::new(rect, Layout::new(Aov::ALL.into_iter().collect()))
 }
 
-fn whole(scene: &Arc<PreparedScene>, spp: u32, seed: u64) -> Tile {
+fn whole(scene: &Subject, spp: u32, seed: u64) -> Tile {
     block(scene, empty(Rect::of_size(VIEW.width, VIEW.height)), 0..spp, seed).perform().unwrap().tile
 }
 

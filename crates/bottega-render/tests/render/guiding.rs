@@ -7,13 +7,13 @@ use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene};
 use bottega_scene::{Layered, Material, Scene};
 use glam::Vec3;
 
-use crate::scenes::{add_quad, add_room, camera, cornell, matte, paint, prepare};
+use crate::scenes::{Subject, add_quad, add_room, camera, cornell, matte, paint, prepare};
 use crate::strategies::{assert_same_mean, moments};
 
 /// Large enough that there is something to learn from.
 const SIDE: u32 = 128;
 
-fn paint_by(scene: &Arc<PreparedScene>, guiding: bool, spp: u32, seed: u64) -> Tile {
+fn paint_by(scene: &Subject, guiding: bool, spp: u32, seed: u64) -> Tile {
     let settings = PathSettings { seed, filter: Filter::PIXEL, guiding, ..PathSettings::default() };
     paint(scene, (SIDE, SIDE), spp, settings)
 }
@@ -62,7 +62,7 @@ fn whatever_the_number_of_threads() {
     let by = |threads| {
         let options = PrepareOptions { threads, ..PrepareOptions::default() };
         let scene = behind_a_screen(&matte(Vec3::splat(0.7)));
-        paint_by(&Arc::new(PreparedScene::new(Arc::new(scene), &options).unwrap()), true, 2, 3)
+        paint_by(&Subject::new(PreparedScene::new(Arc::new(scene), &options).unwrap()), true, 2, 3)
     };
     let one = by(1);
     assert!(

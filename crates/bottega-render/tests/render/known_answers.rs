@@ -2,15 +2,13 @@
 
 use std::f32::consts::PI;
 
+use crate::scenes::{add_mesh, add_quad, add_sphere, camera, color, glass, lamp, matte, paint, prepare};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
-use bottega_render::{BlockWork, DirectLight, Filter, PathSettings, PreparedScene, View};
+use bottega_render::{DirectLight, Filter, PathSettings, View};
 use bottega_scene::{
     AlphaMode, Environment, Image, ImageId, Layered, Light, LightKind, Material, Medium, Scene, SpotFalloff, Surface,
 };
 use glam::{Mat3, Vec3, Vec4};
-use std::sync::Arc;
-
-use crate::scenes::{add_mesh, add_quad, add_sphere, camera, color, glass, lamp, matte, paint, prepare};
 
 /// A matte floor of albedo ½ at y = 0 and a camera that looks straight down at its origin.
 fn floor() -> Scene {
@@ -311,9 +309,8 @@ fn other_values_tell_of_the_first_surface() {
     let layout = Layout::new(aovs);
     let view = View { camera: 0, width: 1, height: 1 };
     let tile = Tile::new(Rect::of_size(1, 1), layout.clone());
-    let settings = Arc::new(PathSettings { filter: Filter::PIXEL, ..PathSettings::default() });
-    let work = BlockWork { scene: prepare(scene), view, settings, tile, samples: 0..256 };
-    let tile = work.perform().unwrap().tile;
+    let settings = PathSettings { filter: Filter::PIXEL, ..PathSettings::default() };
+    let tile = prepare(scene).block(view, settings, tile, 0..256).perform().unwrap().tile;
     let mean = |aov, channel: usize| tile.pixel(0, 0)[layout.offset(aov).unwrap() + channel] / 256.0;
     assert!((mean(Aov::Depth, 0) - 1.5).abs() < 1e-3);
     assert!((mean(Aov::Normal, 1) - 1.0).abs() < 1e-3);
@@ -324,14 +321,9 @@ fn other_values_tell_of_the_first_surface() {
 
 #[test]
 fn wrong_views_are_refused() {
-    let scene: Arc<PreparedScene> = prepare(floor());
-    let work = |view: View| BlockWork {
-        scene: Arc::clone(&scene),
-        view,
-        settings: Arc::default(),
-        tile: Tile::new(Rect::of_size(1, 1), Layout::new(AovSet::NONE)),
-        samples: 0..1,
-    };
+    let scene = prepare(floor());
+    let tile = || Tile::new(Rect::of_size(1, 1), Layout::new(AovSet::NONE));
+    let work = |view: View| scene.block(view, PathSettings::default(), tile(), 0..1);
     assert!(work(View { camera: 1, width: 1, height: 1 }).perform().is_err());
     assert!(work(View { camera: 0, width: 0, height: 1 }).perform().is_err());
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_render::{
-    AgentSettings, BlockWork, Oracle, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork, View,
+    AgentSettings, Oracle, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork, View,
     ala::{AgentReport, Criterion, Density, SampleSet, Samples, Tally},
     photon::cast_photons,
 };
@@ -13,7 +13,7 @@ use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material,
 use glam::Vec3;
 
 use crate::scenes::{
-    add_quad, add_room, add_sphere, camera, color, cornell, grow, lamp, matte, mean_color, paint, prepare,
+    Subject, add_quad, add_room, add_sphere, camera, color, cornell, grow, lamp, matte, mean_color, paint, prepare,
     room_under_sky,
 };
 
@@ -30,13 +30,14 @@ fn by(agents: AgentSettings, seed: u64) -> PathSettings {
     PathSettings { photons: Some(photons), seed, guiding: false, ..PathSettings::default() }
 }
 
-fn report(scene: &PreparedScene, settings: &PathSettings) -> AgentReport {
+fn report(scene: &Subject, settings: &PathSettings) -> AgentReport {
     report_of(scene, SIZE, settings)
 }
 
-fn report_of(scene: &PreparedScene, (width, height): (u32, u32), settings: &PathSettings) -> AgentReport {
+fn report_of(scene: &Subject, (width, height): (u32, u32), settings: &PathSettings) -> AgentReport {
     let view = View { camera: 0, width, height };
-    scene.lighting_agents(view, settings.photons.unwrap(), settings.seed).expect("agents that were asked")
+    let found = scene.prepass.lighting_agents(&scene.scene, view, settings.photons.unwrap(), settings.seed);
+    found.expect("agents that were asked")
 }
 
 /// The room with a spherical light, as the scene of the paper has it.
@@ -96,7 +97,7 @@ fn a_wide_light_comes_back_whole_from_surfaces_that_are_known() {
     // As in pictures: what is dim in the sky is left to paths that run into it.
     let options = PrepareOptions { threads: 1, compensate_environment: true };
     for scene in [ball_under_sky(), room_under_sky()] {
-        let scene = Arc::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"));
+        let scene = Subject::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"));
         let expected =
             mean_color(&paint(&scene, SIZE, 512, PathSettings { seed: 9, guiding: false, ..PathSettings::default() }));
         for oracle in ORACLES {
@@ -190,23 +191,21 @@ fn does_not_depend_on_who_works(oracle: Oracle) {
     let kind = LightKind::Point { position: Vec3::new(-0.5, 0.5, 0.5), intensity: Vec3::splat(0.3) };
     room.lights.push(Light { name: String::new(), kind });
     let room = Arc::new(room);
-    let settings = Arc::new(by(few(oracle), 5));
+    let settings = by(few(oracle), 5);
     let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let painted = |threads: usize, lanes: usize, cuts: &[u32], blocks: u32| {
         let options = PrepareOptions { threads, ..PrepareOptions::default() };
-        let scene = Arc::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
+        let scene = Subject::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
         if lanes > 0 {
             let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(lanes, RenderWork::perform));
-            cast_photons(&scene, view, &settings, &hra.client(), None).unwrap();
+            cast_photons(&scene.scene, &scene.prepass, view, &settings, &hra.client(), None).unwrap();
             assert!(hra.report().resources.iter().map(|resource| resource.units).sum::<u64>() > 6);
         }
         let mut whole = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new(AovSet::NONE));
         for rect in Rect::of_size(SIZE.0, SIZE.1).blocks(blocks) {
             let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
             for range in cuts.windows(2) {
-                let (scene, settings) = (Arc::clone(&scene), Arc::clone(&settings));
-                let work = BlockWork { scene, view, settings, tile, samples: range[0]..range[1] };
-                tile = work.perform().unwrap().tile;
+                tile = scene.block(view, settings, tile, range[0]..range[1]).perform().unwrap().tile;
             }
             whole.copy_from(&tile);
         }
@@ -296,8 +295,9 @@ fn a_few_sensors_differ_as_much_as_many_photons() {
     let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let mean = |set: SampleSet, oracle: Oracle| {
         let criteria = [Criterion::Irradiance];
-        let samples = Samples::new(&scene, view, &by(few(oracle), 2), set, &criteria, 0.1).unwrap();
-        let ludd = samples.over(&scene, view).unwrap();
+        let samples =
+            Samples::new(&scene.scene, &scene.prepass, view, &by(few(oracle), 2), set, &criteria, 0.1).unwrap();
+        let ludd = samples.over(&scene.scene, view).unwrap();
         let known: Vec<f32> = ludd.pixels.iter().flatten().filter_map(Density::all).collect();
         assert!(known.len() > 300 && known.iter().all(|density| density.is_finite() && *density >= 0.0));
         (known.iter().sum::<f32>() / known.len() as f32, ludd.sample_count)
@@ -317,20 +317,20 @@ fn whoever_is_told_of_the_maps_paints_the_same_bits() {
     let by_photons = PathSettings { photons: Some(photons), seed: 6, guiding: false, ..PathSettings::default() };
     for settings in [by_photons, by(few(Oracle::Paper), 6), by(few(Oracle::Error), 6)] {
         let (one, other) = (prepare(glossy_room()), prepare(glossy_room()));
-        assert!(one.learnt(view, &settings).is_none());
+        assert!(one.prepass.learnt(&one.scene, view, &settings).is_none());
         let expected = paint(&one, SIZE, 2, settings);
-        let bytes = one.learnt(view, &settings).expect("maps that were made");
-        other.learn_from(view, &settings, &bytes).expect("what was told");
-        assert!(other.learnt(view, &settings).as_ref() == Some(&bytes));
+        let bytes = one.prepass.learnt(&one.scene, view, &settings).expect("maps that were made");
+        other.prepass.learn_from(&other.scene, view, &settings, &bytes).expect("what was told");
+        assert!(other.prepass.learnt(&other.scene, view, &settings).as_ref() == Some(&bytes));
         assert_eq!(paint(&other, SIZE, 2, settings).sums(), expected.sums());
         // What is cut off, or damaged in its counts, is refused; what is damaged elsewhere harms nobody.
         for i in 0..40 {
             let third = prepare(glossy_room());
             let cut = &bytes[..i * bytes.len() / 40];
-            assert!(third.learn_from(view, &settings, cut).is_err(), "{i}");
+            assert!(third.prepass.learn_from(&third.scene, view, &settings, cut).is_err(), "{i}");
             let mut damaged = bytes.clone();
             damaged[i * bytes.len() / 40 + i % 7] ^= 1 << (i % 8);
-            if third.learn_from(view, &settings, &damaged).is_ok() {
+            if third.prepass.learn_from(&third.scene, view, &settings, &damaged).is_ok() {
                 paint(&third, (4, 4), 1, settings);
             }
         }

@@ -10,8 +10,8 @@ use std::{
 
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_render::{
-    AgentSettings, AgentUse, BlockWork, Filter, Oracle, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions,
-    PreparedScene, RenderError, View,
+    AgentSettings, AgentUse, Filter, Oracle, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene,
+    RenderError, View,
 };
 use bottega_scene::{Camera, Environment, Image, ImageId, Layered, LoadOptions, Scene};
 use glam::Vec3;
@@ -20,7 +20,7 @@ use crate::agents::{around_a_corner, lamps};
 use crate::guiding::behind_a_screen;
 use crate::lighting_agents::{ball_under_sky, glossy_room, room_with_sphere};
 use crate::photons::{many_things, outside};
-use crate::scenes::{cornell, matte, room_under_sky};
+use crate::scenes::{Subject, cornell, matte, room_under_sky};
 
 /// Large enough that there is something to learn from.
 const LEARNING_SIDE: u32 = 128;
@@ -123,13 +123,11 @@ fn maps() -> Vec<(&'static str, PathSettings)> {
 }
 
 /// Paints with each of these settings, and finds nothing below zero. What media refuse is left out.
-fn check(name: &str, scene: &Arc<PreparedScene>, side: u32, ways: &[(&str, PathSettings)]) {
+fn check(name: &str, scene: &Subject, side: u32, ways: &[(&str, PathSettings)]) {
     for (what, settings) in ways {
         let tile = Tile::new(Rect::of_size(side, side), Layout::new(AovSet::NONE));
         let view = View { camera: 0, width: side, height: side };
-        let settings = Arc::new(*settings);
-        let work = BlockWork { scene: Arc::clone(scene), view, settings, tile, samples: 0..SAMPLES };
-        let tile = match work.perform() {
+        let tile = match scene.block(view, *settings, tile, 0..SAMPLES).perform() {
             Ok(output) => output.tile,
             Err(RenderError::PhotonsInMedia) => continue,
             Err(error) => panic!("{name}, {what}: {error}"),
@@ -143,7 +141,7 @@ fn check(name: &str, scene: &Arc<PreparedScene>, side: u32, ways: &[(&str, PathS
 
 fn check_all(name: &str, scene: Scene, guides: &[(&str, PathSettings)]) {
     let options = PrepareOptions { threads: 1, ..PrepareOptions::default() };
-    let scene = Arc::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"));
+    let scene = Subject::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"));
     check(name, &scene, LEARNING_SIDE, guides);
     check(name, &scene, SIDE, &maps());
 }

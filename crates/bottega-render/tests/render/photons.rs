@@ -5,16 +5,16 @@ use std::sync::Arc;
 use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{
-    AgentSettings, BlockWork, Oracle, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene,
-    RenderError, RenderWork, View,
+    AgentSettings, Oracle, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene, RenderError,
+    RenderWork, View,
     photon::{PhotonWork, cast_photons},
 };
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum, Surface};
 use glam::Vec3;
 
 use crate::scenes::{
-    add_quad, add_room, add_sphere, camera, color, cornell, glass, grow, lamp, matte, mean_color, paint, prepare,
-    room_under_sky,
+    Subject, add_quad, add_room, add_sphere, camera, color, cornell, glass, grow, lamp, matte, mean_color, paint,
+    prepare, room_under_sky,
 };
 
 const SIZE: (u32, u32) = (24, 24);
@@ -28,13 +28,13 @@ fn few() -> PhotonSettings {
 }
 
 /// Mean of pictures of several seeds, and the square of its standard error, by channel.
-fn mean_of_seeds(scene: &Arc<PreparedScene>, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
+fn mean_of_seeds(scene: &Subject, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
     let means: Vec<Vec3> = (0..6).map(|seed| mean_color(&paint(scene, SIZE, samples, settings(seed)))).collect();
     let mean = means.iter().sum::<Vec3>() / 6.0;
     (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 30.0)
 }
 
-fn by_paths(scene: &Arc<PreparedScene>) -> (Vec3, Vec3) {
+fn by_paths(scene: &Subject) -> (Vec3, Vec3) {
     mean_of_seeds(scene, 512, |seed| PathSettings { seed: seed + 100, guiding: false, ..PathSettings::default() })
 }
 
@@ -192,7 +192,7 @@ fn closed_room(has_mirror: bool) -> Scene {
 }
 
 /// Mean of small pictures of three seeds, and the square of its standard error, by channel.
-fn mean_of_small(scene: &Arc<PreparedScene>, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
+fn mean_of_small(scene: &Subject, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
     let means: Vec<Vec3> = (0..3).map(|seed| mean_color(&paint(scene, (12, 12), samples, settings(seed)))).collect();
     let mean = means.iter().sum::<Vec3>() / 3.0;
     (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 6.0)
@@ -250,18 +250,16 @@ fn neither_threads_nor_cuts_change_a_bit() {
     let room = Arc::new(room);
     let cached = PhotonSettings { irradiance_cache: 0.3, ..few() };
     for photons in [few(), PhotonSettings { progressive: true, shadow_photons: true, ..few() }, cached] {
-        let settings = Arc::new(by_photons(photons, 5, 4));
+        let settings = by_photons(photons, 5, 4);
         let painted = |threads: usize, cuts: &[u32], blocks: u32| -> Vec<f32> {
             let options = PrepareOptions { threads, ..PrepareOptions::default() };
-            let scene = Arc::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
+            let scene = Subject::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
             let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
             let mut whole = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new(AovSet::NONE));
             for rect in Rect::of_size(SIZE.0, SIZE.1).blocks(blocks) {
                 let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
                 for range in cuts.windows(2) {
-                    let (scene, settings) = (Arc::clone(&scene), Arc::clone(&settings));
-                    let work = BlockWork { scene, view, settings, tile, samples: range[0]..range[1] };
-                    tile = work.perform().unwrap().tile;
+                    tile = scene.block(view, settings, tile, range[0]..range[1]).perform().unwrap().tile;
                 }
                 whole.copy_from(&tile);
             }
@@ -345,11 +343,10 @@ fn shadow_photons_decide_what_is_lit_and_change_little() {
     let scene = prepare(cornell());
     let with = |shadow_photons| {
         let photons = PhotonSettings { shadow_photons, final_rays: 0, count: 100_000, ..few() };
-        let settings = Arc::new(by_photons(photons, 3, 16));
+        let settings = by_photons(photons, 3, 16);
         let tile = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new([Aov::Cost].into_iter().collect()));
         let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
-        let tile =
-            BlockWork { scene: Arc::clone(&scene), view, settings, tile, samples: 0..16 }.perform().unwrap().tile;
+        let tile = scene.block(view, settings, tile, 0..16).perform().unwrap().tile;
         let place = tile.layout().offset(Aov::Cost).unwrap();
         let cost: f32 = tile.rect().pixels().map(|(x, y)| tile.pixel(x, y)[place]).sum();
         (mean_color(&tile), cost)
@@ -378,17 +375,17 @@ fn maps_made_by_the_allocator_are_the_same() {
     let room = Arc::new(cornell());
     let settings = by_photons(few(), 5, 2);
     let painted = |cast: bool| {
-        let scene = Arc::new(PreparedScene::new(Arc::clone(&room), &PrepareOptions::default()).unwrap());
+        let scene = Subject::new(PreparedScene::new(Arc::clone(&room), &PrepareOptions::default()).unwrap());
         if cast {
             let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(2, RenderWork::perform));
-            cast_photons(&scene, View { camera: 0, width: SIZE.0, height: SIZE.1 }, &settings, &hra.client(), None)
-                .unwrap();
+            let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
+            cast_photons(&scene.scene, &scene.prepass, view, &settings, &hra.client(), None).unwrap();
             assert!(hra.report().resources.iter().map(|resource| resource.units).sum::<u64>() > 3);
         }
-        let before = scene.memory_bytes();
+        let before = scene.prepass.memory_bytes();
         let sums = paint(&scene, SIZE, 2, settings).sums().to_vec();
         // Nothing was left to be made.
-        assert_eq!(scene.memory_bytes() == before, cast);
+        assert_eq!(scene.prepass.memory_bytes() == before, cast);
         sums
     };
     assert_eq!(painted(true), painted(false));
@@ -402,7 +399,7 @@ fn media_are_refused() {
     let scene = prepare(scene);
     let view = View { camera: 0, width: 4, height: 4 };
     let tile = Tile::new(Rect::of_size(4, 4), Layout::new(AovSet::NONE));
-    let work = BlockWork { scene, view, settings: Arc::new(by_photons(few(), 0, 1)), tile, samples: 0..1 };
+    let work = scene.block(view, by_photons(few(), 0, 1), tile, 0..1);
     assert!(matches!(work.perform(), Err(RenderError::PhotonsInMedia)));
 }
 
@@ -427,8 +424,8 @@ fn photons_that_are_sent_to_glass_bring_what_others_bring_by_chance() {
         let found = |only_caustics: bool, seed: u64| {
             let indices = 0..if only_caustics { settings.count / SHARE } else { settings.count };
             let traced = indices.len() as f64;
-            let photons =
-                PhotonWork { scene: Arc::clone(&scene), settings, view, only_caustics, seed, indices }.perform();
+            let (scene, prepass) = (Arc::clone(&scene.scene), Arc::clone(&scene.prepass));
+            let photons = PhotonWork { scene, prepass, settings, view, only_caustics, seed, indices }.perform();
             let power: Vec3 = photons.caustic.iter().map(|photon| photon.mark().power()).sum();
             (f64::from(power.element_sum()) / f64::from(settings.count), photons.caustic.len() as f64 / traced)
         };

@@ -1,9 +1,9 @@
 //! Scenes made by hand, and how to paint them.
 
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
 use bottega_image::{Layout, Rect, Tile};
-use bottega_render::{BlockWork, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{BlockWork, PathSettings, PrepareOptions, PreparedScene, Prepass, View};
 use bottega_scene::{
     Camera, Environment, Image, ImageId, Instance, Layered, Material, Mesh, Projection, Scene, Spectrum,
 };
@@ -98,17 +98,34 @@ pub(crate) fn room_under_sky() -> Scene {
 }
 
 /// Prepares a scene so that each strategy alone can find all light.
-pub(crate) fn prepare(scene: Scene) -> Arc<PreparedScene> {
+pub(crate) fn prepare(scene: Scene) -> Subject {
     let options = PrepareOptions { threads: 1, compensate_environment: false };
-    Arc::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"))
+    Subject::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"))
+}
+
+/// A scene with what is found out of it.
+pub(crate) struct Subject {
+    pub(crate) scene: Arc<PreparedScene>,
+    pub(crate) prepass: Arc<Prepass>,
+}
+
+impl Subject {
+    pub(crate) fn new(scene: PreparedScene) -> Self {
+        Self { scene: Arc::new(scene), prepass: Arc::default() }
+    }
+
+    /// Work on a picture of it.
+    pub(crate) fn block(&self, view: View, settings: PathSettings, tile: Tile, samples: Range<u32>) -> BlockWork {
+        let (scene, prepass) = (Arc::clone(&self.scene), Arc::clone(&self.prepass));
+        BlockWork { scene, prepass, view, settings: Arc::new(settings), tile, samples }
+    }
 }
 
 /// Paints samples 0 to `spp` of a whole picture.
-pub(crate) fn paint(scene: &Arc<PreparedScene>, size: (u32, u32), spp: u32, settings: PathSettings) -> Tile {
+pub(crate) fn paint(scene: &Subject, size: (u32, u32), spp: u32, settings: PathSettings) -> Tile {
     let tile = Tile::new(Rect::of_size(size.0, size.1), Layout::new(bottega_image::AovSet::NONE));
     let view = View { camera: 0, width: size.0, height: size.1 };
-    let work = BlockWork { scene: Arc::clone(scene), view, settings: Arc::new(settings), tile, samples: 0..spp };
-    work.perform().expect("a picture").tile
+    scene.block(view, settings, tile, 0..spp).perform().expect("a picture").tile
 }
 
 /// Mean radiance of a pixel.

@@ -8,7 +8,7 @@ use bottega_scene::{Environment, Image, ImageId, Layered, Material, Portal, Scen
 use glam::{Mat3, Vec3};
 use statrs::function::erf::erfc;
 
-use crate::scenes::{add_quad, add_room, add_sphere, camera, cornell, lamp, matte, paint, prepare};
+use crate::scenes::{Subject, add_quad, add_room, add_sphere, camera, cornell, lamp, matte, paint, prepare};
 
 const SIDE: u32 = 24;
 const SPP: u32 = 256;
@@ -43,7 +43,7 @@ pub(crate) fn assert_same_mean(what: &str, a: &Tile, b: &Tile) {
     }
 }
 
-fn paint_by(scene: &Arc<PreparedScene>, direct_light: DirectLight, light_samples: u32, seed: u64) -> Tile {
+fn paint_by(scene: &Subject, direct_light: DirectLight, light_samples: u32, seed: u64) -> Tile {
     let settings =
         PathSettings { seed, max_depth: 4, light_samples, filter: Filter::PIXEL, direct_light, ..Default::default() };
     paint(scene, (SIDE, SIDE), SPP, settings)
@@ -97,7 +97,7 @@ fn under_a_sky_with_bright_spots() {
     assert_strategies_agree("sky", scene.clone());
     // Compensation changes the noise, not the mean.
     let options = bottega_render::PrepareOptions { threads: 1, compensate_environment: true };
-    let compensated = Arc::new(PreparedScene::new(Arc::new(scene.clone()), &options).unwrap());
+    let compensated = Subject::new(PreparedScene::new(Arc::new(scene.clone()), &options).unwrap());
     let plain = paint_by(&prepare(scene), DirectLight::Combined, 1, 3);
     assert_same_mean("compensated", &paint_by(&compensated, DirectLight::Combined, 1, 4), &plain);
 }

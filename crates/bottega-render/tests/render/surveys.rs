@@ -16,7 +16,7 @@ fn allocator(lanes: usize) -> Hra<RenderWork> {
 #[test]
 fn glass_has_levels_of_recursion_and_walls_have_none() {
     let hra = allocator(1);
-    let seen = survey(&prepare(cornell()), VIEW, 8, &hra.client()).unwrap();
+    let seen = survey(&prepare(cornell()).scene, VIEW, 8, &hra.client()).unwrap();
     assert_eq!((seen.width, seen.height, seen.pixels.len()), (32, 32, 1024));
     let at = |x: usize, y: usize| seen.pixels[y * 32 + x];
     let (glass, wall) = (at(22, 26), at(16, 10));
@@ -33,15 +33,15 @@ fn between_two_mirrors_the_levels_end() {
         bottega_scene::Layered { metallic: 1.0.into(), roughness: 0.0.into(), ..Default::default() }.into();
     add_quad(&mut scene, Vec3::new(-50.0, -50.0, -1.0), Vec3::X * 100.0, Vec3::Y * 100.0, mirror.clone());
     add_quad(&mut scene, Vec3::new(-50.0, -50.0, 1.0), Vec3::Y * 100.0, Vec3::X * 100.0, mirror);
-    let seen = survey(&prepare(scene), VIEW, 8, &allocator(1).client()).unwrap();
+    let seen = survey(&prepare(scene).scene, VIEW, 8, &allocator(1).client()).unwrap();
     assert_eq!(seen.pixels[16 * 32 + 16].recursion_levels, 16.0);
 }
 
 #[test]
 fn it_does_not_depend_on_the_number_of_lanes() {
     let scene = prepare(cornell());
-    let one = survey(&scene, VIEW, 8, &allocator(1).client()).unwrap();
-    let three = survey(&scene, VIEW, 8, &allocator(3).client()).unwrap();
+    let one = survey(&scene.scene, VIEW, 8, &allocator(1).client()).unwrap();
+    let three = survey(&scene.scene, VIEW, 8, &allocator(3).client()).unwrap();
     assert_eq!(one, three);
 }
 
@@ -52,7 +52,7 @@ fn a_camera_that_is_not_there_is_an_error_and_leaves_nothing_behind() {
     add_sphere(&mut scene, Vec3::X, 0.2, matte(Vec3::ONE));
     let hra = allocator(1);
     let client = hra.client();
-    let result = survey(&prepare(scene), View { camera: 3, ..VIEW }, 8, &client);
+    let result = survey(&prepare(scene).scene, View { camera: 3, ..VIEW }, 8, &client);
     assert!(matches!(result, Err(RenderError::Refused(_) | RenderError::NoCamera { .. })));
     assert_eq!(client.outstanding(), 0);
 }

@@ -3,17 +3,9 @@
 use super::super::{
     map::Agents,
     probe::Kind,
-    sensing::{Sensed, Sensing},
+    sensing::{Candidate, Sensed, Sensing},
 };
 use crate::integrator::{Hands, SensorPlace as Place};
-
-/// An agent, and the side of its surface that it would measure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Candidate {
-    pub(super) index: u32,
-    /// Whether it is the side that the agent did not come from.
-    pub(super) is_back: bool,
-}
 
 /// Some of the candidates measure what the others do not know.
 pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> Sensed {

@@ -5,5 +5,5 @@ mod measure;
 mod rounds;
 
 pub(super) use look::look;
-pub(super) use measure::{Candidate, measure};
+pub(super) use measure::measure;
 pub(super) use rounds::sense;

@@ -5,22 +5,15 @@ use std::sync::Arc;
 use super::{
     super::{
         agent::Agent,
-        cast::{MEASURING, SENSING},
         map::Agents,
         network::Network,
-        sensing::{Discovery, Errand},
+        sensing::{Candidate, Discovery, Errand, MEASURING, Run, SENSING},
         swarm::Swarm,
         visibility::{Answer, Visibility},
     },
-    Candidate,
     look::{self, ALL, FIRST},
 };
-use crate::{
-    AgentSettings, RenderError,
-    ala::map::Run,
-    photon::{Extent, parts},
-    prepare::PreparedScene,
-};
+use crate::{AgentSettings, RenderError, extent::Extent, parts::parts, prepare::PreparedScene};
 
 /// Agents that measure in the first round, if they must; each round has twice as many.
 const FIRST_ROUND: usize = 128;

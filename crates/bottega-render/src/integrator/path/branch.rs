@@ -2,39 +2,16 @@
 
 use std::ops::RangeInclusive;
 
-use bottega_scene::Spectrum;
-use glam::Vec3;
+use super::{
+    super::transport::ROULETTE_SURVIVAL_MAX,
+    state::{Branch, Path},
+};
+use crate::guide::Agent;
 
-use super::{Path, Previous, ROULETTE_SURVIVAL_MAX};
-use crate::{camera::RayCone, guide::Agent, sampler::PixelSampler};
-
-/// Branches of a path that wait, at most.
-pub(in crate::integrator) const BRANCHES_MAX: usize = 32;
 /// Least and greatest number of paths that one goes on as on the average, and numbers that count as one.
 const SURVIVAL_MIN: f32 = 0.3;
 const SPLIT_MAX: f32 = 8.0;
 const ONE: RangeInclusive<f32> = 0.7..=1.4;
-
-/// A path that waits to be followed from where it scattered.
-#[derive(Clone, Copy)]
-pub(in crate::integrator) struct Branch {
-    sampler: PixelSampler,
-    throughput: Spectrum,
-    absorption: Spectrum,
-    roulette_scale: f32,
-    depth: u32,
-    origin: Vec3,
-    direction: Vec3,
-    cone: RayCone,
-    previous: Previous,
-}
-
-impl Branch {
-    #[inline(always)]
-    pub(super) fn sampler(&self) -> &PixelSampler {
-        &self.sampler
-    }
-}
 
 impl Path<'_> {
     /// The path as it is.

@@ -1,9 +1,12 @@
 //! The light that a path finds: by looking for lights, and by running into them.
 
-use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
 
-use super::{Path, SHADOW_MARGIN, scatter::mixed};
+use super::{
+    super::transport::{power_heuristic, shadow_ray},
+    scatter::mixed,
+    state::Path,
+};
 use crate::{
     bsdf::BsdfAt,
     guide::{Agent, Region},
@@ -185,38 +188,5 @@ impl Path<'_> {
             Some(region) => power_heuristic(expected, mixed(region.share(), region.pdf(light.wi), bsdf_pdf)),
         };
         value * light.radiance * (wi.z.abs() * weight / expected)
-    }
-}
-
-/// The ray that asks whether a light is seen.
-#[inline(always)]
-pub(crate) fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
-    let origin = point.ray_origin(light.wi);
-    if light.distance.is_infinite() {
-        return Ray::new(origin, light.wi);
-    }
-    // Aim at the light's point itself: from the shifted origin it lies in a slightly different direction.
-    let target = point.p_outside + light.wi * light.distance;
-    Ray { origin, t_min: 0.0, direction: target - origin, t_max: 1.0 - SHADOW_MARGIN }
-}
-
-/// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).
-#[inline(always)]
-pub(in crate::integrator) fn power_heuristic(chosen: f32, other: f32) -> f32 {
-    // By the ratio, so that squares of large densities do not overflow.
-    let ratio = other / chosen;
-    1.0 / (1.0 + ratio * ratio)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn weights_of_two_strategies_add_up_to_one() {
-        for (a, b) in [(1.0, 2.0), (1e30, 1e-3), (1e-20, 1e20), (3.0, 0.0)] {
-            assert!((power_heuristic(a, b) + power_heuristic(b, a) - 1.0).abs() < 1e-6, "{a} {b}");
-        }
-        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
     }
 }

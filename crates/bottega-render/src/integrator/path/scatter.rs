@@ -2,7 +2,10 @@
 
 use bottega_scene::Spectrum;
 
-use super::{NO_LEAF, Path, Previous, ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD};
+use super::{
+    super::transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD},
+    state::{NO_LEAF, Path, Previous},
+};
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, warp::ONE_MINUS_EPSILON},
     guide::Region,

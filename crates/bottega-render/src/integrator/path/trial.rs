@@ -11,7 +11,7 @@ use bottega_kernels::compiled;
 use bottega_scene::Spectrum;
 use rayon::prelude::*;
 
-use super::{LEARNING_SEED, PathIntegrator, PathRecord};
+use super::{super::record::PathRecord, learn::LEARNING_SEED, setup::PathIntegrator};
 use crate::{
     AgentUse, PathSettings,
     guide::Guide,

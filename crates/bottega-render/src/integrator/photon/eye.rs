@@ -10,7 +10,7 @@ use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 use super::{
-    super::path::{BLEND, PathRecord, SCATTERED_SPREAD, bsdf_at, exp},
+    super::{record::PathRecord, transport::SCATTERED_SPREAD},
     PhotonIntegrator,
 };
 use crate::{
@@ -26,12 +26,10 @@ use crate::{
         kept,
     },
     sampler::{DimensionSet, PixelSampler},
+    shading::{BLEND, bsdf_at, exp, is_broad_sample, is_matte},
 };
 
-use light::LightShare;
-pub(crate) use surroundings::is_broad;
-use surroundings::is_broad_sample;
-use walk::{Comes, Left, Place, Walk, is_sharp, scatter, survives};
+use walk::{Comes, Left, LightShare, Place, Walk, is_sharp, scatter, survives};
 
 /// Bounces of a path that have numbers of their own before those of a gathering ray begin.
 const VERTICES: u32 = 64;
@@ -542,9 +540,4 @@ impl<'a> Eye<'a> {
             self.wants_albedo = false;
         }
     }
-}
-
-/// Whether light leaves a surface the same in all directions, and on one side.
-pub(crate) fn is_matte(bsdf: &Bsdf) -> bool {
-    bsdf.roughness() >= 1.0 && !bsdf.is_transmissive()
 }

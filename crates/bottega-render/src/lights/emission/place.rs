@@ -2,19 +2,41 @@
 
 use std::f32::consts::PI;
 
-use bottega_scene::{Scene, Sides};
+use bottega_scene::{Scene, Sides, Spectrum};
 use glam::Vec3;
 
-use super::{
-    super::{sphere, surface::SurfaceLight},
-    Spread, Start,
-};
+use super::super::{sphere, surface::SurfaceLight};
 use crate::{
     bsdf::warp::cosine_hemisphere,
     interaction::{CLEARANCE, sphere_uv},
     luminance,
     sampling::{orthonormal_basis, uniform_sphere, uniform_triangle},
 };
+
+/// Where a photon starts, where it goes, and the power that it stands for.
+pub(super) struct Start {
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    pub(super) power: Spectrum,
+    pub(super) spread: Spread,
+}
+
+/// How densely directions are drawn at a place.
+pub(super) enum Spread {
+    /// All alike.
+    Everywhere,
+    /// By the cosine to a normal.
+    Cosine(Vec3),
+    /// So that none else may be taken.
+    AsDrawn,
+}
+
+impl Start {
+    /// One whose direction may not be changed.
+    pub(super) fn as_drawn(origin: Vec3, direction: Vec3, power: Spectrum) -> Self {
+        Self { origin, direction, power, spread: Spread::AsDrawn }
+    }
+}
 
 /// Whether a photon leaves by the front, and how many sides there are.
 fn side(sides: Sides, u: f32) -> (bool, f32) {

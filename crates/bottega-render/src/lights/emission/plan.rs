@@ -9,33 +9,28 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{
-    super::{Light, punctual},
-    Emission, Source, around,
-};
 use crate::{
-    photon::Extent,
-    prepare::PreparedScene,
-    sampling::{orthonormal_basis, uniform_disk},
+    extent::Extent,
+    sampling::{around, orthonormal_basis, uniform_disk},
 };
 
 /// How much wider each disc is than the one before.
-const STEP: f32 = 2.0;
+pub(super) const STEP: f32 = 2.0;
 /// The share of the photons that leaves the first disc.
-const FIRST: f32 = 0.3;
+pub(super) const FIRST: f32 = 0.3;
 /// The share of the sources that is chosen by what can come from them, and of the directions that lead to what is seen.
-const AIMED: f32 = 0.5;
+pub(super) const AIMED: f32 = 0.5;
 /// How much farther off than the radius of what is seen a place must be for directions to be aimed.
 const FAR: f32 = 2.0;
 
 /// How photons of a scene are sent to what is seen.
 #[derive(Clone, Debug)]
 pub(crate) struct EmissionPlan {
-    extent: Extent,
+    pub(super) extent: Extent,
     /// Sums of the probabilities of the sources, from 0 to 1.
     pub(super) sums: Vec<f64>,
     /// Radii of discs around what is seen, and their probabilities; the last one covers the scene.
-    discs: Vec<(f32, f32)>,
+    pub(super) discs: Vec<(f32, f32)>,
 }
 
 /// Directions from a place to what is seen.
@@ -46,63 +41,21 @@ pub(crate) struct Aim {
 }
 
 impl EmissionPlan {
-    pub(super) fn new(prepared: &PreparedScene, emission: &Emission, extent: Extent) -> Self {
-        let mut plan = Self { extent, sums: emission.sums.clone(), discs: vec![(emission.radius, 1.0)] };
-        if extent.is_whole() {
-            return plan;
-        }
-        let mut radii: Vec<f32> = std::iter::successors(Some(extent.radius), |radius| Some(radius * STEP))
-            .take_while(|&radius| radius < extent.whole)
-            .collect();
-        radii.push(emission.radius);
-        let others = (1.0 - FIRST) / (radii.len() - 1).max(1) as f32;
-        plan.discs = radii.iter().zip(0..).map(|(&radius, i)| (radius, if i == 0 { FIRST } else { others })).collect();
-        let source = |index: usize| {
-            let power = emission.sums[index + 1] - emission.sums[index];
-            (power, power * plan.arriving(prepared, emission, &emission.sources[index]))
-        };
-        let powers: Vec<(f64, f64)> = (0..emission.sources.len()).map(source).collect();
-        let arriving: f64 = powers.iter().map(|(_, arriving)| arriving).sum();
-        if arriving > 0.0 {
-            let mut sum = 0.0;
-            let aimed = f64::from(AIMED);
-            let mut add = |(power, part): &(f64, f64)| {
-                sum += (1.0 - aimed) * power + aimed * part / arriving;
-                sum
-            };
-            plan.sums = std::iter::once(0.0).chain(powers.iter().map(&mut add)).collect();
-            if let Some(last) = plan.sums.last_mut() {
-                *last = 1.0;
-            }
-        }
-        plan
-    }
-
     /// Around what photons are sent.
     pub(crate) fn extent(&self) -> &Extent {
         &self.extent
     }
 
-    /// An estimate of the share of a source's power that may come to what is seen.
-    fn arriving(&self, prepared: &PreparedScene, emission: &Emission, source: &Source) -> f64 {
-        let near = |p: Vec3| f64::from((self.extent.radius / p.distance(self.extent.center)).min(1.0)).powi(2);
-        let scene = &**prepared.scene();
-        match source {
-            Source::Near(number) | Source::Pictured(number, ..) => match &prepared.lights().lights[*number as usize] {
-                Light::Surface(surface) => near(surface.ball().0),
-                Light::Sphere(index) => near(scene.spheres[*index as usize].center),
-                Light::Punctual(index) => near(punctual::position(scene, *index)),
-            },
-            Source::Portal(portal) => near(portal.corner + 0.5 * (portal.edges[0] + portal.edges[1])),
-            Source::Parallel(..) | Source::Environment => f64::from(self.extent.radius / emission.radius).powi(2),
-        }
-    }
-
     /// A place before the scene from where light goes in `direction`, and the inverse of its density by area.
-    pub(super) fn on_disc(&self, emission: &Emission, direction: Vec3, choice: f32, u: [f32; 2]) -> (Vec3, f32) {
+    pub(super) fn on_disc(
+        &self,
+        (center, radius): (Vec3, f32),
+        direction: Vec3,
+        choice: f32,
+        u: [f32; 2],
+    ) -> (Vec3, f32) {
         let (s, t) = orthonormal_basis(direction);
         let disc = uniform_disk(u);
-        let Emission { center, radius, .. } = *emission;
         let across = |disc_radius: f32| (s * disc.x + t * disc.y) * disc_radius;
         if self.discs.len() == 1 {
             return (center + across(radius) - direction * radius, PI * radius * radius);

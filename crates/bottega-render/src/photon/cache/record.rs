@@ -7,15 +7,12 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::super::{
-    around::{Around, CELLS},
+    around::{Around, CELLS, Look, RINGS, SECTORS},
     bounces::{BOUNCES_KEPT, ByBounces, kept},
     bytes::{Reader, Writer},
 };
 use crate::{luminance, sampling::orthonormal_basis};
 
-/// Rings of directions, from the normal to the horizon, and directions in each.
-pub(in crate::photon) const RINGS: usize = 10;
-pub(in crate::photon) const SECTORS: usize = 32;
 /// Cells of the hemisphere, which all weigh alike by the cosine, and least rays by which the irradiance at one place is found.
 pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
 /// Most rays to a cell.
@@ -46,14 +43,6 @@ pub(crate) struct Record {
 
 /// A share of red, green and blue, each in 65535ths.
 pub(super) type Share = [u16; 3];
-
-/// What a ray found.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Look {
-    pub(crate) radiance: Spectrum,
-    /// Infinite where it met nothing.
-    pub(crate) distance: f32,
-}
 
 /// What the rays of one place found, by cell of the hemisphere.
 #[derive(Clone, Debug)]

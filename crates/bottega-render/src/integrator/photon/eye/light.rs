@@ -3,23 +3,15 @@
 use bottega_scene::Spectrum;
 
 use super::{
-    super::super::path::light::{power_heuristic, shadow_ray},
-    Comes, Eye, Place, Walk,
+    super::super::transport::{power_heuristic, shadow_ray},
+    Eye,
+    walk::{Comes, LightShare, Place, Walk},
 };
 use crate::{
     interaction::{Interaction, emitted, sphere_uv},
     lights::{NO_LIGHT, Receiver},
     sampler::{DimensionSet, Quad},
 };
-
-/// How much of the light of lamps is found by looking for them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum LightShare {
-    /// All of it: the path ends here.
-    All,
-    /// The share that is left by those paths that go on and run into them.
-    Mis,
-}
 
 impl Eye<'_> {
     /// The weight of light that the path ran into.

@@ -1,16 +1,16 @@
 //! Light that agents know by direction, on surfaces that are not matte.
 
-use super::{Eye, Place, VERTICES, Walk, is_matte};
+use super::{
+    Eye, VERTICES,
+    walk::{Place, Walk},
+};
 use crate::{
     bsdf::{Bsdf, BsdfSample},
     photon::cache::Surroundings,
     sampler::DimensionSet,
+    shading::{is_broad_sample, is_matte},
 };
-use glam::Vec3;
 
-/// Density in sr⁻¹ below which a direction counts as drawn broadly: a lobe as sharp covers some six of the cells in which
-/// records know directions.
-const SHARPEST: f32 = 1.0;
 /// Directions in which a surface that the camera sees is told what comes from there: no ray is traced for them.
 const LOOKS: u32 = 16;
 
@@ -54,22 +54,4 @@ impl<'a> Eye<'a> {
             self.add_shared(light, walk.depth, |eye| eye.agents?.shares_at(p, normal, bounces));
         }
     }
-}
-
-/// Whether a direction was drawn so broadly that light from around it can stand for light from there.
-#[inline(always)]
-pub(super) fn is_broad_sample(sample: &BsdfSample) -> bool {
-    !sample.is_delta() && sample.pdf < SHARPEST
-}
-
-/// Whether a surface that is not matte sends back an eighth or more of the light, or of the samples at least, broadly.
-pub(crate) fn is_broad(bsdf: &Bsdf, wo: Vec3) -> bool {
-    const TRIED: u32 = 16;
-    if is_matte(bsdf) || bsdf.is_transmissive() {
-        return false;
-    }
-    let bsdf = bsdf.at(wo);
-    let number = |i: u32, prime: u32| ((i * prime % TRIED) as f32 + 0.5) / TRIED as f32;
-    let sample = |i: u32| bsdf.sample(number(i, 1), [number(i, 5), number(i, 11)]);
-    (0..TRIED).filter_map(sample).filter(is_broad_sample).count() as u32 >= TRIED / 8
 }

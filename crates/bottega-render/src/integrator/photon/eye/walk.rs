@@ -3,7 +3,7 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::super::super::path::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD};
+use super::super::super::transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD};
 use crate::{
     PreparedScene,
     bsdf::{BsdfAt, BsdfSample},
@@ -73,6 +73,15 @@ pub(super) enum Left {
     Lamps,
     /// All the rest.
     Light,
+}
+
+/// How much of the light of lamps is found by looking for them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LightShare {
+    /// All of it: the path ends here.
+    All,
+    /// The share that is left by those paths that go on and run into them.
+    Mis,
 }
 
 /// What goes on at a surface.

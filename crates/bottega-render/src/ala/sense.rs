@@ -1,0 +1,143 @@
+//! Agents that are cast and look around: by the rules of the paper, or by our own.
+
+use std::{
+    ops::Range,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use bottega_kernels::compiled::{self, Task};
+use rayon::prelude::*;
+
+use super::{
+    agent::{Agent, Casting},
+    map::{Agents, Indirect},
+    network::Network,
+    own, paper,
+    report::{AgentReport, Tally},
+    sensing::{AGENTS, Errand, Run, SENSING, Sensed, Sensing},
+    swarm::Swarm,
+    visibility::Visibility,
+};
+use crate::{
+    AgentSettings, Oracle, RenderError,
+    extent::Extent,
+    integrator::PhotonIntegrator,
+    parts::parts,
+    photon::{IrradianceMap, PhotonMaps, PhotonPlan},
+    prepare::PreparedScene,
+};
+
+impl Task for Sensing<'_> {
+    type Output = Sensed;
+
+    #[inline(always)]
+    fn run(self) -> Sensed {
+        let part_of = |part: &Range<u32>| part.start as usize..part.end as usize;
+        match &self.errand {
+            Errand::Dig(indices) => paper::dig(&self, indices.clone()),
+            Errand::Look { who, part, numbers } => own::look(&self, &who[part_of(part)], numbers.clone()),
+            Errand::Measure { who, part, others } => own::measure(&self, &who[part_of(part)], others),
+        }
+    }
+}
+
+/// Casts agents on the threads of the present pool.
+fn cast(prepared: &PreparedScene, plan: &PhotonPlan, settings: AgentSettings, seed: u64) -> Vec<Agent> {
+    let works: Vec<_> = parts(settings.cast, AGENTS).collect();
+    let (sources, plan) = (&*plan.sources, &plan.emission);
+    let cast = |indices| compiled::run(Casting { prepared, sources, plan, seed, indices });
+    let parts: Vec<Vec<Agent>> = works.into_par_iter().map(cast).collect();
+    parts.concat()
+}
+
+impl Agents {
+    /// Casts agents and lets them look around, on the threads of the present pool.
+    ///
+    /// - `integrator`: follows the light that comes to a sensor.
+    /// - `maps`: know the caustics.
+    ///
+    /// # Errors
+    /// None here: errands that are run at once are run.
+    pub(crate) fn new(
+        prepared: &PreparedScene,
+        settings: AgentSettings,
+        integrator: &PhotonIntegrator<'_>,
+        maps: &PhotonMaps,
+        seed: u64,
+    ) -> Result<Self, RenderError> {
+        let begun = Instant::now();
+        let plan = integrator.plan();
+        let agents = cast(prepared, plan, settings, seed);
+        let swarm = Swarm::new(plan.sources.source_count(), plan.extent(), agents, &settings);
+        let casting = begun.elapsed();
+        let network = Network::new(&swarm);
+        let run = |errands: Vec<Errand>| {
+            let sense =
+                |errand| compiled::run(Sensing { integrator, maps, swarm: &swarm, network: &network, seed, errand });
+            Ok(joined(errands.into_par_iter().map(sense).collect()))
+        };
+        Self::sense(prepared, *plan.extent(), settings, &swarm, &network, run, [casting, Duration::ZERO])
+    }
+
+    /// Lets the agents of a swarm look around.
+    ///
+    /// - `extent`: of what is seen.
+    /// - `run`: does errands.
+    /// - `times`: what casting took, and what sensing has taken so far.
+    ///
+    /// # Errors
+    /// The errands were not run.
+    pub(super) fn sense(
+        prepared: &PreparedScene,
+        extent: Extent,
+        settings: AgentSettings,
+        swarm: &Swarm,
+        network: &Network,
+        mut run: impl FnMut(Vec<Errand>) -> Result<Sensed, RenderError>,
+        times: [Duration; 2],
+    ) -> Result<Self, RenderError> {
+        let begun = Instant::now();
+        let (mut agents, sensors) = match settings.oracle {
+            Oracle::Paper => Self::dig(settings, swarm, network, &mut run)?,
+            Oracle::Error => own::sense(prepared, extent, settings, swarm, network, &mut run)?,
+        };
+        agents.report = AgentReport {
+            cast: settings.cast,
+            agents: swarm.len() as u64,
+            clones: swarm.agents.iter().filter(|agent| agent.clone > 0).count() as u64,
+            sensors,
+            links: network.link_count(),
+            object_distance: swarm.object_distance,
+            map_bytes: agents.memory_bytes() as u64,
+            casting: times[0],
+            sensing: times[1] + begun.elapsed(),
+            tally: Tally::default(),
+            ..agents.report
+        };
+        Ok(agents)
+    }
+
+    /// By the rules of the paper.
+    fn dig(
+        settings: AgentSettings,
+        swarm: &Swarm,
+        network: &Network,
+        run: &mut Run<'_>,
+    ) -> Result<(Self, [u64; 4]), RenderError> {
+        let sensed = run(parts(swarm.len() as u32, SENSING).map(Errand::Dig).collect())?;
+        let answers = paper::answers(network, &sensed.discoveries);
+        let (sensors, object_distance) = (IrradianceMap::new(sensed.irradiance), swarm.object_distance);
+        let indirect = Indirect::Fitted(paper::Fitted { sensors, object_distance });
+        let visibility = Arc::new(Visibility::new(swarm, network, &answers));
+        Ok((Self::of(settings, visibility, indirect, &answers), sensed.sensors))
+    }
+}
+
+/// Joins parts in their order.
+pub(super) fn joined(parts: Vec<Sensed>) -> Sensed {
+    parts.into_iter().fold(Sensed::default(), |mut all, part| {
+        all.append(part);
+        all
+    })
+}

@@ -1,0 +1,122 @@
+//! What all paths of a picture have in common.
+
+use std::sync::Arc;
+
+use bottega_scene::MediumId;
+use glam::Vec2;
+
+use super::super::record::Wanted;
+use crate::{
+    PathSettings, PreparedScene, RenderError, View,
+    camera::{CameraRay, CameraRays},
+    filter::FilterSampler,
+    guide::Guide,
+    sampler::{DimensionSet, PixelSampler},
+};
+
+/// Paints samples of one picture. Cheap to make: one for each block of work.
+pub struct PathIntegrator<'a> {
+    pub(super) prepared: &'a PreparedScene,
+    pub(super) settings: &'a PathSettings,
+    pub(super) camera: CameraRays,
+    /// Of the picture, in pixels.
+    pub(super) size: Vec2,
+    pub(super) camera_medium: Option<MediumId>,
+    /// Whether the camera does not see what shines.
+    pub(super) hides_emitters: bool,
+    pub(super) filter: FilterSampler,
+    pub(super) wanted: Wanted,
+    pub(super) guide: Option<Arc<Guide>>,
+    /// Whether agents decide where paths end, and where they go on as several.
+    pub(super) splits: bool,
+    /// Whether agents decide how often to look whether a light is seen.
+    pub(super) looks_rarely: bool,
+}
+
+impl<'a> PathIntegrator<'a> {
+    /// One whose paths learn nothing.
+    pub(crate) fn unguided(
+        prepared: &'a PreparedScene,
+        view: View,
+        settings: &'a PathSettings,
+    ) -> Result<Self, RenderError> {
+        let cameras = &prepared.scene().cameras;
+        let camera =
+            cameras.get(view.camera).ok_or(RenderError::NoCamera { index: view.camera, count: cameras.len() })?;
+        if view.width == 0 || view.height == 0 {
+            return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
+        }
+        Ok(Self {
+            prepared,
+            settings,
+            camera: CameraRays::new(camera, view.width, view.height),
+            size: Vec2::new(view.width as f32, view.height as f32),
+            camera_medium: camera.medium,
+            hides_emitters: camera.hides_emitters,
+            filter: FilterSampler::new(settings.filter),
+            wanted: Wanted::default(),
+            guide: None,
+            splits: false,
+            looks_rarely: false,
+        })
+    }
+
+    #[must_use]
+    pub(crate) fn with_wanted(self, wanted: Wanted) -> Self {
+        Self { wanted, ..self }
+    }
+
+    pub(in crate::integrator) fn prepared(&self) -> &'a PreparedScene {
+        self.prepared
+    }
+
+    pub(in crate::integrator) fn settings(&self) -> &'a PathSettings {
+        self.settings
+    }
+
+    pub(in crate::integrator) fn wanted(&self) -> Wanted {
+        self.wanted
+    }
+
+    /// What the camera stands in.
+    pub(in crate::integrator) fn camera_medium(&self) -> Option<MediumId> {
+        self.camera_medium
+    }
+
+    /// Whether the camera does not see what shines.
+    #[inline(always)]
+    pub(in crate::integrator) fn hides_emitters(&self) -> bool {
+        self.hides_emitters
+    }
+
+    /// Where a sample's path begins, and the factor with which the sample counts.
+    #[inline(always)]
+    pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> (CameraRay, f32) {
+        let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
+        let ([dx, dy], factor) = self.filter.sample([filter_u, filter_v]);
+        (self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v]), factor)
+    }
+
+    /// Where the middle of a pixel is in the picture, in [0, 1)².
+    #[inline(always)]
+    pub(in crate::integrator) fn place(&self, x: u32, y: u32) -> [f32; 2] {
+        [(x as f32 + 0.5) / self.size.x, (y as f32 + 0.5) / self.size.y]
+    }
+
+    /// Whether paths cannot be followed in turn: those through media and panes are followed to their end in one go.
+    #[inline(always)]
+    pub(in crate::integrator) fn goes_alone(&self) -> bool {
+        self.prepared.needs_volume() || self.prepared.has_panes()
+    }
+
+    /// Whether agents are asked for more than directions.
+    #[inline(always)]
+    pub(in crate::integrator) fn asks_agents(&self) -> bool {
+        self.settings.agents.any() && self.guide.is_some()
+    }
+
+    #[inline(always)]
+    pub(in crate::integrator) fn guide(&self) -> Option<&Guide> {
+        self.guide.as_deref()
+    }
+}

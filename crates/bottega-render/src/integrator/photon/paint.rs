@@ -1,0 +1,85 @@
+//! Pictures by photons: what they need is made first.
+
+use std::ops::Range;
+
+use bottega_kernels::compiled::{self, Task};
+
+use super::{
+    super::record::PathRecord,
+    PhotonIntegrator,
+    eye::{Eye, Hands, Known},
+    place,
+};
+use crate::{ala::Agents, camera::CameraRay, photon::cache::IrradianceCache, sampler::PixelSampler};
+
+impl PhotonIntegrator<'_> {
+    /// Makes the maps that a range of samples needs, if they are not there: on all processors that the scene was prepared
+    /// with.
+    pub fn cast(&self, samples: Range<u32>) {
+        for sample in samples {
+            self.passes.of_sample(self.base.prepared(), sample);
+            if !self.photons.progressive {
+                break;
+            }
+        }
+        self.cache();
+        self.agents();
+    }
+
+    /// The irradiance at some places; the first who asks has it made.
+    fn cache(&self) -> Option<&IrradianceCache> {
+        let prepared = self.base.prepared();
+        let make = || prepared.on_threads(|| place::records(self, self.passes.of_sample(prepared, 0)));
+        self.cache.as_ref().map(|cache| cache.get_or_init(make))
+    }
+
+    /// The agents that are asked, if they are wanted; the first who asks has them made.
+    fn agents(&self) -> Option<&Agents> {
+        let settings = self.photons.agents?;
+        let prepared = self.base.prepared();
+        let make = || {
+            prepared.on_threads(|| {
+                let maps = self.passes.of_sample(prepared, 0);
+                Agents::new(prepared, settings, self, maps, self.base.settings().seed)
+                    .unwrap_or_else(|_| unreachable!("errands on this machine are run"))
+            })
+        };
+        Some(self.passes.agents(make))
+    }
+
+    /// Paints samples of pixels, one after the other.
+    pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
+        records.clear();
+        let mut hands = Hands::new(self);
+        let (cache, agents) = (self.cache(), self.agents());
+        for &(x, y, index) in samples {
+            let sampler = PixelSampler::new(self.base.settings().seed, x, y, index);
+            let (ray, factor) = self.base.camera_ray(&sampler, x, y);
+            let maps = self.passes.of_sample(self.base.prepared(), index);
+            let known = Known { maps, cache, agents };
+            let sample = Sample { integrator: self, known, sampler, ray, hands: &mut hands };
+            records.push(compiled::run(sample).scaled(factor));
+        }
+        if let Some(agents) = agents {
+            agents.count(&hands.tally);
+        }
+    }
+}
+
+/// One sample of a pixel.
+struct Sample<'a> {
+    integrator: &'a PhotonIntegrator<'a>,
+    known: Known<'a>,
+    sampler: PixelSampler,
+    ray: CameraRay,
+    hands: &'a mut Hands,
+}
+
+impl Task for Sample<'_> {
+    type Output = PathRecord;
+
+    #[inline(always)]
+    fn run(self) -> PathRecord {
+        Eye::new(self.integrator, self.known, self.sampler, self.hands).look(&self.ray)
+    }
+}

@@ -1,0 +1,45 @@
+//! What all integrators have in common: how light that is found in several ways is weighed, and how lights are looked for.
+
+use bottega_kernels::Ray;
+
+use crate::{interaction::Interaction, lights::LightSample};
+
+/// Greatest probability with which a path survives Russian roulette.
+pub const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
+/// How far from its target a shadow ray ends, as a share of its length.
+pub const SHADOW_MARGIN: f32 = 1e-4;
+/// Growth of the beam after a scattering that spreads over one steradian.
+pub const SCATTERED_SPREAD: f32 = 0.05;
+
+/// The ray that asks whether a light is seen.
+#[inline(always)]
+pub(crate) fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
+    let origin = point.ray_origin(light.wi);
+    if light.distance.is_infinite() {
+        return Ray::new(origin, light.wi);
+    }
+    // Aim at the light's point itself: from the shifted origin it lies in a slightly different direction.
+    let target = point.p_outside + light.wi * light.distance;
+    Ray { origin, t_min: 0.0, direction: target - origin, t_max: 1.0 - SHADOW_MARGIN }
+}
+
+/// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).
+#[inline(always)]
+pub(in crate::integrator) fn power_heuristic(chosen: f32, other: f32) -> f32 {
+    // By the ratio, so that squares of large densities do not overflow.
+    let ratio = other / chosen;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_of_two_strategies_add_up_to_one() {
+        for (a, b) in [(1.0, 2.0), (1e30, 1e-3), (1e-20, 1e20), (3.0, 0.0)] {
+            assert!((power_heuristic(a, b) + power_heuristic(b, a) - 1.0).abs() < 1e-6, "{a} {b}");
+        }
+        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
+    }
+}

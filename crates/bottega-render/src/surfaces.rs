@@ -1,0 +1,143 @@
+//! The surfaces of a scene, with what is asked of them again and again.
+
+use std::sync::Arc;
+
+use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Surface};
+use glam::{Affine3A, Mat3};
+
+use crate::{
+    bsdf::{Bsdf, SurfacePoint, scattering},
+    lights::NO_LIGHT,
+};
+
+/// A scene with what is known of its instances and materials beside its own records.
+pub struct Surfaces {
+    scene: Arc<Scene>,
+    pub(crate) instances: Vec<PreparedInstance>,
+    pub(crate) materials: Vec<PreparedMaterial>,
+    /// Whether the camera sees through some surface from behind.
+    culls_backs: bool,
+}
+
+impl Surfaces {
+    pub(crate) fn new(scene: Arc<Scene>) -> Self {
+        let materials = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
+        let instances = scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
+        let culls_backs = used_materials(&scene).any(|material| scene.materials[material].culls_back);
+        Self { scene, instances, materials, culls_backs }
+    }
+
+    /// The scene as it was imported.
+    #[inline(always)]
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// Whether the camera sees through some surface from behind.
+    pub(crate) fn culls_backs(&self) -> bool {
+        self.culls_backs
+    }
+
+    pub(crate) fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.instances) + size_of_val(&*self.materials)
+    }
+
+    #[inline(always)]
+    pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {
+        &self.instances[index as usize]
+    }
+
+    #[inline(always)]
+    pub(crate) fn mesh(&self, instance: u32) -> &Mesh {
+        &self.scene.meshes[self.scene.instances[instance as usize].mesh as usize]
+    }
+
+    #[inline(always)]
+    pub(crate) fn material(&self, index: u32) -> (&Material, &PreparedMaterial) {
+        (&self.scene.materials[index as usize], &self.materials[index as usize])
+    }
+}
+
+/// What is known of an instance beside the scene's own record.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PreparedInstance {
+    /// Turns normals, and vectors along them whose length is an area: det M · M⁻ᵀ of the linear part M.
+    pub(crate) world_from_normal: Mat3,
+    /// No vector gets longer than this times its length.
+    pub(crate) scale: f32,
+    /// Place of its first triangle among those that shine; [`NO_LIGHT`] where it does not.
+    pub(crate) first_light: u32,
+}
+
+/// What is known of a material beside the scene's own record.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PreparedMaterial {
+    /// Whether a lookup depends on the footprint.
+    pub(crate) is_textured: bool,
+    /// Textures that are looked up for it.
+    pub(crate) texture_count: u8,
+    /// Whether it depends on the directions of the texture coordinates.
+    pub(crate) needs_tangents: bool,
+    /// Whether rays may pass it as if it were not there.
+    pub(crate) has_opacity: bool,
+    /// Whether it is no more than the boundary of media.
+    pub(crate) is_null: bool,
+    /// Whether light that goes straight through it goes on as if nothing was there.
+    pub(crate) is_pane: bool,
+    /// Whether light that goes through it comes into another medium.
+    pub(crate) parts_media: bool,
+    /// Whether it emits light, other than by being unlit.
+    pub(crate) shines: bool,
+    /// Whether light may go through to the other side.
+    pub(crate) transmits: bool,
+    /// The scattering seen from the back and from the front, where it is the same everywhere on the surface.
+    pub(crate) bsdfs: Option<[Bsdf; 2]>,
+    /// What fills the space before the front and behind it, where light may go through to it.
+    pub(crate) media: [Option<MediumId>; 2],
+    /// Absorption before the front and behind it, per unit of distance; 0 for opaque things.
+    pub(crate) absorption: [Spectrum; 2],
+}
+
+fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
+    let linear = Mat3::from(world_from_object.matrix3);
+    // det M · M⁻ᵀ without a division: good for matrices that are nearly singular, too.
+    let world_from_normal = Mat3::from_cols(
+        linear.y_axis.cross(linear.z_axis),
+        linear.z_axis.cross(linear.x_axis),
+        linear.x_axis.cross(linear.y_axis),
+    );
+    let scale = linear.x_axis.length() + linear.y_axis.length() + linear.z_axis.length();
+    PreparedInstance { world_from_normal, scale, first_light: NO_LIGHT }
+}
+
+fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
+    let transmits = material.transmits();
+    let parts_media = material.parts_media();
+    let texture_count = material.textures().len().min(usize::from(u8::MAX)) as u8;
+    let is_textured = texture_count > 0;
+    let is_null = material.surface == Surface::Null;
+    let side = |front| scattering(scene, material, &SurfacePoint::plain(front));
+    let absorption = |medium: Option<MediumId>| {
+        medium.filter(|_| transmits).map_or(Spectrum::ZERO, |medium| scene.media[medium.0 as usize].absorption)
+    };
+    PreparedMaterial {
+        bsdfs: (!is_textured && !material.is_blended()).then(|| [side(false), side(true)]),
+        transmits,
+        media: if parts_media { [material.exterior, material.interior] } else { [None; 2] },
+        parts_media,
+        is_pane: material.is_seen_through(),
+        is_textured,
+        texture_count,
+        is_null,
+        needs_tangents: material.needs_tangents(),
+        has_opacity: is_null || material.alpha_mode != AlphaMode::Opaque,
+        shines: material.emission.factor.max_element() > 0.0,
+        absorption: [material.exterior, material.interior].map(absorption),
+    }
+}
+
+/// Indices of the materials that something is made of.
+pub(crate) fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
+    let meshes = scene.instances.iter().map(|instance| scene.meshes[instance.mesh as usize].material as usize);
+    meshes.chain(scene.spheres.iter().map(|sphere| sphere.material as usize))
+}

@@ -1,0 +1,118 @@
+//! What a few paths see of a pixel.
+
+use bottega_image::Rect;
+use bottega_kernels::compiled;
+use glam::Vec3;
+
+use crate::{
+    PathSettings, PreparedScene, RenderError, View,
+    integrator::{Painting, PathIntegrator, PathRecord, Wanted},
+    luminance,
+};
+
+/// What the fast pass saw in one pixel; means over its samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurveyPixel {
+    /// Levels of recursion in mirror and transparent surfaces (the paper's importance function).
+    pub recursion_levels: f32,
+    /// Traversal steps (nodes and leaves visited) that one path took.
+    pub steps: f32,
+    /// Mean radiance, linear RGB.
+    pub color: [f32; 3],
+    /// Standard deviation of the luminance over the samples.
+    pub noise: f32,
+    /// Reflectance of the first surface.
+    pub albedo: [f32; 3],
+    /// Distance to the first surface; 0 where there is none.
+    pub depth: f32,
+    /// Vertices of one path.
+    pub path_length: f32,
+    /// Rays towards lights of one path.
+    pub shadow_rays: f32,
+    /// Vertices of one path at surfaces of several lobes, which are dearer to evaluate than a single one.
+    pub layered: f32,
+    /// Textures of the surfaces that one path meets.
+    pub lookups: f32,
+    /// Share of the luminance that came over more than one scattering, 0..=1.
+    pub indirect: f32,
+    /// Standard deviation of the luminance of [`albedo`](Self::albedo) over the samples.
+    pub detail: f32,
+}
+
+/// Looks at a block of pixels by a few paths. Everything but the recursion levels, row-major.
+pub(crate) fn probe(
+    scene: &PreparedScene,
+    view: View,
+    settings: &PathSettings,
+    rect: Rect,
+    sample_count: u32,
+) -> Result<Vec<SurveyPixel>, RenderError> {
+    let integrator = PathIntegrator::unguided(scene, view, settings)?.with_wanted(Wanted { albedo: true, cost: true });
+    let (sample_count, mut records) = (sample_count.max(1), Vec::new());
+    let mut pixels = Vec::with_capacity(rect.area() as usize);
+    for y in rect.y0..rect.y1 {
+        let row = Rect { y0: y, y1: y + 1, ..rect };
+        let samples: Vec<(u32, u32, u32)> =
+            row.pixels().flat_map(|(x, y)| (0..sample_count).map(move |sample| (x, y, sample))).collect();
+        compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
+        pixels.extend(records.chunks_exact(sample_count as usize).map(seen_by));
+    }
+    Ok(pixels)
+}
+
+/// What the samples of one pixel saw.
+fn seen_by(samples: &[PathRecord]) -> SurveyPixel {
+    let sample_count = samples.len() as u32;
+    let share = 1.0 / sample_count as f32;
+    let mut pixel = SurveyPixel::default();
+    let (mut color, mut albedo) = (Vec3::ZERO, Vec3::ZERO);
+    let (mut brightness, mut pattern) = (Spread::default(), Spread::default());
+    let (mut covered, mut indirect) = (0.0_f32, 0.0_f32);
+    for record in samples {
+        let values = record.values;
+        let radiance = Vec3::from(values.radiance);
+        brightness.add(luminance(radiance));
+        pattern.add(luminance(values.albedo.into()));
+        color += radiance * share;
+        albedo += Vec3::from(values.albedo) * share;
+        pixel.steps += values.cost * share;
+        pixel.depth += values.depth;
+        pixel.path_length += record.vertex_count as f32 * share;
+        pixel.shadow_rays += record.counts.shadow_rays as f32 * share;
+        pixel.layered += record.counts.layered as f32 * share;
+        pixel.lookups += record.counts.lookups as f32 * share;
+        covered += values.alpha;
+        indirect += record.indirect();
+    }
+    pixel.color = color.to_array();
+    pixel.albedo = albedo.to_array();
+    pixel.depth /= covered.max(1.0);
+    let found = brightness.mean * sample_count as f32;
+    pixel.indirect = if found > 0.0 { (indirect / found).min(1.0) } else { 0.0 };
+    pixel.noise = brightness.deviation();
+    pixel.detail = pattern.deviation();
+    pixel
+}
+
+/// Mean and standard deviation of numbers that come one by one, without cancellation between large sums. Source: Welford
+/// 1962, *Note on a Method for Calculating Corrected Sums of Squares and Products*.
+#[derive(Clone, Copy, Default)]
+struct Spread {
+    count: u32,
+    mean: f32,
+    squares: f32,
+}
+
+impl Spread {
+    fn add(&mut self, value: f32) {
+        self.count += 1;
+        let from_mean = value - self.mean;
+        self.mean += from_mean / self.count as f32;
+        self.squares += from_mean * (value - self.mean);
+    }
+
+    /// Of one number; 0 for fewer than two.
+    fn deviation(&self) -> f32 {
+        (self.squares / self.count.saturating_sub(1).max(1) as f32).sqrt()
+    }
+}
