@@ -318,6 +318,10 @@ impl Guard {
                 self.lease = None;
                 self.this.request();
             }
+            Err(error) if !was_silent && error.is_full => tracing::warn!(
+                %error,
+                "the farm's server does not do what it is asked, as with a full disk; waiting for it; see which jobs hold how much: bottega jobs list"
+            ),
             Err(error) if !was_silent => tracing::warn!(%error, "the farm does not answer: waiting for it"),
             Err(_) => {}
         }

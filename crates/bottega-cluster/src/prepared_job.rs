@@ -6,6 +6,7 @@ use bottega::{
     Request, Session,
     devices::DeviceChoice,
     identity::{difference, with_commit},
+    request::{RulesSource, RulesText},
     session::{JobPart, PaintingTools},
 };
 use bottega_farm::JobReport;
@@ -29,12 +30,17 @@ pub struct WorkerDevices {
     pub threads: Option<u16>,
     /// Which devices.
     pub devices: DeviceChoice,
+    /// What its agents know of rendering; empty: what the job says.
+    pub rules: Vec<RulesText>,
 }
 
 impl WorkerDevices {
     /// Has a request be painted by this.
     fn apply(&self, request: &mut Request) {
         request.devices.threads = self.threads;
+        if !self.rules.is_empty() {
+            request.work.rules = self.rules.iter().cloned().map(RulesSource::Text).collect();
+        }
         request.devices.names = self.devices.for_others(request.devices.exact).names();
     }
 }

@@ -2,7 +2,12 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use bottega::{StopSwitch, devices::DeviceChoice};
+use bottega::{
+    StopSwitch,
+    devices::DeviceChoice,
+    request::RulesSource,
+    rules::{experts, rule_texts},
+};
 use bottega_cluster::{
     FarmAddress, link,
     worker::{self, JoinOptions, WorkerDevices, WorkerMessage},
@@ -30,6 +35,11 @@ pub(crate) struct JoinArgs {
     /// GPUs' names. Jobs that ask for `--exact` have processors alone.
     #[arg(long, value_name = "LIST", default_value = "auto")]
     devices: DeviceChoice,
+    /// What the agents of this machine know of rendering, as FCL text: they decide by it what the zones that they win are painted
+    /// with, where a job lets rules decide (`--optimize`). May be said again: agents have the sets in turn. Default: what the
+    /// job says.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    rules: Vec<PathBuf>,
     /// Where scenes are kept; default: a folder of the user's state.
     #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     cache: Option<PathBuf>,
@@ -44,13 +54,19 @@ pub(crate) struct JoinArgs {
 }
 
 pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
+    let sources: Vec<RulesSource> = args.rules.iter().cloned().map(RulesSource::File).collect();
+    let rules = rule_texts(&sources)?;
+    // What is wrong with them is said before anything is painted.
+    for note in experts(rules.clone())?.1 {
+        println!("{note}");
+    }
     let link = link(args.farm.as_ref(), &args.login.credentials())?;
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
     let how = if link.uplink.is_guest() { "as a guest: " } else { "" };
     let (servers, version) = (&link.servers, link.uplink.server_version());
     println!("joined {servers} (NATS {version}) as {}; {how}waiting for work", link.name);
-    let own = WorkerDevices { threads: args.threads, devices: args.devices.clone() };
+    let own = WorkerDevices { threads: args.threads, devices: args.devices.clone(), rules };
     let options = JoinOptions { own, cache: args.cache.clone(), cache_bytes: args.cache_size, once: args.once };
     let say = |said: WorkerMessage<'_>| match said {
         WorkerMessage::Line(line) => println!("{line}"),
