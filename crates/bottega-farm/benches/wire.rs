@@ -103,7 +103,8 @@ fn contents() -> Vec<(&'static str, FarmContent)> {
     };
     let bid = |zone| Bid { zone: ZoneId(zone), finish: Duration::from_nanos(7_512_008_117 + u64::from(zone)) };
     let order = |row: ZoneRow| Order { work: Arc::new(work()), row: Arc::new(row), fence, decides: false };
-    let report = |outcome| FarmContent::Report(Arc::new(Report { zone, fence, outcome }));
+    let report =
+        |outcome| FarmContent::Report(Arc::new(Report { zone, fence, outcome, reasons: Some("r: 1 0.5".into()) }));
     let profiling = ZoneRow { agent: Some(agent(7)), state: ZoneState::Profiling, ..open() };
     let awarded = ZoneRow { agent: Some(agent(7)), state: ZoneState::Awarded, ..profiled() };
     let hands = [211, 212].map(|zone| Holding { zone: ZoneId(zone), fence, progress: 1_200_000 });

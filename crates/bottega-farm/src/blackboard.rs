@@ -43,8 +43,10 @@ pub struct ZoneRow {
     pub state: ZoneState,
     /// How often it was taken from an agent that failed or fell silent.
     pub attempt: u32,
-    /// What it is painted with; set by profiling.
+    /// What it is painted with; set by profiling, and by whoever wins it.
     pub choice: Option<Choice>,
+    /// Whose rules decided that, and which of them.
+    pub reasons: Option<Arc<str>>,
     /// The samples so far.
     pub result: Option<ResultRef>,
     /// How many samples its next painting goes up to; `None`: all of its choice.
@@ -126,6 +128,7 @@ impl ZoneRow {
             state: ZoneState::Open,
             attempt: 0,
             choice: None,
+            reasons: None,
             result: None,
             goal: None,
             error: None,

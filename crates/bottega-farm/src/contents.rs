@@ -63,6 +63,8 @@ pub struct Report {
     pub fence: Revision,
     /// What was painted, or why nothing was.
     pub outcome: Result<Painting, String>,
+    /// Which rules decided what it was painted with: see [`Expert::reasons`](crate::Expert::reasons).
+    pub reasons: Option<Arc<str>>,
 }
 
 /// An order in an agent's hand, as the agent tells of it.

@@ -97,7 +97,7 @@ pub use prediction::Prediction;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, ErrorUse, Goal, Optimization, UnknownOptimization, WorkSettings};
 pub use shared_work::{NextPart, SharedPart, next_part};
-pub use technique::{OutputMeaning, Technique};
+pub use technique::{OutputMeaning, PAPER_RULES, PAPER_RULES_NAME, Technique};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult, STEP_MAX};
 pub use wire::{FarmCodec, WireError, digest};
 pub use work_keys::{WorkKeys, compare_and_set};

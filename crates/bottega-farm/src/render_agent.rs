@@ -44,6 +44,8 @@ struct Hand {
     choice: Choice,
     /// Whether T_est is of these settings, but for the number of samples.
     is_estimated: bool,
+    /// Whether the rules of this agent decided.
+    decided: bool,
     begun: bool,
     /// When it was given.
     since: Time,
@@ -261,7 +263,9 @@ impl RenderAgent {
         let profiled = order.row.choice.unwrap_or(choice);
         let order = if choice == profiled { order.clone() } else { order.decided_anew(choice) };
         let is_estimated = choice.tunables == profiled.tunables;
-        let mut hand = Hand { order, choice, is_estimated, begun: false, since: now, painted: 0, conversation };
+        let decided = decided.is_none();
+        let mut hand =
+            Hand { order, choice, is_estimated, decided, begun: false, since: now, painted: 0, conversation };
         if self.fetched {
             hand.begin(self.power(), &self.config.expert, actions);
         }
@@ -309,7 +313,8 @@ impl RenderAgent {
                 time_left: power.to_reference(scaled(painted.busy, painted.unfinished * left / taken)),
             }
         });
-        let report = Arc::new(Report { zone, fence, outcome });
+        let reasons = self.config.expert.reasons(&hand.order.work, &hand.order.row).filter(|_| hand.decided);
+        let report = Arc::new(Report { zone, fence, outcome, reasons });
         let unanswered = Unanswered { report, conversation: hand.conversation, since: now };
         actions.push(FarmAction::Send(self.report_message(&unanswered)));
         self.unanswered.insert(zone, unanswered);

@@ -22,6 +22,11 @@ pub struct OutputMeaning {
     pub meaning: &'static str,
 }
 
+/// The name of the MAGarRO paper's rules for path tracing, as far as it tells them.
+pub const PAPER_RULES_NAME: &str = "paper";
+/// The same, as FCL text.
+pub const PAPER_RULES: &str = include_str!("../../../rules/paper.fcl");
+
 /// Share of the user's depth.
 pub(crate) const RECURSION_LEVEL: &str = "recursion_level";
 /// Share of the user's samples.
@@ -118,6 +123,8 @@ mod tests {
             assert_eq!(known, technique.outputs());
             assert_eq!(unknown, Vec::<String>::new());
         }
+        let rules = FunctionBlock::parse(PAPER_RULES).unwrap();
+        assert_eq!(Technique::PathTracing.sort_outputs(&rules).0, Technique::PathTracing.outputs());
         let rules = FunctionBlock::parse(Technique::PhotonMapping.rules()).unwrap();
         let (known, unknown) = Technique::PathTracing.sort_outputs(&rules);
         assert_eq!((known, unknown.len()), (vec![BAND], 5));

@@ -159,7 +159,12 @@ fn painting(order: &Order, samples: u32) -> Painting {
 }
 
 fn report(order: &Order, painting: Painting) -> FarmContent {
-    FarmContent::Report(Arc::new(Report { zone: order.row.zone, fence: order.fence, outcome: Ok(painting) }))
+    FarmContent::Report(Arc::new(Report {
+        zone: order.row.zone,
+        fence: order.fence,
+        outcome: Ok(painting),
+        reasons: None,
+    }))
 }
 
 #[test]
@@ -227,7 +232,7 @@ fn who_fails_three_times_is_left_out_unless_nobody_else_is_here() {
     let fail = |stage: &mut Stage| {
         let order = stage.last_order("a");
         let (zone, fence) = (order.row.zone, order.fence);
-        let report = Report { zone, fence, outcome: Err("no paint".to_owned()) };
+        let report = Report { zone, fence, outcome: Err("no paint".to_owned()), reasons: None };
         stage.tell("a", Performative::Failure, FarmContent::Report(Arc::new(report)));
         zone
     };
@@ -370,7 +375,7 @@ fn contents(order: Order) -> impl Strategy<Value = FarmContent> {
             let (zone, fence) = (ZoneId(zone), Revision(fence));
             let order = Order { fence, ..order.clone() };
             let outcome = if well { Ok(painting(&order, samples)) } else { Err("no".to_owned()) };
-            FarmContent::Report(Arc::new(Report { zone, fence, outcome }))
+            FarmContent::Report(Arc::new(Report { zone, fence, outcome, reasons: None }))
         }),
         prop::collection::vec((0u32..6, 0u64..20), 0..4).prop_map(|hands| FarmContent::Alive {
             power: RelativePower::REFERENCE,

@@ -212,6 +212,9 @@ pub struct ZoneEvent {
     /// What it is painted with, once that is chosen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub choice: Option<ZoneChoice>,
+    /// Which rules decided that, and how strongly: `path_tracing: 12 0.83, 22 0.40`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reasons: Option<String>,
     /// Samples a pixel that it has.
     pub samples: u32,
     /// Its estimated relative error, where one was asked for.
@@ -379,6 +382,7 @@ impl From<&ZoneRow> for ZoneEvent {
             seconds_measured: row.time_measured.map(|time| time.as_secs_f64()),
             attempt: row.attempt,
             choice,
+            reasons: row.reasons.as_deref().map(str::to_owned),
             samples: row.samples_done(),
             error: row.error,
         }

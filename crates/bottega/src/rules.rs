@@ -7,7 +7,7 @@ use std::{
 };
 
 use bottega_engines::external::{Entry, shipped_rules};
-use bottega_farm::{EngineChoice, Expert, ExpertError, Technique};
+use bottega_farm::{EngineChoice, Expert, ExpertError, PAPER_RULES, PAPER_RULES_NAME, Technique};
 use bottega_fuzzy::{Document, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
 
 use crate::{
@@ -80,7 +80,8 @@ impl RulesText {
     fn read(path: &Path) -> Result<Self, Error> {
         let technique = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
         let choice = (Path::new(EngineChoice::RULES_NAME) == path).then_some(EngineChoice::RULES);
-        let built_in = technique.map(Technique::rules).or(choice).or_else(|| shipped_rules(path));
+        let paper = (Path::new(PAPER_RULES_NAME) == path).then_some(PAPER_RULES);
+        let built_in = technique.map(Technique::rules).or(choice).or(paper).or_else(|| shipped_rules(path));
         let text = match built_in {
             Some(text) if !path.exists() => text.to_owned(),
             _ => read_text(path)?,

@@ -13,6 +13,7 @@ use bottega::{
     },
 };
 use bottega_cluster::FarmAddress;
+use bottega_farm::PAPER_RULES_NAME;
 use bottega_image::Rect;
 use clap::{Args, ValueHint};
 
@@ -173,7 +174,7 @@ pub(crate) struct RenderArgs {
     /// How agents learn their speed. Default: ratio.
     #[arg(long, value_name = "RULE", value_parser = choice::<AdaptationChoice>(), help_heading = "Work")]
     adaptation: Option<AdaptationChoice>,
-    /// The rules of the MAGarRO paper: --importance paper, --auction paper and --adaptation paper, where nothing else is said.
+    /// As in the MAGarRO paper: --importance paper, --auction paper, --adaptation paper and --rules paper, where nothing else is said.
     #[arg(long, help_heading = "Work")]
     as_in_paper: bool,
     /// Cut the picture into about so many zones; default: by the number of agents.
@@ -210,6 +211,7 @@ impl RenderArgs {
             let work = &mut request.work;
             work.importance = ImportanceChoice::Paper;
             (work.auction, work.adaptation) = (AuctionChoice::Paper, AdaptationChoice::Paper);
+            work.rules = vec![RulesSource::File(PAPER_RULES_NAME.into())];
         }
         self.scene.apply(request);
         set(&mut request.film.crop, self.crop.map(|crop| [crop.x0, crop.y0, crop.x1, crop.y1]));

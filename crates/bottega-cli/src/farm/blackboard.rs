@@ -100,7 +100,7 @@ fn zone_line(zone: &ZoneEvent) -> String {
         zone.choice.as_ref().map_or("-".to_owned(), |choice| value(choice).to_string())
     };
     format!(
-        "{:>6} {:<10} {:>8} {:>10.1} {:>9} {:>9} {:>5} {:>5} {:>7}  {}",
+        "{:>6} {:<10} {:>8} {:>10.1} {:>9} {:>9} {:>5} {:>5} {:>7}  {}{}",
         zone.id,
         zone.state,
         zone.size,
@@ -110,7 +110,8 @@ fn zone_line(zone: &ZoneEvent) -> String {
         choice(|choice| choice.max_depth),
         choice(|choice| choice.light_samples),
         zone.samples,
-        zone.agent.as_deref().unwrap_or("-")
+        zone.agent.as_deref().unwrap_or("-"),
+        zone.reasons.as_ref().map_or(String::new(), |reasons| format!("  {reasons}"))
     )
 }
 

@@ -31,7 +31,7 @@ pub(crate) enum RulesCommand {
 
 #[derive(Debug, Args)]
 pub(crate) struct CheckArgs {
-    /// FCL texts, or rules that come with the program: path-tracing, photon-mapping, engine-choice, or the name of an engine.
+    /// FCL texts, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, or the name of an engine.
     #[arg(value_name = "FILE", required = true, value_hint = ValueHint::FilePath)]
     pub(crate) files: Vec<PathBuf>,
     /// End with 1 where there are warnings, too.
@@ -45,7 +45,7 @@ pub(crate) struct CheckArgs {
 /// Some rules with their inputs laid out, and values for these.
 #[derive(Debug, Args)]
 pub(crate) struct LaidOutArgs {
-    /// An FCL text, or rules that come with the program: path-tracing, photon-mapping, engine-choice, or the name of an engine.
+    /// An FCL text, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, or the name of an engine.
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) file: PathBuf,
     /// Which function block, where the file has several.

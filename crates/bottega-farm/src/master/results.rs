@@ -54,6 +54,7 @@ impl Master {
             Ok(_) if is_gone => Err("its pixels cannot be had"),
             Ok(painting) => self
                 .accepted(row, fence, painting)
+                .map(|accepted| ZoneRow { reasons: report.reasons.clone().or(accepted.reasons.clone()), ..accepted })
                 .map(|accepted| self.compared(row, accepted, painting, &message.sender)),
         };
         let is_estimated = report

@@ -80,6 +80,7 @@ pub(super) struct ReportRecord<'a> {
     fence: u64,
     #[serde(borrow)]
     outcome: Result<PaintingRecord, &'a str>,
+    reasons: Option<&'a str>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -206,7 +207,12 @@ impl TryFrom<OfferRecord> for Offer {
 impl<'a> From<&'a Report> for ReportRecord<'a> {
     fn from(report: &'a Report) -> Self {
         let outcome = report.outcome.as_ref().map(Into::into).map_err(|reason| short_reason(reason));
-        Self { zone: report.zone.0, fence: report.fence.0, outcome }
+        Self {
+            zone: report.zone.0,
+            fence: report.fence.0,
+            outcome,
+            reasons: report.reasons.as_deref().map(short_reason),
+        }
     }
 }
 
@@ -218,6 +224,7 @@ impl TryFrom<ReportRecord<'_>> for Report {
             Ok(painting) => Ok(painting.try_into()?),
             Err(why) => Err(reason(why)?),
         };
-        Ok(Self { zone: ZoneId(record.zone), fence: Revision(record.fence), outcome })
+        let reasons = record.reasons.map(reason).transpose()?.map(Into::into);
+        Ok(Self { zone: ZoneId(record.zone), fence: Revision(record.fence), outcome, reasons })
     }
 }

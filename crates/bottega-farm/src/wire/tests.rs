@@ -33,6 +33,7 @@ fn rows() -> impl Strategy<Value = ZoneRow> {
             let vote = |samples| Vote { agent: AgentId::new("v"), painting: painting(samples, y % 2 == 0) };
             ZoneRow {
                 votes: (0..y % 3).map(vote).collect(),
+                reasons: (y % 3 == 0).then(|| "r: 1 0.5".into()),
                 word_of: (y % 4 == 0).then(|| AgentId::new("w")),
                 time_estimated: times.0.map(Duration::from_nanos),
                 time_measured: times.1.map(Duration::from_nanos),
@@ -91,7 +92,8 @@ fn contents(row: ZoneRow) -> Vec<FarmContent> {
         Order { work: Arc::new(work(Goal::Error(0.1))), row: Arc::new(row), fence, decides: fence.0.is_multiple_of(2) };
     let power = RelativePower::new(0.5);
     let offer = Offer { zone, complexity: 3.5, time_estimated: Duration::from_secs(2) };
-    let report = |outcome| FarmContent::Report(Arc::new(Report { zone, fence, outcome }));
+    let report =
+        |outcome| FarmContent::Report(Arc::new(Report { zone, fence, outcome, reasons: Some("r: 1 0.5".into()) }));
     let mut all = vec![
         FarmContent::Subscription { power, lanes: 2.0 },
         FarmContent::Subscribed,
