@@ -4,7 +4,7 @@ use std::{
     fs::File,
     io::{BufWriter, Write},
     path::Path,
-    sync::{Mutex, PoisonError},
+    sync::{Mutex, OnceLock, PoisonError},
     time::{Duration, Instant},
 };
 
@@ -43,6 +43,8 @@ pub(crate) struct ConsoleWatcher {
     bar: ProgressBar,
     dashboard: Option<Dashboard>,
     trace: Option<Mutex<BufWriter<File>>>,
+    /// Why something of it is lost.
+    trace_lost: OnceLock<String>,
     /// Whether nobody waits for what a farm is asked for.
     is_detached: bool,
     said: Mutex<Option<Instant>>,
@@ -65,7 +67,8 @@ impl ConsoleWatcher {
             .map(|path| File::create(path).map_err(|source| CliError::write(path.to_owned(), source)))
             .transpose()?
             .map(|file| Mutex::new(BufWriter::new(file)));
-        let voice = Self { form, bar, dashboard, trace, is_detached, said: Mutex::new(None) };
+        let voice =
+            Self { form, bar, dashboard, trace, trace_lost: OnceLock::new(), is_detached, said: Mutex::new(None) };
         if let Some(dashboard) = &voice.dashboard {
             voice.say(&format!("live view: http://{}", dashboard.address()));
         }
@@ -154,7 +157,7 @@ impl Watcher for ConsoleWatcher {
         let mut trace = trace.lock().unwrap_or_else(PoisonError::into_inner);
         let receivers: Vec<String> = message.receivers.iter().map(ToString::to_string).collect();
         // A trace that cannot be written is no reason to lose a picture.
-        let _ = writeln!(
+        let written = writeln!(
             trace,
             "{:10.6} {} -> {} {:?} {} #{} {:?}",
             now.elapsed().as_secs_f64(),
@@ -165,6 +168,9 @@ impl Watcher for ConsoleWatcher {
             message.conversation_id,
             message.content,
         );
+        if let Err(error) = written {
+            self.trace_lost.get_or_init(|| error.to_string());
+        }
     }
 
     fn previewed(&self, png: Vec<u8>) {
@@ -176,8 +182,11 @@ impl Watcher for ConsoleWatcher {
     fn painted(&self) {
         self.bar.finish_and_clear();
         if let Some(trace) = &self.trace {
-            // As above.
-            let _ = trace.lock().unwrap_or_else(PoisonError::into_inner).flush();
+            let flushed = trace.lock().unwrap_or_else(PoisonError::into_inner).flush();
+            let lost = flushed.err().map(|error| self.trace_lost.get_or_init(|| error.to_string()));
+            if let Some(reason) = lost.or_else(|| self.trace_lost.get()) {
+                self.told(Event::Warning { message: format!("the trace of messages is not whole: {reason}") });
+            }
         }
     }
 }

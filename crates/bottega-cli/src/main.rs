@@ -72,6 +72,7 @@ fn main() -> ExitCode {
 /// What standard output is for.
 fn purpose(command: &Command) -> Purpose {
     match command {
+        Command::Render(args) if args.request.dry_run => Purpose::Result,
         Command::Render(args) if args.scene.json => Purpose::Events,
         Command::Render(_) | Command::Up(_) | Command::Join(_) => Purpose::Log,
         Command::Platform(args) => args.purpose(),

@@ -90,11 +90,11 @@ impl JobBoard {
     /// Forgets a job and all that was kept for it: its scene, too, as far as no other job needs it.
     pub fn remove_with_scene(&self, number: u32) -> Result<(), Error> {
         let order = self.get(number).and_then(|job| self.spec(&job).ok());
-        self.remove(number)?;
         let pieces: BTreeSet<String> = order.map(|order| order.files.blobs().collect()).unwrap_or_default();
-        // Nobody sends under no name.
+        // What takes room goes first: on a full server it cannot be written that the job is no more. Nobody sends under no name.
+        self.refuse_guests()?;
         self.forget_pieces("", |name| pieces.contains(name));
-        Ok(())
+        self.remove(number)
     }
 
     /// The pieces that jobs need which are not over; `None`: it is not known.

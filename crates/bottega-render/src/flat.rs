@@ -30,7 +30,7 @@ pub(crate) use words::Words;
 pub mod constants {
     pub use crate::filter::INTERVALS as FILTER_INTERVALS;
     pub use crate::integrator::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
-    pub use crate::interaction::{ASKS_AS_SHADOW, CLEARANCE, COSINE_MIN};
+    pub use crate::interaction::{ASKS_AS_SHADOW, CLEARANCE, COSINE_MIN, EXTENT_CLEARANCE};
     pub use crate::lights::{DISTANCE_SQUARED_MIN, SHARE_MIN, SOLID_ANGLE_MIN};
     pub use crate::shading::{BLEND, DEPTH_SHIFT};
 }

@@ -74,6 +74,7 @@ constants! {
     DISTANCE_SQUARED_MIN: f32 = flat_constants::DISTANCE_SQUARED_MIN;
     /// Distance that a new ray keeps from the surface, relative to the sizes of the numbers that its place was computed from.
     CLEARANCE: f32 = flat_constants::CLEARANCE;
+    EXTENT_CLEARANCE: f32 = flat_constants::EXTENT_CLEARANCE;
     /// Least cosine between the direction of who looks and the shading normal.
     COSINE_MIN: f32 = flat_constants::COSINE_MIN;
     ROULETTE_SURVIVAL_MAX: f32 = flat_constants::ROULETTE_SURVIVAL_MAX;

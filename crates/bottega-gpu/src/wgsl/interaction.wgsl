@@ -125,7 +125,8 @@ fn on_triangle(shape: Shape, uv: vec2<f32>, direction: vec3<f32>, width: f32) ->
     point.p_outside = point.p;
     point.ng = direction_or(area_vector, -direction);
     // Rounding errors of the hit and of the next test are relative to the size of the triangle and to the place.
-    point.clearance = CLEARANCE * (math_max3(abs(point.p)) + 3.0 * max(math_max3(abs(e1)), math_max3(abs(e2))));
+    let extent = 3.0 * max(math_max3(abs(e1)), math_max3(abs(e2)));
+    point.clearance = CLEARANCE * math_max3(abs(point.p)) + EXTENT_CLEARANCE * extent;
     point.wo = -direction;
     point.is_in_front = dot(direction, point.ng) < 0.0;
     let corners = corners_of(mesh, shape.primitive);

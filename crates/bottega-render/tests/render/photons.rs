@@ -494,3 +494,51 @@ fn a_small_thing_in_a_wide_world_is_as_bright_as_paths_find_it() {
     }
     assert!(wrong.is_empty(), "{wrong:?}");
 }
+
+#[test]
+fn what_stands_on_a_large_triangle_shadows_it_as_on_a_small_one() {
+    let [small, large] = [50.0, 5000.0].map(|half| {
+        let path = PathSettings { seed: 4, guiding: false, ..PathSettings::default() };
+        paint(&prepare(ball_on_a_plain(half)), SIZE, 512, path)
+    });
+    let block = |tile: &Tile, (x, y): (u32, u32)| {
+        let pixels = (0..16).map(|i| color(tile, 4 * x + i % 4, 4 * y + i / 4));
+        pixels.sum::<Vec3>() / 16.0
+    };
+    // Above, the larger one reaches farther.
+    for place in (0..SIZE.0 / 4).flat_map(|x| (SIZE.1 / 8..SIZE.1 / 4).map(move |y| (x, y))) {
+        let (found, expected) = (block(&large, place), block(&small, place));
+        let error = ((found - expected).abs() / (expected + 0.05)).max_element();
+        assert!(error < 0.03, "{place:?}: {found} {expected}");
+    }
+}
+
+/// Rays that leave a triangle of any size and direction do not meet it, nor its neighbor in the same plane.
+#[test]
+fn a_plain_of_any_size_and_slope_does_not_shadow_itself() {
+    for (half, axis, angle) in [
+        (50.0, Vec3::X, 0.0),
+        (5e3, Vec3::new(1.0, 0.0, 0.3), 0.3),
+        (5e4, Vec3::new(0.3, 0.2, 1.0), 0.6),
+        (1e5, Vec3::ONE, 1.2),
+    ] {
+        let turn = glam::Quat::from_axis_angle(axis.normalize(), angle);
+        let [right, up, away] = [Vec3::X, Vec3::Y, Vec3::NEG_Z].map(|axis| turn * axis);
+        let eye = up * 2.0 - away * 3.0 + right * 0.3;
+        let mut scene = Scene { cameras: vec![camera(eye, right * 0.1, 0.8)], ..Scene::default() };
+        let corner = (-right - away) * half;
+        add_quad(&mut scene, corner, right * 2.0 * half, away * 2.0 * half, matte(Vec3::ONE));
+        // A sun that stands low, so that rays leave along the plain.
+        let direction = (-0.02 * up + 0.7 * right + 0.7 * away).normalize();
+        let kind = LightKind::Directional { direction, irradiance: Vec3::splat(std::f32::consts::PI) };
+        scene.lights.push(Light { name: String::new(), kind });
+        let expected = -direction.dot(up);
+        let picture = paint(&prepare(scene), SIZE, 16, PathSettings { guiding: false, ..PathSettings::default() });
+        for (x, y) in (0..SIZE.0).flat_map(|x| (0..SIZE.1).map(move |y| (x, y))) {
+            let found = color(&picture, x, y).x;
+            // What looks past its edge sees nothing.
+            assert!(found == 0.0 || (found / expected - 1.0).abs() < 0.01, "{half} {x} {y}: {found} {expected}");
+        }
+        assert!(color(&picture, SIZE.0 / 2, SIZE.1 / 2).x > 0.0);
+    }
+}

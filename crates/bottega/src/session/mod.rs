@@ -235,6 +235,7 @@ impl Session {
             check_writable(file)?;
         }
         options.preview.as_deref().map(check_preview).transpose()?;
+        options.record.as_deref().map(check_writable).transpose()?;
         let is_recordable = request.goal.error.is_none() && request.goal.time.is_none() && !options.resume;
         if options.record.is_some() && !(is_recordable && request.engine.is_builtin()) {
             return Err(Error::usage(

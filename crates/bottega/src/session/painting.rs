@@ -53,8 +53,11 @@ impl ActiveSession {
         if let (Some((path, recorder)), true) = (&recorder, is_whole) {
             let record = recorder.record(&shown(&request.scene.file), &settings, &report);
             let record = record.map_err(|source| Error::Record { path: path.clone(), source })?;
-            std::fs::write(path, record.to_json()).map_err(|source| Error::Write { path: path.clone(), source })?;
-            reporter.tell(Event::Recorded { file: shown(path) });
+            match std::fs::write(path, record.to_json()) {
+                Ok(()) => reporter.tell(Event::Recorded { file: shown(path) }),
+                // No reason to lose a picture.
+                Err(error) => reporter.warn(format!("the record {} is lost: {error}", path.display())),
+            }
         }
         let mut report = report;
         let mut metadata = painter.metadata(&asked, &report);

@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::super::{sphere, surface::SurfaceLight};
 use crate::{
     bsdf::warp::cosine_hemisphere,
-    interaction::{CLEARANCE, sphere_uv},
+    interaction::{CLEARANCE, EXTENT_CLEARANCE, sphere_uv},
     luminance,
     sampling::{orthonormal_basis, uniform_sphere, uniform_triangle},
 };
@@ -70,7 +70,8 @@ impl SurfaceLight {
         let double_area = cross.length();
         let n = if front { cross } else { -cross } / double_area;
         let p = corner + x * place[0] + y * place[1];
-        let clearance = CLEARANCE * (p.abs().max_element() + x.abs().max(y.abs()).max_element());
+        let extent = x.abs().max(y.abs()).max_element();
+        let clearance = CLEARANCE * p.abs().max_element() + EXTENT_CLEARANCE * extent;
         let power = self.radiance_at(scene, place) * (PI * self.area(double_area) * sides);
         let (origin, direction) = (p + n * clearance, leaving(n, towards));
         (double_area > 0.0).then_some(Start { origin, direction, power, spread: Spread::Cosine(n) })
