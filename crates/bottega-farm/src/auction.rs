@@ -8,111 +8,25 @@ mod by_credit;
 mod by_time;
 mod credit;
 mod field;
+mod member;
 mod open_zones;
 mod round;
 mod tally;
+mod terms;
 
 use self::{by_time::ByTime, round::Candidate};
 pub use self::{
     credit::{Credit, home},
     field::Field,
+    member::MemberId,
     open_zones::OpenZones,
     tally::{AuctionTally, RoundSummary},
+    terms::{AuctionRule, Award, Bidder, Decision, Proposal, Standing},
 };
-use crate::{Bid, Offer, ZoneId};
+use crate::Offer;
 
 /// Agents called in one round at most.
 pub(crate) const BIDDERS_MAX: usize = 16;
-
-/// How a zone's winner is found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum AuctionRule {
-    /// The most complex open zone goes to the bidder with the most credit.
-    Paper,
-    /// As [`Self::FinishingTime`], but each agent is taken at its word: to see what credit is worth.
-    Promised,
-    /// An agent gets the largest zone that it finishes before the work as a whole can be expected to end; when there is
-    /// none, only what nobody else would finish sooner. So a slow agent does not take the last big zone. When it finishes is
-    /// what it promises, weighed by how far its promises held.
-    #[default]
-    FinishingTime,
-}
-
-impl AuctionRule {
-    /// Whether what agents promise is weighed by how far their promises held.
-    pub(crate) fn weighs_promises(self) -> bool {
-        self == Self::FinishingTime
-    }
-}
-
-/// An agent's number on the list of its Master, which it keeps for good.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct MemberId(pub u32);
-
-impl MemberId {
-    const FIRST: Self = Self(0);
-
-    /// As an index into the list.
-    pub fn index(self) -> usize {
-        self.0 as usize
-    }
-}
-
-/// What a bidder said.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Proposal {
-    /// Zones that it has room for.
-    pub room: u32,
-    /// When it would finish which zone.
-    pub bids: Vec<Bid>,
-}
-
-/// One who has made a proposal.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Bidder {
-    /// Who.
-    pub agent: MemberId,
-    /// Its credit.
-    pub credit: f64,
-    /// What its word is worth by how far its promises held: 1 where they did, 0.5 where it needed twice as long.
-    pub worth: f64,
-    /// Its own time for a second of the reference machine's, all its processors together, by its own word.
-    pub own: f64,
-    /// What it said.
-    pub proposal: Proposal,
-}
-
-/// A zone, or the first part of one, and who gets it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Award {
-    /// Which zone.
-    pub zone: ZoneId,
-    /// Who.
-    pub agent: MemberId,
-    /// How much of the zone, 0..1; `None`: all of it.
-    pub share: Option<f64>,
-}
-
-/// What is known when a round ends.
-pub struct Standing<'a> {
-    /// All agents of the Master, also those that do not bid now.
-    pub field: &'a Field,
-    /// When the round ends, in seconds.
-    pub now: f64,
-    /// T_est of all that nobody has in hand, in seconds.
-    pub open: f64,
-    /// Whether a zone can be cut; `None`: none is.
-    pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
-}
-
-/// What a round came to.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Decision {
-    /// Who gets what.
-    pub awards: Vec<Award>,
-    /// Whether it would have been otherwise if all had been believed alike.
-    pub credit_decided: bool,
-}
 
 /// Decides one round. Each zone has at most one winner, each bidder wins at most as many as it has room for, and nothing
 /// that it did not bid for.
@@ -152,6 +66,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::{Bid, ZoneId};
 
     /// Agents by (V_cp, load in own seconds, credit), each with room for `room` and a bid for everything, and zones of
     /// these times.

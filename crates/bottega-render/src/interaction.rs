@@ -26,9 +26,9 @@ use crate::{
 /// from: 64 units in the last place. The kernel's own step goes by the place alone, and is too small in the middle of
 /// a large triangle that lies around the origin.
 pub const CLEARANCE: f32 = 64.0 / 8_388_608.0;
-/// The same, relative to the extent of a triangle: 4 units in the last place. The test of a ray that leaves along the
-/// triangle is off by some one of them; more would let light under what stands on it.
-pub const EXTENT_CLEARANCE: f32 = 4.0 / 8_388_608.0;
+/// The same, relative to the extent of a triangle: 16 units in the last place. The test of a ray that leaves along the
+/// triangle is off by some of them; more would let light under what stands on it.
+pub const EXTENT_CLEARANCE: f32 = 16.0 / 8_388_608.0;
 /// Least cosine between `wo` and the shading normal.
 pub const COSINE_MIN: f32 = 1e-3;
 

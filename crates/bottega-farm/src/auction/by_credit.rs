@@ -2,8 +2,8 @@
 //! idle takes one zone.
 
 use super::{
-    Award, Decision,
     round::{Candidate, Lot},
+    terms::{Award, Decision},
 };
 use crate::Offer;
 

@@ -1,10 +1,11 @@
 //! The default rule: who would have finished what soonest, by what its word is worth.
 
 use super::{
-    Award, Standing,
+    member::MemberId,
     round::{Candidate, Lot},
+    terms::{Award, Standing},
 };
-use crate::{MemberId, Offer};
+use crate::Offer;
 
 /// How far beyond the expected end of all work a zone may be finished, as a share of the time until then.
 const SLACK: f64 = 0.02;

@@ -7,7 +7,7 @@ use std::{
 
 use bottega_agents::Time;
 
-use super::MemberId;
+use super::member::MemberId;
 
 /// All agents that could take a zone.
 #[derive(Clone, Debug, Default)]

@@ -2,7 +2,8 @@
 
 use std::{cmp::Reverse, collections::BTreeMap, time::Duration};
 
-use crate::{AuctionRule, Offer, ZoneId};
+use super::terms::AuctionRule;
+use crate::{Offer, ZoneId};
 
 /// Zones offered in one call for proposals: so many for each bidder, within these bounds. Most are the largest; some are
 /// the smallest, for agents that are too slow for those.

@@ -1,6 +1,6 @@
 //! Bidders and offers during a round.
 
-use super::Bidder;
+use super::terms::Bidder;
 use crate::{Offer, ZoneId};
 
 /// A bidder during a round.

@@ -158,7 +158,9 @@ fn a_sphere_overhead_gives_pi_l_sin_squared() {
             let mut scene = floor();
             scene.cameras[0] = camera(Vec3::new(3.0, 0.05, 0.0), Vec3::ZERO, 0.001);
             add_sphere(&mut scene, Vec3::new(0.0, height, 0.0), radius, lamp(Vec3::splat(3.0)));
-            assert_near(irradiance(scene, direct_light), exact, 0.02);
+            // Of 4096 directions some 250 meet the lamp: their number is known to a few percent.
+            let tolerance = if direct_light == DirectLight::BsdfSampling { 0.04 } else { 0.02 };
+            assert_near(irradiance(scene, direct_light), exact, tolerance);
         }
     }
 }

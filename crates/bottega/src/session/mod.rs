@@ -7,6 +7,7 @@ mod reporter;
 mod watcher;
 
 use std::{
+    io,
     path::{Path, PathBuf},
     sync::Arc,
     time::Instant,
@@ -235,7 +236,6 @@ impl Session {
             check_writable(file)?;
         }
         options.preview.as_deref().map(check_preview).transpose()?;
-        options.record.as_deref().map(check_writable).transpose()?;
         let is_recordable = request.goal.error.is_none() && request.goal.time.is_none() && !options.resume;
         if options.record.is_some() && !(is_recordable && request.engine.is_builtin()) {
             return Err(Error::usage(
@@ -243,6 +243,7 @@ impl Session {
                 "leave it out, or the error, the time, --resume or the engine",
             ));
         }
+        options.record.as_deref().map(check_folder).transpose()?;
         Ok(())
     }
 
@@ -399,4 +400,14 @@ fn failed(error: JobError) -> Error {
         ),
         error => Error::Job(error),
     }
+}
+
+/// A file can be written only into a folder that is there.
+fn check_folder(path: &Path) -> Result<(), Error> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let source = io::Error::new(io::ErrorKind::NotFound, format!("there is no folder {}", folder.display()));
+    Err(Error::Write { path: path.to_owned(), source })
 }
