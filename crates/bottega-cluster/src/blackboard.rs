@@ -20,7 +20,7 @@ const SILENT: Duration = Duration::from_secs(10);
 #[derive(Clone, Debug, PartialEq)]
 pub enum RowNews {
     /// A row as it is, or is from now on: an [`Event::Zone`] or an [`Event::Agent`].
-    Row(Event),
+    Row(Box<Event>),
     /// All rows that there were have been told.
     CaughtUp,
     /// Nothing for a while.
@@ -36,12 +36,14 @@ impl JobBoard {
     pub fn watch_rows(&self, job: &Job, mut tell: impl FnMut(RowNews) -> bool) -> Result<(), Error> {
         if job.state.is_over() {
             let rows = self.kept_rows(job)?;
-            _ = rows.into_iter().map(RowNews::Row).chain([RowNews::CaughtUp]).all(tell);
+            _ = rows.into_iter().map(|row| RowNews::Row(Box::new(row))).chain([RowNews::CaughtUp]).all(tell);
             return Ok(());
         }
         let prefix = WorkKeys::new(WorkId(job.work)).prefix();
         self.uplink.follow_entries(&prefix, |news| match news {
-            EntryNews::Entry(entry) => tell(as_event(&entry.value).map_or(RowNews::Nothing, RowNews::Row)),
+            EntryNews::Entry(entry) => {
+                tell(as_event(&entry.value).map_or(RowNews::Nothing, |row| RowNews::Row(Box::new(row))))
+            }
             EntryNews::CaughtUp => tell(RowNews::CaughtUp),
             EntryNews::Nothing => tell(RowNews::Nothing),
         });
@@ -57,7 +59,7 @@ impl JobBoard {
         let (begun, mut is_whole) = (Instant::now(), false);
         self.watch_rows(job, |news| match news {
             RowNews::Row(row) => {
-                rows.push(row);
+                rows.push(*row);
                 true
             }
             RowNews::CaughtUp => {

@@ -62,8 +62,11 @@ fn watch(board: &JobBoard, number: u32, job: &Job, as_json: bool) -> Result<(), 
     board.watch_rows(job, |news| {
         match news {
             RowNews::Row(row) if caught_up && as_json => println!("{}", row.to_json()),
-            RowNews::Row(Event::Zone(zone)) if caught_up => println!("{}", zone_line(&zone)),
-            RowNews::Row(Event::Agent(agent)) if caught_up => println!("{}", agent_line(&agent)),
+            RowNews::Row(row) if caught_up => match *row {
+                Event::Zone(zone) => println!("{}", zone_line(&zone)),
+                Event::Agent(agent) => println!("{}", agent_line(&agent)),
+                _ => {}
+            },
             RowNews::CaughtUp => caught_up = true,
             RowNews::Row(_) | RowNews::Nothing => {}
         }
