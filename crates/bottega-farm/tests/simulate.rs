@@ -208,7 +208,7 @@ fn credit_finds_out_who_promises_more_than_it_holds() {
             let second = run(&piece(seed + works), &Plan { credits: Arc::new(first.credits()), ..plan });
             sums[0] += first.makespan.as_secs_f64();
             sums[1] += second.makespan.as_secs_f64();
-            let is_boaster = |index: usize| index % 3 == 0;
+            let is_boaster = |index: usize| index.is_multiple_of(3);
             for (index, agent) in second.agents.iter().enumerate() {
                 let reliability = agent.credit.reliability();
                 let right = if is_boaster(index) { 0.4..0.75 } else { 0.75..2.01 };
