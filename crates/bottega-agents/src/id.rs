@@ -25,6 +25,12 @@ impl AgentId {
     }
 }
 
+/// The machine of a process or of an agent, by its name: what stands behind the last `@`, up to the first full stop.
+pub fn machine_of(name: &str) -> &str {
+    let process = name.rsplit_once('@').map_or(name, |(_, process)| process);
+    process.split_once('.').map_or(process, |(machine, _)| machine)
+}
+
 impl PartialEq for AgentId {
     fn eq(&self, other: &Self) -> bool {
         // Mostly copies of one name meet.

@@ -99,7 +99,7 @@ pub mod wire;
 pub use acl::{AclMessage, Performative};
 pub use bus::{Blob, BlobId, Bus};
 pub use driver::{Faults, LocalBus, LocalPlatform, Mailbox, Performer, Random, Simulator, Uplink, World};
-pub use id::AgentId;
+pub use id::{AgentId, machine_of};
 pub use key::Key;
 pub use machine::{Action, ActionOf, BoxedMachine, Event, EventOf, StateMachine};
 pub use number_map::NumberMap;

@@ -130,7 +130,7 @@ fn resume_without_anything_to_resume_says_so() {
 
 /// Commands whose result is what they print.
 #[cfg(target_os = "linux")]
-const PRINTING: [&[&str]; 8] = [
+const PRINTING: [&[&str]; 9] = [
     &["info", "cornell-box.glb"],
     &["info", "cornell-box.glb", "--json"],
     &["rules", "check", "path-tracing"],
@@ -139,6 +139,7 @@ const PRINTING: [&[&str]; 8] = [
     &["--help"],
     &["render", "--help"],
     &["--version"],
+    &["render", "cornell-box.glb", "--dry-run"],
 ];
 
 #[cfg(target_os = "linux")]
@@ -173,6 +174,25 @@ fn a_result_that_cannot_be_written_is_a_failure_and_is_said() {
         let output = support::bottega(arguments).stderr(full()).output().expect("an end");
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_record_or_trace_that_cannot_be_written_costs_no_picture_and_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("picture.exr");
+    let small = ["render", "cornell-box.glb", "-o", text(&picture), "--size", "8x8", "--spp", "2"];
+    for (option, words) in [("--record", "the record /dev/full is lost"), ("--trace", "trace of messages is not whole")]
+    {
+        let output = support::bottega(&[&small[..], &[option, "/dev/full"]].concat()).output().expect("an end");
+        let told = told(&output);
+        assert!(output.status.success() && told.contains(words) && picture.exists(), "{option}: {told}");
+        fs::remove_file(&picture).expect("a picture");
+    }
+    // Where there is no folder nothing is painted.
+    let missing = folder.path().join("missing/record.json");
+    let output = support::bottega(&[&small[..], &["--record", text(&missing)]].concat()).output().expect("an end");
+    assert!(!output.status.success() && !picture.exists(), "{}", told(&output));
 }
 
 #[cfg(target_os = "linux")]

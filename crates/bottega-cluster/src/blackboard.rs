@@ -1,4 +1,4 @@
-//! The Blackboard of a job, as people and programs read it: the rows of its zones, of its agents and of its auction.
+//! The Blackboard of a job, as people and programs read it: the rows of its zones and of its agents.
 //!
 //! While a job is painted its rows are entries of the farm's store, written by its leader (and read by all). When it is done
 //! the leader keeps what they said last, as a blob.
@@ -105,7 +105,7 @@ fn as_event(row: &FarmValue) -> Option<Event> {
     match row {
         FarmValue::Zone(row) => Some(Event::Zone(Box::new(ZoneEvent::from(&**row)))),
         FarmValue::Agent(row) => Some(Event::Agent(AgentEvent::new(row, None))),
-        FarmValue::Work(_) | FarmValue::Auction(_) => None,
+        FarmValue::Work(_) => None,
     }
 }
 

@@ -7,6 +7,7 @@
 use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
 
 use bottega_agents::driver::nats::{BlobError, NatsUplink, Notice};
+use bottega_agents::machine_of;
 use bottega_farm::{FarmCodec, Link, WorkId};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -305,7 +306,7 @@ impl JobBoard {
         let read = sat_on.filter_map(|notice| Some((read::<Presence>(notice)?, notice)));
         let mut seats_of: BTreeMap<String, usize> = BTreeMap::new();
         let own = read.filter(|(seat, notice)| {
-            let of_member = seats_of.entry(member_of(&seat.name).to_owned()).or_default();
+            let of_member = seats_of.entry(machine_of(&seat.name).to_owned()).or_default();
             *of_member += 1;
             // Nobody sits on the seat of another, or on too many.
             seat_name(&seat.name) == notice.name && *of_member <= SEATS_MAX
@@ -371,12 +372,7 @@ fn lead_name(number: u32) -> String {
 
 /// A machine may say of itself alone that it is there.
 fn seat_name(process: &str) -> String {
-    format!("seat/{}/{process}", member_of(process))
-}
-
-/// Whose process it is.
-fn member_of(process: &str) -> &str {
-    process.split_once('.').map_or(process, |(member, _)| member)
+    format!("seat/{}/{process}", machine_of(process))
 }
 
 fn number_of(name: &str) -> Option<u32> {

@@ -86,7 +86,7 @@ pub(crate) fn take_part(
         inner: Arc::clone(&tools.observer),
         lead: Mutex::default(),
         log: Mutex::default(),
-        society: Mutex::default(),
+        society: Mutex::new(SeenSociety::after(board.society(number))),
     });
     let guard = Guard {
         member: member.clone(),

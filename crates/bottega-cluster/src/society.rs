@@ -5,8 +5,10 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
+use bottega::events::AgentEvent;
 use bottega_agents::driver::nats::Notice;
-use bottega_farm::{AgentRow, AuctionTally, Credit, RoundSummary, home};
+use bottega_agents::machine_of;
+use bottega_farm::{AgentRow, AuctionTally, Credit, RoundSummary};
 use serde::{Deserialize, Serialize};
 
 use crate::job_board::JobBoard;
@@ -19,38 +21,10 @@ const AGENTS_TOLD_MAX: usize = 256;
 /// The agents of a job, and what its auction came to.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Society {
-    /// Rounds of the auction.
-    pub rounds: u64,
-    /// Of them those with several bidders.
-    pub contested: u64,
-    /// Of them those that would have been otherwise if all had been believed alike.
-    pub credit_decided: u64,
-    /// Agents that made a proposal, all rounds together.
-    pub bidders: u64,
-    /// Bids for single zones, all rounds together.
-    pub bids: u64,
-    /// Zones, or parts of zones, that were given away.
-    pub awards: u64,
+    /// What all rounds of the auction came to.
+    pub auction: AuctionTally,
     /// The agents, by name.
-    pub agents: Vec<AgentView>,
-}
-
-/// An agent as others are told of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct AgentView {
-    /// Its name.
-    pub agent: String,
-    /// V_cp.
-    pub power: f64,
-    /// Processors that work on its zones at once.
-    pub lanes: f64,
-    /// Its credit, in seconds of reference-machine time.
-    pub credit: f64,
-    /// How far its promises held lately.
-    pub reliability: f64,
-    /// Why it is left out, if it is.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub left_out: Option<String>,
+    pub agents: Vec<AgentEvent>,
 }
 
 /// How far a machine's promises held.
@@ -71,6 +45,11 @@ pub(crate) struct SeenSociety {
 }
 
 impl SeenSociety {
+    /// One that goes on from what a leader before this one has told.
+    pub(crate) fn after(before: Option<Society>) -> Self {
+        Self { tally: before.map(|society| society.auction).unwrap_or_default(), ..Self::default() }
+    }
+
     pub(crate) fn see_agent(&mut self, row: &AgentRow) {
         self.agents.insert(row.agent.to_string(), row.clone());
         self.is_news = true;
@@ -97,7 +76,7 @@ impl SeenSociety {
     pub(crate) fn keep_credits(&self, board: &JobBoard) {
         let mut held: BTreeMap<&str, HeldPromises> = BTreeMap::new();
         for row in self.agents.values().filter(|row| row.credit.taken > 0.0) {
-            let machine = held.entry(home(&row.agent)).or_default();
+            let machine = held.entry(machine_of(&row.agent.name)).or_default();
             machine.promised += row.credit.promised;
             machine.taken += row.credit.taken;
         }
@@ -109,22 +88,8 @@ impl SeenSociety {
     }
 
     fn view(&self) -> Society {
-        let AuctionTally { rounds, contested, credit_decided, bidders, bids, awards } = self.tally;
-        let agents = self.agents.values().take(AGENTS_TOLD_MAX).map(AgentView::from).collect();
-        Society { rounds, contested, credit_decided, bidders, bids, awards, agents }
-    }
-}
-
-impl From<&AgentRow> for AgentView {
-    fn from(row: &AgentRow) -> Self {
-        Self {
-            agent: row.agent.to_string(),
-            power: row.power.get(),
-            lanes: row.lanes,
-            credit: row.credit.sum,
-            reliability: row.credit.reliability(),
-            left_out: row.left_out.clone(),
-        }
+        let agents = self.agents.values().take(AGENTS_TOLD_MAX).map(|row| AgentEvent::new(row, None)).collect();
+        Society { auction: self.tally, agents }
     }
 }
 

@@ -16,7 +16,7 @@ mod terms;
 
 use self::{by_time::ByTime, round::Candidate};
 pub use self::{
-    credit::{Credit, home},
+    credit::Credit,
     field::Field,
     member::MemberId,
     open_zones::OpenZones,

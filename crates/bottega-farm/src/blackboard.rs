@@ -13,7 +13,7 @@ use rustc_hash::FxHashMap;
 
 pub use self::trust::Vote;
 use crate::{
-    AuctionTally, Choice, Credit, Goal, NeighborDifference, RelativePower, ResultRef, WorkId, WorkSettings, ZoneId,
+    Choice, Credit, Goal, NeighborDifference, RelativePower, ResultRef, WorkId, WorkSettings, ZoneId,
     adaptation::scaled, partition::nearest_multiple,
 };
 
@@ -394,15 +394,6 @@ impl AgentRow {
     }
 }
 
-/// What the rounds of a work's auction came to. Written now and then, and at the end.
-#[derive(Clone, Debug, PartialEq)]
-pub struct AuctionRow {
-    /// Which work.
-    pub work: WorkId,
-    /// What they came to.
-    pub tally: AuctionTally,
-}
-
 /// Any row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FarmValue {
@@ -412,8 +403,6 @@ pub enum FarmValue {
     Work(Arc<WorkRow>),
     /// Of an agent.
     Agent(Arc<AgentRow>),
-    /// Of the auction.
-    Auction(Arc<AuctionRow>),
 }
 
 /// What one reader has seen of the rows of a work.
@@ -421,7 +410,6 @@ pub enum FarmValue {
 pub struct Blackboard {
     work: Option<Arc<WorkRow>>,
     zones: NumberMap<(Revision, Arc<ZoneRow>)>,
-    auction: Option<Arc<AuctionRow>>,
     /// How many of them are the Analyst's.
     root_count: usize,
     /// A hash map, for speed: never gone through.
@@ -429,11 +417,6 @@ pub struct Blackboard {
 }
 
 impl Blackboard {
-    /// What the rounds of the auction came to, as far as it was written.
-    pub fn auction(&self) -> Option<&AuctionRow> {
-        self.auction.as_deref()
-    }
-
     /// Takes in a row as it is, unless a later one is known. Returns whether a zone's row is new or has changed.
     pub fn see(&mut self, revision: Revision, value: FarmValue) -> bool {
         match value {
@@ -450,7 +433,6 @@ impl Blackboard {
                 return true;
             }
             FarmValue::Work(row) => self.work = Some(row),
-            FarmValue::Auction(row) => self.auction = Some(row),
             FarmValue::Agent(row) => match self.agents.get_mut(&row.agent) {
                 Some(known) => *known = row,
                 None => _ = self.agents.insert(row.agent.clone(), row),

@@ -72,11 +72,10 @@ pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
 pub use auction::{
     AuctionRule, AuctionTally, Award, Bidder, Credit, Decision, Field, MemberId, OpenZones, Proposal, RoundSummary,
-    Standing, decide, home,
+    Standing, decide,
 };
 pub use blackboard::{
-    ATTEMPTS_MAX, AgentRow, AuctionRow, Blackboard, Cut, FarmValue, InputRanges, Interval, Rival, Vote, WorkRow,
-    ZoneRow, ZoneState,
+    ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, Rival, Vote, WorkRow, ZoneRow, ZoneState,
 };
 pub use compose::{BandedZone, Mask, masks};
 pub use contents::{Bid, FarmContent, FarmMessage, Holding, LifeCycle, ONTOLOGY, Offer, Order, Report, protocol};

@@ -34,10 +34,10 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roster};
 use crate::{
-    AgentRow, AuctionRule, AuctionTally, Award, Bidder, Blackboard, Choice, Credit, Decision, FarmAction,
-    FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle,
-    MemberId, Offer, Order, Painting, Partition, Proposal, RelativePower, Report, Rival, RoundSummary, Standing,
-    WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
+    AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, Credit, Decision, FarmAction, FarmCompletion,
+    FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle, MemberId, Offer, Order,
+    Painting, Partition, Proposal, RelativePower, Report, Rival, RoundSummary, Standing, WorkId, WorkKeys, WorkRow,
+    ZoneId, ZoneRow, ZoneState,
     auction::BIDDERS_MAX,
     contents::{answer, asking, message},
     decide, protocol,
@@ -85,7 +85,7 @@ pub struct MasterConfig {
     pub compares_by_look: bool,
     /// What nobody else knows: it decides what of agents that are believed is compared all the same.
     pub secret: u64,
-    /// How far the promises of machines held in works before, by [`home`](crate::home).
+    /// How far the promises of machines held in works before, by [name](bottega_agents::machine_of).
     pub credits: Arc<BTreeMap<String, Credit>>,
     /// How a goal is neared.
     pub goals: GoalRules,
@@ -166,10 +166,6 @@ pub struct Master {
     recalls: bool,
     /// Those of them in which all have answered.
     answered: Vec<u64>,
-    /// What the rounds came to that have ended.
-    tally: AuctionTally,
-    /// Whether that has changed since it was written.
-    tally_is_due: bool,
     /// Pieces that were cut off and have no row yet, with the zones that say so.
     owed: BTreeMap<ZoneId, ZoneId>,
     /// Those of them that nobody has tried to write yet, or not well.
@@ -221,8 +217,6 @@ impl Master {
             rounds: BTreeMap::new(),
             recalls: false,
             answered: Vec::new(),
-            tally: AuctionTally::default(),
-            tally_is_due: false,
             owed: BTreeMap::new(),
             due: Vec::new(),
             writes: FxHashMap::default(),

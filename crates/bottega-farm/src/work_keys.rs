@@ -36,11 +36,6 @@ impl WorkKeys {
         Key::from(format!("{}settings", self.folder))
     }
 
-    /// The key of the row of the auction.
-    pub fn auction(&self) -> Key {
-        Key::from(format!("{}auction", self.folder))
-    }
-
     /// The key of an agent's row.
     pub fn agent(&self, agent: &AgentId) -> Key {
         Key::named(&self.agents, &agent.name)
@@ -52,7 +47,6 @@ impl WorkKeys {
             FarmValue::Zone(row) => self.zone(row.zone),
             FarmValue::Work(_) => self.work(),
             FarmValue::Agent(row) => self.agent(&row.agent),
-            FarmValue::Auction(_) => self.auction(),
         }
     }
 }

@@ -181,14 +181,15 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
 
 /// The agents, and what the auction came to.
 fn tell_society(society: &Society) {
-    if society.rounds > 0 {
+    let auction = &society.auction;
+    if auction.rounds > 0 {
         println!(
             "auction: {} awards in {} rounds, {} with several bidders, {} decided by credit; {:.1} bids a round",
-            society.awards,
-            society.rounds,
-            society.contested,
-            society.credit_decided,
-            society.bids as f64 / society.rounds as f64
+            auction.awards,
+            auction.rounds,
+            auction.contested,
+            auction.credit_decided,
+            auction.bids as f64 / auction.rounds as f64
         );
     }
     for agent in &society.agents {

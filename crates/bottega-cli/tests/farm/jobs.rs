@@ -2,6 +2,8 @@
 
 use std::fs;
 
+use serde_json::Value;
+
 use super::{
     fixture::{FEW, Farm, PICTURE, bits, link},
     support::{servers, text},
@@ -25,6 +27,12 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
     let path = farm.path("b.exr");
     farm.succeed(&["jobs", "fetch", "2"]);
     assert!(bits(&path) == plain, "{}", farm.logs());
+    // What its rows said last, and what came of its auction.
+    let zones = zones(&farm, "2");
+    assert!(!zones.is_empty() && zones.iter().all(|zone| zone["state"] == "done" && zone["reasons"].is_null()));
+    let society = &farm.job(2)["society"];
+    assert!(society["auction"]["awards"].as_u64() >= Some(zones.len() as u64 / 2), "{society}");
+    assert!(society["agents"].as_array().is_some_and(|agents| !agents.is_empty()), "{society}");
     assert!(!farm.run(&["jobs", "remove", "1"]).status.success(), "it is not over");
     farm.succeed(&["jobs", "cancel", "1"]);
     assert_eq!(farm.job(1)["state"], "cancelled");
@@ -36,6 +44,30 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
         let output = farm.run(&arguments);
         let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
         assert!(output.status.code() == Some(1) && told.contains(words), "{arguments:?}: {told}");
+    }
+}
+
+/// The rows of a job's zones, as `bottega blackboard` prints them.
+fn zones(farm: &Farm, job: &str) -> Vec<Value> {
+    let told = farm.succeed(&["blackboard", job, "--json"]);
+    let rows = told.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
+    rows.filter(|row| row["event"] == "zone").collect()
+}
+
+#[test]
+fn a_machine_that_brings_its_own_rules_paints_by_them() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let own = farm.path("own.fcl");
+    let rules = include_str!("../../../../rules/paper.fcl");
+    fs::write(&own, rules.replace("FUNCTION_BLOCK paper", "FUNCTION_BLOCK of_this_machine")).unwrap();
+    let [line, _] = farm.lines();
+    let _one = farm.spawn_in("state-of-one", &["join", &line, "--threads", "1", "--rules", text(&own)], "one");
+    assert!(farm.render("a.exr", &["--detach", "--optimize", "b"]).wait(), "{}", farm.logs());
+    farm.until_state(1, "done");
+    for zone in zones(&farm, "1") {
+        let reasons = zone["reasons"].as_str().unwrap_or_default();
+        assert!(reasons.starts_with("of_this_machine: "), "{zone}");
     }
 }
 

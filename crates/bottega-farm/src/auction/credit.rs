@@ -4,20 +4,12 @@
 
 use std::time::Duration;
 
-use bottega_agents::AgentId;
-
 /// What is remembered of the promises before, at each new one: some ten of them count.
 const REMEMBERED: f64 = 0.9;
 /// Estimates of zones are off by so much by themselves: who holds this share of its promises is believed.
 const BELIEVED: f64 = 0.75;
 /// Nobody is believed more than twice, or less than a sixteenth.
 const RELIABILITY_RANGE: (f64, f64) = (1.0 / 16.0, 2.0);
-
-/// The machine of an agent: what stands behind the `@` of its name, without the number of the process.
-pub fn home(agent: &AgentId) -> &str {
-    let platform = agent.name.split_once('@').map_or(&*agent.name, |(_, platform)| platform);
-    platform.split_once('.').map_or(platform, |(machine, _)| machine)
-}
 
 /// An agent's success and failure with the zones that it painted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -94,15 +86,6 @@ mod tests {
         }
         assert!(credit.reliability() > 0.95 && credit.sum == -31.0, "{credit:?}");
         assert_eq!(credit.worth(), 1.0);
-    }
-
-    #[test]
-    fn the_processes_of_a_machine_are_at_home_there() {
-        for (agent, machine) in
-            [("render-2@forge-12ab.0000ffff", "forge-12ab"), ("render-1@bottega", "bottega"), ("agent-3", "agent-3")]
-        {
-            assert_eq!(home(&AgentId::new(agent)), machine);
-        }
     }
 
     #[test]

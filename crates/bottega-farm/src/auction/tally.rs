@@ -1,5 +1,7 @@
 //! What the rounds of an auction came to.
 
+use serde::{Deserialize, Serialize};
+
 /// One round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RoundSummary {
@@ -27,7 +29,7 @@ impl RoundSummary {
 }
 
 /// All rounds of a work.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AuctionTally {
     /// How many there were.
     pub rounds: u64,

@@ -134,8 +134,6 @@ impl Master {
             awards: winners.len() as u32,
             credit_decided,
         };
-        self.tally.add(&summary);
-        self.tally_is_due = true;
         actions.push(FarmAction::Effect(FarmEffect::RoundClosed(summary)));
         for offer in round.offers {
             self.ledger.open.give_back(self.config.auction, conversation, offer);

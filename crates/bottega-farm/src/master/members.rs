@@ -59,7 +59,12 @@ impl Master {
         }
         let known = self.roster.get_by_name(agent).map(|member| &member.row).or_else(|| self.board.agent(agent));
         let known = known.cloned().unwrap_or_else(|| {
-            let credit = self.config.credits.get(crate::home(agent)).map(Credit::carried_over).unwrap_or_default();
+            let credit = self
+                .config
+                .credits
+                .get(bottega_agents::machine_of(&agent.name))
+                .map(Credit::carried_over)
+                .unwrap_or_default();
             AgentRow { credit, ..AgentRow::new(agent.clone(), power, lanes) }
         });
         let row = AgentRow { power, lanes, left_out: None, ..known };

@@ -3,7 +3,7 @@
 use bottega_agents::Entry;
 
 use super::{ledger::Holders, roster::Member, *};
-use crate::{AuctionRow, compare_and_set};
+use crate::compare_and_set;
 
 /// Agents whose credit is written at one look.
 const CREDITS_AT_ONCE: usize = 32;
@@ -76,14 +76,6 @@ impl Master {
                 }
                 self.board.see(revision, FarmValue::Agent(row));
                 is_new
-            }
-            FarmValue::Auction(row) => {
-                // Of a Master before this one.
-                if row.tally.rounds > self.tally.rounds {
-                    self.tally = row.tally;
-                }
-                self.board.see(revision, FarmValue::Auction(row));
-                false
             }
             work @ FarmValue::Work(_) => {
                 self.board.see(revision, work);
@@ -213,12 +205,6 @@ impl Master {
     /// Writes the credit of some of those whose credit has changed, the one that has waited longest first. A row after
     /// each zone would be as many writes again as the zones themselves are, and what is lost with a Master is little.
     pub(super) fn write_credits(&mut self, actions: &mut Vec<FarmAction>) {
-        if std::mem::take(&mut self.tally_is_due) {
-            let (ticket, key) = (Ticket(self.number()), self.keys.auction());
-            let row = AuctionRow { work: self.config.work, tally: self.tally };
-            let request = StoreRequest::Put { key, value: FarmValue::Auction(Arc::new(row)) };
-            actions.push(FarmAction::Store { ticket, request });
-        }
         for _ in 0..CREDITS_AT_ONCE {
             let Some(id) = self.credits_due.pop_front() else { return };
             self.credited.remove(&id);

@@ -57,7 +57,7 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &Work
                 }
                 must(row.credit.sum.is_finite(), &|| format!("{} has a credit of {}", row.agent, row.credit.sum));
             }
-            FarmValue::Work(_) | FarmValue::Auction(_) => {}
+            FarmValue::Work(_) => {}
         }
     }
     let is_convict = |agent: &&AgentId| convicts.contains(agent);

@@ -12,9 +12,8 @@ use super::{
     values::{RectRecord, agent, finite, list, name, nanoseconds, reason, rect, rect_record, short_reason, sides},
 };
 use crate::{
-    AgentRow, AuctionRow, AuctionTally, Choice, Credit, Cut, FarmValue, Goal, InputRanges, Interval,
-    NeighborDifference, Optimization, Painting, RelativePower, ResultRef, Rival, Vote, WorkId, WorkRow, WorkSettings,
-    ZoneId, ZoneRow, ZoneState,
+    AgentRow, Choice, Credit, Cut, FarmValue, Goal, InputRanges, Interval, NeighborDifference, Optimization, Painting,
+    RelativePower, ResultRef, Rival, Vote, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 
 /// Appends the row of a work.
@@ -47,7 +46,6 @@ pub(super) enum ValueRecord<'a> {
     Work(WorkRecord),
     #[serde(borrow)]
     Agent(AgentRecord<'a>),
-    Auction(AuctionRecord),
 }
 
 impl<'a> From<&'a FarmValue> for ValueRecord<'a> {
@@ -56,7 +54,6 @@ impl<'a> From<&'a FarmValue> for ValueRecord<'a> {
             FarmValue::Zone(row) => Self::Zone((&**row).into()),
             FarmValue::Work(row) => Self::Work((&**row).into()),
             FarmValue::Agent(row) => Self::Agent((&**row).into()),
-            FarmValue::Auction(row) => Self::Auction((&**row).into()),
         }
     }
 }
@@ -69,7 +66,6 @@ impl TryFrom<ValueRecord<'_>> for FarmValue {
             ValueRecord::Zone(row) => Self::Zone(Arc::new(row.try_into()?)),
             ValueRecord::Work(row) => Self::Work(Arc::new(row.try_into()?)),
             ValueRecord::Agent(row) => Self::Agent(Arc::new(row.try_into()?)),
-            ValueRecord::Auction(row) => Self::Auction(Arc::new(row.into())),
         })
     }
 }
@@ -390,31 +386,5 @@ impl TryFrom<AgentRecord<'_>> for AgentRow {
             failures: record.failures,
             left_out: record.left_out.map(reason).transpose()?,
         })
-    }
-}
-
-#[derive(Serialize, Deserialize)]
-pub(super) struct AuctionRecord {
-    work: u64,
-    rounds: u64,
-    contested: u64,
-    credit_decided: u64,
-    bidders: u64,
-    bids: u64,
-    awards: u64,
-}
-
-impl From<&AuctionRow> for AuctionRecord {
-    fn from(row: &AuctionRow) -> Self {
-        let AuctionTally { rounds, contested, credit_decided, bidders, bids, awards } = row.tally;
-        Self { work: row.work.0, rounds, contested, credit_decided, bidders, bids, awards }
-    }
-}
-
-impl From<AuctionRecord> for AuctionRow {
-    fn from(record: AuctionRecord) -> Self {
-        let AuctionRecord { work, rounds, contested, credit_decided, bidders, bids, awards } = record;
-        let tally = AuctionTally { rounds, contested, credit_decided, bidders, bids, awards };
-        Self { work: WorkId(work), tally }
     }
 }

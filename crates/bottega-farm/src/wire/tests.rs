@@ -16,9 +16,9 @@ use super::{
     take_zone, values::LIST_MAX,
 };
 use crate::{
-    AgentRow, AuctionRow, AuctionTally, Bid, Choice, Credit, Cut, FarmContent, FarmValue, Goal, Holding, InputRanges,
-    Interval, LifeCycle, NeighborDifference, Offer, Optimization, Order, Painting, RelativePower, Report, ResultRef,
-    Rival, Vote, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    AgentRow, Bid, Choice, Credit, Cut, FarmContent, FarmValue, Goal, Holding, InputRanges, Interval, LifeCycle,
+    NeighborDifference, Offer, Optimization, Order, Painting, RelativePower, Report, ResultRef, Rival, Vote, WorkId,
+    WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 
 fn rows() -> impl Strategy<Value = ZoneRow> {
@@ -131,10 +131,7 @@ fn values(row: ZoneRow) -> Vec<FarmValue> {
         left_out: row.zone.0.is_multiple_of(2).then(|| "it failed".to_owned()),
         ..AgentRow::new(AgentId::new("a"), RelativePower::new(2.0), 1.0)
     };
-    let tally = AuctionTally { rounds: 7, contested: 5, credit_decided: 2, bidders: 19, bids: 90, awards: 16 };
-    let auction = AuctionRow { work: WorkId(9), tally };
-    let mut all =
-        vec![FarmValue::Zone(Arc::new(row)), FarmValue::Agent(Arc::new(agent)), FarmValue::Auction(Arc::new(auction))];
+    let mut all = vec![FarmValue::Zone(Arc::new(row)), FarmValue::Agent(Arc::new(agent))];
     all.extend(levels.map(|work| FarmValue::Work(Arc::new(work))));
     all
 }

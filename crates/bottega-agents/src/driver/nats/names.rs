@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use crate::Key;
+use crate::{Key, machine_of};
 
 /// A name as one token.
 pub(super) fn token(name: &str) -> String {
@@ -42,28 +42,22 @@ pub(super) fn name(token: &str) -> Option<String> {
     (self::token(&name) == token).then_some(name)
 }
 
-/// Where an agent is at home: what its name has behind the `@`, up to the first full stop.
-pub(super) fn home(name: &str) -> &str {
-    let process = name.rsplit_once('@').map_or(name, |(_, process)| process);
-    process.split_once('.').map_or(process, |(member, _)| member)
-}
-
 /// The subject of a message.
 pub(super) fn message(farm: &str, to: &str, from: &str) -> String {
-    let [to_home, to, from_home, from] = [home(to), to, home(from), from].map(token);
+    let [to_home, to, from_home, from] = [machine_of(to), to, machine_of(from), from].map(token);
     format!("bottega.{farm}.to.{to_home}.{to}.from.{from_home}.{from}")
 }
 
 /// The subject of all messages to an agent.
 pub(super) fn messages_to(farm: &str, to: &str) -> String {
-    format!("bottega.{farm}.to.{}.{}.from.*.*", token(home(to)), token(to))
+    format!("bottega.{farm}.to.{}.{}.from.*.*", token(machine_of(to)), token(to))
 }
 
 /// The sender of a message by its subject; `None`: it says that it is at home elsewhere than a server let it speak from.
 pub(super) fn sender(subject: &str) -> Option<String> {
     let mut tokens = subject.rsplit('.');
     let (name, home) = (self::name(tokens.next()?)?, self::name(tokens.next()?)?);
-    (self::home(&name) == home).then_some(name)
+    (machine_of(&name) == home).then_some(name)
 }
 
 /// The subjects of all that the agents of a member say.
@@ -160,7 +154,7 @@ mod tests {
         assert_eq!(messages_to("f", "render-1@vm-3f.07"), "bottega.f.to.vm-3f.render-1=40vm-3f=2e07.from.*.*");
         assert_eq!(sender("bottega.f.to.vm-3f.x.from.vm-3f.master=40work-7"), None);
         assert_eq!(sender("from"), None);
-        assert_eq!((home("render-1@vm-3f"), home("vm-3f.07"), home("")), ("vm-3f", "vm-3f", ""));
+        assert_eq!((machine_of("render-1@vm-3f"), machine_of("vm-3f.07"), machine_of("")), ("vm-3f", "vm-3f", ""));
     }
 
     #[test]
