@@ -180,23 +180,23 @@ fn the_conversation_of_a_small_work_reads_as_the_paper_tells_it() {
         [   903.140] master -> agent-0  confirm #17
         [  1021.000] agent-0 -> master  inform #0
         [  1021.000] agent-1 -> master  inform #0
-        [  1026.297] master -> agent-0  cfp #32
-        [  1026.297] master -> agent-1  cfp #32
-        [  1027.297] agent-0 -> master  propose #32
-        [  1027.297] agent-1 -> master  propose #32
-        [  1028.297] master -> agent-0  reject-proposal #32
-        [  1030.297] master -> agent-1  accept-proposal #32
-        [  1032.297] master -> agent-0  cfp #35
-        [  1033.297] agent-0 -> master  propose #35
-        [  1036.297] master -> agent-0  accept-proposal #35
+        [  1026.297] master -> agent-0  cfp #31
+        [  1026.297] master -> agent-1  cfp #31
+        [  1027.297] agent-0 -> master  propose #31
+        [  1027.297] agent-1 -> master  propose #31
+        [  1028.297] master -> agent-0  reject-proposal #31
+        [  1030.297] master -> agent-1  accept-proposal #31
+        [  1032.297] master -> agent-0  cfp #34
+        [  1033.297] agent-0 -> master  propose #34
+        [  1036.297] master -> agent-0  accept-proposal #34
         [  1130.908] agent-1 -> master  inform #23
         [  1133.908] master -> agent-1  confirm #23
         [  1141.281] agent-0 -> master  inform #23
         [  1144.281] master -> agent-0  confirm #23
-        [  1407.193] agent-0 -> master  inform #35
-        [  1410.193] master -> agent-0  confirm #35
-        [  1567.869] agent-1 -> master  inform #32
-        [  1570.869] master -> agent-1  confirm #32
+        [  1407.193] agent-0 -> master  inform #34
+        [  1410.193] master -> agent-0  confirm #34
+        [  1567.869] agent-1 -> master  inform #31
+        [  1570.869] master -> agent-1  confirm #31
         [  1570.869] master stops"#]]
     .assert_eq(&trace);
 }
