@@ -11,7 +11,7 @@ use bottega::{
     Request,
     devices::threads,
     loaded_scene::LoadedScene,
-    settings::{agents, importance_function, level},
+    settings::{agents, importance_function, level, zone_limits},
     text::shown,
 };
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, RenderEngine, Survey, Tunables};
@@ -117,6 +117,7 @@ impl Analyzed {
 
     fn analyze(&self, function: ImportanceFunction, level: Level) -> Result<Analysis, CliError> {
         let partition = PartitionSettings::for_agents(level, self.agents, self.frame());
+        let partition = partition.within(None, zone_limits(&self.request.work));
         analyze(WorkId(1), &self.settings, &self.survey, function, &partition)
             .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it with the scene"))
     }
@@ -136,8 +137,9 @@ fn report(
 ) -> Value {
     let function = importance_function(&subject.request.work);
     let levels = analyses.iter().zip(1..).map(|(analysis, level)| {
-        let imbalance = analysis.partition.imbalance(&analysis.map);
-        json!({"level": level, "longest_over_mean": imbalance, "zones": zones(analysis)})
+        let (imbalance, spread) =
+            (analysis.partition.imbalance(&analysis.map), analysis.partition.ratio_spread(&analysis.map));
+        json!({"level": level, "longest_over_mean": imbalance, "ratio_spread": spread, "zones": zones(analysis)})
     });
     let mut report = json!({
         "version": 1,

@@ -73,8 +73,7 @@ pub fn analyze(
     let map = ImportanceMap::new(survey, settings.picture, settings.frame, importance)?;
     // Few dear zones, but none of the agents is without one.
     let most = survey.zones_max.map_or(u32::MAX, |most| most.max(partition.zones_least));
-    let zone_count = partition.zone_count.min(most);
-    let partition = Partition::new(&map, settings.frame, &PartitionSettings { zone_count, ..*partition });
+    let partition = Partition::new(&map, settings.frame, &partition.at_most(most));
     let partition = partition.along_grid(settings.goal.grid());
     let differences = partition.neighbor_differences(&map);
     let rows: Vec<ZoneRow> = partition

@@ -108,7 +108,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{ImportanceMap, Level, PartitionSettings};
+    use crate::{ImportanceMap, Level, PartitionSettings, ZoneLimits};
 
     #[test]
     fn across_a_straight_edge_the_mask_is_linear_over_both_bands() {
@@ -134,7 +134,7 @@ mod tests {
             let frame = Rect::new(crop_x, 3, crop_x + width, height + 3);
             let map = ImportanceMap::uniform(frame);
             let settings =
-                PartitionSettings { side_min: 3, zone_count: count, ..PartitionSettings::for_agents(Level::Balanced, 1, frame) };
+                PartitionSettings::for_agents(Level::Balanced, 1, frame).within(Some(count), ZoneLimits { side_min: 3, ..ZoneLimits::default() });
             let partition = Partition::new(&map, frame, &settings);
             let sides = |[left, top, right, bottom]: [u32; 4]| Sides { left, top, right, bottom };
             let bands: Vec<Sides<u32>> = bands.into_iter().take(partition.zones().len()).map(sides).collect();
@@ -159,7 +159,7 @@ mod tests {
             let frame = Rect::of_size(33, 21);
             let map = ImportanceMap::uniform(frame);
             let settings =
-                PartitionSettings { side_min: 2, zone_count: count, ..PartitionSettings::for_agents(Level::Divided, 1, frame) };
+                PartitionSettings::for_agents(Level::Divided, 1, frame).within(Some(count), ZoneLimits { side_min: 2, ..ZoneLimits::default() });
             let partition = Partition::new(&map, frame, &settings);
             let bands = vec![Sides::all(0); partition.zones().len()];
             for ((_, zone), mask) in partition.iter().zip(masks(&partition, &bands)) {

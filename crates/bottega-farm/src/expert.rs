@@ -12,7 +12,7 @@ use bottega_image::Sides;
 use crate::{
     Choice, EngineChoice, ExpertError, Goal, Technique, WorkRow, WorkSettings, ZoneRow,
     cells::octave_end,
-    technique::{INTERPOLATION_BAND_SIZE, LIGHT_SAMPLES, RECURSION_LEVEL},
+    technique::{INTERPOLATION_BAND_PIXELS, INTERPOLATION_BAND_SIZE, LIGHT_SAMPLES, RECURSION_LEVEL},
     zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
 };
 
@@ -23,10 +23,23 @@ const INPUTS: [&str; 4] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, OPTIMIZATION_L
 const SHARE_MIN: f64 = 0.05;
 /// Rules that are told as reasons at most.
 const REASONS_MAX: usize = 6;
-/// No rule may ask for wider bands: their cost grows with them.
-const BAND_MAX: f64 = 64.0;
-/// Nor for bands wider than this share of a zone's shorter side: four of them add a sixth to its pixels.
+/// No band is wider, in pixels: its cost grows with its width.
+pub const BAND_MAX: u32 = 64;
+/// Bands that hide what a zone gave up are not wider than this share of its shorter side: four of them add a sixth to its
+/// pixels.
 const BAND_OF_SIDE: f64 = 1.0 / 24.0;
+
+/// Who says how wide interpolation bands are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BandWidth {
+    /// There are none: zones meet at an edge.
+    Off,
+    /// The rules, edge by edge.
+    #[default]
+    Rules,
+    /// The user: so many pixels beyond each edge of each zone, [`BAND_MAX`] at most.
+    Pixels(u32),
+}
 
 /// What an agent knows of rendering. Each agent may know something else.
 #[derive(Clone, Debug)]
@@ -37,6 +50,7 @@ pub struct Expert {
     has_light_samples: bool,
     is_profiled: bool,
     engine_choice: Option<EngineChoice>,
+    bands: BandWidth,
 }
 
 impl Expert {
@@ -62,8 +76,8 @@ impl Expert {
         }
         let (rules, ignored) = (Arc::new(rules), ignored.into());
         let (has_max_depth, has_light_samples, is_profiled) = (true, true, true);
-        let engine_choice = None;
-        Ok(Self { rules, ignored, has_max_depth, has_light_samples, is_profiled, engine_choice })
+        let (engine_choice, bands) = (None, BandWidth::default());
+        Ok(Self { rules, ignored, has_max_depth, has_light_samples, is_profiled, engine_choice, bands })
     }
 
     /// The outputs of the rules that mean nothing in path tracing, by their names.
@@ -71,7 +85,7 @@ impl Expert {
         &self.ignored
     }
 
-    /// The rules for path tracing that come with the farm: the paper's two and 26 of our own.
+    /// Our rules for path tracing: the two that the paper prints and 26 of our own.
     pub fn path_tracing() -> Self {
         Self::parse(Technique::PathTracing.rules()).expect("the rules in the repository can be read")
     }
@@ -89,22 +103,41 @@ impl Expert {
         Self { engine_choice, ..self }
     }
 
+    /// The same with bands as the user wants them.
+    #[must_use]
+    pub fn with_bands(self, bands: BandWidth) -> Self {
+        Self { bands, ..self }
+    }
+
     /// Which of several engines suits a zone better. Says nothing of quality, so it is asked with optimization off, too.
     pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> Leaning {
         self.engine_choice.as_ref().map_or_else(Leaning::default, |choice| choice.leaning(work, zone))
     }
 
     /// Settings for a zone, relative to the user's and never above them. With optimization off, or when the rules
-    /// cannot be evaluated, the user's settings exactly.
+    /// cannot be evaluated, the user's settings exactly. Bands as [`Self::with_bands`] says.
     pub fn decide(&self, work: &WorkRow, zone: &ZoneRow) -> Choice {
         self.try_decide(work, zone).unwrap_or_else(|error| {
             tracing::warn!(zone = zone.zone.0, %error, "the rules are of no use here");
-            Choice::unchanged(&work.settings)
+            self.banded(Choice::unchanged(&work.settings))
         })
     }
 
     /// The same, with the reason why the rules cannot be evaluated.
     pub fn try_decide(&self, work: &WorkRow, zone: &ZoneRow) -> Result<Choice, ExpertError> {
+        self.by_rules(work, zone).map(|choice| self.banded(choice))
+    }
+
+    /// A choice of the rules with the bands that the user wants.
+    fn banded(&self, choice: Choice) -> Choice {
+        match self.bands {
+            BandWidth::Off => Choice { bands: Sides::all(0), ..choice },
+            BandWidth::Rules => choice,
+            BandWidth::Pixels(pixels) => Choice { bands: Sides::all(pixels.min(BAND_MAX)), ..choice },
+        }
+    }
+
+    fn by_rules(&self, work: &WorkRow, zone: &ZoneRow) -> Result<Choice, ExpertError> {
         let settings = &work.settings;
         let Some(level) = settings.optimization.rule_input() else { return Ok(Choice::unchanged(settings)) };
         let rules = laid_out(&self.rules, &work.ranges)?;
@@ -118,13 +151,15 @@ impl Expert {
         let share = |name: &str| outputs.get(name).unwrap_or(1.0).clamp(SHARE_MIN, 1.0);
         // Each edge has a band of its own, by how much the zones beyond it differ, and by how far this zone falls behind
         // what the user asked for: a zone at full quality has no difference to hide, and leaves the blending to those
-        // that have. What lies in a band is painted twice, so it is never more than a part of the zone.
+        // that have. What lies in a band is painted twice, so it is never more than a part of the zone. Rules that speak
+        // of pixels, as the paper's do, get these pixels.
         let behind = 1.0 - share(LIGHT_SAMPLES) * share(RECURSION_LEVEL);
         let most = f64::from(zone.rect.width().min(zone.rect.height())) * BAND_OF_SIDE;
         let band = |difference: f64| {
-            let band = evaluate(difference)?.get(INTERPOLATION_BAND_SIZE).unwrap_or(0.0);
-            let band = (band * behind).clamp(0.0, BAND_MAX.min(most));
-            Ok::<_, EvaluateError>(band.round() as u32)
+            let outputs = evaluate(difference)?;
+            let hiding = outputs.get(INTERPOLATION_BAND_SIZE).map_or(0.0, |band| (band * behind).min(most));
+            let band = outputs.get(INTERPOLATION_BAND_PIXELS).unwrap_or(0.0).max(hiding);
+            Ok::<_, EvaluateError>(band.clamp(0.0, f64::from(BAND_MAX)).round() as u32)
         };
         let Sides { left, top, right, bottom } = zone.neighbor_difference.sides;
         let bands = Sides { left: band(left)?, top: band(top)?, right: band(right)?, bottom: band(bottom)? };
@@ -161,14 +196,14 @@ impl Expert {
         }
     }
 
-    /// - `depth`: share of the bounces. A part of a bounce is a bounce: the last one carries light that nothing brings back.
+    /// - `depth`: share of the bounces. Half a bounce is a bounce, and where the user allows any there is one.
     /// - `light`: share of the samples of a pixel, and of the light samples of each vertex.
     fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, bands: Sides<u32>) -> Choice {
         let Tunables { max_depth, light_samples } = settings.tunables;
         let part = |value: u32, share: f64| (f64::from(value) * share).round() as u32;
-        // Rules are exact to some 1e-9, which is no bounce.
-        let max_depth =
-            if self.has_max_depth { (f64::from(max_depth) * depth - 1e-6).ceil().max(0.0) as u32 } else { max_depth };
+        // Rules are exact to some 1e-9, which takes no bounce.
+        let bounces = (f64::from(max_depth) * depth + 0.5 + 1e-6).floor() as u32;
+        let max_depth = if self.has_max_depth { bounces.clamp(max_depth.min(1), max_depth) } else { max_depth };
         let at_vertex = part(light_samples, light).max(light_samples.min(1));
         let light_samples = if self.has_light_samples { at_vertex } else { light_samples };
         let samples = part(settings.samples, light).max(1);
@@ -181,7 +216,7 @@ mod tests {
     use bottega_image::Rect;
 
     use super::*;
-    use crate::{InputRanges, NeighborDifference, Optimization, WorkId, ZoneId};
+    use crate::{InputRanges, NeighborDifference, Optimization, PAPER_RULES, WorkId, ZoneId};
 
     fn zone(index: u32, complexity: f64, difference: f64) -> ZoneRow {
         ZoneRow::open(
@@ -254,8 +289,6 @@ mod tests {
             assert_eq!(chosen.iter().map(|choice| choice.tunables.max_depth).collect::<Vec<_>>(), depths);
             assert_eq!(chosen.iter().map(|choice| choice.samples).collect::<Vec<_>>(), [256, 208, 160, 112, 64]);
         }
-        // Rule 22: 16 pixels, by what the zone gives up.
-        assert_eq!(paper.decide(&work(Optimization::VeryBig, &rows), &rows[1]).bands.left, 15);
     }
 
     #[test]
@@ -264,6 +297,77 @@ mod tests {
         let work = work(Optimization::VerySmall, &rows);
         for row in &rows {
             assert_eq!(Expert::path_tracing().decide(&work, row), Choice::unchanged(&work.settings));
+        }
+    }
+
+    /// The bounces that each term of `recursion_level` leaves, from VS to VB.
+    fn bounces(rules: &str, max_depth: u32) -> Vec<u32> {
+        let rows = [zone(0, 1.0, 0.0)];
+        let work = work(Optimization::Normal, &rows);
+        let settings = WorkSettings { tunables: Tunables { max_depth, light_samples: 1 }, ..work.settings };
+        let work = WorkRow { settings, ..work };
+        // All rules conclude the one term.
+        let depth = |term: &str| {
+            let conclusion = |text: &str| format!("recursion_level IS {text};");
+            let text = ["VS", "S", "N", "B", "VB"]
+                .iter()
+                .fold(rules.to_owned(), |text, any| text.replace(&conclusion(any), &conclusion(&format!(" {term}"))));
+            Expert::parse(&text).unwrap().decide(&work, &rows[0]).tunables.max_depth
+        };
+        ["VS", "S", "N", "B", "VB"].map(depth).to_vec()
+    }
+
+    #[test]
+    fn each_term_of_the_recursion_level_leaves_other_bounces() {
+        let ours = Technique::PathTracing.rules();
+        assert_eq!(bounces(ours, 8), [4, 5, 6, 7, 8]);
+        assert_eq!(bounces(ours, 16), [8, 10, 12, 14, 16]);
+        assert_eq!(bounces(ours, 4), [2, 3, 3, 4, 4]);
+        assert_eq!(bounces(PAPER_RULES, 8), [2, 4, 5, 7, 8]);
+        assert_eq!(bounces(PAPER_RULES, 16), [4, 7, 10, 13, 16]);
+        assert_eq!(bounces(PAPER_RULES, 4), [1, 2, 3, 3, 4]);
+        // Never more than the user allows; none only where the user wants none.
+        for rules in [ours, PAPER_RULES] {
+            assert_eq!(bounces(rules, 1), [1; 5]);
+            assert_eq!(bounces(rules, 0), [0; 5]);
+        }
+    }
+
+    #[test]
+    fn the_rules_that_the_paper_prints_do_what_they_say() {
+        let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
+        let paper = Expert::parse(PAPER_RULES).unwrap();
+        let decide = |optimization, row: &ZoneRow| {
+            let work = work(optimization, &rows);
+            let tunables = Tunables { max_depth: 8, light_samples: 8 };
+            let settings = WorkSettings { tunables, samples: 1600, ..work.settings };
+            paper.decide(&WorkRow { settings, ..work }, row)
+        };
+        // R11: of a complex zone that is not small, VS of the light samples and VS of the bounces.
+        let choice = decide(Optimization::VeryBig, &rows[1]);
+        assert_eq!((choice.samples, choice.tunables), (400, Tunables { max_depth: 2, light_samples: 2 }));
+        // R22: a band of VB where neighbors differ most, whatever the zone keeps.
+        for optimization in &Optimization::ALL[1..] {
+            assert_eq!(decide(*optimization, &rows[1]).bands, Sides::all(16));
+            assert_eq!(decide(*optimization, &rows[0]).bands, Sides::all(0));
+        }
+        // VS takes nothing, and every level takes more.
+        let samples = Optimization::ALL.map(|level| decide(level, &rows[1]).samples);
+        assert_eq!(samples, [1600, 1600, 1300, 1000, 700, 400]);
+    }
+
+    #[test]
+    fn the_user_says_how_wide_bands_are() {
+        let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
+        for (bands, expected) in
+            [(BandWidth::Off, 0), (BandWidth::Pixels(5), 5), (BandWidth::Pixels(1 << 20), BAND_MAX)]
+        {
+            for optimization in [Optimization::Off, Optimization::Normal] {
+                let work = work(optimization, &rows);
+                let ruled = Expert::path_tracing().decide(&work, &rows[1]);
+                let choice = Expert::path_tracing().with_bands(bands).decide(&work, &rows[1]);
+                assert_eq!(choice, Choice { bands: Sides::all(expected), ..ruled });
+            }
         }
     }
 

@@ -84,14 +84,14 @@ pub use driver::{
     lead, run,
 };
 pub use engine_choice::EngineChoice;
-pub use expert::Expert;
+pub use expert::{BAND_MAX, BandWidth, Expert};
 pub use goals::GoalRules;
 pub use ids::{WorkId, ZoneId};
 pub use importance::{Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, UnknownChannel};
 pub use journal::{Journal, JournalError, JournalWriter, Kept, ZoneStore};
 pub use master::{Master, MasterConfig, Timing};
 pub use painting::{Painting, ResultRef};
-pub use partition::{Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel};
+pub use partition::{Balance, Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel, ZoneLimits};
 pub use prediction::Prediction;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, ErrorUse, Goal, Optimization, UnknownOptimization, WorkSettings};

@@ -4,89 +4,17 @@
 //! similar complexity; balancing, "to obtain tasks that all require roughly the same rendering time".
 
 mod balance;
+mod index;
 mod join;
-
-use std::str::FromStr;
+mod ratio;
+mod settings;
 
 use bottega_image::{Rect, Sides};
 
+pub(crate) use self::index::{ZoneIndex, nearest_multiple};
+pub use self::settings::{Balance, Level, PartitionSettings, UnknownLevel, ZoneLimits};
+
 use crate::{ImportanceMap, ZoneId};
-
-/// How far the partition is carried.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Level {
-    /// No partition: the whole frame is one zone.
-    Whole,
-    /// Recursive division by minimum size and maximum complexity (the paper's first level).
-    Divided,
-    /// Neighbouring zones of similar complexity joined (the second level).
-    Joined,
-    /// All zones of nearly the same expected time (the third level).
-    #[default]
-    Balanced,
-}
-
-impl Level {
-    /// All levels, from 0 to 3.
-    pub const ALL: [Self; 4] = [Self::Whole, Self::Divided, Self::Joined, Self::Balanced];
-}
-
-impl FromStr for Level {
-    type Err = UnknownLevel;
-
-    fn from_str(text: &str) -> Result<Self, UnknownLevel> {
-        match text {
-            "0" => Ok(Self::Whole),
-            "1" => Ok(Self::Divided),
-            "2" => Ok(Self::Joined),
-            "3" => Ok(Self::Balanced),
-            _ => Err(UnknownLevel { found: text.to_owned() }),
-        }
-    }
-}
-
-/// No such level of partition.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown partition level `{found}`: use 0, 1, 2 or 3")]
-pub struct UnknownLevel {
-    /// What was asked for.
-    pub found: String,
-}
-
-/// What the Analyst aims at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PartitionSettings {
-    /// How far to go.
-    pub level: Level,
-    /// The least width and height of a zone, in pixels. Only a frame that is itself smaller has smaller zones.
-    pub side_min: u32,
-    /// How many zones are wanted. The maximum complexity of a zone (first level) and the expected time that all
-    /// should have (third level) are the frame's complexity divided by it.
-    pub zone_count: u32,
-    /// So many zones are wanted at least, however dear they are: one for each agent.
-    pub zones_least: u32,
-    /// Level 2 joins zones whose costs a pixel differ by at most this share of the greater one.
-    pub similarity: f64,
-    /// Level 2 joins nothing to more than this multiple of the maximum complexity. (The paper names no bound; without
-    /// one an even scene becomes one zone.)
-    pub joined_max: f64,
-}
-
-impl PartitionSettings {
-    /// Enough zones for so many agents that none waits at the end for another, but none so small that its messages
-    /// cost more than its pixels.
-    pub fn for_agents(level: Level, agents: usize, frame: Rect) -> Self {
-        const ZONES_PER_AGENT: u64 = 8;
-        const ZONES_MIN: u64 = 16;
-        const ZONES_MAX: u64 = 1 << 16;
-        const PIXELS_PER_ZONE_MIN: u64 = 1024;
-        let wanted = (agents as u64).saturating_mul(ZONES_PER_AGENT).clamp(ZONES_MIN, ZONES_MAX);
-        let affordable = (frame.area() / PIXELS_PER_ZONE_MIN).max(1);
-        let zone_count = wanted.min(affordable) as u32;
-        let zones_least = (agents.max(1) as u64).min(zone_count.into()) as u32;
-        Self { level, side_min: 8, zone_count, zones_least, similarity: 0.15, joined_max: 2.0 }
-    }
-}
 
 /// A frame cut into zones: rectangles that cover each of its pixels exactly once, ordered by upper left corner, row
 /// before column.
@@ -103,16 +31,21 @@ impl Partition {
             return Self { frame, zones: Vec::new() };
         }
         let mut zones = vec![frame];
-        let time_wanted = map.complexity(&frame) / f64::from(settings.zone_count.max(1));
-        let side_min = settings.side_min.max(1);
+        let complexity = map.complexity(&frame);
+        let complexity_max = settings.complexity_max(complexity);
+        let side_min = settings.limits.side_min.max(1);
         if settings.level >= Level::Divided {
-            zones = divide(map, frame, side_min, time_wanted);
+            zones = divide(map, frame, side_min, complexity_max);
         }
         if settings.level >= Level::Joined {
-            zones = join::join(map, zones, settings.similarity, time_wanted * settings.joined_max);
+            zones = join::join(map, zones, settings.limits.similarity, complexity_max * settings.joined_max);
         }
         if settings.level >= Level::Balanced {
-            zones = balance::balance(map, frame, &zones, side_min, time_wanted);
+            let count = settings.zone_count.max(1);
+            zones = match settings.limits.balance {
+                Balance::Time => balance::balance(map, frame, &zones, side_min, complexity / f64::from(count)),
+                Balance::Ratio => ratio::even_out(map, frame, &zones, side_min, count),
+            };
         }
         Self::of_zones(frame, zones)
     }
@@ -167,6 +100,13 @@ impl Partition {
     /// The zones with their ids.
     pub fn iter(&self) -> impl Iterator<Item = (ZoneId, Rect)> {
         self.zones.iter().enumerate().map(|(i, &rect)| (ZoneId::of_index(i), rect))
+    }
+
+    /// The greatest complexity a pixel of a zone over the least: 1 where all zones have the same complexity/size ratio. 1 of no zones.
+    pub fn ratio_spread(&self, map: &ImportanceMap) -> f64 {
+        let ratios = || self.zones.iter().map(|zone| map.complexity_density(zone));
+        let (least, greatest) = (ratios().fold(f64::INFINITY, f64::min), ratios().fold(0.0, f64::max));
+        if self.zones.is_empty() { 1.0 } else { greatest / least }
     }
 
     /// The expected time of the longest zone over the mean of all: 1 is perfect balance. At the third level it is at most 1.1
@@ -253,63 +193,6 @@ fn cut_y(zone: Rect, y: u32) -> [Rect; 2] {
     [Rect { y1: y, ..zone }, Rect { y0: y, ..zone }]
 }
 
-/// Finds rectangles by place: a grid of about as many cells as there are rectangles.
-pub(crate) struct ZoneIndex<'a> {
-    frame: Rect,
-    zones: &'a [Rect],
-    side: u32,
-    columns: u32,
-    cells: Vec<Vec<u32>>,
-}
-
-impl<'a> ZoneIndex<'a> {
-    /// - `zones`: all within `frame`, which is not empty unless they are none.
-    pub(crate) fn new(frame: Rect, zones: &'a [Rect]) -> Self {
-        let area_per_zone = frame.area() / (zones.len() as u64).max(1);
-        let side = (area_per_zone.isqrt() as u32).max(1);
-        let columns = frame.width().div_ceil(side);
-        let rows = frame.height().div_ceil(side);
-        let mut cells = vec![Vec::new(); columns as usize * rows as usize];
-        let mut index = Self { frame, zones, side, columns, cells: Vec::new() };
-        for (i, zone) in zones.iter().enumerate() {
-            for cell in index.cells_of(zone) {
-                cells[cell].push(i as u32);
-            }
-        }
-        index.cells = cells;
-        index
-    }
-
-    fn cells_of(&self, rect: &Rect) -> impl Iterator<Item = usize> + use<> {
-        let (frame, side, columns) = (self.frame, self.side, self.columns);
-        let rect = rect.intersection(&frame).unwrap_or_default();
-        let columns_hit =
-            if rect.is_empty() { 0..0 } else { (rect.x0 - frame.x0) / side..(rect.x1 - frame.x0).div_ceil(side) };
-        let rows_hit =
-            if rect.is_empty() { 0..0 } else { (rect.y0 - frame.y0) / side..(rect.y1 - frame.y0).div_ceil(side) };
-        rows_hit.flat_map(move |row| {
-            columns_hit.clone().map(move |column| row as usize * columns as usize + column as usize)
-        })
-    }
-
-    /// Indices of all rectangles that share a pixel with `rect`, ascending.
-    pub(crate) fn touching(&self, rect: &Rect) -> impl Iterator<Item = usize> + use<> {
-        let mut found: Vec<usize> = self
-            .cells_of(rect)
-            .flat_map(|cell| self.cells[cell].iter().map(|&i| i as usize))
-            .filter(|&i| self.zones[i].intersection(rect).is_some())
-            .collect();
-        found.sort_unstable();
-        found.dedup();
-        found.into_iter()
-    }
-}
-
-/// The multiple of `grid` that is nearest to a place.
-pub(crate) fn nearest_multiple(at: u32, grid: u32) -> u32 {
-    at.saturating_add(grid / 2) / grid.max(1) * grid.max(1)
-}
-
 #[cfg(test)]
 mod tests {
     use bottega_engines::{Survey, SurveyPixel};
@@ -338,7 +221,8 @@ mod tests {
     }
 
     fn settings(level: Level, side_min: u32, zone_count: u32) -> PartitionSettings {
-        PartitionSettings { level, side_min, zone_count, zones_least: 1, similarity: 0.15, joined_max: 2.0 }
+        let limits = ZoneLimits { side_min, ..ZoneLimits::default() };
+        PartitionSettings { level, zone_count, zones_least: 1, joined_max: 2.0, limits }
     }
 
     #[test]
@@ -372,6 +256,65 @@ mod tests {
         assert_eq!(joined.zones().len(), 32);
         let unbounded = PartitionSettings { joined_max: f64::INFINITY, ..settings(Level::Joined, 8, 64) };
         assert_eq!(Partition::new(&map, frame, &unbounded).zones(), [frame]);
+    }
+
+    #[test]
+    fn level_1_cuts_by_minimum_size_and_maximum_complexity() {
+        let frame = Rect::of_size(256, 128);
+        let map = ImportanceMap::uniform(frame);
+        let zones = |side_min, complexity_max: f64| {
+            let limits = ZoneLimits { side_min, complexity_max: Some(complexity_max), ..ZoneLimits::default() };
+            let settings = PartitionSettings::for_agents(Level::Divided, 1, frame).within(None, limits);
+            Partition::new(&map, frame, &settings).zones().len()
+        };
+        assert_eq!(zones(8, 1.0), 1);
+        assert_eq!(zones(8, 0.5), 2);
+        assert_eq!(zones(8, 1.0 / 32.0), 32);
+        assert_eq!(zones(8, 0.03), 64);
+        assert_eq!(zones(32, 0.001), 32);
+        assert_eq!(zones(100, 0.001), 2);
+        // The third level makes so many that none has to exceed it; a number of zones wins.
+        let limits = ZoneLimits { complexity_max: Some(0.01), ..ZoneLimits::default() };
+        let usual = PartitionSettings::for_agents(Level::Balanced, 1, frame);
+        assert_eq!(usual.within(None, limits).zone_count, 100);
+        assert_eq!(usual.within(Some(7), limits).zone_count, 7);
+        assert_eq!(usual.within(None, ZoneLimits::default()), usual);
+        assert_eq!(usual.within(None, limits).at_most(20).complexity_max(1.0), 0.05);
+    }
+
+    #[test]
+    fn level_2_joins_more_the_less_similar_zones_must_be() {
+        let frame = Rect::of_size(256, 256);
+        let map = blobs(frame, frame, 7);
+        let zones = |similarity| {
+            let limits = ZoneLimits { similarity, ..ZoneLimits::default() };
+            let settings = PartitionSettings { limits, ..settings(Level::Joined, 8, 64) };
+            Partition::new(&map, frame, &settings).zones().len()
+        };
+        let counts = [0.0, 0.05, 0.15, 0.5, 1.0].map(zones);
+        assert!(counts.is_sorted_by(|more, fewer| more >= fewer) && counts[0] > counts[4], "{counts:?}");
+    }
+
+    #[test]
+    fn level_3_by_ratio_gives_every_zone_as_much_of_what_is_complex() {
+        // Complex on the left: zones of one ratio are as wide as the picture.
+        let frame = Rect::of_size(256, 256);
+        let map = map_of(frame, |x, _| if x < 128 { 9.0 } else { 0.0 });
+        let by = |balance, map: &ImportanceMap| {
+            let limits = ZoneLimits { balance, ..ZoneLimits::default() };
+            Partition::new(map, frame, &PartitionSettings { limits, ..settings(Level::Balanced, 8, 4) })
+        };
+        let ratio = by(Balance::Ratio, &map);
+        assert_eq!(ratio.zones(), [0, 64, 128, 192].map(|y| Rect::new(0, y, 256, y + 64)));
+        assert!((ratio.ratio_spread(&map) - 1.0).abs() < 1e-9, "{}", ratio.ratio_spread(&map));
+        assert!(by(Balance::Time, &map).ratio_spread(&map) > 3.0);
+        for seed in 0..40 {
+            let map = blobs(frame, frame, seed);
+            let [time, ratio] = [Balance::Time, Balance::Ratio].map(|balance| by(balance, &map));
+            let spreads = [time.ratio_spread(&map), ratio.ratio_spread(&map)];
+            assert!(spreads[1] < spreads[0], "seed {seed}: {spreads:?}");
+            assert!(time.imbalance(&map) <= ratio.imbalance(&map) + 1e-9, "seed {seed}");
+        }
     }
 
     #[test]
@@ -484,8 +427,10 @@ mod tests {
             let (y0, y1) = span(crop[2], crop[3], height);
             let frame = Rect::new(x0, y0, x1, y1);
             let map = blobs(Rect::of_size(width, height), frame, seed);
-            for level in Level::ALL {
-                let settings = settings(level, side_min, zone_count);
+            let readings = Level::ALL.map(|level| (level, Balance::Time)).into_iter();
+            for (level, balance) in readings.chain([(Level::Balanced, Balance::Ratio)]) {
+                let mut settings = settings(level, side_min, zone_count);
+                settings.limits.balance = balance;
                 let partition = Partition::new(&map, frame, &settings);
                 let mut hits = vec![0; frame.area() as usize];
                 for zone in partition.zones() {

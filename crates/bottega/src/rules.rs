@@ -83,7 +83,7 @@ impl RulesText {
         let paper = (Path::new(PAPER_RULES_NAME) == path).then_some(PAPER_RULES);
         let built_in = technique.map(Technique::rules).or(choice).or(paper).or_else(|| shipped_rules(path));
         let text = match built_in {
-            Some(text) if !path.exists() => text.to_owned(),
+            Some(text) if !path.is_file() => text.to_owned(),
             _ => read_text(path)?,
         };
         Ok(Self { name: path.to_owned(), text })

@@ -5,9 +5,9 @@ use std::{collections::BTreeMap, path::PathBuf};
 use bottega::{
     Request, RequestError,
     request::{
-        AdaptationChoice, AuctionChoice, EnvironmentLight, FrameOptions, GuideChoice, GuideUse, ImportanceChoice,
-        IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
-        REQUEST_BYTES_MAX, RulesSource, RulesText, ToneCurve, WordChoice,
+        AdaptationChoice, AuctionChoice, BAND_PIXELS_MAX, BalanceChoice, BandChoice, EnvironmentLight, FrameOptions,
+        GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion,
+        PixelFilter, PngEncoding, REQUEST_BYTES_MAX, RulesSource, RulesText, ToneCurve, WordChoice,
     },
 };
 use bottega_farm::Channel;
@@ -38,6 +38,10 @@ fn light() -> impl Strategy<Value = EnvironmentLight> {
         [0.0f32..1e6, 0.0f32..1e6, 0.0f32..1e6].prop_map(EnvironmentLight::Radiance),
         Just(EnvironmentLight::Sky),
     ]
+}
+
+fn bands() -> impl Strategy<Value = BandChoice> {
+    prop_oneof![Just(BandChoice::Off), Just(BandChoice::Rules), (1..=BAND_PIXELS_MAX).prop_map(BandChoice::Pixels),]
 }
 
 /// Changes a request.
@@ -108,6 +112,11 @@ fn change() -> impl Strategy<Value = Apply> {
         of((choice::<AuctionChoice>(), choice::<AdaptationChoice>()), |r, v| (r.work.auction, r.work.adaptation) = v),
         of(choice::<OptimizationChoice>(), |r, v| r.work.optimization = v),
         of(proptest::collection::vec(rules(), 0..3), |r, v| r.work.rules = v),
+        of((1u32..65536, option::of(1e-6f64..1.0), 0.0f64..=1.0), |r, v| {
+            (r.work.zone_min_size, r.work.zone_max_complexity, r.work.zone_similarity) = v;
+        }),
+        of(choice::<BalanceChoice>(), |r, v| r.work.zone_balance = v),
+        of(bands(), |r, v| r.work.bands = v),
         of(option::of(1u16..1024), |r, v| r.devices.threads = v),
         of(select(&["auto", "cpu", "llvmpipe", "cpu,H100"][..]), |r, v| {
             (r.devices.names, r.devices.exact) = (v.split(',').map(str::to_owned).collect(), false);
@@ -204,6 +213,12 @@ fn wrong_fields_are_refused_with_their_path() {
         (r#""farm": {"priority": 0}"#, &["`farm.priority`"]),
         (r#""film": [[1, 1]]"#, &["`film`", "expected an object"]),
         (r#""work": {"rules": [{"text": ["a", "b"]}]}"#, &["`work.rules[0]", "expected an object"]),
+        (r#""work": {"zone_min_size": 0}"#, &["`work.zone_min_size` is 0", "from 1 to 65536"]),
+        (r#""work": {"zone_max_complexity": 0}"#, &["`work.zone_max_complexity` is 0", "from 0.000001 to 1"]),
+        (r#""work": {"zone_similarity": 1.5}"#, &["`work.zone_similarity` is 1.5", "from 0 to 1"]),
+        (r#""work": {"zone_balance": "size"}"#, &["`work.zone_balance`", "`time`, `ratio`"]),
+        (r#""work": {"bands": "on"}"#, &["`work.bands`", "`off`, `rules`, `pixels`"]),
+        (r#""work": {"bands": {"pixels": 65}}"#, &["`work.bands.pixels` is 65", "from 1 to 64"]),
         (r#""surprise": 1"#, &["unknown field `surprise`"]),
     ] {
         let error = refused(&format!(r#"{{"scene": {{"file": "a.glb"}}, {members}}}"#));
@@ -240,6 +255,8 @@ fn fields_are_set_by_their_paths() {
         with("environment.light", r#"{"radiance": [1, 2, 3]}"#).unwrap().environment.light,
         Some(EnvironmentLight::Radiance([1.0, 2.0, 3.0]))
     );
+    assert_eq!(with("work.bands", "off").unwrap().work.bands, BandChoice::Off);
+    assert_eq!(with("work.bands", r#"{"pixels": 12}"#).unwrap().work.bands, BandChoice::Pixels(12));
     assert_eq!(with("film.size", "null").unwrap(), request);
     let animated = with("output.file", "a.exr").unwrap().with("frames.list", "1..3").unwrap();
     assert_eq!(animated.frames.unwrap().list.iter().collect::<Vec<_>>(), [1, 2, 3]);

@@ -18,7 +18,8 @@ use std::{
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, Tunables};
 use bottega_farm::{
-    AdaptationRule, AuctionRule, ImportanceFunction, JobSettings, Level, Optimization, StopSwitch,
+    AdaptationRule, AuctionRule, Balance, Expert, ImportanceFunction, JobSettings, Level, Optimization, PAPER_RULES,
+    StopSwitch, ZoneLimits,
     simulate::{Crew, Plan, Record, Recorder, Workpiece, simulate},
 };
 use bottega_image::{AovSet, Canvas, ColorMap, FlipOptions, Layout, Picture, ToneMap, flip, rmse, srgb_from_linear};
@@ -27,7 +28,7 @@ use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
 pub use self::report::MagarroReport;
 use self::{
     paper::{AGENTS, OPTIMIZATIONS},
-    report::{MagarroRow, PictureError, Pictures},
+    report::{MagarroRow, PictureError, Pictures, Ways},
 };
 use crate::{Error, Report, create_folder, say, shared_meshes, write_file};
 
@@ -87,11 +88,11 @@ impl<'a> MagarroScene<'a> {
     fn report(&self, log: &mut dyn Write) -> Result<MagarroReport, Error> {
         let mut said = |what: &str| say(log, format_args!("painting {what} …"));
         said("without partition and optimization");
-        let (whole, _) = self.row(Level::Whole, Optimization::Off, false, 0)?;
+        let (whole, _) = self.row(Level::Whole, Optimization::Off, Ways::Ours, 0)?;
         said("level 3 without optimization");
-        let (off, off_picture) = self.row(Level::Balanced, Optimization::Off, false, 0)?;
+        let (off, off_picture) = self.row(Level::Balanced, Optimization::Off, Ways::Ours, 0)?;
         said("the same with another seed");
-        let (_, other_seed) = self.row(Level::Balanced, Optimization::Off, false, 1)?;
+        let (_, other_seed) = self.row(Level::Balanced, Optimization::Off, Ways::Ours, 1)?;
         let noise = error(&off_picture, &other_seed)?;
         let judged = |(row, picture): (MagarroRow, Picture)| -> Result<(MagarroRow, Picture), Error> {
             Ok((MagarroRow { error: Some(error(&off_picture, &picture)?), ..row }, picture))
@@ -99,17 +100,22 @@ impl<'a> MagarroScene<'a> {
         let (mut levels, mut optimizations, mut very_big) = (Vec::new(), Vec::new(), None);
         for optimization in OPTIMIZATIONS {
             said(&format!("level 3, optimization {optimization}"));
-            let (row, picture) = judged(self.row(Level::Balanced, optimization, false, 0)?)?;
+            let (row, picture) = judged(self.row(Level::Balanced, optimization, Ways::Ours, 0)?)?;
             optimizations.push(row);
             very_big = Some(picture);
         }
         for level in [Level::Divided, Level::Joined] {
             said(&format!("level {}, optimization n", level as u8));
-            levels.push(judged(self.row(level, Optimization::Normal, false, 0)?)?.0);
+            levels.push(judged(self.row(level, Optimization::Normal, Ways::Ours, 0)?)?.0);
         }
         levels.extend(optimizations.iter().find(|row| row.optimization == Optimization::Normal).cloned());
-        said("level 3, optimization n, by the paper's rules");
-        let (paper, _) = judged(self.row(Level::Balanced, Optimization::Normal, true, 0)?)?;
+        let mut papers_rules = Vec::new();
+        for optimization in OPTIMIZATIONS {
+            said(&format!("level 3, optimization {optimization}, with the paper's set of rules"));
+            papers_rules.push(judged(self.row(Level::Balanced, optimization, Ways::PapersRules, 0)?)?.0);
+        }
+        said("level 3, optimization n, all as in the paper");
+        let (paper, _) = judged(self.row(Level::Balanced, Optimization::Normal, Ways::Papers, 0)?)?;
         let very_big = very_big.unwrap_or_else(|| off_picture.clone());
         let MagarroOptions { spp, light_samples, max_depth, .. } = *self.options;
         Ok(MagarroReport {
@@ -123,6 +129,7 @@ impl<'a> MagarroScene<'a> {
             noise,
             levels,
             optimizations,
+            papers_rules,
             paper,
             pictures: Pictures { off: off_picture, very_big },
         })
@@ -133,12 +140,14 @@ impl<'a> MagarroScene<'a> {
         &self,
         level: Level,
         optimization: Optimization,
-        by_the_paper: bool,
+        ways: Ways,
         seed: u64,
     ) -> Result<(MagarroRow, Picture), Error> {
         let options = self.options;
         let tunables = Tunables { max_depth: options.max_depth, light_samples: options.light_samples };
         let layout = Layout::new(AovSet::NONE);
+        let by_the_paper = ways == Ways::Papers;
+        let papers_rules = || Expert::parse(PAPER_RULES).expect("the rules in the repository can be read");
         let settings = JobSettings {
             level,
             optimization,
@@ -146,6 +155,11 @@ impl<'a> MagarroScene<'a> {
             processors: 1,
             zones: Some(options.zones),
             importance: if by_the_paper { ImportanceFunction::Paper } else { ImportanceFunction::default() },
+            zone_limits: ZoneLimits {
+                balance: if by_the_paper { Balance::Ratio } else { Balance::Time },
+                ..ZoneLimits::default()
+            },
+            experts: vec![if ways == Ways::Ours { Expert::path_tracing() } else { papers_rules() }],
             ..JobSettings::new(self.width, self.height, options.spp, tunables, layout)
         };
         let (record, picture) = self.paint(&settings, seed)?;
@@ -163,7 +177,7 @@ impl<'a> MagarroScene<'a> {
         let row = MagarroRow {
             level,
             optimization,
-            by_the_paper,
+            ways,
             measured: record.total.as_secs_f64(),
             survey: record.survey.as_secs_f64(),
             replayed,

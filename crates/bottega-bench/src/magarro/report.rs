@@ -3,13 +3,34 @@
 use bottega_farm::{Level, Optimization};
 use bottega_image::Picture;
 
+/// What is as in the paper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ways {
+    /// As the farm does it.
+    Ours,
+    /// The set of expert rules, and nothing else.
+    PapersRules,
+    /// All that `--as-in-paper` stands for: importance, balance of zones, auction, adaptation and expert rules.
+    Papers,
+}
+
+impl Ways {
+    /// As it is called in JSON.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Ours => "ours",
+            Self::PapersRules => "papers-rules",
+            Self::Papers => "papers",
+        }
+    }
+}
+
 /// Times of one way to paint, in seconds, by number of agents.
 #[derive(Clone, Debug)]
 pub(super) struct MagarroRow {
     pub(super) level: Level,
     pub(super) optimization: Optimization,
-    /// As the farm does it, or by the paper's rules of importance, auction and adaptation.
-    pub(super) by_the_paper: bool,
+    pub(super) ways: Ways,
     /// One agent, one thread.
     pub(super) measured: f64,
     /// Wall time of the look at the scene within it.
@@ -47,7 +68,9 @@ pub struct MagarroReport {
     pub(super) levels: Vec<MagarroRow>,
     /// Level 3, by [`OPTIMIZATIONS`].
     pub(super) optimizations: Vec<MagarroRow>,
-    /// Level 3, optimization n, by the paper's rules.
+    /// The same with the paper's set of expert rules.
+    pub(super) papers_rules: Vec<MagarroRow>,
+    /// Level 3, optimization n, all as in the paper.
     pub(super) paper: MagarroRow,
     pub(super) pictures: Pictures,
 }

@@ -75,11 +75,15 @@ fn as_text(report: &MagarroReport) -> String {
         ratios(paper::TABLE_2.iter().map(|row| paper::UNOPTIMIZED / row[0]))
     );
     text += &format!(
+        "with the paper's set of rules: {}\n",
+        ratios(report.papers_rules.iter().map(|row| report.off.measured / row.measured))
+    );
+    text += &format!(
         "partition costs {:+.1} % (level 3 over none, 1 agent, off)\n",
         100.0 * (report.off.measured / report.whole.measured - 1.0)
     );
     text += &format!(
-        "the paper's rules of importance, auction and adaptation, level 3, n: {}; 8 agents over 1: {:.2}\n\n",
+        "all as in the paper, level 3, n: {}; 8 agents over 1: {:.2}\n\n",
         AGENTS
             .iter()
             .zip(times(&report.paper))
@@ -89,15 +93,22 @@ fn as_text(report: &MagarroReport) -> String {
         speedup(&report.paper)
     );
     text += "against off    RMSE       difference   FLIP mean\n";
-    let noise = Some(report.noise);
-    for (name, error) in std::iter::once(("two seeds", noise))
-        .chain(report.optimizations.iter().map(|row| (name(row.optimization), row.error)))
-    {
-        let Some(PictureError { rmse, percent, flip }) = error else { continue };
-        text += &format!("{name:<13} {rmse:>8.5}   {percent:>7.2} %   {flip:>9.4}\n");
-    }
+    text += &differences(report);
     let (difference, paper_noise) = paper::DIFFERENCE;
     text + &format!("the paper                {difference:>6} % of vb, of which noise about {paper_noise} %\n")
+}
+
+/// How each picture differs from the one without optimization.
+fn differences(report: &MagarroReport) -> String {
+    let ours = report.optimizations.iter().map(|row| (name(row.optimization).to_owned(), row.error));
+    let papers = report.papers_rules.iter().map(|row| (format!("paper's {}", name(row.optimization)), row.error));
+    let rows = std::iter::once(("two seeds".to_owned(), Some(report.noise))).chain(ours).chain(papers);
+    let line = |(name, error): (String, Option<PictureError>)| {
+        error.map(|PictureError { rmse, percent, flip }| {
+            format!("{name:<13} {rmse:>8.5}   {percent:>7.2} %   {flip:>9.4}\n")
+        })
+    };
+    rows.filter_map(line).collect()
 }
 
 fn kind(index: usize) -> &'static str {
@@ -132,7 +143,7 @@ fn as_json(report: &MagarroReport) -> Value {
     };
     let row = |row: &MagarroRow| {
         json!({
-            "level": row.level as u8, "optimize": name(row.optimization), "by_the_papers_rules": row.by_the_paper,
+            "level": row.level as u8, "optimize": name(row.optimization), "ways": row.ways.name(),
             "zones": row.zones, "agents": AGENTS, "measured_seconds_1_agent": row.measured,
             "survey_seconds": row.survey, "replayed_seconds": row.replayed, "speedup_8_agents": speedup(row),
             "error": error(row.error),
@@ -146,7 +157,8 @@ fn as_json(report: &MagarroReport) -> Value {
         "noise": error(Some(report.noise)),
         "table_1": report.levels.iter().map(row).collect::<Vec<_>>(),
         "table_2": report.optimizations.iter().map(row).collect::<Vec<_>>(),
-        "papers_rules": row(&report.paper),
+        "table_2_papers_rules": report.papers_rules.iter().map(row).collect::<Vec<_>>(),
+        "as_in_paper": row(&report.paper),
         "paper": {
             "unoptimized_seconds": paper::UNOPTIMIZED, "table_1_seconds": paper::TABLE_1,
             "table_2_seconds": paper::TABLE_2, "difference_percent": paper::DIFFERENCE.0,
@@ -161,14 +173,18 @@ mod tests {
     use bottega_image::Picture;
 
     use super::{
-        super::{Pictures, paper::OPTIMIZATIONS},
+        super::{
+            Pictures,
+            paper::OPTIMIZATIONS,
+            report::Ways,
+        },
         *,
     };
 
     fn row(level: Level, optimization: Optimization, measured: f64) -> MagarroRow {
         let replayed = [measured, measured / 2.0, measured / 4.0, measured / 7.5];
         let error = Some(PictureError { rmse: 0.01, percent: 1.5, flip: 0.02 });
-        MagarroRow { level, optimization, by_the_paper: false, measured, survey: 0.1, replayed, zones: 64, error }
+        MagarroRow { level, optimization, ways: Ways::Ours, measured, survey: 0.1, replayed, zones: 64, error }
     }
 
     fn report() -> MagarroReport {
@@ -186,6 +202,7 @@ mod tests {
             noise: PictureError { rmse: 0.005, percent: 1.0, flip: 0.01 },
             levels: levels.map(|level| row(level, Optimization::Normal, 50.0)).to_vec(),
             optimizations: OPTIMIZATIONS.map(level_3).to_vec(),
+            papers_rules: OPTIMIZATIONS.map(level_3).to_vec(),
             paper: level_3(Optimization::Normal),
             pictures: Pictures { off: picture.clone(), very_big: picture },
         }
@@ -197,6 +214,7 @@ mod tests {
         // 105:02 over 16:52.
         assert!(text.contains("8 agents over 1: 7.50  7.50  7.50 (the paper: 3.51  3.51  6.23)"), "{text}");
         assert!(text.contains("off over optimized, 1 agent: 2.04"), "{text}");
+        assert!(text.contains("with the paper's set of rules: 2.04") && text.contains("paper's vb"), "{text}");
         assert!(text.contains("partition costs +2.0 %"), "{text}");
         assert!(text.contains("0:50.0 m") && text.contains("0:06.7 r"), "{text}");
         let json = as_json(&report());

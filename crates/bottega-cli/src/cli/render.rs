@@ -7,9 +7,9 @@ use bottega::{
     devices::DeviceChoice,
     frames::Frames,
     request::{
-        AGENTS_MAX, AdaptationChoice, AuctionChoice, DEPTH_MAX, FrameOptions, ImportanceChoice, IntegratorChoice,
-        LIGHT_SAMPLES_MAX, OptimizationChoice, PRIORITY_MAX, PixelFilter, PngEncoding, RulesSource, SAMPLES_MAX,
-        ToneCurve, ZONES_MAX,
+        AGENTS_MAX, AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, DEPTH_MAX, FrameOptions,
+        ImportanceChoice, IntegratorChoice, LIGHT_SAMPLES_MAX, OptimizationChoice, PRIORITY_MAX, PixelFilter,
+        PngEncoding, RulesSource, SAMPLES_MAX, ToneCurve, ZONES_MAX,
     },
 };
 use bottega_cluster::FarmAddress;
@@ -23,7 +23,7 @@ use super::{
     light::{GuideArgs, LightingAgentArgs, PhotonArgs},
     request::RequestArgs,
     scene::{SceneArgs, change, set},
-    values::{LayerNames, parse_error, parse_rate, parse_rect, parse_seconds, parse_stops},
+    values::{LayerNames, parse_bands, parse_error, parse_rate, parse_rect, parse_seconds, parse_stops},
 };
 use crate::{error::CliError, farm::LoginArgs};
 
@@ -61,9 +61,13 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "LEVEL", value_parser = choice::<OptimizationChoice>(), help_heading = "Quality")]
     optimize: Option<OptimizationChoice>,
     /// The expert rules, as FCL text; default: path-tracing, which comes with the program, or with --engine NAME those of that
-    /// engine. Give it several times and agents carry them in turn.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Quality")]
+    /// engine. `paper` is the MAGarRO paper's own set. Give it several times and agents carry them in turn.
+    #[arg(long, value_name = "FILE|paper", value_hint = ValueHint::FilePath, help_heading = "Quality")]
     rules: Vec<PathBuf>,
+    /// How wide the bands are in which neighboring zones are blended: `off`, `rules` (the expert rules say it, edge by edge; the
+    /// default), or so many pixels beyond each edge of each zone. What lies in a band is painted twice.
+    #[arg(long, value_name = "off|rules|N", value_parser = parse_bands, help_heading = "Quality")]
+    bands: Option<BandChoice>,
     /// How light is followed; default: what finds the light that the scene file's own integrator finds, or path.
     #[arg(long, value_name = "METHOD", value_parser = choice::<IntegratorChoice>(), help_heading = "Quality")]
     integrator: Option<IntegratorChoice>,
@@ -174,10 +178,11 @@ pub(crate) struct RenderArgs {
     /// How agents learn their speed. Default: ratio.
     #[arg(long, value_name = "RULE", value_parser = choice::<AdaptationChoice>(), help_heading = "Work")]
     adaptation: Option<AdaptationChoice>,
-    /// As in the MAGarRO paper: --importance paper, --auction paper, --adaptation paper and --rules paper, where nothing else is said.
+    /// As in the MAGarRO paper: --importance paper, --zone-balance ratio, --auction paper, --adaptation paper and --rules paper,
+    /// where nothing else is said.
     #[arg(long, help_heading = "Work")]
     as_in_paper: bool,
-    /// Cut the picture into about so many zones; default: by the number of agents.
+    /// Cut the picture into about so many zones; default: by --zone-max-complexity, or else by the number of agents.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(ZONES_MAX)), help_heading = "Work")]
     zones: Option<u32>,
     /// Say nothing but errors.
@@ -211,6 +216,7 @@ impl RenderArgs {
             let work = &mut request.work;
             work.importance = ImportanceChoice::Paper;
             (work.auction, work.adaptation) = (AuctionChoice::Paper, AdaptationChoice::Paper);
+            work.zone_balance = BalanceChoice::Ratio;
             work.rules = vec![RulesSource::File(PAPER_RULES_NAME.into())];
         }
         self.scene.apply(request);
@@ -251,6 +257,7 @@ impl RenderArgs {
         change(&mut work.auction, self.auction);
         change(&mut work.adaptation, self.adaptation);
         change(&mut work.optimization, self.optimize);
+        change(&mut work.bands, self.bands);
         if !self.rules.is_empty() {
             work.rules = self.rules.iter().cloned().map(RulesSource::File).collect();
         }

@@ -2,15 +2,17 @@
 
 use std::path::PathBuf;
 
-use bottega::request::{AGENTS_MAX, EnvironmentLight, EnvironmentOptions, ImportanceChoice, Request, SceneOptions};
+use bottega::request::{
+    AGENTS_MAX, BalanceChoice, EnvironmentLight, EnvironmentOptions, ImportanceChoice, Request, SIDE_MAX, SceneOptions,
+};
 use bottega_farm::Channel;
 use clap::{Args, ValueHint};
 
 use super::{
     choice::choice,
     values::{
-        Size, parse_channel, parse_define, parse_distance, parse_environment, parse_factor, parse_number, parse_size,
-        parse_time,
+        Size, parse_channel, parse_complexity, parse_define, parse_distance, parse_environment, parse_factor,
+        parse_number, parse_similarity, parse_size, parse_time,
     },
 };
 
@@ -99,6 +101,19 @@ pub(crate) struct SceneArgs {
     /// saliency.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_channel, help_heading = "Work")]
     channels: Option<Vec<Channel>>,
+    /// The least width and height of a zone. Default: 8.
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=i64::from(SIDE_MAX)), help_heading = "Work")]
+    zone_min_size: Option<u32>,
+    /// Level 1 cuts zones that are more complex than this share of the whole picture, such as 0.01; default: than one part in as
+    /// many as zones are wanted.
+    #[arg(long, value_name = "SHARE", value_parser = parse_complexity, help_heading = "Work")]
+    zone_max_complexity: Option<f64>,
+    /// Level 2 joins neighbors whose complexities a pixel differ by at most this share of the greater one. Default: 0.15.
+    #[arg(long, value_name = "SHARE", value_parser = parse_similarity, help_heading = "Work")]
+    zone_similarity: Option<f64>,
+    /// What zones of level 3 have in common. Default: time.
+    #[arg(long, value_name = "WHAT", value_parser = choice::<BalanceChoice>(), help_heading = "Work")]
+    zone_balance: Option<BalanceChoice>,
     /// Print one JSON object a line instead of text for people.
     #[arg(long, help_heading = "Output")]
     pub(crate) json: bool,
@@ -121,6 +136,10 @@ impl SceneArgs {
         change(&mut request.work.level, self.level);
         change(&mut request.work.importance, self.importance);
         set(&mut request.work.channels, self.channels.clone());
+        change(&mut request.work.zone_min_size, self.zone_min_size);
+        set(&mut request.work.zone_max_complexity, self.zone_max_complexity);
+        change(&mut request.work.zone_similarity, self.zone_similarity);
+        change(&mut request.work.zone_balance, self.zone_balance);
     }
 }
 

@@ -2,7 +2,10 @@
 
 use std::{convert::Infallible, path::PathBuf, str::FromStr, time::Duration};
 
-use bottega::request::{ERROR, EnvironmentLight, ORACLE_ERROR, SECONDS, STOPS_MAX, check_size};
+use bottega::request::{
+    BAND_PIXELS_MAX, BandChoice, COMPLEXITY_SHARE, ERROR, EnvironmentLight, ORACLE_ERROR, SECONDS, STOPS_MAX,
+    check_size,
+};
 
 use bottega_farm::Channel;
 use bottega_image::Rect;
@@ -42,6 +45,32 @@ pub(crate) fn parse_size(text: &str) -> Result<Size, String> {
 pub(super) fn parse_share(text: &str) -> Result<f32, String> {
     let share = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
     if share > 0.0 && share <= 1.0 { Ok(share) } else { Err("it must be above 0 and at most 1".to_owned()) }
+}
+
+/// A share of the picture's complexity.
+pub(super) fn parse_complexity(text: &str) -> Result<f64, String> {
+    let share = text.trim().parse().ok().filter(|share: &f64| COMPLEXITY_SHARE.contains(share));
+    share.ok_or_else(|| "a share from 0.000001 to 1 is needed, such as 0.01".to_owned())
+}
+
+/// A relative difference.
+pub(super) fn parse_similarity(text: &str) -> Result<f64, String> {
+    let share = text.trim().parse().ok().filter(|share: &f64| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "a share from 0 to 1 is needed, such as 0.15".to_owned())
+}
+
+/// The width of the bands between zones.
+pub(super) fn parse_bands(text: &str) -> Result<BandChoice, String> {
+    match text {
+        "off" => Ok(BandChoice::Off),
+        "rules" => Ok(BandChoice::Rules),
+        number => {
+            let pixels = number.parse().ok().filter(|pixels: &u32| (1..=BAND_PIXELS_MAX).contains(pixels));
+            pixels
+                .map(BandChoice::Pixels)
+                .ok_or_else(|| format!("off, rules, or a number of pixels from 1 to {BAND_PIXELS_MAX} is needed"))
+        }
+    }
 }
 
 pub(super) fn parse_rect(text: &str) -> Result<Rect, String> {
@@ -173,6 +202,21 @@ mod tests {
         for absurd in ["", "1,2,3", "1,2,1,4", "3,2,1,4", "1,2,3,4,5", "a,b,c,d", "-1,0,1,1"] {
             assert!(parse_rect(absurd).is_err(), "{absurd}");
         }
+    }
+
+    #[test]
+    fn bands_and_shares_are_checked() {
+        assert_eq!(parse_bands("off"), Ok(BandChoice::Off));
+        assert_eq!(parse_bands("rules"), Ok(BandChoice::Rules));
+        assert_eq!(parse_bands("12"), Ok(BandChoice::Pixels(12)));
+        for absurd in ["", "0", "-1", "65", "on", "1.5"] {
+            assert!(parse_bands(absurd).is_err(), "{absurd}");
+        }
+        assert_eq!((parse_complexity("0.01"), parse_similarity("0")), (Ok(0.01), Ok(0.0)));
+        for absurd in ["", "-0.1", "1.01", "nan", "1%"] {
+            assert!(parse_complexity(absurd).is_err() && parse_similarity(absurd).is_err(), "{absurd}");
+        }
+        assert!(parse_complexity("0").is_err());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bottega::{
     Request,
-    request::{EnvironmentLight, GuideChoice, RulesSource, SceneOptions, WordChoice},
+    request::{BandChoice, EnvironmentLight, GuideChoice, RulesSource, SceneOptions, WordChoice},
 };
 
 use crate::error::CliError;
@@ -161,10 +161,20 @@ fn work(words: &mut OptionWords, request: &Request, usual: &Request) -> Result<(
     };
     words.option("--channels", work.channels.as_ref().map(names));
     words.option("--zones", work.zones);
+    words.changed("--zone-min-size", &work.zone_min_size, &usual.work.zone_min_size);
+    words.option("--zone-max-complexity", work.zone_max_complexity);
+    words.changed("--zone-similarity", &work.zone_similarity, &usual.work.zone_similarity);
+    words.choice("--zone-balance", work.zone_balance, usual.work.zone_balance);
     words.choice("--auction", work.auction, usual.work.auction);
     words.choice("--adaptation", work.adaptation, usual.work.adaptation);
     words.choice("--optimize", work.optimization, usual.work.optimization);
     work.rules.iter().try_for_each(|rules| words.rules("--rules", "work.rules", rules))?;
+    let bands = match work.bands {
+        BandChoice::Off => Some("off".to_owned()),
+        BandChoice::Rules => None,
+        BandChoice::Pixels(pixels) => Some(pixels.to_string()),
+    };
+    words.option("--bands", bands);
     words.option("--threads", devices.threads);
     words.option("--devices", (devices.names != usual.devices.names).then(|| devices.names.join(",")));
     words.switch("--exact", devices.exact);
@@ -208,7 +218,7 @@ pub(crate) fn line(words: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use bottega::request::{
-        AdaptationChoice, AuctionChoice, FrameOptions, GuideUse, ImportanceChoice, IntegratorChoice,
+        AdaptationChoice, AuctionChoice, BalanceChoice, FrameOptions, GuideUse, ImportanceChoice, IntegratorChoice,
         OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
     };
     use bottega_farm::Channel;
@@ -273,7 +283,11 @@ mod tests {
             work in (option::of(1u16..1024), 0u8..=3, choice::<ImportanceChoice>(), choice::<OptimizationChoice>()),
             channels in option::of(proptest::collection::vec(select(&Channel::ALL[..]), 1..4)),
             learning in (choice::<AuctionChoice>(), choice::<AdaptationChoice>()),
-            rules in proptest::collection::vec("[a-z]{1,8}\\.fcl", 0..3), threads in option::of(1u16..1024),
+            zones in (1u32..65536, option::of(1e-6f64..1.0), 0.0f64..=1.0, choice::<BalanceChoice>()),
+            bands in prop_oneof![
+                Just(BandChoice::Off), Just(BandChoice::Rules), (1u32..=64).prop_map(BandChoice::Pixels)
+            ],
+            rules in proptest::collection::vec("paper|(\\./)?[a-z]{1,8}\\.fcl", 0..3), threads in option::of(1u16..1024),
             devices in select(&["auto", "cpu", "cpu,H100"][..]), frames in option::of(("-?[0-9]{1,3}(,[0-9]{1,3})?", 0.1f32..99.0)),
             tone in (choice::<ToneCurve>(), choice::<PngEncoding>(), -40.0f32..40.0),
             farm in (1u32..1000, option::of(1u32..=3)),
@@ -288,6 +302,8 @@ mod tests {
             (to.agents, to.level, to.importance, to.optimization) = work;
             (to.channels, to.rules) = (channels, rules.into_iter().map(|file| RulesSource::File(file.into())).collect());
             (to.auction, to.adaptation) = learning;
+            (to.zone_min_size, to.zone_max_complexity, to.zone_similarity, to.zone_balance) = zones;
+            to.bands = bands;
             request.devices.threads = threads;
             request.devices.names = devices.split(',').map(str::to_owned).collect();
             if let Some((list, fps)) = frames {
@@ -316,6 +332,21 @@ mod tests {
         assert_eq!(words(&request).unwrap(), ["a.glb", "--output=b.png"]);
         assert_eq!(made(&["a.glb", "-o", "b.png"].map(str::to_owned)), request);
         assert_eq!(line(&["a b".to_owned(), "it's".to_owned(), "--x=1".to_owned()]), r"'a b' 'it'\''s' --x=1");
+    }
+
+    #[test]
+    fn as_in_paper_says_all_that_the_paper_says_and_options_beside_it_win() {
+        let made = |more: &[&str]| {
+            let words = ["a.glb", "-o", "b.png", "--as-in-paper"].iter().chain(more);
+            made(&words.map(|word| (*word).to_owned()).collect::<Vec<_>>()).work
+        };
+        let paper = made(&[]);
+        assert_eq!((paper.importance, paper.zone_balance), (ImportanceChoice::Paper, BalanceChoice::Ratio));
+        assert_eq!((paper.auction, paper.adaptation), (AuctionChoice::Paper, AdaptationChoice::Paper));
+        assert_eq!(paper.rules, [RulesSource::File("paper".into())]);
+        let other = made(&["--zone-balance", "time", "--rules", "./paper"]);
+        assert_eq!((other.zone_balance, other.auction), (BalanceChoice::Time, AuctionChoice::Paper));
+        assert_eq!(other.rules, [RulesSource::File("./paper".into())]);
     }
 
     #[test]

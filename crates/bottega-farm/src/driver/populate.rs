@@ -70,15 +70,14 @@ pub(super) fn populate(
         None => {
             // Nobody knows how many will come from elsewhere; and whoever leads cuts the same zones.
             let agents = link.map_or(settings.agents, |_| AGENTS_EXPECTED);
-            let mut partition = PartitionSettings::for_agents(settings.level, agents, work.frame);
-            partition.zone_count = settings.zones.unwrap_or(partition.zone_count).max(1);
+            let usual = PartitionSettings::for_agents(settings.level, agents, work.frame);
             let config = AnalystConfig {
                 id: analyst.clone(),
                 master: master.clone(),
                 work: number,
                 settings: work,
                 importance: settings.importance,
-                partition,
+                partition: usual.within(settings.zones, settings.zone_limits),
             };
             add(&analyst, Analyst::new(config).into())?;
             add(&master, Master::new(master_config).into())?
@@ -111,7 +110,11 @@ pub(super) fn add_render_agents(
             adaptation: settings.adaptation,
             prefetch: settings.prefetch,
             heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| AMONG_MACHINES).heartbeat,
-            expert: expert.clone().for_engine(&engine).choosing(settings.engine_choice.clone()),
+            expert: expert
+                .clone()
+                .for_engine(&engine)
+                .choosing(settings.engine_choice.clone())
+                .with_bands(settings.bands),
         });
         add(&id, agent.into())?;
     }

@@ -6,8 +6,8 @@ use bottega_engines::Tunables;
 use bottega_image::{Layout, Rect};
 
 use crate::{
-    AdaptationRule, AuctionRule, Credit, EngineChoice, Expert, Goal, ImportanceFunction, Level, Optimization,
-    WorkSettings,
+    AdaptationRule, AuctionRule, BandWidth, Credit, EngineChoice, Expert, Goal, ImportanceFunction, Level, Optimization,
+    WorkSettings, ZoneLimits,
 };
 
 /// Agents of one job at most.
@@ -33,12 +33,16 @@ pub struct JobSettings {
     pub layout: Layout,
     /// How far the partition goes.
     pub level: Level,
-    /// About how many zones it makes. `None`: as many as suit the agents.
+    /// About how many zones it makes. `None`: as many as suit the agents and the limits.
     pub zones: Option<u32>,
+    /// What zones must be like.
+    pub zone_limits: ZoneLimits,
     /// How far the rules may go.
     pub optimization: Optimization,
     /// How many Render Agents.
     pub agents: usize,
+    /// How wide the bands between zones are.
+    pub bands: BandWidth,
     /// The knowledge of the agents; they take turns when there are fewer than agents.
     pub experts: Vec<Expert>,
     /// What they know of engines, where several paint.
@@ -72,8 +76,10 @@ impl JobSettings {
             layout,
             level: Level::default(),
             zones: None,
+            zone_limits: ZoneLimits::default(),
             optimization: Optimization::Off,
             agents: 1,
+            bands: BandWidth::default(),
             experts: vec![Expert::path_tracing()],
             engine_choice: None,
             processors: thread::available_parallelism().map_or(1, std::num::NonZero::get),

@@ -143,6 +143,14 @@ choices! {
         Visual,
     }
 
+    /// What zones of level 3 have in common.
+    BalanceChoice {
+        /// The expected time, so that none is waited for: the default.
+        Time,
+        /// The complexity/size ratio, as the MAGarRO paper says.
+        Ratio,
+    }
+
     /// How the winners of an auction are found.
     AuctionChoice {
         /// An agent gets the largest zone that it finishes before the whole is expected to end, its promises weighed by how far

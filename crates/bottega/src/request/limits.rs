@@ -24,6 +24,10 @@ pub const ORACLE_MEMORY_MAX: u64 = 1 << 20;
 pub const AGENTS_MAX: u16 = 1024;
 /// Most zones.
 pub const ZONES_MAX: u32 = 1 << 20;
+/// Smallest and greatest share of the picture's complexity that a zone may have at most.
+pub const COMPLEXITY_SHARE: std::ops::RangeInclusive<f64> = 1e-6..=1.0;
+/// Most pixels of the bands between zones.
+pub const BAND_PIXELS_MAX: u32 = bottega_farm::BAND_MAX;
 /// Shortest and longest time that a picture may take, in seconds.
 pub const SECONDS: std::ops::RangeInclusive<f64> = 0.1..=1e7;
 /// Smallest and greatest relative error that may be asked for.

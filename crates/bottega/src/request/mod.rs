@@ -17,17 +17,18 @@ use serde::{Deserialize, Serialize};
 pub use self::validate::check_size;
 pub use self::{
     choices::{
-        AdaptationChoice, AuctionChoice, BUILTIN, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice,
-        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve, WordChoice,
+        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, GuideChoice, GuideUse, ImportanceChoice,
+        IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
+        WordChoice,
     },
     device_choice::{AUTO, DeviceChoice},
     field::InvalidField,
     json::{REQUEST_BYTES_MAX, RequestError},
     limits::*,
     sections::{
-        DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FarmOptions, FilmOptions, FrameOptions,
-        GoalOptions, GuideOptions, IntegratorOptions, LightingAgentOptions, OutputOptions, PhotonOptions, RulesSource,
-        RulesText, SceneOptions, ViewOptions, WorkOptions,
+        BandChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FarmOptions, FilmOptions,
+        FrameOptions, GoalOptions, GuideOptions, IntegratorOptions, LightingAgentOptions, OutputOptions, PhotonOptions,
+        RulesSource, RulesText, SceneOptions, ViewOptions, WorkOptions,
     },
 };
 

@@ -2,15 +2,15 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
-use bottega_farm::Channel;
+use bottega_farm::{Channel, ZoneLimits};
 use bottega_render::AgentSettings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
     choices::{
-        AdaptationChoice, AuctionChoice, BUILTIN, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice,
-        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
+        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, GuideChoice, GuideUse, ImportanceChoice,
+        IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
     },
     device_choice::AUTO,
     limits::PRIORITY,
@@ -98,11 +98,23 @@ pub enum EnvironmentLight {
     Sky,
 }
 
+/// How wide the bands are in which neighboring zones are blended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum BandChoice {
+    /// There are none: zones meet at an edge.
+    Off,
+    /// The expert rules say it, edge by edge. With optimization off there are none.
+    Rules,
+    /// So many pixels beyond each edge of each zone.
+    Pixels(u32),
+}
+
 /// Rules of agents.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RulesSource {
-    /// A file of FCL text, or the name of rules that come with the program.
+    /// A file of FCL text, or the name of rules that come with the program, such as `paper`: the MAGarRO paper's own set.
     File(PathBuf),
     /// The text itself.
     Text(RulesText),
@@ -265,8 +277,16 @@ sections! {
         /// What the measure knows of a place; none: everything.
         #[schemars(with = "Option<Vec<String>>")]
         channels: Option<Vec<Channel>> = None,
-        /// About so many zones; none: by the number of agents.
+        /// About so many zones; none: by `zone_max_complexity`, or else by the number of agents.
         zones: Option<u32> = None,
+        /// The least width and height of a zone, in pixels.
+        zone_min_size: u32 = ZoneLimits::default().side_min,
+        /// Level 1 cuts zones that are more complex than this share of the picture's complexity; none: than one part in `zones`.
+        zone_max_complexity: Option<f64> = None,
+        /// Level 2 joins neighbors whose complexities a pixel differ by at most this share of the greater one.
+        zone_similarity: f64 = ZoneLimits::default().similarity,
+        /// What zones of level 3 have in common.
+        zone_balance: BalanceChoice = BalanceChoice::Time,
         /// How the winners of an auction are found.
         auction: AuctionChoice = AuctionChoice::FinishingTime,
         /// How agents learn their speed.
@@ -275,6 +295,8 @@ sections! {
         optimization: OptimizationChoice = OptimizationChoice::Off,
         /// The expert rules, which agents carry in turn; none: those that come with the program or the engine.
         rules: Vec<RulesSource> = Vec::new(),
+        /// How wide the bands are in which neighboring zones are blended.
+        bands: BandChoice = BandChoice::Rules,
     }
 
     /// The processors and devices of this machine that paint. Another machine has its own.

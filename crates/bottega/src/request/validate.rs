@@ -6,9 +6,9 @@ use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
 
 use super::{
-    DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FilmOptions, GoalOptions,
-    GuideChoice, GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions, OutputOptions, PhotonOptions,
-    REQUEST_VERSION, Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
+    BandChoice, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FilmOptions,
+    GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions, OutputOptions,
+    PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
 };
 use crate::frames::{FrameName, frame_name_help};
 
@@ -261,7 +261,14 @@ impl WorkOptions {
     fn validate(&self) -> Checked {
         maybe_within("work.agents", self.agents, 1..=AGENTS_MAX)?;
         within("work.level", self.level, 0..=3)?;
-        maybe_within("work.zones", self.zones, 1..=ZONES_MAX)
+        maybe_within("work.zones", self.zones, 1..=ZONES_MAX)?;
+        within("work.zone_min_size", self.zone_min_size, 1..=SIDE_MAX)?;
+        maybe_within("work.zone_max_complexity", self.zone_max_complexity, COMPLEXITY_SHARE)?;
+        within("work.zone_similarity", self.zone_similarity, 0.0..=1.0)?;
+        match self.bands {
+            BandChoice::Pixels(pixels) => within("work.bands.pixels", pixels, 1..=BAND_PIXELS_MAX),
+            BandChoice::Off | BandChoice::Rules => Ok(()),
+        }
     }
 }
 

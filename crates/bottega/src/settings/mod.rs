@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use bottega_engines::Tunables;
 use bottega_farm::{
-    AdaptationRule, AuctionRule, ChannelSet, Expert, Goal, ImportanceFunction, JobSettings, Level, Optimization,
+    AdaptationRule, AuctionRule, Balance, BandWidth, ChannelSet, Expert, Goal, ImportanceFunction, JobSettings, Level,
+    Optimization, ZoneLimits,
 };
 use bottega_image::{Encoding, Layout, Rect, ToneMap};
 use bottega_render::Filter;
@@ -24,8 +25,8 @@ use crate::{
     error::Error,
     loaded_scene::LoadedScene,
     request::{
-        AdaptationChoice, AuctionChoice, DEPTH_MAX, ImportanceChoice, OptimizationChoice, PixelFilter, PngEncoding,
-        Request, SAMPLES_MAX, ToneCurve, WorkOptions,
+        AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, DEPTH_MAX, ImportanceChoice, OptimizationChoice,
+        PixelFilter, PngEncoding, Request, SAMPLES_MAX, ToneCurve, WorkOptions,
     },
     text::duration,
 };
@@ -84,6 +85,8 @@ pub(crate) fn shared_settings(
         auction: auction_rule(request.work.auction),
         adaptation: adaptation_rule(request.work.adaptation),
         zones: request.work.zones,
+        zone_limits: zone_limits(&request.work),
+        bands: band_width(request.work.bands),
         verify: request.farm.verify.unwrap_or(1),
         ..settings
     }
@@ -156,6 +159,27 @@ pub fn agents(asked: Option<u16>, threads: usize) -> usize {
 /// How the picture is cut.
 pub fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
+}
+
+/// What zones must be like.
+pub fn zone_limits(work: &WorkOptions) -> ZoneLimits {
+    ZoneLimits {
+        side_min: work.zone_min_size,
+        complexity_max: work.zone_max_complexity,
+        similarity: work.zone_similarity,
+        balance: match work.zone_balance {
+            BalanceChoice::Time => Balance::Time,
+            BalanceChoice::Ratio => Balance::Ratio,
+        },
+    }
+}
+
+fn band_width(bands: BandChoice) -> BandWidth {
+    match bands {
+        BandChoice::Off => BandWidth::Off,
+        BandChoice::Rules => BandWidth::Rules,
+        BandChoice::Pixels(pixels) => BandWidth::Pixels(pixels),
+    }
 }
 
 fn optimization(optimization: OptimizationChoice) -> Optimization {
