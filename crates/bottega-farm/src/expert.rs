@@ -348,7 +348,7 @@ mod tests {
         assert_eq!((choice.samples, choice.tunables), (400, Tunables { max_depth: 2, light_samples: 2 }));
         // R22: a band of VB where neighbors differ most, whatever the zone keeps.
         for optimization in &Optimization::ALL[1..] {
-            assert_eq!(decide(*optimization, &rows[1]).bands, Sides::all(16));
+            assert_eq!(decide(*optimization, &rows[1]).bands, Sides::all(4));
             assert_eq!(decide(*optimization, &rows[0]).bands, Sides::all(0));
         }
         // VS takes nothing, and every level takes more.
