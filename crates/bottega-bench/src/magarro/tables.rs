@@ -173,11 +173,7 @@ mod tests {
     use bottega_image::Picture;
 
     use super::{
-        super::{
-            Pictures,
-            paper::OPTIMIZATIONS,
-            report::Ways,
-        },
+        super::{Pictures, paper::OPTIMIZATIONS, report::Ways},
         *,
     };
 

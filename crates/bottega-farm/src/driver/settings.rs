@@ -6,8 +6,8 @@ use bottega_engines::Tunables;
 use bottega_image::{Layout, Rect};
 
 use crate::{
-    AdaptationRule, AuctionRule, BandWidth, Credit, EngineChoice, Expert, Goal, ImportanceFunction, Level, Optimization,
-    WorkSettings, ZoneLimits,
+    AdaptationRule, AuctionRule, BandWidth, Credit, EngineChoice, Expert, Goal, ImportanceFunction, Level,
+    Optimization, WorkSettings, ZoneLimits,
 };
 
 /// Agents of one job at most.
