@@ -29,7 +29,7 @@ pub const BAND_MAX: u32 = 64;
 /// pixels.
 const BAND_OF_SIDE: f64 = 1.0 / 24.0;
 
-/// Who says how wide interpolation bands are.
+/// Who says how wide interpolation bands are. With optimization off there are none: zones agree to the last bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BandWidth {
     /// There are none: zones meet at an edge.
@@ -125,7 +125,11 @@ impl Expert {
 
     /// The same, with the reason why the rules cannot be evaluated.
     pub fn try_decide(&self, work: &WorkRow, zone: &ZoneRow) -> Result<Choice, ExpertError> {
-        self.by_rules(work, zone).map(|choice| self.banded(choice))
+        // Zones of the user's settings agree to the last bit: a band would blend what is equal.
+        let Some(level) = work.settings.optimization.rule_input() else {
+            return Ok(Choice::unchanged(&work.settings));
+        };
+        self.by_rules(work, zone, level).map(|choice| self.banded(choice))
     }
 
     /// A choice of the rules with the bands that the user wants.
@@ -137,9 +141,8 @@ impl Expert {
         }
     }
 
-    fn by_rules(&self, work: &WorkRow, zone: &ZoneRow) -> Result<Choice, ExpertError> {
+    fn by_rules(&self, work: &WorkRow, zone: &ZoneRow, level: f64) -> Result<Choice, ExpertError> {
         let settings = &work.settings;
-        let Some(level) = settings.optimization.rule_input() else { return Ok(Choice::unchanged(settings)) };
         let rules = laid_out(&self.rules, &work.ranges)?;
         let evaluate = |difference: f64| {
             let mut values = zone_values(zone, difference).to_vec();
@@ -362,7 +365,7 @@ mod tests {
         for (bands, expected) in
             [(BandWidth::Off, 0), (BandWidth::Pixels(5), 5), (BandWidth::Pixels(1 << 20), BAND_MAX)]
         {
-            for optimization in [Optimization::Off, Optimization::Normal] {
+            for (optimization, expected) in [(Optimization::Off, 0), (Optimization::Normal, expected)] {
                 let work = work(optimization, &rows);
                 let ruled = Expert::path_tracing().decide(&work, &rows[1]);
                 let choice = Expert::path_tracing().with_bands(bands).decide(&work, &rows[1]);

@@ -8,8 +8,8 @@ use std::{
 };
 
 use bottega_farm::{
-    AuctionRule, Expert, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalWriter, Kept, Level,
-    Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
+    AuctionRule, BandWidth, Expert, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalWriter,
+    Kept, Level, Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
 };
 use bottega_image::{Aov, Film, Rect};
 
@@ -163,6 +163,20 @@ fn what_bands_cost_is_told() {
     assert_eq!((bands(Optimization::Off), bands(Optimization::VerySmall)), (0.0, 0.0));
     let share = bands(Optimization::Normal);
     assert!(share > 0.0 && share < 0.2, "{share}");
+}
+
+#[test]
+fn the_user_says_how_wide_bands_are() {
+    let with = |optimization, bands| paint(&JobSettings { optimization, bands, ..settings() });
+    let widths = |optimization, bands| -> Vec<u32> {
+        let rows = with(optimization, bands).rows;
+        rows.iter().flat_map(|row| row.choice.expect("it is painted").bands.into_array()).collect()
+    };
+    assert!(widths(Optimization::VeryBig, BandWidth::Off).iter().all(|&band| band == 0));
+    assert!(widths(Optimization::VeryBig, BandWidth::Pixels(3)).iter().all(|&band| band == 3));
+    assert!(widths(Optimization::VeryBig, BandWidth::Rules).iter().any(|&band| band > 0));
+    // Without optimization there is nothing to blend.
+    assert_eq!(bits(&with(Optimization::Off, BandWidth::Pixels(3)).film), bits(&paint(&settings()).film));
 }
 
 #[test]

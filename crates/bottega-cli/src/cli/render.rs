@@ -65,7 +65,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE|paper", value_hint = ValueHint::FilePath, help_heading = "Quality")]
     rules: Vec<PathBuf>,
     /// How wide the bands are in which neighboring zones are blended: `off`, `rules` (the expert rules say it, edge by edge; the
-    /// default), or so many pixels beyond each edge of each zone. What lies in a band is painted twice.
+    /// default), or so many pixels beyond each edge of each zone. What lies in a band is painted twice. Without --optimize there
+    /// are none.
     #[arg(long, value_name = "off|rules|N", value_parser = parse_bands, help_heading = "Quality")]
     bands: Option<BandChoice>,
     /// How light is followed; default: what finds the light that the scene file's own integrator finds, or path.

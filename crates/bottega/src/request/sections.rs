@@ -98,13 +98,13 @@ pub enum EnvironmentLight {
     Sky,
 }
 
-/// How wide the bands are in which neighboring zones are blended.
+/// How wide the bands are in which neighboring zones are blended. With optimization off there are none: zones agree to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BandChoice {
     /// There are none: zones meet at an edge.
     Off,
-    /// The expert rules say it, edge by edge. With optimization off there are none.
+    /// The expert rules say it, edge by edge.
     Rules,
     /// So many pixels beyond each edge of each zone.
     Pixels(u32),
