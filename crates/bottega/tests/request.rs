@@ -216,7 +216,7 @@ fn wrong_fields_are_refused_with_their_path() {
         (r#""work": {"zone_min_size": 0}"#, &["`work.zone_min_size` is 0", "from 1 to 65536"]),
         (r#""work": {"zone_max_complexity": 0}"#, &["`work.zone_max_complexity` is 0", "from 0.000001 to 1"]),
         (r#""work": {"zone_similarity": 1.5}"#, &["`work.zone_similarity` is 1.5", "from 0 to 1"]),
-        (r#""work": {"zone_balance": "size"}"#, &["`work.zone_balance`", "`time`, `ratio`"]),
+        (r#""work": {"zone_balance": "size"}"#, &["`work.zone_balance`", "`time` or `ratio`"]),
         (r#""work": {"bands": "on"}"#, &["`work.bands`", "`off`, `rules`, `pixels`"]),
         (r#""work": {"bands": {"pixels": 65}}"#, &["`work.bands.pixels` is 65", "from 1 to 64"]),
         (r#""surprise": 1"#, &["unknown field `surprise`"]),
