@@ -21,6 +21,7 @@
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
 //! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
+//! | the farm as a FIPA platform | [`platform`] |
 //! | which build of the farm this is | [`build`](mod@build) |
 //! | a picture asked for without a command line | `examples/submit.rs` |
 
@@ -45,6 +46,7 @@ pub mod names;
 pub mod own_server;
 mod part;
 mod patience;
+pub mod platform;
 mod prepared_job;
 pub mod refusals;
 pub mod room;

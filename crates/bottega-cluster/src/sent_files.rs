@@ -105,6 +105,11 @@ impl SentFiles {
         folders.find(|folder| !folder.ends_with(INNER)).unwrap_or(Path::new(".")).to_owned()
     }
 
+    /// The names of the files, relative to the scene's folder: the scene first.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.files.iter().map(|file| &*file.name)
+    }
+
     /// The names of all pieces in the store.
     pub(crate) fn blobs(&self) -> impl Iterator<Item = String> {
         self.files.iter().chain(&self.environment).flat_map(|file| file.contents.blobs())

@@ -131,6 +131,11 @@ impl Host {
         self.keeper.room_said()
     }
 
+    /// The jobs of the farm.
+    pub fn board(&self) -> &JobBoard {
+        &self.board
+    }
+
     /// Keeps the farm up until the user wants to stop.
     ///
     /// # Errors

@@ -3,15 +3,15 @@
 mod args;
 mod ask;
 mod diagram;
-mod farm;
 mod peer;
 mod serve;
-mod trace;
+pub(crate) mod trace;
 
 use std::process::ExitCode;
 
 pub(crate) use args::PlatformArgs;
 use args::PlatformCommand;
+pub(crate) use args::parse_agent;
 
 use crate::error::CliError;
 

@@ -47,7 +47,7 @@ impl Passed {
 }
 
 /// What a platform tells of a message that passes.
-pub(super) fn line(passage: &Passage, calendar: Calendar) -> String {
+pub(crate) fn line(passage: &Passage, calendar: Calendar) -> String {
     let message = &passage.message;
     let text = |value: &Option<String>| value.clone().unwrap_or_default();
     let passed = Passed {

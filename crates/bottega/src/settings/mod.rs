@@ -85,6 +85,7 @@ pub(crate) fn shared_settings(
         adaptation: adaptation_rule(request.work.adaptation),
         zones: request.work.zones,
         verify: request.farm.verify.unwrap_or(1),
+        strangers: request.farm.strangers,
         ..settings
     }
 }
