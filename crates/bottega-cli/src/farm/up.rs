@@ -69,9 +69,7 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
             tell(&host.invitation);
             let platform = args.platform(&host)?;
             println!("It is a FIPA platform at {}: see `bottega platform agents`.", platform.node().address());
-            let kept = host.keep_up(&stop);
-            platform.stop();
-            kept?;
+            host.keep_up(&stop, || platform.stop())?;
         }
         LocalFarm::Elsewhere { process, listen, invitation } => {
             println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");

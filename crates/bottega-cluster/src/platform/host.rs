@@ -1,7 +1,10 @@
 //! Which process of a farm has the agents of its platform: one says so, again and again, and another takes them when it falls
 //! silent.
 
-use std::time::{Duration, Instant};
+use std::{
+    thread,
+    time::{Duration, Instant},
+};
 
 use bottega_agents::driver::nats::BlobError;
 use serde::{Deserialize, Serialize};
@@ -10,6 +13,8 @@ use crate::{JobBoard, error::Error, job_board::RENEW_EVERY, names::fresh_number}
 
 /// Who has not said for so long that it has them has gone.
 const SILENT_AFTER: Duration = Duration::from_millis(2500);
+/// How often is looked whether one says so.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// Who has the agents of a platform.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -40,13 +45,10 @@ impl HostSeat {
     /// # Errors
     /// The server does not answer.
     pub(super) fn claim(board: &JobBoard, platform: &str) -> Result<Option<Self>, Error> {
-        if board.uplink.is_guest() {
-            return Ok(None);
-        }
-        if host_of(board, platform).is_some() {
-            return Ok(None);
-        }
         let name = name_of(platform);
+        if board.uplink.is_guest() || is_renewed(board, &name) {
+            return Ok(None);
+        }
         let host = PlatformHost { process: fresh_number(), address: String::new() };
         let revision = board.uplink.notices().get(&name).map_or(0, |notice| notice.revision);
         let taken = board.uplink.notices().update(&name, &text(&host), revision).map_err(Error::Blob)?;
@@ -76,6 +78,20 @@ impl HostSeat {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
+}
+
+/// Whether somebody says again that it has them: that it has said so before may be long ago.
+fn is_renewed(board: &JobBoard, name: &str) -> bool {
+    let begun = Instant::now();
+    let revision = || board.uplink.notices().get(name).map(|notice| notice.revision);
+    let Some(before) = revision() else { return false };
+    while begun.elapsed() < SILENT_AFTER {
+        thread::sleep(LOOK_EVERY);
+        if revision().is_none_or(|now| now != before) {
+            return revision().is_some();
+        }
+    }
+    false
 }
 
 fn name_of(platform: &str) -> String {
