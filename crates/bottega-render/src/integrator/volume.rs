@@ -16,13 +16,13 @@ use glam::Vec3;
 use super::{
     path::PathIntegrator,
     record::PathRecord,
-    transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN},
+    transport::{SCATTERED_SPREAD, SHADOW_MARGIN, emitted_at, survives},
 };
 use crate::{
     PathSettings, PreparedScene,
     bsdf::BsdfAt,
     camera::{CameraRay, RayCone},
-    interaction::{Asks, Interaction, emitted, is_there, material_of, sphere_uv},
+    interaction::{Asks, Interaction, is_there, material_of},
     lights::{LightSample, NO_LIGHT, Receiver, Segment},
     media::{
         Filling, Homogeneous, Phase, channel_probabilities,
@@ -178,7 +178,7 @@ impl Path<'_> {
         self.record.vertex_count += 1;
         if let Surface::Unlit(color) = &material.surface {
             self.record_first(hit.t, point.frame[2]);
-            self.record_albedo(point.unlit(prepared.scene(), color));
+            self.record.record_albedo(&mut self.wants_albedo, point.unlit(prepared.scene(), color));
             return false;
         }
         self.meet(&point)
@@ -264,21 +264,14 @@ impl Path<'_> {
         if !known.shines || known.is_null || !material.emission_sides.has(point.front) {
             return Spectrum::ZERO;
         }
-        let hit = &point.hit;
-        let radiance = match hit.sphere() {
-            Some(sphere) => {
-                let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
-                material.emission.eval(scene, [uv; 2], 0.0)
-            }
-            None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
-        };
+        let radiance = emitted_at(prepared, point);
         if radiance == Spectrum::ZERO {
             return radiance;
         }
         let lights = prepared.lights();
         radiance
             * self.found_by_direction(|from| {
-                let Some(light) = lights.light_of(prepared, hit) else { return (0.0, 0.0) };
+                let Some(light) = lights.light_of(prepared, &point.hit) else { return (0.0, 0.0) };
                 let place = lights.place_pdf(scene, light, from.p, point.p);
                 let along = self.previous.along.as_ref().map_or(0.0, |along| self.pdf_ratio(along, light));
                 (lights.pmf(from, light) * place, along * place)
@@ -365,7 +358,7 @@ impl Path<'_> {
         let receiver = Receiver { p, n: Vec3::ZERO };
         self.record.vertex_count += 1;
         self.record_first(distance, Vec3::ZERO);
-        self.record_albedo(albedo);
+        self.record.record_albedo(&mut self.wants_albedo, albedo);
         if self.samples_lights() {
             let count = self.light_samples();
             for part in 0..count {
@@ -414,7 +407,7 @@ impl Path<'_> {
         self.record_first(point.hit.t, point.frame[2]);
         let is_delta_only = bsdf.is_delta_only();
         if self.wants_albedo && (is_last || !is_delta_only) {
-            self.record_albedo(bsdf.albedo(wo));
+            self.record.record_albedo(&mut self.wants_albedo, bsdf.albedo(wo));
         }
         if is_last {
             return false;
@@ -585,31 +578,12 @@ impl Path<'_> {
         self.direction = wi;
         self.depth += 1;
         self.travelled = 0.0;
-        let carried = self.throughput.max_element() * self.eta_scale;
-        if carried <= 0.0 || carried.is_nan() {
-            return false;
-        }
-        if self.depth <= self.settings.roulette_depth {
-            return true;
-        }
-        let survival = carried.sqrt().min(ROULETTE_SURVIVAL_MAX);
-        self.throughput /= survival;
-        u < survival
+        survives(&mut self.throughput, self.eta_scale, self.depth <= self.settings.roulette_depth, u)
     }
 
     fn record_first(&mut self, distance: f32, normal: Vec3) {
-        let values = &mut self.record.values;
-        if self.depth == 0 && values.alpha == 0.0 {
-            values.alpha = 1.0;
-            values.depth = self.travelled + distance;
-            values.normal = normal.to_array();
-        }
-    }
-
-    fn record_albedo(&mut self, albedo: Spectrum) {
-        if self.wants_albedo {
-            self.record.values.albedo = albedo.to_array();
-            self.wants_albedo = false;
+        if self.depth == 0 && self.record.values.alpha == 0.0 {
+            self.record.record_first(self.travelled + distance, normal);
         }
     }
 

@@ -234,14 +234,13 @@ impl<'a> Eye<'a> {
         let prepared = self.prepared;
         let point = Interaction::new(prepared, &hit, walk.origin, walk.direction, walk.cone);
         if walk.vertex == 0 {
-            let values = &mut self.record.values;
-            (values.alpha, values.depth, values.normal) = (1.0, walk.start + hit.t, point.frame[2].to_array());
+            self.record.record_first(walk.start + hit.t, point.frame[2]);
         }
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
             let color = point.unlit(prepared.scene(), color);
             self.add(walk.throughput * color, walk.depth);
-            self.record_albedo(color);
+            self.record.record_albedo(&mut self.wants_albedo, color);
             return false;
         }
         if known.shines && material.emission_sides.has(point.front) {
@@ -257,7 +256,7 @@ impl<'a> Eye<'a> {
         self.record.counts.meet(bsdf, known);
         let wo = point.to_local(point.wo);
         if self.wants_albedo && (is_last || !bsdf.is_delta_only()) {
-            self.record_albedo(bsdf.albedo(wo));
+            self.record.record_albedo(&mut self.wants_albedo, bsdf.albedo(wo));
         }
         if is_last {
             return false;
@@ -532,12 +531,5 @@ impl<'a> Eye<'a> {
     fn is_gathered(&self) -> bool {
         let photons = &self.integrator.photons;
         (photons.final_rays > 0 && !photons.progressive) || photons.agents.is_some()
-    }
-
-    fn record_albedo(&mut self, albedo: Spectrum) {
-        if self.wants_albedo {
-            self.record.values.albedo = albedo.to_array();
-            self.wants_albedo = false;
-        }
     }
 }
