@@ -9,7 +9,7 @@ use bottega_render::{
 };
 use serde_json::{Value, json};
 
-use super::{Analyzed, draw::Drawn};
+use super::{draw::Drawn, subject::AnalyzedScene};
 use crate::{cli::AnalyzeArgs, error::CliError};
 
 /// The sets that are compared, with names for files and for people.
@@ -35,7 +35,7 @@ struct Found {
 }
 
 /// Draws a map of δ for each set, and their histogram. Adds the files, and returns what is to be told.
-pub(super) fn all(args: &AnalyzeArgs, subject: &Analyzed, drawn: &mut Drawn<'_>) -> Result<Value, CliError> {
+pub(super) fn all(args: &AnalyzeArgs, subject: &AnalyzedScene, drawn: &mut Drawn<'_>) -> Result<Value, CliError> {
     let found: Vec<Found> = SETS
         .iter()
         .map(|&(set, name, label)| Ok(Found { name, label, ludd: sampled(args, subject, set)? }))
@@ -63,7 +63,7 @@ pub(super) fn all(args: &AnalyzeArgs, subject: &Analyzed, drawn: &mut Drawn<'_>)
     }))
 }
 
-fn sampled(args: &AnalyzeArgs, subject: &Analyzed, set: SampleSet) -> Result<Ludd, CliError> {
+fn sampled(args: &AnalyzeArgs, subject: &AnalyzedScene, set: SampleSet) -> Result<Ludd, CliError> {
     let agents = AgentSettings { cast: args.lighting_agents, oracle: Oracle::Paper, ..AgentSettings::default() };
     let bounces = subject.settings.tunables.max_depth;
     let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };

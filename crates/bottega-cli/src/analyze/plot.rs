@@ -1,16 +1,30 @@
 //! Predicted against measured time as an SVG.
 
-use std::fmt::Write;
+use std::{fmt::Write, fs};
+
+use bottega::text::shown;
 
 use super::verify::{Verified, Zone};
+use crate::{cli::AnalyzeArgs, error::CliError};
 
 /// Side of one diagram, and the space around it, in pixels.
 const SIDE: f64 = 300.0;
 const MARGIN: f64 = 48.0;
 
+/// Draws a diagram of each function into the folder of the analysis.
+pub(super) fn all(args: &AnalyzeArgs, verified: &[Verified]) -> Result<(), CliError> {
+    for levels in verified.chunk_by(|a, b| a.function == b.function) {
+        let function = levels[0].function;
+        let title = format!("{}: {function}", shown(&args.scene_file));
+        let path = args.output.join(format!("verify-{function}.svg"));
+        fs::write(&path, scatter(&title, levels)).map_err(|source| CliError::write(path, source))?;
+    }
+    Ok(())
+}
+
 /// A diagram for each level: measured time of every zone over what the map (hollow) and profiling (filled) predicted, each
 /// scaled to the same sum. On the diagonal a prediction is right.
-pub(super) fn scatter(title: &str, levels: &[&Verified]) -> String {
+fn scatter(title: &str, levels: &[Verified]) -> String {
     let width = levels.len() as f64 * (SIDE + MARGIN) + MARGIN;
     let height = SIDE + 2.0 * MARGIN + 16.0;
     let mut svg = format!(

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::trace::Passed;
+use super::passed::Passed;
 
 /// Sizes in pixels.
 const LEFT: f64 = 110.0;

@@ -4,6 +4,7 @@ mod args;
 mod ask;
 mod diagram;
 mod farm;
+mod passed;
 mod peer;
 mod serve;
 mod trace;

@@ -18,7 +18,7 @@ use serde_json::json;
 use super::{
     args::{FirstForm, ServeArgs},
     farm::{FarmAgents, jobs_id},
-    trace,
+    passed,
 };
 use bottega_cluster::{JobBoard, link};
 
@@ -49,7 +49,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         administrators: jobs.clone(),
         trusted: trusted.clone(),
         permanent: jobs,
-        trace_line: trace::line,
+        trace_line: passed::line,
         first_forms: first_forms(&args.first_representation),
     })
     .map_err(CliError::Node)?;
