@@ -4,12 +4,14 @@
 //! similar complexity; balancing, "to obtain tasks that all require roughly the same rendering time".
 
 mod balance;
+mod cut;
 mod join;
 
 use std::str::FromStr;
 
 use bottega_image::{Rect, Sides};
 
+use self::cut::{cut_x, cut_y};
 use crate::{ImportanceMap, ZoneId};
 
 /// How far the partition is carried.
@@ -243,14 +245,6 @@ fn divide(map: &ImportanceMap, frame: Rect, side_min: u32, complexity_max: f64) 
         }
     }
     zones
-}
-
-fn cut_x(zone: Rect, x: u32) -> [Rect; 2] {
-    [Rect { x1: x, ..zone }, Rect { x0: x, ..zone }]
-}
-
-fn cut_y(zone: Rect, y: u32) -> [Rect; 2] {
-    [Rect { y1: y, ..zone }, Rect { y0: y, ..zone }]
 }
 
 /// Finds rectangles by place: a grid of about as many cells as there are rectangles.

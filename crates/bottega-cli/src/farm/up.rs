@@ -13,7 +13,7 @@ use clap::{Args, ValueHint};
 use super::args::parse_gigabytes;
 use crate::{
     error::CliError,
-    platform::{parse_agent, trace::line},
+    platform::{parse_agent, passed::line},
     signals::stop_on_signal,
 };
 

@@ -3,9 +3,10 @@
 mod args;
 mod ask;
 mod diagram;
+pub(crate) mod passed;
 mod peer;
 mod serve;
-pub(crate) mod trace;
+mod trace;
 
 use std::process::ExitCode;
 

@@ -19,7 +19,7 @@ use bottega_cluster::{
 
 use super::{
     args::{FirstForm, ServeArgs},
-    trace,
+    passed,
 };
 
 use crate::error::CliError;
@@ -40,7 +40,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         federates,
         lease_max: args.lease_max,
         trusted: args.trust.iter().map(|name| AgentId::new(name.as_str())).collect(),
-        trace_line: trace::line,
+        trace_line: passed::line,
         first_forms: first_forms(&args.first_representation),
     };
     let served = match &args.farm {
