@@ -12,7 +12,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("bottega-agents", &[]),
     ("bottega-build", &[]),
     ("bottega-denoise", &["bottega-image"]),
-    ("bottega-engines", &["bottega-render", "bottega-scene", "bottega-image", "bottega-hra"]),
+    ("bottega-engines", &["bottega-render", "bottega-scene", "bottega-image", "bottega-hra", "bottega-kernels"]),
     ("bottega-farm", &["bottega-agents", "bottega-fuzzy", "bottega-engines", "bottega-image"]),
     (
         "bottega",

@@ -3,39 +3,27 @@
 mod draw;
 mod ludd;
 mod plot;
+mod subject;
 mod verify;
 
-use std::{fs, path::Path, process::ExitCode, sync::Arc};
+use std::{fs, path::Path, process::ExitCode};
 
 use bottega::{
     Request,
-    devices::threads,
-    loaded_scene::LoadedScene,
-    settings::{agents, importance_function, level, zone_limits},
+    settings::{importance_function, level},
     text::shown,
 };
-use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, RenderEngine, Survey, Tunables};
-use bottega_farm::{
-    Analysis, Goal, ImportanceFunction, Level, Optimization, PartitionSettings, WorkId, WorkSettings, analyze,
-    survey_size,
-};
-use bottega_image::{AovSet, Layout, Rect};
-use bottega_render::PathSettings;
+use bottega_farm::Analysis;
 use serde_json::{Value, json};
 
+use self::subject::{AnalyzedScene, LEVELS};
 use crate::{cli::AnalyzeArgs, error::CliError};
-
-/// Bounces where the scene does not say.
-const DEFAULT_DEPTH: u32 = 16;
-
-/// The levels of which zones are shown.
-const LEVELS: [Level; 3] = [Level::Divided, Level::Joined, Level::Balanced];
 
 pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     let mut request = Request::new(&args.scene_file);
     args.scene.apply(&mut request);
     request.validate().map_err(bottega::Error::from)?;
-    let subject = Analyzed::new(args, request)?;
+    let subject = AnalyzedScene::new(args, request)?;
     let function = importance_function(&subject.request.work);
     let analyses = LEVELS.map(|level| subject.analyze(function, level));
     let analyses: Vec<Analysis> = analyses.into_iter().collect::<Result<_, _>>()?;
@@ -47,6 +35,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     let ludd = (!args.ludd.is_empty()).then(|| ludd::all(args, &subject, &mut drawn)).transpose()?;
     let files = drawn.files;
     let verified = (!args.verify.is_empty()).then(|| verify::run(args, &subject, function)).transpose()?;
+    verified.iter().try_for_each(|verified| plot::all(args, verified))?;
     let mut report = report(args, &subject, &analyses, &files, verified.as_ref());
     if let Some(ludd) = ludd {
         report["ludd"] = ludd;
@@ -70,59 +59,6 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A scene that was surveyed.
-struct Analyzed {
-    request: Request,
-    subject: LoadedScene,
-    engine: BuiltinEngine,
-    survey: Survey,
-    settings: WorkSettings,
-    agents: usize,
-}
-
-impl Analyzed {
-    fn new(args: &AnalyzeArgs, request: Request) -> Result<Self, CliError> {
-        let subject = LoadedScene::load(&request)?;
-        let is_single = !args.verify.is_empty() && request.devices.threads.is_none();
-        let painters = if is_single { 1 } else { threads(&request) };
-        let max_depth = subject.hints.max_depth.unwrap_or(DEFAULT_DEPTH);
-        let settings = PathSettings {
-            max_depth,
-            filter: subject.hints.filter.unwrap_or_default(),
-            planned_samples: args.spp,
-            ..PathSettings::default()
-        };
-        let options =
-            BuiltinOptions { view: subject.view, settings, layout: Layout::new(AovSet::NONE), threads: painters };
-        let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
-        let engine = BuiltinEngine::with_prepass(scene, prepass, options, Devices::default());
-        let frame = subject.frame();
-        let (columns, rows) = survey_size(&frame);
-        let survey = engine.survey(columns, rows)?;
-        let settings = WorkSettings {
-            picture: frame,
-            frame,
-            samples: args.spp,
-            goal: Goal::Samples,
-            tunables: Tunables { max_depth, light_samples: 1 },
-            optimization: Optimization::Off,
-        };
-        let agents = agents(args.agents, threads(&request));
-        Ok(Self { request, subject, engine, survey, settings, agents })
-    }
-
-    fn frame(&self) -> Rect {
-        self.settings.frame
-    }
-
-    fn analyze(&self, function: ImportanceFunction, level: Level) -> Result<Analysis, CliError> {
-        let partition = PartitionSettings::for_agents(level, self.agents, self.frame());
-        let partition = partition.within(None, zone_limits(&self.request.work));
-        analyze(WorkId(1), &self.settings, &self.survey, function, &partition)
-            .map_err(|error| CliError::failed(error.to_string(), "this is unexpected; report it with the scene"))
-    }
-}
-
 fn write_json(path: &Path, value: &Value) -> Result<(), CliError> {
     let text = serde_json::to_string_pretty(value).unwrap_or_default();
     fs::write(path, text).map_err(|source| CliError::write(path.to_owned(), source))
@@ -130,7 +66,7 @@ fn write_json(path: &Path, value: &Value) -> Result<(), CliError> {
 
 fn report(
     args: &AnalyzeArgs,
-    subject: &Analyzed,
+    subject: &AnalyzedScene,
     analyses: &[Analysis],
     files: &[(String, String)],
     verified: Option<&Vec<verify::Verified>>,

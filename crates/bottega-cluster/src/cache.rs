@@ -117,6 +117,15 @@ fn remove(path: &Path) {
     }
 }
 
+/// Writes a file that is there as a whole or not at all.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let wrong = |source| Error::write(path.to_owned(), source);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder).map_err(wrong)?;
+    let part = path.with_extension(format!("part-{}", std::process::id()));
+    fs::write(&part, bytes).and_then(|()| fs::rename(&part, path)).map_err(wrong)
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::Duration;

@@ -16,8 +16,10 @@ use std::{
 use bottega_agents::driver::nats::{BlobError, NatsBlobs};
 use serde::{Deserialize, Serialize};
 
-use crate::error::Error;
-use crate::{cache::Cache, sent_files::write_whole};
+use crate::{
+    cache::{Cache, write_whole},
+    error::Error,
+};
 
 /// Bytes of a piece.
 pub(crate) const CHUNK_BYTES: usize = 4 << 20;
@@ -168,7 +170,7 @@ pub(crate) mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::transfer::Transfer;
+    use crate::pieces::Pieces;
 
     /// A store in memory that can break down.
     #[derive(Default)]
@@ -205,9 +207,9 @@ pub(crate) mod tests {
 
     /// A file that is sent.
     fn send(path: &Path, shelf: &Shelf) -> Result<Contents, Error> {
-        let mut transfer = Transfer::default();
-        let contents = transfer.add(path)?;
-        transfer.send_to(shelf)?;
+        let mut pieces = Pieces::default();
+        let contents = pieces.add(path)?;
+        pieces.send_to(shelf)?;
         Ok(contents)
     }
 

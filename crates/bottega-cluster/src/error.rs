@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
-use bottega_agents::driver::nats::{BlobError, NatsError};
+use bottega_agents::driver::{
+    nats::{BlobError, NatsError},
+    node::NodeError,
+};
 use bottega_farm::JobError;
 use thiserror::Error as ThisError;
 
@@ -24,6 +27,9 @@ pub enum Error {
     /// The farm does not keep what it was given.
     #[error("the farm does not keep what it was given")]
     Blob(#[source] BlobError),
+    /// Its platform cannot be served.
+    #[error("no platform")]
+    Platform(#[source] NodeError),
 }
 
 impl Error {
@@ -68,6 +74,10 @@ impl Error {
             Self::Bottega(error) => error.remedy(),
             Self::Farm { remedy, .. } => Some(remedy.clone()),
             Self::Blob(_) => None,
+            Self::Platform(NodeError::Listen(..)) => {
+                Some("say another address, or port 0 for any that is free".to_owned())
+            }
+            Self::Platform(_) => None,
         }
     }
 

@@ -11,12 +11,10 @@ use bottega_agents::machine_of;
 use bottega_farm::{FarmCodec, Link, WorkId};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use crate::{build::build, error::Error};
+pub use crate::presence::Presence;
 use crate::{
+    error::Error,
     job::{Job, JobSpec, JobState},
-    machine::{Standing, order_name},
-    refusals::Refusal,
-    together,
 };
 
 /// How often those who hold something say so.
@@ -55,45 +53,6 @@ impl Lead {
         match before {
             Some(before) if self.zones == 0 => Self { leader: self.leader, ..before },
             _ => self,
-        }
-    }
-}
-
-/// A machine that is there.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Presence {
-    /// The process.
-    pub name: String,
-    /// Its processors.
-    pub threads: usize,
-    /// The identity of its build.
-    pub version: String,
-    /// The job that it paints.
-    pub job: Option<u32>,
-    /// What it does, as it was told.
-    pub standing: Standing,
-    /// Whether it does what it is told; not the process that asked for a job and paints with the others until it is done.
-    pub takes_orders: bool,
-    /// Whether it may paint and no more.
-    #[serde(default)]
-    pub is_guest: bool,
-    /// The last jobs that it does not paint, and why.
-    #[serde(default)]
-    pub refusals: Vec<Refusal>,
-}
-
-impl Presence {
-    /// The seat of a machine of this build that paints, or waits for work.
-    pub fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
-        Self {
-            name: name.to_owned(),
-            threads,
-            version: build().identity().to_owned(),
-            job,
-            standing: Standing::Active,
-            takes_orders: true,
-            is_guest: false,
-            refusals: Vec::new(),
         }
     }
 }
@@ -189,21 +148,6 @@ impl JobBoard {
         if let Err(error) = said {
             tracing::warn!(%error, line, "the log of the job was not written");
         }
-    }
-
-    /// Forgets a job and what was kept for it alone. What takes room goes first: on a full server nothing can be written, and that
-    /// a notice is taken down is written.
-    pub fn remove(&self, number: u32) -> Result<(), Error> {
-        let job = self.get(number).ok_or_else(|| no_such(number))?;
-        self.refuse_guests()?;
-        self.forget_zones(job.work);
-        together::forget(self, job.work);
-        let prefix = format!("job-{}/", job.work);
-        self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix));
-        self.uplink.notices().remove(&job_name(number)).map_err(Error::Blob)?;
-        self.uplink.notices().remove(&lead_name(number)).map_err(Error::Blob)?;
-        self.forget_society(number);
-        Ok(())
     }
 
     /// What a job asks for.
@@ -362,17 +306,22 @@ fn text(what: &impl Serialize) -> Vec<u8> {
     serde_json::to_vec(what).expect("structures of numbers and text can be written")
 }
 
-fn job_name(number: u32) -> String {
+pub(crate) fn job_name(number: u32) -> String {
     format!("job/{number}")
 }
 
-fn lead_name(number: u32) -> String {
+pub(crate) fn lead_name(number: u32) -> String {
     format!("lead/{number}")
 }
 
 /// A machine may say of itself alone that it is there.
 fn seat_name(process: &str) -> String {
     format!("seat/{}/{process}", machine_of(process))
+}
+
+/// The notice of what a machine is told.
+pub(crate) fn order_name(machine: &str) -> String {
+    format!("order/{machine}")
 }
 
 fn number_of(name: &str) -> Option<u32> {

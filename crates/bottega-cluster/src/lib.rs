@@ -16,11 +16,13 @@
 //! | jobs on the notices, who leads them; how they stand | [`job_board`], [`view`]; machines that leave a job out: [`refusals`] |
 //! | asking for a picture; for frames | [`client`], [`animation`] |
 //! | rows of a job, for people; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
+//! | a machine as its seat shows it | `src/presence.rs` |
 //! | steering of jobs and machines | [`jobs`], [`machine`] |
-//! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/transfer.rs`, [`cache`] |
+//! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
 //! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
+//! | the farm as a FIPA platform | [`platform`] |
 //! | which build of the farm this is | [`build`](mod@build) |
 //! | a picture asked for without a command line | `examples/submit.rs` |
 
@@ -45,7 +47,10 @@ pub mod names;
 pub mod own_server;
 mod part;
 mod patience;
+mod pieces;
+pub mod platform;
 mod prepared_job;
+mod presence;
 pub mod refusals;
 pub mod room;
 mod sent_files;

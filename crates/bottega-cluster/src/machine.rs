@@ -10,36 +10,16 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::Error;
-use crate::job_board::{JobBoard, Presence};
+pub use crate::presence::Standing;
+use crate::{
+    error::Error,
+    job_board::{JobBoard, order_name},
+    presence::Presence,
+};
 
 /// How long one who has just come looks whether seats are renewed: those who sit there do so twice a second.
 const LOOK_FOR: Duration = Duration::from_millis(1500);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-
-/// What a machine is to do, or does.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Standing {
-    /// It paints what is asked for.
-    #[default]
-    Active,
-    /// It keeps its seat, and its processors are free for others.
-    Suspended,
-    /// It leaves the farm.
-    Terminated,
-}
-
-impl Standing {
-    /// As people read it.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Active => "active",
-            Self::Suspended => "suspended",
-            Self::Terminated => "terminated",
-        }
-    }
-}
 
 /// What a machine is told.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -104,10 +84,6 @@ impl JobBoard {
             thread::sleep(LOOK_EVERY);
         }
     }
-}
-
-pub(crate) fn order_name(machine: &str) -> String {
-    format!("order/{machine}")
 }
 
 #[cfg(test)]

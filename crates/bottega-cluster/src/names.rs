@@ -1,6 +1,6 @@
 //! Names and numbers that nobody else has.
 
-use std::{env, process};
+use std::process;
 
 use crate::job::since_1970;
 
@@ -9,10 +9,7 @@ const HOST_CHARS: usize = 24;
 
 /// The name of this machine, of letters, digits and hyphens.
 pub fn host_name() -> String {
-    let host = std::fs::read_to_string("/etc/hostname").ok();
-    let host = host.as_deref().map(str::trim).filter(|host| !host.is_empty()).map(str::to_owned);
-    let host = host.or_else(|| env::var("HOSTNAME").ok()).or_else(|| env::var("COMPUTERNAME").ok());
-    plain(host.as_deref().unwrap_or_default())
+    plain(&gethostname::gethostname().to_string_lossy())
 }
 
 /// The part of a name before its first full stop, as far as it is of letters, digits and hyphens.

@@ -6,25 +6,13 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-use serde::{Deserialize, Serialize};
-
-use crate::job_board::Presence;
+use crate::presence::Presence;
+pub use crate::presence::Refusal;
 
 /// Refusals that stand on a seat at most; older ones go.
 const REFUSALS_MAX: usize = 16;
 /// Characters of a reason that others are told at most.
 const REASON_CHARS_MAX: usize = 400;
-
-/// A job that a machine does not paint.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Refusal {
-    /// The number of the job.
-    pub job: u32,
-    /// The number of its work, which no other job has had.
-    pub work: u64,
-    /// Why.
-    pub reason: String,
-}
 
 /// What this machine does not paint; shared by those who speak for it.
 #[derive(Clone, Debug, Default)]

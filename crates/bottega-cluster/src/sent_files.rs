@@ -13,7 +13,7 @@ use crate::error::Error;
 use crate::{
     cache::Cache,
     chunks::{self, Contents},
-    transfer::Transfer,
+    pieces::Pieces,
 };
 
 /// Files of a scene at most.
@@ -38,13 +38,9 @@ pub struct SentFiles {
 
 impl SentFiles {
     /// Reads the files, and says what is to be sent of them.
-    pub(crate) fn read(
-        scene: &Path,
-        files: &[SceneFile],
-        environment: Option<&Path>,
-    ) -> Result<(Self, Transfer), Error> {
-        let mut transfer = Transfer::default();
-        let mut add = |name: String, path: &Path| Ok::<_, Error>(SentFile { name, contents: transfer.add(path)? });
+    pub(crate) fn read(scene: &Path, files: &[SceneFile], environment: Option<&Path>) -> Result<(Self, Pieces), Error> {
+        let mut pieces = Pieces::default();
+        let mut add = |name: String, path: &Path| Ok::<_, Error>(SentFile { name, contents: pieces.add(path)? });
         let name = scene.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let mut read = vec![add(name, scene)?];
         for file in files {
@@ -61,7 +57,7 @@ impl SentFiles {
             add(name, path)
         });
         let environment = environment.transpose()?;
-        Ok((Self { files: read, environment }, transfer))
+        Ok((Self { files: read, environment }, pieces))
     }
 
     /// Brings the files to this machine, below `cache`. Returns the scene file and the picture that lights it.
@@ -105,6 +101,11 @@ impl SentFiles {
         folders.find(|folder| !folder.ends_with(INNER)).unwrap_or(Path::new(".")).to_owned()
     }
 
+    /// The names of the files, relative to the scene's folder: the scene first.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.files.iter().map(|file| &*file.name)
+    }
+
     /// The names of all pieces in the store.
     pub(crate) fn blobs(&self) -> impl Iterator<Item = String> {
         self.files.iter().chain(&self.environment).flat_map(|file| file.contents.blobs())
@@ -135,15 +136,6 @@ impl SentFile {
         }
         Ok(path)
     }
-}
-
-/// Writes a file that is there as a whole or not at all.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let wrong = |source| Error::write(path.to_owned(), source);
-    let folder = path.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).map_err(wrong)?;
-    let part = path.with_extension(format!("part-{}", std::process::id()));
-    fs::write(&part, bytes).and_then(|()| fs::rename(&part, path)).map_err(wrong)
 }
 
 /// Puts a kept file into a scene's folder, without a copy where the file system can.

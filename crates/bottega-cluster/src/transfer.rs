@@ -2,14 +2,7 @@
 //! taken back when no job comes of it.
 
 use std::{
-    collections::BTreeMap,
-    fs::File,
-    io::{Read, Seek, SeekFrom},
-    path::{Path, PathBuf},
-    sync::{
-        Mutex, PoisonError,
-        atomic::{AtomicU64, Ordering},
-    },
+    sync::{PoisonError, atomic::Ordering},
     time::{Duration, Instant},
 };
 
@@ -17,15 +10,16 @@ use bottega_agents::driver::nats::BlobError;
 use bottega_farm::StopSwitch;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    chunks::{CHUNK_BYTES, ChunkStore, Contents, PREFIX, blob_name, hash_of, several},
-    job_board::JobBoard,
-    patience::{meanwhile, patiently},
-    room::{MAKE_ROOM, bytes_said},
-};
 use bottega::{Event, session::Reporter};
 
-use crate::error::Error;
+use crate::{
+    chunks::ChunkStore,
+    error::Error,
+    job_board::JobBoard,
+    patience::{meanwhile, patiently},
+    pieces::{Counted, Pieces},
+    room::{MAKE_ROOM, bytes_said},
+};
 
 /// How often others are told that a scene is being sent.
 const ANNOUNCE_EVERY: Duration = Duration::from_secs(1);
@@ -36,115 +30,6 @@ const ROOM_BESIDE: u64 = 512 << 10;
 const ROOM_SHARE: u64 = 64;
 /// How often pieces are sent again that somebody let go meanwhile.
 const ROUNDS_MAX: u32 = 3;
-
-/// A part of a file.
-#[derive(Debug)]
-struct Piece {
-    path: PathBuf,
-    at: u64,
-    bytes: usize,
-}
-
-impl Piece {
-    /// What is in it, if the file is as it was.
-    fn read(&self, hash: &str) -> Result<Vec<u8>, Error> {
-        let mut bytes = vec![0; self.bytes];
-        let read = File::open(&self.path)
-            .and_then(|mut file| file.seek(SeekFrom::Start(self.at)).map(|_| file))
-            .and_then(|mut file| file.read_exact(&mut bytes));
-        read.map_err(|source| Error::read(self.path.clone(), source))?;
-        if hash_of(&bytes) != hash {
-            let problem = format!("`{}` was changed while it was sent", self.path.display());
-            return Err(Error::failed(problem, "ask again when nobody writes to it"));
-        }
-        Ok(bytes)
-    }
-}
-
-/// Files that are to be sent, as pieces by what is in them.
-#[derive(Debug, Default)]
-pub(crate) struct Transfer {
-    pieces: BTreeMap<String, Piece>,
-}
-
-impl Transfer {
-    /// Notes the pieces of a file.
-    pub(crate) fn add(&mut self, path: &Path) -> Result<Contents, Error> {
-        let wrong = |source| Error::read(path.to_owned(), source);
-        let mut file = File::open(path).map_err(wrong)?;
-        let (mut hasher, mut chunks, mut at) = (blake3::Hasher::new(), Vec::new(), 0);
-        loop {
-            let mut bytes = Vec::new();
-            Read::by_ref(&mut file).take(CHUNK_BYTES as u64).read_to_end(&mut bytes).map_err(wrong)?;
-            if bytes.is_empty() {
-                return Ok(Contents::new(hasher.finalize().to_hex().to_string(), chunks));
-            }
-            hasher.update(&bytes);
-            let hash = hash_of(&bytes);
-            self.pieces.insert(hash.clone(), Piece { path: path.to_owned(), at, bytes: bytes.len() });
-            chunks.push(hash);
-            at += bytes.len() as u64;
-        }
-    }
-
-    /// Whether a piece of this name in a store is one of them.
-    fn includes(&self, name: &str) -> bool {
-        name.strip_prefix(PREFIX).is_some_and(|hash| self.pieces.contains_key(hash))
-    }
-
-    /// The pieces that a store lacks.
-    fn missing(&self, store: &dyn ChunkStore) -> Result<Vec<(&str, &Piece)>, Error> {
-        let all: Vec<(&str, &Piece)> = self.pieces.iter().map(|(hash, piece)| (&**hash, piece)).collect();
-        let lacking = Mutex::new(Vec::new());
-        several(all.len(), &|i| {
-            if !store.has(&blob_name(all[i].0)).map_err(Error::Blob)? {
-                lacking.lock().unwrap_or_else(PoisonError::into_inner).push(all[i]);
-            }
-            Ok(())
-        })?;
-        let mut lacking = lacking.into_inner().unwrap_or_else(PoisonError::into_inner);
-        // In the order of the files: the disk reads them once.
-        lacking.sort_by_key(|&(_, piece)| (&piece.path, piece.at));
-        Ok(lacking)
-    }
-
-    /// Puts all that a store lacks into it.
-    #[cfg(test)]
-    pub(crate) fn send_to(&self, store: &dyn ChunkStore) -> Result<(), Error> {
-        let keep = |name: &str, bytes: &[u8]| store.put(name, bytes).map_err(Error::Blob);
-        Self::put(&self.missing(store)?, &keep, &Counted::default())
-    }
-
-    /// Puts pieces into a store. Their names are noted in `sent` as they are there.
-    ///
-    /// - `keep`: puts one.
-    fn put(pieces: &[(&str, &Piece)], keep: Keep<'_>, sent: &Counted) -> Result<(), Error> {
-        several(pieces.len(), &|i| {
-            let (hash, piece) = pieces[i];
-            let name = blob_name(hash);
-            keep(&name, &piece.read(hash)?)?;
-            sent.note(name, piece.bytes);
-            Ok(())
-        })
-    }
-}
-
-/// Puts a piece into a store.
-type Keep<'a> = &'a (dyn Fn(&str, &[u8]) -> Result<(), Error> + Sync);
-
-/// What has been sent so far.
-#[derive(Debug, Default)]
-struct Counted {
-    names: Mutex<Vec<String>>,
-    bytes: AtomicU64,
-}
-
-impl Counted {
-    fn note(&self, name: String, bytes: usize) {
-        self.names.lock().unwrap_or_else(PoisonError::into_inner).push(name);
-        self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
-    }
-}
 
 /// That somebody sends a scene, as others are told.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -185,7 +70,7 @@ impl Drop for Sent<'_> {
 ///
 /// - `me`: the process that sends.
 pub(crate) fn send<'a>(
-    transfer: &Transfer,
+    pieces: &Pieces,
     board: &'a JobBoard,
     me: &'a str,
     stop: &StopSwitch,
@@ -195,13 +80,13 @@ pub(crate) fn send<'a>(
     let (begun, store): (_, &dyn ChunkStore) = (Instant::now(), board.uplink.blobs());
     board.announce(me, &Announcement { bytes: 0, sent: 0 });
     for _ in 0..ROUNDS_MAX {
-        let missing = transfer.missing(store)?;
+        let missing = pieces.missing(store)?;
         if missing.is_empty() {
             return Ok(sent);
         }
         let before = sent.counted.bytes.load(Ordering::Relaxed);
         let bytes: u64 = before + missing.iter().map(|(_, piece)| piece.bytes as u64).sum::<u64>();
-        see_to_room(transfer, board, me, bytes - before)?;
+        see_to_room(pieces, board, me, bytes - before)?;
         let tell = || {
             let done = sent.counted.bytes.load(Ordering::Relaxed);
             board.announce(me, &Announcement { bytes, sent: done });
@@ -224,7 +109,7 @@ pub(crate) fn send<'a>(
                 },
             )
         };
-        meanwhile(ANNOUNCE_EVERY, tell, || Transfer::put(&missing, &keep, &sent.counted))?;
+        meanwhile(ANNOUNCE_EVERY, tell, || Pieces::put(&missing, &keep, &sent.counted))?;
     }
     Ok(sent)
 }
@@ -235,14 +120,14 @@ fn put_failed(error: BlobError, board: &JobBoard, bytes: u64) -> Error {
 }
 
 /// Refuses a scene for which there is no room, before any of it is sent.
-fn see_to_room(transfer: &Transfer, board: &JobBoard, me: &str, bytes: u64) -> Result<(), Error> {
+fn see_to_room(pieces: &Pieces, board: &JobBoard, me: &str, bytes: u64) -> Result<(), Error> {
     let needed = bytes + bytes / ROOM_SHARE + ROOM_BESIDE;
     // What is not known is found out.
     let has_room = || board.room().is_none_or(|room| room.free() >= needed);
     if has_room() {
         return Ok(());
     }
-    board.make_room(me, |name| transfer.includes(name));
+    board.make_room(me, |name| pieces.includes(name));
     if has_room() { Ok(()) } else { Err(no_room(board, bytes)) }
 }
 
@@ -254,47 +139,4 @@ fn no_room(board: &JobBoard, bytes: u64) -> Error {
         format!("the farm's server has no room for the scene: {} are to be sent{kept}", bytes_said(bytes)),
         MAKE_ROOM,
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::chunks::tests::Shelf;
-
-    fn keep_in(shelf: &Shelf) -> impl Fn(&str, &[u8]) -> Result<(), Error> + Sync + '_ {
-        |name, bytes| shelf.put(name, bytes).map_err(Error::Blob)
-    }
-
-    #[test]
-    fn pieces_are_sent_once_and_counted() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("f");
-        let content: Vec<u8> = (0..2 * CHUNK_BYTES + 17).map(|i| (i / 1000 * 7 + i % 251) as u8).collect();
-        std::fs::write(&path, &content).unwrap();
-        let (mut transfer, shelf, counted) = (Transfer::default(), Shelf::default(), Counted::default());
-        let contents = transfer.add(&path).unwrap();
-        assert_eq!(transfer.add(&path).unwrap(), contents, "the same file twice is one");
-        assert_eq!(contents.hash, hash_of(&content));
-        let missing = transfer.missing(&shelf).unwrap();
-        assert_eq!(
-            missing.iter().map(|(_, piece)| piece.at).collect::<Vec<_>>(),
-            [0, 1, 2].map(|i| i * CHUNK_BYTES as u64)
-        );
-        Transfer::put(&missing, &keep_in(&shelf), &counted).unwrap();
-        assert_eq!(counted.bytes.into_inner(), content.len() as u64);
-        assert!(transfer.missing(&shelf).unwrap().is_empty());
-    }
-
-    #[test]
-    fn a_file_that_changes_meanwhile_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("f");
-        std::fs::write(&path, [1; 100]).unwrap();
-        let (mut transfer, shelf) = (Transfer::default(), Shelf::default());
-        transfer.add(&path).unwrap();
-        std::fs::write(&path, [2; 100]).unwrap();
-        let missing = transfer.missing(&shelf).unwrap();
-        let error = Transfer::put(&missing, &keep_in(&shelf), &Counted::default()).unwrap_err();
-        assert!(error.to_string().contains("was changed"), "{error}");
-    }
 }

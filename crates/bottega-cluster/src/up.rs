@@ -131,12 +131,21 @@ impl Host {
         self.keeper.room_said()
     }
 
+    /// The jobs of the farm.
+    pub fn board(&self) -> &JobBoard {
+        &self.board
+    }
+
     /// Keeps the farm up until the user wants to stop.
+    ///
+    /// - `before_end`: what is to be done then while the server is still there.
     ///
     /// # Errors
     /// The server does not run, and cannot be begun again.
-    pub fn keep_up(mut self, stop: &StopSwitch) -> Result<(), Error> {
-        self.keeper.keep_up(stop)?;
+    pub fn keep_up(mut self, stop: &StopSwitch, before_end: impl FnOnce()) -> Result<(), Error> {
+        let kept = self.keeper.keep_up(stop);
+        before_end();
+        kept?;
         drop(self.beacon);
         // Another one may have begun in another folder.
         if fs::read_to_string(address_file()).is_ok_and(|text| text == self.here)

@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::{
     chunks,
     job::{Job, JobState},
-    job_board::JobBoard,
+    job_board::{JobBoard, job_name, lead_name, no_such},
     together,
     transfer::Announcement,
 };
@@ -95,6 +95,21 @@ impl JobBoard {
         self.refuse_guests()?;
         self.forget_pieces("", |name| pieces.contains(name));
         self.remove(number)
+    }
+
+    /// Forgets a job and what was kept for it alone. What takes room goes first: on a full server nothing can be written, and that
+    /// a notice is taken down is written.
+    pub fn remove(&self, number: u32) -> Result<(), Error> {
+        let job = self.get(number).ok_or_else(|| no_such(number))?;
+        self.refuse_guests()?;
+        self.forget_zones(job.work);
+        together::forget(self, job.work);
+        let prefix = format!("job-{}/", job.work);
+        self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix));
+        self.uplink.notices().remove(&job_name(number)).map_err(Error::Blob)?;
+        self.uplink.notices().remove(&lead_name(number)).map_err(Error::Blob)?;
+        self.forget_society(number);
+        Ok(())
     }
 
     /// The pieces that jobs need which are not over; `None`: it is not known.

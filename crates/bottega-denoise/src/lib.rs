@@ -12,48 +12,23 @@
 //! | where the library is found | `src/find.rs` |
 //! | its C interface | `src/library.rs` |
 //! | how bright a picture is as a whole | `src/exposure.rs` |
+//! | why a picture is not denoised | `src/error.rs` |
 
+mod error;
 mod exposure;
 mod find;
 mod library;
 
-use std::{ops::ControlFlow, path::PathBuf};
+use std::ops::ControlFlow;
 
-use bottega_image::{Aov, Film, LayersError, Picture};
+use bottega_image::{Aov, Film, Picture};
 
+pub use error::DenoiseError;
 pub use find::{VARIABLE, install_hint};
 use library::{Images, Library};
 
 /// The layer that keeps the color as it was.
 pub const NOISY: &str = "noisy";
-
-/// Why a picture is not denoised.
-#[derive(Debug, thiserror::Error)]
-pub enum DenoiseError {
-    /// There is no library.
-    #[error("Open Image Denoise is not installed here ({tried})")]
-    NotFound {
-        /// What was tried.
-        tried: String,
-    },
-    /// What was found is not the library.
-    #[error("`{}` is no Open Image Denoise of version 1.4 or newer: {problem}", .path.display())]
-    Unfit {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        problem: String,
-    },
-    /// The library says why.
-    #[error("Open Image Denoise says: {0}")]
-    Failed(String),
-    /// Whoever asked does not want it any more.
-    #[error("nobody wants it any more")]
-    Cancelled,
-    /// The picture has no room for the color as it was.
-    #[error("the noisy color cannot be kept")]
-    Layers(#[from] LayersError),
-}
 
 /// A denoiser, ready for pictures.
 #[derive(Debug)]

@@ -26,6 +26,7 @@
 //! | comparing what untrusted agents paint; by its look | `src/master/verify.rs`, `src/master/likeness.rs` |
 //! | a goal of error or time | `src/cells.rs`, `src/goals.rs`, `src/master/plan.rs`; rules: `rules/goals.fcl` |
 //! | the Render Agent; its V_cp | `src/render_agent.rs`, `src/adaptation.rs` |
+//! | a Render Agent whose painter is an agent of another platform | `src/visitor.rs` |
 //! | quality of a zone, by rules | `src/expert.rs`, `rules/path-tracing.fcl`; other engines: `rules/NAME.fcl`, which their manifests name |
 //! | what outputs of rules mean | `src/technique.rs` |
 //! | which of two engines suits a zone | `src/engine_choice.rs`, `rules/engine-choice.fcl` |
@@ -62,6 +63,7 @@ mod shared_work;
 mod short_map;
 pub mod simulate;
 mod technique;
+mod visitor;
 mod vocabulary;
 mod wire;
 mod work_keys;
@@ -97,6 +99,7 @@ pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, ErrorUse, Goal, Optimization, UnknownOptimization, WorkSettings};
 pub use shared_work::{NextPart, SharedPart, next_part};
 pub use technique::{OutputMeaning, PAPER_RULES, PAPER_RULES_NAME, Technique};
+pub use visitor::{Visitor, VisitorConfig, VisitorEffect, VisitorReport};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult, STEP_MAX};
 pub use wire::{FarmCodec, WireError, digest};
 pub use work_keys::{WorkKeys, compare_and_set};

@@ -59,6 +59,15 @@ pub struct Timing {
     pub lease: Duration,
 }
 
+impl Timing {
+    /// Machines go without a word, processes hardly.
+    pub const AMONG_MACHINES: Self = Self {
+        bids: Duration::from_millis(500),
+        heartbeat: Duration::from_millis(500),
+        lease: Duration::from_millis(2500),
+    };
+}
+
 impl Default for Timing {
     fn default() -> Self {
         Self { bids: Duration::from_millis(500), heartbeat: Duration::from_secs(1), lease: Duration::from_secs(5) }

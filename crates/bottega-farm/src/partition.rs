@@ -4,6 +4,7 @@
 //! similar complexity; balancing, "to obtain tasks that all require roughly the same rendering time".
 
 mod balance;
+mod cut;
 mod index;
 mod join;
 mod ratio;
@@ -11,9 +12,9 @@ mod settings;
 
 use bottega_image::{Rect, Sides};
 
+use self::cut::{cut_x, cut_y};
 pub(crate) use self::index::{ZoneIndex, nearest_multiple};
 pub use self::settings::{Balance, Level, PartitionSettings, UnknownLevel, ZoneLimits};
-
 use crate::{ImportanceMap, ZoneId};
 
 /// A frame cut into zones: rectangles that cover each of its pixels exactly once, ordered by upper left corner, row
@@ -183,14 +184,6 @@ fn divide(map: &ImportanceMap, frame: Rect, side_min: u32, complexity_max: f64) 
         }
     }
     zones
-}
-
-fn cut_x(zone: Rect, x: u32) -> [Rect; 2] {
-    [Rect { x1: x, ..zone }, Rect { x0: x, ..zone }]
-}
-
-fn cut_y(zone: Rect, y: u32) -> [Rect; 2] {
-    [Rect { y1: y, ..zone }, Rect { y0: y, ..zone }]
 }
 
 #[cfg(test)]

@@ -192,7 +192,8 @@ impl RenderAgent {
         }
     }
 
-    fn room(&self) -> u32 {
+    /// Zones that it has room for.
+    pub(crate) fn room(&self) -> u32 {
         if self.suspended || self.adaptation.is_none() {
             return 0;
         }

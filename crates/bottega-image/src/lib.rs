@@ -24,7 +24,7 @@
 //! | RMSE, relMSE, FLIP, tests of noisy pictures, seams | `src/metrics.rs`, `src/metrics/` |
 //! | whether two noisy zones look alike | `src/likeness.rs` |
 //! | pictures while they are painted | `src/preview.rs` |
-//! | false colours, pictures for people | `src/color_map.rs`, `src/canvas.rs` |
+//! | false colours, pictures and drawings for people | `src/color_map.rs`, `src/canvas.rs`, `src/svg.rs` |
 
 mod aov;
 mod canvas;
@@ -50,6 +50,7 @@ mod radiance_read;
 mod read;
 mod rect;
 mod source;
+mod svg;
 mod tile;
 mod tone;
 mod whole;
@@ -77,6 +78,7 @@ pub use preview::Preview;
 pub use read::{read_channels, read_image, read_image_bytes, read_picture};
 pub use rect::{Rect, Sides};
 pub use source::ImageFile;
+pub use svg::{Svg, svg_text};
 pub use tile::{SampleValues, Tile};
 pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};
 pub use whole::{WholeHeader, WholePicture, is_float_picture, read_whole};

@@ -14,23 +14,27 @@ impl SplitMix64 {
     }
 
     /// The next 64 bits.
+    #[inline(always)]
     pub const fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(GOLDEN);
         mix64(self.0)
     }
 
     /// The next number in [0, 1), a multiple of 2⁻⁵³.
+    #[inline(always)]
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// The next number in [0, 1), a multiple of 2⁻²⁴.
+    #[inline(always)]
     pub fn unit_f32(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1_u32 << 24) as f32
     }
 }
 
 /// A bijection of 64 bits that mixes well: the finalizer of SplitMix64.
+#[inline(always)]
 pub const fn mix64(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -8,7 +8,10 @@
 
 use std::{hint::black_box, num::NonZeroUsize, time::Instant};
 
-use bottega_kernels::compiled::{self, Task};
+use bottega_kernels::{
+    SplitMix64,
+    compiled::{self, Task},
+};
 use bottega_render::photon::{Nearest, Photon, PhotonMap};
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, dist::SquaredEuclidean};
@@ -18,16 +21,12 @@ const QUERIES: u32 = 100_000;
 const NEAREST: usize = 50;
 const ROUNDS: usize = 5;
 
-/// SplitMix64, in [0, 1).
-struct Numbers(u64);
+/// Numbers in [0, 1).
+struct Numbers(SplitMix64);
 
 impl Numbers {
     fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ (x >> 31)) >> 40) as f32 / (1_u64 << 24) as f32
+        self.0.unit_f32()
     }
 
     /// On a wall of the room.
@@ -61,7 +60,7 @@ impl Task for Ours<'_> {
 }
 
 fn main() {
-    let mut numbers = Numbers(1);
+    let mut numbers = Numbers(SplitMix64::new(1));
     let photons: Vec<Photon> =
         (0..PHOTONS).map(|_| Photon::new(numbers.on_wall(), Vec3::Y, Vec3::Y, Vec3::ONE)).collect();
     let questions: Vec<Vec3> = (0..QUERIES).map(|_| numbers.on_wall()).collect();

@@ -9,6 +9,8 @@
 
 mod sobol;
 
+use bottega_kernels::mix64;
+
 /// The four uniform numbers of one dimension set, each in [0, 1).
 pub type Quad = [f32; 4];
 
@@ -60,14 +62,14 @@ impl PixelSampler {
     #[inline(always)]
     pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
         let pixel = u64::from(x) | u64::from(y) << 32;
-        Self { pixel_key: mix(mixed_seed(seed) ^ pixel), sample_index, reversed_index: sample_index.reverse_bits() }
+        Self { pixel_key: mix64(mixed_seed(seed) ^ pixel), sample_index, reversed_index: sample_index.reverse_bits() }
     }
 
     /// The numbers of branch `branch` of a path that goes on as several from its vertex `vertex`.
     #[inline(always)]
     pub(crate) fn branch(&self, vertex: u32, branch: u32) -> Self {
         let key = u64::from(vertex) << 32 | u64::from(branch);
-        Self { pixel_key: mix(self.pixel_key ^ mix(key ^ BRANCH)), ..*self }
+        Self { pixel_key: mix64(self.pixel_key ^ mix64(key ^ BRANCH)), ..*self }
     }
 
     /// The four numbers of a dimension set.
@@ -111,7 +113,7 @@ impl PixelSampler {
     /// half-transparent surface is there.
     #[inline(always)]
     pub fn hashed(&self, key: u64) -> f32 {
-        let bits = mix(mix(self.pixel_key ^ key) ^ u64::from(self.sample_index));
+        let bits = mix64(mix64(self.pixel_key ^ key) ^ u64::from(self.sample_index));
         unit_interval((bits >> 32) as u32)
     }
 
@@ -124,7 +126,7 @@ impl PixelSampler {
     /// The point of the shuffled sequence of a set with its bits reversed, and what its scrambling is made from.
     #[inline(always)]
     fn point(&self, set: DimensionSet, reversed_index: u32) -> ([u32; 4], u64) {
-        let key = mix(self.pixel_key.wrapping_add(u64::from(set.0).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+        let key = mix64(self.pixel_key.wrapping_add(u64::from(set.0).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
         // Shuffle the order of the points, differently for each set, or sets would be correlated.
         let shuffled = owen_scramble_reversed(reversed_index, (key >> 32) as u32);
         (sobol::reversed_point(shuffled), key)
@@ -133,7 +135,7 @@ impl PixelSampler {
 
 /// What all pixels have of a seed.
 pub fn mixed_seed(seed: u64) -> u64 {
-    mix(seed)
+    mix64(seed)
 }
 
 /// What the points of the sequence are joined from; see [`crate::flat::sobol_table`].
@@ -160,14 +162,6 @@ fn scrambled<const N: usize>(reversed: [u32; N], keys: [u64; N], dimensions: [u3
 fn unit_interval(bits: u32) -> f32 {
     // By way of a signed number, which any vector unit converts.
     (bits >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0)
-}
-
-/// A bijection of 64 bits that mixes well (the finalizer of SplitMix64, Steele et al. 2014).
-#[inline(always)]
-pub(crate) fn mix(mut x: u64) -> u64 {
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 /// Owen scrambling of a number whose bits are reversed: a bit is flipped depending on those below it only.

@@ -1,6 +1,6 @@
 //! Error over time and over memory, both in logarithms.
 
-use std::fmt::Write;
+use bottega_image::Svg;
 
 use super::{report::AlaReport, ways::MethodResult};
 
@@ -17,10 +17,7 @@ type Points = Vec<[f64; 2]>;
 pub(super) fn svg(report: &AlaReport) -> String {
     let rows = report.all().count();
     let (width, height) = (2.0 * SIDE + 3.0 * MARGIN, SIDE + 2.4 * MARGIN + 18.0 * rows.div_ceil(2) as f64);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
-         font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
-    );
+    let mut svg = Svg::new(width, height, 12);
     let over_time = |result: &MethodResult| -> Points {
         result.marks.iter().map(|mark| [result.casting + mark.seconds, mark.error]).collect()
     };
@@ -33,14 +30,13 @@ pub(super) fn svg(report: &AlaReport) -> String {
     for (number, result) in report.all().enumerate() {
         let (x, y) = (MARGIN + 400.0 * (number % 2) as f64, MARGIN + SIDE + 48.0 + 18.0 * (number / 2) as f64);
         let color = COLORS[number % COLORS.len()];
-        // A string can always be written to.
-        let _ = writeln!(svg, "<path d=\"M{x:.1} {y:.1}h24\" stroke=\"{color}\" stroke-width=\"3\"/>");
-        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{:.1}\">{}</text>", x + 30.0, y + 4.0, result.way.name);
+        svg.put(format_args!("<path d=\"M{x:.1} {y:.1}h24\" stroke=\"{color}\" stroke-width=\"3\"/>"));
+        svg.text([x + 30.0, y + 4.0], "", &result.way.name);
     }
-    svg + "</svg>\n"
+    svg.finish()
 }
 
-fn chart(svg: &mut String, left: f64, title: &str, report: &AlaReport, points: impl Fn(&MethodResult) -> Points) {
+fn chart(svg: &mut Svg, left: f64, title: &str, report: &AlaReport, points: impl Fn(&MethodResult) -> Points) {
     let lines: Vec<Points> = report
         .all()
         .map(|result| points(result).into_iter().map(|point| point.map(|value| value.max(1e-9).log10())).collect())
@@ -53,33 +49,30 @@ fn chart(svg: &mut String, left: f64, title: &str, report: &AlaReport, points: i
     let bounds = [bound(0), bound(1)];
     let share = |axis: usize, value: f64| (value - bounds[axis][0]) / (bounds[axis][1] - bounds[axis][0]);
     let (x, y) = (|value: f64| left + SIDE * share(0, value), |value: f64| MARGIN + SIDE * (1.0 - share(1, value)));
-    let mut put = |text: String| {
-        // A string can always be written to.
-        let _ = writeln!(svg, "{text}");
-    };
-    put(format!("<text x=\"{left}\" y=\"{:.1}\" font-size=\"13\">{title}</text>", MARGIN - 16.0));
-    put(format!(
+    svg.text([left, MARGIN - 16.0], "font-size=\"13\"", title);
+    svg.put(format_args!(
         "<rect x=\"{left}\" y=\"{MARGIN}\" width=\"{SIDE}\" height=\"{SIDE}\" fill=\"none\" stroke=\"#999\"/>"
     ));
     for (axis, [low, high]) in bounds.into_iter().enumerate() {
         for tick in ticks(low, high) {
             let (at, label) = (tick.log10(), label(tick));
             if axis == 0 {
-                put(format!("<path d=\"M{:.1} {MARGIN}v{SIDE}\" stroke=\"#eee\"/>", x(at)));
-                let below = MARGIN + SIDE + 16.0;
-                put(format!("<text x=\"{:.1}\" y=\"{below:.1}\" text-anchor=\"middle\">{label}</text>", x(at)));
+                svg.put(format_args!("<path d=\"M{:.1} {MARGIN}v{SIDE}\" stroke=\"#eee\"/>", x(at)));
+                svg.text([x(at), MARGIN + SIDE + 16.0], "text-anchor=\"middle\"", label);
             } else {
-                put(format!("<path d=\"M{left} {:.1}h{SIDE}\" stroke=\"#eee\"/>", y(at)));
-                let before = left - 6.0;
-                put(format!("<text x=\"{before:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>", y(at) + 4.0));
+                svg.put(format_args!("<path d=\"M{left} {:.1}h{SIDE}\" stroke=\"#eee\"/>", y(at)));
+                svg.text([left - 6.0, y(at) + 4.0], "text-anchor=\"end\"", label);
             }
         }
     }
     for (line, color) in lines.iter().zip(COLORS.iter().cycle()) {
         let at: Vec<String> = line.iter().map(|&[a, b]| format!("{:.1},{:.1}", x(a), y(b))).collect();
-        put(format!("<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>", at.join(" ")));
+        svg.put(format_args!(
+            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>",
+            at.join(" ")
+        ));
         for &[a, b] in line {
-            put(format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{color}\"/>", x(a), y(b)));
+            svg.put(format_args!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{color}\"/>", x(a), y(b)));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Both tables as curves beside the paper's: how many times faster than one agent, and than no optimization.
 
-use std::fmt::Write;
+use bottega_image::Svg;
 
 use super::{
     paper::{self, AGENTS},
@@ -21,17 +21,14 @@ struct Curve {
 
 pub(super) fn svg(report: &MagarroReport) -> String {
     let (width, height) = (2.0 * SIDE + 3.5 * MARGIN, SIDE + 3.4 * MARGIN);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
-         font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
-    );
+    let mut svg = Svg::new(width, height, 12);
     let agents = AGENTS.map(|agents| agents.to_string());
     chart(&mut svg, MARGIN, "times faster than 1 agent (replayed), by agents", &agents, &by_agents(report), 8.0);
     let levels = ["off", "vs", "s", "n", "b", "vb"].map(str::to_owned);
     let curves = by_optimization(report);
     let most = curves.iter().flat_map(|curve| curve.values.iter().copied()).fold(2.0, f64::max).ceil();
     chart(&mut svg, 2.0 * MARGIN + SIDE + 20.0, "times faster than off, 1 agent (measured)", &levels, &curves, most);
-    svg + "</svg>\n"
+    svg.finish()
 }
 
 fn by_agents(report: &MagarroReport) -> Vec<Curve> {
@@ -70,32 +67,28 @@ fn by_optimization(report: &MagarroReport) -> Vec<Curve> {
     ]
 }
 
-fn chart(svg: &mut String, left: f64, title: &str, ticks: &[String], curves: &[Curve], most: f64) {
+fn chart(svg: &mut Svg, left: f64, title: &str, ticks: &[String], curves: &[Curve], most: f64) {
     let (top, bottom) = (MARGIN, MARGIN + SIDE);
     let x = |index: usize| left + SIDE * index as f64 / (ticks.len() - 1).max(1) as f64;
     let y = |value: f64| bottom - SIDE * value / most;
-    let mut line = |text: String| {
-        // A string can always be written to.
-        let _ = writeln!(svg, "{text}");
-    };
-    line(format!("<text x=\"{left}\" y=\"{:.1}\">{title}</text>", top - 16.0));
+    svg.text([left, top - 16.0], "", title);
     for value in 0..=most as u32 {
         let at = y(f64::from(value));
-        line(format!("<path d=\"M{left} {at:.1}H{:.1}\" stroke=\"#ddd\"/>", left + SIDE));
-        line(format!("<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{value}</text>", left - 6.0, at + 4.0));
+        svg.put(format_args!("<path d=\"M{left} {at:.1}H{:.1}\" stroke=\"#ddd\"/>", left + SIDE));
+        svg.text([left - 6.0, at + 4.0], "text-anchor=\"end\"", value);
     }
     for (index, tick) in ticks.iter().enumerate() {
-        line(format!("<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick}</text>", x(index), bottom + 16.0));
+        svg.text([x(index), bottom + 16.0], "text-anchor=\"middle\"", tick);
     }
     for (number, curve) in curves.iter().enumerate() {
         let points: Vec<String> =
             curve.values.iter().enumerate().map(|(index, value)| format!("{:.1},{:.1}", x(index), y(*value))).collect();
         let dash = if curve.dashed { " stroke-dasharray=\"5 4\"" } else { "" };
         let style = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"2\"{dash}", curve.color);
-        line(format!("<polyline points=\"{}\" {style}/>", points.join(" ")));
+        svg.put(format_args!("<polyline points=\"{}\" {style}/>", points.join(" ")));
         let (column, row) = (number % 2, number / 2);
         let (kx, ky) = (left + 165.0 * column as f64, bottom + 36.0 + 18.0 * row as f64);
-        line(format!("<path d=\"M{kx:.1} {ky:.1}h24\" {style}/>"));
-        line(format!("<text x=\"{:.1}\" y=\"{:.1}\">{}</text>", kx + 30.0, ky + 4.0, curve.name));
+        svg.put(format_args!("<path d=\"M{kx:.1} {ky:.1}h24\" {style}/>"));
+        svg.text([kx + 30.0, ky + 4.0], "", &curve.name);
     }
 }

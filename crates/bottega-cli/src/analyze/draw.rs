@@ -5,7 +5,7 @@ use std::path::Path;
 use bottega_farm::{Analysis, Channel};
 use bottega_image::{Canvas, ColorMap, Picture, Rect, ToneMap};
 
-use super::Analyzed;
+use super::subject::AnalyzedScene;
 use crate::error::CliError;
 
 /// The longer side of the pictures, at least; small maps are enlarged to it.
@@ -21,7 +21,7 @@ const CLIPPED: f64 = 0.005;
 /// - `chosen`: that of which the zones' costs are shown.
 pub(super) fn all(
     drawn: &mut Drawn<'_>,
-    subject: &Analyzed,
+    subject: &AnalyzedScene,
     levels: &[Analysis],
     chosen: &Analysis,
 ) -> Result<(), CliError> {

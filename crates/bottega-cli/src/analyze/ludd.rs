@@ -2,14 +2,14 @@
 
 use std::{fmt::Write, fs};
 
-use bottega_image::{Canvas, ColorMap};
+use bottega_image::{Canvas, ColorMap, Svg};
 use bottega_render::{
     AgentSettings, Oracle, PathSettings, PhotonSettings,
     ala::{Criterion, Density, Ludd, SampleSet, Samples},
 };
 use serde_json::{Value, json};
 
-use super::{Analyzed, draw::Drawn};
+use super::{draw::Drawn, subject::AnalyzedScene};
 use crate::{cli::AnalyzeArgs, error::CliError};
 
 /// The sets that are compared, with names for files and for people.
@@ -35,7 +35,7 @@ struct Found {
 }
 
 /// Draws a map of δ for each set, and their histogram. Adds the files, and returns what is to be told.
-pub(super) fn all(args: &AnalyzeArgs, subject: &Analyzed, drawn: &mut Drawn<'_>) -> Result<Value, CliError> {
+pub(super) fn all(args: &AnalyzeArgs, subject: &AnalyzedScene, drawn: &mut Drawn<'_>) -> Result<Value, CliError> {
     let found: Vec<Found> = SETS
         .iter()
         .map(|&(set, name, label)| Ok(Found { name, label, ludd: sampled(args, subject, set)? }))
@@ -63,7 +63,7 @@ pub(super) fn all(args: &AnalyzeArgs, subject: &Analyzed, drawn: &mut Drawn<'_>)
     }))
 }
 
-fn sampled(args: &AnalyzeArgs, subject: &Analyzed, set: SampleSet) -> Result<Ludd, CliError> {
+fn sampled(args: &AnalyzeArgs, subject: &AnalyzedScene, set: SampleSet) -> Result<Ludd, CliError> {
     let agents = AgentSettings { cast: args.lighting_agents, oracle: Oracle::Paper, ..AgentSettings::default() };
     let bounces = subject.settings.tunables.max_depth;
     let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
@@ -122,41 +122,31 @@ fn histogram(found: &[Found], criteria: &str, white: f32) -> String {
     let bars: Vec<[f64; BARS]> = found.iter().map(|it| bars(&sorted(&it.ludd.pixels, Density::all), white)).collect();
     let top = bars.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
     let [width, height] = SIZE;
-    // Writing into a string cannot fail.
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" font-family=\"sans-serif\" font-size=\"11\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-         <text x=\"{MARGIN}\" y=\"24\" font-size=\"13\">Useful data density: {criteria}</text>\n\
-         <rect x=\"{MARGIN}\" y=\"{MARGIN}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#999\"/>\n",
-        w = width + 2.0 * MARGIN,
-        h = height + 2.0 * MARGIN,
-    );
+    let mut svg = Svg::new(width + 2.0 * MARGIN, height + 2.0 * MARGIN, 11);
+    svg.text([MARGIN, 24.0], "font-size=\"13\"", format_args!("Useful data density: {criteria}"));
+    svg.put(format_args!(
+        "<rect x=\"{MARGIN}\" y=\"{MARGIN}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#999\"/>"
+    ));
     let x = |value: f64| MARGIN + value / f64::from(white) * width;
     for step in 0..=5 {
         let value = f64::from(white) * f64::from(step) / 5.0;
-        let y = MARGIN + height + 16.0;
-        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{y}\" text-anchor=\"middle\">{value:.2}</text>", x(value));
+        svg.text([x(value), MARGIN + height + 16.0], "text-anchor=\"middle\"", format_args!("{value:.2}"));
     }
-    let _ = writeln!(svg, "<text x=\"8\" y=\"{}\">{:.0} %</text>", MARGIN + 4.0, 100.0 * top);
+    svg.text([8.0, MARGIN + 4.0], "", format_args!("{:.0} %", 100.0 * top));
     for (i, ((it, bars), color)) in found.iter().zip(&bars).zip(COLORS).enumerate() {
         let mut path = String::new();
         for (bar, share) in bars.iter().enumerate() {
             let (left, right) = (bar as f64 / BARS as f64 * width, (bar + 1) as f64 / BARS as f64 * width);
             let y = MARGIN + height * (1.0 - share / top);
-            let _ = write!(path, "{:.1},{y:.1} {:.1},{y:.1} ", MARGIN + left, MARGIN + right);
+            // A string can always be written to.
+            _ = write!(path, "{:.1},{y:.1} {:.1},{y:.1} ", MARGIN + left, MARGIN + right);
         }
-        let _ = write!(
-            svg,
-            "<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>\n\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"{color}\">{} ({})</text>\n",
-            MARGIN + width - 8.0,
-            MARGIN + 18.0 + 16.0 * i as f64,
-            it.label,
-            it.ludd.sample_count,
-        );
+        svg.put(format_args!("<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>"));
+        let place = [MARGIN + width - 8.0, MARGIN + 18.0 + 16.0 * i as f64];
+        let attributes = format!("text-anchor=\"end\" fill=\"{color}\"");
+        svg.text(place, &attributes, format_args!("{} ({})", it.label, it.ludd.sample_count));
     }
-    svg.push_str("</svg>\n");
-    svg
+    svg.finish()
 }
 
 /// Shares of the values in equal steps from 0 to `white`; the last one has those beyond.

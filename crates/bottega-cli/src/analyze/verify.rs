@@ -1,15 +1,14 @@
 //! How well the time of zones is predicted.
 
-use std::{fs, ops::Range, sync::mpsc};
+use std::{ops::Range, sync::mpsc};
 
-use bottega::text::shown;
 use bottega_bench::clock::processor_seconds;
 use bottega_engines::{CancelSwitch, EngineError, Leaning, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask};
 use bottega_farm::{Choice, Goal, ImportanceFunction, Level, Prediction};
 use bottega_image::{Rect, Tile};
 use serde_json::{Value, json};
 
-use super::{Analyzed, LEVELS, plot};
+use super::subject::{AnalyzedScene, LEVELS};
 use crate::{cli::AnalyzeArgs, error::CliError};
 
 /// A zone, what was predicted for it, and what it took.
@@ -55,7 +54,7 @@ impl Zone {
 
 /// The zones of one level by one function, all painted.
 pub(super) struct Verified {
-    function: ImportanceFunction,
+    pub(super) function: ImportanceFunction,
     pub(super) level: u8,
     pub(super) zones: Vec<Zone>,
     /// What the survey saw in each, per path.
@@ -123,19 +122,18 @@ impl Verified {
     }
 }
 
-/// Verifies the function asked for, and the paper's beside it, on the levels asked for; draws a diagram of each function.
+/// Verifies the function asked for, and the paper's beside it, on the levels asked for.
 pub(super) fn run(
     args: &AnalyzeArgs,
-    subject: &Analyzed,
+    subject: &AnalyzedScene,
     function: ImportanceFunction,
 ) -> Result<Vec<Verified>, CliError> {
     // What is learnt of the scene before the first sample belongs to no zone.
     let corner = subject.frame().blocks(16).next().unwrap_or_default();
     paint(subject, corner, 0..1, None)?;
     let mut verified = Vec::new();
-    let mut functions = vec![function];
-    functions.extend((function != ImportanceFunction::Paper).then_some(ImportanceFunction::Paper));
-    for &function in &functions {
+    let beside = (function != ImportanceFunction::Paper).then_some(ImportanceFunction::Paper);
+    for function in [function].into_iter().chain(beside) {
         for (level, number) in LEVELS.into_iter().zip(1..).filter(|(_, number)| args.verify.contains(number)) {
             if !args.scene.json {
                 eprintln!("measuring {function}, level {number}");
@@ -143,18 +141,12 @@ pub(super) fn run(
             verified.push(measure(args, subject, function, (level, number))?);
         }
     }
-    for function in functions {
-        let levels: Vec<&Verified> = verified.iter().filter(|verified| verified.function == function).collect();
-        let title = format!("{}: {function}", shown(&args.scene_file));
-        let path = args.output.join(format!("verify-{function}.svg"));
-        fs::write(&path, plot::scatter(&title, &levels)).map_err(|source| CliError::write(path, source))?;
-    }
     Ok(verified)
 }
 
 fn measure(
     args: &AnalyzeArgs,
-    subject: &Analyzed,
+    subject: &AnalyzedScene,
     function: ImportanceFunction,
     (level, number): (Level, u8),
 ) -> Result<Verified, CliError> {
@@ -184,7 +176,12 @@ fn measure(
 }
 
 /// Paints some samples of a rectangle, alone on the engine. Returns the seconds of processors that it took.
-fn paint(subject: &Analyzed, rect: Rect, samples: Range<u32>, tile: Option<Tile>) -> Result<(Tile, f64), CliError> {
+fn paint(
+    subject: &AnalyzedScene,
+    rect: Rect,
+    samples: Range<u32>,
+    tile: Option<Tile>,
+) -> Result<(Tile, f64), CliError> {
     let (sender, receiver) = mpsc::channel();
     let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
     let task = ZoneTask {
@@ -207,7 +204,7 @@ fn paint(subject: &Analyzed, rect: Rect, samples: Range<u32>, tile: Option<Tile>
 }
 
 /// Means over the cells of the survey whose centers lie in a zone.
-fn seen_in(subject: &Analyzed, rect: Rect) -> SurveyPixel {
+fn seen_in(subject: &AnalyzedScene, rect: Rect) -> SurveyPixel {
     let survey = &subject.survey;
     let frame = subject.frame();
     let (mut sum, mut count) = (SurveyPixel::default(), 0.0_f32);

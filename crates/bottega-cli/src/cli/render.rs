@@ -155,6 +155,10 @@ pub(crate) struct RenderArgs {
     /// fewer machines.
     #[arg(long, value_name = "K", requires = "farm", value_parser = clap::value_parser!(u32).range(1..=i64::from(bottega_farm::VERIFY_MAX)), help_heading = "Work")]
     verify: Option<u32>,
+    /// Let agents of other platforms paint zones, by FIPA and with engines of their own: the picture then depends on who
+    /// painted it. With --verify 2 what each paints is compared with what another one does.
+    #[arg(long, requires = "farm", help_heading = "Work")]
+    strangers: bool,
     #[command(flatten)]
     pub(crate) login: LoginArgs,
     /// Go on with a picture that was interrupted; of an animation, paint the frames that are not there yet, and go on with one
@@ -266,6 +270,7 @@ impl RenderArgs {
         request.devices.exact |= self.exact;
         change(&mut request.farm.priority, self.priority);
         set(&mut request.farm.verify, self.verify);
+        request.farm.strangers |= self.strangers;
     }
 
     fn apply_output(&self, request: &mut Request) {

@@ -184,6 +184,7 @@ fn work(words: &mut OptionWords, request: &Request, usual: &Request) -> Result<(
         words.0.push("--farm".to_owned());
         words.changed("--priority", &farm.priority, &usual.farm.priority);
         words.option("--verify", farm.verify);
+        words.switch("--strangers", farm.strangers);
     }
     Ok(())
 }

@@ -3,11 +3,19 @@
 use std::{net::SocketAddr, path::PathBuf, process::ExitCode};
 
 use bottega::StopSwitch;
-use bottega_cluster::up::{Invitation, LocalFarm, UpOptions};
+use bottega_agents::{AgentId, gateway::FirstForms};
+use bottega_cluster::{
+    platform::{self, FarmPlatform, PlatformOptions},
+    up::{Host, Invitation, LocalFarm, UpOptions},
+};
 use clap::{Args, ValueHint};
 
 use super::args::parse_gigabytes;
-use crate::{error::CliError, signals::stop_on_signal};
+use crate::{
+    error::CliError,
+    platform::{parse_agent, passed::line},
+    signals::stop_on_signal,
+};
 
 /// Start a farm on this machine: others join it by the line that this prints.
 #[derive(Debug, Args)]
@@ -32,6 +40,14 @@ pub(crate) struct UpArgs {
     /// The program of the NATS server; default: `nats-server`, where systems put it.
     #[arg(long, value_name = "PROGRAM", value_hint = ValueHint::ExecutablePath)]
     server: Option<PathBuf>,
+    /// Where its FIPA platform listens: agents of other platforms such as JADE find the farm, its jobs and its machines there,
+    /// and may take part. [default: 127.0.0.1:7779, or any free port]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    fipa: Option<SocketAddr>,
+    /// An agent of another platform that may steer the farm by FIPA: NAME@PLATFORM. May be given several times. Nothing proves
+    /// that it is the one who speaks.
+    #[arg(long, value_name = "AGENT", value_parser = parse_agent)]
+    trust: Vec<String>,
     /// Do not tell the local network where the farm is (mDNS): those who join must name this machine.
     #[arg(long)]
     hidden: bool,
@@ -51,7 +67,9 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
             stop_on_signal(&stop)?;
             println!("the farm is up (NATS {}). {}", host.server_version(), host.room_said());
             tell(&host.invitation);
-            host.keep_up(&stop)?;
+            let platform = args.platform(&host)?;
+            println!("It is a FIPA platform at {}: see `bottega platform agents`.", platform.node().address());
+            host.keep_up(&stop, || platform.stop())?;
         }
         LocalFarm::Elsewhere { process, listen, invitation } => {
             println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
@@ -59,6 +77,23 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+impl UpArgs {
+    /// The farm as a platform.
+    fn platform(&self, host: &Host) -> Result<FarmPlatform, CliError> {
+        let options = PlatformOptions {
+            name: platform::NAME.to_owned(),
+            listen: self.fipa,
+            public: None,
+            federates: Vec::new(),
+            lease_max: None,
+            trusted: self.trust.iter().map(|name| AgentId::new(name.as_str())).collect(),
+            trace_line: line,
+            first_forms: FirstForms::default(),
+        };
+        Ok(FarmPlatform::serve(host.board().clone(), &options)?)
+    }
 }
 
 fn tell(Invitation { trusted, guest }: &Invitation) {

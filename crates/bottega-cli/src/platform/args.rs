@@ -44,9 +44,9 @@ pub(crate) struct ServeArgs {
     /// The name of the platform: what stands behind @ in the names of its agents.
     #[arg(long, value_name = "NAME", default_value = "bottega")]
     pub(crate) name: String,
-    /// Where to listen.
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7779")]
-    pub(crate) listen: SocketAddr,
+    /// Where to listen. [default: 127.0.0.1:7779]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub(crate) listen: Option<SocketAddr>,
     /// What others shall connect to, where that is not where it listens.
     #[arg(long, value_name = "HOST:PORT", value_parser = parse_public)]
     pub(crate) public: Option<String>,
@@ -61,9 +61,9 @@ pub(crate) struct ServeArgs {
     /// The longest time for which the DF keeps what is not renewed, such as 1h. Default: for ever.
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub(crate) lease_max: Option<Duration>,
-    /// Show a farm to other platforms, and let them talk to it: each of its machines is an agent, its jobs are one. The
-    /// farm that `bottega up` runs on this machine, or the one named. Of several processes of one platform, one.
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true)]
+    /// Serve the platform of a farm, whose pages the farm keeps: that of `bottega up` on this machine, or the one named. `up`
+    /// serves it too; a platform of another --name has pages and agents of its own.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, conflicts_with = "state")]
     pub(crate) farm: Option<Option<FarmAddress>>,
     #[command(flatten)]
     pub(crate) login: LoginArgs,
@@ -152,7 +152,7 @@ fn parse_first_form(text: &str) -> Result<FirstForm, String> {
     }
 }
 
-fn parse_agent(text: &str) -> Result<String, String> {
+pub(crate) fn parse_agent(text: &str) -> Result<String, String> {
     match text.split_once('@') {
         Some((local, platform)) if !local.is_empty() && !platform.is_empty() => Ok(text.to_owned()),
         _ => Err("the name of an agent, such as boss@jade, is needed".to_owned()),

@@ -17,7 +17,7 @@ use serde_json::json;
 
 use super::{
     args::{AskArgs, ServicesArgs},
-    trace,
+    passed,
 };
 use crate::error::CliError;
 
@@ -116,7 +116,7 @@ fn ask(args: &AskArgs, service: &str, function: Function) -> Result<Outcome, Cli
         administrators: Vec::new(),
         trusted: Vec::new(),
         permanent: Vec::new(),
-        trace_line: trace::line,
+        trace_line: passed::line,
         first_forms: FirstForms { default: args.first_representation, ..FirstForms::default() },
     })
     .map_err(CliError::Node)?;

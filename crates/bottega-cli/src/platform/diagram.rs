@@ -1,8 +1,8 @@
 //! Messages as a sequence diagram: a line of time for each agent, an arrow for each message.
 
-use std::fmt::Write;
+use bottega_image::{Svg, svg_text};
 
-use super::trace::Passed;
+use super::passed::Passed;
 
 /// Sizes in pixels.
 const LEFT: f64 = 110.0;
@@ -49,36 +49,28 @@ pub(super) fn svg(messages: &[Passed]) -> String {
     }
     let width = LEFT + LANE_WIDTH * agents.len().max(1) as f64;
     let height = TOP + ROW_HEIGHT * (messages.len() + 1) as f64;
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-         height=\"{height}\" font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" \
-         fill=\"white\"/>\n"
-    );
+    let mut svg = Svg::new(width, height, 11);
     let x_of = |agent: &str| {
         let lane = agents.iter().position(|other| *other == agent).unwrap_or(0);
         LEFT + LANE_WIDTH * (lane as f64 + 0.5)
     };
     for agent in &agents {
         let x = x_of(agent);
-        // A string can always be written to.
-        _ = writeln!(
-            svg,
-            "<text x=\"{x:.0}\" y=\"{:.0}\" text-anchor=\"middle\" font-weight=\"bold\">{}</text>\n<line x1=\"{x:.0}\" \
-             y1=\"{:.0}\" x2=\"{x:.0}\" y2=\"{height:.0}\" stroke=\"#bbb\" stroke-dasharray=\"3 3\"/>",
-            TOP - 22.0,
-            escape(&cut(agent, NAME_MAX)),
+        svg.text([x, TOP - 22.0], "text-anchor=\"middle\" font-weight=\"bold\"", cut(agent, NAME_MAX));
+        svg.put(format_args!(
+            "<line x1=\"{x:.0}\" y1=\"{:.0}\" x2=\"{x:.0}\" y2=\"{height:.0}\" stroke=\"#bbb\" stroke-dasharray=\"3 3\"/>",
             TOP - 14.0
-        );
+        ));
     }
     for (index, message) in messages.iter().enumerate() {
         let number = conversations.iter().position(|other| *other == message.conversation).unwrap_or(0);
         let y = TOP + ROW_HEIGHT * (index as f64 + 0.7);
         arrow(&mut svg, message, number, [x_of(&message.from), x_of(&message.to)], y);
     }
-    svg + "</svg>\n"
+    svg.finish()
 }
 
-fn arrow(svg: &mut String, message: &Passed, conversation: usize, [from, to]: [f64; 2], y: f64) {
+fn arrow(svg: &mut Svg, message: &Passed, conversation: usize, [from, to]: [f64; 2], y: f64) {
     // Hues a golden angle apart are easily told from each other.
     let hue = (conversation as f64 * 137.508).rem_euclid(360.0);
     let reached = matches!(message.way.as_str(), "in" | "out");
@@ -88,51 +80,23 @@ fn arrow(svg: &mut String, message: &Passed, conversation: usize, [from, to]: [f
         "{} {} {} to {}, {}: {}",
         message.way, message.act, message.from, message.to, message.conversation, message.content
     );
-    _ = writeln!(svg, "<g><title>{}</title>", escape(&title));
-    _ = writeln!(
-        svg,
-        "<text x=\"6\" y=\"{:.0}\" fill=\"#666\">{} #{}</text>",
-        y + 3.0,
-        message.clock(),
-        conversation + 1
-    );
+    svg.put(format_args!("<g><title>{}</title>", svg_text(&title)));
+    svg.text([6.0, y + 3.0], "fill=\"#666\"", format_args!("{} #{}", message.clock(), conversation + 1));
     if from == to {
-        _ = writeln!(
-            svg,
+        svg.put(format_args!(
             "<path d=\"M{from:.0} {:.0} h 34 v 10 h -30\" fill=\"none\" stroke=\"{color}\"{dash}/>",
             y - 6.0
-        );
+        ));
     } else {
         let back = if to > from { -7.0 } else { 7.0 };
-        _ = writeln!(
-            svg,
+        svg.put(format_args!(
             "<line x1=\"{from:.0}\" y1=\"{y:.0}\" x2=\"{to:.0}\" y2=\"{y:.0}\" stroke=\"{color}\"{dash}/>\n<path \
              d=\"M{to:.0} {y:.0} l {back} -4 v 8 z\" fill=\"{color}\"/>"
-        );
+        ));
     }
-    _ = writeln!(
-        svg,
-        "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"middle\" fill=\"{color}\">{}</text></g>",
-        if from == to { from + 60.0 } else { (from + to) / 2.0 },
-        y - 4.0,
-        escape(&message.act)
-    );
-}
-
-fn escape(text: &str) -> String {
-    let legal = text.chars().map(|character| if character.is_control() { ' ' } else { character });
-    let mut out = String::new();
-    for character in legal {
-        match character {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
-            other => out.push(other),
-        }
-    }
-    out
+    let x = if from == to { from + 60.0 } else { (from + to) / 2.0 };
+    svg.text([x, y - 4.0], &format!("text-anchor=\"middle\" fill=\"{color}\""), &message.act);
+    svg.put("</g>");
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 mod args;
 mod ask;
 mod diagram;
-mod farm;
+pub(crate) mod passed;
 mod peer;
 mod serve;
 mod trace;
@@ -12,6 +12,7 @@ use std::process::ExitCode;
 
 pub(crate) use args::PlatformArgs;
 use args::PlatformCommand;
+pub(crate) use args::parse_agent;
 
 use crate::error::CliError;
 

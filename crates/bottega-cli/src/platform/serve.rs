@@ -1,9 +1,6 @@
 //! `bottega platform serve`: a platform until Ctrl-C.
 
-use std::{
-    process::ExitCode,
-    sync::{Arc, mpsc},
-};
+use std::{process::ExitCode, sync::mpsc};
 
 use bottega_agents::{
     AgentId,
@@ -15,46 +12,44 @@ use bottega_agents::{
 };
 use serde_json::json;
 
+use bottega_cluster::{
+    JobBoard, link,
+    platform::{self, FarmPlatform, PlatformOptions},
+};
+
 use super::{
     args::{FirstForm, ServeArgs},
-    farm::{FarmAgents, jobs_id},
-    trace,
+    passed,
 };
-use bottega_cluster::{JobBoard, link};
 
 use crate::error::CliError;
 
 pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
-    if args.listen.ip().is_unspecified() && args.public.is_none() {
+    let listens_everywhere = args.listen.is_some_and(|listen| listen.ip().is_unspecified());
+    if let Some(listen) = args.listen.filter(|_| listens_everywhere && args.public.is_none()) {
         return Err(CliError::usage(
-            format!("nobody can connect to {}", args.listen),
+            format!("nobody can connect to {listen}"),
             "say what others shall connect to: --public HOST:PORT",
         ));
     }
     let federates = args.federate.iter().map(|peer| peer.service("df")).collect::<Result<_, _>>()?;
-    let board = match &args.farm {
-        Some(farm) => Some(JobBoard { uplink: link(farm.as_ref(), &args.login.credentials())?.uplink }),
-        None => None,
-    };
-    // The agent of the jobs speaks for the farm: it resumes machines, which only the platform may.
-    let jobs: Vec<AgentId> = board.iter().map(|_| jobs_id(&args.name)).collect();
-    let trusted: Vec<AgentId> = args.trust.iter().map(|name| AgentId::new(name.as_str())).collect();
-    let node = Node::start(NodeConfig {
+    let options = PlatformOptions {
         name: args.name.clone(),
         listen: args.listen,
         public: args.public.clone(),
-        store: store(args)?,
-        lease_max: args.lease_max,
         federates,
-        administrators: jobs.clone(),
-        trusted: trusted.clone(),
-        permanent: jobs,
-        trace_line: trace::line,
+        lease_max: args.lease_max,
+        trusted: args.trust.iter().map(|name| AgentId::new(name.as_str())).collect(),
+        trace_line: passed::line,
         first_forms: first_forms(&args.first_representation),
-    })
-    .map_err(CliError::Node)?;
-    let node = Arc::new(node);
-    let agents = board.map(|board| FarmAgents::begin(&node, &args.name, board, &trusted)).transpose()?;
+    };
+    let served = match &args.farm {
+        Some(farm) => {
+            let board = JobBoard { uplink: link(farm.as_ref(), &args.login.credentials())?.uplink };
+            Served::Farm(FarmPlatform::serve(board.clone(), &options)?, board)
+        }
+        None => Served::Alone(alone(options, store(args)?)?),
+    };
     // Whoever wants to end it must be heard from the first line on.
     let (interrupt, interrupted) = mpsc::channel();
     let handler = ctrlc::set_handler(move || {
@@ -63,15 +58,49 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
     });
     handler
         .map_err(|error| CliError::failed(format!("cannot hear Ctrl-C: {error}"), "this machine does not allow it"))?;
-    tell(args, &node);
+    tell(args, &served);
     // The sender lives as long as the program.
     _ = interrupted.recv();
-    drop(agents);
-    // They were the last others who held it.
-    if let Some(node) = Arc::into_inner(node) {
-        node.stop();
+    match served {
+        Served::Farm(platform, _) => platform.stop(),
+        Served::Alone(node) => node.stop(),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What is served.
+enum Served {
+    /// The platform of a farm.
+    Farm(FarmPlatform, JobBoard),
+    /// One of its own.
+    Alone(Node),
+}
+
+impl Served {
+    fn node(&self) -> &Node {
+        match self {
+            Self::Farm(platform, _) => platform.node(),
+            Self::Alone(node) => node,
+        }
+    }
+}
+
+/// A platform that shows no farm.
+fn alone(options: PlatformOptions, store: Box<dyn EntryStore<String, usize> + Send>) -> Result<Node, CliError> {
+    let node = Node::start(NodeConfig {
+        name: options.name,
+        listen: options.listen.unwrap_or(platform::LISTEN),
+        public: options.public,
+        store,
+        lease_max: options.lease_max,
+        federates: options.federates,
+        administrators: Vec::new(),
+        trusted: options.trusted,
+        permanent: Vec::new(),
+        trace_line: options.trace_line,
+        first_forms: options.first_forms,
+    });
+    node.map_err(CliError::Node)
 }
 
 /// What was said for all platforms, and for single ones; of several words for one the last counts.
@@ -98,10 +127,15 @@ fn store(args: &ServeArgs) -> Result<Box<dyn EntryStore<String, usize> + Send>, 
     }
 }
 
-fn tell(args: &ServeArgs, node: &Node) {
+fn tell(args: &ServeArgs, served: &Served) {
+    let node = served.node();
+    let farm = match served {
+        Served::Farm(platform, board) => Some((platform, board)),
+        Served::Alone(_) => None,
+    };
     if args.json {
         let ids = [node.ams(), node.df(), node.start_service()].map(ToString::to_string);
-        let jobs = args.farm.as_ref().map(|_| jobs_id(&args.name).to_string());
+        let jobs = farm.map(|(platform, _)| platform.jobs().to_string());
         println!(
             "{}",
             json!({ "event": "serving", "platform": args.name, "address": node.address(), "services": ids, "farm": jobs })
@@ -112,12 +146,18 @@ fn tell(args: &ServeArgs, node: &Node) {
     println!("  white pages   {}", node.ams());
     println!("  yellow pages  {}", node.df());
     println!("  service root  {}", node.start_service());
-    match &args.state {
-        Some(path) => println!("  kept in       {}", path.display()),
-        None => println!("  kept in memory only; --state FILE keeps it"),
+    match (&args.state, farm) {
+        (Some(path), _) => println!("  kept in       {}", path.display()),
+        (None, Some(_)) => println!("  kept in       the farm"),
+        (None, None) => println!("  kept in memory only; --state FILE keeps it"),
     }
-    if args.farm.is_some() {
-        println!("  farm          {}", jobs_id(&args.name));
+    match farm {
+        Some((platform, _)) if platform.has_agents() => println!("  farm          {}", platform.jobs()),
+        Some((platform, board)) => {
+            let host = platform::host_of(board, &args.name).map(|host| host.address).unwrap_or_default();
+            println!("  farm          {}, which lives at {host}", platform.jobs());
+        }
+        None => {}
     }
     for agent in &args.trust {
         println!("  trusts        {agent}");

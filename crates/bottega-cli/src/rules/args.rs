@@ -2,7 +2,11 @@
 
 use std::path::PathBuf;
 
+use bottega::rules::{Source, inputs};
+use bottega_fuzzy::FunctionBlock;
 use clap::{Args, Subcommand, ValueHint};
+
+use crate::error::CliError;
 
 #[derive(Debug, Args)]
 pub(crate) struct RulesArgs {
@@ -57,6 +61,21 @@ pub(crate) struct LaidOutArgs {
     /// Values of inputs.
     #[arg(value_name = "INPUT=VALUE", value_parser = parse_value)]
     pub(crate) values: Vec<(String, f64)>,
+}
+
+impl LaidOutArgs {
+    /// The function block, its inputs laid out as the user says.
+    pub(super) fn function_block(&self) -> Result<FunctionBlock, CliError> {
+        let source = Source::read(&self.file)?;
+        let mut block = source.block(self.block.as_deref())?.clone();
+        let inputs = inputs(&block);
+        for (name, min, max) in &self.ranges {
+            block
+                .layout_inputs(name, *min, *max)
+                .map_err(|error| CliError::usage(error.to_string(), format!("the inputs are {inputs}")))?;
+        }
+        Ok(block)
+    }
 }
 
 #[derive(Debug, Args)]

@@ -7,11 +7,11 @@ use serde_json::{Map, Value, json};
 
 use bottega::rules::inputs;
 
-use super::{args::EvalArgs, laid_out};
+use super::args::EvalArgs;
 use crate::error::CliError;
 
 pub(super) fn run(args: &EvalArgs) -> Result<ExitCode, CliError> {
-    let block = laid_out(&args.rules)?;
+    let block = args.rules.function_block()?;
     let values: Vec<(&str, f64)> = args.rules.values.iter().map(|(name, value)| (name.as_str(), *value)).collect();
     let why = block.explain(&values).map_err(|error| unusable(&block, &error))?;
     if args.json {

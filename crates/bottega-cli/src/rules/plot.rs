@@ -1,5 +1,6 @@
 //! `bottega rules plot`: the terms of all variables, or an output over two inputs.
 
+mod axes;
 mod surface;
 mod terms;
 
@@ -11,20 +12,14 @@ use terms::Terms;
 use super::{
     args::PlotArgs,
     chart::{FigureFormat, write},
-    laid_out,
 };
 use bottega::text::shown;
 
 use crate::error::CliError;
 
-/// Height of the text at axes, in pixels.
-const TEXT: u32 = 15;
-/// Height of the title of a chart, in pixels.
-const TITLE: u32 = 18;
-
 pub(super) fn run(args: &PlotArgs) -> Result<ExitCode, CliError> {
     let format = FigureFormat::of(&args.output)?;
-    let block = laid_out(&args.rules)?;
+    let block = args.rules.function_block()?;
     match (&args.surface, &args.over) {
         (Some(output), Some(over)) => {
             write(&Surface::new(&block, output, over, &args.rules.values)?, format, &args.output)?;
@@ -39,40 +34,4 @@ pub(super) fn run(args: &PlotArgs) -> Result<ExitCode, CliError> {
     }
     println!("{}", shown(&args.output));
     Ok(ExitCode::SUCCESS)
-}
-
-/// An interval that has a width.
-fn padded((low, high): (f64, f64)) -> (f64, f64) {
-    if low < high {
-        return (low, high);
-    }
-    let half = 0.5 * low.abs().max(1.0);
-    (low - half, low + half)
-}
-
-/// A tenth of a width: what numbers at an axis must tell apart.
-fn tick_step(width: f64) -> f64 {
-    width / 10.0
-}
-
-/// A number with as many places as a step asks for.
-fn number(value: f64, step: f64) -> String {
-    if value != 0.0 && !(1e-4..1e6).contains(&value.abs().max(step)) {
-        return format!("{value:.2e}");
-    }
-    let places = (-step.log10()).ceil().clamp(0.0, 9.0) as usize;
-    let text = format!("{value:.places$}");
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text.as_str() };
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_have_as_many_places_as_they_need() {
-        let shown = [(0.30000000000000004, 0.1), (12.0, 2.0), (0.005, 0.001), (-0.0, 0.1), (1.5e7, 1e6), (5.0, 0.4)];
-        assert_eq!(shown.map(|(value, step)| number(value, step)), ["0.3", "12", "0.005", "0", "1.50e7", "5"]);
-    }
 }

@@ -1,8 +1,7 @@
 //! Who painted what when, as SVG: a row for each agent, or, for many, how busy groups of them were.
 
-use std::fmt::Write;
-
 use bottega_farm::simulate::{Outcome, Span, SpanKind};
+use bottega_image::{Svg, svg_text};
 
 /// More agents than this are drawn in groups.
 const ROWS_MAX: usize = 64;
@@ -29,10 +28,7 @@ pub(crate) fn svg(outcome: &Outcome) -> String {
         ROW_HEIGHT * outcome.agents.len() as f64
     };
     let (width, whole) = (LEFT + PLOT_WIDTH + 20.0, TOP + height + BOTTOM);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {whole}\" width=\"{width}\" height=\"{whole}\" \
-         font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
-    );
+    let mut svg = Svg::new(width, whole, 11);
     let title = format!(
         "{} zones, {} agents: {:.2} s, efficiency {:.1} %",
         outcome.zones,
@@ -40,7 +36,7 @@ pub(crate) fn svg(outcome: &Outcome) -> String {
         outcome.makespan.as_secs_f64(),
         100.0 * outcome.efficiency()
     );
-    text(&mut svg, LEFT, 18.0, "start", &title);
+    svg.text([LEFT, 18.0], "", title);
     let end = outcome.spans.iter().map(|span| span.end.elapsed()).fold(outcome.makespan, std::cmp::max).as_secs_f64();
     let scale = PLOT_WIDTH / end.max(1e-9);
     if many {
@@ -49,45 +45,39 @@ pub(crate) fn svg(outcome: &Outcome) -> String {
         rows(&mut svg, outcome, scale);
     }
     axis(&mut svg, outcome, end, scale, height);
-    svg + "</svg>\n"
+    svg.finish()
 }
 
-fn text(svg: &mut String, x: f64, y: f64, anchor: &str, what: &str) {
-    // A string can always be written to.
-    let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{what}</text>");
-}
-
-fn rect(svg: &mut String, [x, y, width, height]: [f64; 4], fill: &str, title: &str) {
-    let _ = writeln!(
-        svg,
-        "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{:.2}\" height=\"{height:.2}\" fill=\"{fill}\"><title>{title}</title></rect>",
-        width.max(0.3)
-    );
+fn rect(svg: &mut Svg, [x, y, width, height]: [f64; 4], fill: &str, title: &str) {
+    svg.put(format_args!(
+        "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{:.2}\" height=\"{height:.2}\" fill=\"{fill}\"><title>{}</title></rect>",
+        width.max(0.3),
+        svg_text(title),
+    ));
 }
 
 /// Time, and where the work was whole.
-fn axis(svg: &mut String, outcome: &Outcome, end: f64, scale: f64, height: f64) {
+fn axis(svg: &mut Svg, outcome: &Outcome, end: f64, scale: f64, height: f64) {
     let bottom = TOP + height;
     let step = nice_step(end / 8.0);
     let mut at = 0.0;
     while at <= end {
         let x = LEFT + at * scale;
-        let _ = writeln!(svg, "<path d=\"M{x:.1} {TOP}V{:.1}\" stroke=\"#0003\"/>", bottom + 4.0);
-        text(svg, x, bottom + 16.0, "middle", &format!("{} s", (at * 1e6).round() / 1e6));
+        svg.put(format_args!("<path d=\"M{x:.1} {TOP}V{:.1}\" stroke=\"#0003\"/>", bottom + 4.0));
+        svg.text([x, bottom + 16.0], "text-anchor=\"middle\"", format_args!("{} s", (at * 1e6).round() / 1e6));
         at += step;
     }
     let marks = [("least", outcome.least, "#06c"), ("end", Some(outcome.makespan), "#000")];
     for (name, time, color) in marks {
         let Some(x) = time.map(|time| LEFT + time.as_secs_f64() * scale) else { continue };
-        let _ = writeln!(
-            svg,
+        svg.put(format_args!(
             "<path d=\"M{x:.1} {:.1}V{bottom:.1}\" stroke=\"{color}\" stroke-dasharray=\"4 2\"/>",
             TOP - 6.0
-        );
-        let (anchor, x) = if name == "least" { ("end", x - 2.0) } else { ("start", x - 8.0) };
-        text(svg, x, TOP - 8.0, anchor, name);
+        ));
+        let (anchor, x) = if name == "least" { ("text-anchor=\"end\"", x - 2.0) } else { ("", x - 8.0) };
+        svg.text([x, TOP - 8.0], anchor, name);
     }
-    text(svg, LEFT, bottom + 32.0, "start", legend(outcome.agents.len() > ROWS_MAX));
+    svg.text([LEFT, bottom + 32.0], "", legend(outcome.agents.len() > ROWS_MAX));
 }
 
 fn legend(many: bool) -> &'static str {
@@ -104,10 +94,11 @@ fn nice_step(wanted: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|digit| digit * power).find(|step| *step >= wanted).unwrap_or(10.0 * power)
 }
 
-fn rows(svg: &mut String, outcome: &Outcome, scale: f64) {
+fn rows(svg: &mut Svg, outcome: &Outcome, scale: f64) {
     for (index, agent) in outcome.agents.iter().enumerate() {
         let top = TOP + ROW_HEIGHT * index as f64;
-        text(svg, LEFT - 6.0, top + 0.65 * ROW_HEIGHT, "end", &format!("{} ×{}", agent.name, agent.speed));
+        let place = [LEFT - 6.0, top + 0.65 * ROW_HEIGHT];
+        svg.text(place, "text-anchor=\"end\"", format_args!("{} ×{}", agent.name, agent.speed));
         let mut spans: Vec<&Span> = outcome.spans.iter().filter(|span| span.agent as usize == index).collect();
         spans.sort_by_key(|span| (span.begin, span.zone));
         let (lanes, count) = lanes(&spans);
@@ -119,13 +110,8 @@ fn rows(svg: &mut String, outcome: &Outcome, scale: f64) {
             rect(svg, [x, y, width, height], &color(span), &title(span));
             let number = span.zone.0.to_string();
             if span.kind == SpanKind::Painting && width > NUMBER_WIDTH * number.len() as f64 {
-                let _ = writeln!(
-                    svg,
-                    "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-size=\"{:.1}\">{number}</text>",
-                    x + width / 2.0,
-                    y + 0.85 * height,
-                    height.min(11.0)
-                );
+                let attributes = format!("text-anchor=\"middle\" font-size=\"{:.1}\"", height.min(11.0));
+                svg.text([x + width / 2.0, y + 0.85 * height], &attributes, number);
             }
         }
     }
@@ -162,7 +148,7 @@ fn title(span: &Span) -> String {
 }
 
 /// How busy groups of agents were in each of many moments.
-fn groups(svg: &mut String, outcome: &Outcome, end: f64) {
+fn groups(svg: &mut Svg, outcome: &Outcome, end: f64) {
     let agents = outcome.agents.len();
     let groups = GROUPS.min(agents);
     let group_of = |agent: usize| agent * groups / agents;
@@ -210,8 +196,10 @@ fn groups(svg: &mut String, outcome: &Outcome, end: f64) {
             }
         }
     }
-    text(svg, LEFT - 6.0, TOP + 10.0, "end", "agent-0");
-    text(svg, LEFT - 6.0, TOP + GROUP_HEIGHT * groups as f64, "end", &format!("agent-{}", agents - 1));
+    let before = "text-anchor=\"end\"";
+    svg.text([LEFT - 6.0, TOP + 10.0], before, "agent-0");
+    let bottom = TOP + GROUP_HEIGHT * groups as f64;
+    svg.text([LEFT - 6.0, bottom], before, format_args!("agent-{}", agents - 1));
 }
 
 #[cfg(test)]

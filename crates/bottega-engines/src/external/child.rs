@@ -3,13 +3,14 @@
 
 mod fence;
 mod guard;
+mod program;
 mod tree;
 
 use std::{
-    collections::{BTreeMap, VecDeque},
+    collections::VecDeque,
     ffi::OsStr,
     io::{BufRead, BufReader, Read},
-    path::{Path, PathBuf},
+    path::Path,
     process::{Child, ChildStdin, Command, Stdio},
     sync::{
         Arc, Mutex, PoisonError,
@@ -21,17 +22,11 @@ use std::{
 };
 
 pub use self::guard::is_shut_in;
-
-/// Whether engines open no files here but their own and those of their scene.
-pub fn is_fenced_in() -> bool {
-    fence::is_enforced()
-}
-
-/// Whether the system tells what engines take, so that their limits of memory and processes hold.
-pub fn is_weighed() -> bool {
-    tree::IS_TOLD
-}
-use self::fence::Fence;
+pub(super) use self::program::Program;
+use self::{
+    fence::Fence,
+    program::{PASSED_ON, USER_BASE},
+};
 use super::{error::EngineFault, manifest::Limits};
 
 /// Of a child's log so many bytes are kept: the last ones.
@@ -46,39 +41,14 @@ const WEIGH_EVERY: Duration = Duration::from_millis(500);
 const PROCESSES_MAX: usize = 1024;
 /// So long a child has to leave by itself.
 const GRACE: Duration = Duration::from_millis(500);
-/// Variables that a child is given as the user has them.
-const PASSED_ON: &[&str] = &[
-    "PATH",
-    "LD_LIBRARY_PATH",
-    "PYTHONPATH",
-    "VIRTUAL_ENV",
-    "PYENV_ROOT",
-    "PYENV_VERSION",
-    "SYSTEMROOT",
-    "LOCALAPPDATA",
-    "CUDA_VISIBLE_DEVICES",
-    "XDG_DATA_DIRS",
-];
+/// Whether engines open no files here but their own and those of their scene.
+pub fn is_fenced_in() -> bool {
+    fence::is_enforced()
+}
 
-/// Where packages of Python are installed for a user, below the home.
-const USER_BASE: &str = ".local";
-
-/// What is to be started.
-#[derive(Clone, Debug)]
-pub(super) struct Program<'a> {
-    /// Program and arguments; never empty.
-    pub(super) line: &'a [String],
-    /// Working folder, home and place of temporary files.
-    pub(super) scratch: &'a Path,
-    /// Set beside the usual ones.
-    pub(super) environment: &'a BTreeMap<String, String>,
-    /// Passed on where set.
-    pub(super) inherit: &'a [String],
-    /// Variables that name what it may write beside its scratch folder.
-    pub(super) writes: &'a [String],
-    /// Files and folders that it may read beside the system's and where it is installed.
-    pub(super) reads: &'a [PathBuf],
-    pub(super) limits: Limits,
+/// Whether the system tells what engines take, so that their limits of memory and processes hold.
+pub fn is_weighed() -> bool {
+    tree::IS_TOLD
 }
 
 /// The last part of what a child wrote to its log, and how much it was.

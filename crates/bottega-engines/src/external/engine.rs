@@ -12,6 +12,7 @@ use std::{
 };
 
 use bottega_image::{Layout, Rect, Tile};
+use bottega_kernels::SplitMix64;
 
 use super::{
     error::EngineFault,
@@ -527,15 +528,11 @@ impl Lane {
     }
 }
 
-/// A seed for a window. The function is SplitMix64's, by Steele, Lea and Flood, 2014, "Fast splittable pseudorandom number
-/// generators".
+/// A seed for a window.
 fn mixed(seed: u64, window: Rect) -> u64 {
     let mut state = seed;
     for word in [window.x0, window.y0, window.x1, window.y1] {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_add(u64::from(word));
-        state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        state ^= state >> 31;
+        state = SplitMix64::new(state.wrapping_add(u64::from(word))).bits();
     }
     state
 }

@@ -1,83 +1,21 @@
 //! An engine with a scene: one worker process, or a command line for each window.
 
 mod command;
+mod request;
 mod worker;
 
 use std::{
-    collections::BTreeMap,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
-use bottega_image::Rect;
-
 pub use super::protocol::{CameraView, CombineWord, Files, Opened, OpenedLayer};
 use super::{error::EngineFault, locate::Located, manifest::Kind, quarantine};
-use crate::CancelSwitch;
 use command::CommandLine;
+pub use request::SceneRequest;
+use request::reads;
+pub(super) use request::{WindowRequest, Written};
 use worker::Worker;
-
-/// A scene as an engine is to paint it.
-#[derive(Clone, Debug)]
-pub struct SceneRequest {
-    /// The file.
-    pub scene: PathBuf,
-    /// Size of the picture; `None`: as the scene says.
-    pub size: Option<(u32, u32)>,
-    /// Which frame of an animation.
-    pub frame: Option<i32>,
-    /// Threads of the engine.
-    pub threads: usize,
-    /// The camera of a scene that has none.
-    pub view: Option<CameraView>,
-    /// Whether scripts in the scene may run.
-    pub trust: bool,
-    /// More for the engine: what its manifest says, and the user beside it.
-    pub parameters: BTreeMap<String, serde_json::Value>,
-    /// Files and folders that the engine may read beside the folder of the scene; `/`: all that this process may read.
-    pub outside: Vec<PathBuf>,
-}
-
-impl SceneRequest {
-    /// What the engine may read of the disk beside what is its own.
-    pub(super) fn reads(&self) -> Vec<PathBuf> {
-        reads(&self.scene, &self.outside)
-    }
-}
-
-/// What an engine may read for a scene.
-fn reads(scene: &Path, outside: &[PathBuf]) -> Vec<PathBuf> {
-    let folder = scene.parent().map(Path::to_owned);
-    outside.iter().cloned().chain(folder).chain([scene.to_owned()]).collect()
-}
-
-/// A window to paint. What is `None` is as the scene says, or the engine has it not.
-#[derive(Clone, Debug)]
-pub(super) struct WindowRequest {
-    pub(super) window: Rect,
-    pub(super) samples: u32,
-    pub(super) first_sample: u32,
-    pub(super) seed: u32,
-    pub(super) max_depth: Option<u32>,
-    pub(super) light_samples: Option<u32>,
-    /// For how long it may paint: what is done by then is the picture.
-    pub(super) seconds: Option<u32>,
-    pub(super) cancel: CancelSwitch,
-}
-
-/// A picture that an engine wrote.
-#[derive(Debug)]
-pub(super) struct Written {
-    pub(super) file: PathBuf,
-    /// Which part of the frame it shows.
-    pub(super) shows: Rect,
-    /// Whether its rows come from below.
-    pub(super) is_upside_down: bool,
-    /// Samples of a pixel, where the engine tells.
-    pub(super) samples: Option<u32>,
-    /// Seconds that went into what later windows find done.
-    pub(super) once: f64,
-}
 
 /// An engine with a scene.
 #[derive(Debug)]

@@ -2,17 +2,7 @@
 
 use bottega_agents::AgentId;
 
-use super::{ZoneRow, ZoneState};
-use crate::Painting;
-
-/// What an agent made of a step of a zone.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Vote {
-    /// Who.
-    pub agent: AgentId,
-    /// What.
-    pub painting: Painting,
-}
+use super::zone::{ZoneRow, ZoneState};
 
 impl ZoneRow {
     /// Whether no agent of the same machine has said what it makes of its present step.

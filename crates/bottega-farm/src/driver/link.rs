@@ -58,7 +58,7 @@ impl Link {
     ///
     /// # Errors
     /// Nobody takes it, with the reason.
-    pub(super) fn put(&self, id: BlobId, tile: &Tile, stop: &StopSwitch) -> Result<(), String> {
+    pub fn put(&self, id: BlobId, tile: &Tile, stop: &StopSwitch) -> Result<(), String> {
         let mut bytes = Vec::new();
         wire::put_tile(tile, &mut bytes);
         let packed = pack(&bytes, PACKED_FROM).map_err(|error| error.to_string())?;
@@ -70,7 +70,7 @@ impl Link {
     ///
     /// # Errors
     /// It is not there, or another one, with the reason.
-    pub(super) fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
+    pub fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
         let name = self.blob(result.digest);
         let packed = self.patiently(stop, || self.uplink.tiles().get(&name, TILE_BYTES_MAX))?;
         let packed = packed.ok_or("its tile is nowhere")?;

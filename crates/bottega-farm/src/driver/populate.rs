@@ -4,7 +4,6 @@ use std::{
     hash::{BuildHasher, Hasher, RandomState},
     sync::Arc,
     thread,
-    time::Duration,
 };
 
 use bottega_agents::{AgentId, LocalPlatform, driver::Performer};
@@ -20,12 +19,6 @@ use crate::{
 };
 
 const WORK: WorkId = WorkId(1);
-/// Machines go without a word, processes hardly.
-const AMONG_MACHINES: Timing = Timing {
-    bids: Duration::from_millis(500),
-    heartbeat: Duration::from_millis(500),
-    lease: Duration::from_millis(2500),
-};
 /// For so many agents a picture is cut where others may join.
 const AGENTS_EXPECTED: usize = 8;
 
@@ -46,7 +39,7 @@ pub(super) fn populate(
     let number = link.map_or(WORK, |link| link.work);
     let master = link.map_or_else(|| AgentId::new("master@bottega"), Link::master);
     let analyst = AgentId::new(format!("analyst@{here}"));
-    let timing = link.map_or_else(Timing::default, |_| AMONG_MACHINES);
+    let timing = link.map_or_else(Timing::default, |_| Timing::AMONG_MACHINES);
     let JobSettings { auction, prefetch, .. } = *settings;
     // Agents of one process have the same processors: an idle one leaves its own to the others.
     let master_config = MasterConfig {
@@ -56,7 +49,7 @@ pub(super) fn populate(
         prefetch,
         shares_tail: link.is_some(),
         verify: settings.verify,
-        compares_by_look: !shared.engine.describe().exact_by_pixel,
+        compares_by_look: settings.strangers || !shared.engine.describe().exact_by_pixel,
         secret: secret(),
         credits: Arc::clone(&settings.credits),
         goals: GoalRules::default(),
@@ -109,7 +102,7 @@ pub(super) fn add_render_agents(
             master: master.clone(),
             adaptation: settings.adaptation,
             prefetch: settings.prefetch,
-            heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| AMONG_MACHINES).heartbeat,
+            heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| Timing::AMONG_MACHINES).heartbeat,
             expert: expert
                 .clone()
                 .for_engine(&engine)

@@ -61,6 +61,9 @@ pub struct JobSettings {
     pub prefetch: u32,
     /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
     pub verify: u32,
+    /// Whether agents of other platforms may take part, with engines of their own: what they paint can only be compared by its
+    /// look.
+    pub strangers: bool,
 }
 
 impl JobSettings {
@@ -89,6 +92,7 @@ impl JobSettings {
             credits: Arc::default(),
             prefetch: 2,
             verify: 1,
+            strangers: false,
         }
     }
 

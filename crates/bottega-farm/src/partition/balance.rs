@@ -2,7 +2,7 @@
 
 use bottega_image::Rect;
 
-use super::{cut_x, cut_y};
+use super::cut::{cut_x, cut_y};
 use crate::ImportanceMap;
 
 /// How far the expected time a zone on either side of a cut may be from the one wanted, for the sake of an edge that

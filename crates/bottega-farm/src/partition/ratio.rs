@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use bottega_image::Rect;
 
-use super::{cut_x, cut_y};
+use super::cut::{cut_x, cut_y};
 use crate::ImportanceMap;
 
 /// No zone that is cut off is longer than so many times its width, unless what it is cut from is.

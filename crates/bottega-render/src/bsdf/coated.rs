@@ -12,7 +12,7 @@
 
 use std::f32::consts::{PI, TAU};
 
-use bottega_kernels::math;
+use bottega_kernels::{SplitMix64, math, mix64};
 use bottega_scene::{Distribution, Shadowing, Spectrum};
 use glam::Vec3;
 
@@ -73,8 +73,8 @@ pub(super) struct Stack {
     proxy: Microfacets,
 }
 
-/// A walk's random numbers.
-struct Chances(u64);
+/// A walk's random numbers: a function of two directions.
+struct Chances(SplitMix64);
 
 impl Stack {
     pub(super) fn new(eta: f32, facets: Microfacets, layer: Layer, base: Base) -> Self {
@@ -457,22 +457,16 @@ fn sample_henyey_greenstein(g: f32, w: Vec3, u: [f32; 2]) -> Vec3 {
 impl Chances {
     fn new(wo: Vec3, wi: Vec3) -> Self {
         let bits = [wo.x, wo.y, wo.z, wi.x, wi.y, wi.z].map(f32::to_bits);
-        Self(bits.into_iter().fold(0x9e37_79b9_7f4a_7c15, |state, bits| mixed(state ^ u64::from(bits))))
+        Self(SplitMix64::new(
+            bits.into_iter().fold(0x9e37_79b9_7f4a_7c15, |state, bits| mix64(state ^ u64::from(bits))),
+        ))
     }
 
     fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        (mixed(self.0) >> 40) as f32 / 16_777_216.0
+        self.0.unit_f32()
     }
 
     fn pair(&mut self) -> [f32; 2] {
         [self.next(), self.next()]
     }
-}
-
-/// Source: Steele, Lea and Flood 2014, Fast Splittable Pseudorandom Number Generators (`mix64`, Stafford's variant 13).
-fn mixed(x: u64) -> u64 {
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }

@@ -4,34 +4,41 @@
 //! Simulation*, chapters 8 to 10.
 
 mod branch;
+mod guidance;
 mod learn;
 mod light;
 mod scatter;
 mod setup;
 mod state;
 mod trial;
+mod vertex;
 
 use bottega_kernels::{Hit, Ray};
-use bottega_scene::{Spectrum, Surface};
+use bottega_scene::{ColorParam, Spectrum, Surface};
 use glam::Vec3;
 
 use super::record::PathRecord;
 use crate::{
+    bsdf::Bsdf,
     camera::CameraRay,
     guide::{Guide, Trail},
     interaction::{Asks, Interaction, is_there, shines},
-    lights::{Choice, Receiver},
-    sampler::{DimensionSet, PixelSampler},
+    lights::Receiver,
+    sampler::{DimensionSet, PixelSampler, Quad},
     shading::{BLEND, DEPTH_SHIFT, bsdf_at, exp},
+    surfaces::PreparedMaterial,
 };
+use guidance::{Guidance, NO_LEAF};
 pub use setup::PathIntegrator;
+use state::Previous;
 pub(super) use state::{BRANCHES_MAX, Branch, Path};
-use state::{NO_LEAF, Previous};
+use vertex::PathVertex;
 
 /// Cost of a vertex, in traversal steps.
 const VERTEX_STEPS: f32 = 8.0;
 /// Cost of a shadow ray in traversal steps, where they are not counted.
 const SHADOW_STEPS: f32 = 8.0;
+
 impl PathIntegrator<'_> {
     #[inline(always)]
     pub(super) fn follow(
@@ -58,22 +65,25 @@ impl PathIntegrator<'_> {
         guide: Option<&'b Guide>,
         trail: Option<&'b mut Trail>,
     ) -> Path<'b> {
-        Path {
-            integrator: self,
+        let at = Branch {
             sampler,
-            guide,
-            trail,
             throughput: Spectrum::ONE,
-            radiance: Spectrum::ZERO,
             absorption: Spectrum::ZERO,
             roulette_scale: 1.0,
             depth: 0,
             origin: ray.origin,
             direction: ray.direction,
             cone: ray.cone,
+            previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, leaf: NO_LEAF },
+        };
+        Path {
+            integrator: self,
+            guide,
+            trail,
+            at,
+            radiance: Spectrum::ZERO,
             start: ray.start,
             reach: ray.reach,
-            previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, leaf: NO_LEAF },
             worth: 0.0,
             due: None,
             wants_albedo: self.wanted.albedo,
@@ -88,99 +98,128 @@ impl Path<'_> {
     /// - `AGENTS`: whether agents are asked; paths may then go on as several, of which all but one wait in `branches`.
     #[inline(always)]
     pub(super) fn meet<const AGENTS: bool>(&mut self, hit: &Hit, branches: &mut Vec<Branch>) -> bool {
-        let prepared = self.integrator.prepared;
         if hit.is_none() {
             self.add_environment::<AGENTS>();
             return false;
         }
-        self.record.vertex_count += 1;
-        if self.absorption != Spectrum::ZERO {
-            self.throughput *= exp(-self.absorption * hit.t);
-        }
-        self.cone = self.cone.at(hit.t);
-        let point = Interaction::new(prepared, hit, self.origin, self.direction, self.cone);
-        if self.depth == 0 {
-            self.record_first(&point, self.start + hit.t);
-        }
-        let (material, known) = prepared.material(point.material);
+        let point = self.arrive(hit);
+        let (material, known) = self.integrator.prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
-            let color = point.unlit(prepared.scene(), color);
-            self.radiance += self.throughput * color;
-            self.record_albedo(color);
+            self.add_unlit(&point, color);
             return false;
         }
         if known.shines && material.emission_sides.has(point.front) {
             self.add_emission::<AGENTS>(&point);
         }
-        if self.depth == 1 && self.integrator.wanted.cost {
-            self.record.mark_direct(self.radiance);
-        }
-        let is_last = self.depth >= self.integrator.settings.max_depth;
+        self.mark_direct();
+        let is_last = self.at.depth >= self.integrator.settings.max_depth;
         if is_last && !self.wants_albedo {
             return false;
         }
         let mut place = None;
-        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << DEPTH_SHIFT ^ u64::from(point.material));
-        let bsdf = bsdf_at(prepared, &point, chance, &mut place);
-        if self.integrator.wanted.cost {
-            self.record.counts.meet(bsdf, known);
-        }
+        let bsdf = self.bsdf(&point, known, &mut place);
         let wo = point.to_local(point.wo);
         let is_delta_only = bsdf.is_delta_only();
         if self.wants_albedo && (is_last || !is_delta_only) {
-            self.record_albedo(bsdf.albedo(wo));
+            self.record.record_albedo(&mut self.wants_albedo, bsdf.albedo(wo));
         }
         if is_last {
             return false;
         }
-        let [mut u_light, mut u_scattering] =
-            self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth));
-        let (mut region, mut agent, mut leaf) = (None, None, NO_LEAF);
-        if AGENTS
-            && !is_delta_only
-            && let Some(guide) = self.guide
-            && let Some(number) = guide.leaf(point.p, point.frame[2])
-        {
-            if self.integrator.settings.guiding && !known.transmits {
-                region = guide.region(number);
-            }
-            agent = guide.agent(number);
-            leaf = number as u32;
-        }
-        let count = if AGENTS { self.split(agent, u_scattering[3], BRANCHES_MAX - branches.len()) } else { 1 };
+        let numbers = self.numbers();
+        let guidance = if is_delta_only { Guidance::NONE } else { self.guidance::<AGENTS>(&point, known) };
+        let count = if AGENTS { self.split(guidance.agent(), numbers[1][3], BRANCHES_MAX - branches.len()) } else { 1 };
         if count == 0 {
             return false;
         }
-        let bsdf = bsdf.at_carrying(wo, self.throughput);
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
-        if !is_delta_only {
-            // (Closures are not compiled for the vector unit: there are none where it is busy.)
-            if let (Some(guide), false, false) = (self.guide, known.transmits, AGENTS) {
-                region = guide.at(point.p, point.frame[2]);
-            }
-            if let Some(trail) = &mut self.trail {
-                trail.come(point.p, point.frame[2], self.throughput, self.radiance);
-            }
+        let bsdf = &bsdf.at_carrying(wo, self.at.throughput);
+        let vertex = PathVertex { point: &point, receiver, bsdf, is_delta_only, guidance };
+        if !is_delta_only && let Some(trail) = &mut self.trail {
+            trail.come(point.p, point.frame[2], self.at.throughput, self.radiance);
         }
-        let here = self.branch();
+        self.leave::<AGENTS>(&vertex, numbers, count, branches)
+    }
+
+    /// Comes to the point that was hit: through the solid that the path is in, with a beam that grew on the way.
+    #[inline(always)]
+    fn arrive(&mut self, hit: &Hit) -> Interaction {
+        self.record.vertex_count += 1;
+        if self.at.absorption != Spectrum::ZERO {
+            self.at.throughput *= exp(-self.at.absorption * hit.t);
+        }
+        self.at.cone = self.at.cone.at(hit.t);
+        let point = Interaction::new(self.integrator.prepared, hit, self.at.origin, self.at.direction, self.at.cone);
+        if self.at.depth == 0 {
+            self.record.record_first(self.start + hit.t, point.frame[2]);
+        }
+        point
+    }
+
+    /// Adds what a surface shows that takes no part in light transport.
+    #[inline(always)]
+    fn add_unlit(&mut self, point: &Interaction, color: &ColorParam) {
+        let color = point.unlit(self.integrator.prepared.scene(), color);
+        self.radiance += self.at.throughput * color;
+        self.record.record_albedo(&mut self.wants_albedo, color);
+    }
+
+    /// Notes what was found before light could come over more than one scattering.
+    #[inline(always)]
+    fn mark_direct(&mut self) {
+        if self.at.depth == 1 && self.integrator.wanted.cost {
+            self.record.mark_direct(self.radiance);
+        }
+    }
+
+    /// How the surface scatters, put into `place` if it was not known before.
+    #[inline(always)]
+    fn bsdf<'b>(&mut self, point: &Interaction, known: &PreparedMaterial, place: &'b mut Option<Bsdf>) -> &'b Bsdf
+    where
+        Self: 'b,
+    {
+        let chance =
+            || self.at.sampler.hashed(BLEND ^ u64::from(self.at.depth) << DEPTH_SHIFT ^ u64::from(point.material));
+        let bsdf = bsdf_at(self.integrator.prepared, point, chance, place);
+        if self.integrator.wanted.cost {
+            self.record.counts.meet(bsdf, known);
+        }
+        bsdf
+    }
+
+    /// The numbers of this vertex: for its light and for its scattering.
+    #[inline(always)]
+    fn numbers(&self) -> [Quad; 2] {
+        self.at.sampler.two_quads(DimensionSet::light(self.at.depth), DimensionSet::scattering(self.at.depth))
+    }
+
+    /// Looks for lights and goes on, `count` times. False when the path ends here.
+    #[inline(always)]
+    fn leave<const AGENTS: bool>(
+        &mut self,
+        vertex: &PathVertex<'_>,
+        mut numbers: [Quad; 2],
+        count: u32,
+        branches: &mut Vec<Branch>,
+    ) -> bool {
+        let here = self.at;
         let mut branch = 0;
         loop {
-            if !is_delta_only {
-                self.add_direct_light::<AGENTS>(&point, &receiver, &bsdf, region, agent, u_light);
+            let [u_light, u_scattering] = numbers;
+            if !vertex.is_delta_only {
+                self.add_direct_light::<AGENTS>(vertex, u_light);
             }
-            let goes_on = self.scatter::<AGENTS>(&point, receiver, &bsdf, region, leaf, u_scattering);
+            let goes_on = self.scatter::<AGENTS>(vertex, u_scattering);
             branch += 1;
             if !AGENTS || branch >= count {
                 return goes_on;
             }
             if goes_on {
-                branches.push(self.branch());
+                branches.push(self.at);
             }
-            self.go_back(&here);
-            self.sampler = here.sampler().branch(self.depth, branch);
-            [u_light, u_scattering] =
-                self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth));
+            self.at = Branch { sampler: here.sampler.branch(here.depth, branch), ..here };
+            numbers = self.numbers();
         }
     }
 
@@ -188,15 +227,15 @@ impl Path<'_> {
     #[inline(always)]
     pub(super) fn request_guide(&self, hit: &Hit) {
         if let Some(guide) = self.guide {
-            guide.request(self.origin + self.direction * hit.t);
+            guide.request(self.at.origin + self.at.direction * hit.t);
         }
     }
 
     #[inline(always)]
     pub(super) fn intersect(&mut self) -> Hit {
         let prepared = self.integrator.prepared;
-        let t_max = if self.depth == 0 { self.reach } else { f32::INFINITY };
-        let ray = Ray { t_max, ..Ray::new(self.origin, self.direction) };
+        let t_max = if self.at.depth == 0 { self.reach } else { f32::INFINITY };
+        let ray = Ray { t_max, ..Ray::new(self.at.origin, self.at.direction) };
         if self.integrator.wanted.cost {
             let mut steps = 0;
             let hit = prepared.accel().intersect_counted(&ray, &mut steps);
@@ -205,7 +244,7 @@ impl Path<'_> {
                 return hit;
             }
         }
-        if self.depth == 0 && self.integrator.hides_emitters {
+        if self.at.depth == 0 && self.integrator.hides_emitters {
             let is_seen = |hit: &Hit| !shines(prepared, hit) && self.is_there(&ray, hit, Asks::Path);
             prepared.accel().intersect_filtered(&ray, is_seen)
         } else if prepared.has_opacity() {
@@ -219,9 +258,9 @@ impl Path<'_> {
     /// candidates of one ray may be asked in any order and more than once.
     #[inline(always)]
     fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
-        let asks = asks.of_vertex(self.depth);
+        let asks = asks.of_vertex(self.at.depth);
         is_there(self.integrator.prepared, ray, hit, asks, |surface| {
-            self.sampler.hashed(surface ^ u64::from(self.depth) << DEPTH_SHIFT)
+            self.at.sampler.hashed(surface ^ u64::from(self.at.depth) << DEPTH_SHIFT)
         })
     }
 
@@ -241,28 +280,6 @@ impl Path<'_> {
         } else {
             prepared.accel().occluded(ray)
         }
-    }
-
-    #[inline(always)]
-    fn record_first(&mut self, point: &Interaction, distance: f32) {
-        let values = &mut self.record.values;
-        values.alpha = 1.0;
-        values.depth = distance;
-        values.normal = point.frame[2].to_array();
-    }
-
-    #[inline(always)]
-    fn record_albedo(&mut self, albedo: Spectrum) {
-        if self.wants_albedo {
-            self.record.values.albedo = albedo.to_array();
-            self.wants_albedo = false;
-        }
-    }
-
-    /// What is known of the lights where the path comes from.
-    #[inline(always)]
-    fn previous_choice(&self) -> Option<&Choice> {
-        self.guide?.agent(self.previous.leaf as usize)?.lights()
     }
 
     #[inline(always)]

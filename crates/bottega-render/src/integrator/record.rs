@@ -2,6 +2,7 @@
 
 use bottega_image::SampleValues;
 use bottega_scene::Spectrum;
+use glam::Vec3;
 
 use crate::{bsdf::Bsdf, luminance, surfaces::PreparedMaterial};
 
@@ -62,6 +63,23 @@ impl PathRecord {
         self.is_dropped = !radiance.is_finite();
         if !self.is_dropped {
             self.values.radiance = radiance.to_array();
+        }
+    }
+
+    /// Takes in the first surface that is seen: how far it is, and its normal.
+    #[inline(always)]
+    pub(super) fn record_first(&mut self, distance: f32, normal: Vec3) {
+        self.values.alpha = 1.0;
+        self.values.depth = distance;
+        self.values.normal = normal.to_array();
+    }
+
+    /// Takes in the reflectance of the first surface that has one, if it is wanted still.
+    #[inline(always)]
+    pub(super) fn record_albedo(&mut self, is_wanted: &mut bool, albedo: Spectrum) {
+        if *is_wanted {
+            self.values.albedo = albedo.to_array();
+            *is_wanted = false;
         }
     }
 

@@ -100,8 +100,9 @@ pub(super) fn cell_of(u: f32, count: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use bottega_kernels::mix64;
+
     use super::*;
-    use crate::sampler::mix;
 
     #[test]
     fn all_numbers_are_met_and_stand_for_what_they_should() {
@@ -117,7 +118,7 @@ mod tests {
         let projection = Projection { levels };
         let (all, mut sum, mut inside) = (1 << 17, 0.0, 0.0);
         for i in 0..all {
-            let at = |place: u64| (mix(8 * i + place) >> 40) as f32 / (1 << 24) as f32;
+            let at = |place: u64| (mix64(8 * i + place) >> 40) as f32 / (1 << 24) as f32;
             let (u, v, weight) = projection.sent([at(0), 0.3, at(1), at(2)], [at(3), at(4), 0.0, 0.0]);
             assert!(u.iter().chain(&v).all(|number| (0.0..1.0).contains(number)), "{u:?} {v:?}");
             sum += f64::from(weight);

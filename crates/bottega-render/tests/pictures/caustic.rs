@@ -8,6 +8,7 @@
 use std::{f64::consts::PI, fs, path::Path};
 
 use bottega_image::Picture;
+use bottega_kernels::SplitMix64;
 use glam::{DVec2, DVec3};
 
 use crate::{
@@ -41,16 +42,12 @@ const WALLS: [DVec3; 6] = [
 const LOW: DVec3 = DVec3::new(-1.0, 0.0, -1.0);
 const HIGH: DVec3 = DVec3::new(1.0, 2.0, 1.0);
 
-/// SplitMix64.
-struct Numbers(u64);
+/// Numbers in [0, 1).
+struct Numbers(SplitMix64);
 
 impl Numbers {
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        self.0.unit()
     }
 
     /// Even over the sphere.
@@ -199,7 +196,7 @@ impl Room {
         const PICTURES: u32 = 16;
         let picture = |seed: u32| {
             let mut film = vec![DVec3::ZERO; (SIDE * SIDE) as usize];
-            let mut numbers = Numbers(u64::from(seed) << 32);
+            let mut numbers = Numbers(SplitMix64::new(u64::from(seed) << 32));
             let count = particles / PICTURES;
             (0..count).for_each(|_| self.follow(&mut numbers, &mut film));
             Picture::from_fn(SIDE, SIDE, |x, y| (film[(y * SIDE + x) as usize] / f64::from(count)).as_vec3().to_array())

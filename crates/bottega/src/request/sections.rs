@@ -333,5 +333,8 @@ sections! {
         priority: u32 = PRIORITY,
         /// So many different machines must have painted the same before a zone counts; none: each is trusted.
         verify: Option<u32> = None,
+        /// Whether agents of other platforms may paint zones, with engines of their own (FIPA). The picture then depends on who
+        /// painted it.
+        strangers: bool = false,
     }
 }

@@ -97,7 +97,28 @@ impl Request {
         self.output.validate()?;
         within("farm.priority", self.farm.priority, 1..=PRIORITY_MAX)?;
         maybe_within("farm.verify", self.farm.verify, 1..=VERIFY_MAX)?;
+        self.validate_strangers()?;
         self.validate_frames()
+    }
+
+    /// Strangers are told the scene file, the size and the samples, and deliver colors alone.
+    fn validate_strangers(&self) -> Checked {
+        let (film, goal, view, usual) = (&self.film, &self.goal, &self.view, ViewOptions::default());
+        let excluded = [
+            ("film.layers", film.layers.as_ref().is_some_and(|layers| !layers.is_empty())),
+            ("film.denoise", film.denoise),
+            ("goal.error", goal.error.is_some()),
+            ("goal.time", goal.time.is_some()),
+            ("environment", self.environment != EnvironmentOptions::default()),
+            ("view", *view != ViewOptions { camera: view.camera.clone(), ..usual }),
+            ("scene.defines", !self.scene.defines.is_empty()),
+            ("engine.names", !self.engine.is_builtin()),
+            ("frames", self.frames.is_some()),
+        ];
+        match excluded.iter().find(|(_, is_said)| self.farm.strangers && *is_said) {
+            Some((field, _)) => not_both("farm.strangers", true, field, true),
+            None => Ok(()),
+        }
     }
 
     fn validate_frames(&self) -> Checked {

@@ -88,6 +88,7 @@ pub(crate) fn shared_settings(
         zone_limits: zone_limits(&request.work),
         bands: band_width(request.work.bands),
         verify: request.farm.verify.unwrap_or(1),
+        strangers: request.farm.strangers,
         ..settings
     }
 }

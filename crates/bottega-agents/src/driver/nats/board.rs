@@ -9,7 +9,7 @@ use std::{
 use async_nats::{
     Client,
     connection::State,
-    jetstream::kv::{self, UpdateErrorKind},
+    jetstream::kv::{self, CreateErrorKind, UpdateErrorKind},
 };
 use tokio::{runtime::Handle, sync::oneshot};
 
@@ -110,6 +110,22 @@ impl NoticeBoard {
                 Ok(Some(revision))
             }
             Err(error) if error.kind() == UpdateErrorKind::WrongLastRevision => Ok(None),
+            Err(error) => Err(BlobError::passing(name, &error)),
+        }
+    }
+
+    /// Puts a notice up only if there is none of this name, also where there was one that was taken down. Returns the number of
+    /// the writing; `None`: there is one.
+    ///
+    /// # Errors
+    /// The server does not say whether it took it.
+    pub fn create(&self, name: &str, text: &[u8]) -> Result<Option<u64>, BlobError> {
+        match self.handle.block_on(self.store.create(names::key(&Key::from(name.to_owned())), text.to_vec().into())) {
+            Ok(revision) => {
+                self.wrote(name, revision, text);
+                Ok(Some(revision))
+            }
+            Err(error) if error.kind() == CreateErrorKind::AlreadyExists => Ok(None),
             Err(error) => Err(BlobError::passing(name, &error)),
         }
     }

@@ -13,6 +13,7 @@ mod enrolment;
 mod error;
 mod names;
 mod options;
+mod pages;
 mod pin;
 mod rights;
 mod store;
@@ -42,6 +43,7 @@ pub use self::{
     enrolment::{MemberKey, enrol, is_public_key, newcomer},
     error::NatsError,
     options::{Login, NatsOptions, Tls},
+    pages::NoticePages,
     pin::Pin,
     rights::Rights,
     store::EntryNews,

@@ -9,7 +9,7 @@ use super::{
         chart::{Area, Drawn, FONT_NAME, Figure},
         eval::unusable,
     },
-    TEXT, TITLE, number, padded, tick_step,
+    axes::{TEXT, TITLE, number, padded, tick_step},
 };
 use bottega::rules::inputs;
 

@@ -8,7 +8,7 @@ use plotters::{
 
 use super::{
     super::chart::{Area, Drawn, FONT_NAME, Figure},
-    TEXT, TITLE, number, padded, tick_step,
+    axes::{TEXT, TITLE, number, padded, tick_step},
 };
 
 /// Colors that stay apart for most eyes (M. Okabe and K. Ito, 2008), without the yellow, which white swallows.

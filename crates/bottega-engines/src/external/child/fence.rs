@@ -10,7 +10,7 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
-use super::{PASSED_ON, Program, USER_BASE};
+use super::program::{PASSED_ON, Program, USER_BASE};
 
 /// Names more that engines may read, as `PATH` names folders: where what they are installed from lies elsewhere.
 pub(super) const MORE: &str = "BOTTEGA_ENGINE_READS";

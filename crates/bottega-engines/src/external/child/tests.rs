@@ -1,3 +1,5 @@
+use std::{collections::BTreeMap, path::PathBuf};
+
 use super::*;
 
 fn spawn(script: &str, limits: Limits) -> (tempfile::TempDir, Guarded) {

@@ -9,13 +9,14 @@ use std::{
 
 use bottega_image::Rect;
 
-use super::{Opened, SceneRequest, WindowRequest, Written};
+use super::request::{SceneRequest, WindowRequest, Written};
 use crate::external::{
     child::{Guarded, Program, Word},
     error::EngineFault,
     locate::{Located, run},
     log_tail,
     manifest::{Argument, FirstRow, Invocation, Shows, Values, limit},
+    protocol::Opened,
     scratch::Scratch,
 };
 

@@ -10,7 +10,7 @@ use std::{
 
 use bottega_image::{AovSet, Layout, Rect};
 
-use super::{Files, Opened, SceneRequest, WindowRequest, Written};
+use super::request::{SceneRequest, WindowRequest, Written};
 use crate::{
     CancelSwitch,
     external::{
@@ -19,7 +19,7 @@ use crate::{
         locate::{Located, module_hint},
         log_tail,
         manifest::{Argument, Limits, Values, limit},
-        protocol::{Answer, Failed, PaintedFile, Ready, Request, VERSION},
+        protocol::{Answer, Failed, Files, Opened, PaintedFile, Ready, Request, VERSION},
         scratch::Scratch,
     },
 };

@@ -3,14 +3,12 @@
 use bottega_scene::Spectrum;
 
 use super::{
-    super::transport::{power_heuristic, shadow_ray},
-    scatter::mixed,
+    super::transport::{emitted_at, power_heuristic, shadow_ray},
     state::Path,
+    vertex::PathVertex,
 };
 use crate::{
-    bsdf::BsdfAt,
-    guide::{Agent, Region},
-    interaction::{Interaction, emitted, sphere_uv},
+    interaction::Interaction,
     lights::{Asked, LightSample, Receiver},
     luminance,
     sampler::{DimensionSet, Quad},
@@ -26,19 +24,19 @@ const LOOKS_MIN: f32 = 0.25;
 impl Path<'_> {
     #[inline(always)]
     pub(super) fn add_environment<const AGENTS: bool>(&mut self) {
-        if self.depth == 0 && self.integrator.hides_emitters {
+        if self.at.depth == 0 && self.integrator.hides_emitters {
             return;
         }
         let prepared = self.integrator.prepared;
-        let from = self.previous.receiver.p;
-        let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.direction);
+        let from = self.at.previous.receiver.p;
+        let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.at.direction);
         if radiance != Spectrum::ZERO {
             let lights = prepared.lights();
             let weight = self.found_by_bsdf(|from| match if AGENTS { self.previous_choice() } else { None } {
-                None => lights.environment_pdf(from, self.direction),
-                Some(choice) => lights.environment_pdf_by(from, choice, self.direction),
+                None => lights.environment_pdf(from, self.at.direction),
+                Some(choice) => lights.environment_pdf_by(from, choice, self.at.direction),
             });
-            self.radiance += self.throughput * radiance * weight;
+            self.radiance += self.at.throughput * radiance * weight;
         }
     }
 
@@ -46,23 +44,15 @@ impl Path<'_> {
     #[inline(always)]
     pub(super) fn add_emission<const AGENTS: bool>(&mut self, point: &Interaction) {
         let prepared = self.integrator.prepared;
-        let scene = &**prepared.scene();
-        let hit = &point.hit;
-        let radiance = match hit.sphere() {
-            Some(sphere) => {
-                let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
-                prepared.material(point.material).0.emission.eval(scene, [uv; 2], 0.0)
-            }
-            None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
-        };
+        let radiance = emitted_at(prepared, point);
         if radiance == Spectrum::ZERO {
             return;
         }
         let weight = self.found_by_bsdf(|from| {
             let choice = if AGENTS { self.previous_choice() } else { None };
-            prepared.lights().hit_pdf_by(prepared, hit, from, point.p, choice)
+            prepared.lights().hit_pdf_by(prepared, &point.hit, from, point.p, choice)
         });
-        self.radiance += self.throughput * radiance * weight;
+        self.radiance += self.at.throughput * radiance * weight;
     }
 
     /// The weight of light that the path ran into; `light_pdf` tells with which density light sampling would have
@@ -70,27 +60,19 @@ impl Path<'_> {
     #[inline(always)]
     fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         let settings = self.integrator.settings;
-        let Some(pdf) = self.previous.pdf else { return 1.0 };
+        let Some(pdf) = self.at.previous.pdf else { return 1.0 };
         match settings.direct_light {
             DirectLight::LightSampling => 0.0,
             DirectLight::BsdfSampling => 1.0,
             DirectLight::Combined => {
-                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(&self.previous.receiver))
+                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(&self.at.previous.receiver))
             }
         }
     }
 
     /// Next-event estimation; `first`: the numbers of the light sample, if it is the only one.
     #[inline(always)]
-    pub(super) fn add_direct_light<const AGENTS: bool>(
-        &mut self,
-        point: &Interaction,
-        receiver: &Receiver,
-        bsdf: &BsdfAt<'_>,
-        region: Option<&Region>,
-        agent: Option<&Agent>,
-        first: Quad,
-    ) {
+    pub(super) fn add_direct_light<const AGENTS: bool>(&mut self, vertex: &PathVertex<'_>, first: Quad) {
         let settings = self.integrator.settings;
         let prepared = self.integrator.prepared;
         if settings.direct_light == DirectLight::BsdfSampling || prepared.lights().is_empty() {
@@ -98,18 +80,18 @@ impl Path<'_> {
         }
         let count = settings.light_samples.max(1);
         for part in 0..count {
-            let set = DimensionSet::light(self.depth);
-            let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
-            let choice = agent.filter(|_| AGENTS).and_then(Agent::lights);
+            let set = DimensionSet::light(self.at.depth);
+            let u = if count == 1 { first } else { self.at.sampler.split_quad(set, part, count) };
+            let choice = if AGENTS { vertex.guidance.lights() } else { None };
             let looks_rarely = AGENTS && self.integrator.looks_rarely;
             let drawn = match choice.filter(|_| settings.agents.lights) {
-                Some(choice) => prepared.lights().sample_by(prepared, receiver, choice, u),
-                None => prepared.lights().sample(prepared, receiver, u),
+                Some(choice) => prepared.lights().sample_by(prepared, &vertex.receiver, choice, u),
+                None => prepared.lights().sample(prepared, &vertex.receiver, u),
             };
             let Some(light) = drawn else { continue };
-            let contribution = self.light_contribution(point, bsdf, region, &light, count as f32);
+            let contribution = self.light_contribution(vertex, &light, count as f32);
             if self.trail.is_some() {
-                self.add_asked(point, &light, contribution);
+                self.add_asked(vertex.point, &light, contribution);
                 continue;
             }
             if contribution == Spectrum::ZERO {
@@ -117,8 +99,8 @@ impl Path<'_> {
             }
             let seen = choice.filter(|_| looks_rarely).map_or(1.0, |choice| choice.seen(light.light));
             let share = if looks_rarely { self.share_of_looks(contribution, seen) } else { 1.0 };
-            if self.is_due(share, u[3]) && !self.is_occluded(&shadow_ray(point, &light)) {
-                self.radiance += self.throughput * contribution / share;
+            if self.is_due(share, u[3]) && !self.is_occluded(&shadow_ray(vertex.point, &light)) {
+                self.radiance += self.at.throughput * contribution / share;
             }
         }
     }
@@ -129,7 +111,7 @@ impl Path<'_> {
         if self.worth <= 0.0 {
             return 1.0;
         }
-        let worth = (self.throughput * contribution).max_element() * self.worth;
+        let worth = (self.at.throughput * contribution).max_element() * self.worth;
         (LOOKS * worth * seen.sqrt()).clamp(LOOKS_MIN, 1.0)
     }
 
@@ -154,7 +136,7 @@ impl Path<'_> {
     fn add_asked(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum) {
         let is_seen = contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, light));
         if is_seen {
-            self.radiance += self.throughput * contribution;
+            self.radiance += self.at.throughput * contribution;
         }
         if let Some(trail) = &mut self.trail {
             trail.ask(Asked { light: light.light, found: luminance(contribution), is_seen });
@@ -163,30 +145,20 @@ impl Path<'_> {
 
     /// What one of `count` light samples adds if nothing is between.
     #[inline(always)]
-    fn light_contribution(
-        &self,
-        point: &Interaction,
-        bsdf: &BsdfAt<'_>,
-        region: Option<&Region>,
-        light: &LightSample,
-        count: f32,
-    ) -> Spectrum {
+    fn light_contribution(&self, vertex: &PathVertex<'_>, light: &LightSample, count: f32) -> Spectrum {
+        let point = vertex.point;
         let wi = point.to_local(light.wi);
         // A shading normal must not let light through the real surface.
         if (wi.z > 0.0) != point.is_reflection(light.wi) {
             return Spectrum::ZERO;
         }
-        let (value, bsdf_pdf) = bsdf.eval_pdf(wi);
+        let (value, bsdf_pdf) = vertex.bsdf.eval_pdf(wi);
         if value == Spectrum::ZERO {
             return Spectrum::ZERO;
         }
         let expected = count * light.pdf;
         let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
-        let weight = match region {
-            _ if !is_shared => 1.0,
-            None => power_heuristic(expected, bsdf_pdf),
-            Some(region) => power_heuristic(expected, mixed(region.share(), region.pdf(light.wi), bsdf_pdf)),
-        };
+        let weight = if is_shared { power_heuristic(expected, vertex.guidance.pdf(light.wi, bsdf_pdf)) } else { 1.0 };
         value * light.radiance * (wi.z.abs() * weight / expected)
     }
 }

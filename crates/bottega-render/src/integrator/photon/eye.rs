@@ -1,35 +1,36 @@
 //! One path from the camera, and those that it sends out to gather light.
 
+mod hands;
 mod light;
+mod maps;
+mod spot;
 mod surroundings;
 mod walk;
 
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{Spectrum, Surface};
 use glam::Vec3;
-use std::f32::consts::FRAC_1_PI;
 
-use super::{
-    super::{record::PathRecord, transport::SCATTERED_SPREAD},
-    PhotonIntegrator,
-};
+use super::{super::record::PathRecord, PhotonIntegrator};
 use crate::{
     PreparedScene,
-    ala::{Agents, Tally},
+    ala::Agents,
     bsdf::Bsdf,
-    camera::{CameraRay, RayCone},
+    camera::CameraRay,
     interaction::{Asks, Interaction, is_there, shines},
     lights::Receiver,
     photon::{
-        Arrived, BOUNCES_KEPT, ByBounces, Nearest, PhotonMaps,
-        cache::{self, IrradianceCache, Surroundings},
+        BOUNCES_KEPT, ByBounces, PhotonMaps,
+        cache::{IrradianceCache, Surroundings},
         kept,
     },
     sampler::{DimensionSet, PixelSampler},
     shading::{BLEND, bsdf_at, exp, is_broad_sample, is_matte},
 };
 
-use walk::{Comes, Left, LightShare, Place, Walk, is_sharp, scatter, survives};
+pub(crate) use hands::Hands;
+pub(super) use spot::Spot;
+use walk::{Comes, Left, LightShare, Place, Walk, scatter, survives};
 
 /// Bounces of a path that have numbers of their own before those of a gathering ray begin.
 const VERTICES: u32 = 64;
@@ -41,31 +42,6 @@ const NEAR: f32 = 0.35;
 const VERTEX_STEPS: f32 = 16.0;
 const SHADOW_STEPS: f32 = 8.0;
 
-/// Where irradiance may be kept: a matte surface that is seen.
-pub(super) struct Spot {
-    point: Interaction,
-    /// Width of the beam there.
-    width: f32,
-}
-
-impl Spot {
-    pub(super) fn new(point: Interaction, width: f32) -> Self {
-        Self { point, width }
-    }
-
-    pub(super) fn p(&self) -> Vec3 {
-        self.point.p
-    }
-
-    pub(super) fn n(&self) -> Vec3 {
-        self.point.frame[2]
-    }
-
-    pub(super) fn width(&self) -> f32 {
-        self.width
-    }
-}
-
 /// What is known of the light in the scene.
 #[derive(Clone, Copy)]
 pub(crate) struct Known<'a> {
@@ -73,55 +49,6 @@ pub(crate) struct Known<'a> {
     pub(crate) cache: Option<&'a IrradianceCache>,
     /// Who is asked, if the picture is one of agents; nobody while these are still looking around.
     pub(crate) agents: Option<&'a Agents>,
-}
-
-/// What a thread works with, sample after sample.
-pub(crate) struct Hands {
-    found: Nearest,
-    /// The irradiance sensors that were found.
-    sensors: Nearest,
-    /// What agents were asked.
-    pub(crate) tally: Tally,
-    /// What was found since it was last cleared, by number of bounces; if that is wanted.
-    by_bounces: Option<Box<ByBounces>>,
-}
-
-impl Hands {
-    pub(crate) fn new(integrator: &PhotonIntegrator<'_>) -> Self {
-        Self::gathering(integrator.photons.gather)
-    }
-
-    /// For a sensor: the mean of its many rays needs no smooth caustics where they end.
-    pub(crate) fn of_sensor(integrator: &PhotonIntegrator<'_>) -> Self {
-        const GATHERED: u32 = 12;
-        Self::gathering(integrator.photons.gather.min(GATHERED)).telling_bounces()
-    }
-
-    fn gathering(count: u32) -> Self {
-        let found = Nearest::new(count as usize);
-        Self { found, sensors: Nearest::new(Agents::SENSORS), tally: Tally::default(), by_bounces: None }
-    }
-
-    /// The same that keeps light apart by how often it was scattered.
-    pub(crate) fn telling_bounces(self) -> Self {
-        Self { by_bounces: Some(Box::new([Spectrum::ZERO; BOUNCES_KEPT])), ..self }
-    }
-
-    /// What was found, by number of bounces.
-    pub(crate) fn bounces(&self) -> &ByBounces {
-        const NOTHING: &ByBounces = &[Spectrum::ZERO; BOUNCES_KEPT];
-        self.by_bounces.as_deref().unwrap_or(NOTHING)
-    }
-
-    /// Begins anew.
-    pub(super) fn clear_bounces(&mut self) {
-        self.by_bounces.iter_mut().for_each(|sums| sums.fill(Spectrum::ZERO));
-    }
-
-    /// Multiplies what was found by number of bounces.
-    pub(super) fn scale_bounces(&mut self, factor: f32) {
-        self.by_bounces.iter_mut().flat_map(|sums| sums.iter_mut()).for_each(|sum| *sum *= factor);
-    }
 }
 
 impl Eye<'_> {
@@ -234,14 +161,13 @@ impl<'a> Eye<'a> {
         let prepared = self.prepared;
         let point = Interaction::new(prepared, &hit, walk.origin, walk.direction, walk.cone);
         if walk.vertex == 0 {
-            let values = &mut self.record.values;
-            (values.alpha, values.depth, values.normal) = (1.0, walk.start + hit.t, point.frame[2].to_array());
+            self.record.record_first(walk.start + hit.t, point.frame[2]);
         }
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
             let color = point.unlit(prepared.scene(), color);
             self.add(walk.throughput * color, walk.depth);
-            self.record_albedo(color);
+            self.record.record_albedo(&mut self.wants_albedo, color);
             return false;
         }
         if known.shines && material.emission_sides.has(point.front) {
@@ -257,7 +183,7 @@ impl<'a> Eye<'a> {
         self.record.counts.meet(bsdf, known);
         let wo = point.to_local(point.wo);
         if self.wants_albedo && (is_last || !bsdf.is_delta_only()) {
-            self.record_albedo(bsdf.albedo(wo));
+            self.record.record_albedo(&mut self.wants_albedo, bsdf.albedo(wo));
         }
         if is_last {
             return false;
@@ -337,149 +263,6 @@ impl<'a> Eye<'a> {
         Left::Light
     }
 
-    /// Adds what a matte surface sends back of the indirect light that is known of places near it, if there is any.
-    fn add_interpolated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
-        let Some(agents) = self.agents else { return self.add_cached(walk, place, bsdf) };
-        let point = place.point;
-        let normals = [if point.front { point.ng } else { -point.ng }, point.frame[2]];
-        let bounces = self.bounces_left(walk);
-        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.hands.sensors);
-        let known = is_matte(bsdf).then(ask).flatten();
-        self.hands.tally.irradiance_computed += u64::from(known.is_none());
-        self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
-        if let Some(irradiance) = known.filter(|_| bounces >= 2) {
-            let light = walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
-            self.add_shared(light, walk.depth, |_| agents.shares_at(point.p, normals[1], bounces));
-        }
-        known.is_some()
-    }
-
-    /// Adds what the photons at the place bring.
-    fn add_photons(&mut self, walk: &Walk, place: &Place<'_>, is_gathered: bool) {
-        let Place { point, bsdf, .. } = place;
-        let normal = if point.front { point.ng } else { -point.ng };
-        let (prepared, most) = (self.prepared, self.bounces_left(walk));
-        let Hands { found, by_bounces, .. } = &mut *self.hands;
-        let mut sum = Spectrum::ZERO;
-        let take = |photon: &Arrived| {
-            // It is scattered here once more.
-            if photon.bounces >= most {
-                return;
-            }
-            let wi = point.to_local(photon.to_light);
-            // A photon that grazes the surface may seem to come from its other side.
-            let is_sound = (wi.z > 0.0) == photon.is_before && photon.is_before == point.is_reflection(photon.to_light);
-            let (f, pdf) = if is_sound { bsdf.eval_pdf(wi) } else { (Spectrum::ZERO, 0.0) };
-            if is_gathered && is_sharp(prepared, pdf) {
-                return;
-            }
-            let light = walk.throughput * f * photon.light;
-            sum += light;
-            if let Some(sums) = by_bounces {
-                sums[kept(walk.depth + 1 + photon.bounces)] += light;
-            }
-        };
-        let maps = self.maps;
-        if self.integrator.photons.progressive {
-            maps.estimator.gather_within(&maps.seen, point.p, normal, maps.reach_at(point.p), take);
-        } else {
-            // What is brought together by glass is sharper than what is spread all over.
-            let reach = if is_gathered { maps.reach_at(point.p) } else { maps.irradiance_reach_at(point.p) };
-            maps.estimator.gather(&maps.seen, point.p, normal, reach, found, take);
-        }
-        self.radiance += sum;
-    }
-
-    /// Adds what a matte surface sends back of all the light that the map knows there, if it knows any.
-    fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
-        let point = place.point;
-        let normal = if point.front { point.ng } else { -point.ng };
-        let Some(number) = self.maps.irradiance_near(point.p, normal) else { return false };
-        let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
-        // It is scattered here once more.
-        let most = self.bounces_left(walk).saturating_sub(1);
-        let known = &self.maps.irradiance;
-        self.radiance += reflected * known.irradiance(number, most);
-        if let Some(sums) = &mut self.hands.by_bounces {
-            for (light, bounces) in known.by_bounces(number).iter().zip(0..=most) {
-                sums[kept(walk.depth + 1 + bounces)] += reflected * *light;
-            }
-        }
-        true
-    }
-
-    /// Adds what a matte surface sends back of the indirect light that is kept for places near it, if there is any.
-    fn add_cached(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
-        let Some(cache) = self.cache.filter(|_| is_matte(bsdf)) else { return false };
-        let bounces = self.bounces_left(walk);
-        let Some(irradiance) = cache.at(place.point.p, place.point.frame[2], bounces) else { return false };
-        if bounces >= 2 {
-            self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
-        }
-        true
-    }
-
-    /// The first matte surface that is seen from the camera, over mirrors and through glass.
-    pub(super) fn spot(&mut self, ray: &CameraRay) -> Option<Spot> {
-        /// Mirrors on the way.
-        const MIRRORS_MAX: u32 = 8;
-        let prepared = self.prepared;
-        let mut walk = Walk::of_camera(ray);
-        for _ in 0..=MIRRORS_MAX {
-            let t_max = std::mem::replace(&mut walk.reach, f32::INFINITY);
-            let hit = self.intersect(&Ray { t_max, ..Ray::new(walk.origin, walk.direction) }, walk.vertex);
-            if hit.is_none() {
-                return None;
-            }
-            walk.cone = walk.cone.at(hit.t);
-            let point = Interaction::new(prepared, &hit, walk.origin, walk.direction, walk.cone);
-            let mut kept = None;
-            let chance = || self.sampler.hashed(BLEND ^ u64::from(walk.vertex) << 56 ^ u64::from(point.material));
-            let bsdf = bsdf_at(prepared, &point, chance, &mut kept);
-            if bsdf.has_non_delta() {
-                return is_matte(bsdf).then_some(Spot { width: walk.cone.width, point });
-            }
-            let wo = point.to_local(point.wo);
-            let receiver = Receiver { p: point.p_outside, n: Vec3::ZERO };
-            let place = Place { point: &point, bsdf: &bsdf.at(wo), receiver, wo };
-            let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
-            let sample = place.bsdf.sample(u[0], [u[1], u[2]])?;
-            if !scatter(prepared, &mut walk, &place, &sample, 1.0) {
-                return None;
-            }
-        }
-        None
-    }
-
-    /// Indirect light that comes to a place from a direction, what shines there itself left out.
-    pub(super) fn look_from(&mut self, spot: &Spot, direction: Vec3, index: u32) -> cache::Look {
-        let point = &spot.point;
-        let nothing = cache::Look { radiance: Spectrum::ZERO, distance: f32::INFINITY };
-        if !point.is_reflection(direction) {
-            return nothing;
-        }
-        let origin = point.ray_origin(direction);
-        let hit = self.intersect(&Ray::new(origin, direction), 0);
-        if hit.is_none() {
-            return nothing;
-        }
-        let cone = RayCone { width: spot.width, spread: SCATTERED_SPREAD };
-        let ray = CameraRay { origin, direction, cone, start: 0.0, reach: f32::INFINITY };
-        let mut walk = Walk {
-            depth: 1,
-            vertex: VERTICES * (2 + index),
-            comes: Comes::Mirrored { sharply: false },
-            ..Walk::of_camera(&ray)
-        };
-        self.radiance = Spectrum::ZERO;
-        let mut goes_on = self.arrive(&mut walk, hit);
-        while goes_on {
-            goes_on = self.step(&mut walk);
-        }
-        let radiance = if self.radiance.is_finite() { self.radiance } else { Spectrum::ZERO };
-        cache::Look { radiance, distance: hit.t }
-    }
-
     /// Sends out rays that look for light, each of them to its end.
     ///
     /// - `is_known`: whether light from directions that the surface scatters to broadly has been added.
@@ -532,12 +315,5 @@ impl<'a> Eye<'a> {
     fn is_gathered(&self) -> bool {
         let photons = &self.integrator.photons;
         (photons.final_rays > 0 && !photons.progressive) || photons.agents.is_some()
-    }
-
-    fn record_albedo(&mut self, albedo: Spectrum) {
-        if self.wants_albedo {
-            self.record.values.albedo = albedo.to_array();
-            self.wants_albedo = false;
-        }
     }
 }

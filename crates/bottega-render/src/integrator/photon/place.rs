@@ -3,7 +3,10 @@
 //! The order in which places are looked at depends on the picture alone, coarse before fine, and each batch knows only what
 //! the batches before have kept: so the records are the same however many threads compute them.
 
-use bottega_kernels::compiled::{self, Task};
+use bottega_kernels::{
+    compiled::{self, Task},
+    mix64,
+};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -17,7 +20,7 @@ use crate::{
         PhotonMaps,
         cache::{IrradianceCache, Measurement, RAYS, Record, direction},
     },
-    sampler::{DimensionSet, PixelSampler, mix},
+    sampler::{DimensionSet, PixelSampler},
 };
 
 /// Pixels from one place that is looked at to the next: in the first round and in the last one.
@@ -62,7 +65,7 @@ fn pixels(integrator: &PhotonIntegrator<'_>, step: u32) -> Vec<(u32, u32)> {
     let mut pixels: Vec<(u32, u32)> = rows
         .flat_map(|y| (0..width).step_by(step as usize).filter(move |&x| is_new(x, y)).map(move |x| (x, y)))
         .collect();
-    pixels.sort_by_key(|&(x, y)| mix(u64::from(x) << 32 | u64::from(y)));
+    pixels.sort_by_key(|&(x, y)| mix64(u64::from(x) << 32 | u64::from(y)));
     pixels
 }
 

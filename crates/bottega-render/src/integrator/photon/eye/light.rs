@@ -3,12 +3,12 @@
 use bottega_scene::Spectrum;
 
 use super::{
-    super::super::transport::{power_heuristic, shadow_ray},
+    super::super::transport::{emitted_at, power_heuristic, shadow_ray},
     Eye,
     walk::{Comes, LightShare, Place, Walk},
 };
 use crate::{
-    interaction::{Interaction, emitted, sphere_uv},
+    interaction::Interaction,
     lights::{NO_LIGHT, Receiver},
     sampler::{DimensionSet, Quad},
 };
@@ -42,17 +42,9 @@ impl Eye<'_> {
 
     pub(super) fn add_emission(&mut self, walk: &Walk, point: &Interaction) {
         let prepared = self.prepared;
-        let scene = &**prepared.scene();
-        let hit = &point.hit;
-        let radiance = match hit.sphere() {
-            Some(sphere) => {
-                let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
-                prepared.material(point.material).0.emission.eval(scene, [uv; 2], 0.0)
-            }
-            None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
-        };
+        let radiance = emitted_at(prepared, point);
         if radiance != Spectrum::ZERO {
-            let weight = self.found(walk, |from| prepared.lights().hit_pdf(prepared, hit, from, point.p));
+            let weight = self.found(walk, |from| prepared.lights().hit_pdf(prepared, &point.hit, from, point.p));
             self.add(walk.throughput * radiance * weight, walk.depth);
         }
     }

@@ -3,7 +3,7 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::super::super::transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD};
+use super::super::super::transport::{self, SCATTERED_SPREAD};
 use crate::{
     PreparedScene,
     bsdf::{BsdfAt, BsdfSample},
@@ -132,16 +132,7 @@ pub(super) fn scatter(
 pub(super) fn survives(walk: &mut Walk, u: f32) -> bool {
     /// Bounces before it.
     const SURE: u32 = 3;
-    let carried = walk.throughput.max_element() * walk.squeezed;
-    if carried <= 0.0 || carried.is_nan() {
-        return false;
-    }
-    if walk.depth <= SURE {
-        return true;
-    }
-    let survival = carried.sqrt().min(ROULETTE_SURVIVAL_MAX);
-    walk.throughput /= survival;
-    u < survival
+    transport::survives(&mut walk.throughput, walk.squeezed, walk.depth <= SURE, u)
 }
 
 /// Whether light from a direction over mirrors and glass is found by going there and not by photons, of which too few come within

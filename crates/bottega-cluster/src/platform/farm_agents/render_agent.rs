@@ -20,11 +20,12 @@ use bottega_agents::{
 };
 
 use super::{
-    ontology::{MachineFunction, ONTOLOGY, Unread, machine_term, read_machine_function, reason},
+    ontology::{MachineFunction, ONTOLOGY, machine_term, read_machine_function},
     page::{Ask, Page, request},
     talk::{self, Message},
+    terms::{Unread, reason},
 };
-use bottega_cluster::{
+use crate::{
     machine::{MachineOrder, Standing},
     view::{JobView, MachineView},
 };
@@ -205,7 +206,7 @@ impl RenderAgent {
     fn hear(&mut self, message: &Message, now: Time, actions: &mut Actions) {
         let Some(wire) = talk::foreign(message) else { return };
         let read = match message.performative {
-            Performative::Request => talk::expression(wire),
+            Performative::Request => talk::expression(wire, ONTOLOGY),
             act => Err(talk::unsupported(act)),
         };
         let describes = |asked: &Term| read_machine_function(asked) == Ok(MachineFunction::Describe);

@@ -6,10 +6,8 @@
 
 mod jobs_agent;
 mod ontology;
-mod page;
 mod progress;
 mod render_agent;
-mod talk;
 #[cfg(test)]
 mod tests;
 
@@ -31,14 +29,14 @@ use jobs_agent::{ChangeJob, JobsAgent, JobsReport};
 use ontology::JobChange;
 use render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings};
 
-use bottega_cluster::{
+use super::{host::HostSeat, page, talk, terms};
+use crate::{
     JobBoard, JobState,
+    error::Error,
     jobs::{set_priority, steer},
     machine::{MachineOrder, Roster},
     view::{FarmView, JobView, MachineView},
 };
-
-use crate::error::CliError;
 
 /// How often the farm is looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
@@ -55,12 +53,17 @@ trait Farm: Send + 'static {
     fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String>;
     /// Changes a job.
     fn change(&self, number: u32, change: JobChange) -> Result<(), String>;
+    /// Says that the agents live here.
+    fn attend(&mut self) {}
+    /// Says that they do so no longer.
+    fn leave(&mut self) {}
 }
 
 /// A farm behind its notices.
 struct BoardFarm {
     board: JobBoard,
     roster: Roster,
+    seat: HostSeat,
 }
 
 impl Farm for BoardFarm {
@@ -81,6 +84,14 @@ impl Farm for BoardFarm {
             JobChange::Priority(priority) => set_priority(&self.board, number, priority),
         };
         changed.map_err(|error| error.error_chain())
+    }
+
+    fn attend(&mut self) {
+        self.seat.renew(&self.board);
+    }
+
+    fn leave(&mut self) {
+        self.seat.lay_down(&self.board);
     }
 }
 
@@ -110,12 +121,13 @@ impl FarmAgents {
         node: &Arc<Node>,
         platform: &str,
         board: JobBoard,
+        seat: HostSeat,
         trusted: &[AgentId],
-    ) -> Result<Self, CliError> {
-        Self::over(node, platform, BoardFarm { board, roster: Roster::default() }, trusted)
+    ) -> Result<Self, Error> {
+        Self::over(node, platform, BoardFarm { board, roster: Roster::default(), seat }, trusted)
     }
 
-    fn over(node: &Arc<Node>, platform: &str, mut farm: impl Farm, trusted: &[AgentId]) -> Result<Self, CliError> {
+    fn over(node: &Arc<Node>, platform: &str, mut farm: impl Farm, trusted: &[AgentId]) -> Result<Self, Error> {
         let (wishes, wished) = channel();
         let address: Arc<[String]> = Arc::new([node.address().to_owned()]);
         let around = Surroundings {
@@ -132,7 +144,7 @@ impl FarmAgents {
             _ = wish.send(Wish::Change(change));
         };
         let jobs = node.add_worldly(&around.jobs, agent, perform).map_err(|taken| {
-            CliError::failed(taken.to_string(), "this cannot be: it is the first agent of its platform")
+            Error::failed(taken.to_string(), "this cannot be: it is the first agent of its platform")
         })?;
         let (node, platform, wish) = (Arc::clone(node), platform.to_owned(), wishes.clone());
         let watch = Watch {
@@ -149,7 +161,7 @@ impl FarmAgents {
         };
         let thread = thread::Builder::new().name("farm".to_owned()).spawn(move || watch.run(&wished));
         let thread = thread.map_err(|error| {
-            CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
+            Error::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
         })?;
         Ok(Self { wishes, thread: Some(thread) })
     }
@@ -194,10 +206,11 @@ impl<F: Farm> Watch<F> {
         loop {
             if look_at <= Instant::now() {
                 look_at = Instant::now() + LOOK_EVERY;
+                self.farm.attend();
                 self.look();
             }
             match wished.recv_timeout(look_at.saturating_duration_since(Instant::now())) {
-                Ok(Wish::End) | Err(RecvTimeoutError::Disconnected) => return,
+                Ok(Wish::End) | Err(RecvTimeoutError::Disconnected) => return self.farm.leave(),
                 Err(RecvTimeoutError::Timeout) => {}
                 Ok(Wish::Change(ChangeJob { ticket, number, change })) => {
                     let result = self.farm.change(number, change);

@@ -1,4 +1,4 @@
-//! How the agents of a farm hear strangers and answer them.
+//! How agents of a farm hear strangers and answer them, in SL.
 
 use std::{sync::Arc, time::Duration};
 
@@ -7,7 +7,7 @@ use bottega_agents::{
     wire::WireMessage,
 };
 
-use super::ontology::{ONTOLOGY, Unread, reason, unrecognised_content};
+use super::terms::{Unread, reason, unrecognised_content};
 
 /// A message as agents of the platform have it.
 pub(super) type Message = AclMessage<PlainContent>;
@@ -25,21 +25,32 @@ pub(super) fn foreign(message: &Message) -> Option<&WireMessage> {
     }
 }
 
-/// The one expression that a content says.
-pub(super) fn expression(wire: &WireMessage) -> Result<Term, Unread> {
+/// Whether a content is of this ontology, and in a language that is read here.
+pub(super) fn is_of(wire: &WireMessage, ontology: &str) -> Result<(), Unread> {
     let unsupported = |parameter| Err(Unread::NotUnderstood(reason("unsupported-value", [parameter])));
     if wire.language.as_deref().is_some_and(|language| !sl::is_known(language)) {
         return unsupported("language");
     }
-    if wire.ontology.as_deref().is_some_and(|ontology| !ontology.eq_ignore_ascii_case(ONTOLOGY)) {
+    if wire.ontology.as_deref().is_some_and(|other| !other.eq_ignore_ascii_case(ontology)) {
         return unsupported("ontology");
     }
-    let content = wire.content.as_deref().unwrap_or_default();
-    match <[Term; 1]>::try_from(sl::parse(content).map_err(|_| unrecognised_content())?) {
-        Ok([expression]) => Ok(expression),
-        Err(_) => Err(unrecognised_content()),
-    }
+    Ok(())
 }
+
+/// The one expression that a content of this ontology says.
+pub(super) fn expression(wire: &WireMessage, ontology: &str) -> Result<Term, Unread> {
+    is_of(wire, ontology)?;
+    let [expression] = <[Term; 1]>::try_from(expressions(wire)?).map_err(|_| unrecognised_content())?;
+    Ok(expression)
+}
+
+/// All expressions that a content says.
+pub(super) fn expressions(wire: &WireMessage) -> Result<Vec<Term>, Unread> {
+    sl::parse(wire.content.as_deref().unwrap_or_default()).map_err(|_| unrecognised_content())
+}
+
+/// The ontology where the one who is answered names none.
+const USUAL_ONTOLOGY: &str = "bottega-farm";
 
 /// An answer of `me`.
 pub(super) fn answer(message: &Message, me: &AgentId, act: Performative, terms: &[Term]) -> Message {
@@ -51,7 +62,7 @@ pub(super) fn answer(message: &Message, me: &AgentId, act: Performative, terms: 
     let content = WireMessage {
         content: Some(sl::print(terms)),
         language: said(heard.and_then(|wire| wire.language.as_ref()), "fipa-sl0"),
-        ontology: said(heard.and_then(|wire| wire.ontology.as_ref()), ONTOLOGY),
+        ontology: said(heard.and_then(|wire| wire.ontology.as_ref()), USUAL_ONTOLOGY),
         ..WireMessage::new(act)
     };
     message.reply(act, me.clone(), PlainContent::Foreign(Arc::new(content)))

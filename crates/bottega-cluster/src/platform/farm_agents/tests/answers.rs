@@ -52,7 +52,7 @@ fn a_machine_tells_what_it_paints_and_how_far_that_is() {
         let came = after(&mut agent, millis(2), to_machine("probe@jade", "(describe-machine)"));
         let part = format!(
             ":job 3 :version \"{}\" :paints (job :number 3 :state active :done {done} ",
-            bottega_cluster::build::build().identity()
+            crate::build::build().identity()
         );
         assert!(came.told[0].2.contains(&part), "{came:?}");
     }

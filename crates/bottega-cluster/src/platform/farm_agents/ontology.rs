@@ -64,20 +64,12 @@
 
 use bottega_agents::sl::Term;
 
+use super::terms::{Call, Fields, Unread, unrecognised_content};
+use crate::view::{JobView, MachineView};
 use bottega::request::PRIORITY_MAX;
-use bottega_cluster::view::{JobView, MachineView};
 
 /// The name of the ontology.
 pub(super) const ONTOLOGY: &str = "bottega-farm";
-
-/// Why nothing is done.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Unread {
-    /// It makes no sense; with the reason.
-    NotUnderstood(Term),
-    /// It makes sense, and is refused; with the reason.
-    Refused(Term),
-}
 
 /// What somebody wants changed of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,55 +95,6 @@ pub(super) enum MachineFunction {
     Describe,
     Suspend,
     Terminate,
-}
-
-pub(super) fn unrecognised_content() -> Unread {
-    Unread::NotUnderstood(reason("unrecognised-value", ["content"]))
-}
-
-pub(super) fn reason<const N: usize>(word: &str, arguments: [&str; N]) -> Term {
-    Term::call(word, arguments.map(Term::text))
-}
-
-/// A function with named parameters.
-struct Call<'a> {
-    word: &'a str,
-    arguments: &'a [Term],
-}
-
-impl<'a> Call<'a> {
-    /// Reads `(action AID (word :parameter value …))`.
-    fn of(action: &'a Term) -> Result<Self, Unread> {
-        let Some([_, act]) = action.arguments_of("action") else { return Err(unrecognised_content()) };
-        let (word, arguments) = act.as_call().ok_or_else(unrecognised_content)?;
-        Ok(Self { word, arguments })
-    }
-
-    fn is(&self, word: &str) -> bool {
-        self.word.eq_ignore_ascii_case(word)
-    }
-
-    fn unsupported(&self) -> Unread {
-        Unread::Refused(reason("unsupported-function", [self.word]))
-    }
-
-    fn number(&self, parameter: &str) -> Result<u32, Unread> {
-        let mut number = None;
-        for pair in self.arguments.chunks(2) {
-            let [Term::Bare(key), value] = pair else {
-                return Err(Unread::Refused(reason("unexpected-argument-count", [])));
-            };
-            if key.strip_prefix(':').is_some_and(|key| key.eq_ignore_ascii_case(parameter)) {
-                number = Some(value);
-            }
-        }
-        let value = number.ok_or_else(|| Unread::Refused(reason("missing-parameter", [self.word, parameter])))?;
-        value.as_str().and_then(|text| text.parse().ok()).ok_or_else(|| self.bad(parameter))
-    }
-
-    fn bad(&self, parameter: &str) -> Unread {
-        Unread::Refused(reason("unrecognised-parameter-value", [self.word, parameter]))
-    }
 }
 
 /// Reads what `jobs@PLATFORM` is asked.
@@ -214,36 +157,11 @@ pub(super) fn read_wish(iota: &Term) -> Result<(u32, &Term), Unread> {
     }
 }
 
-/// An object of named parameters.
-struct Fields(Vec<Term>);
-
-impl Fields {
-    fn put(mut self, key: &str, value: Term) -> Self {
-        self.0.extend([Term::Bare(format!(":{key}")), value]);
-        self
-    }
-
-    fn text(self, key: &str, value: &str) -> Self {
-        self.put(key, Term::text(value))
-    }
-
-    fn text_if(self, key: &str, value: Option<&str>) -> Self {
-        match value {
-            Some(value) => self.text(key, value),
-            None => self,
-        }
-    }
-
-    fn number(self, key: &str, value: &impl ToString) -> Self {
-        self.put(key, Term::Bare(value.to_string()))
-    }
-}
-
 /// A job as an object.
 pub(super) fn job_term(job: &JobView) -> Term {
     // Other processes write how much is done.
     let done = if job.done.is_finite() { job.done.clamp(0.0, 1.0) } else { 0.0 };
-    let fields = Fields(vec![Term::text("job")])
+    let fields = Fields::of("job")
         .number("number", &job.number)
         .text("state", job.state)
         .text_if("reason", job.reason.as_deref())
@@ -258,7 +176,7 @@ pub(super) fn job_term(job: &JobView) -> Term {
         .text("scene", &job.scene)
         .text("output", &job.output)
         .number("kept", &job.kept);
-    Term::List(fields.0)
+    fields.term()
 }
 
 /// A machine as an object.
@@ -266,7 +184,7 @@ pub(super) fn job_term(job: &JobView) -> Term {
 /// - `job`: what it paints, if that is to be told too.
 pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term {
     let seat = &machine.seat;
-    let fields = Fields(vec![Term::text("machine")])
+    let fields = Fields::of("machine")
         .text("name", &seat.name)
         .text("state", seat.standing.word())
         .number("threads", &seat.threads);
@@ -279,7 +197,7 @@ pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term
         Some(job) => fields.put("paints", job_term(job)),
         None => fields,
     };
-    Term::List(fields.0)
+    fields.term()
 }
 
 /// What is asked of an agent, as it would be asked.

@@ -5,10 +5,11 @@ use std::{collections::BTreeMap, time::Duration};
 use bottega_agents::{AgentId, Performative, Time, sl::Term};
 
 use super::{
-    ontology::{Unread, job_term, reason},
+    ontology::job_term,
     talk::{self, Message},
+    terms::{Unread, reason},
 };
-use bottega_cluster::view::{FarmView, JobView};
+use crate::view::{FarmView, JobView};
 
 /// The most subscriptions at a time.
 const SUBSCRIPTIONS_MAX: usize = 1 << 10;

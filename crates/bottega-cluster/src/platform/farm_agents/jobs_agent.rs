@@ -10,15 +10,14 @@ use bottega_agents::{
 };
 
 use super::{
-    ontology::{
-        JobChange, JobsFunction, Unread, job_term, machine_term, no_such_job, read_jobs_function, read_wish, reason,
-    },
+    ontology::{JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish},
     page::{Ask, Page, request},
     progress::Progress,
     render_agent::{OWNERSHIP, Surroundings, described},
     talk::{self, Message},
+    terms::{Unread, reason},
 };
-use bottega_cluster::view::FarmView;
+use crate::view::FarmView;
 
 /// Its name on its platform.
 pub(super) const LOCAL_NAME: &str = "jobs";
@@ -105,7 +104,7 @@ impl JobsAgent {
             return;
         }
         let asked = match message.performative {
-            Performative::Request | Performative::Subscribe => talk::expression(wire),
+            Performative::Request | Performative::Subscribe => talk::expression(wire, ONTOLOGY),
             act => Err(talk::unsupported(act)),
         };
         let asked = match asked {
@@ -218,7 +217,7 @@ impl JobsAgent {
     fn clean(&mut self, agents: &[AmsAgentDescription], send: &mut Vec<Message>) {
         for name in agents.iter().filter_map(|agent| agent.name.as_ref()) {
             let local = name.name.strip_suffix(&format!("@{}", self.platform));
-            let is_there = |machine: &bottega_cluster::view::MachineView| local == Some(&*machine.seat.name);
+            let is_there = |machine: &crate::view::MachineView| local == Some(&*machine.seat.name);
             if local.is_none() || self.farm.machines.iter().any(is_there) {
                 continue;
             }

@@ -17,7 +17,7 @@ use super::{
     render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings},
     talk::Message,
 };
-use bottega_cluster::{
+use crate::{
     job_board::Presence,
     machine::Standing,
     view::{FarmView, JobView, MachineView},
@@ -146,7 +146,7 @@ fn what_the_ams_wants_of_a_machine_becomes_an_order_and_what_strangers_want_wait
     let result = format!(
         "((result (action {AID} (describe-machine)) (machine :name m-1 :state suspended :threads 8 :job 3 :version \
          \"{}\")))",
-        bottega_cluster::build::build().identity()
+        crate::build::build().identity()
     );
     assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)], "only painting is suspended");
     // Somebody resumes it in the farm: only the platform may say so.

@@ -1,0 +1,169 @@
+//! Files as pieces by what is in them, and what of these a store lacks.
+
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{Read, Seek, SeekFrom},
+    path::{Path, PathBuf},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+};
+
+use crate::{
+    chunks::{CHUNK_BYTES, ChunkStore, Contents, PREFIX, blob_name, hash_of, several},
+    error::Error,
+};
+
+/// A part of a file.
+#[derive(Debug)]
+pub(crate) struct Piece {
+    path: PathBuf,
+    at: u64,
+    pub(crate) bytes: usize,
+}
+
+impl Piece {
+    /// What is in it, if the file is as it was.
+    fn read(&self, hash: &str) -> Result<Vec<u8>, Error> {
+        let mut bytes = vec![0; self.bytes];
+        let read = File::open(&self.path)
+            .and_then(|mut file| file.seek(SeekFrom::Start(self.at)).map(|_| file))
+            .and_then(|mut file| file.read_exact(&mut bytes));
+        read.map_err(|source| Error::read(self.path.clone(), source))?;
+        if hash_of(&bytes) != hash {
+            let problem = format!("`{}` was changed while it was sent", self.path.display());
+            return Err(Error::failed(problem, "ask again when nobody writes to it"));
+        }
+        Ok(bytes)
+    }
+}
+
+/// Files that are to be sent, as pieces by what is in them.
+#[derive(Debug, Default)]
+pub(crate) struct Pieces {
+    pieces: BTreeMap<String, Piece>,
+}
+
+impl Pieces {
+    /// Notes the pieces of a file.
+    pub(crate) fn add(&mut self, path: &Path) -> Result<Contents, Error> {
+        let wrong = |source| Error::read(path.to_owned(), source);
+        let mut file = File::open(path).map_err(wrong)?;
+        let (mut hasher, mut chunks, mut at) = (blake3::Hasher::new(), Vec::new(), 0);
+        loop {
+            let mut bytes = Vec::new();
+            Read::by_ref(&mut file).take(CHUNK_BYTES as u64).read_to_end(&mut bytes).map_err(wrong)?;
+            if bytes.is_empty() {
+                return Ok(Contents::new(hasher.finalize().to_hex().to_string(), chunks));
+            }
+            hasher.update(&bytes);
+            let hash = hash_of(&bytes);
+            self.pieces.insert(hash.clone(), Piece { path: path.to_owned(), at, bytes: bytes.len() });
+            chunks.push(hash);
+            at += bytes.len() as u64;
+        }
+    }
+
+    /// Whether a piece of this name in a store is one of them.
+    pub(crate) fn includes(&self, name: &str) -> bool {
+        name.strip_prefix(PREFIX).is_some_and(|hash| self.pieces.contains_key(hash))
+    }
+
+    /// The pieces that a store lacks.
+    pub(crate) fn missing(&self, store: &dyn ChunkStore) -> Result<Vec<(&str, &Piece)>, Error> {
+        let all: Vec<(&str, &Piece)> = self.pieces.iter().map(|(hash, piece)| (&**hash, piece)).collect();
+        let lacking = Mutex::new(Vec::new());
+        several(all.len(), &|i| {
+            if !store.has(&blob_name(all[i].0)).map_err(Error::Blob)? {
+                lacking.lock().unwrap_or_else(PoisonError::into_inner).push(all[i]);
+            }
+            Ok(())
+        })?;
+        let mut lacking = lacking.into_inner().unwrap_or_else(PoisonError::into_inner);
+        // In the order of the files: the disk reads them once.
+        lacking.sort_by_key(|&(_, piece)| (&piece.path, piece.at));
+        Ok(lacking)
+    }
+
+    /// Puts all that a store lacks into it.
+    #[cfg(test)]
+    pub(crate) fn send_to(&self, store: &dyn ChunkStore) -> Result<(), Error> {
+        let keep = |name: &str, bytes: &[u8]| store.put(name, bytes).map_err(Error::Blob);
+        Self::put(&self.missing(store)?, &keep, &Counted::default())
+    }
+
+    /// Puts pieces into a store. Their names are noted in `sent` as they are there.
+    ///
+    /// - `keep`: puts one.
+    pub(crate) fn put(pieces: &[(&str, &Piece)], keep: Keep<'_>, sent: &Counted) -> Result<(), Error> {
+        several(pieces.len(), &|i| {
+            let (hash, piece) = pieces[i];
+            let name = blob_name(hash);
+            keep(&name, &piece.read(hash)?)?;
+            sent.note(name, piece.bytes);
+            Ok(())
+        })
+    }
+}
+
+/// Puts a piece into a store.
+pub(crate) type Keep<'a> = &'a (dyn Fn(&str, &[u8]) -> Result<(), Error> + Sync);
+
+/// What has been sent so far.
+#[derive(Debug, Default)]
+pub(crate) struct Counted {
+    pub(crate) names: Mutex<Vec<String>>,
+    pub(crate) bytes: AtomicU64,
+}
+
+impl Counted {
+    fn note(&self, name: String, bytes: usize) {
+        self.names.lock().unwrap_or_else(PoisonError::into_inner).push(name);
+        self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chunks::tests::Shelf;
+
+    fn keep_in(shelf: &Shelf) -> impl Fn(&str, &[u8]) -> Result<(), Error> + Sync + '_ {
+        |name, bytes| shelf.put(name, bytes).map_err(Error::Blob)
+    }
+
+    #[test]
+    fn pieces_are_sent_once_and_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f");
+        let content: Vec<u8> = (0..2 * CHUNK_BYTES + 17).map(|i| (i / 1000 * 7 + i % 251) as u8).collect();
+        std::fs::write(&path, &content).unwrap();
+        let (mut pieces, shelf, counted) = (Pieces::default(), Shelf::default(), Counted::default());
+        let contents = pieces.add(&path).unwrap();
+        assert_eq!(pieces.add(&path).unwrap(), contents, "the same file twice is one");
+        assert_eq!(contents.hash, hash_of(&content));
+        let missing = pieces.missing(&shelf).unwrap();
+        assert_eq!(
+            missing.iter().map(|(_, piece)| piece.at).collect::<Vec<_>>(),
+            [0, 1, 2].map(|i| i * CHUNK_BYTES as u64)
+        );
+        Pieces::put(&missing, &keep_in(&shelf), &counted).unwrap();
+        assert_eq!(counted.bytes.into_inner(), content.len() as u64);
+        assert!(pieces.missing(&shelf).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_file_that_changes_meanwhile_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f");
+        std::fs::write(&path, [1; 100]).unwrap();
+        let (mut pieces, shelf) = (Pieces::default(), Shelf::default());
+        pieces.add(&path).unwrap();
+        std::fs::write(&path, [2; 100]).unwrap();
+        let missing = pieces.missing(&shelf).unwrap();
+        let error = Pieces::put(&missing, &keep_in(&shelf), &Counted::default()).unwrap_err();
+        assert!(error.to_string().contains("was changed"), "{error}");
+    }
+}

@@ -1,0 +1,143 @@
+//! The farm as a FIPA platform: Start Service, AMS, DF and message transport over the pages of the farm, with its jobs and
+//! machines as agents.
+//!
+//! The pages are notices of the farm, so any process of it may serve the platform, and several may at once. The agents of
+//! the farm live in the first of them; the others are views of the same pages.
+
+mod farm_agents;
+mod host;
+mod page;
+mod strangers;
+mod talk;
+mod terms;
+
+use std::{
+    net::{Ipv4Addr, SocketAddr},
+    sync::Arc,
+    time::Duration,
+};
+
+use bottega_agents::{
+    AgentId,
+    driver::{
+        nats::NoticePages,
+        node::{Node, NodeConfig, NodeError, TraceLine},
+    },
+    gateway::FirstForms,
+};
+
+pub use self::host::{PlatformHost, host_of};
+use self::{
+    farm_agents::{FarmAgents, jobs_id},
+    host::HostSeat,
+    strangers::Strangers,
+};
+use bottega::state::state_folder;
+
+use crate::{JobBoard, cache::Cache, error::Error, worker::CACHE_BYTES};
+
+/// The name of a farm's platform where nobody says.
+pub const NAME: &str = "bottega";
+/// Where it listens where nobody says.
+pub const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 7779);
+
+/// How a platform is served.
+#[derive(Clone)]
+pub struct PlatformOptions {
+    /// Its name: what stands behind `@` in the names of its agents.
+    pub name: String,
+    /// Where to listen; none: [`LISTEN`], or where that is taken any free port of this machine.
+    pub listen: Option<SocketAddr>,
+    /// What others connect to, as `host:port`, where that is not where it listens.
+    pub public: Option<String>,
+    /// Directories of other platforms with which its own searches together.
+    pub federates: Vec<AgentId>,
+    /// The longest lease that its DF grants.
+    pub lease_max: Option<Duration>,
+    /// Agents of other platforms that may change things.
+    pub trusted: Vec<AgentId>,
+    /// How to tell what passes.
+    pub trace_line: TraceLine,
+    /// In which form others are written to who have not written themselves.
+    pub first_forms: FirstForms,
+}
+
+/// A platform of a farm, served by this process.
+pub struct FarmPlatform {
+    node: Arc<Node>,
+    /// The agents of the farm, if they live here.
+    agents: Option<FarmAgents>,
+    /// What admits agents of other platforms, where they do.
+    strangers: Option<Strangers>,
+    jobs: AgentId,
+}
+
+impl FarmPlatform {
+    /// Serves the platform over the pages of a farm.
+    ///
+    /// # Errors
+    /// The address is taken, the name is none, or the operating system gives no thread.
+    pub fn serve(board: JobBoard, options: &PlatformOptions) -> Result<Self, Error> {
+        // The agent of the jobs speaks for the farm: it resumes machines, which only the platform may.
+        let jobs = jobs_id(&options.name);
+        let seat = HostSeat::claim(&board, &options.name)?;
+        let node = Arc::new(start_node(&board, options, &jobs, seat.is_some())?);
+        let Some(seat) = seat else { return Ok(Self { agents: None, strangers: None, node, jobs }) };
+        let seat = seat.at(node.address());
+        let agents = FarmAgents::begin(&node, &options.name, board.clone(), seat, &options.trusted)?;
+        let strangers = Strangers::begin(strangers::Surroundings {
+            node: Arc::clone(&node),
+            board,
+            platform: options.name.clone(),
+            cache: Cache::new(state_folder().join("cache"), CACHE_BYTES),
+        })?;
+        Ok(Self { agents: Some(agents), strangers: Some(strangers), node, jobs })
+    }
+
+    /// The services and the transport.
+    pub fn node(&self) -> &Node {
+        &self.node
+    }
+
+    /// The agent of the jobs.
+    pub fn jobs(&self) -> &AgentId {
+        &self.jobs
+    }
+
+    /// Whether the agents of the farm live here: else this is a view of their pages.
+    pub fn has_agents(&self) -> bool {
+        self.agents.is_some()
+    }
+
+    /// Says farewell, and ends.
+    pub fn stop(self) {
+        drop((self.agents, self.strangers));
+        // They were the last others who held it.
+        if let Some(node) = Arc::into_inner(self.node) {
+            node.stop();
+        }
+    }
+}
+
+fn start_node(board: &JobBoard, options: &PlatformOptions, jobs: &AgentId, is_host: bool) -> Result<Node, Error> {
+    let start = |listen| {
+        Node::start(NodeConfig {
+            name: options.name.clone(),
+            listen,
+            public: options.public.clone(),
+            store: Box::new(NoticePages::new(board.uplink.notices().clone(), &options.name)),
+            lease_max: options.lease_max,
+            federates: options.federates.clone(),
+            administrators: vec![jobs.clone()],
+            trusted: options.trusted.clone(),
+            permanent: Some(jobs.clone()).filter(|_| is_host).into_iter().collect(),
+            trace_line: options.trace_line,
+            first_forms: options.first_forms.clone(),
+        })
+    };
+    let begun = match start(options.listen.unwrap_or(LISTEN)) {
+        Err(NodeError::Listen(..)) if options.listen.is_none() => start(SocketAddr::new(LISTEN.ip(), 0)),
+        begun => begun,
+    };
+    begun.map_err(Error::Platform)
+}

@@ -1,0 +1,213 @@
+//! Where strangers fetch the files of a scene and deliver what they painted: HTTP, by URLs that only those know who were told.
+
+use std::{
+    collections::BTreeMap,
+    io,
+    net::{SocketAddr, TcpListener},
+    path::PathBuf,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    thread,
+};
+
+use axum::{
+    Router,
+    body::{Body, to_bytes},
+    extract::{Path, State},
+    http::{StatusCode, header},
+    response::{IntoResponse, Response},
+    routing::{get, put},
+};
+use bottega_farm::{Link, PaintOrder, ResultRef};
+use bottega_image::{AovSet, Layout, ReadLimits, Tile, luminance, read_image_bytes};
+use tokio::sync::Semaphore;
+use tokio_util::io::ReaderStream;
+
+/// A picture has so many bytes beside those of its pixels, and so many bytes a pixel, at most.
+const HEAD_BYTES_MAX: u64 = 1 << 20;
+const PIXEL_BYTES_MAX: u64 = 64;
+/// Pictures that are taken in at the same time.
+const DELIVERIES_MAX: usize = 8;
+/// What is larger is no radiance.
+const LARGEST: f32 = 1e30;
+
+/// What is expected under a key.
+#[derive(Clone)]
+pub(super) struct Expected {
+    pub(super) order: Box<PaintOrder>,
+    /// Where its samples go.
+    pub(super) link: Link,
+    /// Tells whoever ordered it.
+    pub(super) told: Arc<dyn Fn(ResultRef) + Send + Sync>,
+}
+
+/// What the desk has and waits for.
+#[derive(Default)]
+struct Shelves {
+    /// The files of scenes, by the secret name of the scene.
+    models: Mutex<BTreeMap<String, Vec<PathBuf>>>,
+    expected: Mutex<BTreeMap<String, Expected>>,
+}
+
+/// The desk. It serves until the process ends.
+#[derive(Clone)]
+pub(super) struct Desk {
+    shelves: Arc<Shelves>,
+    /// How its URLs begin.
+    address: String,
+}
+
+#[derive(Clone)]
+struct Shared {
+    shelves: Arc<Shelves>,
+    deliveries: Arc<Semaphore>,
+}
+
+impl Desk {
+    /// Opens the desk.
+    ///
+    /// - `listen`: the address of the machine; the port is any that is free.
+    /// - `host`: by what name others connect to it.
+    pub(super) fn open(listen: SocketAddr, host: &str) -> io::Result<Self> {
+        let listener = TcpListener::bind(SocketAddr::new(listen.ip(), 0))?;
+        listener.set_nonblocking(true)?;
+        let address = format!("http://{host}:{}", listener.local_addr()?.port());
+        let shelves = Arc::new(Shelves::default());
+        let shared = Shared { shelves: Arc::clone(&shelves), deliveries: Arc::new(Semaphore::new(DELIVERIES_MAX)) };
+        let routes = Router::new()
+            .route("/models/{name}/{number}", get(model))
+            .route("/results/{key}", put(deliver))
+            .with_state(shared);
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        thread::Builder::new().name("desk".to_owned()).spawn(move || {
+            runtime.block_on(async move {
+                if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
+                    // It ends with the process; a failed connection is its client's affair.
+                    _ = axum::serve(listener, routes).await;
+                }
+            });
+        })?;
+        Ok(Self { shelves, address })
+    }
+
+    /// How the URLs of deliveries begin.
+    pub(super) fn results(&self) -> String {
+        format!("{}/results", self.address)
+    }
+
+    /// Puts the files of a scene out. Returns their URLs.
+    pub(super) fn put_out(&self, name: &str, files: Vec<PathBuf>) -> Vec<String> {
+        let urls = (0..files.len()).map(|number| format!("{}/models/{name}/{number}", self.address)).collect();
+        lock(&self.shelves.models).insert(name.to_owned(), files);
+        urls
+    }
+
+    /// Takes the files of a scene away.
+    pub(super) fn take_away(&self, name: &str) {
+        lock(&self.shelves.models).remove(name);
+    }
+
+    /// Waits for something under a key.
+    pub(super) fn expect(&self, key: String, expected: Expected) {
+        lock(&self.shelves.expected).insert(key, expected);
+    }
+
+    /// Waits no more.
+    pub(super) fn forget(&self, key: &str) {
+        lock(&self.shelves.expected).remove(key);
+    }
+}
+
+fn lock<T>(shelf: &Mutex<T>) -> MutexGuard<'_, T> {
+    shelf.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A file of a scene.
+async fn model(State(shared): State<Shared>, Path((name, number)): Path<(String, usize)>) -> Response {
+    let path = lock(&shared.shelves.models).get(&name).and_then(|files| files.get(number).cloned());
+    let Some(path) = path else { return StatusCode::NOT_FOUND.into_response() };
+    match tokio::fs::File::open(&path).await {
+        Ok(file) => {
+            let kind = [(header::CONTENT_TYPE, "application/octet-stream")];
+            (kind, Body::from_stream(ReaderStream::new(file))).into_response()
+        }
+        Err(error) => {
+            tracing::warn!(path = %path.display(), %error, "a file of a scene cannot be read");
+            StatusCode::NOT_FOUND.into_response()
+        }
+    }
+}
+
+/// Takes a picture of a zone in.
+async fn deliver(State(shared): State<Shared>, Path(key): Path<String>, body: Body) -> Response {
+    let expected = lock(&shared.shelves.expected).get(&key).cloned();
+    let Some(expected) = expected else { return (StatusCode::NOT_FOUND, "nobody waits for this").into_response() };
+    let Ok(_permit) = shared.deliveries.try_acquire() else {
+        return (StatusCode::SERVICE_UNAVAILABLE, "too many deliver at once: try again").into_response();
+    };
+    let limit = HEAD_BYTES_MAX + expected.order.rect.area() * PIXEL_BYTES_MAX;
+    let bytes = match to_bytes(body, limit as usize).await {
+        Ok(bytes) => bytes,
+        Err(_) => {
+            let most = format!("a picture of this zone has at most {limit} bytes");
+            return (StatusCode::PAYLOAD_TOO_LARGE, most).into_response();
+        }
+    };
+    let taken = tokio::task::spawn_blocking(move || take(&bytes, &expected)).await;
+    match taken {
+        Ok(Ok(())) => StatusCode::CREATED.into_response(),
+        Ok(Err(Refusal(status, why))) => (status, why).into_response(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}
+
+/// Why a picture is not taken.
+#[derive(Debug)]
+struct Refusal(StatusCode, String);
+
+/// Reads a picture and keeps its samples where the Master finds them.
+fn take(bytes: &[u8], expected: &Expected) -> Result<(), Refusal> {
+    let unfit = |why: String| Refusal(StatusCode::UNPROCESSABLE_ENTITY, why);
+    let order = &expected.order;
+    let away = |why| Refusal(StatusCode::SERVICE_UNAVAILABLE, why);
+    let stop = bottega_farm::StopSwitch::new();
+    let tile = tile_of(bytes, order).map_err(unfit)?;
+    let digest = bottega_farm::digest(&tile);
+    expected.link.put(digest, &tile, &stop).map_err(away)?;
+    (expected.told)(ResultRef { fence: order.fence, samples: order.samples.end, digest });
+    Ok(())
+}
+
+/// The sums of a zone of which a picture is the mean of the samples that were ordered.
+fn tile_of(bytes: &[u8], order: &PaintOrder) -> Result<Tile, String> {
+    let (rect, layout) = (order.rect, Layout::new(AovSet::NONE));
+    let limits = ReadLimits { max_pixels: rect.area() };
+    let file = read_image_bytes("the picture.exr", bytes, limits).map_err(|error| chain(&error))?;
+    let picture = file.picture;
+    if picture.size() != (rect.width(), rect.height()) {
+        let ((width, height), (x, y)) = (picture.size(), (rect.width(), rect.height()));
+        return Err(format!("the picture has {width}x{height} pixels, and {x}x{y} are wanted"));
+    }
+    let is_sound = |value: &f32| value.is_finite() && value.abs() <= LARGEST;
+    if let Some(place) = picture.data.iter().position(|pixel| !pixel.iter().all(is_sound)) {
+        let (x, y) = (place as u32 % rect.width(), place as u32 / rect.width());
+        return Err(format!("the pixel ({x}, {y}) of the picture is no number"));
+    }
+    let count = (order.samples.end - order.samples.start) as f32;
+    let mut tile = Tile::new(rect, layout);
+    let stride = tile.layout().stride();
+    for (sums, color) in tile.sums_mut().chunks_exact_mut(stride).zip(&picture.data) {
+        for (sum, value) in sums[Layout::COLOR..].iter_mut().zip(color) {
+            *sum += value * count;
+        }
+        // The squares of single samples are not known: that of their mean stands for them.
+        let luminance = luminance(*color);
+        sums[Layout::LUMINANCE_SQUARED] += luminance * luminance * count;
+        sums[Layout::SAMPLE_COUNT] += count;
+        sums[Layout::ALPHA] += count;
+    }
+    Ok(tile)
+}
+
+fn chain(error: &dyn std::error::Error) -> String {
+    bottega::error::error_chain(error)
+}

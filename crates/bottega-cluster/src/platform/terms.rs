@@ -1,0 +1,119 @@
+//! Functions and objects with named parameters in SL, read and made; and the reasons of FIPA for what is not done.
+
+use std::str::FromStr;
+
+use bottega_agents::sl::Term;
+
+/// Why nothing is done.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Unread {
+    /// It makes no sense; with the reason.
+    NotUnderstood(Term),
+    /// It makes sense, and is refused; with the reason.
+    Refused(Term),
+}
+
+pub(super) fn unrecognised_content() -> Unread {
+    Unread::NotUnderstood(reason("unrecognised-value", ["content"]))
+}
+
+pub(super) fn reason<const N: usize>(word: &str, arguments: [&str; N]) -> Term {
+    Term::call(word, arguments.map(Term::text))
+}
+
+/// A function with named parameters.
+pub(super) struct Call<'a> {
+    pub(super) word: &'a str,
+    arguments: &'a [Term],
+}
+
+impl<'a> Call<'a> {
+    /// Reads `(word :parameter value …)`.
+    pub(super) fn plain(term: &'a Term) -> Result<Self, Unread> {
+        let (word, arguments) = term.as_call().ok_or_else(unrecognised_content)?;
+        Ok(Self { word, arguments })
+    }
+
+    /// Reads `(action AID (word :parameter value …))`.
+    pub(super) fn of(action: &'a Term) -> Result<Self, Unread> {
+        let Some([_, act]) = action.arguments_of("action") else { return Err(unrecognised_content()) };
+        Self::plain(act)
+    }
+
+    pub(super) fn is(&self, word: &str) -> bool {
+        self.word.eq_ignore_ascii_case(word)
+    }
+
+    pub(super) fn unsupported(&self) -> Unread {
+        Unread::Refused(reason("unsupported-function", [self.word]))
+    }
+
+    /// The value of a parameter, if it is there.
+    pub(super) fn value(&self, parameter: &str) -> Result<Option<&'a Term>, Unread> {
+        let mut found = None;
+        for pair in self.arguments.chunks(2) {
+            let [Term::Bare(key), value] = pair else {
+                return Err(Unread::Refused(reason("unexpected-argument-count", [])));
+            };
+            if key.strip_prefix(':').is_some_and(|key| key.eq_ignore_ascii_case(parameter)) {
+                found = Some(value);
+            }
+        }
+        Ok(found)
+    }
+
+    /// The same of one that must be there.
+    pub(super) fn needed(&self, parameter: &str) -> Result<&'a Term, Unread> {
+        self.value(parameter)?.ok_or_else(|| Unread::Refused(reason("missing-parameter", [self.word, parameter])))
+    }
+
+    pub(super) fn number<T: FromStr>(&self, parameter: &str) -> Result<T, Unread> {
+        let value = self.needed(parameter)?;
+        value.as_str().and_then(|text| text.parse().ok()).ok_or_else(|| self.bad(parameter))
+    }
+
+    /// A number that can be computed with, from `least` up; `None`: it is not said.
+    pub(super) fn measure(&self, parameter: &str, least: f64) -> Result<Option<f64>, Unread> {
+        let Some(value) = self.value(parameter)? else { return Ok(None) };
+        let number = value.as_str().and_then(|text| text.parse().ok());
+        let number = number.filter(|number: &f64| number.is_finite() && *number >= least);
+        number.map(Some).ok_or_else(|| self.bad(parameter))
+    }
+
+    pub(super) fn bad(&self, parameter: &str) -> Unread {
+        Unread::Refused(reason("unrecognised-parameter-value", [self.word, parameter]))
+    }
+}
+
+/// An object of named parameters.
+pub(super) struct Fields(Vec<Term>);
+
+impl Fields {
+    pub(super) fn of(head: &str) -> Self {
+        Self(vec![Term::text(head)])
+    }
+
+    pub(super) fn term(self) -> Term {
+        Term::List(self.0)
+    }
+
+    pub(super) fn put(mut self, key: &str, value: Term) -> Self {
+        self.0.extend([Term::Bare(format!(":{key}")), value]);
+        self
+    }
+
+    pub(super) fn text(self, key: &str, value: &str) -> Self {
+        self.put(key, Term::text(value))
+    }
+
+    pub(super) fn text_if(self, key: &str, value: Option<&str>) -> Self {
+        match value {
+            Some(value) => self.text(key, value),
+            None => self,
+        }
+    }
+
+    pub(super) fn number(self, key: &str, value: &impl ToString) -> Self {
+        self.put(key, Term::Bare(value.to_string()))
+    }
+}

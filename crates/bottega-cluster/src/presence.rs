@@ -1,0 +1,79 @@
+//! A machine of a farm as its seat shows it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::build::build;
+
+/// What a machine is to do, or does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Standing {
+    /// It paints what is asked for.
+    #[default]
+    Active,
+    /// It keeps its seat, and its processors are free for others.
+    Suspended,
+    /// It leaves the farm.
+    Terminated,
+}
+
+impl Standing {
+    /// As people read it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Active => "active",
+            Self::Suspended => "suspended",
+            Self::Terminated => "terminated",
+        }
+    }
+}
+
+/// A job that a machine does not paint.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// The number of the job.
+    pub job: u32,
+    /// The number of its work, which no other job has had.
+    pub work: u64,
+    /// Why.
+    pub reason: String,
+}
+
+/// A machine that is there.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Presence {
+    /// The process.
+    pub name: String,
+    /// Its processors.
+    pub threads: usize,
+    /// The identity of its build.
+    pub version: String,
+    /// The job that it paints.
+    pub job: Option<u32>,
+    /// What it does, as it was told.
+    pub standing: Standing,
+    /// Whether it does what it is told; not the process that asked for a job and paints with the others until it is done.
+    pub takes_orders: bool,
+    /// Whether it may paint and no more.
+    #[serde(default)]
+    pub is_guest: bool,
+    /// The last jobs that it does not paint, and why.
+    #[serde(default)]
+    pub refusals: Vec<Refusal>,
+}
+
+impl Presence {
+    /// The seat of a machine of this build that paints, or waits for work.
+    pub fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
+        Self {
+            name: name.to_owned(),
+            threads,
+            version: build().identity().to_owned(),
+            job,
+            standing: Standing::Active,
+            takes_orders: true,
+            is_guest: false,
+            refusals: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! A Render Agent whose painter is somebody else: an agent of another platform, by any engine.
+//!
+//! It keeps the conversation with the Master as our agents do: heartbeats, orders that are repeated, reports until they are
+//! answered, V_cp as its promises show it. What it is asked to promise and to paint is put to the visitor
+//! ([`VisitorEffect`]), whose word comes back as a [`VisitorReport`].
+
+use std::{sync::Arc, time::Duration};
+
+use bottega_agents::{Action, ActionOf, AgentId, Event, EventOf, Performative, Revision, StateMachine, Time};
+use rustc_hash::FxHashMap;
+
+use crate::{
+    AdaptationRule, Bid, Expert, FarmCompletion, FarmContent, FarmEffect, FarmMessage, FarmValue, Offer, PaintOrder,
+    PaintResult, RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkRow, ZoneId,
+    contents::{answer, message},
+    protocol,
+};
+
+/// Zones that a visitor has in hand at most: the next one is there when it has delivered.
+const PREFETCH: u32 = 2;
+/// Calls for proposals that it has not answered; older ones are refused in its name.
+const CALLS_MAX: usize = 16;
+
+/// What is put to a visitor.
+#[derive(Clone, Debug)]
+pub enum VisitorEffect {
+    /// There is a work, and the Master has it on its list.
+    Welcome(Box<WorkRow>),
+    /// These zones are to be had: answered by [`VisitorReport::Bids`] or [`VisitorReport::Refuses`] with the same call.
+    Offers {
+        /// Which call.
+        call: u64,
+        /// The zones.
+        offers: Arc<[Offer]>,
+        /// How many it may ask for.
+        room: u32,
+        /// Later answers are of no use.
+        within: Duration,
+    },
+    /// The Master gave the zones of this call to others.
+    Rejected {
+        /// Which call.
+        call: u64,
+    },
+    /// Paint this: answered by [`VisitorReport::Painted`].
+    Paint {
+        /// What.
+        order: Box<PaintOrder>,
+        /// The call in which it was won; `None`: it is the first samples of a zone.
+        call: Option<u64>,
+    },
+    /// Nobody wants this any more.
+    Withdrawn {
+        /// Which zone.
+        zone: ZoneId,
+        /// The token of the order.
+        fence: Revision,
+    },
+    /// The Master wants nothing of this visitor.
+    LeftOut {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// What a visitor says.
+#[derive(Clone, Debug)]
+pub enum VisitorReport {
+    /// It would paint these zones.
+    Bids {
+        /// Which call.
+        call: u64,
+        /// How many at most.
+        room: u32,
+        /// What it promises.
+        bids: Vec<Bid>,
+    },
+    /// It wants none of the zones of a call.
+    Refuses {
+        /// Which call.
+        call: u64,
+    },
+    /// What came of an order.
+    Painted {
+        /// Which zone.
+        zone: ZoneId,
+        /// The token of the order.
+        fence: Revision,
+        /// Where the samples are and how long they took, or why there are none.
+        outcome: Result<(ResultRef, Duration), String>,
+    },
+    /// It goes. What it has in hand is given to others.
+    Leaves,
+    /// It is there again.
+    Returns,
+}
+
+/// Who a visitor is.
+#[derive(Clone, Debug)]
+pub struct VisitorConfig {
+    /// Its name in the farm.
+    pub id: AgentId,
+    /// For whom it works.
+    pub master: AgentId,
+    /// How fast it says that it is: V_cp. What it delivers corrects that.
+    pub power: RelativePower,
+    /// Zones that it paints at the same time.
+    pub lanes: f64,
+    /// How its speed is learnt.
+    pub adaptation: AdaptationRule,
+    /// What decides what its zones are painted with.
+    pub expert: Expert,
+    /// How often it says that it lives.
+    pub timing: Timing,
+}
+
+/// The state machine of one visitor.
+pub struct Visitor {
+    agent: RenderAgent,
+    id: AgentId,
+    master: AgentId,
+    benchmark: (RelativePower, f64),
+    /// Calls that it has not answered, oldest first.
+    calls: Vec<FarmMessage>,
+    /// Samples to which each order that it paints goes up. A hash map, for speed: never gone through.
+    orders: FxHashMap<ZoneId, (Revision, u32)>,
+    /// The call of the award that is being taken.
+    won: Option<u64>,
+    is_away: bool,
+}
+
+type VisitorActions = Vec<ActionOf<Visitor>>;
+
+impl Visitor {
+    /// A visitor that has just subscribed.
+    pub fn new(config: VisitorConfig) -> Self {
+        let VisitorConfig { id, master, power, lanes, adaptation, expert, timing } = config;
+        let agent = RenderAgent::new(RenderAgentConfig {
+            id: id.clone(),
+            master: master.clone(),
+            adaptation,
+            prefetch: PREFETCH,
+            heartbeat: timing.heartbeat,
+            expert,
+        });
+        Self {
+            agent,
+            id,
+            master,
+            benchmark: (power, lanes),
+            calls: Vec::new(),
+            orders: FxHashMap::default(),
+            won: None,
+            is_away: false,
+        }
+    }
+
+    /// Lets the agent take an event, and sees to what it wants done.
+    fn forward(&mut self, now: Time, event: EventOf<RenderAgent>, actions: &mut VisitorActions) {
+        let mut events = vec![event];
+        while let Some(event) = events.pop() {
+            let mut wanted = Vec::new();
+            self.agent.handle(now, event, &mut wanted);
+            for action in wanted {
+                match action {
+                    Action::Effect(effect) => events.extend(self.perform(effect, actions).map(Event::Completed)),
+                    Action::Send(message) => actions.push(Action::Send(message)),
+                    Action::Stop => actions.push(Action::Stop),
+                    // A Render Agent does none of these.
+                    Action::Store { .. } | Action::Enqueue { .. } | Action::JoinQueue(_) | Action::WatchPresence => {}
+                }
+            }
+        }
+    }
+
+    /// What the agent wants done: by the visitor, or known at once.
+    fn perform(&mut self, effect: FarmEffect, actions: &mut VisitorActions) -> Option<FarmCompletion> {
+        let mut put = |effect| actions.push(Action::Effect(effect));
+        match effect {
+            FarmEffect::Benchmark => {
+                let (power, lanes) = self.benchmark;
+                return Some(FarmCompletion::Benchmarked { power, lanes });
+            }
+            // It fetches what it needs when it needs it.
+            FarmEffect::Fetch(work) => return Some(FarmCompletion::Fetched(work)),
+            FarmEffect::Paint(order) => {
+                // What others have painted of it is not added to by another engine: it may be of other pixels, too.
+                let order = PaintOrder { samples: 0..order.samples.end, from: None, ..order };
+                self.orders.insert(order.zone, (order.fence, order.samples.end));
+                put(VisitorEffect::Paint { order: Box::new(order), call: self.won });
+            }
+            FarmEffect::Drop { zone, fence } => {
+                self.orders.remove(&zone);
+                put(VisitorEffect::Withdrawn { zone, fence });
+            }
+            // How far it is, a visitor does not tell: it must deliver within the Master's patience.
+            FarmEffect::Look(_) => {}
+            FarmEffect::Dismissed { reason } => put(VisitorEffect::LeftOut { reason }),
+            _ => {}
+        }
+        None
+    }
+
+    fn hear(&mut self, now: Time, heard: FarmMessage, actions: &mut VisitorActions) {
+        match (heard.performative, &heard.content) {
+            (Performative::CallForProposal, FarmContent::Offers(offers)) => {
+                let room = self.agent.room();
+                let within = heard.reply_by.map_or(Duration::ZERO, |by| by.since(now));
+                if self.is_away || room == 0 || offers.is_empty() || within.is_zero() {
+                    return self.answer(&heard, Performative::Refuse, FarmContent::Nothing, actions);
+                }
+                let (call, offers) = (heard.conversation_id, Arc::clone(offers));
+                actions.push(Action::Effect(VisitorEffect::Offers { call, offers, room, within }));
+                self.calls.push(heard);
+                if self.calls.len() > CALLS_MAX {
+                    let old = self.calls.remove(0);
+                    self.answer(&old, Performative::Refuse, FarmContent::Nothing, actions);
+                }
+            }
+            (Performative::RejectProposal, _) => {
+                actions.push(Action::Effect(VisitorEffect::Rejected { call: heard.conversation_id }));
+            }
+            _ if self.is_away => {}
+            (Performative::Inform, FarmContent::Scene(work)) => {
+                actions.push(Action::Effect(VisitorEffect::Welcome(Box::new((**work).clone()))));
+                self.forward(now, Event::Message(heard), actions);
+            }
+            (Performative::AcceptProposal, _) => {
+                self.won = Some(heard.conversation_id);
+                self.forward(now, Event::Message(heard), actions);
+                self.won = None;
+            }
+            _ => self.forward(now, Event::Message(heard), actions),
+        }
+    }
+
+    fn told(&mut self, now: Time, report: VisitorReport, actions: &mut VisitorActions) {
+        match report {
+            VisitorReport::Bids { call, room, bids } => {
+                if let Some(call) = self.take_call(call) {
+                    let room = room.min(self.agent.room());
+                    self.answer(&call, Performative::Propose, FarmContent::Bids { room, bids }, actions);
+                }
+            }
+            VisitorReport::Refuses { call } => {
+                if let Some(call) = self.take_call(call) {
+                    self.answer(&call, Performative::Refuse, FarmContent::Nothing, actions);
+                }
+            }
+            VisitorReport::Painted { zone, fence, outcome } => {
+                let samples = self.orders.get(&zone).filter(|(other, _)| *other == fence).map(|(_, samples)| *samples);
+                let Some(samples) = samples else { return };
+                self.orders.remove(&zone);
+                let outcome = outcome.map(|(result, busy)| PaintResult {
+                    result: ResultRef { fence, samples, ..result },
+                    busy,
+                    error: None,
+                    unfinished: 1.0,
+                });
+                self.forward(now, Event::Completed(FarmCompletion::Painted { zone, fence, outcome }), actions);
+            }
+            VisitorReport::Leaves => {
+                self.is_away = true;
+                self.calls.clear();
+                let (me, to) = (&self.id, vec![self.master.clone()]);
+                let bye = message(Performative::Cancel, protocol::SUBSCRIBE, me, to, FarmContent::Unsubscription);
+                actions.push(Action::Send(bye));
+            }
+            VisitorReport::Returns => self.is_away = false,
+        }
+    }
+
+    fn take_call(&mut self, call: u64) -> Option<FarmMessage> {
+        let place = self.calls.iter().position(|message| message.conversation_id == call)?;
+        Some(self.calls.remove(place))
+    }
+
+    fn answer(&self, to: &FarmMessage, act: Performative, content: FarmContent, actions: &mut VisitorActions) {
+        actions.push(Action::Send(answer(to, &self.id, act, content)));
+    }
+}
+
+impl StateMachine for Visitor {
+    type Content = FarmContent;
+    type Value = FarmValue;
+    type Effect = VisitorEffect;
+    type Completion = VisitorReport;
+
+    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut VisitorActions) {
+        match event {
+            Event::Start => self.forward(now, Event::Start, actions),
+            Event::Message(message) => self.hear(now, message, actions),
+            Event::Completed(report) => self.told(now, report, actions),
+            Event::Deadline if self.is_away => {}
+            Event::Deadline => self.forward(now, Event::Deadline, actions),
+            Event::Store { .. } | Event::Presence { .. } => {}
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.agent.next_deadline().filter(|_| !self.is_away)
+    }
+}

@@ -1,0 +1,100 @@
+//! The indirect light that maps, the cache and agents know of a place.
+
+use std::f32::consts::FRAC_1_PI;
+
+use bottega_scene::Spectrum;
+
+use super::{
+    Eye,
+    hands::Hands,
+    walk::{Place, Walk, is_sharp},
+};
+use crate::{
+    bsdf::Bsdf,
+    photon::{Arrived, kept},
+    shading::is_matte,
+};
+
+impl Eye<'_> {
+    /// Adds what a matte surface sends back of the indirect light that is known of places near it, if there is any.
+    pub(super) fn add_interpolated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
+        let Some(agents) = self.agents else { return self.add_cached(walk, place, bsdf) };
+        let point = place.point;
+        let normals = [if point.front { point.ng } else { -point.ng }, point.frame[2]];
+        let bounces = self.bounces_left(walk);
+        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.hands.sensors);
+        let known = is_matte(bsdf).then(ask).flatten();
+        self.hands.tally.irradiance_computed += u64::from(known.is_none());
+        self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
+        if let Some(irradiance) = known.filter(|_| bounces >= 2) {
+            let light = walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+            self.add_shared(light, walk.depth, |_| agents.shares_at(point.p, normals[1], bounces));
+        }
+        known.is_some()
+    }
+
+    /// Adds what the photons at the place bring.
+    pub(super) fn add_photons(&mut self, walk: &Walk, place: &Place<'_>, is_gathered: bool) {
+        let Place { point, bsdf, .. } = place;
+        let normal = if point.front { point.ng } else { -point.ng };
+        let (prepared, most) = (self.prepared, self.bounces_left(walk));
+        let Hands { found, by_bounces, .. } = &mut *self.hands;
+        let mut sum = Spectrum::ZERO;
+        let take = |photon: &Arrived| {
+            // It is scattered here once more.
+            if photon.bounces >= most {
+                return;
+            }
+            let wi = point.to_local(photon.to_light);
+            // A photon that grazes the surface may seem to come from its other side.
+            let is_sound = (wi.z > 0.0) == photon.is_before && photon.is_before == point.is_reflection(photon.to_light);
+            let (f, pdf) = if is_sound { bsdf.eval_pdf(wi) } else { (Spectrum::ZERO, 0.0) };
+            if is_gathered && is_sharp(prepared, pdf) {
+                return;
+            }
+            let light = walk.throughput * f * photon.light;
+            sum += light;
+            if let Some(sums) = by_bounces {
+                sums[kept(walk.depth + 1 + photon.bounces)] += light;
+            }
+        };
+        let maps = self.maps;
+        if self.integrator.photons.progressive {
+            maps.estimator.gather_within(&maps.seen, point.p, normal, maps.reach_at(point.p), take);
+        } else {
+            // What is brought together by glass is sharper than what is spread all over.
+            let reach = if is_gathered { maps.reach_at(point.p) } else { maps.irradiance_reach_at(point.p) };
+            maps.estimator.gather(&maps.seen, point.p, normal, reach, found, take);
+        }
+        self.radiance += sum;
+    }
+
+    /// Adds what a matte surface sends back of all the light that the map knows there, if it knows any.
+    pub(super) fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
+        let point = place.point;
+        let normal = if point.front { point.ng } else { -point.ng };
+        let Some(number) = self.maps.irradiance_near(point.p, normal) else { return false };
+        let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
+        // It is scattered here once more.
+        let most = self.bounces_left(walk).saturating_sub(1);
+        let known = &self.maps.irradiance;
+        self.radiance += reflected * known.irradiance(number, most);
+        if let Some(sums) = &mut self.hands.by_bounces {
+            for (light, bounces) in known.by_bounces(number).iter().zip(0..=most) {
+                sums[kept(walk.depth + 1 + bounces)] += reflected * *light;
+            }
+        }
+        true
+    }
+
+    /// Adds what a matte surface sends back of the indirect light that is kept for places near it, if there is any.
+    pub(super) fn add_cached(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
+        let Some(cache) = self.cache.filter(|_| is_matte(bsdf)) else { return false };
+        let bounces = self.bounces_left(walk);
+        let Some(irradiance) = cache.at(place.point.p, place.point.frame[2], bounces) else { return false };
+        if bounces >= 2 {
+            self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+        }
+        true
+    }
+}

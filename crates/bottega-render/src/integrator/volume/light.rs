@@ -1,0 +1,172 @@
+//! The light that a path through media finds: by looking for lights, and by running into them.
+
+use bottega_scene::{Spectrum, Surface};
+use glam::Vec3;
+
+use super::{
+    super::transport::emitted_at,
+    state::{Along, Path},
+};
+use crate::{
+    bsdf::BsdfAt,
+    interaction::Interaction,
+    lights::{LightSample, NO_LIGHT, Receiver, Segment},
+    media::{Homogeneous, Phase, channel_probabilities},
+    sampler::DimensionSet,
+    settings::DirectLight,
+};
+
+impl Path<'_> {
+    /// What comes from where there is no surface, with its weight.
+    pub(super) fn environment(&self) -> Spectrum {
+        if self.depth == 0 && self.hides_emitters {
+            return Spectrum::ZERO;
+        }
+        let lights = self.prepared.lights();
+        let from = self.previous.receiver.p;
+        let radiance = lights.environment_radiance(self.prepared.scene(), from, self.direction);
+        if radiance == Spectrum::ZERO {
+            return radiance;
+        }
+        radiance * self.found_by_direction(|from| (lights.environment_pdf(from, self.direction), 0.0))
+    }
+
+    /// What a surface emits towards the path, with its weight.
+    pub(super) fn emission(&self, point: &Interaction) -> Spectrum {
+        let prepared = self.prepared;
+        let scene = &**prepared.scene();
+        let (material, known) = prepared.material(point.material);
+        if let Surface::Unlit(color) = &material.surface {
+            return point.unlit(scene, color);
+        }
+        if !known.shines || known.is_null || !material.emission_sides.has(point.front) {
+            return Spectrum::ZERO;
+        }
+        let radiance = emitted_at(prepared, point);
+        if radiance == Spectrum::ZERO {
+            return radiance;
+        }
+        let lights = prepared.lights();
+        radiance
+            * self.found_by_direction(|from| {
+                let Some(light) = lights.light_of(prepared, &point.hit) else { return (0.0, 0.0) };
+                let place = lights.place_pdf(scene, light, from.p, point.p);
+                let along = self.previous.along.as_ref().map_or(0.0, |along| self.pdf_ratio(along, light));
+                (lights.pmf(from, light) * place, along * place)
+            })
+    }
+
+    /// The density with which a distance is drawn for a light, times the probability of that light, over the density with
+    /// which the distance is drawn by extinction.
+    fn pdf_ratio(&self, along: &Along, light: u32) -> f32 {
+        let lights = self.prepared.lights();
+        let arc = lights.arc(self.prepared.scene(), &along.segment, light);
+        lights.pmf_along(&along.segment, light) * arc.pdf(along.distance) / along.pdf
+    }
+
+    /// The weight of light that the path ran into; `pdfs` tells the densities of both other ways to find it from the
+    /// point before.
+    fn found_by_direction(&self, pdfs: impl FnOnce(&Receiver) -> (f32, f32)) -> f32 {
+        let Some(pdf) = self.previous.pdf else { return 1.0 };
+        match self.settings.direct_light {
+            DirectLight::LightSampling => 0.0,
+            DirectLight::BsdfSampling => 1.0,
+            DirectLight::Combined => {
+                let (sampled, along) = pdfs(&self.previous.receiver);
+                power_heuristic(pdf, [self.light_samples() as f32 * sampled, along])
+            }
+        }
+    }
+
+    fn light_samples(&self) -> u32 {
+        self.settings.light_samples.max(1)
+    }
+
+    pub(super) fn samples_lights(&self) -> bool {
+        self.settings.direct_light != DirectLight::BsdfSampling && !self.prepared.lights().is_empty()
+    }
+
+    /// The density of a direction as far as it is another way to find a light sample.
+    fn shared(&self, light: &LightSample, pdf: f32) -> f32 {
+        if light.is_delta || self.settings.direct_light != DirectLight::Combined { 0.0 } else { pdf }
+    }
+
+    /// Light that is scattered at a distance drawn for one light.
+    pub(super) fn add_light_along(&mut self, medium: &Homogeneous, segment: &Segment) {
+        if !self.samples_lights() {
+            return;
+        }
+        let (prepared, lights) = (self.prepared, self.prepared.lights());
+        let [u_light, u_distance, u, v] = self.sampler.quad(DimensionSet::along(self.segment));
+        let Some((light, pmf)) = lights.sample_along(segment, u_light) else { return };
+        let arc = lights.arc(prepared.scene(), segment, light);
+        let distance = arc.sample(u_distance);
+        let pdf = pmf * arc.pdf(distance);
+        if !(distance < segment.length && pdf > 0.0) {
+            return;
+        }
+        let p = segment.origin + segment.direction * distance;
+        let Some(sample) = lights.sample_place(prepared, light, p, [u, v]) else { return };
+        let phase = medium.phase.eval(segment.direction.dot(sample.wi));
+        let by_extinction = medium.distance_pdf(channel_probabilities(self.throughput), distance) / pdf;
+        let pmf_there = lights.pmf(&Receiver { p, n: Vec3::ZERO }, light);
+        let others = [
+            by_extinction * self.light_samples() as f32 * pmf_there * sample.pdf,
+            by_extinction * self.shared(&sample, phase),
+        ];
+        let weight = power_heuristic(sample.pdf, others) / (pdf * sample.pdf);
+        let scattered = medium.transmittance(distance) * medium.scattering * phase;
+        let contribution = self.throughput * scattered * sample.radiance * weight;
+        self.add_if_seen(contribution, p, p, &sample, self.medium);
+    }
+
+    /// Light that is scattered at a point in a medium, by looking for lights from there.
+    ///
+    /// - `along`: how the point was drawn, where there are several ways to find light there.
+    pub(super) fn add_light_at(&mut self, phase: Phase, direction: Vec3, receiver: &Receiver, along: Option<&Along>) {
+        if !self.samples_lights() {
+            return;
+        }
+        let count = self.light_samples();
+        for part in 0..count {
+            let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
+            let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
+            let value = phase.eval(direction.dot(light.wi));
+            let expected = count as f32 * light.pdf;
+            let by_arc = match along {
+                Some(along) if light.light != NO_LIGHT => self.pdf_ratio(along, light.light) * (light.pdf / light.pmf),
+                _ => 0.0,
+            };
+            let weight = power_heuristic(expected, [by_arc, self.shared(&light, value)]);
+            let contribution = self.throughput * light.radiance * (value * weight / expected);
+            self.add_if_seen(contribution, receiver.p, receiver.p, &light, self.medium);
+        }
+    }
+
+    /// Next-event estimation at a surface.
+    pub(super) fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, receiver: &Receiver) {
+        let count = self.light_samples();
+        for part in 0..count {
+            let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
+            let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
+            let wi = point.to_local(light.wi);
+            // A shading normal must not let light through the real surface.
+            if (wi.z > 0.0) != point.is_reflection(light.wi) {
+                continue;
+            }
+            let (value, pdf) = bsdf.eval_pdf(wi);
+            let expected = count as f32 * light.pdf;
+            let weight = power_heuristic(expected, [self.shared(&light, pdf), 0.0]);
+            let contribution = self.throughput * value * light.radiance * (wi.z.abs() * weight / expected);
+            let medium = self.medium_towards(point, light.wi);
+            self.add_if_seen(contribution, receiver.p, point.ray_origin(light.wi), &light, medium);
+        }
+    }
+}
+
+/// Weight of the strategy with density `chosen` against two others (Veach 1997, eq. 9.13, β = 2).
+fn power_heuristic(chosen: f32, others: [f32; 2]) -> f32 {
+    // By the ratios, so that squares of large densities do not overflow.
+    let ratios = others.map(|other| other / chosen);
+    1.0 / (1.0 + ratios[0] * ratios[0] + ratios[1] * ratios[1])
+}

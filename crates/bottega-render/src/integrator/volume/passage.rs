@@ -1,0 +1,129 @@
+//! What is between two points: boundaries of media, panes, and the media themselves.
+
+use bottega_kernels::{Hit, Ray};
+use bottega_scene::{MediumId, Spectrum};
+use glam::Vec3;
+
+use super::{super::transport::SHADOW_MARGIN, state::Path};
+use crate::{
+    camera::RayCone,
+    interaction::{Asks, Interaction, is_there, material_of},
+    lights::LightSample,
+    media::{Filling, varying::Line},
+    sampler::PixelSampler,
+    shading::{DEPTH_SHIFT, bsdf_at},
+};
+
+/// Boundaries of media that a path or a shadow ray may cross without being scattered.
+pub(super) const BOUNDARIES_MAX: u32 = 256;
+/// Cost of a vertex, and of a shadow ray, in traversal steps.
+pub(super) const STEPS: f32 = 8.0;
+/// Sets the numbers of tracking apart from those that other decisions take.
+const TRACKING: u64 = 0x7472_6163_6b69_6e67;
+
+impl Path<'_> {
+    /// Whether a candidate hit is to be taken: see [`is_there`]. Boundaries that part media are.
+    pub(super) fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
+        let known = self.prepared.material(material_of(self.prepared, hit)).1;
+        if known.shines && asks == Asks::Path && self.depth == 0 && self.hides_emitters {
+            return false;
+        }
+        let asks = asks.of_vertex(self.depth);
+        known.is_null && known.media[0] != known.media[1]
+            || is_there(self.prepared, ray, hit, asks, |surface| {
+                self.sampler.hashed(surface ^ u64::from(self.depth) << DEPTH_SHIFT)
+            })
+    }
+
+    /// What fills the space on the side of `wi`.
+    pub(super) fn medium_towards(&self, point: &Interaction, wi: Vec3) -> Option<MediumId> {
+        self.medium_behind(point, wi, self.medium)
+    }
+
+    /// The same for light that came through `medium`.
+    fn medium_behind(&self, point: &Interaction, wi: Vec3, medium: Option<MediumId>) -> Option<MediumId> {
+        let known = self.prepared.material(point.material).1;
+        if point.is_reflection(wi) || !known.parts_media { medium } else { known.media[usize::from(point.front)] }
+    }
+
+    /// Adds what a light sample gives, as far as media and surfaces let it through.
+    ///
+    /// - `p`: where the light was sampled for; `origin`: where the ray to it starts.
+    pub(super) fn add_if_seen(
+        &mut self,
+        contribution: Spectrum,
+        p: Vec3,
+        mut origin: Vec3,
+        light: &LightSample,
+        mut medium: Option<MediumId>,
+    ) {
+        if contribution == Spectrum::ZERO {
+            return;
+        }
+        let prepared = self.prepared;
+        let is_far = light.distance.is_infinite();
+        // Aim at the light's point itself: from another origin it lies in a slightly different direction.
+        let target = p + light.wi * light.distance;
+        let mut transmittance = Spectrum::ONE;
+        self.record.counts.shadow_rays += 1;
+        for _ in 0..BOUNDARIES_MAX {
+            self.record.values.cost += STEPS;
+            let (direction, length) = if is_far {
+                (light.wi, f32::INFINITY)
+            } else {
+                let to_light = target - origin;
+                let length = to_light.length();
+                (to_light / length, length)
+            };
+            let ray = Ray { origin, t_min: 0.0, direction, t_max: length * (1.0 - SHADOW_MARGIN) };
+            let hit = if prepared.has_boundaries() {
+                prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Shadow))
+            } else if prepared.accel().occluded_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Shadow)) {
+                return;
+            } else {
+                Hit::NONE
+            };
+            let length = hit.t.min(length);
+            match medium.map(|medium| prepared.medium(medium)) {
+                None => {}
+                Some(Filling::Homogeneous(medium)) => transmittance *= medium.transmittance(length),
+                Some(Filling::Varying(medium)) => {
+                    let line = Line { origin, direction, length };
+                    transmittance *= medium.transmittance(&line, numbers(self.sampler, &mut self.numbers_drawn));
+                }
+            }
+            if hit.is_none() {
+                self.radiance += contribution * transmittance;
+                return;
+            }
+            let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
+            transmittance *= self.let_through(&point);
+            if transmittance == Spectrum::ZERO {
+                return;
+            }
+            medium = self.medium_behind(&point, direction, medium);
+            origin = point.ray_origin(direction);
+        }
+    }
+
+    /// The share of the light of a lamp that a surface lets straight through.
+    fn let_through(&mut self, point: &Interaction) -> Spectrum {
+        let known = self.prepared.material(point.material).1;
+        if known.is_null || !known.is_pane {
+            return if known.is_null { Spectrum::ONE } else { Spectrum::ZERO };
+        }
+        self.numbers_drawn += 1;
+        let mut place = None;
+        let chance = || self.sampler.hashed(TRACKING ^ self.numbers_drawn);
+        let bsdf = bsdf_at(self.prepared, point, chance, &mut place);
+        bsdf.straight(point.to_local(point.wo))
+    }
+}
+
+/// The numbers that tracking takes, one after the other.
+pub(super) fn numbers(sampler: PixelSampler, drawn: &mut u64) -> impl FnMut() -> f32 {
+    move || {
+        *drawn += 1;
+        sampler.hashed(TRACKING ^ *drawn)
+    }
+}
