@@ -145,12 +145,9 @@ async fn deliver(State(shared): State<Shared>, Path(key): Path<String>, body: Bo
         return (StatusCode::SERVICE_UNAVAILABLE, "too many deliver at once: try again").into_response();
     };
     let limit = HEAD_BYTES_MAX + expected.order.rect.area() * PIXEL_BYTES_MAX;
-    let bytes = match to_bytes(body, limit as usize).await {
-        Ok(bytes) => bytes,
-        Err(_) => {
-            let most = format!("a picture of this zone has at most {limit} bytes");
-            return (StatusCode::PAYLOAD_TOO_LARGE, most).into_response();
-        }
+    let Ok(bytes) = to_bytes(body, limit as usize).await else {
+        let most = format!("a picture of this zone has at most {limit} bytes");
+        return (StatusCode::PAYLOAD_TOO_LARGE, most).into_response();
     };
     let taken = tokio::task::spawn_blocking(move || take(&bytes, &expected)).await;
     match taken {
