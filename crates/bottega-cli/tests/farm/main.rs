@@ -13,6 +13,7 @@ mod others;
 mod platform;
 mod requests;
 mod room;
+mod strangers;
 #[path = "../support/mod.rs"]
 mod support;
 
