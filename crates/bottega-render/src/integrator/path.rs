@@ -65,25 +65,22 @@ impl PathIntegrator<'_> {
         guide: Option<&'b Guide>,
         trail: Option<&'b mut Trail>,
     ) -> Path<'b> {
-        let at = Branch {
+        Path {
+            integrator: self,
             sampler,
+            guide,
+            trail,
             throughput: Spectrum::ONE,
+            radiance: Spectrum::ZERO,
             absorption: Spectrum::ZERO,
             roulette_scale: 1.0,
             depth: 0,
             origin: ray.origin,
             direction: ray.direction,
             cone: ray.cone,
-            previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, leaf: NO_LEAF },
-        };
-        Path {
-            integrator: self,
-            guide,
-            trail,
-            at,
-            radiance: Spectrum::ZERO,
             start: ray.start,
             reach: ray.reach,
+            previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, leaf: NO_LEAF },
             worth: 0.0,
             due: None,
             wants_albedo: self.wanted.albedo,
@@ -112,7 +109,7 @@ impl Path<'_> {
             self.add_emission::<AGENTS>(&point);
         }
         self.mark_direct();
-        let is_last = self.at.depth >= self.integrator.settings.max_depth;
+        let is_last = self.depth >= self.integrator.settings.max_depth;
         if is_last && !self.wants_albedo {
             return false;
         }
@@ -126,32 +123,33 @@ impl Path<'_> {
         if is_last {
             return false;
         }
-        let numbers = self.numbers();
+        let [u_light, u_scattering] = self.numbers();
         let guidance = if is_delta_only { Guidance::NONE } else { self.guidance::<AGENTS>(&point, known) };
-        let count = if AGENTS { self.split(guidance.agent(), numbers[1][3], BRANCHES_MAX - branches.len()) } else { 1 };
+        let count =
+            if AGENTS { self.split(guidance.agent(), u_scattering[3], BRANCHES_MAX - branches.len()) } else { 1 };
         if count == 0 {
             return false;
         }
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
-        let bsdf = &bsdf.at_carrying(wo, self.at.throughput);
+        let bsdf = &bsdf.at_carrying(wo, self.throughput);
         let vertex = PathVertex { point: &point, receiver, bsdf, is_delta_only, guidance };
         if !is_delta_only && let Some(trail) = &mut self.trail {
-            trail.come(point.p, point.frame[2], self.at.throughput, self.radiance);
+            trail.come(point.p, point.frame[2], self.throughput, self.radiance);
         }
-        self.leave::<AGENTS>(&vertex, numbers, count, branches)
+        self.leave::<AGENTS>(&vertex, [u_light, u_scattering], count, branches)
     }
 
     /// Comes to the point that was hit: through the solid that the path is in, with a beam that grew on the way.
     #[inline(always)]
     fn arrive(&mut self, hit: &Hit) -> Interaction {
         self.record.vertex_count += 1;
-        if self.at.absorption != Spectrum::ZERO {
-            self.at.throughput *= exp(-self.at.absorption * hit.t);
+        if self.absorption != Spectrum::ZERO {
+            self.throughput *= exp(-self.absorption * hit.t);
         }
-        self.at.cone = self.at.cone.at(hit.t);
-        let point = Interaction::new(self.integrator.prepared, hit, self.at.origin, self.at.direction, self.at.cone);
-        if self.at.depth == 0 {
+        self.cone = self.cone.at(hit.t);
+        let point = Interaction::new(self.integrator.prepared, hit, self.origin, self.direction, self.cone);
+        if self.depth == 0 {
             self.record.record_first(self.start + hit.t, point.frame[2]);
         }
         point
@@ -161,14 +159,14 @@ impl Path<'_> {
     #[inline(always)]
     fn add_unlit(&mut self, point: &Interaction, color: &ColorParam) {
         let color = point.unlit(self.integrator.prepared.scene(), color);
-        self.radiance += self.at.throughput * color;
+        self.radiance += self.throughput * color;
         self.record.record_albedo(&mut self.wants_albedo, color);
     }
 
     /// Notes what was found before light could come over more than one scattering.
     #[inline(always)]
     fn mark_direct(&mut self) {
-        if self.at.depth == 1 && self.integrator.wanted.cost {
+        if self.depth == 1 && self.integrator.wanted.cost {
             self.record.mark_direct(self.radiance);
         }
     }
@@ -179,8 +177,7 @@ impl Path<'_> {
     where
         Self: 'b,
     {
-        let chance =
-            || self.at.sampler.hashed(BLEND ^ u64::from(self.at.depth) << DEPTH_SHIFT ^ u64::from(point.material));
+        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << DEPTH_SHIFT ^ u64::from(point.material));
         let bsdf = bsdf_at(self.integrator.prepared, point, chance, place);
         if self.integrator.wanted.cost {
             self.record.counts.meet(bsdf, known);
@@ -191,7 +188,7 @@ impl Path<'_> {
     /// The numbers of this vertex: for its light and for its scattering.
     #[inline(always)]
     fn numbers(&self) -> [Quad; 2] {
-        self.at.sampler.two_quads(DimensionSet::light(self.at.depth), DimensionSet::scattering(self.at.depth))
+        self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth))
     }
 
     /// Looks for lights and goes on, `count` times. False when the path ends here.
@@ -199,14 +196,13 @@ impl Path<'_> {
     fn leave<const AGENTS: bool>(
         &mut self,
         vertex: &PathVertex<'_>,
-        mut numbers: [Quad; 2],
+        [mut u_light, mut u_scattering]: [Quad; 2],
         count: u32,
         branches: &mut Vec<Branch>,
     ) -> bool {
-        let here = self.at;
+        let here = self.branch();
         let mut branch = 0;
         loop {
-            let [u_light, u_scattering] = numbers;
             if !vertex.is_delta_only {
                 self.add_direct_light::<AGENTS>(vertex, u_light);
             }
@@ -216,10 +212,11 @@ impl Path<'_> {
                 return goes_on;
             }
             if goes_on {
-                branches.push(self.at);
+                branches.push(self.branch());
             }
-            self.at = Branch { sampler: here.sampler.branch(here.depth, branch), ..here };
-            numbers = self.numbers();
+            self.go_back(&here);
+            self.sampler = here.sampler().branch(self.depth, branch);
+            [u_light, u_scattering] = self.numbers();
         }
     }
 
@@ -227,15 +224,15 @@ impl Path<'_> {
     #[inline(always)]
     pub(super) fn request_guide(&self, hit: &Hit) {
         if let Some(guide) = self.guide {
-            guide.request(self.at.origin + self.at.direction * hit.t);
+            guide.request(self.origin + self.direction * hit.t);
         }
     }
 
     #[inline(always)]
     pub(super) fn intersect(&mut self) -> Hit {
         let prepared = self.integrator.prepared;
-        let t_max = if self.at.depth == 0 { self.reach } else { f32::INFINITY };
-        let ray = Ray { t_max, ..Ray::new(self.at.origin, self.at.direction) };
+        let t_max = if self.depth == 0 { self.reach } else { f32::INFINITY };
+        let ray = Ray { t_max, ..Ray::new(self.origin, self.direction) };
         if self.integrator.wanted.cost {
             let mut steps = 0;
             let hit = prepared.accel().intersect_counted(&ray, &mut steps);
@@ -244,7 +241,7 @@ impl Path<'_> {
                 return hit;
             }
         }
-        if self.at.depth == 0 && self.integrator.hides_emitters {
+        if self.depth == 0 && self.integrator.hides_emitters {
             let is_seen = |hit: &Hit| !shines(prepared, hit) && self.is_there(&ray, hit, Asks::Path);
             prepared.accel().intersect_filtered(&ray, is_seen)
         } else if prepared.has_opacity() {
@@ -258,9 +255,9 @@ impl Path<'_> {
     /// candidates of one ray may be asked in any order and more than once.
     #[inline(always)]
     fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
-        let asks = asks.of_vertex(self.at.depth);
+        let asks = asks.of_vertex(self.depth);
         is_there(self.integrator.prepared, ray, hit, asks, |surface| {
-            self.at.sampler.hashed(surface ^ u64::from(self.at.depth) << DEPTH_SHIFT)
+            self.sampler.hashed(surface ^ u64::from(self.depth) << DEPTH_SHIFT)
         })
     }
 

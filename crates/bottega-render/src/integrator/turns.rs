@@ -100,7 +100,7 @@ fn in_turn<const AGENTS: bool>(
                 continue;
             }
             if AGENTS && let Some(branch) = lane.branches.pop() {
-                lane.path.go_back(branch);
+                lane.path.go_back(&branch);
                 i += 1;
                 continue;
             }

@@ -14,10 +14,34 @@ const SPLIT_MAX: f32 = 8.0;
 const ONE: RangeInclusive<f32> = 0.7..=1.4;
 
 impl Path<'_> {
+    /// The path as it is.
+    #[inline(always)]
+    pub(super) fn branch(&self) -> Branch {
+        Branch {
+            sampler: self.sampler,
+            throughput: self.throughput,
+            absorption: self.absorption,
+            roulette_scale: self.roulette_scale,
+            depth: self.depth,
+            origin: self.origin,
+            direction: self.direction,
+            cone: self.cone,
+            previous: self.previous,
+        }
+    }
+
     /// Goes on as a branch does, with what all have found.
     #[inline(always)]
-    pub(in crate::integrator) fn go_back(&mut self, branch: Branch) {
-        self.at = branch;
+    pub(in crate::integrator) fn go_back(&mut self, branch: &Branch) {
+        self.sampler = branch.sampler;
+        self.throughput = branch.throughput;
+        self.absorption = branch.absorption;
+        self.roulette_scale = branch.roulette_scale;
+        self.depth = branch.depth;
+        self.origin = branch.origin;
+        self.direction = branch.direction;
+        self.cone = branch.cone;
+        self.previous = branch.previous;
     }
 
     /// Looks up what light is worth to the pixel at `place` in the picture, in [0, 1)².
@@ -36,16 +60,16 @@ impl Path<'_> {
             return 1;
         }
         // As paths do who know no agents.
-        let usual = if self.at.depth <= settings.roulette_depth {
+        let usual = if self.depth <= settings.roulette_depth {
             1.0
         } else {
-            (self.at.throughput.max_element() * self.at.roulette_scale).sqrt().min(ROULETTE_SURVIVAL_MAX)
+            (self.throughput.max_element() * self.roulette_scale).sqrt().min(ROULETTE_SURVIVAL_MAX)
         };
         let many = match agent {
             Some(agent) if self.worth > 0.0 => {
-                let worth = agent.worth(self.at.throughput.max_element() * self.worth);
+                let worth = agent.worth(self.throughput.max_element() * self.worth);
                 // About one is one: there is little to be won, and what is decided by chance is noise.
-                if ONE.contains(&worth) || worth < 1.0 && self.at.depth == 0 {
+                if ONE.contains(&worth) || worth < 1.0 && self.depth == 0 {
                     1.0
                 } else {
                     worth.clamp(SURVIVAL_MIN, SPLIT_MAX).min(room as f32 + 1.0)
@@ -57,8 +81,8 @@ impl Path<'_> {
         if many <= 0.0 || many.is_nan() {
             return 0;
         }
-        self.at.throughput /= many;
-        self.at.roulette_scale *= many.max(1.0);
+        self.throughput /= many;
+        self.roulette_scale *= many.max(1.0);
         let whole = many.floor();
         whole as u32 + u32::from(u < many - whole)
     }

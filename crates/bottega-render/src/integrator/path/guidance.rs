@@ -95,7 +95,7 @@ impl<'a> Path<'a> {
     /// What is known of the lights where the path comes from.
     #[inline(always)]
     pub(super) fn previous_choice(&self) -> Option<&Choice> {
-        self.guide?.agent(self.at.previous.leaf as usize)?.lights()
+        self.guide?.agent(self.previous.leaf as usize)?.lights()
     }
 }
 

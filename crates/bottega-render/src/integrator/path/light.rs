@@ -24,19 +24,19 @@ const LOOKS_MIN: f32 = 0.25;
 impl Path<'_> {
     #[inline(always)]
     pub(super) fn add_environment<const AGENTS: bool>(&mut self) {
-        if self.at.depth == 0 && self.integrator.hides_emitters {
+        if self.depth == 0 && self.integrator.hides_emitters {
             return;
         }
         let prepared = self.integrator.prepared;
-        let from = self.at.previous.receiver.p;
-        let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.at.direction);
+        let from = self.previous.receiver.p;
+        let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.direction);
         if radiance != Spectrum::ZERO {
             let lights = prepared.lights();
             let weight = self.found_by_bsdf(|from| match if AGENTS { self.previous_choice() } else { None } {
-                None => lights.environment_pdf(from, self.at.direction),
-                Some(choice) => lights.environment_pdf_by(from, choice, self.at.direction),
+                None => lights.environment_pdf(from, self.direction),
+                Some(choice) => lights.environment_pdf_by(from, choice, self.direction),
             });
-            self.radiance += self.at.throughput * radiance * weight;
+            self.radiance += self.throughput * radiance * weight;
         }
     }
 
@@ -52,7 +52,7 @@ impl Path<'_> {
             let choice = if AGENTS { self.previous_choice() } else { None };
             prepared.lights().hit_pdf_by(prepared, &point.hit, from, point.p, choice)
         });
-        self.radiance += self.at.throughput * radiance * weight;
+        self.radiance += self.throughput * radiance * weight;
     }
 
     /// The weight of light that the path ran into; `light_pdf` tells with which density light sampling would have
@@ -60,12 +60,12 @@ impl Path<'_> {
     #[inline(always)]
     fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         let settings = self.integrator.settings;
-        let Some(pdf) = self.at.previous.pdf else { return 1.0 };
+        let Some(pdf) = self.previous.pdf else { return 1.0 };
         match settings.direct_light {
             DirectLight::LightSampling => 0.0,
             DirectLight::BsdfSampling => 1.0,
             DirectLight::Combined => {
-                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(&self.at.previous.receiver))
+                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(&self.previous.receiver))
             }
         }
     }
@@ -80,8 +80,8 @@ impl Path<'_> {
         }
         let count = settings.light_samples.max(1);
         for part in 0..count {
-            let set = DimensionSet::light(self.at.depth);
-            let u = if count == 1 { first } else { self.at.sampler.split_quad(set, part, count) };
+            let set = DimensionSet::light(self.depth);
+            let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
             let choice = if AGENTS { vertex.guidance.lights() } else { None };
             let looks_rarely = AGENTS && self.integrator.looks_rarely;
             let drawn = match choice.filter(|_| settings.agents.lights) {
@@ -100,7 +100,7 @@ impl Path<'_> {
             let seen = choice.filter(|_| looks_rarely).map_or(1.0, |choice| choice.seen(light.light));
             let share = if looks_rarely { self.share_of_looks(contribution, seen) } else { 1.0 };
             if self.is_due(share, u[3]) && !self.is_occluded(&shadow_ray(vertex.point, &light)) {
-                self.radiance += self.at.throughput * contribution / share;
+                self.radiance += self.throughput * contribution / share;
             }
         }
     }
@@ -111,7 +111,7 @@ impl Path<'_> {
         if self.worth <= 0.0 {
             return 1.0;
         }
-        let worth = (self.at.throughput * contribution).max_element() * self.worth;
+        let worth = (self.throughput * contribution).max_element() * self.worth;
         (LOOKS * worth * seen.sqrt()).clamp(LOOKS_MIN, 1.0)
     }
 
@@ -136,7 +136,7 @@ impl Path<'_> {
     fn add_asked(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum) {
         let is_seen = contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, light));
         if is_seen {
-            self.radiance += self.at.throughput * contribution;
+            self.radiance += self.throughput * contribution;
         }
         if let Some(trail) = &mut self.trail {
             trail.ask(Asked { light: light.light, found: luminance(contribution), is_seen });

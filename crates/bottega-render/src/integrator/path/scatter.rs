@@ -25,29 +25,29 @@ impl Path<'_> {
         {
             trail.go(wi, bsdf_pdf, sample.pdf, self.radiance);
         }
-        self.at.throughput *= sample.weight();
+        self.throughput *= sample.weight();
         if !is_reflection {
             let known = self.integrator.prepared.material(point.material).1;
             // Into the solid when the path came from its outside, else out of it.
             if known.parts_media {
-                self.at.absorption = known.absorption[usize::from(point.front)];
+                self.absorption = known.absorption[usize::from(point.front)];
             }
-            self.at.roulette_scale *= sample.eta * sample.eta;
+            self.roulette_scale *= sample.eta * sample.eta;
         }
         if !is_delta {
-            self.at.cone.spread = self.at.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
+            self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
             if guidance.is_guided() {
-                self.at.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
+                self.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
             }
         }
         let leaf = if AGENTS && self.integrator.settings.agents.lights { guidance.leaf() } else { NO_LEAF };
-        self.at.previous = Previous { receiver, pdf: (!is_delta).then_some(sample.pdf), leaf };
-        self.at.origin = point.ray_origin(wi);
-        self.at.direction = wi;
-        self.at.depth += 1;
+        self.previous = Previous { receiver, pdf: (!is_delta).then_some(sample.pdf), leaf };
+        self.origin = point.ray_origin(wi);
+        self.direction = wi;
+        self.depth += 1;
         // Where agents say what a path is worth, it is they who end it, at its next vertex.
         if AGENTS && self.integrator.splits {
-            return self.at.throughput.max_element() > 0.0;
+            return self.throughput.max_element() > 0.0;
         }
         self.survives(u[3])
     }
@@ -55,7 +55,7 @@ impl Path<'_> {
     /// Whether the path goes on by Russian roulette.
     #[inline(always)]
     fn survives(&mut self, u: f32) -> bool {
-        let is_sure = self.at.depth <= self.integrator.settings.roulette_depth;
-        survives(&mut self.at.throughput, self.at.roulette_scale, is_sure, u)
+        let is_sure = self.depth <= self.integrator.settings.roulette_depth;
+        survives(&mut self.throughput, self.roulette_scale, is_sure, u)
     }
 }
