@@ -185,24 +185,22 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
     let work = stranger.hears(&[P::Inform]);
     assert_eq!((value(&work, "scene"), value(&work, "samples")), ("room.xml".to_owned(), "3000".to_owned()));
     // A call, answered wrongly, and another one that is answered well.
-    let call = stranger.hears(&[P::CallForProposal]);
     let bid = |zone: &str, seconds: &str| {
         format!(
             "((action (agent-identifier :name probe@jade) (paint :zones (sequence (zone :number {zone} :seconds \
              {seconds})))) (room 1))"
         )
     };
-    let conversation = call.conversation_id.clone().expect("a conversation");
-    stranger.say("PROPOSE", master, &conversation, &bid("4000", "1"));
-    assert!(is(&stranger.hears(&[P::RejectProposal]), P::RejectProposal).contains("(not-offered"));
+    let mut is_rejected = false;
     let award = loop {
-        let message = stranger.hears(&[P::CallForProposal, P::AcceptProposal, P::Request]);
+        let message = stranger.hears(&[P::CallForProposal, P::AcceptProposal, P::Request, P::RejectProposal]);
         match message.performative {
             P::CallForProposal => {
-                let zone = value(&message, "number");
+                let zone = if is_rejected { value(&message, "number") } else { "4000".to_owned() };
                 let conversation = message.conversation_id.clone().expect("a conversation");
                 stranger.say("PROPOSE", master, &conversation, &bid(&zone, "0.001"));
             }
+            P::RejectProposal => is_rejected |= is(&message, P::RejectProposal).contains("(not-offered"),
             P::AcceptProposal => break message,
             // The first samples of a zone.
             _ => {
@@ -213,6 +211,7 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
             }
         }
     };
+    assert!(is_rejected);
     let (seen, conversation) = (Seen::of(&award), award.conversation_id.clone().expect("a conversation"));
     let (width, height) = seen.size;
     // Wrong sizes, what is no picture, another key, too much, and to say that it is done before it is.
@@ -249,7 +248,7 @@ fn a_stranger_that_paints_something_else_is_found_out() {
     let at = platform(&farm);
     let _one = farm.join("one");
     let stranger = Stranger { jade: Jade::start(), at, number: Cell::new(0) };
-    let mut render = paint(&farm, "a.exr", "256", &["--verify=2"]);
+    let mut render = paint(&farm, "a.exr", "3000", &["--verify=2"]);
     farm.until("the Master is in the yellow pages", || {
         farm.succeed(&["platform", "services", "--at", &format!("http://{at}/acc")]).contains("master-1@bottega")
     });
