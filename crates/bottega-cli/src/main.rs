@@ -18,7 +18,7 @@
 //! | `rules` | `src/rules/` |
 //! | `devices` | `src/devices.rs` |
 //! | `simulate` | `src/simulate/` |
-//! | `platform`; machines and jobs of a farm as agents, and what they can be asked | `src/platform/`; `src/platform/farm/`, `src/platform/farm/ontology.rs` |
+//! | `platform`: one that is served, questions to any | `src/platform/` |
 //! | options of `bench` | `src/bench/` |
 //! | tests of the whole program, with a farm of real processes among them | `tests/`, `tests/farm/` |
 #![deny(clippy::print_stdout, clippy::print_stderr)]

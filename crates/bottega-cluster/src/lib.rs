@@ -22,7 +22,7 @@
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
 //! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
-//! | the farm as a FIPA platform | [`platform`] |
+//! | the farm as a FIPA platform; its jobs and machines as agents; agents of other platforms that paint | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
 //! | which build of the farm this is | [`build`](mod@build) |
 //! | a picture asked for without a command line | `examples/submit.rs` |
 
