@@ -305,7 +305,8 @@ fn the_agent_in_python_wins_zones_and_the_picture_agrees_with_ours() {
     let of_stranger = rows.lines().filter(|row| row.contains("mitsuba@stranger-")).count();
     assert!(of_stranger > 0 && of_stranger < rows.lines().count(), "both paint: {}", farm.logs());
     let plain = farm.path("plain.exr");
-    let words = ["render", text(&room(&farm)), "-o", text(&plain), "--spp=2000", "--seed=3", "--quiet"].map(str::to_owned);
+    let words =
+        ["render", text(&room(&farm)), "-o", text(&plain), "--spp=2000", "--seed=3", "--quiet"].map(str::to_owned);
     farm.succeed(&words.iter().map(String::as_str).collect::<Vec<_>>());
     let diff = farm.succeed(&["diff", text(&farm.path("a.exr")), text(&plain), "--json"]);
     let diff: serde_json::Value = serde_json::from_str(&diff).expect("JSON");

@@ -85,7 +85,7 @@ impl FarmPlatform {
         let Some(seat) = seat else { return Ok(Self { agents: None, strangers: None, node, jobs }) };
         let seat = seat.at(node.address());
         let agents = FarmAgents::begin(&node, &options.name, board.clone(), seat, &options.trusted)?;
-        let strangers = Strangers::begin(strangers::Surroundings {
+        let strangers = Strangers::begin(strangers::StrangersConfig {
             node: Arc::clone(&node),
             board,
             platform: options.name.clone(),

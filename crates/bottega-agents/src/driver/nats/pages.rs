@@ -13,10 +13,10 @@ pub struct NoticePages {
     notices: NoticeBoard,
     /// How the names of this platform's notices begin.
     folder: String,
-    watches: Vec<Watch>,
+    watches: Vec<PageWatch>,
 }
 
-struct Watch {
+struct PageWatch {
     prefix: Key,
     ticket: Ticket,
     who: usize,
@@ -84,7 +84,7 @@ impl NoticePages {
     }
 }
 
-impl Watch {
+impl PageWatch {
     fn say(&self, reply: StoreReply<String>) -> Addressed<String, usize> {
         Addressed { to: self.who, ticket: self.ticket, reply }
     }
@@ -122,7 +122,7 @@ impl EntryStore<String, usize> for NoticePages {
             }
             StoreRequest::Watch { prefix } => {
                 self.watches.retain(|watch| (watch.ticket, watch.who) != (ticket, from));
-                self.watches.push(Watch { prefix, ticket, who: from, told: BTreeMap::new() });
+                self.watches.push(PageWatch { prefix, ticket, who: from, told: BTreeMap::new() });
                 StoreReply::CaughtUp
             }
         };

@@ -7,6 +7,7 @@ use std::{
     path::PathBuf,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread,
+    time::Duration,
 };
 
 use axum::{
@@ -19,7 +20,7 @@ use axum::{
 };
 use bottega_farm::{Link, PaintOrder, ResultRef};
 use bottega_image::{AovSet, Layout, ReadLimits, Tile, luminance, read_image_bytes};
-use tokio::sync::Semaphore;
+use tokio::{sync::Semaphore, time::timeout};
 use tokio_util::io::ReaderStream;
 
 /// A picture has so many bytes beside those of its pixels, and so many bytes a pixel, at most.
@@ -27,6 +28,8 @@ const HEAD_BYTES_MAX: u64 = 1 << 20;
 const PIXEL_BYTES_MAX: u64 = 64;
 /// Pictures that are taken in at the same time.
 const DELIVERIES_MAX: usize = 8;
+/// A picture must come within this time.
+const DELIVERS_WITHIN: Duration = Duration::from_secs(120);
 /// What is larger is no radiance.
 const LARGEST: f32 = 1e30;
 
@@ -57,7 +60,7 @@ pub(super) struct Desk {
 }
 
 #[derive(Clone)]
-struct Shared {
+struct DeskState {
     shelves: Arc<Shelves>,
     deliveries: Arc<Semaphore>,
 }
@@ -72,7 +75,7 @@ impl Desk {
         listener.set_nonblocking(true)?;
         let address = format!("http://{host}:{}", listener.local_addr()?.port());
         let shelves = Arc::new(Shelves::default());
-        let shared = Shared { shelves: Arc::clone(&shelves), deliveries: Arc::new(Semaphore::new(DELIVERIES_MAX)) };
+        let shared = DeskState { shelves: Arc::clone(&shelves), deliveries: Arc::new(Semaphore::new(DELIVERIES_MAX)) };
         let routes = Router::new()
             .route("/models/{name}/{number}", get(model))
             .route("/results/{key}", put(deliver))
@@ -122,7 +125,7 @@ fn lock<T>(shelf: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// A file of a scene.
-async fn model(State(shared): State<Shared>, Path((name, number)): Path<(String, usize)>) -> Response {
+async fn model(State(shared): State<DeskState>, Path((name, number)): Path<(String, usize)>) -> Response {
     let path = lock(&shared.shelves.models).get(&name).and_then(|files| files.get(number).cloned());
     let Some(path) = path else { return StatusCode::NOT_FOUND.into_response() };
     match tokio::fs::File::open(&path).await {
@@ -138,16 +141,20 @@ async fn model(State(shared): State<Shared>, Path((name, number)): Path<(String,
 }
 
 /// Takes a picture of a zone in.
-async fn deliver(State(shared): State<Shared>, Path(key): Path<String>, body: Body) -> Response {
+async fn deliver(State(shared): State<DeskState>, Path(key): Path<String>, body: Body) -> Response {
     let expected = lock(&shared.shelves.expected).get(&key).cloned();
     let Some(expected) = expected else { return (StatusCode::NOT_FOUND, "nobody waits for this").into_response() };
     let Ok(_permit) = shared.deliveries.try_acquire() else {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many deliver at once: try again").into_response();
     };
     let limit = HEAD_BYTES_MAX + expected.order.rect.area() * PIXEL_BYTES_MAX;
-    let Ok(bytes) = to_bytes(body, limit as usize).await else {
-        let most = format!("a picture of this zone has at most {limit} bytes");
-        return (StatusCode::PAYLOAD_TOO_LARGE, most).into_response();
+    let bytes = match timeout(DELIVERS_WITHIN, to_bytes(body, limit as usize)).await {
+        Ok(Ok(bytes)) => bytes,
+        Ok(Err(_)) => {
+            let most = format!("a picture of this zone has at most {limit} bytes");
+            return (StatusCode::PAYLOAD_TOO_LARGE, most).into_response();
+        }
+        Err(_) => return (StatusCode::REQUEST_TIMEOUT, "the picture did not come in time").into_response(),
     };
     let taken = tokio::task::spawn_blocking(move || take(&bytes, &expected)).await;
     match taken {

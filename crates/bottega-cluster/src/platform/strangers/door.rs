@@ -8,10 +8,9 @@ use std::{collections::BTreeMap, time::Duration};
 use bottega_agents::{
     AclMessage, Action, ActionOf, AgentId, Event, EventOf, Performative, Revision, StateMachine, Time,
     gateway::PlainContent,
-    platform::{DfAgentDescription, Function, ManagementContent, ServiceDescription},
+    platform::{DfAgentDescription, Function, ManagementContent},
     sl,
     sl::Term,
-    wire::WireMessage,
 };
 use bottega_farm::{Offer, PaintOrder, ResultRef, VisitorEffect, VisitorReport, WorkRow, ZoneId};
 
@@ -21,9 +20,10 @@ use super::{
         talk::{self, Message},
         terms::{Unread, reason, unrecognised_content},
     },
+    messages::{foreign, index, key_of, offer, say, talk_terms},
     ontology::{
-        Applicant, Model, ONTOLOGY, SERVICE_TYPE, call_terms, named_order_term, no_order_term, order_term,
-        read_application, read_done, read_order, read_proposal, work_term,
+        Applicant, Model, call_terms, named_order_term, no_order_term, order_term, read_application, read_done,
+        read_order, read_proposal, work_term,
     },
 };
 
@@ -52,13 +52,13 @@ pub(super) enum DoorReport {
     Visitor { agent: String, effect: VisitorEffect },
     /// Something was delivered under a key.
     Delivered { key: String, result: ResultRef },
-    /// The job is over: why, if it is not painted.
-    Over,
+    /// The job is over; why, if it is not painted.
+    Over { why: Option<&'static str> },
 }
 
 /// A call for proposals that a stranger was sent.
 #[derive(Clone, Debug)]
-struct Call {
+struct OpenCall {
     conversation: u64,
     /// By what the farm knows it.
     number: u64,
@@ -86,7 +86,7 @@ struct Guest {
     wish: Term,
     applicant: Applicant,
     is_welcome: bool,
-    calls: Vec<Call>,
+    calls: Vec<OpenCall>,
     orders: BTreeMap<(ZoneId, Revision), OpenOrder>,
 }
 
@@ -110,21 +110,7 @@ pub(super) struct MasterDoor {
     next_number: u64,
 }
 
-type Actions = Vec<ActionOf<MasterDoor>>;
-
-fn index(agent: &AgentId) -> String {
-    agent.name.to_lowercase()
-}
-
-/// By what pixels are delivered.
-fn key_of(secret: u64, agent: &str, zone: ZoneId, fence: Revision) -> String {
-    let mut hasher = blake3::Hasher::new();
-    for number in [secret, u64::from(zone.0), fence.0] {
-        hasher.update(&number.to_le_bytes());
-    }
-    hasher.update(agent.as_bytes());
-    hasher.finalize().to_hex().as_str()[..32].to_owned()
-}
+type DoorActions = Vec<ActionOf<MasterDoor>>;
 
 impl MasterDoor {
     pub(super) fn new(config: DoorConfig) -> Self {
@@ -139,7 +125,7 @@ impl MasterDoor {
     }
 
     /// Takes what somebody says.
-    fn hear(&mut self, now: Time, message: &Message, actions: &mut Actions) {
+    fn hear(&mut self, now: Time, message: &Message, actions: &mut DoorActions) {
         let Some(wire) = foreign(message) else { return };
         let read = match talk_terms(wire) {
             Ok(terms) => self.answer(now, message, &terms, actions),
@@ -156,7 +142,13 @@ impl MasterDoor {
         }
     }
 
-    fn answer(&mut self, now: Time, message: &Message, terms: &[Term], actions: &mut Actions) -> Result<(), Unread> {
+    fn answer(
+        &mut self,
+        now: Time,
+        message: &Message,
+        terms: &[Term],
+        actions: &mut DoorActions,
+    ) -> Result<(), Unread> {
         match message.performative {
             Performative::Subscribe => self.subscribe(message, terms, actions),
             Performative::Propose => self.propose(now, message, terms, actions),
@@ -174,7 +166,7 @@ impl MasterDoor {
         guest.ok_or_else(|| Unread::Refused(reason("not-subscribed", [])))
     }
 
-    fn subscribe(&mut self, message: &Message, terms: &[Term], actions: &mut Actions) -> Result<(), Unread> {
+    fn subscribe(&mut self, message: &Message, terms: &[Term], actions: &mut DoorActions) -> Result<(), Unread> {
         let [wish] = terms else { return Err(unrecognised_content()) };
         let applicant = read_application(wish)?;
         let agent = index(&message.sender);
@@ -201,11 +193,17 @@ impl MasterDoor {
         Ok(())
     }
 
-    fn propose(&mut self, now: Time, message: &Message, terms: &[Term], actions: &mut Actions) -> Result<(), Unread> {
+    fn propose(
+        &mut self,
+        now: Time,
+        message: &Message,
+        terms: &[Term],
+        actions: &mut DoorActions,
+    ) -> Result<(), Unread> {
         let guest = self.guest(message)?;
         let called = guest.calls.iter().position(|call| call.conversation == message.conversation_id);
         let call = called.map(|place| &mut guest.calls[place]).filter(|call| !call.offers.is_empty());
-        let Some(call) = call.map(|call| Call { offers: std::mem::take(&mut call.offers), ..*call }) else {
+        let Some(call) = call.map(|call| OpenCall { offers: std::mem::take(&mut call.offers), ..*call }) else {
             self.reject(message, reason("not-called", []), actions);
             return Ok(());
         };
@@ -227,13 +225,13 @@ impl MasterDoor {
         Ok(())
     }
 
-    fn reject(&self, message: &Message, why: Term, actions: &mut Actions) {
+    fn reject(&self, message: &Message, why: Term, actions: &mut DoorActions) {
         let terms = [no_order_term(&message.sender), why];
         let rejection = talk::answer(message, &self.config.id, Performative::RejectProposal, &terms);
         actions.push(Action::Send(rejection));
     }
 
-    fn refuse(&mut self, message: &Message, actions: &mut Actions) -> Result<(), Unread> {
+    fn refuse(&mut self, message: &Message, actions: &mut DoorActions) -> Result<(), Unread> {
         let guest = self.guest(message)?;
         let called = guest.calls.iter().position(|call| call.conversation == message.conversation_id);
         if let Some(place) = called {
@@ -245,7 +243,7 @@ impl MasterDoor {
         self.give_up(message, "the order was refused", actions)
     }
 
-    fn done(&mut self, now: Time, message: &Message, terms: &[Term], actions: &mut Actions) -> Result<(), Unread> {
+    fn done(&mut self, now: Time, message: &Message, terms: &[Term], actions: &mut DoorActions) -> Result<(), Unread> {
         let [done] = terms else { return Err(unrecognised_content()) };
         let order = read_done(done)?;
         let me = self.config.id.clone();
@@ -271,7 +269,7 @@ impl MasterDoor {
         Ok(())
     }
 
-    fn failed(&mut self, message: &Message, terms: &[Term], actions: &mut Actions) -> Result<(), Unread> {
+    fn failed(&mut self, message: &Message, terms: &[Term], actions: &mut DoorActions) -> Result<(), Unread> {
         let why = terms.get(1).map_or_else(|| "it does not say why".to_owned(), sl::print_term);
         let why: String = why.chars().take(200).collect();
         match terms.first().map(read_order) {
@@ -285,7 +283,7 @@ impl MasterDoor {
         message: &Message,
         order: (ZoneId, Revision),
         why: &str,
-        actions: &mut Actions,
+        actions: &mut DoorActions,
     ) -> Result<(), Unread> {
         let guest = self.guest(message)?;
         let agent = index(&guest.agent);
@@ -298,14 +296,14 @@ impl MasterDoor {
     }
 
     /// The order of a conversation will not be painted.
-    fn give_up(&mut self, message: &Message, why: &str, actions: &mut Actions) -> Result<(), Unread> {
+    fn give_up(&mut self, message: &Message, why: &str, actions: &mut DoorActions) -> Result<(), Unread> {
         let guest = self.guest(message)?;
         let of_conversation = |open: &OpenOrder| open.conversation == message.conversation_id;
         let order = guest.orders.iter().find(|(_, open)| of_conversation(open)).map(|(order, _)| *order);
         order.map_or(Ok(()), |order| self.fail(message, order, why, actions))
     }
 
-    fn leave(&mut self, message: &Message, actions: &mut Actions) -> Result<(), Unread> {
+    fn leave(&mut self, message: &Message, actions: &mut DoorActions) -> Result<(), Unread> {
         let guest = self.guest(message)?;
         if guest.subscription.conversation_id != message.conversation_id {
             return Err(Unread::Refused(reason("not-subscribed", [])));
@@ -318,7 +316,7 @@ impl MasterDoor {
     /// A stranger takes no part any more, and is told so.
     ///
     /// - `why`: why the Master wants nothing of it; `None`: all is as it should be.
-    fn end(&mut self, agent: &str, why: Option<Term>, actions: &mut Actions) {
+    fn end(&mut self, agent: &str, why: Option<Term>, actions: &mut DoorActions) {
         let Some(guest) = self.guests.remove(agent) else { return };
         let (told, me) = (&guest.subscription, &self.config.id);
         actions.push(Action::Send(match why {
@@ -333,7 +331,7 @@ impl MasterDoor {
     }
 
     /// Puts something to a stranger.
-    fn put(&mut self, now: Time, agent: &str, effect: VisitorEffect, actions: &mut Actions) {
+    fn put(&mut self, now: Time, agent: &str, effect: VisitorEffect, actions: &mut DoorActions) {
         match effect {
             VisitorEffect::Welcome(work) => self.welcome(agent, &work, actions),
             VisitorEffect::Offers { call, offers, room, within } => {
@@ -348,7 +346,7 @@ impl MasterDoor {
         }
     }
 
-    fn welcome(&mut self, agent: &str, work: &WorkRow, actions: &mut Actions) {
+    fn welcome(&mut self, agent: &str, work: &WorkRow, actions: &mut DoorActions) {
         let (me, model) = (&self.config.id, &self.config.model);
         let Some(guest) = self.guests.get_mut(agent).filter(|guest| !guest.is_welcome) else { return };
         guest.is_welcome = true;
@@ -361,7 +359,7 @@ impl MasterDoor {
         now: Time,
         agent: &str,
         (number, offers, room, within): (u64, &[Offer], u32, Duration),
-        actions: &mut Actions,
+        actions: &mut DoorActions,
     ) {
         let conversation = self.number();
         let me = self.config.id.clone();
@@ -373,13 +371,13 @@ impl MasterDoor {
         let act = Performative::CallForProposal;
         let call = say(&me, &guest.agent, act, "fipa-contract-net", conversation, &terms);
         actions.push(Action::Send(AclMessage { reply_by: Some(until), ..call }));
-        guest.calls.push(Call { conversation, number, offers: offers.to_vec(), until });
+        guest.calls.push(OpenCall { conversation, number, offers: offers.to_vec(), until });
         if guest.calls.len() > CALLS_MAX {
             guest.calls.remove(0);
         }
     }
 
-    fn rejected(&mut self, agent: &str, call: u64, actions: &mut Actions) {
+    fn rejected(&mut self, agent: &str, call: u64, actions: &mut DoorActions) {
         let me = self.config.id.clone();
         let Some(guest) = self.guests.get_mut(agent) else { return };
         let Some(place) = guest.calls.iter().position(|it| it.number == call) else { return };
@@ -389,7 +387,7 @@ impl MasterDoor {
         actions.push(Action::Send(say(&me, &guest.agent, act, "fipa-contract-net", conversation, &terms)));
     }
 
-    fn order(&mut self, now: Time, agent: &str, order: Box<PaintOrder>, call: Option<u64>, actions: &mut Actions) {
+    fn order(&mut self, now: Time, agent: &str, order: Box<PaintOrder>, call: Option<u64>, actions: &mut DoorActions) {
         let fresh = self.number();
         let (me, seed) = (self.config.id.clone(), self.config.model.seed);
         let key = key_of(self.config.secret, agent, order.zone, order.fence);
@@ -408,7 +406,7 @@ impl MasterDoor {
         actions.push(Action::Effect(DoorEffect::Expect { key, order }));
     }
 
-    fn withdraw(&mut self, agent: &str, order: (ZoneId, Revision), actions: &mut Actions) {
+    fn withdraw(&mut self, agent: &str, order: (ZoneId, Revision), actions: &mut DoorActions) {
         let me = self.config.id.clone();
         let Some(guest) = self.guests.get_mut(agent) else { return };
         let Some(open) = guest.orders.remove(&order) else { return };
@@ -426,7 +424,7 @@ impl MasterDoor {
     }
 
     /// Somebody cannot be reached.
-    fn lost(&mut self, receiver: &AgentId, actions: &mut Actions) {
+    fn lost(&mut self, receiver: &AgentId, actions: &mut DoorActions) {
         let agent = index(receiver);
         if self.guests.contains_key(&agent) {
             tracing::info!(agent, "a stranger cannot be reached: it takes no part any more");
@@ -434,15 +432,15 @@ impl MasterDoor {
         }
     }
 
-    fn over(&mut self, actions: &mut Actions) {
+    fn over(&mut self, why: Option<&str>, actions: &mut DoorActions) {
         self.is_over = true;
         self.yellow.want(None);
         for agent in self.guests.keys().cloned().collect::<Vec<_>>() {
-            self.end(&agent, None, actions);
+            self.end(&agent, why.map(|why| Term::call("work-ended", [Term::text(why)])), actions);
         }
     }
 
-    fn keep_page(&mut self, now: Time, actions: &mut Actions) {
+    fn keep_page(&mut self, now: Time, actions: &mut DoorActions) {
         let number = self.next_number;
         let Some(ask) = self.yellow.next(now, number) else { return };
         self.next_number += 1;
@@ -462,7 +460,7 @@ impl StateMachine for MasterDoor {
     type Effect = DoorEffect;
     type Completion = DoorReport;
 
-    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Actions) {
+    fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut DoorActions) {
         match event {
             Event::Message(message) => match &message.content {
                 PlainContent::Management(content) => {
@@ -478,7 +476,7 @@ impl StateMachine for MasterDoor {
             },
             Event::Completed(DoorReport::Visitor { agent, effect }) => self.put(now, &agent, effect, actions),
             Event::Completed(DoorReport::Delivered { key, result }) => self.delivered(now, &key, result),
-            Event::Completed(DoorReport::Over) => self.over(actions),
+            Event::Completed(DoorReport::Over { why }) => self.over(why, actions),
             Event::Start | Event::Deadline | Event::Store { .. } | Event::Presence { .. } => {}
         }
         self.keep_page(now, actions);
@@ -487,59 +485,4 @@ impl StateMachine for MasterDoor {
     fn next_deadline(&self) -> Option<Time> {
         self.yellow.next_deadline()
     }
-}
-
-/// What is said, in words of ours: answers count here, too.
-fn foreign(message: &Message) -> Option<&WireMessage> {
-    match &message.content {
-        PlainContent::Foreign(wire) => Some(wire),
-        PlainContent::Management(_) => None,
-    }
-}
-
-fn talk_terms(wire: &WireMessage) -> Result<Vec<Term>, Unread> {
-    talk::is_of(wire, ONTOLOGY)?;
-    talk::expressions(wire)
-}
-
-/// A message that answers none.
-fn say(
-    me: &AgentId,
-    to: &AgentId,
-    act: Performative,
-    protocol: &'static str,
-    conversation: u64,
-    terms: &[Term],
-) -> Message {
-    let content = WireMessage {
-        content: Some(sl::print(terms)),
-        language: Some("fipa-sl".to_owned()),
-        ontology: Some(ONTOLOGY.to_owned()),
-        ..WireMessage::new(act)
-    };
-    AclMessage {
-        protocol,
-        conversation_id: conversation,
-        reply_with: conversation,
-        ..AclMessage::new(act, me.clone(), to.clone(), PlainContent::Foreign(std::sync::Arc::new(content)))
-    }
-}
-
-/// The entry of a Master in the yellow pages.
-fn offer(id: &AgentId, job: u32) -> DfAgentDescription {
-    let texts = |texts: &[&str]| texts.iter().map(|&text| text.to_owned()).collect::<Vec<String>>();
-    let protocols = texts(&["fipa-subscribe", "fipa-request", "fipa-contract-net"]);
-    let (ontologies, languages) = (texts(&[ONTOLOGY]), texts(&["fipa-sl", "fipa-sl0"]));
-    let job = bottega_agents::platform::Property { name: "job".to_owned(), value: Term::integer(job.into()) };
-    let service = ServiceDescription {
-        name: Some("master".to_owned()),
-        service_type: Some(SERVICE_TYPE.to_owned()),
-        protocols: protocols.clone(),
-        ontologies: ontologies.clone(),
-        languages: languages.clone(),
-        ownership: None,
-        properties: vec![job],
-    };
-    let services = vec![service];
-    DfAgentDescription { name: Some(id.clone()), protocols, ontologies, languages, services, ..Default::default() }
 }

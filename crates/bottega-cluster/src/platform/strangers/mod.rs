@@ -6,6 +6,7 @@
 
 mod desk;
 mod door;
+mod messages;
 mod ontology;
 #[cfg(test)]
 mod tests;
@@ -51,8 +52,8 @@ pub(super) struct Strangers {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Where strangers find the files of a farm.
-pub(super) struct Surroundings {
+/// Whose jobs strangers are admitted to, and where.
+pub(super) struct StrangersConfig {
     pub(super) node: Arc<Node>,
     pub(super) board: JobBoard,
     /// The name of the platform.
@@ -66,7 +67,7 @@ impl Strangers {
     ///
     /// # Errors
     /// There is no free port, or no thread.
-    pub(super) fn begin(around: Surroundings) -> Result<Self, Error> {
+    pub(super) fn begin(around: StrangersConfig) -> Result<Self, Error> {
         let address = around.node.address();
         let host = address.trim_start_matches("http://").split('/').next().unwrap_or_default();
         let host = host.rsplit_once(':').map_or(host, |(host, _)| host);
@@ -74,7 +75,7 @@ impl Strangers {
             Error::failed(format!("strangers have nowhere to deliver: {error}"), "let fewer programs run at once")
         })?;
         let over = Arc::new(AtomicBool::new(false));
-        let (watch, ends) = (Watch { around, desk, doors: BTreeMap::new() }, Arc::clone(&over));
+        let (watch, ends) = (JobWatch { around, desk, doors: BTreeMap::new() }, Arc::clone(&over));
         let thread = thread::Builder::new().name("strangers".to_owned()).spawn(move || watch.run(&ends));
         let thread = thread.map_err(|error| {
             Error::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
@@ -100,31 +101,34 @@ struct OpenDoor {
     model: String,
 }
 
-struct Watch {
-    around: Surroundings,
+struct JobWatch {
+    around: StrangersConfig,
     desk: Desk,
     /// By work; `None`: it admits no strangers, or its scene cannot be had.
     doors: BTreeMap<u64, Option<OpenDoor>>,
 }
 
-impl Watch {
+impl JobWatch {
     fn run(mut self, over: &AtomicBool) {
         while !over.load(Ordering::Relaxed) {
             self.look();
             thread::sleep(LOOK_EVERY);
         }
         for door in std::mem::take(&mut self.doors).into_values().flatten() {
-            self.close(&door);
+            self.close(&door, Some("the platform ends"));
         }
     }
 
     fn look(&mut self) {
         let jobs = self.around.board.all();
-        let is_active = |work: &u64| jobs.iter().any(|(_, job)| job.work == *work && job.state == JobState::Active);
-        let over: Vec<u64> = self.doors.keys().filter(|work| !is_active(work)).copied().collect();
+        let state = |work: u64| jobs.iter().find(|(_, job)| job.work == work).map(|(_, job)| &job.state);
+        // Who waits while a job is paused goes on when it is resumed.
+        let is_over = |work: u64| state(work).is_none_or(JobState::is_over);
+        let over: Vec<u64> = self.doors.keys().copied().filter(|&work| is_over(work)).collect();
         for work in over {
             if let Some(door) = self.doors.remove(&work).flatten() {
-                self.close(&door);
+                let is_painted = matches!(state(work), Some(JobState::Done { .. }));
+                self.close(&door, (!is_painted).then(|| state(work).map_or("removed", JobState::word)));
             }
         }
         for (number, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Active) {
@@ -143,14 +147,15 @@ impl Watch {
         }
     }
 
-    fn close(&self, door: &OpenDoor) {
-        door.reports.tell(DoorReport::Over);
+    /// - `why`: if the picture is not painted.
+    fn close(&self, door: &OpenDoor, why: Option<&'static str>) {
+        door.reports.tell(DoorReport::Over { why });
         self.desk.take_away(&door.model);
     }
 
     /// Opens the door of a job that admits strangers.
     fn open(&self, number: u32, job: &Job) -> Result<Option<OpenDoor>, Error> {
-        let Surroundings { node, board, platform, cache } = &self.around;
+        let StrangersConfig { node, board, platform, cache } = &self.around;
         let spec = board.spec(job)?;
         if !spec.request.farm.strangers {
             return Ok(None);

@@ -49,7 +49,7 @@
 //! picture of this size, or not of finite numbers (the text says which), 404: nobody waits for it (any more).
 //!
 //! **The end.** `inform ((done (iota …)))`: the picture is painted. `failure ((iota …) (left-out "why"))`: the Master wants
-//! nothing more of this stranger. A *cancel* of the subscription by the stranger gives back what it has in hand.
+//! nothing more of this stranger. `failure ((iota …) (work-ended cancelled))`: there will be no picture. A *cancel* of the subscription by the stranger gives back what it has in hand.
 //!
 //! What is not understood: another ontology or language, an act that means nothing here, what is no SL. What is refused:
 //! `(not-subscribed)`, `(missing-parameter F p)`, `(unrecognised-parameter-value F p)`. A proposal is rejected for

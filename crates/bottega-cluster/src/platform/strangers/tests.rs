@@ -162,7 +162,7 @@ fn a_stranger_promises_paints_and_delivers() {
     // What was an order is none any more.
     let came = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
     assert!(came.said[0].0 == P::Disconfirm && came.said[0].1.contains("(not-your-order)"));
-    let came = door.take(Event::Completed(DoorReport::Over));
+    let came = door.take(Event::Completed(DoorReport::Over { why: None }));
     assert_eq!(came.said, [(P::Inform, "over".to_owned())]);
 }
 
