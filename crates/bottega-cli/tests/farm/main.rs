@@ -8,6 +8,8 @@ mod builds;
 mod engines;
 mod fixture;
 mod guests;
+#[path = "../../../bottega-agents/tests/support/mod.rs"]
+mod jade;
 mod jobs;
 mod others;
 mod platform;

@@ -1,12 +1,9 @@
 //! A farm and a platform that shows it: JADE's words over a real socket, and machines that do what they are told.
 
-#[path = "../../../bottega-agents/tests/support/mod.rs"]
-mod jade;
-
 use std::{cell::Cell, net::SocketAddr, path::Path};
 
+use super::jade::{Jade, Line, TAKEN, is};
 use bottega_agents::{Performative as P, wire::WireMessage};
-use jade::{Jade, Line, TAKEN, is};
 use serde_json::Value;
 
 use super::{

@@ -1,8 +1,5 @@
 //! Agents of other platforms that paint: one in the words of JADE over a real socket, and the one in Python, with Mitsuba.
 
-#[path = "../../../bottega-agents/tests/support/mod.rs"]
-mod jade;
-
 use std::{
     cell::Cell,
     fs,
@@ -12,13 +9,13 @@ use std::{
     process::{Command, Stdio},
 };
 
+use super::jade::{Jade, Line, TAKEN, is};
 use bottega_agents::{
     Performative as P,
     sl::{self, Term},
     wire::WireMessage,
 };
 use bottega_image::{ExrOptions, Metadata, read_picture};
-use jade::{Jade, Line, TAKEN, is};
 
 use super::{
     fixture::{Farm, Process},
@@ -238,7 +235,7 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
     let log = farm.log_of(1);
     assert!(log.contains("agents of other platforms may take part: master-1@bottega"), "{log}");
     let picture = read_picture(farm.path("a.exr")).expect("a picture");
-    assert!(picture.data.iter().any(|pixel| *pixel == [0.5; 3]), "what it painted is in the picture");
+    assert!(picture.data.contains(&[0.5; 3]), "what it painted is in the picture");
 }
 
 #[test]

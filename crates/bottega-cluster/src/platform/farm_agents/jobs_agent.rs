@@ -10,7 +10,9 @@ use bottega_agents::{
 };
 
 use super::{
-    ontology::{JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish},
+    ontology::{
+        JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish, row_term,
+    },
     page::{Ask, Page, request},
     progress::Progress,
     render_agent::{OWNERSHIP, Surroundings, described},
@@ -18,11 +20,15 @@ use super::{
     terms::{Unread, reason},
 };
 use crate::view::FarmView;
+use bottega::events::ZoneEvent;
 
 /// Its name on its platform.
 pub(super) const LOCAL_NAME: &str = "jobs";
-/// Its service type.
+/// Its service types.
 pub(super) const SERVICE_TYPE: &str = "bottega-jobs";
+const BLACKBOARD_TYPE: &str = "bottega-blackboard";
+/// The most reads of rows that are under way.
+const READS_MAX: usize = 16;
 /// The most changes that are under way.
 const CHANGES_MAX: usize = 256;
 /// When machines that are there have said so: who stands in the directories and is not there has gone.
@@ -36,9 +42,22 @@ pub(super) struct ChangeJob {
     pub(super) change: JobChange,
 }
 
+/// What the agent wants done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum JobsEffect {
+    Change(ChangeJob),
+    /// The rows of a job; answered by [`JobsReport::Rows`] with the same ticket.
+    ReadRows {
+        ticket: u64,
+        number: u32,
+    },
+}
+
 /// What the farm tells.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum JobsReport {
+    /// The rows of a job's zones, or why they cannot be told.
+    Rows { ticket: u64, rows: Result<Vec<ZoneEvent>, String> },
     /// So it stands.
     Farm(Arc<FarmView>),
     /// Its server does not answer: how it stood may be wrong by now.
@@ -57,6 +76,8 @@ pub(super) struct JobsAgent {
     silent: Option<Time>,
     yellow: Page<DfAgentDescription>,
     changing: BTreeMap<u64, (Message, Term)>,
+    /// Who reads rows, of which zone.
+    reading: BTreeMap<u64, (Message, Term, Option<u32>)>,
     progress: Progress,
     next_number: u64,
     /// When to look for entries of machines that have gone; `None`: it has been done.
@@ -73,7 +94,10 @@ impl JobsAgent {
         let id = around.jobs.clone();
         let mut yellow = Page::absent();
         let protocols = ["fipa-request", "fipa-subscribe"];
-        yellow.want(Some(described(&id, LOCAL_NAME, SERVICE_TYPE, &protocols, Vec::new())));
+        let mut entry = described(&id, LOCAL_NAME, SERVICE_TYPE, &protocols, Vec::new());
+        let board = described(&id, "blackboard", BLACKBOARD_TYPE, &["fipa-request"], Vec::new());
+        entry.services.extend(board.services);
+        yellow.want(Some(entry));
         Self {
             id,
             around,
@@ -82,6 +106,7 @@ impl JobsAgent {
             silent: None,
             yellow,
             changing: BTreeMap::new(),
+            reading: BTreeMap::new(),
             progress: Progress::default(),
             next_number: 1,
             clean_at: None,
@@ -160,6 +185,9 @@ impl JobsAgent {
                 Term::call("sequence", self.farm.machines.iter().map(|machine| machine_term(machine, None)))
             }
             JobsFunction::Describe(number) => job_term(self.farm.job(number).ok_or_else(|| no_such_job(asked))?),
+            JobsFunction::ReadRows(number, zone) => {
+                return self.read_rows(message, asked, (number, zone), send, actions);
+            }
             JobsFunction::Change(number, change) => return self.change(message, asked, number, change, send, actions),
         };
         send.push(talk::result(message, &self.id, asked, found));
@@ -189,8 +217,38 @@ impl JobsAgent {
         send.push(talk::agree(message, &self.id, asked));
         let ticket = self.number();
         self.changing.insert(ticket, (message.clone(), asked.clone()));
-        actions.push(bottega_agents::Action::Effect(ChangeJob { ticket, number, change }));
+        actions.push(bottega_agents::Action::Effect(JobsEffect::Change(ChangeJob { ticket, number, change })));
         Ok(())
+    }
+
+    fn read_rows(
+        &mut self,
+        message: &Message,
+        asked: &Term,
+        (number, zone): (u32, Option<u32>),
+        send: &mut Vec<Message>,
+        actions: &mut Actions,
+    ) -> Result<(), Unread> {
+        self.farm.job(number).ok_or_else(|| no_such_job(asked))?;
+        if self.reading.len() >= READS_MAX {
+            send.push(talk::failure(message, &self.id, asked, "too many read at the same time"));
+            return Ok(());
+        }
+        let ticket = self.number();
+        self.reading.insert(ticket, (message.clone(), asked.clone(), zone));
+        actions.push(bottega_agents::Action::Effect(JobsEffect::ReadRows { ticket, number }));
+        Ok(())
+    }
+
+    fn read(&mut self, ticket: u64, rows: Result<Vec<ZoneEvent>, String>, send: &mut Vec<Message>) {
+        let Some((message, asked, zone)) = self.reading.remove(&ticket) else { return };
+        send.push(match rows {
+            Ok(rows) => {
+                let wanted = rows.iter().filter(|row| zone.is_none_or(|zone| row.id == zone));
+                talk::result(&message, &self.id, &asked, Term::call("sequence", wanted.map(row_term)))
+            }
+            Err(why) => talk::failure(&message, &self.id, &asked, &why),
+        });
     }
 
     fn changed(&mut self, ticket: u64, result: Result<(), String>, send: &mut Vec<Message>) {
@@ -256,7 +314,7 @@ impl JobsAgent {
 impl StateMachine for JobsAgent {
     type Content = PlainContent;
     type Value = String;
-    type Effect = ChangeJob;
+    type Effect = JobsEffect;
     type Completion = JobsReport;
 
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Actions) {
@@ -269,6 +327,7 @@ impl StateMachine for JobsAgent {
             },
             Event::Completed(JobsReport::Farm(farm)) => (self.farm, self.silent) = (farm, None),
             Event::Completed(JobsReport::Silent) => _ = self.silent.get_or_insert(now),
+            Event::Completed(JobsReport::Rows { ticket, rows }) => self.read(ticket, rows, &mut send),
             Event::Completed(JobsReport::Changed { ticket, result }) => self.changed(ticket, result, &mut send),
             Event::Deadline | Event::Store { .. } | Event::Presence { .. } => {}
         }

@@ -25,9 +25,11 @@ use bottega_agents::{
     AgentId,
     driver::node::{Node, Reports},
 };
-use jobs_agent::{ChangeJob, JobsAgent, JobsReport};
+use jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport};
 use ontology::JobChange;
 use render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings};
+
+use bottega::{Event, events::ZoneEvent};
 
 use super::{host::HostSeat, page, talk, terms};
 use crate::{
@@ -45,6 +47,9 @@ const RESERVED: [&str; 5] = ["ams", "df", "start", "acc", jobs_agent::LOCAL_NAME
 /// The longest name of a machine.
 const NAME_BYTES_MAX: usize = 200;
 
+/// Reads rows.
+type ReadRows = Box<dyn FnOnce() -> Result<Vec<ZoneEvent>, String> + Send>;
+
 /// What is needed of a farm.
 trait Farm: Send + 'static {
     /// As it stands now; `None`: its server does not answer.
@@ -53,6 +58,8 @@ trait Farm: Send + 'static {
     fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String>;
     /// Changes a job.
     fn change(&self, number: u32, change: JobChange) -> Result<(), String>;
+    /// What reads the rows of a job's zones, and may take its time.
+    fn rows(&self, number: u32) -> ReadRows;
     /// Says that the agents live here.
     fn attend(&mut self) {}
     /// Says that they do so no longer.
@@ -86,6 +93,19 @@ impl Farm for BoardFarm {
         changed.map_err(|error| error.error_chain())
     }
 
+    fn rows(&self, number: u32) -> ReadRows {
+        let board = self.board.clone();
+        Box::new(move || {
+            let job = board.get(number).ok_or_else(|| format!("there is no job {number} any more"))?;
+            let rows = board.rows(&job).map_err(|error| error.error_chain())?;
+            let zone = |row| match row {
+                Event::Zone(row) => Some(*row),
+                _ => None,
+            };
+            Ok(rows.into_iter().filter_map(zone).collect())
+        })
+    }
+
     fn attend(&mut self) {
         self.seat.renew(&self.board);
     }
@@ -104,6 +124,7 @@ pub(super) fn jobs_id(platform: &str) -> AgentId {
 enum Wish {
     Give { machine: String, give: GiveOrder },
     Change(ChangeJob),
+    ReadRows { ticket: u64, number: u32 },
     End,
 }
 
@@ -139,9 +160,13 @@ impl FarmAgents {
         let seen = Arc::new(farm.look().unwrap_or_default());
         let agent = JobsAgent::new(around.clone(), platform.to_owned(), Arc::clone(&seen));
         let wish = wishes.clone();
-        let perform = move |change| {
+        let perform = move |effect| {
+            let wanted = match effect {
+                JobsEffect::Change(change) => Wish::Change(change),
+                JobsEffect::ReadRows { ticket, number } => Wish::ReadRows { ticket, number },
+            };
             // At the end of the link nobody listens.
-            _ = wish.send(Wish::Change(change));
+            _ = wish.send(wanted);
         };
         let jobs = node.add_worldly(&around.jobs, agent, perform).map_err(|taken| {
             Error::failed(taken.to_string(), "this cannot be: it is the first agent of its platform")
@@ -218,6 +243,7 @@ impl<F: Farm> Watch<F> {
                     self.look();
                     self.jobs.tell(JobsReport::Changed { ticket, result });
                 }
+                Ok(Wish::ReadRows { ticket, number }) => self.read_rows(ticket, number),
                 Ok(Wish::Give { machine, give: GiveOrder { ticket, order } }) => {
                     let result = self.farm.give(&machine, &order);
                     self.look();
@@ -226,6 +252,17 @@ impl<F: Farm> Watch<F> {
                     }
                 }
             }
+        }
+    }
+
+    /// Reads the rows of a job on a thread of its own: nobody else waits for them.
+    fn read_rows(&self, ticket: u64, number: u32) {
+        let (read, jobs) = (self.farm.rows(number), self.jobs.clone());
+        let begun = thread::Builder::new().name("rows".to_owned()).spawn(move || {
+            jobs.tell(JobsReport::Rows { ticket, rows: read() });
+        });
+        if let Err(error) = begun {
+            self.jobs.tell(JobsReport::Rows { ticket, rows: Err(format!("cannot start a thread: {error}")) });
         }
     }
 

@@ -13,6 +13,13 @@
 //! | `(pause-job :job 3)`, `(resume-job :job 3)`, `(cancel-job :job 3)` | done |
 //! | `(set-priority :job 3 :priority 30)`, from 1 to 1000 | done |
 //!
+//! It is also the Blackboard of all jobs, of the service type `bottega-blackboard`; rows are written by those alone whose award
+//! they are, by delivering:
+//!
+//! | function | is answered by |
+//! |---|---|
+//! | `(read-rows :job 3)`, `(read-rows :job 3 :zone 4)` | the result, a sequence of rows |
+//!
 //! each machine, under its name in the farm, of the service type `bottega-render`:
 //!
 //! | function | is answered by |
@@ -26,6 +33,8 @@
 //! ```text
 //! (job :number 3 :state active :done 0.42 :zones-done 10 :zones 24 :priority 10 :machines 2 :leader atelier-1f00aa
 //!      :from atelier-1f00aa :submitted 1795227948 :scene goblets.glb :output night.exr :kept false)
+//! (row :work 77 :zone 4 :size 768 :complexity 912.5 :time-estimated 1.25 :time-real 1.31 :agent render-1@atelier-1f00aa
+//!      :state done :x0 0 :y0 0 :x1 32 :y1 24 :samples 64 :attempt 0 :max-depth 8 :reasons "path_tracing: 12 0.83")
 //! (machine :name atelier-1f00aa :state active :threads 8 :job 3 :version "0.1.0" :paints (job :number 3 …))
 //! ```
 //!
@@ -66,6 +75,7 @@ use bottega_agents::sl::Term;
 
 use super::terms::{Call, Fields, Unread, unrecognised_content};
 use crate::view::{JobView, MachineView};
+use bottega::events::ZoneEvent;
 use bottega::request::PRIORITY_MAX;
 
 /// The name of the ontology.
@@ -86,6 +96,7 @@ pub(super) enum JobsFunction {
     ListJobs,
     ListMachines,
     Describe(u32),
+    ReadRows(u32, Option<u32>),
     Change(u32, JobChange),
 }
 
@@ -107,6 +118,9 @@ pub(super) fn read_jobs_function(action: &Term) -> Result<JobsFunction, Unread> 
         Ok(JobsFunction::ListMachines)
     } else if call.is("describe-job") {
         Ok(JobsFunction::Describe(call.number("job")?))
+    } else if call.is("read-rows") {
+        let zone = call.value("zone")?.map(|_| call.number("zone")).transpose()?;
+        Ok(JobsFunction::ReadRows(call.number("job")?, zone))
     } else if call.is("pause-job") {
         change(JobChange::Pause)
     } else if call.is("resume-job") {
@@ -179,6 +193,30 @@ pub(super) fn job_term(job: &JobView) -> Term {
     fields.term()
 }
 
+/// A zone's row as an object: the paper's seven fields first, times in seconds of the reference machine.
+pub(super) fn row_term(row: &ZoneEvent) -> Term {
+    let number_if = |fields: Fields, key: &str, value: Option<f64>| match value {
+        Some(value) => fields.number(key, &((value * 1e6).round() / 1e6)),
+        None => fields,
+    };
+    let fields = Fields::of("row")
+        .number("work", &row.work)
+        .number("zone", &row.id)
+        .number("size", &row.size)
+        .number("complexity", &((row.complexity * 1e4).round() / 1e4));
+    let fields = number_if(fields, "time-estimated", row.seconds_estimated);
+    let fields = number_if(fields, "time-real", row.seconds_measured);
+    let [x0, y0, x1, y1] = row.rect;
+    let fields = fields.text_if("agent", row.agent.as_deref()).text("state", &row.state);
+    let fields = fields.number("x0", &x0).number("y0", &y0).number("x1", &x1).number("y1", &y1);
+    let fields = fields.number("samples", &row.samples).number("attempt", &row.attempt);
+    let fields = match row.choice {
+        Some(choice) => fields.number("max-depth", &choice.max_depth),
+        None => fields,
+    };
+    number_if(fields, "error", row.error).text_if("reasons", row.reasons.as_deref()).term()
+}
+
 /// A machine as an object.
 ///
 /// - `job`: what it paints, if that is to be told too.
@@ -228,12 +266,16 @@ mod tests {
         assert_eq!(read("(list-jobs)"), Ok(JobsFunction::ListJobs));
         assert_eq!(read("(List-Machines)"), Ok(JobsFunction::ListMachines));
         assert_eq!(read("(describe-job :job 3)"), Ok(JobsFunction::Describe(3)));
+        assert_eq!(read("(read-rows :job 3)"), Ok(JobsFunction::ReadRows(3, None)));
+        assert_eq!(read("(read-rows :job 3 :zone 4)"), Ok(JobsFunction::ReadRows(3, Some(4))));
         assert_eq!(read("(pause-job :why weather :job 3)"), Ok(JobsFunction::Change(3, JobChange::Pause)));
         assert_eq!(
             read("(set-priority :job \"3\" :PRIORITY 1000)"),
             Ok(JobsFunction::Change(3, JobChange::Priority(1000)))
         );
         for (function, reason) in [
+            ("(read-rows :job 3 :zone x)", "(unrecognised-parameter-value read-rows zone)"),
+            ("(read-rows :zone 4)", "(missing-parameter read-rows job)"),
             ("(dance)", "(unsupported-function dance)"),
             ("(pause-job)", "(missing-parameter pause-job job)"),
             ("(pause-job 3)", "(unexpected-argument-count)"),

@@ -11,8 +11,10 @@ use bottega_agents::{
     wire::WireMessage,
 };
 
+use bottega::events::ZoneEvent;
+
 use super::{
-    jobs_agent::{ChangeJob, JobsAgent, JobsReport},
+    jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport},
     ontology::{JobChange, ONTOLOGY, asked},
     render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings},
     talk::Message,
@@ -312,12 +314,36 @@ fn jobs_are_told_of_and_changed_by_those_who_may() {
     for (result, act) in [(Ok(()), P::Inform), (Err("nobody answers".to_owned()), P::Failure)] {
         let came = after(&mut agent, millis(3), to_jobs("boss@jade", "(set-priority :job 2 :priority 30)"));
         assert_eq!(came.told[0].1, P::Agree);
-        let [ChangeJob { ticket, number: 2, change: JobChange::Priority(30) }] = came.effects[..] else {
+        let [JobsEffect::Change(ChangeJob { ticket, number: 2, change: JobChange::Priority(30) })] = came.effects[..]
+        else {
             panic!("{came:?}")
         };
         let came = after(&mut agent, millis(4), Event::Completed(JobsReport::Changed { ticket, result }));
         assert_eq!(came.told[0].1, act, "{came:?}");
     }
+}
+
+#[test]
+fn the_rows_of_a_job_are_read_by_anybody() {
+    let mut agent = jobs_agent(vec![job(2, "active", 0.25)]);
+    let row = |id| ZoneEvent { id, work: 77, size: 12, state: "done".to_owned(), ..ZoneEvent::default() };
+    for (function, rows, act, told) in [
+        (
+            "(read-rows :job 2 :zone 4)",
+            Ok(vec![row(3), row(4)]),
+            P::Inform,
+            "(sequence (row :work 77 :zone 4 :size 12 ",
+        ),
+        ("(read-rows :job 2)", Err("nobody answers".to_owned()), P::Failure, "(internal-error \"nobody answers\")"),
+    ] {
+        let came = after(&mut agent, millis(1), to_jobs("probe@jade", function));
+        let [JobsEffect::ReadRows { ticket, number: 2 }] = came.effects[..] else { panic!("{came:?}") };
+        assert!(came.told.is_empty());
+        let came = after(&mut agent, millis(2), Event::Completed(JobsReport::Rows { ticket, rows }));
+        assert!(came.told[0].1 == act && came.told[0].2.contains(told), "{came:?}");
+    }
+    let came = after(&mut agent, millis(3), to_jobs("probe@jade", "(read-rows :job 9)"));
+    assert!(came.told[0].1 == P::Refuse && came.effects.is_empty(), "{came:?}");
 }
 
 #[test]
@@ -350,7 +376,7 @@ fn while_the_farm_does_not_answer_every_question_is_a_failure() {
 
 const WISH: &str = "((iota ?x (result (action (agent-identifier :name jobs@b) (describe-job :job 2)) ?x)))";
 
-fn subscribe(agent: &mut JobsAgent, now: Time) -> Came<ChangeJob> {
+fn subscribe(agent: &mut JobsAgent, now: Time) -> Came<JobsEffect> {
     after(agent, now, Event::Message(says("probe@jade", "jobs@b", P::Subscribe, WISH)))
 }
 
