@@ -17,6 +17,8 @@ const KEPT: usize = 16;
 pub(super) enum Vice {
     /// It bids for what is not offered, twice, too late, with absurd times and room for none or for all.
     Bids,
+    /// It says that it is the fastest of all, and bids for nothing.
+    Declines,
     /// It says that it lives, and nothing else: calls and orders are not answered.
     Dawdles,
     /// It says nothing at all after it has subscribed, and subscribes again when it counts as gone.
@@ -40,8 +42,9 @@ pub(super) enum Vice {
 }
 
 impl Vice {
-    pub(super) const ALL: [Self; 11] = [
+    pub(super) const ALL: [Self; 12] = [
         Self::Bids,
+        Self::Declines,
         Self::Dawdles,
         Self::Vanishes,
         Self::Forges,
@@ -162,7 +165,9 @@ impl HostileAgent {
     }
 
     fn subscribe(&mut self, sender: &AgentId) -> FarmAction {
-        let content = FarmContent::Subscription { power: self.power(), lanes: self.lanes() };
+        let (power, lanes) = (self.power(), self.lanes());
+        let (power, lanes) = if self.has(Vice::Declines) { (RelativePower::new(0.0), 1e6) } else { (power, lanes) };
+        let content = FarmContent::Subscription { power, lanes };
         self.say(sender, &self.config.master, Performative::Subscribe, content, 0)
     }
 
@@ -242,7 +247,8 @@ impl HostileAgent {
             let progress = self.one_of(&[0, 1, u64::MAX]);
             hands.push(Holding { zone, fence, progress });
         }
-        FarmContent::Alive { power: self.power(), hands }
+        let power = self.power();
+        FarmContent::Alive { power: if self.has(Vice::Declines) { RelativePower::new(0.0) } else { power }, hands }
     }
 
     fn impersonate(&mut self) -> FarmAction {
@@ -317,7 +323,7 @@ impl HostileAgent {
                     actions.push(self.tell(act, action.0, action.1));
                 }
             }
-            Vice::Dawdles | Vice::Vanishes | Vice::Claims | Vice::Works => {}
+            Vice::Declines | Vice::Dawdles | Vice::Vanishes | Vice::Claims | Vice::Works => {}
         }
         if !self.has(Vice::Vanishes) {
             let alive = self.alive();
@@ -334,6 +340,11 @@ impl HostileAgent {
         self.calls.push(call);
         let old = self.calls.len().saturating_sub(KEPT);
         self.calls.drain(..old);
+        if self.has(Vice::Declines) {
+            let call = self.calls.last().map_or(0, |call| call.conversation_id);
+            let bids = FarmContent::Bids { room: self.random.below(2) as u32, bids: Vec::new() };
+            actions.push(self.tell(Performative::Propose, bids, call));
+        }
         while self.has(Vice::Bids) && self.chance(0.6) {
             let (bids, conversation) = self.bids();
             actions.push(self.tell(Performative::Propose, bids, conversation));

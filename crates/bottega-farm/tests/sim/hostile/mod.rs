@@ -123,7 +123,7 @@ fn add_master(platform: &mut Platform, siege: &Siege, seed: u64) {
         importance: ImportanceFunction::default(),
         partition: PartitionSettings {
             zone_count: siege.zones,
-            ..PartitionSettings::for_agents(Level::Balanced, siege.honest.len(), frame)
+            ..PartitionSettings::for_agents(Level::Balanced, 3, frame)
         },
     };
     platform.add(&config.id.clone(), siege.faulty, move || AnyAgent::Farm(Analyst::new(config.clone()).into()));
@@ -251,9 +251,7 @@ fn assert_whole(platform: &Platform, siege: &Siege, seed: u64) {
 fn the_work_ends_and_the_film_is_whole_whoever_takes_part() {
     let (mut failed, mut zones, mut missing, mut left_out) = (0, 0, 0, 0);
     let mut longest = Duration::ZERO;
-    let first = std::env::var("SEED").map_or(0, |seed| seed.parse().expect("a number"));
-    let count = if first > 0 { 1 } else { 1000 };
-    for seed in first..first + count {
+    for seed in 0..1000 {
         let aftermath = withstand(&Siege::of_seed(seed), seed);
         failed += aftermath.failed;
         zones += aftermath.zones;
@@ -262,4 +260,58 @@ fn the_work_ends_and_the_film_is_whole_whoever_takes_part() {
         longest = longest.max(aftermath.took);
     }
     eprintln!("{failed} of {zones} zones given up; {missing} tiles missing; {left_out} left out; longest {longest:?}");
+    assert!(failed * 500 < zones && missing > 100 && left_out > 500, "{failed} of {zones}, {missing}, {left_out}");
+}
+
+/// Three honest agents need some 12 s. A hostile one may delay the end by as long as it is waited for, and no more.
+#[test]
+fn one_hostile_agent_has_no_zone_given_up_and_cannot_hold_the_work_up() {
+    let mut lines = Vec::new();
+    for vice in Vice::ALL {
+        let limit = match vice {
+            Vice::Vanishes | Vice::Forges | Vice::Fails | Vice::Leaves => 100,
+            // What is told to go on is waited for longest.
+            Vice::Claims => 5 * 3600,
+            // An order that is not begun is waited for ten minutes, and one that stands still up to half an hour.
+            _ => 1920,
+        };
+        let mut longest = Duration::ZERO;
+        for seed in 0..20 {
+            let siege = Siege { shares_tail: false, ..Siege::by(&[vice]) };
+            let aftermath = withstand(&siege, seed);
+            longest = longest.max(aftermath.took);
+            lines.push(format!("{vice:?} {seed}: {:?} {} given up", aftermath.took, aftermath.failed));
+            assert_eq!(aftermath.failed, 0, "{vice:?}, seed {seed}");
+        }
+        eprintln!("{vice:?}: {longest:?}");
+        assert!(longest < Duration::from_secs(limit), "{vice:?}: {longest:?}");
+    }
+}
+
+#[test]
+fn visitors_that_keep_to_the_rules_paint_a_picture_among_those_that_do_not() {
+    for seed in 0..100 {
+        let siege = Siege { honest: Vec::new(), hostile: Vec::new(), polite: 3, rude: 1, ..Siege::by(&[]) };
+        let aftermath = withstand(&siege, seed);
+        assert_eq!(aftermath.failed, 0, "seed {seed}");
+        assert!(aftermath.took < Duration::from_secs(900), "seed {seed}: {:?}", aftermath.took);
+    }
+}
+
+#[test]
+#[ignore = "prints the run of one seed: SEED=7; or runs many: SEED=1000 COUNT=5000"]
+fn one_siege() {
+    let number = |name: &str, default: u64| std::env::var(name).map_or(default, |it| it.parse().expect("a number"));
+    let (first, count) = (number("SEED", 7), number("COUNT", 1));
+    for seed in first..first + count {
+        let siege = Siege::of_seed(seed);
+        let aftermath = std::panic::catch_unwind(|| withstand(&siege, seed));
+        match aftermath {
+            Ok(it) if count == 1 || it.failed > 0 => {
+                eprintln!("{seed}: {:?} {} given up {siege:?}", it.took, it.failed)
+            }
+            Ok(_) => {}
+            Err(_) => eprintln!("{seed}: broken"),
+        }
+    }
 }
