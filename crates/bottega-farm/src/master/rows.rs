@@ -101,6 +101,7 @@ impl Master {
         actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(Arc::clone(row))));
         self.sent.remove(&zone);
         self.film_is_stale |= row.state != ZoneState::Done && self.composition.has(zone);
+        self.film_is_stale |= self.composition.is_outdated(row);
         self.composition.see(row);
         self.doubt(row);
         self.note_cut(row);

@@ -17,7 +17,7 @@ const KEPT: usize = 16;
 pub(super) enum Vice {
     /// It bids for what is not offered, twice, too late, with absurd times and room for none or for all.
     Bids,
-    /// It says that it is the fastest of all, and bids for nothing.
+    /// It says that it is the fastest of all, and bids for nothing. What it is to look at it paints.
     Declines,
     /// It says that it lives, and nothing else: calls and orders are not answered.
     Dawdles,
@@ -356,7 +356,7 @@ impl HostileAgent {
         self.orders.push((order.clone(), conversation));
         let old = self.orders.len().saturating_sub(KEPT);
         self.orders.drain(..old);
-        if self.has(Vice::Works) && self.chance(0.5) {
+        if self.has(Vice::Declines) || self.has(Vice::Works) && self.chance(0.5) {
             actions.push(Action::Effect(FarmEffect::Paint(whole(order))));
         } else if self.has(Vice::Fails) || self.has(Vice::Forges) && self.chance(0.5) {
             let (zone, fence) = (order.row.zone, order.fence);

@@ -8,7 +8,7 @@ use std::{
 
 use bottega_agents::{AgentId, BlobId, Random, Revision, Time, World};
 use bottega_farm::{
-    Bid, FarmCompletion, FarmEffect, Offer, PaintOrder, PaintResult, RelativePower, ResultRef, VisitorEffect,
+    Bid, FarmCompletion, FarmEffect, Mask, Offer, PaintOrder, PaintResult, RelativePower, ResultRef, VisitorEffect,
     VisitorReport, WorkRow, ZoneId, ZoneRow, ZoneState,
 };
 use bottega_image::Rect;
@@ -34,7 +34,7 @@ pub(super) struct HostileWorld {
     work: Option<Arc<WorkRow>>,
     pub(super) zones: BTreeMap<ZoneId, ZoneRow>,
     /// What the film of the present Master holds.
-    pub(super) composed: BTreeSet<ZoneId>,
+    pub(super) composed: BTreeMap<ZoneId, (Mask, Rect)>,
     pub(super) finished: Option<Vec<ZoneId>>,
     pub(super) left_out: BTreeMap<AgentId, String>,
     /// Tiles that were to be composed and that nobody had painted.
@@ -88,7 +88,7 @@ impl HostileWorld {
     }
 
     /// Puts a zone into the film, if it was ever painted.
-    fn compose(&mut self, zone: ZoneId, result: &ResultRef) -> Result<(), String> {
+    fn compose(&mut self, zone: ZoneId, result: &ResultRef, mask: Mask) -> Result<(), String> {
         let row = &self.zones[&zone];
         assert_eq!((row.state, row.result), (ZoneState::Done, Some(*result)), "{zone} is composed and not done");
         let Some(&(rect, samples)) = self.tiles.get(&result.digest) else {
@@ -99,7 +99,7 @@ impl HostileWorld {
         let choice = row.choice.expect("what is done has a choice");
         assert_eq!(rect, row.painted(&choice, &frame), "{zone} is composed of other pixels");
         assert_eq!(samples, row.goal_samples(&choice), "{zone} is composed of other samples");
-        assert!(self.composed.insert(zone), "{zone} is composed twice");
+        assert!(self.composed.insert(zone, (mask, rect)).is_none(), "{zone} is composed twice");
         Ok(())
     }
 
@@ -121,8 +121,8 @@ impl HostileWorld {
                 self.composed.clear();
             }
             FarmEffect::ZoneChanged(row) => _ = self.zones.insert(row.zone, (*row).clone()),
-            FarmEffect::Compose { zone, result, .. } => {
-                let outcome = self.compose(zone, &result);
+            FarmEffect::Compose { zone, result, mask } => {
+                let outcome = self.compose(zone, &result, mask);
                 report(Duration::from_millis(1), FarmCompletion::Composed { zone, outcome });
             }
             FarmEffect::Finish { failed } => {
