@@ -178,7 +178,9 @@ impl Master {
 
     /// The samples of a zone are nowhere.
     fn lose(&mut self, now: Time, zone: ZoneId, asked: bool, actions: &mut Vec<FarmAction>) {
-        if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| asked && row.state == ZoneState::Done) {
+        // Where it is being written it is painted again already, for the word of its painter counts no more.
+        let is_free = asked && !self.writes.contains_key(&zone);
+        if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| is_free && row.state == ZoneState::Done) {
             // Paint it again, with the settings that its neighbours' bands were made for.
             let attempt = row.attempt + 1;
             let state = if attempt < crate::ATTEMPTS_MAX { ZoneState::Open } else { ZoneState::Failed };

@@ -37,12 +37,16 @@ pub(super) enum Vice {
     Floods,
     /// It tells other agents what only their Master may.
     Meddles,
+    /// It subscribes in the name of the Master.
+    Usurps,
+    /// It shares its processor with a thousand, says this and that, and never that it lives.
+    Mumbles,
     /// It paints some of its orders well, so that its failures are forgotten.
     Works,
 }
 
 impl Vice {
-    pub(super) const ALL: [Self; 12] = [
+    pub(super) const ALL: [Self; 14] = [
         Self::Bids,
         Self::Declines,
         Self::Dawdles,
@@ -54,6 +58,8 @@ impl Vice {
         Self::Impersonates,
         Self::Floods,
         Self::Meddles,
+        Self::Usurps,
+        Self::Mumbles,
         Self::Works,
     ];
 }
@@ -167,6 +173,7 @@ impl HostileAgent {
     fn subscribe(&mut self, sender: &AgentId) -> FarmAction {
         let (power, lanes) = (self.power(), self.lanes());
         let (power, lanes) = if self.has(Vice::Declines) { (RelativePower::new(0.0), 1e6) } else { (power, lanes) };
+        let lanes = if self.has(Vice::Mumbles) { 1e-3 } else { lanes };
         let content = FarmContent::Subscription { power, lanes };
         self.say(sender, &self.config.master, Performative::Subscribe, content, 0)
     }
@@ -323,14 +330,19 @@ impl HostileAgent {
                     actions.push(self.tell(act, action.0, action.1));
                 }
             }
+            Vice::Usurps => {
+                let master = self.config.master.clone();
+                actions.push(self.subscribe(&master));
+            }
+            Vice::Mumbles => actions.push(self.tell(Performative::NotUnderstood, FarmContent::Nothing, 0)),
             Vice::Declines | Vice::Dawdles | Vice::Vanishes | Vice::Claims | Vice::Works => {}
         }
-        if !self.has(Vice::Vanishes) {
+        if !self.has(Vice::Vanishes) && !self.has(Vice::Mumbles) {
             let alive = self.alive();
             actions.push(self.tell(Performative::Inform, alive, 0));
         }
         // It has no word of it when it no longer is on the list.
-        if self.chance(0.3) {
+        if !self.has(Vice::Usurps) && self.chance(0.3) {
             let me = self.config.id.clone();
             actions.push(self.subscribe(&me));
         }
@@ -408,7 +420,7 @@ impl StateMachine for HostileAgent {
     fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
         match event {
             Event::Start => {
-                let me = self.config.id.clone();
+                let me = if self.has(Vice::Usurps) { &self.config.master } else { &self.config.id }.clone();
                 actions.push(self.subscribe(&me));
                 self.next = Some(now + self.config.pace);
             }

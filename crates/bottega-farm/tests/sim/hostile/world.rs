@@ -8,8 +8,8 @@ use std::{
 
 use bottega_agents::{AgentId, BlobId, Random, Revision, Time, World};
 use bottega_farm::{
-    Bid, FarmCompletion, FarmEffect, Mask, Offer, PaintOrder, PaintResult, RelativePower, ResultRef, VisitorEffect,
-    VisitorReport, WorkRow, ZoneId, ZoneRow, ZoneState,
+    BAND_MAX, Bid, FarmCompletion, FarmEffect, Mask, Offer, PaintOrder, PaintResult, RelativePower, ResultRef,
+    VisitorEffect, VisitorReport, WorkRow, ZoneId, ZoneRow, ZoneState,
 };
 use bottega_image::Rect;
 
@@ -42,8 +42,8 @@ pub(super) struct HostileWorld {
 }
 
 impl HostileWorld {
-    fn survey_of(&mut self, agent: &AgentId, effect: FarmEffect, random: &mut Random) -> (Duration, FarmCompletion) {
-        match effect {
+    fn survey_of(&mut self, agent: &AgentId, effect: &FarmEffect, random: &mut Random) -> (Duration, FarmCompletion) {
+        match *effect {
             FarmEffect::Survey { width, height, .. } => {
                 (Duration::from_millis(100), FarmCompletion::Surveyed(Ok(Arc::new(survey(width, height)))))
             }
@@ -107,7 +107,7 @@ impl HostileWorld {
         let mut report = |after, completion| reports.push((after, AnyCompletion::Farm(completion)));
         match effect {
             FarmEffect::Survey { .. } | FarmEffect::Benchmark | FarmEffect::Fetch(_) => {
-                let (after, completion) = self.survey_of(agent, effect, random);
+                let (after, completion) = self.survey_of(agent, &effect, random);
                 report(after, completion);
             }
             FarmEffect::Paint(order) => {
@@ -120,7 +120,11 @@ impl HostileWorld {
                 self.work = Some(work);
                 self.composed.clear();
             }
-            FarmEffect::ZoneChanged(row) => _ = self.zones.insert(row.zone, (*row).clone()),
+            FarmEffect::ZoneChanged(row) => {
+                let bands = row.choice.map_or([0; 4], |choice| choice.bands.into_array());
+                assert!(bands.iter().all(|band| *band <= BAND_MAX), "{} has a band of {bands:?}", row.zone);
+                self.zones.insert(row.zone, (*row).clone());
+            }
             FarmEffect::Compose { zone, result, mask } => {
                 let outcome = self.compose(zone, &result, mask);
                 report(Duration::from_millis(1), FarmCompletion::Composed { zone, outcome });
