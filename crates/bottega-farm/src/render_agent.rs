@@ -119,6 +119,13 @@ impl RenderAgent {
     }
 
     fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
+        if message.sender != self.config.master {
+            // Orders, and the end of the work, are the Master's to tell.
+            if message.performative != Performative::NotUnderstood {
+                self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions);
+            }
+            return;
+        }
         match (message.performative, &message.content) {
             (Performative::Agree, FarmContent::Subscribed) => (self.subscribed, self.left_out) = (true, false),
             (Performative::Refuse, FarmContent::LeftOut { reason }) => self.dismissed(reason, actions),

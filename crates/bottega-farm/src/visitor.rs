@@ -203,6 +203,8 @@ impl Visitor {
 
     fn hear(&mut self, now: Time, heard: FarmMessage, actions: &mut VisitorActions) {
         match (heard.performative, &heard.content) {
+            // The agent says that it does not understand.
+            _ if heard.sender != self.master => self.forward(now, Event::Message(heard), actions),
             (Performative::CallForProposal, FarmContent::Offers(offers)) => {
                 let room = self.agent.room();
                 let within = heard.reply_by.map_or(Duration::ZERO, |by| by.since(now));

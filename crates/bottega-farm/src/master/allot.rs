@@ -1,6 +1,7 @@
 //! Giving out work: profiles, rounds of the auction, tiles for the film.
 
 use super::*;
+use crate::Bid;
 
 impl Master {
     /// Everything that follows from what is known. Called after each event.
@@ -84,6 +85,23 @@ impl Master {
 
     fn names(&self, agents: &[MemberId]) -> Vec<AgentId> {
         agents.iter().map(|&agent| self.roster.name(agent).clone()).collect()
+    }
+
+    /// Whether a proposal is for anything on offer. Who bids for nothing refuses: it must not count as one who could take
+    /// what others bid for.
+    pub(super) fn is_bid(&self, conversation: u64, proposal: &Proposal) -> bool {
+        let offers = self.rounds.get(&conversation).map_or(&[][..], |round| &round.offers);
+        let is_offered = |bid: &Bid| offers.iter().any(|offer| offer.zone == bid.zone);
+        proposal.room > 0 && proposal.bids.iter().any(is_offered)
+    }
+
+    /// An agent wants none of what it was called for: it is not asked again for a while.
+    pub(super) fn take_refusal(&mut self, now: Time, conversation: u64, agent: Option<MemberId>) {
+        let awaited = |agent: &MemberId| self.rounds.get(&conversation).is_some_and(|it| it.awaited.contains(agent));
+        if let Some(agent) = agent.filter(awaited) {
+            self.roster.rest(agent, now + self.config.timing.heartbeat);
+        }
+        self.take_bid(conversation, agent, None);
     }
 
     /// Takes the answer of an agent to a call for proposals; `None`: it refuses.

@@ -21,6 +21,8 @@ pub(super) struct Composition {
     composed: FxHashSet<ZoneId>,
     /// Where there are bands; known when those of all zones are.
     masks: Option<Vec<Mask>>,
+    /// The widths that they were made for, by zone.
+    bands: Vec<Sides<u32>>,
     /// With bands, all zones before this one are in the film.
     cursor: u32,
     /// The pieces of zones that were cut, as far as a row has told of them.
@@ -28,6 +30,14 @@ pub(super) struct Composition {
 }
 
 impl Composition {
+    /// Whether the masks were made for another band than a zone has now: its samples were lost or it was given up, and who
+    /// painted it after all decided otherwise.
+    pub(super) fn is_outdated(&self, row: &ZoneRow) -> bool {
+        let made_for =
+            self.bands.get(row.zone.index()).filter(|_| row.root.is_none() && row.state != ZoneState::Failed);
+        made_for.is_some_and(|made_for| *made_for != bands(row))
+    }
+
     /// Takes in a zone's row: it is painted, or no longer is because its samples were lost.
     pub(super) fn see(&mut self, row: &ZoneRow) {
         if let Some(cut) = row.cut {
@@ -35,6 +45,10 @@ impl Composition {
         }
         if row.root.is_some() {
             self.pieces.entry(row.root()).or_default().insert(row.zone);
+        }
+        if row.state != ZoneState::Failed && !self.has(row.zone) {
+            // What was given up may be painted after all.
+            self.cursor = self.cursor.min(row.root().0);
         }
         if row.state != ZoneState::Done {
             self.ready.remove(&(row.root(), row.zone));
@@ -63,9 +77,8 @@ impl Composition {
             if self.masks.is_none() && all_chosen && board.zones().all(settled) {
                 let zones = || board.zones().filter(|row| row.root.is_none());
                 let rects = zones().map(|row| row.rect).collect();
-                let bands: Vec<Sides<u32>> =
-                    zones().map(|row| row.choice.map_or(Sides::all(0), |choice| choice.bands)).collect();
-                self.masks = Some(masks(&Partition::of_zones(work.settings.frame, rects), &bands));
+                self.bands = zones().map(bands).collect();
+                self.masks = Some(masks(&Partition::of_zones(work.settings.frame, rects), &self.bands));
             }
             self.masks.as_ref()?[root.index()].clone()
         };
@@ -126,4 +139,9 @@ impl Composition {
         let twice = self.composing.iter().any(|zone| self.composed.contains(zone));
         assert!(!twice, "no zone goes into the film twice");
     }
+}
+
+/// The widths of a zone's bands; none, where nobody has decided.
+fn bands(row: &ZoneRow) -> Sides<u32> {
+    row.choice.map_or(Sides::all(0), |choice| choice.bands)
 }

@@ -2,8 +2,21 @@
 
 use super::*;
 
+/// How an agent leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Departure {
+    /// It says so, or is left out: that is not the fault of what it had in hand.
+    Goodbye,
+    /// Nothing more is heard of it: what it had in hand may have killed it.
+    Silence,
+}
+
 impl Master {
     pub(super) fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
+        if message.sender == self.config.id {
+            // Somebody speaks in its name.
+            return;
+        }
         let sender = self.roster.find(&message.sender);
         if let Some(sender) = sender {
             self.roster.hear(now, sender);
@@ -15,7 +28,7 @@ impl Master {
             }
             (Performative::Cancel, FarmContent::Unsubscription) => {
                 if let Some(sender) = sender {
-                    self.dismiss(now, sender, actions);
+                    self.dismiss(now, sender, Departure::Goodbye, actions);
                 }
             }
             (Performative::Inform, FarmContent::Alive { power, hands }) => {
@@ -28,14 +41,12 @@ impl Master {
             }
             (Performative::Propose, FarmContent::Bids { room, bids }) => {
                 let proposal = Proposal { room: (*room).min(self.config.prefetch), bids: bids.clone() };
-                self.take_bid(message.conversation_id, sender, Some(proposal));
-            }
-            (Performative::Refuse, FarmContent::Nothing) => {
-                if let Some(sender) = sender {
-                    self.roster.rest(sender, now + self.config.timing.heartbeat);
+                match self.is_bid(message.conversation_id, &proposal) {
+                    true => self.take_bid(message.conversation_id, sender, Some(proposal)),
+                    false => self.take_refusal(now, message.conversation_id, sender),
                 }
-                self.take_bid(message.conversation_id, sender, None);
             }
+            (Performative::Refuse, FarmContent::Nothing) => self.take_refusal(now, message.conversation_id, sender),
             (Performative::Inform | Performative::Failure, FarmContent::Report(report)) => {
                 self.take_report(now, message, report, actions);
             }
@@ -87,24 +98,24 @@ impl Master {
     }
 
     /// An agent is gone: what it had in hand is open again, or its rival's.
-    pub(super) fn dismiss(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
+    pub(super) fn dismiss(&mut self, now: Time, agent: MemberId, how: Departure, actions: &mut Vec<FarmAction>) {
         let round = self.roster.leave(agent).and_then(|member| member.round);
         if let Some(round) = round.and_then(|round| self.rounds.get_mut(&round)) {
             round.awaited.retain(|other| *other != agent);
             round.proposals.retain(|(other, _)| *other != agent);
         }
-        self.take_all_back(now, agent, actions);
+        self.take_all_back(now, agent, how, actions);
     }
 
-    fn take_all_back(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
+    fn take_all_back(&mut self, now: Time, agent: MemberId, how: Departure, actions: &mut Vec<FarmAction>) {
         let (zones, name) = (self.ledger.hands(agent).collect::<Vec<_>>(), self.roster.name(agent).clone());
         for zone in zones {
-            self.take_back(now, zone, &name, actions);
+            self.take_back(now, zone, &name, how, actions);
         }
     }
 
     /// A zone is no longer in this agent's hand.
-    fn take_back(&mut self, now: Time, zone: ZoneId, agent: &AgentId, actions: &mut Vec<FarmAction>) {
+    fn take_back(&mut self, now: Time, zone: ZoneId, agent: &AgentId, how: Departure, actions: &mut Vec<FarmAction>) {
         if let Some((_, row)) = self.board.zone(zone)
             && row.is_in_hand()
             && !self.writes.contains_key(&zone)
@@ -114,7 +125,7 @@ impl Master {
                 // The other one goes on, under the token that it has.
                 (Some(other), _) if is_here(other) => return,
                 (Some(_), Some(rival)) if is_here(&rival.agent) => ZoneRow { agent: None, ..row.clone() },
-                _ if self.left_out.contains_key(agent) => row.reopened(row.attempt),
+                _ if how == Departure::Goodbye => row.reopened(row.attempt),
                 _ => row.taken_back(),
             };
             self.write(now, row, Then::TakenBack, actions);
@@ -205,14 +216,16 @@ impl Master {
         if now.elapsed() > lease {
             for agent in self.roster.silent(Time::since_start(now.elapsed() - lease)) {
                 tracing::info!(agent = %self.roster.name(agent), "agent fell silent");
-                self.dismiss(now, agent, actions);
+                self.strike_silent(now, agent, actions);
+                self.dismiss(now, agent, Departure::Silence, actions);
             }
         }
         let is_lost = |agent: &MemberId| now >= self.expects_until && self.roster.get(*agent).is_none();
         let strangers: Vec<MemberId> = self.ledger.holders().filter(is_lost).collect();
         for agent in strangers {
-            self.take_all_back(now, agent, actions);
+            self.take_all_back(now, agent, Departure::Silence, actions);
         }
+        self.watch_all(now, actions);
         self.write_credits(actions);
         self.help_all(now, actions);
         self.count_machines(actions);

@@ -1,7 +1,7 @@
 //! What becomes of the reports of agents and of the film.
 
 use super::*;
-use crate::{Goal, Vote};
+use crate::{BAND_MAX, Goal, Vote};
 
 /// A zone takes no longer, in reference-machine time: sums over all zones stay within what a [`Duration`] holds.
 const TIME_MAX: Duration = Duration::from_secs(1 << 30);
@@ -115,7 +115,8 @@ impl Master {
         let within = choice.samples >= 1
             && choice.samples <= unchanged.samples
             && choice.tunables.max_depth <= unchanged.tunables.max_depth
-            && choice.tunables.light_samples <= unchanged.tunables.light_samples;
+            && choice.tunables.light_samples <= unchanged.tunables.light_samples
+            && choice.bands.into_array().iter().all(|band| *band <= BAND_MAX);
         if result.fence != fence {
             return Err("the samples were made under another order");
         }
@@ -177,7 +178,9 @@ impl Master {
 
     /// The samples of a zone are nowhere.
     fn lose(&mut self, now: Time, zone: ZoneId, asked: bool, actions: &mut Vec<FarmAction>) {
-        if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| asked && row.state == ZoneState::Done) {
+        // Where it is being written it is painted again already, for the word of its painter counts no more.
+        let is_free = asked && !self.writes.contains_key(&zone);
+        if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| is_free && row.state == ZoneState::Done) {
             // Paint it again, with the settings that its neighbours' bands were made for.
             let attempt = row.attempt + 1;
             let state = if attempt < crate::ATTEMPTS_MAX { ZoneState::Open } else { ZoneState::Failed };

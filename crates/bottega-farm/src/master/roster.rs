@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, time::Duration};
 use bottega_agents::{AgentId, Revision, Time};
 use rustc_hash::FxHashMap;
 
-use super::watched::Watched;
+use super::watched::{LongestOrder, Watched};
 use crate::{AgentRow, Holding, MemberId, ZoneId, auction::Field};
 
 /// Agents that a Master takes at most.
@@ -337,8 +337,8 @@ impl Roster {
         }
     }
 
-    /// Takes what an agent says of its orders: see [`Watched::see`].
-    pub(super) fn watch(&mut self, now: Time, id: MemberId, hands: &[Holding]) -> Option<(Holding, Duration)> {
+    /// Takes how far the orders of an agent are: see [`Watched::see`].
+    pub(super) fn watch(&mut self, now: Time, id: MemberId, hands: &[Holding]) -> Option<LongestOrder> {
         self.members[id.index()].as_mut()?.watched.see(now, hands)
     }
 

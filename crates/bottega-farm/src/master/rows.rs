@@ -65,13 +65,17 @@ impl Master {
         match value {
             FarmValue::Zone(row) => self.see_zone(now, revision, &row, actions),
             FarmValue::Agent(row) => {
-                // If it is not here it is known from an earlier life of this Master; its lease begins anew.
+                // If it is not here it is known from an earlier life of this Master; its lease begins anew. What comes later
+                // this Master has written itself, of one that has gone meanwhile.
                 let is_out = self.left_out.contains_key(&row.agent);
                 let is_new = !is_out && self.roster.get_by_name(&row.agent).is_none();
                 if is_new && row.left_out.is_some() {
                     self.left_out.insert(row.agent.clone(), Arc::clone(&row));
                     self.doubt_all();
-                } else if is_new && let Some(id) = self.roster.join(now, (*row).clone()) {
+                } else if is_new
+                    && !self.caught_up
+                    && let Some(id) = self.roster.join(now, (*row).clone())
+                {
                     self.refresh_hands(now, id);
                 }
                 self.board.see(revision, FarmValue::Agent(row));
@@ -97,6 +101,7 @@ impl Master {
         actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(Arc::clone(row))));
         self.sent.remove(&zone);
         self.film_is_stale |= row.state != ZoneState::Done && self.composition.has(zone);
+        self.film_is_stale |= self.composition.is_outdated(row);
         self.composition.see(row);
         self.doubt(row);
         self.note_cut(row);

@@ -1,6 +1,6 @@
 //! Agents that fail often on a work are left out of it.
 
-use super::*;
+use super::{members::Departure, *};
 
 /// An agent is left out when it has failed so often without having painted anything in between.
 const FAILURES_MAX: u32 = 3;
@@ -27,6 +27,14 @@ impl Master {
             return self.leave_out(now, id, reason, actions);
         }
         self.put_agent(row, actions);
+    }
+
+    /// An agent has fallen silent. Who does so again and again with orders in hand, and paints nothing, fails.
+    pub(super) fn strike_silent(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
+        let name = self.roster.name(agent).clone();
+        if let Some(order) = self.orders_of(agent, &[]).first() {
+            self.strike(now, &name, (order.zone, order.fence), "it fell silent", actions);
+        }
     }
 
     /// Whether the next failure of an agent has it left out.
@@ -99,7 +107,7 @@ impl Master {
         actions.push(FarmAction::Send(refuse));
         actions.push(FarmAction::Effect(FarmEffect::LeftOut { agent: name, reason }));
         self.put_agent((*row).clone(), actions);
-        self.dismiss(now, agent, actions);
+        self.dismiss(now, agent, Departure::Goodbye, actions);
     }
 
     /// The rows of zones on which an agent failed, without that.

@@ -6,35 +6,45 @@ use bottega_agents::Time;
 
 use crate::Holding;
 
-/// Orders of an agent that are watched: it has no more, whatever it says.
-const WATCHED_MAX: usize = 1 << 10;
-
-/// The orders of an agent, the one that it has had longest first, and when each last went on.
+/// The orders of an agent, and when each last went on.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Watched(Vec<(Holding, Time)>);
+pub(super) struct Watched {
+    /// The one that it has had longest first.
+    orders: Vec<(Holding, Time)>,
+    /// Since when that is the first.
+    since: Time,
+}
+
+/// The order that an agent has had longest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct LongestOrder {
+    pub(super) order: Holding,
+    /// How long nothing has been painted of it.
+    pub(super) stands: Duration,
+    /// How long it has been the agent's turn to paint it.
+    pub(super) lasts: Duration,
+}
 
 impl Watched {
-    /// Takes what an agent says of its orders. Returns the one that it has had longest, and how long nothing has been
-    /// painted of it while it was that one: the others may wait for their turn.
-    pub(super) fn see(&mut self, now: Time, hands: &[Holding]) -> Option<(Holding, Duration)> {
-        let hands = &hands[..hands.len().min(WATCHED_MAX)];
+    /// Takes how far the orders of an agent are. Returns the one that it has had longest; the others may wait for their turn.
+    pub(super) fn see(&mut self, now: Time, hands: &[Holding]) -> Option<LongestOrder> {
         let is_same = |a: &Holding, b: &Holding| (a.zone, a.fence) == (b.zone, b.fence);
-        let longest_before = self.0.first().map(|(known, _)| *known);
-        self.0.retain(|(known, _)| hands.iter().any(|hand| is_same(hand, known)));
-        let known_count = self.0.len();
+        let longest_before = self.orders.first().map(|(known, _)| *known);
+        self.orders.retain(|(known, _)| hands.iter().any(|hand| is_same(hand, known)));
+        let known_count = self.orders.len();
         for hand in hands {
-            match self.0.iter_mut().find(|(known, _)| is_same(hand, known)) {
+            match self.orders.iter_mut().find(|(known, _)| is_same(hand, known)) {
                 Some((known, moved)) if known.progress < hand.progress => (*known, *moved) = (*hand, now),
                 Some(_) => {}
-                None => self.0.push((*hand, now)),
+                None => self.orders.push((*hand, now)),
             }
         }
-        self.0[known_count..].sort_unstable_by_key(|(hand, _)| hand.fence);
-        let (longest, moved) = self.0.first_mut()?;
-        if longest_before.is_none_or(|before| !is_same(&before, longest)) {
-            *moved = now;
+        self.orders[known_count..].sort_unstable_by_key(|(hand, _)| hand.fence);
+        let (order, moved) = self.orders.first_mut()?;
+        if longest_before.is_none_or(|before| !is_same(&before, order)) {
+            (*moved, self.since) = (now, now);
         }
-        Some((*longest, now - *moved))
+        Some(LongestOrder { order: *order, stands: now - *moved, lasts: now - self.since })
     }
 }
 
@@ -59,18 +69,23 @@ mod tests {
         assert_eq!(watched.see(at(0), &[]), None);
         watched.see(at(0), &[hold(1, 0)]);
         watched.see(at(10), &[hold(1, 5), hold(2, 1)]);
-        let (longest, stood) = watched.see(at(70), &[hold(1, 5), hold(2, 1)]).unwrap();
-        assert_eq!((longest.zone, stood), (ZoneId(1), Duration::from_secs(60)));
+        let longest = watched.see(at(70), &[hold(1, 5), hold(2, 1)]).unwrap();
+        assert_eq!((longest.order.zone, longest.stands), (ZoneId(1), Duration::from_secs(60)));
+        assert_eq!(longest.lasts, Duration::from_secs(70));
+        let longest = |order, stands, lasts| {
+            let [stands, lasts] = [stands, lasts].map(Duration::from_secs);
+            Some(LongestOrder { order, stands, lasts })
+        };
         // The second one's turn begins when the first is done.
-        assert_eq!(watched.see(at(80), &[hold(2, 1)]), Some((hold(2, 1), Duration::ZERO)));
+        assert_eq!(watched.see(at(80), &[hold(2, 1)]), longest(hold(2, 1), 0, 0));
         // Going backwards is not going on.
-        assert_eq!(watched.see(at(90), &[hold(2, 0)]), Some((hold(2, 1), Duration::from_secs(10))));
-        assert_eq!(watched.see(at(95), &[hold(2, 2)]), Some((hold(2, 2), Duration::ZERO)));
+        assert_eq!(watched.see(at(90), &[hold(2, 0)]), longest(hold(2, 1), 10, 10));
+        assert_eq!(watched.see(at(95), &[hold(2, 2)]), longest(hold(2, 2), 0, 15));
     }
 
     #[test]
     fn of_orders_that_come_together_the_one_that_was_given_first_has_been_there_longest() {
         let mut watched = Watched::default();
-        assert_eq!(watched.see(at(0), &[hold(3, 1), hold(2, 1)]).unwrap().0, hold(2, 1));
+        assert_eq!(watched.see(at(0), &[hold(3, 1), hold(2, 1)]).unwrap().order, hold(2, 1));
     }
 }

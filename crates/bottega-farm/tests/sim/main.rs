@@ -3,6 +3,7 @@
 #[path = "../common/survey.rs"]
 mod survey;
 
+mod hostile;
 mod stage;
 
 use std::time::Duration;

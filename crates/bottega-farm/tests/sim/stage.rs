@@ -51,7 +51,7 @@ pub(crate) struct Studio {
 
 impl Studio {
     /// What samples cost on the reference machine: a function of the pixels, which no estimate knows exactly.
-    fn cost(rect: &Rect, samples: u32) -> Duration {
+    pub(crate) fn cost(rect: &Rect, samples: u32) -> Duration {
         let center = |a: u32, b: u32| f64::from(a + b) / 2.0;
         let (x, y) = (center(rect.x0, rect.x1), center(rect.y0, rect.y1));
         let pixel = 1.0 + 12.0 * (x / 640.0) * (y / 480.0);
@@ -302,7 +302,7 @@ pub(crate) fn assert_whole(play: &Play, seed: u64) {
 }
 
 /// The pieces of each zone cover it with its band, once.
-fn assert_pieces(zones: &BTreeMap<ZoneId, ZoneRow>, frame: Rect, seed: u64) {
+pub(crate) fn assert_pieces(zones: &BTreeMap<ZoneId, ZoneRow>, frame: Rect, seed: u64) {
     let mut left: BTreeMap<ZoneId, u64> = BTreeMap::new();
     for row in zones.values().filter(|row| row.root.is_none()) {
         let choice = row.choice.expect("a painted zone has a choice");
@@ -321,7 +321,7 @@ fn assert_pieces(zones: &BTreeMap<ZoneId, ZoneRow>, frame: Rect, seed: u64) {
     assert!(left.values().all(|&pixels| pixels == 0), "seed {seed}: pixels that no piece has");
 }
 
-fn bad_network(seed: u64) -> Faults {
+pub(crate) fn bad_network(seed: u64) -> Faults {
     let mut random = Random::new(seed ^ 0x5eed);
     Faults {
         latency_min: Duration::from_millis(1),

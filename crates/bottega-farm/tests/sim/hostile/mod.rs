@@ -1,0 +1,343 @@
+//! Hostile agents and strangers beside honest ones: the work ends, the film is whole, and who is honest goes on working.
+
+mod agent;
+mod cast;
+mod world;
+
+use std::{sync::Arc, time::Duration};
+
+use bottega_agents::{AgentId, Random, Simulator, Time};
+use bottega_farm::{
+    Analyst, AnalystConfig, AuctionRule, Expert, FarmAgent, FarmValue, Goal, GoalRules, ImportanceFunction, Level,
+    Master, MasterConfig, Optimization, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Timing,
+    Visitor, VisitorConfig, WorkId, WorkKeys, WorkSettings, ZoneId, ZoneRow, ZoneState,
+};
+use bottega_image::Rect;
+
+use self::{
+    agent::{HostileAgent, HostileConfig, Vice},
+    cast::AnyAgent,
+    world::HostileWorld,
+};
+use crate::{
+    stage::{assert_pieces, bad_network},
+    survey::tunables,
+};
+
+const WORK: WorkId = WorkId(1);
+/// A work that has not ended by then never will.
+const LIMIT: Duration = Duration::from_secs(7 * 24 * 3600);
+
+/// Who is here, over which network, by which rules.
+#[derive(Clone, Debug)]
+struct Siege {
+    honest: Vec<f64>,
+    /// The vices of each hostile agent.
+    hostile: Vec<Vec<Vice>>,
+    polite: usize,
+    rude: usize,
+    faulty: bool,
+    auction: AuctionRule,
+    shares_tail: bool,
+    verify: u32,
+    optimization: Optimization,
+    goal: Goal,
+    zones: u32,
+}
+
+impl Siege {
+    /// One hostile agent beside three honest ones, on a good network.
+    fn by(vices: &[Vice]) -> Self {
+        Self {
+            honest: vec![1.0, 0.5, 2.0],
+            hostile: vec![vices.to_vec()],
+            polite: 0,
+            rude: 0,
+            faulty: false,
+            auction: AuctionRule::FinishingTime,
+            shares_tail: true,
+            verify: 1,
+            optimization: Optimization::Off,
+            goal: Goal::Samples,
+            zones: 10,
+        }
+    }
+
+    /// Any mixture.
+    fn of_seed(seed: u64) -> Self {
+        let mut random = Random::new(seed ^ 0x4057);
+        let vices = |random: &mut Random| {
+            let count = 1 + random.below(4);
+            (0..count).map(|_| Vice::ALL[random.below(Vice::ALL.len())]).collect()
+        };
+        let count = 1 + random.below(3);
+        Self {
+            hostile: (0..count).map(|_| vices(&mut random)).collect(),
+            polite: random.below(2),
+            rude: random.below(2),
+            faulty: !seed.is_multiple_of(4),
+            auction: if seed.is_multiple_of(2) { AuctionRule::FinishingTime } else { AuctionRule::Paper },
+            shares_tail: random.unit() < 0.5,
+            verify: if seed % 5 == 2 { 2 } else { 1 },
+            optimization: if seed.is_multiple_of(3) { Optimization::Normal } else { Optimization::Off },
+            goal: if seed % 7 == 3 { Goal::Time(Duration::from_secs(20)) } else { Goal::Samples },
+            ..Self::by(&[])
+        }
+    }
+}
+
+type Platform = Simulator<AnyAgent, HostileWorld>;
+
+fn names(kind: &str, count: usize) -> Vec<AgentId> {
+    (0..count).map(|index| AgentId::new(format!("{kind}-{index}"))).collect()
+}
+
+fn add_master(platform: &mut Platform, siege: &Siege, seed: u64) {
+    let config = MasterConfig {
+        id: AgentId::new("master"),
+        work: WORK,
+        auction: siege.auction,
+        prefetch: 2,
+        shares_tail: siege.shares_tail,
+        verify: siege.verify,
+        compares_by_look: false,
+        secret: seed,
+        credits: Arc::default(),
+        goals: GoalRules::default(),
+        timing: Timing::default(),
+    };
+    platform.add(&config.id.clone(), siege.faulty, move || AnyAgent::Farm(Master::new(config.clone()).into()));
+    let frame = frame();
+    let config = AnalystConfig {
+        id: AgentId::new("analyst"),
+        master: AgentId::new("master"),
+        work: WORK,
+        settings: WorkSettings {
+            picture: frame,
+            frame,
+            samples: 64,
+            goal: siege.goal,
+            tunables: tunables(),
+            optimization: siege.optimization,
+        },
+        importance: ImportanceFunction::default(),
+        partition: PartitionSettings {
+            zone_count: siege.zones,
+            ..PartitionSettings::for_agents(Level::Balanced, 3, frame)
+        },
+    };
+    platform.add(&config.id.clone(), siege.faulty, move || AnyAgent::Farm(Analyst::new(config.clone()).into()));
+}
+
+fn add_honest(platform: &mut Platform, siege: &Siege) {
+    for id in names("agent", siege.honest.len()) {
+        let config = RenderAgentConfig {
+            id: id.clone(),
+            master: AgentId::new("master"),
+            adaptation: Default::default(),
+            prefetch: 2,
+            heartbeat: Timing::default().heartbeat,
+            expert: Expert::path_tracing(),
+        };
+        platform.add(&id, siege.faulty, move || AnyAgent::Farm(RenderAgent::new(config.clone()).into()));
+    }
+}
+
+fn add_strangers(platform: &mut Platform, siege: &Siege, seed: u64) {
+    let strangers = names("polite", siege.polite).into_iter().chain(names("rude", siege.rude));
+    for id in strangers {
+        let config = VisitorConfig {
+            id: id.clone(),
+            master: AgentId::new("master"),
+            power: RelativePower::REFERENCE,
+            lanes: 1.0,
+            adaptation: Default::default(),
+            expert: Expert::path_tracing(),
+            timing: Timing::default(),
+        };
+        platform.add(&id, siege.faulty, move || AnyAgent::Visitor(Box::new(Visitor::new(config.clone()))));
+    }
+    for (index, vices) in siege.hostile.iter().enumerate() {
+        let config = HostileConfig {
+            id: AgentId::new(format!("hostile-{index}")),
+            master: AgentId::new("master"),
+            honest: names("agent", siege.honest.len()),
+            vices: vices.clone(),
+            pace: Duration::from_millis(300),
+            tires: Time::since_start(Duration::from_secs(40)),
+            seed: seed ^ (index as u64) << 32,
+        };
+        platform.add(&config.id.clone(), siege.faulty, move || {
+            AnyAgent::Hostile(Box::new(HostileAgent::new(config.clone())))
+        });
+    }
+}
+
+fn frame() -> Rect {
+    Rect::of_size(640, 480)
+}
+
+/// What came of a siege.
+struct Aftermath {
+    took: Duration,
+    zones: usize,
+    failed: usize,
+    missing: usize,
+    left_out: usize,
+}
+
+/// Runs a work, and checks that it ends as it must.
+fn withstand(siege: &Siege, seed: u64) -> Aftermath {
+    let mut world = HostileWorld::default();
+    world.power.extend(names("agent", siege.honest.len()).into_iter().zip(siege.honest.iter().copied()));
+    world.power.extend(names("polite", siege.polite).into_iter().map(|id| (id, 1.0)));
+    world.rude.extend(names("rude", siege.rude));
+    let faults = if siege.faulty { bad_network(seed) } else { bottega_agents::Faults::NONE };
+    let mut platform = Simulator::new(seed, faults, world);
+    if std::env::var_os("TRACE").is_some() {
+        platform.record_trace();
+    }
+    add_master(&mut platform, siege, seed);
+    add_honest(&mut platform, siege);
+    add_strangers(&mut platform, siege, seed);
+    let end = Time::since_start(LIMIT);
+    let ended = platform.run_while(end, |platform| platform.world().finished.is_none());
+    if std::env::var_os("TRACE").is_some() {
+        eprintln!("{}", platform.trace());
+    }
+    let took = platform.now().elapsed();
+    let world = platform.world();
+    let open: Vec<&ZoneRow> = world.zones.values().filter(|row| !world.composed.contains_key(&row.zone)).collect();
+    assert!(ended, "seed {seed} does not end: {siege:?}: {open:?}");
+    assert_whole(&platform, siege, seed);
+    let world = platform.world();
+    let failed = world.finished.as_ref().map_or(0, Vec::len);
+    Aftermath { took, zones: world.zones.len(), failed, missing: world.missing, left_out: world.left_out.len() }
+}
+
+/// All zones are in the film or given up, of pixels that were painted, and who is honest is still at work.
+fn assert_whole(platform: &Platform, siege: &Siege, seed: u64) {
+    let world = platform.world();
+    let failed = world.finished.clone().expect("it has ended");
+    let rows: Vec<ZoneRow> = platform
+        .store()
+        .with_prefix(&WorkKeys::new(WORK).prefix())
+        .filter_map(|entry| match &entry.value {
+            FarmValue::Zone(row) => Some((**row).clone()),
+            _ => None,
+        })
+        .collect();
+    let of_state = |state: ZoneState| -> Vec<ZoneId> {
+        let mut zones: Vec<ZoneId> = rows.iter().filter(|row| row.state == state).map(|row| row.zone).collect();
+        zones.sort_unstable();
+        zones
+    };
+    assert_eq!(of_state(ZoneState::Failed), failed, "seed {seed}");
+    assert_eq!(of_state(ZoneState::Done), world.composed.keys().copied().collect::<Vec<_>>(), "seed {seed}");
+    assert_eq!(world.composed.len() + failed.len(), rows.len(), "seed {seed}");
+    if failed.is_empty() {
+        for (x, y) in frame().pixels().step_by(167) {
+            let composed = world.composed.values().filter(|(_, rect)| rect.contains(x, y));
+            let sum: f32 = composed.map(|(mask, _)| mask.weight(x, y)).sum();
+            assert!((sum - 1.0).abs() < 1e-4, "seed {seed}: the weights at {x}, {y} sum to {sum}");
+        }
+        assert_pieces(&rows.into_iter().map(|row| (row.zone, row)).collect(), frame(), seed);
+    }
+    let honest = names("agent", siege.honest.len()).into_iter().chain(names("polite", siege.polite));
+    for id in honest {
+        assert_eq!(world.left_out.get(&id), None, "seed {seed}: {id} is left out");
+        let Some(AnyAgent::Farm(FarmAgent::Render(agent))) = platform.machine(&id) else { continue };
+        for (zone, fence) in agent.hands() {
+            let is_taken = world.zones[&zone].result.is_some_and(|result| result.fence == fence);
+            assert!(!is_taken, "seed {seed}: {id} has {zone} in hand, and it is composed of that");
+        }
+    }
+}
+
+#[test]
+fn the_work_ends_and_the_film_is_whole_whoever_takes_part() {
+    let (mut failed, mut zones, mut missing, mut left_out) = (0, 0, 0, 0);
+    let mut longest = Duration::ZERO;
+    for seed in 0..1000 {
+        let aftermath = withstand(&Siege::of_seed(seed), seed);
+        failed += aftermath.failed;
+        zones += aftermath.zones;
+        missing += aftermath.missing;
+        left_out += aftermath.left_out;
+        longest = longest.max(aftermath.took);
+    }
+    eprintln!("{failed} of {zones} zones given up; {missing} tiles missing; {left_out} left out; longest {longest:?}");
+    assert!(failed * 500 < zones && missing > 100 && left_out > 500, "{failed} of {zones}, {missing}, {left_out}");
+}
+
+/// Three honest agents need some 12 s. A hostile one may delay the end by as long as it is waited for, and no more.
+#[test]
+fn one_hostile_agent_has_no_zone_given_up_and_cannot_hold_the_work_up() {
+    let mut lines = Vec::new();
+    for vice in Vice::ALL {
+        let limit = match vice {
+            Vice::Vanishes | Vice::Forges | Vice::Fails | Vice::Leaves | Vice::Usurps => 100,
+            // Who shares a processor is waited for up to thirty-two times longer; after three orders it is left out.
+            Vice::Mumbles => 3 * 32 * 600 + 100,
+            // What is told to go on is waited for longest.
+            Vice::Claims => 5 * 3600,
+            // An order that is not begun is waited for ten minutes, and one that stands still up to half an hour.
+            _ => 1920,
+        };
+        let mut longest = Duration::ZERO;
+        for seed in 0..20 {
+            let siege = Siege { shares_tail: false, ..Siege::by(&[vice]) };
+            let aftermath = withstand(&siege, seed);
+            longest = longest.max(aftermath.took);
+            lines.push(format!("{vice:?} {seed}: {:?} {} given up", aftermath.took, aftermath.failed));
+            assert_eq!(aftermath.failed, 0, "{vice:?}, seed {seed}");
+        }
+        eprintln!("{vice:?}: {longest:?}");
+        assert!(longest < Duration::from_secs(limit), "{vice:?}: {longest:?}");
+    }
+}
+
+#[test]
+fn visitors_that_keep_to_the_rules_paint_a_picture_among_those_that_do_not() {
+    for seed in 0..100 {
+        let siege = Siege { honest: Vec::new(), hostile: Vec::new(), polite: 3, rude: 1, ..Siege::by(&[]) };
+        let aftermath = withstand(&siege, seed);
+        assert_eq!(aftermath.failed, 0, "seed {seed}");
+        assert!(aftermath.took < Duration::from_secs(900), "seed {seed}: {:?}", aftermath.took);
+    }
+}
+
+/// Its turn among the zones with bands had passed when its failures were forgiven with who had failed, and it was waited for
+/// without end.
+#[test]
+fn a_zone_that_was_given_up_and_is_painted_after_all_goes_into_the_film() {
+    for seed in [1113, 1158, 1371, 1488, 1509, 2259] {
+        withstand(&Siege::of_seed(seed), seed);
+    }
+}
+
+/// A painter was found wrong and its zones were being opened when the film said that one of its tiles was nowhere.
+#[test]
+fn a_tile_may_be_missing_while_its_zone_is_opened_again() {
+    for seed in [819, 846] {
+        withstand(&Siege::of_seed(seed), seed);
+    }
+}
+
+#[test]
+#[ignore = "prints the run of one seed: SEED=7; with TRACE=1 its messages; or runs many: SEED=1000 COUNT=5000"]
+fn one_siege() {
+    let number = |name: &str, default: u64| std::env::var(name).map_or(default, |it| it.parse().expect("a number"));
+    let (first, count) = (number("SEED", 7), number("COUNT", 1));
+    for seed in first..first + count {
+        let siege = Siege::of_seed(seed);
+        let aftermath = std::panic::catch_unwind(|| withstand(&siege, seed));
+        match aftermath {
+            Ok(it) if count == 1 || it.failed > 0 => {
+                eprintln!("{seed}: {:?} {} given up {siege:?}", it.took, it.failed);
+            }
+            Ok(_) => {}
+            Err(_) => eprintln!("{seed}: broken"),
+        }
+    }
+}
