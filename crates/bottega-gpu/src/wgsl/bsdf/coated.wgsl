@@ -489,7 +489,7 @@ fn chances_new(wo: vec3f, wi: vec3f) -> vec2u {
 fn chances_next(state: ptr<function, vec2u>) -> f32 {
     let low = (*state).x + 0x7f4a7c15u;
     *state = vec2u(low, (*state).y + 0x9e3779b9u + select(0u, 1u, low < 0x7f4a7c15u));
-    return f32(coated_mixed(*state).y >> 8u) / 16777216.0;
+    return f32(coated_mixed(*state).y >> 8u) / f32(1u << 24u);
 }
 
 fn chances_pair(state: ptr<function, vec2u>) -> vec2f {
