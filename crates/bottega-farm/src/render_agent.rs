@@ -159,15 +159,20 @@ impl RenderAgent {
 
     /// The Master has left this agent out. It asks again now and then, for the Master may have nobody else some day.
     fn dismissed(&mut self, reason: &str, actions: &mut Vec<FarmAction>) {
-        self.subscribed = false;
         for (zone, hand) in self.hands.iter().filter(|(_, hand)| hand.begun) {
             actions.push(FarmAction::Effect(FarmEffect::Drop { zone, fence: hand.order.fence }));
         }
-        self.hands.clear();
-        self.unanswered.clear();
+        self.let_go();
         if !std::mem::replace(&mut self.left_out, true) {
             actions.push(FarmAction::Effect(FarmEffect::Dismissed { reason: reason.to_owned() }));
         }
+    }
+
+    /// It works for the Master no more, until it subscribes again: then it has nothing in hand.
+    pub(crate) fn let_go(&mut self) {
+        self.subscribed = false;
+        self.hands.clear();
+        self.unanswered.clear();
     }
 
     /// Whether this answers a report that waits for one.

@@ -264,6 +264,8 @@ impl Visitor {
             VisitorReport::Leaves => {
                 self.is_away = true;
                 self.calls.clear();
+                self.orders.clear();
+                self.agent.let_go();
                 let (me, to) = (&self.id, vec![self.master.clone()]);
                 let bye = message(Performative::Cancel, protocol::SUBSCRIBE, me, to, FarmContent::Unsubscription);
                 actions.push(Action::Send(bye));
@@ -301,5 +303,82 @@ impl StateMachine for Visitor {
 
     fn next_deadline(&self) -> Option<Time> {
         self.agent.next_deadline().filter(|_| !self.is_away)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_agents::AclMessage;
+    use bottega_engines::Tunables;
+    use bottega_image::Rect;
+
+    use super::*;
+    use crate::{
+        Choice, Goal, InputRanges, NeighborDifference, Optimization, Order, WorkId, WorkSettings, ZoneRow, ZoneState,
+        contents::asking,
+    };
+
+    fn after(visitor: &mut Visitor, event: EventOf<Visitor>) -> Vec<VisitorEffect> {
+        let mut actions = Vec::new();
+        visitor.handle(Time::ZERO, event, &mut actions);
+        let effect = |action| match action {
+            Action::Effect(effect) => Some(effect),
+            _ => None,
+        };
+        actions.into_iter().filter_map(effect).collect()
+    }
+
+    fn work() -> WorkRow {
+        let frame = Rect::of_size(16, 16);
+        let settings = WorkSettings {
+            picture: frame,
+            frame,
+            samples: 4,
+            goal: Goal::Samples,
+            tunables: Tunables { max_depth: 8, light_samples: 1 },
+            optimization: Optimization::Off,
+        };
+        WorkRow { work: WorkId(1), settings, zone_count: 4, ranges: InputRanges::of(Vec::<ZoneRow>::new()) }
+    }
+
+    #[test]
+    fn who_comes_back_has_nothing_in_hand_and_is_called_again() {
+        let (id, master) = (AgentId::new("py@stranger-studio"), AgentId::new("master@work-1"));
+        let says = |act, content| {
+            let said = message(act, protocol::CONTRACT_NET, &master, vec![id.clone()], content);
+            Event::Message(AclMessage { reply_by: Some(Time::ZERO + Duration::from_secs(1)), ..asking(said, 7, None) })
+        };
+        let mut visitor = Visitor::new(VisitorConfig {
+            id: id.clone(),
+            master: master.clone(),
+            power: RelativePower::REFERENCE,
+            lanes: 1.0,
+            adaptation: AdaptationRule::MedianRatio,
+            expert: Expert::path_tracing(),
+            timing: Timing::AMONG_MACHINES,
+        });
+        after(&mut visitor, Event::Start);
+        after(&mut visitor, says(Performative::Agree, FarmContent::Subscribed));
+        let call = || {
+            let offer = Offer { zone: ZoneId(3), complexity: 1.0, time_estimated: Duration::from_secs(1) };
+            says(Performative::CallForProposal, FarmContent::Offers([offer].into()))
+        };
+        let is_called = |effects: &[VisitorEffect]| matches!(effects, [VisitorEffect::Offers { call: 7, .. }]);
+        for zone in 0..PREFETCH {
+            let row = ZoneRow {
+                state: ZoneState::Awarded,
+                choice: Some(Choice::unchanged(&work().settings)),
+                ..ZoneRow::open(WorkId(1), ZoneId(zone), Rect::of_size(8, 8), 1.0, NeighborDifference::default())
+            };
+            let fence = Revision(u64::from(zone) + 1);
+            let order = Order { work: Arc::new(work()), row: Arc::new(row), fence, decides: false };
+            let effects = after(&mut visitor, says(Performative::AcceptProposal, FarmContent::Award(order)));
+            assert!(matches!(&effects[..], [VisitorEffect::Paint { call: Some(7), .. }]), "{effects:?}");
+        }
+        assert!(!is_called(&after(&mut visitor, call())), "its hands are full");
+        after(&mut visitor, Event::Completed(VisitorReport::Leaves));
+        assert!(!is_called(&after(&mut visitor, call())), "it is away");
+        after(&mut visitor, Event::Completed(VisitorReport::Returns));
+        assert!(is_called(&after(&mut visitor, call())));
     }
 }

@@ -6,7 +6,7 @@ use bottega::StopSwitch;
 use bottega_agents::{AgentId, gateway::FirstForms};
 use bottega_cluster::{
     platform::{self, FarmPlatform, PlatformOptions},
-    up::{Host, Invitation, LocalFarm, UpOptions},
+    up::{Invitation, LocalFarm, UpOptions},
 };
 use clap::{Args, ValueHint};
 
@@ -61,15 +61,27 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
         server: args.server.clone(),
         hidden: args.hidden,
     };
+    let platform = args.platform();
+    platform.validate()?;
     match LocalFarm::up(&options)? {
         LocalFarm::Here(host) => {
             let stop = StopSwitch::new();
             stop_on_signal(&stop)?;
             println!("the farm is up (NATS {}). {}", host.server_version(), host.room_said());
             tell(&host.invitation);
-            let platform = args.platform(&host)?;
-            println!("It is a FIPA platform at {}: see `bottega platform agents`.", platform.node().address());
-            host.keep_up(&stop, || platform.stop())?;
+            let served = match FarmPlatform::serve(host.board().clone(), &platform) {
+                Ok(served) => Some(served),
+                // Nobody asked for one.
+                Err(error) if args.fipa.is_none() => {
+                    tracing::warn!("the farm is no FIPA platform: {}", error.error_chain());
+                    None
+                }
+                Err(error) => return Err(error.into()),
+            };
+            if let Some(served) = &served {
+                println!("It is a FIPA platform at {}: see `bottega platform agents`.", served.node().address());
+            }
+            host.keep_up(&stop, || _ = served.map(FarmPlatform::stop))?;
         }
         LocalFarm::Elsewhere { process, listen, invitation } => {
             println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
@@ -81,8 +93,8 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
 
 impl UpArgs {
     /// The farm as a platform.
-    fn platform(&self, host: &Host) -> Result<FarmPlatform, CliError> {
-        let options = PlatformOptions {
+    fn platform(&self) -> PlatformOptions {
+        PlatformOptions {
             name: platform::NAME.to_owned(),
             listen: self.fipa,
             public: None,
@@ -91,8 +103,7 @@ impl UpArgs {
             trusted: self.trust.iter().map(|name| AgentId::new(name.as_str())).collect(),
             trace_line: line,
             first_forms: FirstForms::default(),
-        };
-        Ok(FarmPlatform::serve(host.board().clone(), &options)?)
+        }
     }
 }
 

@@ -25,13 +25,6 @@ use super::{
 use crate::error::CliError;
 
 pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
-    let listens_everywhere = args.listen.is_some_and(|listen| listen.ip().is_unspecified());
-    if let Some(listen) = args.listen.filter(|_| listens_everywhere && args.public.is_none()) {
-        return Err(CliError::usage(
-            format!("nobody can connect to {listen}"),
-            "say what others shall connect to: --public HOST:PORT",
-        ));
-    }
     let federates = args.federate.iter().map(|peer| peer.service("df")).collect::<Result<_, _>>()?;
     let options = PlatformOptions {
         name: args.name.clone(),
@@ -43,6 +36,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         trace_line: passed::line,
         first_forms: first_forms(&args.first_representation),
     };
+    options.validate()?;
     let served = match &args.farm {
         Some(farm) => {
             let board = JobBoard { uplink: link(farm.as_ref(), &args.login.credentials())?.uplink };

@@ -9,7 +9,7 @@ use std::{
 use bottega_agents::driver::nats::BlobError;
 use serde::{Deserialize, Serialize};
 
-use crate::{JobBoard, error::Error, job_board::RENEW_EVERY, names::fresh_number};
+use crate::{JobBoard, job_board::RENEW_EVERY, names::fresh_number};
 
 /// Who has not said for so long that it has them has gone.
 const SILENT_AFTER: Duration = Duration::from_millis(2500);
@@ -40,19 +40,19 @@ pub fn host_of(board: &JobBoard, platform: &str) -> Option<PlatformHost> {
 }
 
 impl HostSeat {
-    /// Takes the right. `None`: another process has it.
-    ///
-    /// # Errors
-    /// The server does not answer.
-    pub(super) fn claim(board: &JobBoard, platform: &str) -> Result<Option<Self>, Error> {
+    /// Takes the right. `None`: another process has it, or the farm's server takes no notice of it, as with a full disk.
+    pub(super) fn claim(board: &JobBoard, platform: &str) -> Option<Self> {
         let name = name_of(platform);
         if board.uplink.is_guest() || is_renewed(board, &name) {
-            return Ok(None);
+            return None;
         }
         let host = PlatformHost { process: fresh_number(), address: String::new() };
         let revision = board.uplink.notices().get(&name).map_or(0, |notice| notice.revision);
-        let taken = board.uplink.notices().update(&name, &text(&host), revision).map_err(Error::Blob)?;
-        Ok(taken.map(|_| Self { name, host, renewed: None }))
+        let taken = board.uplink.notices().update(&name, &text(&host), revision).unwrap_or_else(|error| {
+            tracing::warn!(%error, "the farm's server does not take that the platform's agents are here: they are not");
+            None
+        });
+        taken.map(|_| Self { name, host, renewed: None })
     }
 
     /// The transport is there.

@@ -62,6 +62,22 @@ pub struct PlatformOptions {
     pub first_forms: FirstForms,
 }
 
+impl PlatformOptions {
+    /// Whether others can connect to what they are told.
+    ///
+    /// # Errors
+    /// It listens everywhere, and nobody says by what name others reach it.
+    pub fn validate(&self) -> Result<(), Error> {
+        match self.listen.filter(|listen| listen.ip().is_unspecified() && self.public.is_none()) {
+            Some(listen) => Err(Error::usage(
+                format!("nobody can connect to {listen}"),
+                "say what others shall connect to: the address of this machine, or with `platform serve` --public HOST:PORT",
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
 /// A platform of a farm, served by this process.
 pub struct FarmPlatform {
     node: Arc<Node>,
@@ -80,7 +96,7 @@ impl FarmPlatform {
     pub fn serve(board: JobBoard, options: &PlatformOptions) -> Result<Self, Error> {
         // The agent of the jobs speaks for the farm: it resumes machines, which only the platform may.
         let jobs = jobs_id(&options.name);
-        let seat = HostSeat::claim(&board, &options.name)?;
+        let seat = HostSeat::claim(&board, &options.name);
         let node = Arc::new(start_node(&board, options, &jobs, seat.is_some())?);
         let Some(seat) = seat else { return Ok(Self { agents: None, strangers: None, node, jobs }) };
         let seat = seat.at(node.address());
