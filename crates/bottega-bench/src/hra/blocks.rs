@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bottega::devices::{beside_gpus, painter};
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices};
 use bottega_image::{AovSet, Layout};
-use bottega_render::{Filter, PathSettings, View};
+use bottega_render::{AgentUse, Filter, PathSettings, View};
 
 use super::{
     options::{HraOptions, RUNS_MIN, Way},
@@ -64,8 +64,10 @@ fn once(options: &HraOptions, scene: &RayScene, way: Way, samples: u32) -> Resul
     };
     let gpu = options.gpu.as_deref().filter(|_| way != Way::Cpu);
     let lanes = gpu.map(|name| painter(name, &scene.prepared)).transpose()?.into_iter().collect();
+    // Devices know nothing of guides and lighting agents: neither do the processors here, or they would first learn.
     let settings = PathSettings {
         guiding: false,
+        agents: AgentUse::default(),
         max_depth: BOUNCES_MAX,
         filter: Filter::PIXEL,
         planned_samples: samples,
