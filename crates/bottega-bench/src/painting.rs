@@ -23,7 +23,7 @@ pub(crate) fn paint_zone(
     threads: usize,
     spp: u32,
 ) -> Result<(Tile, Duration), Error> {
-    let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads };
+    let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads, wavefront: false };
     let engine = BuiltinEngine::with_prepass(Arc::clone(scene), Arc::clone(prepass), options, Devices::default());
     paint_zone_with(&engine, view, settings, spp)
 }

@@ -214,6 +214,8 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
             vec![format!("passes of zones: {}; seams z = {seams_z:.2}, p = {seams_p:.3}", zones.join(", "))]
         }
         Event::Recorded { file } => vec![recorded(file)],
+        Event::Resources { .. } => vec![at_work(event)],
+        Event::Timeline { file } => vec![format!("timeline of processors and devices: {file}")],
         Event::Fetched { output } => vec![format!("{output}: led to its end by another machine")],
         Event::Denoised { by, seconds } => vec![format!("denoised in {} by {by}", length(*seconds))],
         Event::Auction(auction) => vec![told_auction(auction)],
@@ -286,6 +288,33 @@ fn told_auction(auction: &AuctionEvent) -> String {
          {:.1} bidders and {:.1} bids a round",
         *bidders as f64 / *rounds as f64,
         *bids as f64 / *rounds as f64,
+    )
+}
+
+/// Who was at work for how much of the time, in one line.
+fn at_work(event: &Event) -> String {
+    let Event::Resources { resources, bin_full, bin_empty, .. } = event else { return String::new() };
+    let (processors, devices): (Vec<_>, Vec<_>) = resources.iter().partition(|it| it.name.starts_with("cpu"));
+    let mean = processors.iter().map(|it| it.occupation).sum::<f64>() / processors.len().max(1) as f64;
+    let least = processors.iter().map(|it| it.occupation).fold(1.0, f64::min);
+    let mut parts = Vec::new();
+    if !processors.is_empty() {
+        parts.push(format!("processors {:.1} % at work (the least {:.1} %)", 100.0 * mean, 100.0 * least));
+    }
+    parts.extend(devices.into_iter().map(|device| {
+        let memory = match (device.sent_bytes, device.resident_bytes) {
+            (Some(sent), Some(there)) => {
+                format!(", {:.1} MB of scenes sent, {:.1} MB there", sent as f64 / 1e6, there as f64 / 1e6)
+            }
+            _ => String::new(),
+        };
+        format!("{} {:.1} %{memory}", device.name, 100.0 * device.occupation)
+    }));
+    format!(
+        "{}; work bin full {:.0} %, empty {:.0} % of the time",
+        parts.join("; "),
+        100.0 * bin_full,
+        100.0 * bin_empty
     )
 }
 

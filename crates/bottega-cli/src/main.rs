@@ -66,7 +66,10 @@ fn main() -> ExitCode {
     };
     output::begin(purpose(&command));
     bottega::engines::keep_quarantines();
-    output::finish(run(command).unwrap_or_else(|error| report(&error)))
+    let code = run(command).unwrap_or_else(|error| report(&error));
+    // Drivers end better while the process is whole.
+    bottega::devices::release();
+    output::finish(code)
 }
 
 /// What standard output is for.

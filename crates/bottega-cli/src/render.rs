@@ -83,6 +83,7 @@ fn options(args: &RenderArgs) -> SessionOptions {
         preview: args.preview.clone(),
         shows: args.dashboard.is_some(),
         record: args.record.clone(),
+        timeline: args.timeline.clone(),
     }
 }
 

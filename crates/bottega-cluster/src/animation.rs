@@ -118,7 +118,12 @@ fn paint_with_others(
     };
     let cache = Cache::new(state_folder().join("cache"), CACHE_BYTES);
     let devices = DeviceChoice::of(&request.devices.names).unwrap_or_default();
-    let own = WorkerDevices { threads: request.devices.threads, devices, rules: Vec::new() };
+    let own = WorkerDevices {
+        threads: request.devices.threads,
+        devices,
+        memory_mb: request.devices.memory_mb,
+        rules: Vec::new(),
+    };
     let mut worker = Worker::new(member, cache, own, Some(only), Box::new(say));
     while !stop.is_requested() && !over.load(Ordering::Relaxed) {
         worker.work_once();

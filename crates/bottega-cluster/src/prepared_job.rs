@@ -30,6 +30,8 @@ pub struct WorkerDevices {
     pub threads: Option<u16>,
     /// Which devices.
     pub devices: DeviceChoice,
+    /// Memory that scenes may take on each GPU, in MiB; `None`: nearly all.
+    pub memory_mb: Option<u32>,
     /// What its agents know of rendering; empty: what the job says.
     pub rules: Vec<RulesText>,
 }
@@ -38,6 +40,7 @@ impl WorkerDevices {
     /// Has a request be painted by this.
     fn apply(&self, request: &mut Request) {
         request.devices.threads = self.threads;
+        request.devices.memory_mb = self.memory_mb;
         if !self.rules.is_empty() {
             request.work.rules = self.rules.iter().cloned().map(RulesSource::Text).collect();
         }

@@ -8,7 +8,8 @@
 //! | what | where |
 //! |---|---|
 //! | the contract between farm and engine | `src/engine.rs` |
-//! | the built-in engine: zones as work units | `src/builtin.rs` |
+//! | the built-in engine: zones as work units, blocks or waves of paths | `src/builtin.rs`, `src/builtin/zone.rs`, `src/builtin/waves.rs` |
+//! | processors and devices behind one allocator | `src/builtin/resources.rs` |
 //! | two engines that paint one picture | `src/mixed.rs` |
 //! | manifests: read, found, shipped | `src/external/manifest.rs`, `src/external/shelf.rs`, `src/external/shipped.rs`; the files: `engines/` |
 //! | where an engine is on this machine | `src/external/locate.rs` |
@@ -29,7 +30,7 @@ pub use bottega_render::{
     RenderError, Sharing,
     survey::{Survey, SurveyPixel},
 };
-pub use builtin::{BuiltinEngine, BuiltinOptions, Devices};
+pub use builtin::{BuiltinEngine, BuiltinOptions, Devices, Resources};
 pub use engine::{
     CancelSwitch, EngineDescription, EngineError, Leaning, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
 };

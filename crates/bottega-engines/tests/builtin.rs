@@ -43,6 +43,7 @@ fn engine(threads: usize) -> BuiltinEngine {
         settings: PathSettings::default(),
         layout: Layout::new(AovSet::NONE.with(Aov::Normal)),
         threads,
+        wavefront: false,
     };
     BuiltinEngine::new(Arc::new(scene), options, Devices::default())
 }

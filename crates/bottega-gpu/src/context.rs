@@ -99,6 +99,11 @@ impl Context {
         made
     }
 
+    /// From now on notes when memory runs out, until [`MemoryScope::end`].
+    pub(crate) fn memory_scope(&self) -> MemoryScope {
+        MemoryScope(self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory))
+    }
+
     /// Waits for a submission.
     pub(crate) fn wait(&self, submission: SubmissionIndex) -> Result<(), GpuError> {
         let wait = PollType::Wait { submission_index: Some(submission), timeout: Some(self.timeout) };
@@ -160,6 +165,20 @@ impl Context {
             .collect();
         let descriptor = wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries };
         self.device.create_bind_group(&descriptor)
+    }
+}
+
+/// See [`Context::memory_scope`].
+pub(crate) struct MemoryScope(wgpu::ErrorScopeGuard);
+
+impl MemoryScope {
+    /// # Errors
+    /// Memory ran out since the scope began.
+    pub(crate) fn end(self) -> Result<(), GpuError> {
+        match pollster::block_on(self.0.pop()) {
+            None => Ok(()),
+            Some(_) => Err(GpuError::OutOfMemory { wanted: 0 }),
+        }
     }
 }
 

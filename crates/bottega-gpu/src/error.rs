@@ -46,6 +46,12 @@ pub enum GpuError {
     /// An index of the scene points nowhere.
     #[error("{0}")]
     Invalid(String),
+    /// The device has not the memory for an array of a scene.
+    #[error("the device has no memory for {wanted} bytes more")]
+    OutOfMemory {
+        /// Bytes of the array.
+        wanted: u64,
+    },
     /// wgpu refused a command: a bug of ours, or the device's memory is full.
     #[error("the device refused a command: {0}")]
     Refused(String),

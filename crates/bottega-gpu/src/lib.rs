@@ -2,7 +2,7 @@
 //!
 //! - [`GpuRays`] puts a scene's triangles and spheres on a device and answers batches of rays: closest hits and occlusion. It is
 //!   a [`Resource`](bottega_hra::Resource) for every work that is a [`RayWork`](bottega_hra::RayWork).
-//! - [`GpuPaths`] puts a whole scene there, lights, materials and textures, and paints blocks of pixels: a
+//! - [`GpuPaths`] puts whole scenes there, lights, materials and textures, and paints blocks of pixels: a
 //!   [`WindowedResource`](bottega_hra::WindowedResource) for [`RenderWork`](bottega_render::RenderWork). The blocks of
 //!   a packet make one batch of paths, which go on from kernel to kernel by queues on the device; nothing comes back but sums.
 //!
@@ -19,7 +19,8 @@
 //!
 //! | what | where |
 //! |---|---|
-//! | devices, and one that is open | `src/adapter.rs`, `src/context.rs` |
+//! | devices, and one that is open | `src/adapter.rs`, `src/context.rs`, `src/memory.rs` |
+//! | scenes that a device may paint, and those in its memory | `src/paths/shelf.rs`, `src/paths/resident.rs` |
 //! | rays on a device: the tree, the traversal | `src/rays.rs`, `src/bvh.rs`, `src/traversal.rs`, `src/wgsl/traverse.wgsl` |
 //! | paths on a device; which kernel comes after which | `src/paths.rs`, `src/paths/`, `src/wgsl/plan.wgsl` |
 //! | scattering on a device, and the records that it reads | `src/wgsl/bsdf/`, `src/material/` |
@@ -33,6 +34,7 @@ mod device;
 mod error;
 mod geometry;
 mod material;
+mod memory;
 mod paths;
 mod pipeline_cache;
 mod rays;
@@ -41,5 +43,6 @@ mod traversal;
 
 pub use adapter::{AdapterInfo, AdapterKind, adapters};
 pub use error::GpuError;
-pub use paths::{GpuPaths, PathOptions};
+pub use memory::AdapterMemory;
+pub use paths::{EncodedScene, GpuAdapter, GpuPaths, GpuScenes, PathOptions};
 pub use rays::{GpuOptions, GpuRays};

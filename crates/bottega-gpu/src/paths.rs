@@ -1,10 +1,12 @@
-//! The resource: blocks of pixels of a scene, painted by a GPU.
+//! The resource: blocks of pixels of scenes, painted by a GPU.
 
 mod batch;
 mod kernels;
 mod limits;
 mod options;
+mod resident;
 mod scene;
+mod shelf;
 mod tracer;
 mod worker;
 
@@ -18,65 +20,157 @@ use std::time::Duration;
 
 use bottega_hra::{DataId, Link, Packet, Primitive, PrimitiveSet, ResourceDescriptor, WindowedResource};
 use bottega_render::{BlockWork, PreparedScene, RenderWork};
+use wgpu::Adapter;
 
 use crate::adapter::{AdapterInfo, AdapterKind, choose};
 use crate::context::binding_limit;
 use crate::error::GpuError;
+use crate::memory::{AdapterMemory, memory_of};
 use limits::refusal;
 pub use options::PathOptions;
 use scene::PathScene;
+pub use shelf::EncodedScene;
+use shelf::SceneShelf;
 use tracer::Tracer;
 use worker::{Message, Worker};
 
-/// Paths of a scene on a GPU; rays alone as well, where somebody asks for these.
+/// An adapter that may be opened, and what it says of itself.
+#[derive(Clone, Debug)]
+pub struct GpuAdapter {
+    adapter: Adapter,
+    info: AdapterInfo,
+}
+
+impl GpuAdapter {
+    /// The adapter whose name contains `wanted`; `None`: the best GPU, never a software adapter.
+    ///
+    /// # Errors
+    /// There is none such.
+    pub fn choose(wanted: Option<&str>) -> Result<Self, GpuError> {
+        let (adapter, info) = choose(wanted)?;
+        Ok(Self { adapter, info })
+    }
+
+    /// What it is.
+    pub fn info(&self) -> &AdapterInfo {
+        &self.info
+    }
+
+    /// How much memory it has, and has free just now; `None`: the driver does not tell.
+    pub fn memory(&self) -> Option<AdapterMemory> {
+        memory_of(&self.adapter)
+    }
+
+    /// Puts a scene down as the device is to be sent it.
+    ///
+    /// # Errors
+    /// The scene is none for it: [`GpuError::Unsupported`] names what it has not.
+    pub fn encode(&self, scene: &Arc<PreparedScene>) -> Result<EncodedScene, GpuError> {
+        let flat = PathScene::new(scene, binding_limit(&self.adapter), &self.info.name)?;
+        Ok(EncodedScene { flat: Arc::new(flat), scene: Arc::clone(scene) })
+    }
+}
+
+/// Paths of scenes on a GPU; rays alone as well, where somebody asks for these.
 ///
 /// What it paints is the processor's picture but for rounding: the same samples of the same pixels take the same numbers, so
 /// most paths are the same to some 10⁻⁵, and where one takes another way (a ray that grazes an edge) the means are the same.
-/// Paths are not guided. Dropped, it waits for what is under way; what is queued behind that and was given up is not begun.
+/// Paths are not guided. A scene is sent with the first work on it, and stays until the allocator throws it out.
+/// Dropped, it waits for what is under way; what is queued behind that and was given up is not begun.
 pub struct GpuPaths {
-    info: AdapterInfo,
-    memory_bytes: u64,
-    data: DataId,
-    messages: Option<Sender<Message>>,
+    adapter: GpuAdapter,
+    memory_bytes: Option<u64>,
+    scenes: GpuScenes,
     worker: Option<JoinHandle<()>>,
 }
 
+/// Tells a device of the scenes that it may be asked to paint; may outlive it.
+#[derive(Clone)]
+pub struct GpuScenes {
+    shelf: Arc<SceneShelf>,
+    messages: Sender<Message>,
+}
+
+impl GpuScenes {
+    /// From now on the device paints this scene, too. Its kernels are compiled now, so that no work waits for that; the
+    /// scene itself is sent with the first work on it.
+    ///
+    /// # Errors
+    /// The kernels cannot be compiled, or the device is gone.
+    pub fn admit(&self, encoded: &EncodedScene) -> Result<(), GpuError> {
+        self.shelf.put(encoded);
+        let gone = || GpuError::Lost("its thread ended".to_owned());
+        let (tell, answer) = channel();
+        self.messages.send(Message::Compile(encoded.flat.variant(), tell)).map_err(|_| gone())?;
+        answer.recv().map_err(|_| gone())?
+    }
+
+    /// Bytes of scenes that were sent to the device so far.
+    pub fn sent_bytes(&self) -> u64 {
+        self.shelf.sent_bytes()
+    }
+
+    /// Bytes of scenes that are on the device; what two of them share counts once.
+    pub fn resident_bytes(&self) -> u64 {
+        self.shelf.resident_bytes()
+    }
+}
+
 impl GpuPaths {
-    /// Puts a scene on a GPU.
+    /// Opens a GPU and tells it of a scene.
     ///
     /// # Errors
     /// There is no such adapter, or the scene is none for it: [`GpuError::Unsupported`] names what it has not.
     pub fn new(scene: &Arc<PreparedScene>, options: &PathOptions) -> Result<Self, GpuError> {
-        let (adapter, info) = choose(options.adapter.as_deref())?;
-        let flat = PathScene::new(scene, binding_limit(&adapter), &info.name)?;
-        let memory_bytes = flat.memory_bytes();
-        let paths = if options.paths == 0 { usual_paths(info.kind) } else { options.paths };
+        let adapter = GpuAdapter::choose(options.adapter.as_deref())?;
+        let encoded = adapter.encode(scene)?;
+        let paths = Self::open(adapter, options)?;
+        paths.scenes.admit(&encoded)?;
+        Ok(paths)
+    }
+
+    /// Opens a GPU that knows of no scene yet.
+    ///
+    /// # Errors
+    /// It cannot be had.
+    pub fn open(adapter: GpuAdapter, options: &PathOptions) -> Result<Self, GpuError> {
+        let paths = if options.paths == 0 { usual_paths(adapter.info.kind) } else { options.paths };
+        let memory_bytes = options.memory.or_else(|| adapter.memory().map(|memory| for_scenes(memory, paths)));
         let make = {
-            let (info, options) = (info.clone(), PathOptions { paths, ..options.clone() });
-            move || Tracer::new(&adapter, &info, &flat, &options)
+            let (adapter, options) = (adapter.clone(), PathOptions { paths, ..options.clone() });
+            move || Tracer::new(&adapter.adapter, &adapter.info, &options)
         };
-        let worker = Worker::new(Arc::clone(scene), Box::new(make))?;
+        let shelf = Arc::new(SceneShelf::default());
+        let worker = Worker::new(Arc::clone(&shelf), Box::new(make))?;
         let (messages, inbox) = channel();
-        let name = format!("gpu {}", info.name.replace('\0', " "));
+        let name = format!("gpu {}", adapter.info.name.replace('\0', " "));
         let spawned = thread::Builder::new().name(name).spawn(move || worker.run(&inbox));
-        let worker = spawned.map_err(|error| GpuError::Lost(error.to_string()))?;
-        Ok(Self { info, memory_bytes, data: scene.data_id(), messages: Some(messages), worker: Some(worker) })
+        let worker = Some(spawned.map_err(|error| GpuError::Lost(error.to_string()))?);
+        Ok(Self { adapter, memory_bytes, scenes: GpuScenes { shelf, messages }, worker })
     }
 
     /// The adapter that was chosen.
     pub fn adapter(&self) -> &AdapterInfo {
-        &self.info
+        &self.adapter.info
     }
 
-    /// Bytes of the scene on the device.
-    pub fn memory_bytes(&self) -> u64 {
-        self.memory_bytes
+    /// Tells it of scenes, also after it was given to an allocator.
+    pub fn scenes(&self) -> GpuScenes {
+        self.scenes.clone()
     }
 
     /// Why it does not paint a block; `None`: it does.
     pub fn refuses(&self, block: &BlockWork) -> Option<String> {
-        refusal(self.data, block)
+        refusal(block)
     }
+}
+
+/// What is left to scenes of a device's memory, with so many paths under way.
+fn for_scenes(memory: AdapterMemory, paths: u64) -> u64 {
+    /// What a path takes, its sums and all, with room to spare.
+    const PATH_BYTES: u64 = 512;
+    let free = memory.free.unwrap_or(memory.total);
+    (free - free / 10).saturating_sub(paths * PATH_BYTES)
 }
 
 fn usual_paths(kind: AdapterKind) -> u64 {
@@ -90,37 +184,43 @@ fn usual_paths(kind: AdapterKind) -> u64 {
 impl WindowedResource<RenderWork> for GpuPaths {
     fn descriptor(&self) -> ResourceDescriptor {
         // Of the usual bus of each kind; what a unit costs is learnt anyway.
-        let (latency_us, bandwidth) = match self.info.kind {
+        let (latency_us, bandwidth) = match self.adapter.info.kind {
             AdapterKind::Discrete | AdapterKind::Virtual | AdapterKind::Other => (50, 12e9),
             AdapterKind::Integrated | AdapterKind::Software => (20, 20e9),
         };
         ResourceDescriptor {
-            name: self.info.name.clone(),
+            name: self.adapter.info.name.clone(),
             primitives: PrimitiveSet::from([Primitive::Intersect, Primitive::Occluded, Primitive::PixelBlock]),
-            memory_bytes: None,
+            memory_bytes: self.memory_bytes,
             link: Link { latency: Duration::from_micros(latency_us), bandwidth },
         }
     }
 
     fn send(&mut self, packet: Packet<RenderWork>) {
-        if let Some(messages) = &self.messages {
-            // A worker that is gone drops the reply, which says that the packet is lost.
-            let _ = messages.send(Message::Paint(packet.works, packet.reply));
-        }
+        // A worker that is gone drops the reply, which says that the packet is lost.
+        let _ = self.scenes.messages.send(Message::Paint(packet.works, packet.reply));
     }
 
     fn recover(&mut self) -> Result<(), String> {
         let gone = || "the device's thread ended".to_owned();
         let (tell, answer) = channel();
-        let messages = self.messages.as_ref().ok_or_else(gone)?;
-        messages.send(Message::Recover(tell)).map_err(|_| gone())?;
+        self.scenes.messages.send(Message::Recover(tell)).map_err(|_| gone())?;
         answer.recv().map_err(|_| gone())?
+    }
+
+    fn evict(&mut self, data: DataId) {
+        // A worker that is gone has nothing.
+        let _ = self.scenes.messages.send(Message::Evict(data));
+    }
+
+    fn memory_free(&self) -> Option<u64> {
+        self.adapter.memory()?.free
     }
 }
 
 impl Drop for GpuPaths {
     fn drop(&mut self) {
-        self.messages = None;
+        let _ = self.scenes.messages.send(Message::End);
         if let Some(worker) = self.worker.take() {
             let _ = worker.join();
         }

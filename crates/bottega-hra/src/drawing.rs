@@ -1,4 +1,4 @@
-//! Time lines of resources as a drawing.
+//! What resources and the work bin were at, as a drawing.
 
 use std::fmt::Write;
 
@@ -10,14 +10,18 @@ const RIGHT: f64 = 80.0;
 const ROW: f64 = 28.0;
 const BAR: f64 = 18.0;
 const TOP: f64 = 30.0;
+/// Height of the row that shows the bin.
+const BIN: f64 = 48.0;
+/// Height of a line of text below the drawing.
+const LINE: f64 = 18.0;
 
 /// Draws what each resource was at as SVG, a bar a resource with its occupation in percent: the share of the time
-/// since the allocator was made, or of `from` to `to`, in which it had work. Needs
-/// [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
+/// since the allocator was made, or of `from` to `to`, in which it had work. Below them is how many units waited in the
+/// bin, and what went wrong when. Needs [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
 pub fn timeline_svg(report: &HraReport, window: Option<(Time, Time)>) -> String {
     let (from, to) = window.unwrap_or((Time::ZERO, Time::at(report.uptime)));
-    let span_ns = to.since(from).as_nanos().max(1) as f64;
-    let height = TOP + ROW * report.resources.len() as f64 + 30.0;
+    let rows = TOP + ROW * report.resources.len() as f64;
+    let height = rows + BIN + 40.0 + LINE * report.incidents.len() as f64;
     let mut svg = String::new();
     // Writing to a string does not fail.
     let _ = write!(
@@ -25,38 +29,131 @@ pub fn timeline_svg(report: &HraReport, window: Option<(Time, Time)>) -> String 
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
          font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#ffffff\"/>\n"
     );
-    let x = |at: Time| LEFT + (WIDTH - LEFT - RIGHT) * (at.since(from).as_nanos() as f64 / span_ns).min(1.0);
+    legend(&mut svg);
+    let scale = TimeScale { from, to };
     for (resource, row) in report.resources.iter().zip(0..) {
-        draw_row(&mut svg, resource, TOP + ROW * f64::from(row), (from, to), x);
+        draw_row(&mut svg, resource, TOP + ROW * f64::from(row), &scale);
     }
-    let axis = height - 12.0;
+    draw_bin(&mut svg, report, rows, &scale);
+    let axis = rows + BIN + 20.0;
+    let span_ns = to.since(from).as_nanos().max(1) as f64;
     for tenth in 0..=10_u32 {
         let at = from.plus_ns(span_ns * f64::from(tenth) / 10.0);
         let seconds = at.since(Time::ZERO).as_secs_f64();
-        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{axis:.1}\" text-anchor=\"middle\">{seconds:.3} s</text>", x(at));
+        let x = scale.x(at);
+        let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{axis:.1}\" text-anchor=\"middle\">{seconds:.3} s</text>");
     }
+    draw_incidents(&mut svg, report, axis + LINE, &scale);
     svg.push_str("</svg>\n");
     svg
 }
 
-fn draw_row(svg: &mut String, resource: &ResourceReport, y: f64, (from, to): (Time, Time), x: impl Fn(Time) -> f64) {
+/// Where moments are.
+struct TimeScale {
+    from: Time,
+    to: Time,
+}
+
+impl TimeScale {
+    fn x(&self, at: Time) -> f64 {
+        let span_ns = self.to.since(self.from).as_nanos().max(1) as f64;
+        LEFT + (WIDTH - LEFT - RIGHT) * (at.since(self.from).as_nanos() as f64 / span_ns).min(1.0)
+    }
+}
+
+fn legend(svg: &mut String) {
+    let words = [
+        (Activity::Working, "at work"),
+        (Activity::Idle, "idle"),
+        (Activity::Suspended, "left alone after a failure"),
+        (Activity::Retired, "given up"),
+    ];
+    let mut x = LEFT;
+    for (activity, words) in words {
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{x}\" y=\"8\" width=\"12\" height=\"12\" fill=\"{}\"/><text x=\"{}\" y=\"18\">{words}</text>",
+            colour(activity),
+            x + 16.0
+        );
+        x += 34.0 + 6.5 * words.len() as f64;
+    }
+}
+
+fn draw_row(svg: &mut String, resource: &ResourceReport, y: f64, scale: &TimeScale) {
     let text = y + BAR - 4.0;
-    let _ = writeln!(svg, "<text x=\"8\" y=\"{text:.1}\">{}</text>", escaped(&resource.descriptor.name));
+    let _ = writeln!(svg, "<text x=\"8\" y=\"{text:.1}\">{}</text>", escaped(&resource.descriptor.name, 24));
     let mut busy = 0.0;
-    for span in resource.spans.iter().filter(|span| span.to > from && span.from < to) {
-        let (start, end) = (span.from.max(from), span.to.min(to));
+    for span in resource.spans.iter().filter(|span| span.to > scale.from && span.from < scale.to) {
+        let (start, end) = (span.from.max(scale.from), span.to.min(scale.to));
         if span.activity == Activity::Working {
             busy += end.since(start).as_nanos() as f64;
         }
-        let (left, width) = (x(start), x(end) - x(start));
+        let (left, width) = (scale.x(start), scale.x(end) - scale.x(start));
         let colour = colour(span.activity);
         let _ = writeln!(
             svg,
             "<rect x=\"{left:.2}\" y=\"{y:.1}\" width=\"{width:.2}\" height=\"{BAR}\" fill=\"{colour}\"/>"
         );
     }
-    let percent = 100.0 * busy / to.since(from).as_nanos().max(1) as f64;
+    let percent = 100.0 * busy / scale.to.since(scale.from).as_nanos().max(1) as f64;
     let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{text:.1}\">{percent:.1} %</text>", WIDTH - RIGHT + 8.0);
+}
+
+/// Units that wait as an area, what the bin takes as a line above it.
+fn draw_bin(svg: &mut String, report: &HraReport, top: f64, scale: &TimeScale) {
+    let steps: Vec<_> = report.bin.steps.iter().filter(|step| step.to > scale.from && step.from < scale.to).collect();
+    // What the bin would take is often far more: where it is, its line lies at the top.
+    let most = steps.iter().map(|step| step.waiting).fold(1.0, f64::max);
+    let bottom = top + BIN - 4.0;
+    let y = |units: f64| bottom - (BIN - 10.0) * (units / most).min(1.0);
+    let (mut area, mut line) = (format!("{LEFT:.1},{bottom:.1}"), String::new());
+    for step in &steps {
+        let (left, right) = (scale.x(step.from.max(scale.from)), scale.x(step.to));
+        let (waiting, capacity) = (y(step.waiting), y(step.capacity as f64));
+        let _ = write!(area, " {left:.1},{waiting:.1} {right:.1},{waiting:.1}");
+        let _ = write!(line, " {left:.1},{capacity:.1} {right:.1},{capacity:.1}");
+    }
+    let end = steps.last().map_or(LEFT, |step| scale.x(step.to));
+    let full = 100.0 * report.bin.full.as_secs_f64() / report.uptime.as_secs_f64().max(f64::MIN_POSITIVE);
+    let _ = writeln!(
+        svg,
+        "<text x=\"8\" y=\"{:.1}\">units that wait</text>\n<polygon points=\"{area} {end:.1},{bottom:.1}\" \
+         fill=\"#4a7fb5\"/>\n<polyline points=\"{}\" fill=\"none\" stroke=\"#999999\"/>\n<text x=\"{:.1}\" \
+         y=\"{:.1}\">at most {most:.0}</text>\n<text x=\"{:.1}\" y=\"{bottom:.1}\">full {full:.0} %</text>",
+        top + BIN / 2.0,
+        line.trim_start(),
+        WIDTH - RIGHT + 8.0,
+        top + 14.0,
+        WIDTH - RIGHT + 8.0,
+    );
+}
+
+/// A line of text for each, and where on the time line it happened last.
+fn draw_incidents(svg: &mut String, report: &HraReport, top: f64, scale: &TimeScale) {
+    for (incident, line) in report.incidents.iter().zip(0..) {
+        let y = top + LINE * f64::from(line);
+        let resource = report.resources.iter().position(|resource| resource.id == incident.resource);
+        let name =
+            resource.map_or_else(|| incident.resource.to_string(), |at| report.resources[at].descriptor.name.clone());
+        let text = format!(
+            "{name} {} at {:.3} s, {} times: {}",
+            incident.fault,
+            incident.last.since(Time::ZERO).as_secs_f64(),
+            incident.count,
+            incident.reason
+        );
+        let _ = writeln!(svg, "<text x=\"8\" y=\"{y:.1}\" fill=\"#a33a3a\">{}</text>", escaped(&text, 140));
+        if let Some(row) = resource {
+            let (x, y) = (scale.x(incident.last), TOP + ROW * row as f64);
+            let _ = writeln!(
+                svg,
+                "<path d=\"M{x:.1} {:.1} l-4 -7 h8 z\" fill=\"#a33a3a\"><title>{}</title></path>",
+                y + 2.0,
+                escaped(&text, 140)
+            );
+        }
+    }
 }
 
 fn colour(activity: Activity) -> &'static str {
@@ -69,9 +166,9 @@ fn colour(activity: Activity) -> &'static str {
 }
 
 /// A name as XML text; what no XML may hold is left out.
-fn escaped(name: &str) -> String {
+fn escaped(name: &str, length_max: usize) -> String {
     let mut out = String::new();
-    for c in name.chars().take(24) {
+    for c in name.chars().take(length_max) {
         match c {
             '<' => out.push_str("&lt;"),
             '&' => out.push_str("&amp;"),
@@ -103,8 +200,16 @@ mod tests {
         // All of the work is done by the first, without a pause; the second would have ended later with a single unit.
         assert!(svg.contains("a &lt; b &amp; c") && svg.contains("100.0 %") && svg.contains(">0.0 %"), "{svg}");
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
-        assert_eq!(svg.matches(colour(Activity::Working)).count(), 1, "{svg}");
+        let bars = |svg: &str| {
+            svg.lines()
+                .filter(|line| line.contains("height=\"18\"") && line.contains(colour(Activity::Working)))
+                .count()
+        };
+        assert_eq!(bars(&svg), 1, "{svg}");
         let half = timeline_svg(&outcome.report, Some((Time::ZERO, outcome.end.after(outcome.end.since(Time::ZERO)))));
         assert!(half.contains("50.0 %"), "{half}");
+        // What waits is drawn: ten units, one of which is at work at once.
+        let bin = &outcome.report.bin;
+        assert!(bin.mean_waiting > 3.0 && bin.mean_waiting < 9.0, "{bin:?}");
     }
 }

@@ -47,7 +47,7 @@
 //! | what primitives cost, kept between runs | `src/policy/cost.rs`, `src/policy/book.rs` |
 //! | the policy run by threads | `src/threads/` |
 //! | the policy in virtual time | `src/simulate/` |
-//! | what resources did, in figures and as a drawing | `src/report.rs`, `src/drawing.rs` |
+//! | what resources and the bin did, in figures, as a drawing and as data | `src/report.rs`, `src/drawing.rs`, `src/timeline.rs` |
 //! | batches of rays as work | `src/rays.rs` |
 //! | how to add a board | `examples/board.rs`; rules and promises: `docs/hra.md` |
 
@@ -64,6 +64,7 @@ mod resource;
 mod resource_id;
 pub mod simulate;
 mod threads;
+mod timeline;
 mod work;
 
 pub use activity::Activity;
@@ -71,6 +72,7 @@ pub use allocator::{Hra, Lane};
 pub use client::HraClient;
 pub use config::HraConfig;
 pub use drawing::timeline_svg;
+pub use policy::bin_log::{BinReport, BinStep};
 pub use policy::book::{CostBook, CostBookError};
 pub use policy::cost::{CostModel, split_work};
 pub use policy::incident::{Fault, Incident};
@@ -83,4 +85,5 @@ pub use resource::{Link, Resource, ResourceDescriptor, VirtualCpu, Window};
 pub use resource_id::ResourceId;
 pub use threads::far::{Packet, Reply, WindowedResource};
 pub use threads::simulated::{Simulated, SimulatedModel};
+pub use timeline::timeline_json;
 pub use work::{Closed, Completed, Failed, SubmitError, TrySubmit, UnitError, Work, WorkUnit};

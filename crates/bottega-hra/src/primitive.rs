@@ -14,6 +14,8 @@ pub enum Primitive {
     Occluded,
     /// The nearest photons of a batch of points. Low level.
     PhotonGather,
+    /// Paths of a wave at the surfaces that their rays met. High level.
+    Shade,
     /// Samples of a block of pixels. High level.
     PixelBlock,
     /// Paths of a batch of photons. High level.
@@ -24,11 +26,18 @@ pub enum Primitive {
 
 impl Primitive {
     /// How many primitives there are.
-    pub const COUNT: usize = 6;
+    pub const COUNT: usize = 7;
 
     /// Every primitive, in the order of [`Primitive::index`].
-    pub const ALL: [Self; Self::COUNT] =
-        [Self::Intersect, Self::Occluded, Self::PhotonGather, Self::PixelBlock, Self::PhotonBatch, Self::SensorBatch];
+    pub const ALL: [Self; Self::COUNT] = [
+        Self::Intersect,
+        Self::Occluded,
+        Self::PhotonGather,
+        Self::Shade,
+        Self::PixelBlock,
+        Self::PhotonBatch,
+        Self::SensorBatch,
+    ];
 
     /// Place in [`Primitive::ALL`], for tables with an entry a primitive.
     pub const fn index(self) -> usize {
@@ -41,6 +50,7 @@ impl Primitive {
             Self::Intersect => "intersect",
             Self::Occluded => "occluded",
             Self::PhotonGather => "photon gather",
+            Self::Shade => "shade",
             Self::PixelBlock => "pixel block",
             Self::PhotonBatch => "photon batch",
             Self::SensorBatch => "sensor batch",

@@ -27,6 +27,7 @@
 //! | casting shared out among machines; photons and agents as bytes | `src/sharing.rs`, `src/photon/bytes.rs`, `src/ala/bytes.rs` |
 //! | what a place costs, the survey | `src/survey.rs`, `src/survey/probe.rs` |
 //! | a scene for devices, and the layout of its records | `src/flat.rs`, `src/flat/`, `src/flat/layout.rs` |
+//! | paths in waves: rays asked of others, shading between | `src/integrator/wave.rs`, `src/wave_work.rs` |
 //! | work units of the allocator | `src/work.rs`, `src/photon/units.rs`, `src/ala/units.rs` |
 //! | laws of scattering; pictures held to those of others | `tests/bsdf_laws/`, `tests/pictures/` |
 
@@ -55,6 +56,7 @@ mod settings;
 mod shading;
 mod sharing;
 mod surfaces;
+mod wave_work;
 mod work;
 
 pub use error::RenderError;
@@ -66,6 +68,7 @@ pub use settings::{AgentSettings, AgentUse, DirectLight, Oracle, PathSettings, P
 pub use sharing::Sharing;
 pub use surfaces::Surfaces;
 pub use survey::survey;
+pub use wave_work::WaveWork;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};
 
 /// Luminance of linear Rec. 709 RGB.

@@ -52,6 +52,8 @@ pub struct PreparedScene {
     needs_volume: bool,
     threads: usize,
     id: DataId,
+    /// Bytes on a device, once one has said what it takes.
+    device_bytes: AtomicU64,
 }
 
 impl PreparedScene {
@@ -96,6 +98,7 @@ impl PreparedScene {
             needs_volume,
             threads: options.threads,
             id,
+            device_bytes: AtomicU64::new(0),
         }
     }
 
@@ -108,6 +111,16 @@ impl PreparedScene {
     /// Names it as data that may be resident in a resource; unique within the process.
     pub fn data_id(&self) -> DataId {
         self.id
+    }
+
+    /// Bytes that it takes on the device where it takes most; 0 until one has told.
+    pub fn device_bytes(&self) -> u64 {
+        self.device_bytes.load(Ordering::Relaxed)
+    }
+
+    /// A device tells how many bytes the scene takes there.
+    pub fn note_device_bytes(&self, bytes: u64) {
+        self.device_bytes.fetch_max(bytes, Ordering::Relaxed);
     }
 
     /// Whether some surface may let rays pass, so that hits must be asked.

@@ -7,9 +7,9 @@ use bottega_image::{Aov, Rect, Tile};
 use bottega_kernels::{Hit, Ray};
 
 use crate::{
-    PathSettings, PreparedScene, Prepass, RenderError, View,
+    PathSettings, PreparedScene, Prepass, RenderError, View, WaveWork,
     ala::{Agent, AgentWork, Sensed, SensorWork},
-    integrator::{Integrator, Wanted},
+    integrator::{Integrator, Wanted, Wave},
     photon::{IrradiancePlaces, IrradianceWork, PhotonWork, Traced},
     survey::{SurveyPixel, probe},
 };
@@ -36,6 +36,8 @@ pub enum RenderWork {
     },
     /// Samples of a block of pixels.
     Block(BlockWork),
+    /// Paths of a wave at their vertices.
+    Wave(Box<WaveWork>),
     /// A fast look at a block of pixels.
     Probe(ProbeWork),
     /// Photons on their way.
@@ -89,6 +91,8 @@ pub enum RenderOutput {
     Occlusion(Vec<bool>),
     /// The sums, with the samples added.
     Block(BlockOutput),
+    /// The wave, with its next rays.
+    Wave(Box<Wave>),
     /// One a pixel, row-major.
     Probe(Vec<SurveyPixel>),
     /// Where they arrived, in the order of their indices.
@@ -130,6 +134,10 @@ impl RenderWork {
                 Ok(output) => RenderOutput::Block(output),
                 Err(error) => RenderOutput::Refused(Arc::new(error)),
             },
+            Self::Wave(work) => match work.perform() {
+                Ok(wave) => RenderOutput::Wave(Box::new(wave)),
+                Err(error) => RenderOutput::Refused(Arc::new(error)),
+            },
             Self::Probe(work) => match probe(&work.scene, work.view, &work.settings, work.rect, work.sample_count) {
                 Ok(pixels) => RenderOutput::Probe(pixels),
                 Err(error) => RenderOutput::Refused(Arc::new(error)),
@@ -148,6 +156,7 @@ impl RenderWork {
         match self {
             Self::Rays { scene, .. } | Self::Occlusion { scene, .. } => scene,
             Self::Block(block) => &block.scene,
+            Self::Wave(work) => &work.scene,
             Self::Probe(probe) => &probe.scene,
             Self::Photons(work) => &work.scene,
             Self::Irradiance(work) => &work.scene,
@@ -195,6 +204,7 @@ impl Work for RenderWork {
             Self::Rays { .. } => Primitive::Intersect,
             Self::Occlusion { .. } => Primitive::Occluded,
             Self::Block(_) | Self::Probe(_) => Primitive::PixelBlock,
+            Self::Wave(_) => Primitive::Shade,
             Self::Photons(_) | Self::Agents(_) => Primitive::PhotonBatch,
             Self::Irradiance(_) => Primitive::PhotonGather,
             Self::Sensors(_) => Primitive::SensorBatch,
@@ -205,6 +215,7 @@ impl Work for RenderWork {
         match self {
             Self::Rays { rays, .. } | Self::Occlusion { rays, .. } => rays.len() as u64,
             Self::Block(block) => block.tile.rect().area() * block.samples.len() as u64,
+            Self::Wave(work) => work.wave.path_count(),
             Self::Probe(probe) => probe.rect.area() * u64::from(probe.sample_count),
             Self::Photons(work) => work.indices.len() as u64,
             Self::Irradiance(work) => work.points.len() as u64,
@@ -217,16 +228,26 @@ impl Work for RenderWork {
         Some(self.scene().data_id())
     }
 
+    fn data_bytes(&self) -> u64 {
+        self.scene().device_bytes()
+    }
+
     fn payload_bytes(&self) -> u64 {
         match self {
             Self::Rays { rays, .. } | Self::Occlusion { rays, .. } => size_of_val(rays.as_slice()) as u64,
             Self::Block(block) => size_of_val(block.tile.sums()) as u64,
-            Self::Probe(_) | Self::Photons(_) | Self::Irradiance(_) | Self::Agents(_) | Self::Sensors(_) => 0,
+            Self::Wave(_)
+            | Self::Probe(_)
+            | Self::Photons(_)
+            | Self::Irradiance(_)
+            | Self::Agents(_)
+            | Self::Sensors(_) => 0,
         }
     }
 
     fn backup(&self) -> Option<Self> {
-        Some(self.clone())
+        // A wave is as much to copy as it is to shade.
+        (!matches!(self, Self::Wave(_))).then(|| self.clone())
     }
 }
 
@@ -236,6 +257,7 @@ impl RayWork for RenderWork {
             Self::Rays { rays, .. } => Some(RayQuery::Intersect(rays)),
             Self::Occlusion { rays, .. } => Some(RayQuery::Occluded(rays)),
             Self::Block(_)
+            | Self::Wave(_)
             | Self::Probe(_)
             | Self::Photons(_)
             | Self::Irradiance(_)

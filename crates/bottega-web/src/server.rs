@@ -85,6 +85,8 @@ impl JobState {
             | Event::Auction(_)
             | Event::Mixed { .. }
             | Event::Recorded { .. }
+            | Event::Resources { .. }
+            | Event::Timeline { .. }
             | Event::Frame { .. }
             | Event::Denoised { .. } => self.notes.push(event),
             Event::Finished { .. } | Event::Interrupted { .. } | Event::Fetched { .. } => self.end = Some(event),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bottega_engines::{BuiltinEngine, BuiltinOptions};
 use bottega_farm::{Expert, Goal, JobReport, JobSettings};
 use bottega_image::Metadata;
-use bottega_render::PathSettings;
+use bottega_render::{PathSettings, integrator::Wave};
 
 use crate::{
     devices::{DeviceChoice, DeviceSet, costs, incident_line},
@@ -55,6 +55,12 @@ impl BuiltinPainter {
         notes.extend(self.crew.notes.iter().cloned());
         let has_paths = self.method.photons.is_none()
             && self.subject.prepared.can_learn(self.subject.view, planned_samples(&self.settings));
+        if request.integrator.wavefront {
+            let paths = PathSettings { photons: self.method.photons, ..PathSettings::default() };
+            let (prepared, layout) = (&self.subject.prepared, &self.settings.layout);
+            let refusal = Wave::refusal(prepared, self.subject.view, &paths, layout);
+            notes.extend(refusal.map(|why| format!("--wavefront does nothing here: {why}")));
+        }
         if asks_for_agents(&request.guide) && !has_paths {
             let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, \
                        and 524288 samples or more, all pixels together";
@@ -137,9 +143,13 @@ pub fn own_engine(
     let choice = DeviceChoice::of(&request.devices.names)
         .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed))?
         .exactly(request.devices.exact)?;
-    let mut crew = DeviceSet::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some())?;
-    let options = BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads };
+    let memory = request.devices.memory_mb.map(|mib| u64::from(mib) << 20);
+    let crew = DeviceSet::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some(), memory)?;
+    let wavefront = request.integrator.wavefront
+        && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
+    let options =
+        BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads, wavefront };
     let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
-    let engine = BuiltinEngine::with_prepass(scene, prepass, options, std::mem::take(&mut crew.devices));
+    let engine = BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources));
     Ok((engine, crew))
 }

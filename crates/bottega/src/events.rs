@@ -132,6 +132,24 @@ pub enum Event {
         /// The file.
         file: String,
     },
+    /// What the processors and devices of this machine did while the picture was painted.
+    Resources {
+        /// One after the other.
+        resources: Vec<ResourceUse>,
+        /// Since the scene was loaded.
+        seconds: f64,
+        /// Units that waited in the work bin, in the mean.
+        bin_waiting: f64,
+        /// Share of the time in which the work bin was full.
+        bin_full: f64,
+        /// Share of the time in which it was empty.
+        bin_empty: f64,
+    },
+    /// The same is written as a drawing or as data.
+    Timeline {
+        /// The file.
+        file: String,
+    },
     /// The picture was led to its end by another machine, and is written here.
     Fetched {
         /// The file.
@@ -170,6 +188,28 @@ pub enum Event {
         /// Share of the samples that are taken.
         done: f64,
     },
+}
+
+/// A processor or a device, and what it did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ResourceUse {
+    /// Its name.
+    pub name: String,
+    /// Share of its time with work, from 0 to 1.
+    pub occupation: f64,
+    /// Units of work done.
+    pub units: u64,
+    /// Attempts that failed.
+    pub failures: u64,
+    /// Memory of its own for scenes, where it tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub memory_bytes: Option<u64>,
+    /// Bytes of scenes that are in it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resident_bytes: Option<u64>,
+    /// Bytes of scenes that it was sent since this program opened it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sent_bytes: Option<u64>,
 }
 
 /// A zone of the picture.

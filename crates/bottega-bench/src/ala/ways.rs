@@ -154,7 +154,7 @@ impl PaintedScene<'_> {
             ..PathSettings::default()
         };
         let layout = Layout::new(AovSet::NONE);
-        let options = BuiltinOptions { view: self.view, settings, layout, threads: self.threads };
+        let options = BuiltinOptions { view: self.view, settings, layout, threads: self.threads, wavefront: false };
         Ok(BuiltinEngine::new(prepared, options, Devices::default()))
     }
 

@@ -74,7 +74,7 @@ fn once(options: &HraOptions, scene: &RayScene, way: Way, samples: u32) -> Resul
         ..PathSettings::default()
     };
     let view = View { camera: 0, width: SIDE, height: SIDE };
-    let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads };
+    let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads, wavefront: false };
     let devices = Devices { lanes, costs: None };
     let engine = BuiltinEngine::new(Arc::clone(&scene.prepared), options, devices);
     let (_, time) = paint_zone_with(&engine, view, settings, samples)?;

@@ -202,7 +202,13 @@ impl<'a> MagarroScene<'a> {
             ..PathSettings::default()
         };
         let view = View { camera: 0, width: self.width, height: self.height };
-        let options = BuiltinOptions { view, settings: path_settings, layout: settings.layout.clone(), threads: 1 };
+        let options = BuiltinOptions {
+            view,
+            settings: path_settings,
+            layout: settings.layout.clone(),
+            threads: 1,
+            wavefront: false,
+        };
         let engine = Arc::new(BuiltinEngine::new(prepared, options, Devices::default()));
         let recorder = Arc::new(Recorder::new(engine, Arc::new(())));
         let (as_engine, as_observer) = (Arc::clone(&recorder) as _, Arc::clone(&recorder) as _);

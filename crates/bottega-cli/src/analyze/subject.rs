@@ -46,8 +46,13 @@ impl AnalyzedScene {
             planned_samples: args.spp,
             ..PathSettings::default()
         };
-        let options =
-            BuiltinOptions { view: subject.view, settings, layout: Layout::new(AovSet::NONE), threads: painters };
+        let options = BuiltinOptions {
+            view: subject.view,
+            settings,
+            layout: Layout::new(AovSet::NONE),
+            threads: painters,
+            wavefront: false,
+        };
         let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
         let engine = BuiltinEngine::with_prepass(scene, prepass, options, Devices::default());
         let frame = subject.frame();

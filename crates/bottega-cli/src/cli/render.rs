@@ -49,6 +49,10 @@ pub(crate) struct RenderArgs {
     /// Light samples at each bounce. Default: 1.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(LIGHT_SAMPLES_MAX)), help_heading = "Quality")]
     light_samples: Option<u32>,
+    /// Have rays be units of work of their own, which any device may follow, and shading be another: the way of the HRA paper.
+    /// The picture has the same bits; which way is faster is in docs/hra.md.
+    #[arg(long, help_heading = "Work")]
+    wavefront: bool,
     /// Give each cell of 32 × 32 pixels samples until its estimated relative error is at most this, such as 0.05; --spp is
     /// then the most that a pixel gets (default: 4096). Whoever paints it, the picture is the same.
     #[arg(long, value_name = "E", value_parser = parse_error, conflicts_with = "time", help_heading = "Quality")]
@@ -132,6 +136,10 @@ pub(crate) struct RenderArgs {
     /// Have every pixel the same to the last bit, whoever paints it: by processors alone, on all machines of a farm.
     #[arg(long, help_heading = "Work")]
     exact: bool,
+    /// Memory that scenes may take on each GPU, in MiB. What does not fit is painted by the processors. Default: nearly all
+    /// that it has.
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Work")]
+    gpu_memory: Option<u32>,
     /// Paint these frames of an animation: a list of numbers and ranges, such as 1..24, 1..9:2 (every second one), -5..5 or
     /// 1,4,7..9; both ends of a range are painted. The number of a frame takes the place of `####` or `%04d` in the name of
     /// the output; one below 0 is `-` and then its digits. With --farm all frames are painted at once, by all machines.
@@ -177,6 +185,9 @@ pub(crate) struct RenderArgs {
     /// Write down what each zone took, for `bottega simulate`.
     #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with_all = ["resume", "error", "time"], help_heading = "Output")]
     pub(crate) record: Option<PathBuf>,
+    /// Draw what each processor and device was at, how full the work bin was and what went wrong: .svg, or .json as data.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "frames", help_heading = "Output")]
+    pub(crate) timeline: Option<PathBuf>,
     /// How the winners of an auction among the agents are found. Default: finishing-time.
     #[arg(long, value_name = "RULE", value_parser = choice::<AuctionChoice>(), help_heading = "Work")]
     auction: Option<AuctionChoice>,
@@ -237,6 +248,7 @@ impl RenderArgs {
         set(&mut integrator.method, self.integrator);
         set(&mut integrator.max_depth, self.max_depth);
         change(&mut integrator.light_samples, self.light_samples);
+        integrator.wavefront |= self.wavefront;
         self.photons.apply(&mut request.photons);
         self.lighting_agents.apply(&mut request.lighting_agents);
         self.guide.apply(&mut request.guide);
@@ -268,6 +280,7 @@ impl RenderArgs {
         }
         change(&mut request.devices.names, self.devices.as_ref().map(DeviceChoice::names));
         request.devices.exact |= self.exact;
+        set(&mut request.devices.memory_mb, self.gpu_memory);
         change(&mut request.farm.priority, self.priority);
         set(&mut request.farm.verify, self.verify);
         request.farm.strangers |= self.strangers;

@@ -123,6 +123,7 @@ fn light(words: &mut OptionWords, request: &Request, usual: &Request) {
     words.option("--integrator", integrator.method.map(WordChoice::word));
     words.option("--max-depth", integrator.max_depth);
     words.changed("--light-samples", &integrator.light_samples, &usual.integrator.light_samples);
+    words.switch("--wavefront", integrator.wavefront);
     words.option("--photons", photons.count);
     words.option("--photon-gather", photons.gather);
     words.option("--photon-radius", photons.radius);
@@ -178,6 +179,7 @@ fn work(words: &mut OptionWords, request: &Request, usual: &Request) -> Result<(
     words.option("--threads", devices.threads);
     words.option("--devices", (devices.names != usual.devices.names).then(|| devices.names.join(",")));
     words.switch("--exact", devices.exact);
+    words.option("--gpu-memory", devices.memory_mb);
     words.option("--frames", request.frames.as_ref().map(|frames| String::from(frames.list.clone())));
     words.option("--fps", request.frames.as_ref().map(|frames| frames.fps));
     if *farm != usual.farm {
@@ -277,6 +279,7 @@ mod tests {
             method in option::of(choice::<IntegratorChoice>()), depth in option::of(0u32..4096), seed in any::<u64>(),
             photons in (option::of(1u32..100_000_000), option::of(1e-6f32..1.0), any::<bool>()),
             oracle in (choice::<OracleChoice>(), 0.001f64..1.0, proptest::collection::vec(choice::<OracleQuestion>(), 1..3)),
+            wavefront in proptest::bool::ANY,
             guide in prop_oneof![
                 Just((None, vec![])), Just((Some(GuideChoice::None), vec![])),
                 proptest::collection::vec(choice::<GuideUse>(), 0..4).prop_map(|uses| (Some(GuideChoice::Ala), uses)),
@@ -289,12 +292,13 @@ mod tests {
                 Just(BandChoice::Off), Just(BandChoice::Rules), (1u32..=64).prop_map(BandChoice::Pixels)
             ],
             rules in proptest::collection::vec("paper|(\\./)?[a-z]{1,8}\\.fcl", 0..3), threads in option::of(1u16..1024),
-            devices in select(&["auto", "cpu", "cpu,H100"][..]), frames in option::of(("-?[0-9]{1,3}(,[0-9]{1,3})?", 0.1f32..99.0)),
+            devices in (select(&["auto", "cpu", "cpu,H100"][..]), option::of(1u32..90_000)), frames in option::of(("-?[0-9]{1,3}(,[0-9]{1,3})?", 0.1f32..99.0)),
             tone in (choice::<ToneCurve>(), choice::<PngEncoding>(), -40.0f32..40.0),
             farm in (1u32..1000, option::of(1u32..=3)),
         ) -> Request {
             (request.goal.samples, request.goal.error) = (samples, error);
             (request.integrator.method, request.integrator.max_depth, request.seed) = (method, depth, seed);
+            request.integrator.wavefront = wavefront;
             (request.photons.count, request.photons.radius, request.photons.progressive) = photons;
             let agents = &mut request.lighting_agents;
             (agents.oracle, agents.error, agents.decides) = oracle;
@@ -306,7 +310,8 @@ mod tests {
             (to.zone_min_size, to.zone_max_complexity, to.zone_similarity, to.zone_balance) = zones;
             to.bands = bands;
             request.devices.threads = threads;
-            request.devices.names = devices.split(',').map(str::to_owned).collect();
+            request.devices.memory_mb = devices.1;
+            request.devices.names = devices.0.split(',').map(str::to_owned).collect();
             if let Some((list, fps)) = frames {
                 request.scene.time = None;
                 request.frames = Some(FrameOptions { fps, ..FrameOptions::new(list.parse().unwrap()) });

@@ -35,6 +35,9 @@ pub(crate) struct JoinArgs {
     /// GPUs' names. Jobs that ask for `--exact` have processors alone.
     #[arg(long, value_name = "LIST", default_value = "auto")]
     devices: DeviceChoice,
+    /// Memory that scenes may take on each GPU, in MiB. Default: nearly all that it has.
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..))]
+    gpu_memory: Option<u32>,
     /// What the agents of this machine know of rendering, as FCL text: they decide by it what the zones that they win are painted
     /// with, where a job lets rules decide (`--optimize`). May be said again: agents have the sets in turn. Default: what the
     /// job says.
@@ -66,7 +69,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let how = if link.uplink.is_guest() { "as a guest: " } else { "" };
     let (servers, version) = (&link.servers, link.uplink.server_version());
     println!("joined {servers} (NATS {version}) as {}; {how}waiting for work", link.name);
-    let own = WorkerDevices { threads: args.threads, devices: args.devices.clone(), rules };
+    let own = WorkerDevices { threads: args.threads, devices: args.devices.clone(), memory_mb: args.gpu_memory, rules };
     let options = JoinOptions { own, cache: args.cache.clone(), cache_bytes: args.cache_size, once: args.once };
     let say = |said: WorkerMessage<'_>| match said {
         WorkerMessage::Line(line) => println!("{line}"),

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use bottega_hra::DataId;
 use bottega_image::{Aov, Layout, Tile};
 use bottega_render::flat::{FlatPicture, NONE, Portable as _, sobol_table};
 use bottega_render::{BlockOutput, BlockWork, DirectLight, PathSettings, PreparedScene, View};
@@ -15,6 +16,7 @@ pub(super) const PATHS_MAX: u64 = 1 << 31;
 /// What blocks must share to be painted together.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Kind {
+    pub(super) data: DataId,
     pub(super) view: View,
     pub(super) settings: Arc<PathSettings>,
     pub(super) layout: Layout,
@@ -22,7 +24,12 @@ pub(super) struct Kind {
 
 impl Kind {
     pub(super) fn of(block: &BlockWork) -> Self {
-        Self { view: block.view, settings: Arc::clone(&block.settings), layout: block.tile.layout().clone() }
+        Self {
+            data: block.scene.data_id(),
+            view: block.view,
+            settings: Arc::clone(&block.settings),
+            layout: block.tile.layout().clone(),
+        }
     }
 
     /// Floats of a pixel: those of its layout, and the number of samples that were dropped.

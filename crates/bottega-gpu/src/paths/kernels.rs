@@ -83,14 +83,32 @@ pub(super) fn plan_source() -> String {
     [shared::source(), PLAN].concat()
 }
 
-/// All pipelines, and the layouts of what they see.
+/// The layouts of what kernels see, whatever they are made for.
+#[derive(Debug)]
+pub(super) struct Layouts {
+    /// Scene and batch, read only.
+    pub(super) scene: BindGroupLayout,
+    /// What the kernels write.
+    pub(super) state: BindGroupLayout,
+    pub(super) plan: BindGroupLayout,
+}
+
+impl Layouts {
+    pub(super) fn new(context: &Context) -> Self {
+        let read = storage(true);
+        let scene: Vec<_> = (0..6).map(|at| (at, read)).chain([(6, BufferBindingType::Uniform)]).collect();
+        let written: Vec<_> = (0..4).map(|at| (at, storage(false))).collect();
+        Self {
+            scene: context.layout("scene", &scene),
+            state: context.layout("state", &written),
+            plan: context.layout("plan", &written[..2]),
+        }
+    }
+}
+
+/// All pipelines of a variant.
 #[derive(Debug)]
 pub(super) struct Kernels {
-    /// Scene and batch, read only.
-    pub(super) scene_layout: BindGroupLayout,
-    /// What the kernels write.
-    pub(super) state_layout: BindGroupLayout,
-    pub(super) plan_layout: BindGroupLayout,
     pub(super) generate: ComputePipeline,
     pub(super) accumulate: ComputePipeline,
     pub(super) extend: ComputePipeline,
@@ -103,16 +121,10 @@ pub(super) struct Kernels {
 }
 
 impl Kernels {
-    pub(super) fn new(context: &Context, variant: Variant, cache: Option<&PipelineCache>) -> Self {
-        let read = storage(true);
-        let scene: Vec<_> = (0..6).map(|at| (at, read)).chain([(6, BufferBindingType::Uniform)]).collect();
-        let scene_layout = context.layout("scene", &scene);
-        let written: Vec<_> = (0..4).map(|at| (at, storage(false))).collect();
-        let state_layout = context.layout("state", &written);
-        let plan_layout = context.layout("plan", &written[..2]);
+    pub(super) fn new(context: &Context, layouts: &Layouts, variant: Variant, cache: Option<&PipelineCache>) -> Self {
         let make = Maker { context, cache };
-        let paths = make.layout("paths", &[&scene_layout, &state_layout]);
-        let plan = make.layout("plan", &[&plan_layout]);
+        let paths = make.layout("paths", &[&layouts.scene, &layouts.state]);
+        let plan = make.layout("plan", &[&layouts.plan]);
         let [generate, accumulate] = make.pipelines(&make.module(&camera_source()), &paths, ["generate", "accumulate"]);
         // What asks materials and textures, which come from files, stays guarded.
         let source = traversal_source(variant);
@@ -122,20 +134,7 @@ impl Kernels {
         let [miss, shade] = make.pipelines(&make.module(&shading_source(variant)), &paths, ["miss", "shade"]);
         let [plan_extend, plan_shade, plan_next] =
             make.pipelines(&make.module(&plan_source()), &plan, ["plan_extend", "plan_shade", "plan_next"]);
-        Self {
-            scene_layout,
-            state_layout,
-            plan_layout,
-            generate,
-            accumulate,
-            extend,
-            shadow,
-            miss,
-            shade,
-            plan_extend,
-            plan_shade,
-            plan_next,
-        }
+        Self { generate, accumulate, extend, shadow, miss, shade, plan_extend, plan_shade, plan_next }
     }
 }
 

@@ -1,6 +1,5 @@
 //! Which work paths are not followed for.
 
-use bottega_hra::DataId;
 use bottega_image::Aov;
 use bottega_render::BlockWork;
 
@@ -9,16 +8,11 @@ use super::batch::{PATHS_MAX, path_count};
 /// Most pixels of a batch, which bounds what comes back at once.
 pub(super) const PIXELS_MAX: u64 = 1 << 20;
 
-/// Why work of other scenes is given back.
-pub(super) const OTHER_SCENE: &str = "another scene is on the device";
+/// Why work of scenes that are not on its shelf is given back.
+pub(super) const UNKNOWN_SCENE: &str = "the device was not told of this scene";
 
 /// Why a block is given back; `None`: it is painted.
-///
-/// - `data`: the scene that is on the device.
-pub(super) fn refusal(data: DataId, block: &BlockWork) -> Option<String> {
-    if block.scene.data_id() != data {
-        return Some(OTHER_SCENE.to_owned());
-    }
+pub(super) fn refusal(block: &BlockWork) -> Option<String> {
     if block.tile.layout().offset(Aov::Cost).is_some() {
         return Some("the cost of a pixel is not known to devices".to_owned());
     }

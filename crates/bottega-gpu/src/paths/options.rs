@@ -12,12 +12,14 @@ pub struct PathOptions {
     pub paths: u64,
     /// Work without an answer for so long counts as a lost device.
     pub timeout: Duration,
+    /// Bytes that scenes may take on the device. `None`: nearly all that it has.
+    pub memory: Option<u64>,
     /// A folder in which compiled kernels are kept for the next time. `None`: they are not.
     pub cache: Option<PathBuf>,
 }
 
 impl Default for PathOptions {
     fn default() -> Self {
-        Self { adapter: None, paths: 0, timeout: Duration::from_secs(30), cache: None }
+        Self { adapter: None, paths: 0, timeout: Duration::from_secs(30), memory: None, cache: None }
     }
 }

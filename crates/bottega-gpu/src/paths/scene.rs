@@ -3,9 +3,11 @@
 use bottega_render::flat::FlatScene;
 use bottega_render::{PreparedScene, SceneGeometry};
 
+use super::kernels::Variant;
 use crate::error::GpuError;
 use crate::geometry::Geometry;
 use crate::material::{EncodedMaterials, Features};
+use crate::traversal;
 
 /// What is uploaded. Kept, to be uploaded again after the device was lost.
 #[derive(Debug)]
@@ -58,11 +60,29 @@ impl PathScene {
         Ok(made)
     }
 
+    /// What its kernels are made for.
+    pub(super) fn variant(&self) -> Variant {
+        Variant {
+            has_opacity: self.has_opacity,
+            features: self.features,
+            stack_size: traversal::stack_size(self.geometry.depth),
+        }
+    }
+
+    /// What is sent, array by array, with a name for each.
+    pub(super) fn arrays(&self) -> [(&'static str, &[u8]); 5] {
+        [
+            ("nodes", bytemuck::cast_slice(&self.geometry.nodes)),
+            ("shapes", bytemuck::cast_slice(&self.geometry.shapes)),
+            ("scene", bytemuck::cast_slice(&self.words)),
+            ("materials", bytemuck::cast_slice(&self.materials)),
+            ("textures", bytemuck::cast_slice(&self.textures)),
+        ]
+    }
+
     /// Bytes on the device.
     pub(super) fn memory_bytes(&self) -> u64 {
-        let words = self.words.len() + self.materials.len() + self.textures.len();
-        let geometry = size_of_val(&*self.geometry.nodes) + size_of_val(&*self.geometry.shapes);
-        (words * size_of::<u32>() + geometry) as u64
+        self.arrays().iter().map(|(_, bytes)| bytes.len() as u64).sum()
     }
 }
 

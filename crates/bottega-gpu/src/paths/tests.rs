@@ -12,14 +12,13 @@ use bottega_render::{
 use bottega_scene::{Clip, Environment, Panorama, Projection, Scene};
 use glam::Vec3;
 
+use super::GpuAdapter;
 use super::kernels::{Variant, camera_source, plan_source, shading_source, traversal_source};
 use super::options::PathOptions;
-use super::scene::PathScene;
+use super::shelf::SceneShelf;
 use super::tracer::Tracer;
 use super::worker::Worker;
-use crate::adapter::choose;
 use crate::adapters;
-use crate::context::binding_limit;
 use crate::material::Features;
 
 /// A worker on llvmpipe, or on whatever there is.
@@ -31,11 +30,12 @@ fn worker(scene: &Arc<PreparedScene>, paths: u64) -> Option<Worker> {
         eprintln!("skipped: no Vulkan adapter; install a driver, or Mesa's llvmpipe");
         return None;
     };
-    let (adapter, info) = choose(Some(&wanted)).unwrap();
-    let flat = PathScene::new(scene, binding_limit(&adapter), &info.name).unwrap();
+    let adapter = GpuAdapter::choose(Some(&wanted)).unwrap();
+    let shelf = Arc::new(SceneShelf::default());
+    shelf.put(&adapter.encode(scene).unwrap());
     let options = PathOptions { paths, timeout: std::time::Duration::from_secs(120), ..PathOptions::default() };
-    let open = move || Tracer::new(&adapter, &info, &flat, &options);
-    Some(Worker::new(Arc::clone(scene), Box::new(open)).unwrap())
+    let open = move || Tracer::new(&adapter.adapter, &adapter.info, &options);
+    Some(Worker::new(shelf, Box::new(open)).unwrap())
 }
 
 fn layout() -> Layout {
@@ -260,8 +260,8 @@ fn what_is_no_work_for_the_device_is_given_back_and_the_rest_is_done() {
     };
     let costly = Layout::new(AovSet::NONE.with(Aov::Cost));
     let works = vec![
-        RenderWork::Rays { scene: prepare(scenes::open()), rays: Arc::default() },
         block(&scene, costly, 0..1),
+        RenderWork::Rays { scene: prepare(scenes::open()), rays: Arc::default() },
         block(&prepare(scenes::open()), layout(), 0..1),
         block(&scene, layout(), 0..0),
         block(&scene, Layout::new(AovSet::NONE), 0..3),
@@ -271,9 +271,9 @@ fn what_is_no_work_for_the_device_is_given_back_and_the_rest_is_done() {
     assert_eq!(
         reasons,
         [
-            Some("another scene is on the device"),
             Some("the cost of a pixel is not known to devices"),
-            Some("another scene is on the device"),
+            Some("the device was not told of this scene"),
+            Some("the device was not told of this scene"),
             None,
             None
         ]

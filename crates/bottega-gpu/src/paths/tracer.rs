@@ -1,17 +1,18 @@
-//! A device with a scene on it that follows paths.
+//! A device that follows paths in the scenes that are on it.
 
 use std::sync::Arc;
 
+use bottega_hra::DataId;
 use bottega_kernels::{Hit, Ray};
 use wgpu::{Adapter, BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline, SubmissionIndex};
 
 use super::batch::Batch;
-use super::kernels::{Kernels, STORAGE_BUFFERS, Variant};
+use super::kernels::{Kernels, Layouts, STORAGE_BUFFERS, Variant};
 use super::options::PathOptions;
+use super::resident::ResidentScenes;
 use super::scene::PathScene;
 use crate::adapter::AdapterInfo;
 use crate::context::{Context, GROUPS_MAX, binding_limit};
-use crate::device::Device;
 use crate::error::GpuError;
 use crate::pipeline_cache::{self, PipelineCache};
 use crate::shared::geometry::GROUP_SIZE;
@@ -19,7 +20,6 @@ use crate::shared::paths::{
     BatchParams, CONTROL_ACTIVE, CONTROL_WORDS, DISPATCH_WORDS, GROUPS_COUNT, GROUPS_EXTEND, GROUPS_MISS, GROUPS_SHADE,
     GROUPS_SHADOW, PATH_SHADOW, QUEUES, SHADOW_FIELDS,
 };
-use crate::traversal;
 
 /// A field of a path's state is a vector of four words.
 const FIELD_BYTES: u64 = 16;
@@ -51,7 +51,8 @@ struct Buffers {
     words: Buffer,
     sums: Buffer,
     readback: Buffer,
-    scene: BindGroup,
+    /// Which scene is bound to them, and how.
+    scene: (DataId, BindGroup),
     state: BindGroup,
 }
 
@@ -59,9 +60,9 @@ struct Buffers {
 #[derive(Debug)]
 pub(super) struct Tracer {
     context: Arc<Context>,
-    rays: Device,
-    kernels: Kernels,
-    arrays: [Buffer; 5],
+    cache: PipelineCache,
+    layouts: Layouts,
+    scenes: ResidentScenes,
     params: Buffer,
     state: Buffer,
     queues: Buffer,
@@ -77,34 +78,19 @@ pub(super) struct Tracer {
 }
 
 impl Tracer {
+    /// A device without any scene.
+    ///
     /// - `options.paths`: as many of them under way at a time, where the device has the memory.
-    pub(super) fn new(
-        adapter: &Adapter,
-        info: &AdapterInfo,
-        scene: &PathScene,
-        options: &PathOptions,
-    ) -> Result<Self, GpuError> {
+    pub(super) fn new(adapter: &Adapter, info: &AdapterInfo, options: &PathOptions) -> Result<Self, GpuError> {
         let features = pipeline_cache::features(adapter);
         let context = Context::open(adapter, info, STORAGE_BUFFERS, features, options.timeout)?;
-        let stack_size = traversal::stack_size(scene.geometry.depth);
-        let variant = Variant { has_opacity: scene.has_opacity, features: scene.features, stack_size };
         let context = Arc::new(context);
         let cache = PipelineCache::open(&context, adapter, options.cache.as_deref());
-        let kernels = Kernels::new(&context, variant, cache.get());
-        context.check()?;
-        cache.keep();
+        let layouts = Layouts::new(&context);
         let limit = binding_limit(adapter);
         let paths = options.paths.clamp(1, u64::from(GROUP_SIZE * GROUPS_MAX));
         let state_bytes = (paths * fields(1) * FIELD_BYTES).min(limit / FIELD_BYTES * FIELD_BYTES);
         let queue_paths = paths.min(limit / (u64::from(QUEUES) * 4));
-        let arrays = [
-            context.upload("nodes", bytemuck::cast_slice(&scene.geometry.nodes)),
-            context.upload("shapes", bytemuck::cast_slice(&scene.geometry.shapes)),
-            context.upload("scene", bytemuck::cast_slice(&scene.words)),
-            context.upload("materials", bytemuck::cast_slice(&scene.materials)),
-            context.upload("textures", bytemuck::cast_slice(&scene.textures)),
-        ];
-        let rays = Device::on(Arc::clone(&context), arrays[0].clone(), arrays[1].clone(), scene.geometry.depth);
         let params =
             context.buffer("params", size_of::<BatchParams>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         let state = context.buffer("state", state_bytes, BufferUsages::STORAGE);
@@ -117,13 +103,13 @@ impl Tracer {
             BufferUsages::STORAGE | BufferUsages::INDIRECT,
         );
         let left = context.buffer("left", 4, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
-        let plan = context.bind("plan", &kernels.plan_layout, &[(0, &control), (1, &groups)]);
+        let plan = context.bind("plan", &layouts.plan, &[(0, &control), (1, &groups)]);
         context.check()?;
         Ok(Self {
             context,
-            rays,
-            kernels,
-            arrays,
+            cache,
+            layouts,
+            scenes: ResidentScenes::new(options.memory),
             params,
             state,
             queues,
@@ -138,14 +124,43 @@ impl Tracer {
         })
     }
 
-    /// The closest hit of each ray.
-    pub(super) fn intersect(&mut self, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
-        self.rays.intersect(rays, RAYS_AT_ONCE)
+    /// Compiles the kernels of a variant, unless they are.
+    pub(super) fn compile(&mut self, variant: Variant) -> Result<(), GpuError> {
+        self.scenes.kernels(&self.context, &self.layouts, &self.cache, variant).map(|_| ())
     }
 
-    /// Whether each ray hits anything.
-    pub(super) fn occluded(&mut self, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
-        self.rays.occluded(rays, RAYS_AT_ONCE)
+    /// Sends a scene, unless it is there.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`]: there is no room for it; the device is as it was before.
+    pub(super) fn admit(&mut self, id: DataId, flat: &PathScene) -> Result<(), GpuError> {
+        self.scenes.admit(&self.context, &self.layouts, &self.cache, id, flat)
+    }
+
+    /// Throws a scene out.
+    pub(super) fn evict(&mut self, id: DataId) {
+        for buffers in &mut self.buffers {
+            // What is bound is held.
+            if buffers.as_ref().is_some_and(|buffers| buffers.scene.0 == id) {
+                *buffers = None;
+            }
+        }
+        self.scenes.evict(id);
+    }
+
+    /// Bytes of scenes that were sent since this was asked last, and bytes that are there.
+    pub(super) fn scene_bytes(&mut self) -> (u64, u64) {
+        self.scenes.bytes()
+    }
+
+    /// The closest hit of each ray in a scene that was admitted.
+    pub(super) fn intersect(&mut self, id: DataId, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
+        self.scenes.get(id).ok_or_else(not_there)?.rays(&self.context).intersect(rays, RAYS_AT_ONCE)
+    }
+
+    /// Whether each ray hits anything in a scene that was admitted.
+    pub(super) fn occluded(&mut self, id: DataId, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
+        self.scenes.get(id).ok_or_else(not_there)?.rays(&self.context).occluded(rays, RAYS_AT_ONCE)
     }
 
     /// Paths that can be under way at once.
@@ -154,9 +169,10 @@ impl Tracer {
         (self.state_bytes / bytes).min(self.queue_paths)
     }
 
-    /// Puts a batch on the device. At most two at a time, which are finished in their order.
-    pub(super) fn start(&mut self, batch: &Batch) -> Result<Flight, GpuError> {
+    /// Puts a batch of a scene that was admitted on the device. At most two at a time, which are finished in their order.
+    pub(super) fn start(&mut self, id: DataId, batch: &Batch) -> Result<Flight, GpuError> {
         self.context.check()?;
+        let kernels = Arc::clone(&self.scenes.get(id).ok_or_else(not_there)?.kernels);
         let capacity = self.capacity(batch.params.light_samples).min(u64::from(batch.path_count)) as u32;
         if capacity == 0 && batch.path_count != 0 {
             return Err(GpuError::Invalid(format!("{} light samples at a vertex", batch.params.light_samples)));
@@ -164,7 +180,7 @@ impl Tracer {
         let sum_bytes = (batch.sums() * size_of::<f32>()) as u64;
         let set = self.turn;
         self.turn = (set + 1) % SETS;
-        self.grow(set, size_of_val(&*batch.words) as u64, sum_bytes);
+        self.grow(set, id, size_of_val(&*batch.words) as u64, sum_bytes)?;
         let Some(buffers) = &self.buffers[set] else { return Err(GpuError::Invalid("no buffers".to_owned())) };
         self.context.queue.write_buffer(&buffers.words, 0, bytemuck::cast_slice(&batch.words));
         let mut encoder = self.encoder();
@@ -174,7 +190,7 @@ impl Tracer {
         for first_path in (0..batch.path_count).step_by(capacity.max(1) as usize) {
             let path_count = capacity.min(batch.path_count - first_path);
             let params = BatchParams { capacity, first_path, path_count, ..batch.params };
-            let submission = self.pass(&params, buffers)?;
+            let submission = self.pass(&kernels, &params, buffers)?;
             // One pass is under way while the next is prepared: no wait is longer than two of them.
             if let Some(before) = before.replace(submission) {
                 self.context.wait(before)?;
@@ -189,7 +205,7 @@ impl Tracer {
     /// Waits for a batch; `read` gets the sums of its pixels.
     pub(super) fn finish(&mut self, flight: Flight, read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
         let Flight { set, submission, sum_bytes } = flight;
-        let Some(buffers) = &self.buffers[set] else { return Ok(()) };
+        let Some(buffers) = &self.buffers[set] else { return Err(not_there()) };
         self.context.read(submission, &buffers.readback, sum_bytes, read)
     }
 
@@ -198,7 +214,7 @@ impl Tracer {
     }
 
     /// Follows as many paths as there is room for, and adds what they find to the sums.
-    fn pass(&self, params: &BatchParams, buffers: &Buffers) -> Result<SubmissionIndex, GpuError> {
+    fn pass(&self, kernels: &Kernels, params: &BatchParams, buffers: &Buffers) -> Result<SubmissionIndex, GpuError> {
         let queue = &self.context.queue;
         let mut control = CONTROL;
         control[ACTIVE] = params.path_count;
@@ -206,16 +222,16 @@ impl Tracer {
         queue.write_buffer(&self.control, 0, bytemuck::cast_slice(&control));
         let mut encoder = self.encoder();
         self.compute(&mut encoder, buffers, |pass| {
-            pass.set_pipeline(&self.kernels.generate);
+            pass.set_pipeline(&kernels.generate);
             pass.dispatch_workgroups(params.path_count.div_ceil(GROUP_SIZE), 1, 1);
-            self.plan(pass, buffers, &self.kernels.plan_extend);
+            self.plan(pass, buffers, &kernels.plan_extend);
         });
         let mut depth = 0;
         loop {
             let bounces = BOUNCES.min(params.max_depth - depth);
             self.compute(&mut encoder, buffers, |pass| {
                 for _ in 0..=bounces {
-                    self.bounce(pass, buffers);
+                    self.bounce(kernels, pass, buffers);
                 }
             });
             if params.max_depth - depth <= bounces {
@@ -232,7 +248,7 @@ impl Tracer {
             }
         }
         self.compute(&mut encoder, buffers, |pass| {
-            pass.set_pipeline(&self.kernels.accumulate);
+            pass.set_pipeline(&kernels.accumulate);
             pass.dispatch_workgroups(params.pixel_count.div_ceil(GROUP_SIZE), 1, 1);
         });
         Ok(queue.submit([encoder.finish()]))
@@ -245,8 +261,7 @@ impl Tracer {
     }
 
     /// All paths under way come to their next surface, and leave it.
-    fn bounce(&self, pass: &mut ComputePass<'_>, buffers: &Buffers) {
-        let kernels = &self.kernels;
+    fn bounce(&self, kernels: &Kernels, pass: &mut ComputePass<'_>, buffers: &Buffers) {
         self.planned(pass, &kernels.extend, GROUPS_EXTEND);
         self.plan(pass, buffers, &kernels.plan_shade);
         self.planned(pass, &kernels.miss, GROUPS_MISS);
@@ -268,28 +283,42 @@ impl Tracer {
         set_groups(pass, buffers);
     }
 
-    /// Makes room for a batch.
-    fn grow(&mut self, set: usize, word_bytes: u64, sum_bytes: u64) {
-        let buffers = &mut self.buffers[set];
-        if buffers.as_ref().is_some_and(|it| it.words.size() >= word_bytes && it.sums.size() >= sum_bytes) {
-            return;
-        }
-        let (old_words, old_sums) = buffers.as_ref().map_or((0, 0), |it| (it.words.size(), it.sums.size()));
-        *buffers = None; // The old ones go first, where memory is short.
+    /// Makes room for a batch, and binds its scene.
+    fn grow(&mut self, set: usize, id: DataId, word_bytes: u64, sum_bytes: u64) -> Result<(), GpuError> {
+        let old = self.buffers[set].take();
+        let is_enough = |it: &Buffers| it.words.size() >= word_bytes && it.sums.size() >= sum_bytes;
+        let (words, sums, readback, bound) = match old {
+            Some(it) if is_enough(&it) && it.scene.0 == id => {
+                self.buffers[set] = Some(it);
+                return Ok(());
+            }
+            Some(it) if is_enough(&it) => (it.words, it.sums, it.readback, Some(it.state)),
+            old => {
+                let (old_words, old_sums) = old.as_ref().map_or((0, 0), |it| (it.words.size(), it.sums.size()));
+                drop(old); // The old ones go first, where memory is short.
+                let context = &self.context;
+                let size = |wanted: u64, old: u64| wanted.max(old).max(1 << 16).next_power_of_two();
+                let (word_bytes, sum_bytes) = (size(word_bytes, old_words), size(sum_bytes, old_sums));
+                let words = context.buffer("batch", word_bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST);
+                let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+                let sums = context.buffer("sums", sum_bytes, usage);
+                let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+                let readback = context.buffer("readback", sum_bytes, usage);
+                (words, sums, readback, None)
+            }
+        };
         let context = &self.context;
-        let size = |wanted: u64, old: u64| wanted.max(old).max(1 << 16).next_power_of_two();
-        let (word_bytes, sum_bytes) = (size(word_bytes, old_words), size(sum_bytes, old_sums));
-        let words = context.buffer("batch", word_bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST);
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let sums = context.buffer("sums", sum_bytes, usage);
-        let readback = context.buffer("readback", sum_bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
-        let [nodes, shapes, scene, materials, textures] = &self.arrays;
+        let arrays = &self.scenes.get(id).ok_or_else(not_there)?.arrays;
+        let [nodes, shapes, scene, materials, textures] = arrays.each_ref().map(|array| &**array);
         let read = [nodes, shapes, scene, &words, materials, textures, &self.params];
         let read: Vec<_> = (0..).zip(read).collect();
-        let written: Vec<_> = (0..).zip([&self.state, &self.queues, &self.control, &sums]).collect();
-        let scene = context.bind("scene", &self.kernels.scene_layout, &read);
-        let state = context.bind("state", &self.kernels.state_layout, &written);
-        self.buffers[set] = Some(Buffers { words, sums, readback, scene, state });
+        let scene = context.bind("scene", &self.layouts.scene, &read);
+        let state = bound.unwrap_or_else(|| {
+            let written: Vec<_> = (0..).zip([&self.state, &self.queues, &self.control, &sums]).collect();
+            context.bind("state", &self.layouts.state, &written)
+        });
+        self.buffers[set] = Some(Buffers { words, sums, readback, scene: (id, scene), state });
+        Ok(())
     }
 
     /// Takes the device away, as a driver does that resets it.
@@ -299,12 +328,16 @@ impl Tracer {
     }
 }
 
+fn not_there() -> GpuError {
+    GpuError::Invalid("the scene is not on the device".to_owned())
+}
+
 /// Fields of a path's state, with those of its light samples.
 fn fields(light_samples: u32) -> u64 {
     u64::from(PATH_SHADOW) + u64::from(SHADOW_FIELDS) * u64::from(light_samples)
 }
 
 fn set_groups(pass: &mut ComputePass<'_>, buffers: &Buffers) {
-    pass.set_bind_group(0, &buffers.scene, &[]);
+    pass.set_bind_group(0, &buffers.scene.1, &[]);
     pass.set_bind_group(1, &buffers.state, &[]);
 }

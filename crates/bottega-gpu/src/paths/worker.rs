@@ -5,11 +5,13 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::{Duration, Instant};
 
-use bottega_hra::{Failed, Reply};
-use bottega_render::{BlockWork, PreparedScene, RenderOutput, RenderWork};
+use bottega_hra::{DataId, Failed, Reply, Work as _};
+use bottega_render::{BlockWork, RenderOutput, RenderWork};
 
 use super::batch::{Batch, Kind, PATHS_MAX, path_count};
-use super::limits::{OTHER_SCENE, PIXELS_MAX, refusal};
+use super::kernels::Variant;
+use super::limits::{PIXELS_MAX, UNKNOWN_SCENE, refusal};
+use super::shelf::SceneShelf;
 use super::tracer::{Flight, Tracer};
 use crate::error::GpuError;
 
@@ -19,6 +21,12 @@ pub(super) enum Message {
     Paint(Vec<RenderWork>, Reply<RenderWork>),
     /// Make the device anew if it failed, and say how that went.
     Recover(Sender<Result<(), String>>),
+    /// Compile what a scene asks of the kernels, and say how that went.
+    Compile(Variant, Sender<Result<(), GpuError>>),
+    /// Throw a scene out.
+    Evict(DataId),
+    /// Nobody has work any more.
+    End,
 }
 
 type Outcome = Result<RenderOutput, Failed<RenderWork>>;
@@ -27,7 +35,7 @@ type Open = Box<dyn Fn() -> Result<Tracer, GpuError> + Send>;
 
 /// See the [module](self).
 pub(super) struct Worker {
-    scene: Arc<PreparedScene>,
+    shelf: Arc<SceneShelf>,
     open: Open,
     /// None after it failed, until it is made anew.
     tracer: Option<Tracer>,
@@ -46,6 +54,8 @@ struct Unit {
 /// Units of one packet: what is known of their outcomes, and what the device has not ended.
 struct Begun {
     outcomes: Vec<Option<Outcome>>,
+    /// Whether the device has not the memory for the scene: then all of it goes back.
+    out_of_memory: bool,
     flight: Option<BatchFlight>,
     /// Of the device for this packet, so far.
     busy: Duration,
@@ -63,9 +73,9 @@ struct BatchFlight {
 impl Worker {
     /// # Errors
     /// The device cannot be had.
-    pub(super) fn new(scene: Arc<PreparedScene>, open: Open) -> Result<Self, GpuError> {
+    pub(super) fn new(shelf: Arc<SceneShelf>, open: Open) -> Result<Self, GpuError> {
         let tracer = Some(open()?);
-        Ok(Self { scene, open, tracer, device_number: 0, last_end: Instant::now() })
+        Ok(Self { shelf, open, tracer, device_number: 0, last_end: Instant::now() })
     }
 
     /// Works until nobody sends messages any more. Each packet is a batch, so that the allocator sees what packets of its sizes
@@ -82,14 +92,57 @@ impl Worker {
                     let _ = tell.send(self.tracer().map(|_| ()).map_err(|error| error.to_string()));
                     None
                 }
+                Some(Message::Compile(variant, tell)) => {
+                    let _ = tell.send(self.tracer().and_then(|tracer| tracer.compile(variant)));
+                    None
+                }
+                Some(Message::Evict(data)) => {
+                    if let Some(tracer) = &mut self.tracer {
+                        tracer.evict(data);
+                    }
+                    self.note_bytes();
+                    None
+                }
+                Some(Message::End) => {
+                    if let Some((begun, reply)) = before {
+                        self.answer(begun, reply);
+                    }
+                    return;
+                }
                 None if before.is_none() => return,
                 None => None,
             };
             if let Some((begun, reply)) = mem::replace(&mut before, begun) {
-                let (outcomes, busy) = self.end(begun);
-                reply.send_timed(outcomes, busy);
+                self.answer(begun, reply);
             }
         }
+    }
+
+    fn answer(&mut self, begun: Begun, reply: Reply<RenderWork>) {
+        let is_out_of_memory = begun.out_of_memory;
+        let (outcomes, busy) = self.end(begun);
+        if is_out_of_memory {
+            let given_back = outcomes.into_iter().filter_map(|outcome| outcome.err().map(|failed| failed.work));
+            reply.out_of_memory(given_back.collect());
+        } else {
+            reply.send_timed(outcomes, busy);
+        }
+    }
+
+    /// Tells the shelf what is on the device.
+    fn note_bytes(&mut self) {
+        let (sent, there) = self.tracer.as_mut().map_or((0, 0), Tracer::scene_bytes);
+        self.shelf.note(sent, there);
+    }
+
+    /// Has the scene of a packet on the device.
+    fn admit(&mut self, works: &[RenderWork]) -> Result<(), GpuError> {
+        let Some(id) = works.iter().find_map(RenderWork::data) else { return Ok(()) };
+        // What is not on the shelf is refused unit by unit.
+        let Some(flat) = self.shelf.get(id) else { return Ok(()) };
+        let admitted = self.tracer().and_then(|tracer| tracer.admit(id, &flat));
+        self.note_bytes();
+        admitted
     }
 
     /// The outcome of each unit, in their order.
@@ -102,7 +155,16 @@ impl Worker {
     /// Puts the units of a packet on the device. All but the last batch of them, if there is more than one, is waited for.
     fn begin(&mut self, works: Vec<RenderWork>) -> Begun {
         let start = Instant::now();
-        let mut begun = Begun { outcomes: Vec::new(), flight: None, busy: Duration::ZERO };
+        let mut begun = Begun { outcomes: Vec::new(), out_of_memory: false, flight: None, busy: Duration::ZERO };
+        if let Err(error) = self.admit(&works) {
+            begun.out_of_memory = matches!(error, GpuError::OutOfMemory { .. });
+            if !begun.out_of_memory {
+                self.lose_device();
+            }
+            let failed = |work| Some(Err(Failed { work, reason: error.to_string() }));
+            begun.outcomes = works.into_iter().map(failed).collect();
+            return begun;
+        }
         let mut groups: Vec<(Kind, Vec<Unit>)> = Vec::new();
         for (place, work) in works.into_iter().enumerate() {
             begun.outcomes.push(None);
@@ -110,6 +172,7 @@ impl Worker {
                 RenderWork::Block(block) => block,
                 // A look at a few pixels is nothing for a device, nor are photons: they are done here.
                 RenderWork::Probe(_)
+                | RenderWork::Wave(_)
                 | RenderWork::Photons(_)
                 | RenderWork::Irradiance(_)
                 | RenderWork::Agents(_)
@@ -122,7 +185,8 @@ impl Worker {
                     continue;
                 }
             };
-            if let Some(reason) = refusal(self.scene.data_id(), &block) {
+            let is_unknown = self.shelf.get(block.scene.data_id()).is_none();
+            if let Some(reason) = is_unknown.then(|| UNKNOWN_SCENE.to_owned()).or_else(|| refusal(&block)) {
                 begun.outcomes[place] = Some(Err(Failed { work: RenderWork::Block(block), reason }));
                 continue;
             }
@@ -187,14 +251,17 @@ impl Worker {
 
     /// Begins a batch of units of one kind.
     fn start(&mut self, kind: &Kind, units: &[Unit]) -> Result<(Batch, Flight), GpuError> {
-        let batch = Batch::new(&self.scene, kind, &units.iter().map(|unit| &unit.block).collect::<Vec<_>>())?;
-        let flight = self.tracer()?.start(&batch)?;
+        let Some(first) = units.first() else { return Err(GpuError::Invalid("a batch without units".to_owned())) };
+        let scene = Arc::clone(&first.block.scene);
+        let batch = Batch::new(&scene, kind, &units.iter().map(|unit| &unit.block).collect::<Vec<_>>())?;
+        let flight = self.tracer()?.start(kind.data, &batch)?;
         Ok((batch, flight))
     }
 
     fn lose_device(&mut self) {
         self.tracer = None;
         self.device_number += 1;
+        self.note_bytes();
     }
 
     /// Answers a batch of rays.
@@ -202,17 +269,18 @@ impl Worker {
     fn follow(&mut self, work: RenderWork) -> Outcome {
         let answer = match &work {
             RenderWork::Rays { scene, .. } | RenderWork::Occlusion { scene, .. }
-                if scene.data_id() != self.scene.data_id() =>
+                if self.shelf.get(scene.data_id()).is_none() =>
             {
-                return Err(Failed { work, reason: OTHER_SCENE.to_owned() });
+                return Err(Failed { work, reason: UNKNOWN_SCENE.to_owned() });
             }
-            RenderWork::Rays { rays, .. } => {
-                self.tracer().and_then(|tracer| tracer.intersect(rays)).map(RenderOutput::Hits)
+            RenderWork::Rays { scene, rays } => {
+                self.tracer().and_then(|tracer| tracer.intersect(scene.data_id(), rays)).map(RenderOutput::Hits)
             }
-            RenderWork::Occlusion { rays, .. } => {
-                self.tracer().and_then(|tracer| tracer.occluded(rays)).map(RenderOutput::Occlusion)
+            RenderWork::Occlusion { scene, rays } => {
+                self.tracer().and_then(|tracer| tracer.occluded(scene.data_id(), rays)).map(RenderOutput::Occlusion)
             }
             RenderWork::Block(_)
+            | RenderWork::Wave(_)
             | RenderWork::Probe(_)
             | RenderWork::Photons(_)
             | RenderWork::Irradiance(_)

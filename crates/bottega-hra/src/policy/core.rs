@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::account::Account;
 use super::bin::Bin;
+use super::bin_log::{BinLog, BinReport};
 use super::choice::LaneChoice;
 use super::demand::Demand;
 use super::flow::Flow;
@@ -23,6 +24,7 @@ pub(crate) struct Core<T> {
     pub(super) roster: Capabilities,
     pub(super) bin: Bin<T>,
     pub(super) length: BinLength,
+    bin_log: BinLog,
     pub(super) demand: Demand,
     pub(super) incidents: Incidents,
     pub(super) planned: Option<Planned>,
@@ -118,11 +120,13 @@ impl<T> Core<T> {
         };
         let mut demand = Demand::default();
         demand.ran_dry(Time::ZERO);
+        let length = BinLength::new(&config, descriptors.len());
         Self {
             roster: Capabilities::new(&descriptors),
             lanes: resources.into_iter().map(lane).collect(),
             bin: Bin::new(),
-            length: BinLength::new(&config, descriptors.len()),
+            bin_log: BinLog::new(length.capacity()),
+            length,
             demand,
             incidents: Incidents::default(),
             planned: None,
@@ -182,6 +186,7 @@ impl<T> Core<T> {
         }
         let units = chunk.len();
         self.bin.push(chunk);
+        self.note_bin(now);
         self.call(now, (primitive, size, data), units, out);
     }
 
@@ -242,6 +247,10 @@ impl<T> Core<T> {
         Next::Wait(until)
     }
 
+    fn note_bin(&mut self, now: Time) {
+        self.bin_log.note(now, self.bin.len(), self.length.capacity());
+    }
+
     fn note_if_dry(&mut self, now: Time) {
         if self.bin.len() == 0 && self.lanes.iter().all(|lane| lane.flights.is_empty()) {
             self.demand.ran_dry(now);
@@ -270,6 +279,7 @@ impl<T> Core<T> {
         let sequence = lane.launch(now, &launch, &self.config);
         lane.account.enter(Activity::Working, now);
         self.length.taken(now, units.len(), self.bin.len());
+        self.bin_log.note(now, self.bin.len(), self.length.capacity());
         let hang_min = self.config.hang_min;
         let deadline = lane.flights.get(&sequence).map_or(Time::NEVER, |flight| flight.next_look(now, hang_min));
         Some(Packet { sequence, units, evicted, deadline })
@@ -381,6 +391,11 @@ impl<T> Core<T> {
 
     pub(crate) fn lanes(&self) -> &[LaneState] {
         &self.lanes
+    }
+
+    /// How full the bin was until now.
+    pub(crate) fn bin_report(&mut self, now: Time) -> BinReport {
+        self.bin_log.report(now)
     }
 
     pub(crate) fn incidents(&self) -> &Incidents {

@@ -102,7 +102,10 @@ impl LaneState {
             health: Health::Up,
             backoff: Backoff::default(),
             flights: BTreeMap::new(),
-            residency: Residency::new(descriptor.memory_bytes),
+            residency: match descriptor.memory_bytes {
+                None if descriptor.link.bandwidth.is_infinite() => Residency::here(),
+                memory => Residency::new(memory),
+            },
             account,
             dozes: false,
             called: false,

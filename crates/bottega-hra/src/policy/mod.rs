@@ -7,6 +7,7 @@
 pub(crate) mod account;
 pub(crate) mod backoff;
 pub(crate) mod bin;
+pub(crate) mod bin_log;
 pub(crate) mod book;
 mod choice;
 pub(crate) mod core;

@@ -12,6 +12,8 @@ pub(crate) struct Residency {
     used: u64,
     held: BTreeMap<DataId, ResidentData>,
     uses: u64,
+    /// Whether it works in the memory of this process, where all data is.
+    is_here: bool,
 }
 
 #[derive(Debug)]
@@ -34,11 +36,16 @@ pub(crate) struct Admission {
 impl Residency {
     /// Empty, for so many bytes.
     pub(crate) fn new(capacity: Option<u64>) -> Self {
-        Self { capacity: capacity.unwrap_or(u64::MAX), used: 0, held: BTreeMap::new(), uses: 0 }
+        Self { capacity: capacity.unwrap_or(u64::MAX), used: 0, held: BTreeMap::new(), uses: 0, is_here: false }
+    }
+
+    /// Of a resource that works in the memory of this process: everything is there.
+    pub(crate) fn here() -> Self {
+        Self { is_here: true, ..Self::new(None) }
     }
 
     pub(crate) fn is_resident(&self, id: DataId) -> bool {
-        self.held.contains_key(&id)
+        self.is_here || self.held.contains_key(&id)
     }
 
     /// Bytes of data there.
@@ -48,6 +55,9 @@ impl Residency {
 
     /// Makes room for `data` and pins it. `None`: there is no room while what is under way needs the rest.
     pub(crate) fn admit(&mut self, data: Data) -> Option<Admission> {
+        if self.is_here {
+            return Some(Admission { evicted: Vec::new(), moved_bytes: 0 });
+        }
         self.uses += 1;
         if let Some(held) = self.held.get_mut(&data.id) {
             (held.last_use, held.pins) = (self.uses, held.pins + 1);

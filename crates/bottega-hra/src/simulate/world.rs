@@ -156,8 +156,11 @@ impl<'a> VirtualWorld<'a> {
         }
     }
 
-    fn outcome(self) -> Outcome {
-        let report = HraReport::of(&self.core, self.end, self.core.waiting());
+    fn outcome(mut self) -> Outcome {
+        let report = {
+            let waiting = self.core.waiting();
+            HraReport::of(&mut self.core, self.end, waiting)
+        };
         Outcome {
             answers: self.answers,
             doubled: self.doubled,

@@ -6,6 +6,7 @@ mod record;
 mod transport;
 mod turns;
 mod volume;
+mod wave;
 
 pub use path::PathIntegrator;
 pub use photon::PhotonIntegrator;
@@ -14,6 +15,7 @@ pub(crate) use record::{PathRecord, Wanted};
 pub(crate) use transport::shadow_ray;
 pub use transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
 pub(crate) use turns::Painting;
+pub use wave::{Wave, WaveAnswers};
 
 use bottega_kernels::compiled;
 

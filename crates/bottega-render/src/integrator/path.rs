@@ -10,6 +10,7 @@ mod light;
 mod scatter;
 mod setup;
 mod state;
+mod suspended;
 mod trial;
 mod vertex;
 
@@ -32,6 +33,7 @@ use guidance::{Guidance, NO_LEAF};
 pub use setup::PathIntegrator;
 use state::Previous;
 pub(super) use state::{BRANCHES_MAX, Branch, Path};
+pub(super) use suspended::{DeferredLight, SuspendedPath};
 use vertex::PathVertex;
 
 /// Cost of a vertex, in traversal steps.
@@ -51,7 +53,7 @@ impl PathIntegrator<'_> {
         let mut path = self.begin(sampler, ray, guide, trail);
         loop {
             let hit = path.intersect();
-            if !path.meet::<false>(&hit, &mut Vec::new()) {
+            if !path.meet::<false, false>(&hit, &mut Vec::new(), &mut Vec::new()) {
                 return path.finish();
             }
         }
@@ -93,8 +95,14 @@ impl Path<'_> {
     /// Comes to the next surface and scatters there. False when the path is at its end.
     ///
     /// - `AGENTS`: whether agents are asked; paths may then go on as several, of which all but one wait in `branches`.
+    /// - `DEFERS`: whether light that may be hidden is put into `deferred` for others to look, and not looked for at once.
     #[inline(always)]
-    pub(super) fn meet<const AGENTS: bool>(&mut self, hit: &Hit, branches: &mut Vec<Branch>) -> bool {
+    pub(super) fn meet<const AGENTS: bool, const DEFERS: bool>(
+        &mut self,
+        hit: &Hit,
+        branches: &mut Vec<Branch>,
+        deferred: &mut Vec<DeferredLight>,
+    ) -> bool {
         if hit.is_none() {
             self.add_environment::<AGENTS>();
             return false;
@@ -137,7 +145,7 @@ impl Path<'_> {
         if !is_delta_only && let Some(trail) = &mut self.trail {
             trail.come(point.p, point.frame[2], self.throughput, self.radiance);
         }
-        self.leave::<AGENTS>(&vertex, [u_light, u_scattering], count, branches)
+        self.leave::<AGENTS, DEFERS>(&vertex, [u_light, u_scattering], count, branches, deferred)
     }
 
     /// Comes to the point that was hit: through the solid that the path is in, with a beam that grew on the way.
@@ -193,18 +201,19 @@ impl Path<'_> {
 
     /// Looks for lights and goes on, `count` times. False when the path ends here.
     #[inline(always)]
-    fn leave<const AGENTS: bool>(
+    fn leave<const AGENTS: bool, const DEFERS: bool>(
         &mut self,
         vertex: &PathVertex<'_>,
         [mut u_light, mut u_scattering]: [Quad; 2],
         count: u32,
         branches: &mut Vec<Branch>,
+        deferred: &mut Vec<DeferredLight>,
     ) -> bool {
         let here = self.branch();
         let mut branch = 0;
         loop {
             if !vertex.is_delta_only {
-                self.add_direct_light::<AGENTS>(vertex, u_light);
+                self.add_direct_light::<AGENTS, DEFERS>(vertex, u_light, deferred);
             }
             let goes_on = self.scatter::<AGENTS>(vertex, u_scattering);
             branch += 1;

@@ -95,7 +95,7 @@ fn in_turn<const AGENTS: bool>(
         let mut i = 0;
         while i < lanes.len() {
             let lane = &mut lanes[i];
-            if lane.path.meet::<AGENTS>(&lane.hit, &mut lane.branches) {
+            if lane.path.meet::<AGENTS, false>(&lane.hit, &mut lane.branches, &mut Vec::new()) {
                 i += 1;
                 continue;
             }

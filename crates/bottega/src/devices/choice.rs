@@ -1,35 +1,28 @@
 //! Who paints on this machine: what the user asks for, and what comes of it.
 
-use std::{sync::Arc, time::Duration};
+use std::sync::Arc;
 
-use bottega_engines::Devices;
-use bottega_gpu::{AdapterKind, GpuError, GpuPaths, PathOptions, adapters};
-use bottega_hra::{Lane, Window};
+use bottega_engines::Resources;
+use bottega_gpu::{AdapterKind, EncodedScene, GpuAdapter, GpuError, GpuScenes, adapters};
 use bottega_image::{Aov, Layout};
-use bottega_render::{PreparedScene, RenderWork};
+use bottega_render::PreparedScene;
 
-use super::costs;
+use super::kept;
 use crate::{
     error::{Error, error_chain},
     request::DeviceChoice,
-    state::state_folder,
 };
-
-/// A device that does not answer for so long hangs, whatever it was expected to take: a slow one may be the only one.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// Most units of work that a device is handed over at once: each is thousands of paths, and a fast one does millions in the time
-/// that handing over takes.
-const UNITS_PER_PACKET: usize = 4096;
 
 /// Who will paint.
 pub struct DeviceSet {
     /// Processors; 0: none.
     pub threads: usize,
-    /// The devices beside them, and what their work costs.
-    pub devices: Devices,
+    /// They and the devices beside them, which others may be using, too.
+    pub resources: Arc<Resources>,
     /// Names of the GPUs.
     pub gpus: Vec<String>,
+    /// Their memory, in the same order.
+    pub scenes: Vec<GpuScenes>,
     /// Why others do not, for the user.
     pub notes: Vec<String>,
 }
@@ -38,6 +31,7 @@ impl DeviceSet {
     /// Finds those who can paint this scene with these values a pixel.
     ///
     /// - `photons`: whether it is painted by photons.
+    /// - `memory`: bytes that scenes may take on a GPU; `None`: nearly all that it has.
     ///
     /// # Errors
     /// A device that was asked for by name is not there, or cannot, and no processor may instead.
@@ -47,33 +41,65 @@ impl DeviceSet {
         scene: &Arc<PreparedScene>,
         layout: &Layout,
         photons: bool,
+        memory: Option<u64>,
     ) -> Result<Self, Error> {
         let lacks = lacks(layout, photons);
-        let mut crew = Self { threads, devices: Devices::default(), gpus: Vec::new(), notes: Vec::new() };
+        let mut wanted = WantedDevices { threads, gpus: Vec::new(), notes: Vec::new() };
         match choice {
             DeviceChoice::Auto => {
                 if may_have_gpu() && adapters().iter().any(|adapter| adapter.kind != AdapterKind::Software) {
-                    crew.add(None, scene, &lacks)?;
+                    wanted.add(None, scene, &lacks)?;
                 }
             }
             DeviceChoice::These { processors, gpus } => {
-                crew.threads = if *processors { threads } else { 0 };
-                gpus.iter().try_for_each(|name| crew.add(Some(name), scene, &lacks))?;
+                wanted.threads = if *processors { threads } else { 0 };
+                gpus.iter().try_for_each(|name| wanted.add(Some(name), scene, &lacks))?;
             }
         }
-        if !crew.gpus.is_empty() {
-            crew.devices.costs = costs::read();
-            crew.threads = beside_gpus(crew.threads, crew.gpus.len());
+        let WantedDevices { mut threads, gpus, mut notes } = wanted;
+        if !gpus.is_empty() {
+            threads = beside_gpus(threads, gpus.len());
         }
-        Ok(crew)
+        let (adapters, encoded): (Vec<_>, Vec<_>) = gpus.into_iter().unzip();
+        let names: Vec<String> = adapters.iter().map(|adapter: &GpuAdapter| adapter.info().name.clone()).collect();
+        let opened = kept::resources(threads, &adapters, memory, &encoded);
+        let (resources, scenes) = match opened {
+            Ok(opened) => opened,
+            Err(error) if threads == 0 => return Err(error.into()),
+            // Refused to that device, not to the picture.
+            Err(error) => {
+                notes.push(format!("{} does not take part: {}", names.join(", "), error_chain(&error)));
+                let (resources, scenes) = kept::resources(threads, &[], memory, &[])?;
+                return Ok(Self { threads, resources, gpus: Vec::new(), scenes, notes });
+            }
+        };
+        Ok(Self { threads, resources, gpus: names, scenes, notes })
     }
 
+    /// Who paints, in words.
+    pub fn names(&self) -> String {
+        names(self.threads, &self.gpus)
+    }
+}
+
+/// Who is asked to paint, while it is found out who can.
+struct WantedDevices {
+    threads: usize,
+    gpus: Vec<(GpuAdapter, EncodedScene)>,
+    notes: Vec<String>,
+}
+
+impl WantedDevices {
     fn add(&mut self, name: Option<&String>, scene: &Arc<PreparedScene>, lacks: &[String]) -> Result<(), Error> {
         let lacks = if lacks.is_empty() { Ok(()) } else { Err(GpuError::Unsupported(lacks.to_vec())) };
-        match lacks.and_then(|()| open(name.cloned(), scene)) {
-            Ok((adapter, lane)) => {
-                self.gpus.push(adapter);
-                self.devices.lanes.push(lane);
+        let found = lacks.and_then(|()| {
+            let adapter = GpuAdapter::choose(name.map(String::as_str))?;
+            let encoded = adapter.encode(scene)?;
+            Ok((adapter, encoded))
+        });
+        match found {
+            Ok(gpu) => {
+                self.gpus.push(gpu);
                 Ok(())
             }
             Err(error @ (GpuError::UnknownAdapter { .. } | GpuError::NoAdapter)) if name.is_some() => Err(error.into()),
@@ -86,11 +112,6 @@ impl DeviceSet {
             }
         }
     }
-
-    /// Who paints, in words.
-    pub fn names(&self) -> String {
-        names(self.threads, &self.gpus)
-    }
 }
 
 /// Processors that paint beside so many GPUs. Where there are many, one for each GPU is left to those who hand out work to it: it
@@ -98,15 +119,6 @@ impl DeviceSet {
 pub fn beside_gpus(processors: usize, gpus: usize) -> usize {
     const MANY: usize = 8;
     if processors < MANY { processors } else { processors.saturating_sub(gpus).max(MANY / 2) }
-}
-
-/// A GPU that paints a scene, and its name; `name`: a part of it.
-pub(crate) fn open(name: Option<String>, scene: &Arc<PreparedScene>) -> Result<(String, Lane<RenderWork>), GpuError> {
-    let cache = Some(state_folder().join("kernels"));
-    let options = PathOptions { adapter: name, timeout: PATIENCE, cache, ..PathOptions::default() };
-    let gpu = GpuPaths::new(scene, &options)?;
-    let window = Window { patience: PATIENCE, units_per_packet: UNITS_PER_PACKET, ..Window::default() };
-    Ok((gpu.adapter().name.clone(), Lane::Windowed(Box::new(gpu) as _, window)))
 }
 
 /// What is asked for that no GPU does, whatever the scene.

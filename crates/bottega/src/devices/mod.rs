@@ -2,13 +2,18 @@
 
 mod choice;
 pub mod costs;
+mod gpu;
+mod kept;
 
 use std::{sync::Arc, thread};
 
 use bottega_hra::{HraReport, Incident, Lane};
 use bottega_render::{PreparedScene, RenderWork};
 
-pub use self::choice::{DeviceSet, beside_gpus};
+pub use self::{
+    choice::{DeviceSet, beside_gpus},
+    kept::release,
+};
 pub use crate::request::DeviceChoice;
 use crate::{error::Error, request::Request};
 
@@ -27,7 +32,7 @@ pub fn threads(request: &Request) -> usize {
 /// # Errors
 /// There is none of that name, or it cannot paint the scene.
 pub fn painter(name: &str, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, Error> {
-    Ok(choice::open(Some(name.to_owned()), scene)?.1)
+    Ok(gpu::open(Some(name.to_owned()), scene)?)
 }
 
 /// What went wrong with a device, for its user.

@@ -208,6 +208,9 @@ sections! {
         max_depth: Option<u32> = None,
         /// Light samples at each bounce.
         light_samples: u32 = 1,
+        /// Whether rays are units of work of their own, which any device may follow, and shading is another: the way of the HRA
+        /// paper. Without it a unit is samples of a block of pixels. The picture has the same bits.
+        wavefront: bool = false,
     }
 
     /// Photon mapping.
@@ -307,6 +310,8 @@ sections! {
         names: Vec<String> = vec![AUTO.to_owned()],
         /// Whether every pixel is the same to the last bit, whoever paints it: by processors alone.
         exact: bool = false,
+        /// Memory that scenes may take on each GPU, in MiB; none: nearly all that it has.
+        memory_mb: Option<u32> = None,
     }
 
     /// The file that the picture is written to.

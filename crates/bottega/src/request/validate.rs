@@ -296,6 +296,7 @@ impl WorkOptions {
 impl DeviceOptions {
     fn validate(&self) -> Checked {
         maybe_within("devices.threads", self.threads, 1..=AGENTS_MAX)?;
+        maybe_within("devices.memory_mb", self.memory_mb, 1..=u32::MAX)?;
         let names = || format!("`{}`", self.names.join(","));
         let choice =
             DeviceChoice::of(&self.names).map_err(|allowed| InvalidField::new("devices.names", names(), allowed))?;

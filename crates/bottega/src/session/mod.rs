@@ -1,6 +1,7 @@
 //! A request being painted: from its scene to its picture.
 
 mod lighting_agents;
+mod occupation;
 mod painter;
 mod painting;
 mod reporter;
@@ -48,6 +49,8 @@ pub struct SessionOptions {
     pub shows: bool,
     /// Where is written down what each zone took, for `bottega simulate`.
     pub record: Option<PathBuf>,
+    /// An SVG or JSON file for what processors and devices were at.
+    pub timeline: Option<PathBuf>,
 }
 
 /// A part in a picture that others paint, too: see [`Session::for_others`].
@@ -244,6 +247,16 @@ impl Session {
             ));
         }
         options.record.as_deref().map(check_folder).transpose()?;
+        if let Some(timeline) = &options.timeline {
+            if !request.engine.is_builtin() {
+                return Err(Error::usage(
+                    "--timeline is for our own engine: what processes of others are at is not known",
+                    "leave it out, or the engine",
+                ));
+            }
+            occupation::check_timeline(timeline)?;
+            check_folder(timeline)?;
+        }
         Ok(())
     }
 
@@ -322,8 +335,10 @@ impl Session {
             None => (engine, observer),
         };
         let tools = PaintingTools { settings: self.settings.clone(), engine, observer, store, kept };
-        let Self { request, asked, painter, settings, denoiser, .. } = self;
-        let active = ActiveSession { request, asked, painter, settings, denoiser, reporter, recorder, journal };
+        let Self { request, asked, painter, settings, denoiser, options, .. } = self;
+        let timeline = options.timeline;
+        let active =
+            ActiveSession { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline };
         Ok((active, tools))
     }
 

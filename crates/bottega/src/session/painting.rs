@@ -8,7 +8,7 @@ use std::{
 use bottega_denoise::Denoiser;
 use bottega_farm::{JobReport, JobSettings, StopSwitch, simulate::Recorder};
 
-use super::{lighting_agents, painter::Painter, reporter::Reporter};
+use super::{lighting_agents, occupation, painter::Painter, reporter::Reporter};
 use crate::{denoise, error::Error, events::Event, picture::Picture, request::Request, text::shown};
 
 /// A session whose picture is being painted.
@@ -23,6 +23,8 @@ pub struct ActiveSession {
     /// Where is written down what each zone took, and who sees it.
     pub(super) recorder: Option<(PathBuf, Arc<Recorder>)>,
     pub(super) journal: Option<PathBuf>,
+    /// Where is written down what processors and devices were at.
+    pub(super) timeline: Option<PathBuf>,
 }
 
 impl ActiveSession {
@@ -46,9 +48,12 @@ impl ActiveSession {
     /// # Errors
     /// The picture cannot be denoised, recorded or written.
     pub fn finish(self, report: JobReport, stop: &StopSwitch) -> Result<Picture, Error> {
-        let Self { request, asked, painter, settings, denoiser, reporter, recorder, journal } = self;
+        let Self { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline } = self;
         reporter.finish();
         painter.tell(&settings, &report, &reporter)?;
+        if let Painter::Own(own) = &painter {
+            occupation::tell(own, timeline.as_deref(), &reporter);
+        }
         let is_whole = !report.stopped && report.failed.is_empty();
         if let (Some((path, recorder)), true) = (&recorder, is_whole) {
             let record = recorder.record(&shown(&request.scene.file), &settings, &report);

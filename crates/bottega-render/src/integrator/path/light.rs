@@ -5,6 +5,7 @@ use bottega_scene::Spectrum;
 use super::{
     super::transport::{emitted_at, power_heuristic, shadow_ray},
     state::Path,
+    suspended::DeferredLight,
     vertex::PathVertex,
 };
 use crate::{
@@ -72,7 +73,12 @@ impl Path<'_> {
 
     /// Next-event estimation; `first`: the numbers of the light sample, if it is the only one.
     #[inline(always)]
-    pub(super) fn add_direct_light<const AGENTS: bool>(&mut self, vertex: &PathVertex<'_>, first: Quad) {
+    pub(super) fn add_direct_light<const AGENTS: bool, const DEFERS: bool>(
+        &mut self,
+        vertex: &PathVertex<'_>,
+        first: Quad,
+        deferred: &mut Vec<DeferredLight>,
+    ) {
         let settings = self.integrator.settings;
         let prepared = self.integrator.prepared;
         if settings.direct_light == DirectLight::BsdfSampling || prepared.lights().is_empty() {
@@ -99,7 +105,14 @@ impl Path<'_> {
             }
             let seen = choice.filter(|_| looks_rarely).map_or(1.0, |choice| choice.seen(light.light));
             let share = if looks_rarely { self.share_of_looks(contribution, seen) } else { 1.0 };
-            if self.is_due(share, u[3]) && !self.is_occluded(&shadow_ray(vertex.point, &light)) {
+            if !self.is_due(share, u[3]) {
+                continue;
+            }
+            let ray = shadow_ray(vertex.point, &light);
+            if DEFERS {
+                self.record.counts.shadow_rays += 1;
+                deferred.push(DeferredLight { ray, light: self.throughput * contribution / share });
+            } else if !self.is_occluded(&ray) {
                 self.radiance += self.throughput * contribution / share;
             }
         }

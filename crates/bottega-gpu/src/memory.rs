@@ -1,0 +1,60 @@
+//! How much memory an adapter has, and has free: Vulkan knows, and wgpu does not pass it on.
+//!
+//! Unsafe: Vulkan's functions are called past wgpu. Only questions are asked, of a handle that wgpu holds meanwhile.
+#![allow(unsafe_code)]
+
+use ash::{ext::memory_budget, vk};
+use wgpu::Adapter;
+
+/// Memory of an adapter, in bytes: the largest of its heaps that are its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AdapterMemory {
+    /// All of it.
+    pub total: u64,
+    /// What this process may still take of it without pushing others out; `None`: the driver does not tell.
+    pub free: Option<u64>,
+}
+
+/// Asks the driver. `None`: it is not Vulkan's.
+pub(crate) fn memory_of(adapter: &Adapter) -> Option<AdapterMemory> {
+    // SAFETY: the adapter's handle is asked for properties alone, while wgpu holds it, and nothing is made or destroyed.
+    let hal = unsafe { adapter.as_hal::<wgpu::hal::api::Vulkan>() }?;
+    let instance = hal.shared_instance();
+    if instance.instance_api_version() < vk::API_VERSION_1_1 {
+        return None;
+    }
+    let has_budget = hal.physical_device_capabilities().supports_extension(memory_budget::NAME);
+    let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+    let mut properties = vk::PhysicalDeviceMemoryProperties2::default();
+    if has_budget {
+        properties = properties.push_next(&mut budget);
+    }
+    // SAFETY: the instance is of version 1.1, which has the function; both structures are whole, and the second is only in
+    // the chain where the device knows it.
+    unsafe {
+        instance.raw_instance().get_physical_device_memory_properties2(hal.raw_physical_device(), &mut properties);
+    }
+    let heaps = properties.memory_properties;
+    let own = (0..heaps.memory_heap_count as usize)
+        .filter(|&heap| heaps.memory_heaps[heap].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+    let heap = own.max_by_key(|&heap| heaps.memory_heaps[heap].size)?;
+    let total = heaps.memory_heaps[heap].size;
+    let free = budget.heap_budget[heap].saturating_sub(budget.heap_usage[heap]).min(total);
+    Some(AdapterMemory { total, free: has_budget.then_some(free) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_tells_how_much_there_is() {
+        let Ok((adapter, info)) = crate::adapter::choose(Some("")) else {
+            eprintln!("skipped: no Vulkan adapter; install a driver, or Mesa's llvmpipe");
+            return;
+        };
+        let memory = memory_of(&adapter).unwrap_or_else(|| panic!("{} does not tell", info.name));
+        assert!(memory.total >= 64 << 20, "{memory:?}");
+        assert!(memory.free.is_none_or(|free| free > 0 && free <= memory.total), "{memory:?}");
+    }
+}

@@ -1,0 +1,108 @@
+//! What resources and the work bin were at, as data.
+
+use serde::Serialize;
+
+use crate::{Activity, HraReport, ResourceReport, Time};
+
+#[derive(Serialize)]
+struct Timeline<'a> {
+    /// Seconds from the beginning to the end.
+    seconds: f64,
+    resources: Vec<ResourceLine<'a>>,
+    bin: BinLine,
+    incidents: Vec<IncidentLine<'a>>,
+}
+
+#[derive(Serialize)]
+struct ResourceLine<'a> {
+    name: &'a str,
+    /// Share of its time with work.
+    occupation: f64,
+    busy: f64,
+    idle: f64,
+    suspended: f64,
+    units: u64,
+    failures: u64,
+    resident_bytes: u64,
+    memory_bytes: Option<u64>,
+    /// From, until, at what.
+    spans: Vec<(f64, f64, &'static str)>,
+}
+
+#[derive(Serialize)]
+struct BinLine {
+    mean_waiting: f64,
+    full: f64,
+    empty: f64,
+    /// From, until, units that waited in the mean, units that it took.
+    steps: Vec<(f64, f64, f64, usize)>,
+}
+
+#[derive(Serialize)]
+struct IncidentLine<'a> {
+    resource: String,
+    fault: &'static str,
+    count: u64,
+    first: f64,
+    last: f64,
+    reason: &'a str,
+}
+
+fn seconds(at: Time) -> f64 {
+    at.since(Time::ZERO).as_secs_f64()
+}
+
+const fn word(activity: Activity) -> &'static str {
+    match activity {
+        Activity::Idle => "idle",
+        Activity::Working => "working",
+        Activity::Suspended => "suspended",
+        Activity::Retired => "retired",
+    }
+}
+
+/// The same as [`timeline_svg`](crate::timeline_svg) draws, as a JSON object: for each resource what it was at, how full the
+/// bin was, and what went wrong. All times are seconds.
+pub fn timeline_json(report: &HraReport) -> String {
+    let resource = |resource: &ResourceReport| resource.descriptor.name.clone();
+    let timeline = Timeline {
+        seconds: report.uptime.as_secs_f64(),
+        resources: report.resources.iter().map(line_of).collect(),
+        bin: BinLine {
+            mean_waiting: report.bin.mean_waiting,
+            full: report.bin.full.as_secs_f64(),
+            empty: report.bin.empty.as_secs_f64(),
+            steps: (report.bin.steps.iter())
+                .map(|step| (seconds(step.from), seconds(step.to), step.waiting, step.capacity))
+                .collect(),
+        },
+        incidents: (report.incidents.iter())
+            .map(|incident| IncidentLine {
+                resource: (report.resources.iter().find(|it| it.id == incident.resource))
+                    .map_or_else(|| incident.resource.to_string(), resource),
+                fault: incident.fault.name(),
+                count: incident.count,
+                first: seconds(incident.first),
+                last: seconds(incident.last),
+                reason: &incident.reason,
+            })
+            .collect(),
+    };
+    serde_json::to_string(&timeline).unwrap_or_default()
+}
+
+fn line_of(resource: &ResourceReport) -> ResourceLine<'_> {
+    let spans = resource.spans.iter();
+    ResourceLine {
+        name: &resource.descriptor.name,
+        occupation: resource.occupation(),
+        busy: resource.busy.as_secs_f64(),
+        idle: resource.idle.as_secs_f64(),
+        suspended: resource.suspended.as_secs_f64(),
+        units: resource.units,
+        failures: resource.failures,
+        resident_bytes: resource.resident_bytes,
+        memory_bytes: resource.descriptor.memory_bytes,
+        spans: spans.map(|span| (seconds(span.from), seconds(span.to), word(span.activity))).collect(),
+    }
+}

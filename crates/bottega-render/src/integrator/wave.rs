@@ -1,0 +1,195 @@
+//! Waves of paths: all of them come to their next surface together. What their rays meet is asked of whoever follows rays;
+//! shading is what remains. The loop above asks for the one and then for the other.
+//!
+//! Source: Pereira et al., *Efficient use of Multiple Hardware Components for Image Synthesis*, section 3.3.1: rays are a
+//! low-level primitive, shading a high-level one, and the recursion is the caller's. The bits of a picture are those of
+//! paths that are followed one by one: what is added to a path is added in the same order.
+
+use std::{fmt, sync::Arc};
+
+use bottega_kernels::{
+    Hit, Ray,
+    compiled::{self, Task},
+};
+use bottega_scene::Spectrum;
+
+use super::{
+    path::{Branch, DeferredLight, PathIntegrator, SuspendedPath},
+    record::PathRecord,
+};
+use crate::sampler::PixelSampler;
+
+/// Paths that are followed together, one for each of some samples.
+#[derive(Clone, Default)]
+pub struct Wave {
+    /// Pixels, each with the index of a sample.
+    samples: Vec<(u32, u32, u32)>,
+    paths: Vec<WavePath>,
+    /// Light that waits for its ray, and which path it is for.
+    deferred: Vec<(u32, Spectrum)>,
+    /// What came of the samples, in their order.
+    records: Vec<PathRecord>,
+    rays: Arc<Vec<Ray>>,
+    shadow_rays: Arc<Vec<Ray>>,
+}
+
+/// What was found of the rays of a wave.
+#[derive(Clone, Debug, Default)]
+pub struct WaveAnswers {
+    /// For each of [`Wave::rays`].
+    pub hits: Vec<Hit>,
+    /// For each of [`Wave::shadow_rays`].
+    pub occluded: Vec<bool>,
+}
+
+#[derive(Clone)]
+struct WavePath {
+    path: SuspendedPath,
+    /// Which of the samples it is, and the factor with which it counts.
+    sample: u32,
+    factor: f32,
+    /// Parts of it that wait.
+    branches: Vec<Branch>,
+    /// Whether it goes no further, and only waits for light.
+    is_over: bool,
+}
+
+impl Wave {
+    /// Paths that are to begin.
+    pub(crate) fn new(samples: Vec<(u32, u32, u32)>) -> Self {
+        Self { samples, ..Self::default() }
+    }
+
+    /// Rays whose closest hits are wanted.
+    pub fn rays(&self) -> &Arc<Vec<Ray>> {
+        &self.rays
+    }
+
+    /// Rays of which is wanted whether they hit anything.
+    pub fn shadow_rays(&self) -> &Arc<Vec<Ray>> {
+        &self.shadow_rays
+    }
+
+    /// Whether all paths are at their end.
+    pub fn is_over(&self) -> bool {
+        !self.samples.is_empty() && self.paths.is_empty() && self.records.len() == self.samples.len()
+    }
+
+    /// Paths that are to be shaded next: the size of that work.
+    pub(crate) fn path_count(&self) -> u64 {
+        if self.records.is_empty() { self.samples.len() as u64 } else { self.paths.len() as u64 }
+    }
+
+    pub(crate) fn samples(&self) -> &[(u32, u32, u32)] {
+        &self.samples
+    }
+
+    pub(crate) fn records(&self) -> &[PathRecord] {
+        &self.records
+    }
+
+    /// Takes in what rays found, and goes on to the next ones.
+    pub(crate) fn step(&mut self, integrator: &PathIntegrator<'_>, answers: &WaveAnswers) {
+        compiled::run(WaveStep { wave: self, integrator, answers });
+    }
+}
+
+impl fmt::Debug for Wave {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of {} paths, {} rays", self.paths.len(), self.samples.len(), self.rays.len())
+    }
+}
+
+struct WaveStep<'a> {
+    wave: &'a mut Wave,
+    integrator: &'a PathIntegrator<'a>,
+    answers: &'a WaveAnswers,
+}
+
+impl Task for WaveStep<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { wave, integrator, answers } = self;
+        if integrator.asks_agents() {
+            wave.advance::<true>(integrator, answers);
+        } else {
+            wave.advance::<false>(integrator, answers);
+        }
+    }
+}
+
+impl Wave {
+    #[inline(always)]
+    fn advance<const AGENTS: bool>(&mut self, integrator: &PathIntegrator<'_>, answers: &WaveAnswers) {
+        if self.records.is_empty() {
+            self.begin::<AGENTS>(integrator);
+        } else {
+            self.take_light(&answers.occluded);
+            self.meet::<AGENTS>(integrator, &answers.hits);
+        }
+        self.rays = Arc::new(self.paths.iter().filter(|it| !it.is_over).map(|it| it.path.ray()).collect());
+    }
+
+    #[inline(always)]
+    fn begin<const AGENTS: bool>(&mut self, integrator: &PathIntegrator<'_>) {
+        self.records = vec![PathRecord::default(); self.samples.len()];
+        let begun = self.samples.iter().zip(0..).map(|(&(x, y, index), sample)| {
+            let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
+            let (ray, factor) = integrator.camera_ray(&sampler, x, y);
+            let mut path = integrator.begin(sampler, &ray, integrator.guide(), None);
+            if AGENTS {
+                path.expect(integrator.place(x, y));
+            }
+            WavePath { path: path.suspend(), sample, factor, branches: Vec::new(), is_over: false }
+        });
+        self.paths = begun.collect();
+    }
+
+    /// Adds the light that nothing is in front of.
+    fn take_light(&mut self, occluded: &[bool]) {
+        for (&(path, light), &is_occluded) in self.deferred.iter().zip(occluded) {
+            if !is_occluded {
+                self.paths[path as usize].path.add(light);
+            }
+        }
+        self.deferred.clear();
+    }
+
+    /// Brings every path to the surface that its ray met. Those that were over end, or go on as a part that waited.
+    #[inline(always)]
+    fn meet<const AGENTS: bool>(&mut self, integrator: &PathIntegrator<'_>, hits: &[Hit]) {
+        let mut hits = hits.iter();
+        let (mut shadow_rays, mut deferred, mut lights) = (Vec::new(), Vec::new(), Vec::<DeferredLight>::new());
+        let mut paths = Vec::with_capacity(self.paths.len());
+        for mut it in std::mem::take(&mut self.paths) {
+            if !it.is_over {
+                let Some(hit) = hits.next() else { return };
+                let mut path = integrator.resume(&it.path);
+                it.is_over = !path.meet::<AGENTS, true>(hit, &mut it.branches, &mut lights);
+                it.path = path.suspend();
+            }
+            let waits = !lights.is_empty();
+            let at = paths.len() as u32;
+            for DeferredLight { ray, light } in lights.drain(..) {
+                shadow_rays.push(ray);
+                deferred.push((at, light));
+            }
+            if it.is_over && !waits {
+                if let Some(branch) = it.branches.pop() {
+                    it.path.go_back(branch);
+                    it.is_over = false;
+                } else {
+                    let record = integrator.resume(&it.path).finish().scaled(it.factor);
+                    self.records[it.sample as usize] = record;
+                    continue;
+                }
+            }
+            paths.push(it);
+        }
+        self.paths = paths;
+        self.deferred = deferred;
+        self.shadow_rays = Arc::new(shadow_rays);
+    }
+}

@@ -1,0 +1,95 @@
+//! Resources that are kept between pictures: the second picture of a process finds its devices open, its kernels compiled,
+//! and what has not changed of its scene in their memory.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bottega_engines::{Devices, Resources};
+use bottega_gpu::{EncodedScene, GpuAdapter, GpuError, GpuPaths, GpuScenes};
+
+use super::{
+    costs,
+    gpu::{lane_of, path_options},
+};
+
+/// Sets of resources that are kept; the one that was not asked for longest goes first.
+const KEPT_MAX: usize = 2;
+
+static KEPT: Mutex<Vec<KeptResources>> = Mutex::new(Vec::new());
+
+/// What two pictures must have in common to share resources.
+#[derive(Clone, PartialEq, Eq)]
+struct ResourceKey {
+    threads: usize,
+    gpus: Vec<String>,
+    memory: Option<u64>,
+}
+
+struct KeptResources {
+    key: ResourceKey,
+    resources: Arc<Resources>,
+    scenes: Vec<GpuScenes>,
+}
+
+/// Processors and GPUs behind one allocator: those that an earlier picture has left, or new ones. The GPUs are told of the
+/// picture's scene.
+///
+/// - `encoded`: the scene, for each of the GPUs.
+/// - `memory`: bytes that scenes may take on a GPU.
+///
+/// # Errors
+/// A GPU cannot be opened, or its kernels cannot be compiled.
+pub(super) fn resources(
+    threads: usize,
+    gpus: &[GpuAdapter],
+    memory: Option<u64>,
+    encoded: &[EncodedScene],
+) -> Result<(Arc<Resources>, Vec<GpuScenes>), GpuError> {
+    let gpu_names = gpus.iter().map(|gpu| gpu.info().name.clone()).collect();
+    let key = ResourceKey { threads, gpus: gpu_names, memory };
+    let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    let found = match kept.iter().position(|known| known.key == key) {
+        Some(at) => kept.remove(at),
+        None => {
+            make_room(&mut kept, &key);
+            open(key, gpus)?
+        }
+    };
+    let admitted = found.scenes.iter().zip(encoded).try_for_each(|(scenes, encoded)| scenes.admit(encoded));
+    // A device that failed is not kept: the next picture opens it anew.
+    admitted?;
+    let opened = (Arc::clone(&found.resources), found.scenes.clone());
+    kept.push(found);
+    Ok(opened)
+}
+
+fn open(key: ResourceKey, gpus: &[GpuAdapter]) -> Result<KeptResources, GpuError> {
+    let (mut lanes, mut scenes) = (Vec::new(), Vec::new());
+    for adapter in gpus {
+        let options = path_options(Some(adapter.info().name.clone()), key.memory);
+        let gpu = GpuPaths::open(adapter.clone(), &options)?;
+        scenes.push(gpu.scenes());
+        lanes.push(lane_of(gpu));
+    }
+    let costs = if gpus.is_empty() { None } else { costs::read() };
+    let resources = Arc::new(Resources::new(key.threads, Devices { lanes, costs }));
+    Ok(KeptResources { key, resources, scenes })
+}
+
+/// Lets go of what nobody uses: where there are too many, and where a GPU that is wanted is held by other resources.
+fn make_room(kept: &mut Vec<KeptResources>, key: &ResourceKey) {
+    let is_idle = |known: &KeptResources| Arc::strong_count(&known.resources) == 1;
+    kept.retain(|known| !(is_idle(known) && known.key.gpus.iter().any(|gpu| key.gpus.contains(gpu))));
+    while kept.len() >= KEPT_MAX {
+        let Some(at) = kept.iter().position(is_idle) else { return };
+        kept.remove(at);
+    }
+}
+
+/// Lets go of all that no picture uses.
+pub fn release() {
+    let idle: Vec<_> = {
+        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.extract_if(.., |known| Arc::strong_count(&known.resources) == 1).collect()
+    };
+    drop(idle); // Outside the lock: devices may take a moment to end.
+}

@@ -1,0 +1,94 @@
+//! What processors and devices were at while a picture was painted.
+
+use std::path::Path;
+
+use bottega_hra::{HraReport, timeline_json, timeline_svg};
+
+use super::reporter::Reporter;
+use crate::{
+    builtin::BuiltinPainter,
+    error::Error,
+    events::{Event, ResourceUse},
+    text::shown,
+};
+
+/// The forms of a timeline, by the end of its file's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TimelineForm {
+    Svg,
+    Json,
+}
+
+impl TimelineForm {
+    fn of(path: &Path) -> Option<Self> {
+        let end = path.extension()?.to_str()?.to_ascii_lowercase();
+        match &*end {
+            "svg" => Some(Self::Svg),
+            "json" => Some(Self::Json),
+            _ => None,
+        }
+    }
+}
+
+/// Whether a timeline can be written to a file.
+///
+/// # Errors
+/// Its name does not tell its form.
+pub(super) fn check_timeline(path: &Path) -> Result<(), Error> {
+    TimelineForm::of(path).map(|_| ()).ok_or_else(|| {
+        Error::usage(
+            format!("the timeline {} has no form that is known", path.display()),
+            "give its name the end .svg (a drawing) or .json (the same as data)",
+        )
+    })
+}
+
+/// Tells what everybody was at, and writes the timeline where one is asked for. One that cannot be written costs no picture.
+pub(super) fn tell(painter: &BuiltinPainter, timeline: Option<&Path>, reporter: &Reporter) {
+    let report = painter.engine.report();
+    reporter.tell(told(painter, &report));
+    let Some((path, form)) = timeline.and_then(|path| Some((path, TimelineForm::of(path)?))) else { return };
+    let text = match form {
+        TimelineForm::Svg => timeline_svg(&report, None),
+        TimelineForm::Json => timeline_json(&report),
+    };
+    match std::fs::write(path, text) {
+        Ok(()) => reporter.tell(Event::Timeline { file: shown(path) }),
+        Err(error) => reporter.warn(format!("the timeline {} is lost: {error}", path.display())),
+    }
+}
+
+fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
+    let seconds = report.uptime.as_secs_f64().max(f64::MIN_POSITIVE);
+    // Devices come after the processors, in their order.
+    let scenes = painter.crew.scenes.iter().map(Some);
+    let scenes = std::iter::repeat_n(None, painter.crew.threads).chain(scenes).chain(std::iter::repeat(None));
+    let resources = report.resources.iter().zip(scenes).map(|(resource, scenes)| ResourceUse {
+        name: resource.descriptor.name.clone(),
+        occupation: resource.occupation(),
+        units: resource.units,
+        failures: resource.failures,
+        memory_bytes: resource.descriptor.memory_bytes,
+        resident_bytes: scenes.map(bottega_gpu::GpuScenes::resident_bytes),
+        sent_bytes: scenes.map(bottega_gpu::GpuScenes::sent_bytes),
+    });
+    Event::Resources {
+        resources: resources.collect(),
+        seconds: report.uptime.as_secs_f64(),
+        bin_waiting: report.bin.mean_waiting,
+        bin_full: report.bin.full.as_secs_f64() / seconds,
+        bin_empty: report.bin.empty.as_secs_f64() / seconds,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_form_is_that_of_the_name() {
+        for (name, right) in [("a.svg", true), ("a.JSON", true), ("a.png", false), ("svg", false), ("", false)] {
+            assert_eq!(check_timeline(Path::new(name)).is_ok(), right, "{name}");
+        }
+    }
+}
