@@ -26,6 +26,7 @@ pub(crate) use self::{
 };
 use crate::{
     bench::BenchArgs,
+    board::BoardArgs,
     engines::EnginesArgs,
     farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs},
     platform::PlatformArgs,
@@ -79,6 +80,8 @@ pub(crate) enum Command {
     Bench(BenchArgs),
     /// List the devices that can take part in rendering.
     Devices(DevicesArgs),
+    /// Follow rays for another process, as a device of its own.
+    Board(BoardArgs),
     /// Print completions for a shell.
     #[command(
         after_help = "For example: bottega completions bash > ~/.local/share/bash-completion/completions/bottega"

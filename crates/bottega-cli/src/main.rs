@@ -29,6 +29,7 @@ mod output;
 
 mod analyze;
 mod bench;
+mod board;
 mod cli;
 mod console_watcher;
 mod devices;
@@ -77,7 +78,7 @@ fn purpose(command: &Command) -> Purpose {
     match command {
         Command::Render(args) if args.request.dry_run => Purpose::Result,
         Command::Render(args) if args.scene.json => Purpose::Events,
-        Command::Render(_) | Command::Up(_) | Command::Join(_) => Purpose::Log,
+        Command::Render(_) | Command::Up(_) | Command::Join(_) | Command::Board(_) => Purpose::Log,
         Command::Platform(args) => args.purpose(),
         _ => Purpose::Result,
     }
@@ -101,6 +102,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Platform(args) => platform::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
+        Command::Board(args) => board::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "bottega", &mut script);

@@ -55,11 +55,11 @@ impl BuiltinPainter {
         notes.extend(self.crew.notes.iter().cloned());
         let has_paths = self.method.photons.is_none()
             && self.subject.prepared.can_learn(self.subject.view, planned_samples(&self.settings));
-        if request.integrator.wavefront {
+        if wants_waves(request, &self.crew) {
             let paths = PathSettings { photons: self.method.photons, ..PathSettings::default() };
             let (prepared, layout) = (&self.subject.prepared, &self.settings.layout);
             let refusal = Wave::refusal(prepared, self.subject.view, &paths, layout);
-            notes.extend(refusal.map(|why| format!("--wavefront does nothing here: {why}")));
+            notes.extend(refusal.map(|why| format!("--wavefront and boards do nothing here: {why}")));
         }
         if asks_for_agents(&request.guide) && !has_paths {
             let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, \
@@ -118,6 +118,11 @@ impl BuiltinPainter {
     }
 }
 
+/// Whether rays are to be units of their own: boards do nothing else.
+fn wants_waves(request: &Request, crew: &DeviceSet) -> bool {
+    request.integrator.wavefront || !crew.boards.is_empty()
+}
+
 /// Our own engine for a scene, and who paints for it.
 ///
 /// # Errors
@@ -145,8 +150,8 @@ pub fn own_engine(
         .exactly(request.devices.exact)?;
     let memory = request.devices.memory_mb.map(|mib| u64::from(mib) << 20);
     let crew = DeviceSet::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some(), memory)?;
-    let wavefront = request.integrator.wavefront
-        && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
+    let wavefront =
+        wants_waves(request, &crew) && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
     let options =
         BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads, wavefront };
     let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));

@@ -2,6 +2,7 @@
 
 use std::{ops::Range, path::PathBuf, sync::Arc};
 
+use bottega_board::BoardError;
 use bottega_denoise::{DenoiseError, install_hint};
 use bottega_engines::{
     EngineError,
@@ -50,6 +51,9 @@ pub enum Error {
     /// A GPU that was asked for cannot be used.
     #[error("cannot use the GPU")]
     Gpu(#[from] GpuError),
+    /// A board that was asked for cannot be used.
+    #[error("cannot use the board")]
+    Board(#[from] BoardError),
     /// The picture cannot be denoised.
     #[error("cannot denoise the picture")]
     Denoise(#[from] DenoiseError),

@@ -70,7 +70,11 @@ fn where_rays_cannot_be_left_to_others_that_is_said() {
     request.integrator.method = Some(bottega::request::IntegratorChoice::Photon);
     request.integrator.wavefront = true;
     let (_, notes) = paint(&request, SessionOptions::default());
-    assert!(notes.warnings().iter().any(|it| it.contains("--wavefront does nothing here")), "{:?}", notes.warnings());
+    assert!(
+        notes.warnings().iter().any(|it| it.contains("--wavefront and boards do nothing here")),
+        "{:?}",
+        notes.warnings()
+    );
 }
 
 #[test]

@@ -42,7 +42,7 @@ impl Resources {
 
 /// Where the devices do all, a processor is there for what they know nothing of: the rays of a look at the scene.
 fn looker(threads: usize) -> Option<Lane<RenderWork>> {
-    let rays = [Primitive::Intersect, Primitive::Occluded];
+    let rays = [Primitive::Intersect, Primitive::Occluded, Primitive::Shade];
     let looker = VirtualCpu::new("cpu".to_owned(), PrimitiveSet::from(rays), RenderWork::perform);
     (threads == 0).then(|| Lane::Direct(Box::new(looker)))
 }

@@ -33,8 +33,10 @@ const UNIT_TIME_WITH_DEVICES: Duration = Duration::from_millis(60);
 /// zone's blocks end one after the other.
 const UNITS_PER_LANE: usize = 3;
 
-/// The same for each device beside them, which takes many units at once.
+/// The same for each device beside them, which takes many units at once; and where a block is a wave of paths, which take memory
+/// here.
 const UNITS_PER_DEVICE: usize = 1024;
+const WAVES_PER_DEVICE: usize = 128;
 
 /// Past this a unit goes before all younger ones.
 const MAX_DELAY: Duration = Duration::from_secs(10);
@@ -110,7 +112,8 @@ impl<'a> ZonePainter<'a> {
     }
 
     pub(super) fn paint(mut self) -> Result<Painted, EngineError> {
-        let window = UNITS_PER_LANE * self.shared.options.threads + UNITS_PER_DEVICE * self.shared.devices;
+        let per_device = if self.shared.options.wavefront { WAVES_PER_DEVICE } else { UNITS_PER_DEVICE };
+        let window = UNITS_PER_LANE * self.shared.options.threads + per_device * self.shared.devices;
         for _ in 0..window {
             let ticket = self.under_way.len();
             self.under_way.push(None);

@@ -244,10 +244,15 @@ impl<T> Core<T> {
     ) -> Option<(Time, ResourceId)> {
         let pace = pace?;
         let lane = &self.lanes[id.index()];
-        if !lane.knows(head.primitive) {
+        let moving_ns = lane.moving_ns(head.data);
+        let mine = if lane.knows(head.primitive) {
+            lane.finish(now, head.primitive, head.size, head.data)?
+        } else if moving_ns > 0.0 {
+            // At least that: data for so much work is not sent only to see how fast it would be.
+            now.plus_ns(lane.latency_ns() + moving_ns)
+        } else {
             return None; // How else would it become known?
-        }
-        let mine = lane.finish(now, head.primitive, head.size, head.data)?;
+        };
         let at_least = Duration::try_from_secs_f64(pace.worth / pace.rate * 1e-9).unwrap_or(Duration::MAX);
         if mine <= now.after(at_least.max(self.demand.overshoot())) {
             return None;

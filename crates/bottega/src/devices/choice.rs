@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use bottega_board::RemoteBoard;
 use bottega_engines::Resources;
 use bottega_gpu::{AdapterKind, EncodedScene, GpuAdapter, GpuError, GpuScenes, adapters};
 use bottega_image::{Aov, Layout};
@@ -21,7 +22,9 @@ pub struct DeviceSet {
     pub resources: Arc<Resources>,
     /// Names of the GPUs.
     pub gpus: Vec<String>,
-    /// Their memory, in the same order.
+    /// Addresses of the boards that follow rays.
+    pub boards: Vec<String>,
+    /// The GPUs' memory, in the same order.
     pub scenes: Vec<GpuScenes>,
     /// Why others do not, for the user.
     pub notes: Vec<String>,
@@ -44,41 +47,46 @@ impl DeviceSet {
         memory: Option<u64>,
     ) -> Result<Self, Error> {
         let lacks = lacks(layout, photons);
-        let mut wanted = WantedDevices { threads, gpus: Vec::new(), notes: Vec::new() };
+        let mut wanted = WantedDevices { threads, gpus: Vec::new(), boards: Vec::new(), notes: Vec::new() };
         match choice {
             DeviceChoice::Auto => {
                 if may_have_gpu() && adapters().iter().any(|adapter| adapter.kind != AdapterKind::Software) {
                     wanted.add(None, scene, &lacks)?;
                 }
             }
-            DeviceChoice::These { processors, gpus } => {
+            DeviceChoice::These { processors, gpus, boards } => {
+                boards.clone_into(&mut wanted.boards);
                 wanted.threads = if *processors { threads } else { 0 };
                 gpus.iter().try_for_each(|name| wanted.add(Some(name), scene, &lacks))?;
             }
         }
-        let WantedDevices { mut threads, gpus, mut notes } = wanted;
+        let WantedDevices { mut threads, gpus, boards, mut notes } = wanted;
         if !gpus.is_empty() {
             threads = beside_gpus(threads, gpus.len());
         }
         let (adapters, encoded): (Vec<_>, Vec<_>) = gpus.into_iter().unzip();
         let names: Vec<String> = adapters.iter().map(|adapter: &GpuAdapter| adapter.info().name.clone()).collect();
-        let opened = kept::resources(threads, &adapters, memory, &encoded);
+        if !boards.is_empty() {
+            RemoteBoard::tell_bytes(scene);
+        }
+        let opened = kept::resources(threads, &adapters, memory, &boards, &encoded);
         let (resources, scenes) = match opened {
             Ok(opened) => opened,
-            Err(error) if threads == 0 => return Err(error.into()),
+            Err(error) if threads == 0 || !boards.is_empty() => return Err(error),
             // Refused to that device, not to the picture.
             Err(error) => {
                 notes.push(format!("{} does not take part: {}", names.join(", "), error_chain(&error)));
-                let (resources, scenes) = kept::resources(threads, &[], memory, &[])?;
-                return Ok(Self { threads, resources, gpus: Vec::new(), scenes, notes });
+                let (resources, scenes) = kept::resources(threads, &[], memory, &[], &[])?;
+                return Ok(Self { threads, resources, gpus: Vec::new(), boards, scenes, notes });
             }
         };
-        Ok(Self { threads, resources, gpus: names, scenes, notes })
+        Ok(Self { threads, resources, gpus: names, boards, scenes, notes })
     }
 
     /// Who paints, in words.
     pub fn names(&self) -> String {
-        names(self.threads, &self.gpus)
+        let boards = self.boards.iter().cloned();
+        names(self.threads, &self.gpus.iter().cloned().chain(boards).collect::<Vec<_>>())
     }
 }
 
@@ -86,6 +94,7 @@ impl DeviceSet {
 struct WantedDevices {
     threads: usize,
     gpus: Vec<(GpuAdapter, EncodedScene)>,
+    boards: Vec<String>,
     notes: Vec<String>,
 }
 

@@ -1,15 +1,24 @@
 //! Resources that are kept between pictures: the second picture of a process finds its devices open, its kernels compiled,
 //! and what has not changed of its scene in their memory.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
 
+use bottega_board::{BoardAddress, RemoteBoard};
 use bottega_engines::{Devices, Resources};
-use bottega_gpu::{EncodedScene, GpuAdapter, GpuError, GpuPaths, GpuScenes};
+use bottega_gpu::{EncodedScene, GpuAdapter, GpuPaths, GpuScenes};
+use bottega_hra::{Lane, Window};
 
 use super::{
     costs,
     gpu::{lane_of, path_options},
 };
+use crate::{error::Error, identity::identity};
+
+/// A board that does not answer for so long is gone.
+const BOARD_PATIENCE: Duration = Duration::from_secs(20);
 
 /// Sets of resources that are kept; the one that was not asked for longest goes first.
 const KEPT_MAX: usize = 2;
@@ -21,6 +30,7 @@ static KEPT: Mutex<Vec<KeptResources>> = Mutex::new(Vec::new());
 struct ResourceKey {
     threads: usize,
     gpus: Vec<String>,
+    boards: Vec<String>,
     memory: Option<u64>,
 }
 
@@ -35,17 +45,19 @@ struct KeptResources {
 ///
 /// - `encoded`: the scene, for each of the GPUs.
 /// - `memory`: bytes that scenes may take on a GPU.
+/// - `boards`: addresses of boards that follow rays.
 ///
 /// # Errors
-/// A GPU cannot be opened, or its kernels cannot be compiled.
+/// A GPU cannot be opened, its kernels cannot be compiled, or a board cannot be reached.
 pub(super) fn resources(
     threads: usize,
     gpus: &[GpuAdapter],
     memory: Option<u64>,
+    boards: &[String],
     encoded: &[EncodedScene],
-) -> Result<(Arc<Resources>, Vec<GpuScenes>), GpuError> {
+) -> Result<(Arc<Resources>, Vec<GpuScenes>), Error> {
     let gpu_names = gpus.iter().map(|gpu| gpu.info().name.clone()).collect();
-    let key = ResourceKey { threads, gpus: gpu_names, memory };
+    let key = ResourceKey { threads, gpus: gpu_names, boards: boards.to_vec(), memory };
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     let found = match kept.iter().position(|known| known.key == key) {
         Some(at) => kept.remove(at),
@@ -62,13 +74,17 @@ pub(super) fn resources(
     Ok(opened)
 }
 
-fn open(key: ResourceKey, gpus: &[GpuAdapter]) -> Result<KeptResources, GpuError> {
+fn open(key: ResourceKey, gpus: &[GpuAdapter]) -> Result<KeptResources, Error> {
     let (mut lanes, mut scenes) = (Vec::new(), Vec::new());
     for adapter in gpus {
         let options = path_options(Some(adapter.info().name.clone()), key.memory);
         let gpu = GpuPaths::open(adapter.clone(), &options)?;
         scenes.push(gpu.scenes());
         lanes.push(lane_of(gpu));
+    }
+    for address in &key.boards {
+        let board = RemoteBoard::connect(BoardAddress::of(address)?, identity())?;
+        lanes.push(Lane::Windowed(Box::new(board) as _, Window { patience: BOARD_PATIENCE, ..Window::default() }));
     }
     let costs = if gpus.is_empty() { None } else { costs::read() };
     let resources = Arc::new(Resources::new(key.threads, Devices { lanes, costs }));

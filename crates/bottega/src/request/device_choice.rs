@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use bottega_board::BoardAddress;
+
 use super::InvalidField;
 
 /// The word for the processors in a list of devices.
@@ -21,13 +23,15 @@ pub enum DeviceChoice {
         processors: bool,
         /// GPUs, by parts of their names.
         gpus: Vec<String>,
+        /// Boards that follow rays, by their addresses.
+        boards: Vec<String>,
     },
 }
 
 impl DeviceChoice {
     /// The processors alone.
     fn processors() -> Self {
-        Self::These { processors: true, gpus: Vec::new() }
+        Self::These { processors: true, gpus: Vec::new(), boards: Vec::new() }
     }
 
     /// The same, where pixels must be the same to the last bit on every machine.
@@ -42,7 +46,9 @@ impl DeviceChoice {
                 format!("`{}`", self.names().join(",")),
                 "a GPU does not paint to the last bit what processors paint: leave out `devices.exact` (--exact), or the GPU",
             )),
-            _ => Ok(Self::processors()),
+            // Boards follow rays to the same bits.
+            Self::These { .. } => Ok(self.clone()),
+            Self::Auto => Ok(Self::processors()),
         }
     }
 
@@ -65,18 +71,27 @@ impl DeviceChoice {
             return Ok(Self::Auto);
         }
         if names.is_empty() || names.iter().any(|name| name.trim().is_empty() || name == AUTO) {
-            return Err(format!("`{AUTO}`, or names with commas between them: `{PROCESSORS}`, parts of GPUs' names"));
+            return Err(format!(
+                "`{AUTO}`, or names with commas between them: `{PROCESSORS}`, parts of GPUs' names, tcp://HOST:PORT of boards"
+            ));
         }
-        let gpus = names.iter().filter(|name| *name != PROCESSORS).cloned();
-        Ok(Self::These { processors: names.iter().any(|name| name == PROCESSORS), gpus: gpus.collect() })
+        let others = names.iter().filter(|name| *name != PROCESSORS).cloned();
+        let (boards, gpus): (Vec<String>, _) = others.partition(|name| BoardAddress::is_one(name));
+        boards.iter().try_for_each(|name| BoardAddress::of(name).map(|_| ()).map_err(|error| error.to_string()))?;
+        let processors = names.iter().any(|name| name == PROCESSORS);
+        if !boards.is_empty() && !processors {
+            return Err(format!("`{PROCESSORS}` beside boards, which follow rays and shade nothing"));
+        }
+        Ok(Self::These { processors, gpus, boards })
     }
 
     /// The names that choose this.
     pub fn names(&self) -> Vec<String> {
         match self {
             Self::Auto => vec![AUTO.to_owned()],
-            Self::These { processors, gpus } => {
-                processors.then(|| PROCESSORS.to_owned()).into_iter().chain(gpus.iter().cloned()).collect()
+            Self::These { processors, gpus, boards } => {
+                let processors = processors.then(|| PROCESSORS.to_owned()).into_iter();
+                processors.chain(gpus.iter().cloned()).chain(boards.iter().cloned()).collect()
             }
         }
     }
@@ -97,16 +112,17 @@ mod tests {
     #[test]
     fn devices_are_asked_for_by_name_or_are_whatever_is_there() {
         let these = |processors, gpus: &[&str]| {
-            Ok(DeviceChoice::These { processors, gpus: gpus.iter().map(|gpu| (*gpu).to_owned()).collect() })
+            let gpus = gpus.iter().map(|gpu| (*gpu).to_owned()).collect();
+            Ok(DeviceChoice::These { processors, gpus, boards: Vec::new() })
         };
         assert_eq!("auto".parse(), Ok(DeviceChoice::Auto));
         assert_eq!("cpu".parse(), these(true, &[]));
         assert_eq!("llvmpipe".parse(), these(false, &["llvmpipe"]));
         assert_eq!("cpu, H200".parse(), these(true, &["H200"]));
-        for names in ["auto", "cpu", "llvmpipe", "cpu,H200"] {
+        for names in ["auto", "cpu", "llvmpipe", "cpu,H200", "cpu,H200,tcp://10.0.0.7:7070"] {
             assert_eq!(names.parse::<DeviceChoice>().unwrap().names().join(","), names);
         }
-        for wrong in ["", "cpu,", "auto,cpu"] {
+        for wrong in ["", "cpu,", "auto,cpu", "tcp://10.0.0.7:7070", "cpu,tcp://nowhere"] {
             assert!(wrong.parse::<DeviceChoice>().is_err(), "{wrong}");
         }
     }

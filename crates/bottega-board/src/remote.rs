@@ -1,0 +1,277 @@
+//! The resource: a board at the other end of a connection.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fmt,
+    io::{BufReader, BufWriter},
+    net::{Shutdown, TcpStream, ToSocketAddrs},
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{Receiver, Sender, channel},
+    },
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega_hra::{
+    DataId, Link, Packet, Primitive, PrimitiveSet, Reply, ResourceDescriptor, WindowedResource, Work as _,
+};
+use bottega_render::{PreparedScene, RenderOutput, RenderWork, SceneGeometry};
+
+use crate::{
+    BoardError,
+    codec::{flags_of, hits_of, put_rays, shapes_to_bytes},
+    wire::{BYTES_MAX, Frame, FrameKind},
+};
+
+/// How long to wait for a connection, and for its first words.
+const CONNECT_MAX: Duration = Duration::from_secs(5);
+/// Bytes that are sent there and back to see how fast the cable is.
+const ECHO_BYTES: usize = 64 << 10;
+
+/// Where a board is: `tcp://HOST:PORT`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BoardAddress(String);
+
+impl BoardAddress {
+    /// Whether a name of a device is meant as such an address.
+    pub fn is_one(name: &str) -> bool {
+        name.starts_with("tcp://")
+    }
+
+    /// # Errors
+    /// It is none.
+    pub fn of(name: &str) -> Result<Self, BoardError> {
+        let place = name.strip_prefix("tcp://").filter(|place| place.contains(':'));
+        place.map(|place| Self(place.to_owned())).ok_or_else(|| BoardError::Address(name.to_owned()))
+    }
+}
+
+impl fmt::Display for BoardAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "tcp://{}", self.0)
+    }
+}
+
+/// A board that follows rays for this process.
+pub struct RemoteBoard {
+    address: BoardAddress,
+    build: String,
+    memory: u64,
+    link: Link,
+    connection: Option<Connection>,
+}
+
+struct Connection {
+    stream: TcpStream,
+    frames: Sender<Frame>,
+    waiting: Arc<Mutex<Waiting>>,
+    /// Scenes that are there.
+    scenes: BTreeSet<DataId>,
+}
+
+/// Packets whose answers have not come.
+#[derive(Default)]
+struct Waiting {
+    packets: BTreeMap<u64, SentPacket>,
+    /// Nothing comes any more.
+    is_over: bool,
+}
+
+struct SentPacket {
+    /// Rays of each work.
+    counts: Vec<usize>,
+    primitive: Primitive,
+    reply: Reply<RenderWork>,
+}
+
+impl RemoteBoard {
+    /// Connects to a board and measures how fast its cable is.
+    ///
+    /// - `build`: the build of this program; the board's must be the same.
+    ///
+    /// # Errors
+    /// Nobody is there, or it is no board of this build.
+    pub fn connect(address: BoardAddress, build: &str) -> Result<Self, BoardError> {
+        let (connection, memory, link) = Connection::open(&address, build)?;
+        Ok(Self { address, build: build.to_owned(), memory, link, connection: Some(connection) })
+    }
+
+    /// Says what a scene takes of a board's memory, so that the allocator knows.
+    pub fn tell_bytes(scene: &PreparedScene) {
+        scene.note_device_bytes(shapes_to_bytes(&SceneGeometry::of(scene.scene())).len() as u64);
+    }
+
+    /// The cable, as it was measured.
+    pub fn link(&self) -> Link {
+        self.link
+    }
+}
+
+impl Connection {
+    fn open(address: &BoardAddress, build: &str) -> Result<(Self, u64, Link), BoardError> {
+        let unreachable = |source| BoardError::Unreachable { address: address.to_string(), source };
+        let places = address.0.to_socket_addrs().map_err(unreachable)?;
+        let mut stream = Err(std::io::Error::from(std::io::ErrorKind::AddrNotAvailable));
+        for place in places {
+            stream = TcpStream::connect_timeout(&place, CONNECT_MAX);
+            if stream.is_ok() {
+                break;
+            }
+        }
+        let mut stream = stream.map_err(unreachable)?;
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(CONNECT_MAX))?;
+        Frame::new(FrameKind::Hello, 0, 0, build.as_bytes().to_vec()).write(&mut stream)?;
+        let hello = Frame::read(&mut stream, 4096)?;
+        if hello.kind != FrameKind::Hello {
+            let theirs = String::from_utf8_lossy(&hello.bytes).into_owned();
+            return Err(BoardError::OtherBuild { theirs, ours: build.to_owned() });
+        }
+        let link = measure(&mut stream)?;
+        stream.set_read_timeout(None)?;
+        let waiting = Arc::new(Mutex::new(Waiting::default()));
+        let (frames, outbox) = channel();
+        let (out, inbox, listened) = (stream.try_clone()?, stream.try_clone()?, Arc::clone(&waiting));
+        let builder = || thread::Builder::new().name("board".to_owned());
+        builder().spawn(move || write_all(out, &outbox))?;
+        builder().spawn(move || listen(inbox, &listened))?;
+        Ok((Self { stream, frames, waiting, scenes: BTreeSet::new() }, hello.number, link))
+    }
+
+    /// Sends a packet. Who has gone drops its reply, which says that it is lost.
+    fn send(&mut self, packet: Packet<RenderWork>) {
+        let Packet { sequence, works, reply } = packet;
+        let mut bytes = Vec::new();
+        let (mut counts, mut scene, mut primitive) = (Vec::new(), None, Primitive::Intersect);
+        for work in &works {
+            primitive = work.primitive();
+            let (RenderWork::Rays { scene: of, rays } | RenderWork::Occlusion { scene: of, rays }) = work else {
+                // Nothing else is sent here, for a board says that it can do nothing else.
+                return;
+            };
+            scene = Some(of);
+            counts.push(rays.len());
+            put_rays(&mut bytes, rays);
+        }
+        let Some(scene) = scene else { return };
+        let id = scene.data_id();
+        if self.scenes.insert(id) {
+            let shapes = shapes_to_bytes(&SceneGeometry::of(scene.scene()));
+            _ = self.frames.send(Frame::new(FrameKind::Scene, id.0, 0, shapes));
+        }
+        let kind = if primitive == Primitive::Occluded { FrameKind::Occluded } else { FrameKind::Intersect };
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        if waiting.is_over {
+            return;
+        }
+        waiting.packets.insert(sequence, SentPacket { counts, primitive, reply });
+        drop(waiting);
+        _ = self.frames.send(Frame::new(kind, sequence, id.0, bytes));
+    }
+}
+
+/// The way there and back, and the bytes that pass in a second.
+fn measure(stream: &mut TcpStream) -> Result<Link, BoardError> {
+    let mut echo = |bytes: usize| {
+        let (start, frame) = (Instant::now(), Frame::new(FrameKind::Echo, 0, 0, vec![0; bytes]));
+        frame.write(stream)?;
+        Frame::read(stream, bytes as u64)?;
+        Ok::<_, BoardError>((start.elapsed(), frame.size()))
+    };
+    let mut shortest = Duration::MAX;
+    for _ in 0..3 {
+        shortest = shortest.min(echo(0)?.0);
+    }
+    let (time, size) = echo(ECHO_BYTES)?;
+    let passing = time.saturating_sub(shortest).as_secs_f64().max(1e-6);
+    Ok(Link { latency: shortest / 2, bandwidth: 2.0 * size as f64 / passing })
+}
+
+fn write_all(stream: TcpStream, frames: &Receiver<Frame>) {
+    let mut writer = BufWriter::with_capacity(64 << 10, stream);
+    for frame in frames {
+        if frame.write(&mut writer).is_err() {
+            break; // Whoever listens is told so, too.
+        }
+    }
+    _ = writer.get_ref().shutdown(Shutdown::Both);
+}
+
+fn listen(stream: TcpStream, waiting: &Mutex<Waiting>) {
+    let mut reader = BufReader::with_capacity(64 << 10, stream);
+    let ended = loop {
+        let frame = match Frame::read(&mut reader, BYTES_MAX) {
+            Ok(frame) => frame,
+            Err(error) => break error,
+        };
+        if frame.kind != FrameKind::Answer {
+            break BoardError::Refused(String::from_utf8_lossy(&frame.bytes).into_owned());
+        }
+        let sent = waiting.lock().unwrap_or_else(PoisonError::into_inner).packets.remove(&frame.number);
+        let Some(sent) = sent else { continue };
+        if let Err(error) = sent.answer(&frame.bytes) {
+            break error;
+        }
+    };
+    tracing::debug!(error = %ended, "the board is gone");
+    let mut waiting = waiting.lock().unwrap_or_else(PoisonError::into_inner);
+    waiting.is_over = true;
+    // Their replies say that they are lost.
+    waiting.packets.clear();
+}
+
+impl SentPacket {
+    fn answer(self, bytes: &[u8]) -> Result<(), BoardError> {
+        let Self { counts, primitive, reply } = self;
+        let total = counts.iter().sum();
+        let outcomes: Vec<RenderOutput> = if primitive == Primitive::Occluded {
+            let mut flags = flags_of(bytes, total)?.into_iter();
+            counts.iter().map(|&count| RenderOutput::Occlusion(flags.by_ref().take(count).collect())).collect()
+        } else {
+            let mut hits = hits_of(bytes, total)?.into_iter();
+            counts.iter().map(|&count| RenderOutput::Hits(hits.by_ref().take(count).collect())).collect()
+        };
+        reply.send(outcomes.into_iter().map(Ok).collect());
+        Ok(())
+    }
+}
+
+impl WindowedResource<RenderWork> for RemoteBoard {
+    fn descriptor(&self) -> ResourceDescriptor {
+        ResourceDescriptor {
+            name: self.address.to_string(),
+            primitives: PrimitiveSet::from([Primitive::Intersect, Primitive::Occluded]),
+            memory_bytes: Some(self.memory),
+            link: self.link,
+        }
+    }
+
+    fn send(&mut self, packet: Packet<RenderWork>) {
+        if let Some(connection) = &mut self.connection {
+            connection.send(packet);
+        }
+    }
+
+    fn recover(&mut self) -> Result<(), String> {
+        self.connection = None;
+        let (connection, memory, link) =
+            Connection::open(&self.address, &self.build).map_err(|error| error.to_string())?;
+        (self.connection, self.memory, self.link) = (Some(connection), memory, link);
+        Ok(())
+    }
+
+    fn evict(&mut self, data: DataId) {
+        if let Some(connection) = &mut self.connection
+            && connection.scenes.remove(&data)
+        {
+            _ = connection.frames.send(Frame::new(FrameKind::Evict, data.0, 0, Vec::new()));
+        }
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        _ = self.stream.shutdown(Shutdown::Both);
+    }
+}

@@ -1,0 +1,136 @@
+//! Frames on the wire: a header of fixed size, and bytes.
+
+use std::io::{Read, Write};
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::BoardError;
+
+/// What both sides begin with, and the version of what follows.
+const MAGIC: u64 = u64::from_le_bytes(*b"BTGBRD01");
+/// Larger frames are refused.
+pub(crate) const BYTES_MAX: u64 = 4 << 30;
+/// Bytes that are read before more memory is taken: who announces much must send it.
+const BYTES_AT_ONCE: u64 = 1 << 20;
+
+/// What a frame is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub(crate) enum FrameKind {
+    /// Who speaks: the build, and of a board the memory for scenes.
+    Hello = 1,
+    /// Shapes, to be kept by their number.
+    Scene = 2,
+    /// A number that is needed no more.
+    Evict = 3,
+    /// Rays whose closest hits are wanted.
+    Intersect = 4,
+    /// Rays of which is wanted whether they hit anything.
+    Occluded = 5,
+    /// The answer to either, in the order of the rays.
+    Answer = 6,
+    /// Bytes to be sent back, or that are sent back.
+    Echo = 7,
+    /// Why nothing more comes.
+    Refusal = 8,
+}
+
+impl FrameKind {
+    const ALL: [Self; 8] = [
+        Self::Hello,
+        Self::Scene,
+        Self::Evict,
+        Self::Intersect,
+        Self::Occluded,
+        Self::Answer,
+        Self::Echo,
+        Self::Refusal,
+    ];
+}
+
+/// Little-endian on the wire, as on every machine that this program runs on.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Header {
+    magic: u64,
+    kind: u32,
+    padding: u32,
+    /// Of a packet of rays, or of a scene.
+    number: u64,
+    /// The scene of a packet.
+    scene: u64,
+    bytes: u64,
+}
+
+/// A frame.
+#[derive(Debug)]
+pub(crate) struct Frame {
+    pub(crate) kind: FrameKind,
+    pub(crate) number: u64,
+    pub(crate) scene: u64,
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl Frame {
+    pub(crate) fn new(kind: FrameKind, number: u64, scene: u64, bytes: Vec<u8>) -> Self {
+        Self { kind, number, scene, bytes }
+    }
+
+    /// Bytes of it on the wire.
+    pub(crate) fn size(&self) -> u64 {
+        (size_of::<Header>() + self.bytes.len()) as u64
+    }
+
+    pub(crate) fn write(&self, to: &mut impl Write) -> Result<(), BoardError> {
+        let Self { kind, number, scene, bytes } = self;
+        let (kind, count) = (*kind as u32, bytes.len() as u64);
+        let header = Header { magic: MAGIC, kind, padding: 0, number: *number, scene: *scene, bytes: count };
+        to.write_all(bytemuck::bytes_of(&header))?;
+        to.write_all(bytes)?;
+        Ok(to.flush()?)
+    }
+
+    /// # Errors
+    /// The connection ended, or what came is no frame of at most `bytes_max` bytes.
+    pub(crate) fn read(from: &mut impl Read, bytes_max: u64) -> Result<Self, BoardError> {
+        let mut header = Header::zeroed();
+        from.read_exact(bytemuck::bytes_of_mut(&mut header))?;
+        if header.magic != MAGIC {
+            return Err(BoardError::Malformed("it is not of a board of this version"));
+        }
+        let kind = FrameKind::ALL.into_iter().find(|kind| *kind as u32 == header.kind);
+        let kind = kind.ok_or(BoardError::Malformed("its kind is not known"))?;
+        if header.bytes > bytes_max.min(BYTES_MAX) {
+            return Err(BoardError::Malformed("it is too large"));
+        }
+        let mut bytes = Vec::with_capacity(header.bytes.min(BYTES_AT_ONCE) as usize);
+        let read = from.take(header.bytes).read_to_end(&mut bytes)?;
+        if read as u64 != header.bytes {
+            return Err(BoardError::Malformed("it is cut off"));
+        }
+        Ok(Self { kind, number: header.number, scene: header.scene, bytes })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_come_through_and_what_is_none_does_not() {
+        let frame = Frame::new(FrameKind::Scene, 7, 9, vec![1, 2, 3]);
+        let mut wire = Vec::new();
+        frame.write(&mut wire).unwrap();
+        let read = Frame::read(&mut &*wire, 3).unwrap();
+        assert_eq!((read.kind, read.number, read.scene, &*read.bytes), (FrameKind::Scene, 7, 9, &[1_u8, 2, 3][..]));
+        assert_eq!(frame.size(), wire.len() as u64);
+        assert!(matches!(Frame::read(&mut &*wire, 2), Err(BoardError::Malformed(_))), "too large");
+        for end in 0..wire.len() {
+            assert!(Frame::read(&mut &wire[..end], 3).is_err(), "{end} bytes of it");
+        }
+        wire[8] = 77;
+        assert!(matches!(Frame::read(&mut &*wire, 3), Err(BoardError::Malformed(_))), "no kind");
+        wire[0] ^= 1;
+        assert!(matches!(Frame::read(&mut &*wire, 3), Err(BoardError::Malformed(_))), "no magic");
+    }
+}

@@ -1,0 +1,153 @@
+//! A board behind a cable: what it does for a picture, and what becomes of one that is slow, gone or wrong.
+
+use std::{
+    io::{Read, Write},
+    net::{TcpListener, TcpStream},
+    path::Path,
+    sync::{Arc, Mutex},
+    thread,
+};
+
+use bottega::{Picture, Request, Session, SessionOptions, StopSwitch, Watcher, events::Event, identity::identity};
+use bottega_board::{BoardOptions, BoardServer};
+
+#[derive(Default)]
+struct Notes(Mutex<Vec<Event>>);
+
+impl Watcher for Notes {
+    fn told(&self, event: Event) {
+        self.0.lock().unwrap().push(event);
+    }
+}
+
+/// Starts a board; its name as a device.
+fn board(bandwidth: Option<f64>, build: &str) -> String {
+    let options = BoardOptions { threads: 1, bandwidth, memory: 64 << 20, build: build.to_owned() };
+    let board = BoardServer::listen("127.0.0.1:0".parse().unwrap(), options).unwrap();
+    let address = board.address().unwrap();
+    thread::spawn(move || board.serve());
+    format!("tcp://{address}")
+}
+
+fn request(devices: &[&str]) -> Request {
+    let mut request = Request::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb"));
+    request.film.size = Some([96, 96]);
+    request.goal.samples = Some(16);
+    request.devices.threads = Some(1);
+    request.devices.names = devices.iter().map(|&name| name.to_owned()).collect();
+    request
+}
+
+/// The picture, and how many units the board has done.
+fn paint(request: &Request) -> (Picture, u64) {
+    let notes = Arc::new(Notes::default());
+    let session = Session::open_with(request, SessionOptions::default()).unwrap();
+    let picture = session.render(Arc::clone(&notes) as _, &StopSwitch::new()).unwrap();
+    let told = notes.0.lock().unwrap();
+    let used = told.iter().find_map(|event| match event {
+        Event::Resources { resources, .. } => resources.iter().find(|it| it.name.starts_with("tcp://")).cloned(),
+        _ => None,
+    });
+    let units = used.map_or(0, |used| used.units);
+    (picture, units)
+}
+
+fn bits(picture: &Picture) -> Vec<[u32; 4]> {
+    let film = &picture.report().film;
+    film.rect().pixels().map(|(x, y)| film.color(x, y).map(f32::to_bits)).collect()
+}
+
+#[test]
+fn a_board_follows_rays_and_the_picture_has_the_same_bits() {
+    let (alone, _) = paint(&request(&["cpu"]));
+    let (both, units) = paint(&request(&["cpu", &board(None, identity())]));
+    assert!(units > 0, "the board did nothing");
+    assert!(bits(&alone) == bits(&both));
+}
+
+#[test]
+fn a_board_behind_a_slow_cable_is_left_alone() {
+    let (_, fast) = paint(&request(&["cpu", &board(None, identity())]));
+    // Rays of a wave take half a minute there: it is tried, and then it is known.
+    let (alone, _) = paint(&request(&["cpu"]));
+    let (both, slow) = paint(&request(&["cpu", &board(Some(20e3), identity())]));
+    assert!(bits(&alone) == bits(&both));
+    assert!(slow * 4 < fast.max(4), "{slow} units where one with a fast cable has {fast}");
+}
+
+#[test]
+fn a_board_of_another_build_or_none_at_all_is_refused() {
+    let open = |name: &str| Session::open(&request(&["cpu", name])).err().map(|error| error.error_chain()).unwrap();
+    let refused = open(&board(None, "0.0.0+other"));
+    assert!(refused.contains("another build") && refused.contains("0.0.0+other"), "{refused}");
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let refused = open(&format!("tcp://{nobody}"));
+    assert!(refused.contains("cannot be reached"), "{refused}");
+    let stranger = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = stranger.local_addr().unwrap();
+    thread::spawn(move || {
+        let (mut stream, _) = stranger.accept().unwrap();
+        _ = stream.write_all(&[0; 100]);
+    });
+    let refused = open(&format!("tcp://{address}"));
+    assert!(refused.contains("cannot be"), "{refused}");
+}
+
+#[test]
+fn what_a_board_is_told_that_cannot_be_ends_the_connection_and_nothing_else() {
+    let name = board(None, identity());
+    let address = name.strip_prefix("tcp://").unwrap();
+    let magic = u64::from_le_bytes(*b"BTGBRD01");
+    let header = |kind: u32, number: u64, scene: u64, bytes: u64| {
+        let words = [magic, u64::from(kind), number, scene, bytes];
+        words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>()
+    };
+    let hello = || [header(1, 0, 0, identity().len() as u64), identity().as_bytes().to_vec()].concat();
+    let wrong = [
+        vec![0xff; 64],                                                                         // No frame.
+        header(1, 0, 0, u64::MAX),                             // A greeting without end.
+        [hello(), header(77, 0, 0, 0)].concat(),               // No kind.
+        [hello(), header(2, 1, 0, 1 << 60)].concat(),          // A scene without end.
+        [hello(), header(2, 1, 0, 4), vec![0xff; 4]].concat(), // Shapes that are cut off.
+        [hello(), header(4, 1, 9, 32), vec![0; 32]].concat(),  // Rays in a scene that is not there.
+        [hello(), header(2, 1, 0, 12), vec![0; 12], header(4, 1, 1, 31), vec![0; 31]].concat(), // A ray that is cut off.
+    ];
+    for bytes in wrong {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(std::time::Duration::from_secs(10))).unwrap();
+        _ = stream.write_all(&bytes);
+        _ = stream.shutdown(std::net::Shutdown::Write);
+        let mut answer = Vec::new();
+        // It may be reset where something was not read.
+        _ = stream.read_to_end(&mut answer);
+    }
+    let (_, units) = paint(&request(&["cpu", &name]));
+    assert!(units > 0, "the board serves others as before");
+}
+
+#[test]
+fn a_board_that_goes_while_it_paints_costs_no_pixel() {
+    let (alone, _) = paint(&request(&["cpu"]));
+    // Between both: a cable that is cut after some bytes.
+    let name = board(None, identity());
+    let far = name.strip_prefix("tcp://").unwrap().to_owned();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let near = listener.local_addr().unwrap();
+    thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let Ok(board) = TcpStream::connect(&far) else { return };
+            let (mut to, mut from) = (board.try_clone().unwrap(), stream.try_clone().unwrap());
+            thread::spawn(move || {
+                _ = std::io::copy(&mut (&stream).take(600_000), &mut to);
+                _ = to.shutdown(std::net::Shutdown::Both);
+                _ = stream.shutdown(std::net::Shutdown::Both);
+            });
+            thread::spawn(move || {
+                _ = std::io::copy(&mut &board, &mut from);
+                _ = from.shutdown(std::net::Shutdown::Both);
+            });
+        }
+    });
+    let (both, _) = paint(&request(&["cpu", &format!("tcp://{near}")]));
+    assert!(bits(&alone) == bits(&both));
+}
