@@ -27,7 +27,7 @@ pub(crate) use self::{
 use crate::{
     bench::BenchArgs,
     engines::EnginesArgs,
-    farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs},
+    farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs, WebCommandArgs},
     platform::PlatformArgs,
     rules::RulesArgs,
     simulate::args::SimulateArgs,
@@ -61,6 +61,8 @@ pub(crate) enum Command {
     Simulate(Box<SimulateArgs>),
     /// Start a farm on this machine: many machines paint one picture.
     Up(UpArgs),
+    /// Serve the page and the HTTP API of a farm that is up.
+    Web(WebCommandArgs),
     /// Offer this machine to a farm.
     Join(JoinArgs),
     /// See and steer what a farm is asked for.
