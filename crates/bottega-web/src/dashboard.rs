@@ -116,7 +116,7 @@ impl PaintedState {
     fn take(&mut self, event: &Event) {
         match event {
             Event::Started { scene, output, threads, .. } => {
-                (self.threads, self.view.zones, self.view.zones_done) = (*threads as usize, 0, 0);
+                (self.threads, self.view.zones, self.view.zones_done) = (*threads, 0, 0);
                 (self.view.scene, self.view.output) = (scene.clone(), output.clone());
                 self.zones.clear();
                 self.agents.clear();

@@ -12,10 +12,10 @@ use axum::{
 };
 
 use crate::{
-    limits::Counted,
+    limits::TempoKind,
     problem::Problem,
     state::{Client, DoorState},
-    tokens::Role,
+    tokens::VisitorRole,
 };
 
 /// What browsers are told of every answer: scripts, styles and pictures of this door alone, in no frame of others.
@@ -86,7 +86,7 @@ pub(crate) async fn admit(
     };
     let token = door.tokens.shown(request.headers());
     let Some(role) = token.and_then(|token| door.tokens.role(token)) else {
-        if token.is_some() && !door.tempo.take(address, Counted::WrongToken, Instant::now()) {
+        if token.is_some() && !door.tempo.take(address, TempoKind::WrongToken, Instant::now()) {
             return too_many();
         }
         let detail = if token.is_some() { "the token is none of this door" } else { "a token is needed" };
@@ -95,7 +95,7 @@ pub(crate) async fn admit(
     };
     // Streams of events are counted while they last.
     let is_stream = request.uri().path().ends_with("/events");
-    if !is_stream && !door.tempo.take(address, Counted::Question, Instant::now()) {
+    if !is_stream && !door.tempo.take(address, TempoKind::Question, Instant::now()) {
         return too_many();
     }
     request.extensions_mut().insert(role);
@@ -104,11 +104,11 @@ pub(crate) async fn admit(
 
 /// Lets those pass who may steer.
 pub(crate) async fn steering(
-    Extension(role): Extension<Role>,
+    Extension(role): Extension<VisitorRole>,
     request: Request,
     next: Next,
 ) -> Result<Response, Problem> {
-    if role < Role::Steer {
+    if role < VisitorRole::Steer {
         let detail = format!("this token lets one {} alone", role.word());
         let remedy = "use the token of the other address that was printed";
         return Err(Problem::new(StatusCode::FORBIDDEN, detail, remedy));

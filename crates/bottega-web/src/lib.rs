@@ -9,7 +9,7 @@
 //! |---|---|
 //! | the server: connections, TLS, timeouts | `src/server.rs`, `src/timed_io.rs` |
 //! | who may come in, and how often | `src/guard.rs`, `src/hosts.rs`, `src/tokens.rs`, `src/limits.rs` |
-//! | the routes, and what each answers | `src/routes/`; as OpenAPI: `src/openapi.rs` |
+//! | the routes, and what each answers | `src/route.rs`, `src/routes/`; as OpenAPI: `src/openapi.rs` |
 //! | what is shown: a farm, one picture | `src/source.rs`; `src/linked_farm.rs`, `src/dashboard.rs` |
 //! | a job as it changes | `src/live.rs` |
 //! | errors; paths that nobody is told | `src/problem.rs`, `src/redact.rs` |
@@ -26,6 +26,7 @@ mod openapi;
 mod page;
 mod problem;
 mod redact;
+mod route;
 mod routes;
 mod server;
 mod source;
@@ -39,8 +40,8 @@ pub use self::{
     limits::{EVENT_STREAMS_MAX, JSON_BYTES_MAX},
     linked_farm::LinkedFarm,
     live::LiveJob,
-    openapi::document as openapi_document,
     problem::Problem,
+    routes::openapi_document,
     server::{Door, DoorOptions},
     source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm},
 };

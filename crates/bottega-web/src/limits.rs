@@ -32,21 +32,21 @@ pub(crate) const ANSWER_TIME: Duration = Duration::from_secs(30);
 pub(crate) const SUBMISSION_TIME: Duration = Duration::from_secs(300);
 
 /// Questions a second of one address, and how many at once after a pause.
-const QUESTIONS: Pace = Pace { per_second: 200.0, burst: 600.0 };
+const QUESTIONS: TempoLimit = TempoLimit { per_second: 200.0, burst: 600.0 };
 /// Tokens that are none.
-const WRONG_TOKENS: Pace = Pace { per_second: 5.0, burst: 40.0 };
+const WRONG_TOKENS: TempoLimit = TempoLimit { per_second: 5.0, burst: 40.0 };
 /// Addresses that are remembered.
 const ADDRESSES_MAX: usize = 4096;
 
 #[derive(Clone, Copy, Debug)]
-struct Pace {
+struct TempoLimit {
     per_second: f64,
     burst: f64,
 }
 
 /// What kind of thing is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Counted {
+pub(crate) enum TempoKind {
     /// A question.
     Question,
     /// A token that is none.
@@ -56,15 +56,15 @@ pub(crate) enum Counted {
 /// Counts what each address asks: a bucket that drains.
 #[derive(Debug, Default)]
 pub(crate) struct Tempo {
-    buckets: Mutex<HashMap<(IpAddr, Counted), (f64, Instant)>>,
+    buckets: Mutex<HashMap<(IpAddr, TempoKind), (f64, Instant)>>,
 }
 
 impl Tempo {
     /// Counts one more. `false`: it is too many.
-    pub(crate) fn take(&self, address: IpAddr, what: Counted, now: Instant) -> bool {
+    pub(crate) fn take(&self, address: IpAddr, what: TempoKind, now: Instant) -> bool {
         let pace = match what {
-            Counted::Question => QUESTIONS,
-            Counted::WrongToken => WRONG_TOKENS,
+            TempoKind::Question => QUESTIONS,
+            TempoKind::WrongToken => WRONG_TOKENS,
         };
         let mut buckets = self.buckets.lock().unwrap_or_else(PoisonError::into_inner);
         if buckets.len() >= ADDRESSES_MAX {
@@ -89,10 +89,10 @@ mod tests {
     fn who_asks_too_much_is_turned_away_until_a_while_has_passed() {
         let (tempo, now) = (Tempo::default(), Instant::now());
         let one = IpAddr::from([10, 0, 0, 1]);
-        let mut taken = || (0..2000).filter(|_| tempo.take(one, Counted::Question, now)).count();
+        let taken = || (0..2000).filter(|_| tempo.take(one, TempoKind::Question, now)).count();
         assert_eq!((taken(), taken()), (600, 0));
-        assert!(tempo.take(IpAddr::from([10, 0, 0, 2]), Counted::Question, now), "another address");
-        assert!(tempo.take(one, Counted::WrongToken, now), "another count");
-        assert!(tempo.take(one, Counted::Question, now + Duration::from_secs(1)));
+        assert!(tempo.take(IpAddr::from([10, 0, 0, 2]), TempoKind::Question, now), "another address");
+        assert!(tempo.take(one, TempoKind::WrongToken, now), "another count");
+        assert!(tempo.take(one, TempoKind::Question, now + Duration::from_secs(1)));
     }
 }

@@ -249,7 +249,7 @@ impl ShownFarm for LinkedFarm {
     }
 
     fn machines(&self) -> Result<Vec<MachineStatus>, Problem> {
-        let (board, credits) = (&self.board, self.board.credits());
+        let (board, reliabilities) = (&self.board, self.board.reliabilities());
         let mut societies: BTreeMap<u32, Society> = BTreeMap::new();
         let seats = board.presences().into_iter();
         let machine = |seat: Presence| {
@@ -267,7 +267,7 @@ impl ShownFarm for LinkedFarm {
                 job: seat.job,
                 takes_orders: seat.takes_orders,
                 is_guest: seat.is_guest,
-                reliability: credits.get(machine).map(|credit| credit.reliability()),
+                reliability: reliabilities.get(machine).copied(),
                 agents: agents.unwrap_or_default(),
                 refusals: seat.refusals.iter().map(refusal).collect(),
                 version: seat.version,

@@ -5,12 +5,12 @@ use serde_json::{Map, Value, json};
 
 use crate::{
     problem::Problem,
-    routes::{self, Answer, Route, Taken},
-    tokens::Role,
+    route::{Route, RouteAnswer, RouteBody},
+    tokens::VisitorRole,
 };
 
-/// The API of all doors, as OpenAPI 3.1.
-pub fn document() -> Value {
+/// Routes as OpenAPI 3.1.
+pub(crate) fn document(routes: &[Route]) -> Value {
     let settings = SchemaSettings::draft2020_12().with(|settings| {
         settings.definitions_path = "/components/schemas".into();
         settings.meta_schema = None;
@@ -18,8 +18,8 @@ pub fn document() -> Value {
     let mut generator = settings.into_generator();
     let problem = generator.subschema_for::<Problem>();
     let mut paths: Map<String, Value> = Map::new();
-    for route in routes::all() {
-        let told = operation(&route, &mut generator);
+    for route in routes {
+        let told = operation(route, &mut generator);
         paths.entry(route.path).or_insert_with(|| json!({}))[route.method] = told;
     }
     let schemas = generator.take_definitions(true);
@@ -51,12 +51,12 @@ pub fn document() -> Value {
 
 fn operation(route: &Route, generator: &mut schemars::SchemaGenerator) -> Value {
     let content = match route.answer {
-        Answer::Json(schema) => json!({ "application/json": { "schema": schema(generator) } }),
-        Answer::Media(kind) => json!({ kind: {} }),
-        Answer::Nothing => json!({}),
+        RouteAnswer::Json(schema) => json!({ "application/json": { "schema": schema(generator) } }),
+        RouteAnswer::Media(kind) => json!({ kind: {} }),
+        RouteAnswer::Nothing => json!({}),
     };
     let mut done = json!({ "description": "Done." });
-    if !matches!(route.answer, Answer::Nothing) {
+    if !matches!(route.answer, RouteAnswer::Nothing) {
         done["content"] = content;
     }
     let parameter = |name: &str| {
@@ -68,14 +68,14 @@ fn operation(route: &Route, generator: &mut schemars::SchemaGenerator) -> Value 
     let mut told = json!({
         "operationId": name(route),
         "summary": route.summary,
-        "x-role": if route.role == Role::Steer { "steer" } else { "see" },
+        "x-role": if route.role == VisitorRole::Steer { "steer" } else { "see" },
         "parameters": parameters,
         "responses": { route.status.as_str(): done, "default": { "$ref": "#/components/responses/Problem" } },
     });
     let body = match route.taken {
-        Taken::Nothing => return told,
-        Taken::Json(schema) => json!({ "application/json": { "schema": schema(generator) } }),
-        Taken::Bytes => json!({ "application/octet-stream": {} }),
+        RouteBody::Nothing => return told,
+        RouteBody::Json(schema) => json!({ "application/json": { "schema": schema(generator) } }),
+        RouteBody::Bytes => json!({ "application/octet-stream": {} }),
     };
     told["requestBody"] = json!({ "required": true, "content": body });
     told

@@ -32,7 +32,7 @@ use crate::{
     source::ShownFarm,
     state::{Client, DoorState},
     timed_io::TimedIo,
-    tokens::{Role, Tokens},
+    tokens::{Tokens, VisitorRole},
 };
 
 /// Ports that are tried after the one that was named, where that is taken.
@@ -95,15 +95,15 @@ impl Door {
 
     /// Where one steers from.
     pub fn steering_url(&self) -> String {
-        self.url(Role::Steer)
+        self.url(VisitorRole::Steer)
     }
 
     /// Where one looks on.
     pub fn seeing_url(&self) -> String {
-        self.url(Role::See)
+        self.url(VisitorRole::See)
     }
 
-    fn url(&self, role: Role) -> String {
+    fn url(&self, role: VisitorRole) -> String {
         let scheme = if self.is_secure { "https" } else { "http" };
         let host = if self.address.ip().is_unspecified() { "127.0.0.1".to_owned() } else { host_of(self.address) };
         format!("{scheme}://{host}:{}/?token={}", self.address.port(), self.state.tokens.of(role))

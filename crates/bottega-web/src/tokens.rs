@@ -4,14 +4,14 @@ use axum::http::{HeaderMap, header};
 
 /// What one may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Role {
+pub(crate) enum VisitorRole {
     /// Look on.
     See,
     /// Everything.
     Steer,
 }
 
-impl Role {
+impl VisitorRole {
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::See => "see",
@@ -35,12 +35,12 @@ impl Tokens {
     }
 
     /// What a token lets one do.
-    pub(crate) fn role(&self, token: &str) -> Option<Role> {
+    pub(crate) fn role(&self, token: &str) -> Option<VisitorRole> {
         // Digests are compared, in constant time: how long it takes says nothing of the token.
         let is = |known: &str| blake3::hash(known.as_bytes()) == blake3::hash(token.as_bytes());
         match (is(&self.steer), is(&self.see)) {
-            (true, _) => Some(Role::Steer),
-            (_, true) => Some(Role::See),
+            (true, _) => Some(VisitorRole::Steer),
+            (_, true) => Some(VisitorRole::See),
             _ => None,
         }
     }
@@ -63,10 +63,10 @@ impl Tokens {
     }
 
     /// The token of a role.
-    pub(crate) fn of(&self, role: Role) -> &str {
+    pub(crate) fn of(&self, role: VisitorRole) -> &str {
         match role {
-            Role::See => &self.see,
-            Role::Steer => &self.steer,
+            VisitorRole::See => &self.see,
+            VisitorRole::Steer => &self.steer,
         }
     }
 }

@@ -13,11 +13,11 @@ use axum::{
 use tokio::{sync::mpsc, time::Instant};
 use tokio_stream::{StreamExt, wrappers::ReceiverStream};
 
-use super::{Answer, Param, Route};
 use crate::{
     limits::{ANSWER_TIME, EVENT_STREAMS_MAX},
     live::{LiveJob, News},
     problem::Problem,
+    route::{Param, Route, RouteAnswer},
     state::DoorState,
 };
 
@@ -33,7 +33,7 @@ pub(super) fn route() -> Route {
         "/api/jobs/{id}/events",
         "What happens to the job, as server-sent events. `event: state` has all that is known as a JSON array of events, and comes \
          first; `event: news` has what has changed since.",
-        Answer::Media("text/event-stream"),
+        RouteAnswer::Media("text/event-stream"),
         get(events),
     )
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use axum::{
     extract::{Request, State},
     http::{StatusCode, header},
-    response::{IntoResponse, Response},
+    response::IntoResponse,
     routing::{delete, get, post, put},
 };
 use bottega::{Event, events::ZoneEvent, request::PRIORITY_MAX};
@@ -13,17 +13,14 @@ use bottega_cluster::{job::LogLine, uploads::Submission, view::JobView};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Answer, Param, Route, Taken, json, json_body, json_text, schema};
 use crate::{
     limits::{ANSWER_TIME, SUBMISSION_TIME},
     problem::Problem,
     redact::redacted_json,
-    source::{JobAgents, JobOrder},
+    route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, json_body, json_text, schema},
+    source::{JobAgents, JobOrder, ShownFarm},
     state::DoorState,
 };
-
-type Answered = Result<Response, Problem>;
-type Door = State<Arc<DoorState>>;
 
 /// How urgent a job shall be.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -41,34 +38,34 @@ struct AskedJob {
 }
 
 pub(super) fn routes() -> Vec<Route> {
-    let shown = Answer::Json(schema::<JobView>);
+    let shown = RouteAnswer::Json(schema::<JobView>);
     vec![
-        Route::told("/api/jobs", "All jobs, by number.", Answer::Json(schema::<Vec<JobView>>), get(list)),
+        Route::told("/api/jobs", "All jobs, by number.", RouteAnswer::Json(schema::<Vec<JobView>>), get(list)),
         Route::told("/api/jobs/{id}", "A job.", shown, get(show)),
         Route::told(
             "/api/jobs/{id}/zones",
             "The rows of the job's zones on the Blackboard.",
-            Answer::Json(schema::<Vec<ZoneEvent>>),
+            RouteAnswer::Json(schema::<Vec<ZoneEvent>>),
             get(zones),
         ),
         Route::told(
             "/api/jobs/{id}/agents",
             "The agents of the job: V_cp, credit, how far their promises held; and what the auction came to.",
-            Answer::Json(schema::<JobAgents>),
+            RouteAnswer::Json(schema::<JobAgents>),
             get(agents),
         ),
         Route::told(
             "/api/jobs/{id}/log",
             "What has happened to the job, oldest first.",
-            Answer::Json(schema::<Vec<LogLine>>),
+            RouteAnswer::Json(schema::<Vec<LogLine>>),
             get(log),
         ),
         Route::done(
             "post",
             "/api/jobs",
             "Ask for a picture, with files that were uploaded or those of another job.",
-            Taken::Json(schema::<Submission>),
-            Answer::Json(schema::<AskedJob>),
+            RouteBody::Json(schema::<Submission>),
+            RouteAnswer::Json(schema::<AskedJob>),
             post(submit),
         )
         .with_status(StatusCode::CREATED),
@@ -76,17 +73,17 @@ pub(super) fn routes() -> Vec<Route> {
             "post",
             "/api/jobs/{id}/pause",
             "Have nobody paint it until it is resumed.",
-            Taken::Nothing,
+            RouteBody::Nothing,
             shown,
             post(pause),
         ),
-        Route::done("post", "/api/jobs/{id}/resume", "Go on with it.", Taken::Nothing, shown, post(resume)),
-        Route::done("post", "/api/jobs/{id}/cancel", "Call it off.", Taken::Nothing, shown, post(cancel)),
+        Route::done("post", "/api/jobs/{id}/resume", "Go on with it.", RouteBody::Nothing, shown, post(resume)),
+        Route::done("post", "/api/jobs/{id}/cancel", "Call it off.", RouteBody::Nothing, shown, post(cancel)),
         Route::done(
             "put",
             "/api/jobs/{id}/priority",
             "Say how urgent it is.",
-            Taken::Json(schema::<Urgency>),
+            RouteBody::Json(schema::<Urgency>),
             shown,
             put(priority),
         ),
@@ -94,22 +91,22 @@ pub(super) fn routes() -> Vec<Route> {
             "delete",
             "/api/jobs/{id}",
             "Forget a job that is over, with its picture.",
-            Taken::Nothing,
-            Answer::Nothing,
+            RouteBody::Nothing,
+            RouteAnswer::Nothing,
             delete(remove),
         ),
     ]
 }
 
-async fn list(State(door): Door) -> Answered {
-    Ok(json(&door.ask(ANSWER_TIME, |farm| farm.jobs()).await?))
+async fn list(State(door): AtDoor) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, ShownFarm::jobs).await?))
 }
 
-async fn show(State(door): Door, Param(id): Param<u32>) -> Answered {
+async fn show(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.job(id)).await?))
 }
 
-async fn zones(State(door): Door, Param(id): Param<u32>) -> Answered {
+async fn zones(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     let rows = door.ask(ANSWER_TIME, move |farm| farm.rows(id)).await?;
     let zone = |row| match row {
         Event::Zone(zone) => Some(zone),
@@ -120,15 +117,15 @@ async fn zones(State(door): Door, Param(id): Param<u32>) -> Answered {
     Ok(json(&zones))
 }
 
-async fn agents(State(door): Door, Param(id): Param<u32>) -> Answered {
+async fn agents(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.agents(id)).await?))
 }
 
-async fn log(State(door): Door, Param(id): Param<u32>) -> Answered {
+async fn log(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.log(id)).await?))
 }
 
-async fn submit(State(door): Door, request: Request) -> Answered {
+async fn submit(State(door): AtDoor, request: Request) -> RouteResult {
     let asked: Submission = json_body(request).await?;
     let busy = || {
         let detail = "another scene is looked through";
@@ -147,19 +144,19 @@ async fn submit(State(door): Door, request: Request) -> Answered {
     Ok(response)
 }
 
-async fn pause(State(door): Door, Param(id): Param<u32>) -> Answered {
+async fn pause(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     steer(&door, id, JobOrder::Pause).await
 }
 
-async fn resume(State(door): Door, Param(id): Param<u32>) -> Answered {
+async fn resume(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     steer(&door, id, JobOrder::Resume).await
 }
 
-async fn cancel(State(door): Door, Param(id): Param<u32>) -> Answered {
+async fn cancel(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     steer(&door, id, JobOrder::Cancel).await
 }
 
-async fn priority(State(door): Door, Param(id): Param<u32>, request: Request) -> Answered {
+async fn priority(State(door): AtDoor, Param(id): Param<u32>, request: Request) -> RouteResult {
     let Urgency { priority } = json_body(request).await?;
     if !(1..=PRIORITY_MAX).contains(&priority) {
         let detail = format!("`priority` is {priority}");
@@ -169,13 +166,13 @@ async fn priority(State(door): Door, Param(id): Param<u32>, request: Request) ->
     steer(&door, id, JobOrder::Priority(priority)).await
 }
 
-async fn remove(State(door): Door, Param(id): Param<u32>) -> Answered {
+async fn remove(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     door.ask(ANSWER_TIME, move |farm| farm.steer(id, JobOrder::Remove)).await?;
     Ok(StatusCode::NO_CONTENT.into_response())
 }
 
 /// Steers a job, and shows it as it is then.
-async fn steer(door: &DoorState, id: u32, order: JobOrder) -> Answered {
+async fn steer(door: &DoorState, id: u32, order: JobOrder) -> RouteResult {
     let job = door.ask(ANSWER_TIME, move |farm| {
         farm.steer(id, order)?;
         farm.job(id)

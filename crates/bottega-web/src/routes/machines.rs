@@ -1,37 +1,31 @@
 //! Machines: who is there, and what they shall do.
 
-use std::sync::Arc;
-
 use axum::{
     extract::State,
-    response::Response,
     routing::{get, post},
 };
 use bottega_cluster::machine::Standing;
 
-use super::{Answer, Param, Route, Taken, json, schema};
 use crate::{
     limits::ANSWER_TIME,
     problem::Problem,
+    route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, schema},
     source::{MachineStatus, ShownFarm},
     state::DoorState,
 };
 
-type Answered = Result<Response, Problem>;
-type Door = State<Arc<DoorState>>;
-
 pub(super) fn routes() -> Vec<Route> {
-    let shown = Answer::Json(schema::<MachineStatus>);
+    let shown = RouteAnswer::Json(schema::<MachineStatus>);
     let steered = |path, summary, standing| {
         let handler =
-            post(async move |State(door): Door, Param(name): Param<String>| tell(&door, name, standing).await);
-        Route::done("post", path, summary, Taken::Nothing, shown, handler)
+            post(async move |State(door): AtDoor, Param(name): Param<String>| tell(&door, name, standing).await);
+        Route::done("post", path, summary, RouteBody::Nothing, shown, handler)
     };
     vec![
         Route::told(
             "/api/machines",
             "The machines that are there, and what they paint.",
-            Answer::Json(schema::<Vec<MachineStatus>>),
+            RouteAnswer::Json(schema::<Vec<MachineStatus>>),
             get(list),
         ),
         Route::told("/api/machines/{name}", "A machine.", shown, get(show)),
@@ -41,15 +35,15 @@ pub(super) fn routes() -> Vec<Route> {
     ]
 }
 
-async fn list(State(door): Door) -> Answered {
-    Ok(json(&door.ask(ANSWER_TIME, |farm| farm.machines()).await?))
+async fn list(State(door): AtDoor) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, ShownFarm::machines).await?))
 }
 
-async fn show(State(door): Door, Param(name): Param<String>) -> Answered {
+async fn show(State(door): AtDoor, Param(name): Param<String>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| named(farm, &name)).await?))
 }
 
-async fn tell(door: &DoorState, name: String, standing: Standing) -> Answered {
+async fn tell(door: &DoorState, name: String, standing: Standing) -> RouteResult {
     let machine = door.ask(ANSWER_TIME, move |farm| {
         farm.tell(&name, standing)?;
         named(farm, &name)

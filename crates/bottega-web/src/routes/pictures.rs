@@ -1,7 +1,5 @@
 //! Pictures of a job: as it is painted, its importance map, the file.
 
-use std::sync::Arc;
-
 use axum::{
     Extension,
     extract::State,
@@ -10,44 +8,45 @@ use axum::{
     routing::get,
 };
 
-use super::{Answer, Param, Route};
 use crate::{
-    limits::ANSWER_TIME, problem::Problem, redact::is_absolute, source::PictureFile, state::DoorState, tokens::Role,
+    limits::ANSWER_TIME,
+    problem::Problem,
+    redact::is_absolute,
+    route::{AtDoor, Param, Route, RouteAnswer, RouteResult},
+    source::PictureFile,
+    tokens::VisitorRole,
 };
-
-type Answered = Result<Response, Problem>;
-type Door = State<Arc<DoorState>>;
 
 pub(super) fn routes() -> Vec<Route> {
     vec![
         Route::told(
             "/api/jobs/{id}/preview.png",
             "What is painted by now. It has an ETag: ask with If-None-Match.",
-            Answer::Media("image/png"),
+            RouteAnswer::Media("image/png"),
             get(preview),
         ),
         Route::told(
             "/api/jobs/{id}/importance.png",
             "The importance map: the lighter, the more a pixel is predicted to cost.",
-            Answer::Media("image/png"),
+            RouteAnswer::Media("image/png"),
             get(importance),
         ),
         Route::told(
             "/api/jobs/{id}/picture",
             "The picture that is done: the file that was asked for.",
-            Answer::Media("application/octet-stream"),
+            RouteAnswer::Media("application/octet-stream"),
             get(picture),
         ),
     ]
 }
 
-async fn preview(State(door): Door, Param(id): Param<u32>, headers: HeaderMap) -> Answered {
+async fn preview(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
     let png = door.ask(ANSWER_TIME, move |farm| farm.preview(id)).await?;
     let lacking = || Problem::unknown(format!("nothing of job {id} is painted yet, or its picture is elsewhere"), "");
     Ok(shown(png.ok_or_else(lacking)?, &headers))
 }
 
-async fn importance(State(door): Door, Param(id): Param<u32>, headers: HeaderMap) -> Answered {
+async fn importance(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
     let png = door.ask(ANSWER_TIME, move |farm| farm.importance(id)).await?;
     let lacking =
         || Problem::unknown(format!("the importance map of job {id} is not known"), "it is, while a farm paints");
@@ -68,10 +67,10 @@ fn shown(png: Vec<u8>, asked: &HeaderMap) -> Response {
 }
 
 /// The file holds the request as it was asked, with its paths: those who look on get none that is absolute.
-async fn picture(State(door): Door, Extension(role): Extension<Role>, Param(id): Param<u32>) -> Answered {
+async fn picture(State(door): AtDoor, Extension(role): Extension<VisitorRole>, Param(id): Param<u32>) -> RouteResult {
     let asked = door.ask(ANSWER_TIME, move |farm| {
         let job = farm.job(id)?;
-        if role < Role::Steer && (is_absolute(&job.scene) || is_absolute(&job.output)) {
+        if role < VisitorRole::Steer && (is_absolute(&job.scene) || is_absolute(&job.output)) {
             let detail = "the picture's file tells where files lie on the machine of the one who asked";
             return Err(Problem::new(StatusCode::FORBIDDEN, detail, "only those who may steer get it"));
         }

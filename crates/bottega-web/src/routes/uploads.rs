@@ -11,10 +11,10 @@ use axum::{
 };
 use bottega_cluster::uploads::{PIECE_BYTES, UploadOffer, UploadState};
 
-use super::{Answer, Param, Route, Taken, body, json, json_body, schema};
 use crate::{
     limits::{ANSWER_TIME, PIECE_TIME},
     problem::Problem,
+    route::{Param, Route, RouteAnswer, RouteBody, body, json, json_body, schema},
     state::DoorState,
 };
 
@@ -24,16 +24,16 @@ pub(super) fn routes() -> Vec<Route> {
             "post",
             "/api/uploads",
             "Offer a file: the answer names the pieces that are to be sent. Ask again to go on with an upload.",
-            Taken::Json(schema::<UploadOffer>),
-            Answer::Json(schema::<UploadState>),
+            RouteBody::Json(schema::<UploadOffer>),
+            RouteAnswer::Json(schema::<UploadState>),
             post(offer),
         ),
         Route::done(
             "put",
             "/api/uploads/chunks/{digest}",
             "Send a piece, of at most 4 MiB, whose BLAKE3 digest is the last part of the path.",
-            Taken::Bytes,
-            Answer::Nothing,
+            RouteBody::Bytes,
+            RouteAnswer::Nothing,
             put(piece),
         ),
     ]
