@@ -37,7 +37,7 @@ const OFTEN: &[(&str, usize)] = &[
     ("Report", 3),
     ("Seen", 3),
     ("Shape", 3),
-    ("Shared", 6),
+    ("Shared", 5),
     ("Sides", 3),
     ("Source", 3),
     ("State", 4),

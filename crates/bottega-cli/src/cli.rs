@@ -28,7 +28,7 @@ use crate::{
     bench::BenchArgs,
     board::BoardArgs,
     engines::EnginesArgs,
-    farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs},
+    farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs, WebCommandArgs},
     platform::PlatformArgs,
     rules::RulesArgs,
     simulate::args::SimulateArgs,
@@ -62,6 +62,8 @@ pub(crate) enum Command {
     Simulate(Box<SimulateArgs>),
     /// Start a farm on this machine: many machines paint one picture.
     Up(UpArgs),
+    /// Serve the page and the HTTP API of a farm that is up.
+    Web(WebCommandArgs),
     /// Offer this machine to a farm.
     Join(JoinArgs),
     /// See and steer what a farm is asked for.

@@ -70,7 +70,7 @@ impl ConsoleWatcher {
         let voice =
             Self { form, bar, dashboard, trace, trace_lost: OnceLock::new(), is_detached, said: Mutex::new(None) };
         if let Some(dashboard) = &voice.dashboard {
-            voice.say(&format!("live view: http://{}", dashboard.address()));
+            voice.say(&format!("live view: {}", dashboard.url()));
         }
         Ok(voice)
     }
@@ -148,7 +148,7 @@ impl Watcher for ConsoleWatcher {
             say_if_ended_at_once(Some(parting(*job, *last_job)));
         }
         if let Some(dashboard) = &self.dashboard {
-            dashboard.publish(event);
+            dashboard.publish(&event);
         }
     }
 

@@ -13,7 +13,7 @@
 //! | Ctrl-C | `src/signals.rs` |
 //! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
-//! | `up`, `join`, `jobs`, `machines` | `src/farm/` |
+//! | `up`, `web`, `join`, `jobs`, `machines` | `src/farm/` |
 //! | `engines` | `src/engines/` |
 //! | `rules` | `src/rules/` |
 //! | `devices` | `src/devices.rs` |
@@ -78,7 +78,7 @@ fn purpose(command: &Command) -> Purpose {
     match command {
         Command::Render(args) if args.request.dry_run => Purpose::Result,
         Command::Render(args) if args.scene.json => Purpose::Events,
-        Command::Render(_) | Command::Up(_) | Command::Join(_) | Command::Board(_) => Purpose::Log,
+        Command::Render(_) | Command::Up(_) | Command::Web(_) | Command::Join(_) | Command::Board(_) => Purpose::Log,
         Command::Platform(args) => args.purpose(),
         _ => Purpose::Result,
     }
@@ -93,6 +93,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Info(args) => info::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Up(args) => farm::up(&args),
+        Command::Web(args) => farm::web(&args),
         Command::Join(args) => farm::join(&args),
         Command::Jobs(args) => farm::jobs(&args),
         Command::Blackboard(args) => farm::blackboard(&args),

@@ -24,7 +24,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     }
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
-    let voice = Arc::new(voice(args)?);
+    let voice = Arc::new(voice(args, &stop)?);
     if args.farm.is_some() {
         return in_farm(args, &request, &voice, &stop);
     }
@@ -88,13 +88,13 @@ fn options(args: &RenderArgs) -> SessionOptions {
 }
 
 /// Who is told: people or programs, the dashboard, the trace.
-fn voice(args: &RenderArgs) -> Result<ConsoleWatcher, CliError> {
+fn voice(args: &RenderArgs, stop: &StopSwitch) -> Result<ConsoleWatcher, CliError> {
     let form = match (args.scene.json, args.quiet) {
         (true, _) => OutputForm::Json,
         (_, true) => OutputForm::Quiet,
         _ => OutputForm::Text,
     };
-    let dashboard = args.dashboard.map(Dashboard::serve).transpose()?;
+    let dashboard = args.dashboard.map(|address| Dashboard::serve(address, stop)).transpose()?;
     ConsoleWatcher::new(form, dashboard, args.trace.as_deref(), args.detach)
 }
 

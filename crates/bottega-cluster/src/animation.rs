@@ -16,7 +16,6 @@ use bottega::{
     Event, Request, Session, StopSwitch, Watcher, denoise,
     devices::{DeviceChoice, threads},
     session::Reporter,
-    state::state_folder,
 };
 
 use crate::{
@@ -31,7 +30,7 @@ use crate::{
     patience::patiently,
     prepared_job::WorkerDevices,
     refusals::{RefusalWatch, Refusals},
-    worker::{CACHE_BYTES, Worker, WorkerMessage},
+    worker::{Worker, WorkerMessage},
 };
 
 /// How often is looked for frames that are painted.
@@ -116,7 +115,7 @@ fn paint_with_others(
             WorkerMessage::Failure(error) => reporter.warn(error.error_chain_with_remedy()),
         }
     };
-    let cache = Cache::new(state_folder().join("cache"), CACHE_BYTES);
+    let cache = Cache::of_user();
     let devices = DeviceChoice::of(&request.devices.names).unwrap_or_default();
     let own = WorkerDevices {
         threads: request.devices.threads,

@@ -3,11 +3,14 @@
 //! While a job is painted its rows are entries of the farm's store, written by its leader (and read by all). When it is done
 //! the leader keeps what they said last, as a blob.
 
-use std::time::{Duration, Instant};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use bottega::events::{AgentEvent, Event, ZoneEvent};
 use bottega_agents::driver::nats::EntryNews;
-use bottega_farm::{FarmValue, WorkId, WorkKeys};
+use bottega_farm::{FarmValue, WorkId, WorkKeys, ZoneRow};
 
 use crate::{error::Error, job::Job, job_board::JobBoard};
 
@@ -68,14 +71,30 @@ impl JobBoard {
             }
             RowNews::Nothing => begun.elapsed() < SILENT,
         })?;
-        if is_whole {
-            Ok(rows)
-        } else {
-            Err(Error::failed(
-                "the farm's server does not tell the rows of the job",
-                "see whether it runs: bottega jobs list",
-            ))
-        }
+        if is_whole { Ok(rows) } else { Err(silent()) }
+    }
+
+    /// The rows of a job's zones as its agents have them, while it is painted.
+    ///
+    /// # Errors
+    /// The farm does not answer.
+    pub(crate) fn zone_rows(&self, job: &Job) -> Result<Vec<Arc<ZoneRow>>, Error> {
+        let mut rows = Vec::new();
+        let (begun, mut is_whole) = (Instant::now(), false);
+        self.uplink.follow_entries(&WorkKeys::new(WorkId(job.work)).prefix(), |news| match news {
+            EntryNews::Entry(entry) => {
+                if let FarmValue::Zone(row) = &entry.value {
+                    rows.push(Arc::clone(row));
+                }
+                true
+            }
+            EntryNews::CaughtUp => {
+                is_whole = true;
+                false
+            }
+            EntryNews::Nothing => begun.elapsed() < SILENT,
+        });
+        if is_whole { Ok(rows) } else { Err(silent()) }
     }
 
     /// Keeps what the rows of a job said last. That they could not be kept spoils no picture.
@@ -98,6 +117,10 @@ impl JobBoard {
         let bytes = bytes.unwrap_or_default();
         Ok(bytes.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect())
     }
+}
+
+fn silent() -> Error {
+    Error::failed("the farm's server does not tell the rows of the job", "see whether it runs: bottega jobs list")
 }
 
 /// A row as an event; `None`: it is none that people read.

@@ -6,7 +6,12 @@ use std::{
     time::SystemTime,
 };
 
+use bottega::state::state_folder;
+
 use crate::error::Error;
+
+/// Bytes of scenes that a machine keeps where nobody says.
+pub(crate) const CACHE_BYTES: u64 = 20 << 30;
 
 /// A folder with three in it: `files` and `chunks` by their contents, `scenes` as folders of links to files.
 #[derive(Clone, Debug)]
@@ -25,6 +30,11 @@ struct Entry {
 impl Cache {
     pub(crate) fn new(root: PathBuf, bytes_max: u64) -> Self {
         Self { root, bytes_max }
+    }
+
+    /// That of this user where nobody says another.
+    pub fn of_user() -> Self {
+        Self::new(state_folder().join("cache"), CACHE_BYTES)
     }
 
     pub(crate) fn root(&self) -> &Path {

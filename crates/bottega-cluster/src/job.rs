@@ -11,6 +11,7 @@ use bottega::{
     engines::{agent_rules, choice_rules},
     request::{DeviceOptions, EnvironmentLight, RulesSource, WorkOptions},
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{error::Error, sent_files::SentFiles};
@@ -58,7 +59,7 @@ impl JobState {
 }
 
 /// Something that happened.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LogLine {
     /// Seconds since 1970, by the clock of the machine that wrote it.
     pub at: u64,

@@ -173,6 +173,21 @@ impl JobBoard {
         }
     }
 
+    /// The importance map of a job's picture as a PNG file, if its leader has told.
+    ///
+    /// # Errors
+    /// The farm does not answer.
+    pub fn importance(&self, job: &Job) -> Result<Option<Vec<u8>>, Error> {
+        self.uplink.blobs().get(&importance_blob(job.work), LEARNT_BYTES_MAX).map_err(Error::Blob)
+    }
+
+    /// Keeps the importance map for those who look on. That it could not be kept spoils no picture.
+    pub(crate) fn keep_importance(&self, work: u64, png: &[u8]) {
+        if let Err(error) = self.uplink.blobs().put(&importance_blob(work), png) {
+            tracing::debug!(%error, "nobody sees the importance map");
+        }
+    }
+
     /// The picture is painted: nobody need learn anything of it any more.
     pub(crate) fn forget_learnt(&self, work: u64) {
         self.uplink.blobs().forget(&learnt_blob(work));
@@ -334,6 +349,10 @@ fn order_blob(work: u64) -> String {
 
 fn learnt_blob(work: u64) -> String {
     format!("job-{work}/learnt")
+}
+
+fn importance_blob(work: u64) -> String {
+    format!("job-{work}/importance")
 }
 
 fn picture_blob(work: u64) -> String {

@@ -18,6 +18,9 @@
 //! | rows of a job, for people; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
 //! | a machine as its seat shows it | `src/presence.rs` |
 //! | steering of jobs and machines | [`jobs`], [`machine`] |
+//! | a job as it looks while it is painted | [`job_preview`] |
+//! | files sent piece by piece by one who is no machine of the farm, and jobs asked for with them | [`uploads`] |
+//! | what the HTTP doors of one farm know each other by: tokens, certificate | [`web_secrets`] |
 //! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
 //! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs` |
@@ -38,6 +41,7 @@ mod discovery;
 pub mod error;
 pub mod job;
 pub mod job_board;
+pub mod job_preview;
 pub mod jobs;
 mod keeper;
 pub mod link;
@@ -61,7 +65,9 @@ mod together;
 mod transfer;
 pub mod up;
 mod upkeep;
+pub mod uploads;
 pub mod view;
+pub mod web_secrets;
 pub mod worker;
 
 pub use self::{

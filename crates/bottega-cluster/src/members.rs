@@ -143,6 +143,14 @@ impl Members {
     }
 }
 
+/// A certificate that this process makes for itself, and its key (PEM).
+pub(crate) fn own_certificate() -> Result<(String, String), Error> {
+    let made = rcgen::generate_simple_self_signed(vec!["bottega".to_owned()]).map_err(|error| {
+        Error::failed(format!("no certificate could be made: {error}"), "this is unexpected; report it")
+    })?;
+    Ok((made.cert.pem(), made.signing_key.serialize_pem()))
+}
+
 /// What one is allowed, as the server's configuration has it.
 fn permissions(rights: &Rights) -> String {
     let list = |subjects: &[String]| subjects.iter().map(|it| format!("{it:?}")).collect::<Vec<_>>().join(", ");
@@ -160,15 +168,14 @@ impl Roll {
         };
         let key = MemberKey::new();
         let seed = key.seed().ok_or_else(|| unexpected("a new key has no seed".to_owned()))?;
-        let made = rcgen::generate_simple_self_signed(vec!["bottega".to_owned()])
-            .map_err(|error| unexpected(format!("no certificate could be made: {error}")))?;
+        let (certificate, certificate_key) = own_certificate()?;
         Ok(Self {
             trusted: secret()?,
             guest: secret()?,
             seed,
             key: key.public(),
-            certificate: made.cert.pem(),
-            certificate_key: made.signing_key.serialize_pem(),
+            certificate,
+            certificate_key,
             members: Vec::new(),
         })
     }

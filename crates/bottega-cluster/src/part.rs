@@ -14,6 +14,7 @@ use bottega_farm::{
     AgentRow, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Link, Observer, Partition, Progress,
     RoundSummary, StopSwitch, WorkId, ZoneRow,
 };
+use bottega_image::Canvas;
 
 use crate::{
     job::{Job, JobState},
@@ -87,6 +88,7 @@ pub(crate) fn take_part(
         lead: Mutex::default(),
         log: Mutex::default(),
         society: Mutex::new(SeenSociety::after(board.society(number))),
+        importance: Mutex::default(),
     });
     let guard = Guard {
         member: member.clone(),
@@ -256,6 +258,7 @@ impl Guard {
                 self.renew();
                 self.keep_log();
                 self.tell_society();
+                self.keep_importance();
             }
             if !self.this.is_requested() && self.is_to_leave() {
                 self.this.request();
@@ -353,6 +356,26 @@ impl Guard {
         }
     }
 
+    /// The leader keeps the importance map for those who look on.
+    fn keep_importance(&self) {
+        if self.lease.is_none() {
+            return;
+        }
+        let Some(map) = self.told.importance.lock().unwrap_or_else(PoisonError::into_inner).take() else { return };
+        let (board, work) = (self.member.board.clone(), self.work);
+        // It may take longer than a lease.
+        let kept = thread::Builder::new().name("importance".to_owned()).spawn(move || {
+            let (width, height) = map.size();
+            match Canvas::gray_map(width, height, &map.grey()).to_png() {
+                Ok(png) => board.keep_importance(work, &png),
+                Err(error) => tracing::debug!(%error, "nobody sees the importance map"),
+            }
+        });
+        if let Err(error) = kept {
+            tracing::debug!(%error, "nobody sees the importance map");
+        }
+    }
+
     /// Nobody need wait until the lease is over; but who has claimed it will lead.
     fn lay_down(&mut self) {
         self.tell_society();
@@ -373,6 +396,8 @@ struct LoggingObserver {
     lead: Mutex<Lead>,
     log: Mutex<Vec<String>>,
     society: Mutex<SeenSociety>,
+    /// Until it is kept for those who look on.
+    importance: Mutex<Option<Arc<ImportanceMap>>>,
 }
 
 impl LoggingObserver {
@@ -391,6 +416,7 @@ impl Observer for LoggingObserver {
     }
 
     fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
+        *self.importance.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(map));
         self.inner.analyzed(map, partition);
     }
 

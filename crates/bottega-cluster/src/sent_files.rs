@@ -60,6 +60,15 @@ impl SentFiles {
         Ok((Self { files: read, environment }, pieces))
     }
 
+    /// Files whose pieces are at the farm already.
+    ///
+    /// - `files`: by their names relative to the folder of the scene; the scene first.
+    /// - `environment`: the picture that lights it, if it is no file of the scene.
+    pub(crate) fn at_farm(files: Vec<(String, Contents)>, environment: Option<(String, Contents)>) -> Self {
+        let sent = |(name, contents)| SentFile { name, contents };
+        Self { files: files.into_iter().map(sent).collect(), environment: environment.map(sent) }
+    }
+
     /// Brings the files to this machine, below `cache`. Returns the scene file and the picture that lights it.
     pub fn fetch(&self, cache: &Cache, store: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), Error> {
         if self.files.is_empty() || self.files.len() > FILES_MAX {

@@ -110,6 +110,11 @@ impl JobBoard {
         Arc::new(self.uplink.notices().all(CREDITS).iter().filter_map(credit).collect())
     }
 
+    /// How far the promises of a machine held in the jobs so far, by its name: 1, when what it promised took as long as it said.
+    pub fn reliabilities(&self) -> BTreeMap<String, f64> {
+        self.credits().iter().map(|(machine, credit)| (machine.clone(), credit.reliability())).collect()
+    }
+
     /// Forgets the agents of a job.
     pub(crate) fn forget_society(&self, number: u32) {
         if let Err(error) = self.uplink.notices().remove(&society_name(number)) {

@@ -26,6 +26,7 @@ use crate::{
     members::Members,
     room::{bytes_below, bytes_said, disk, fitting_limit},
     server::{Server, Setup, program, signal},
+    web_secrets::WebSecrets,
 };
 
 /// How long a server may take to begin.
@@ -79,6 +80,8 @@ pub struct Invitation {
 pub struct Host {
     /// By what others join it.
     pub invitation: Invitation,
+    /// By what its HTTP door lets one in.
+    pub web_secrets: WebSecrets,
     keeper: Keeper,
     board: JobBoard,
     /// How the farm is found from this machine.
@@ -107,6 +110,7 @@ impl LocalFarm {
         let board = JobBoard { uplink: Arc::new(uplink) };
         let here = FarmAddress::of_up(reachable_here(listen), words[0].clone()).to_string();
         let keeper = Keeper::new(server, &program, config, &setup, board.clone());
+        let web_secrets = WebSecrets::of_host(&members)?;
         let admission = Admission::new(members, setup, program.clone());
         let groups = Group::ALL.map(Group::word);
         board.uplink.answer_newcomers(&groups, move |group, request| admission.answer(group, request));
@@ -116,7 +120,7 @@ impl LocalFarm {
             beacon.inspect_err(|error| tracing::warn!(%error, "the local network is not told where the farm is")).ok()
         });
         let invitation = Invitation::new(listen, &words);
-        Ok(Self::Here(Box::new(Host { invitation, keeper, board, here, beacon, _alone: alone })))
+        Ok(Self::Here(Box::new(Host { invitation, web_secrets, keeper, board, here, beacon, _alone: alone })))
     }
 }
 

@@ -15,6 +15,7 @@ use crate::{
     job_board::{JobBoard, job_name, lead_name, no_such},
     together,
     transfer::Announcement,
+    uploads,
 };
 
 /// How long is looked whether somebody who sends a scene is there: he says so once a second.
@@ -45,7 +46,8 @@ impl JobBoard {
         self.sweep_zones();
         // What a job needs whose order cannot be read just now is not known.
         let Some(needed) = self.needed() else { return };
-        self.uplink.blobs().forget_all(|name, age| chunks::is_unused(name, age, &needed));
+        let is_old_list = |name: &str, age| name.starts_with(uploads::PREFIX) && age > uploads::KEPT;
+        self.uplink.blobs().forget_all(|name, age| chunks::is_unused(name, age, &needed) || is_old_list(name, age));
         self.uplink.blobs().forget_strays(STRAY_AFTER);
     }
 

@@ -1,5 +1,6 @@
 //! How jobs and machines stand, for those who look on.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
@@ -9,7 +10,7 @@ use crate::{
 };
 
 /// A job as others are told of it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct JobView {
     /// Its number.
     #[serde(rename = "job")]

@@ -11,7 +11,7 @@ use bottega::{StopSwitch, devices::processors, state::state_folder};
 
 pub use crate::prepared_job::WorkerDevices;
 use crate::{
-    cache::Cache,
+    cache::{CACHE_BYTES, Cache},
     error::Error,
     job::{Job, JobState},
     job_board::{JobBoard, Presence, RENEW_EVERY},
@@ -61,8 +61,6 @@ pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dy
     worker.leave();
 }
 
-/// Bytes of scenes that a machine keeps where nobody says.
-pub(crate) const CACHE_BYTES: u64 = 20 << 30;
 /// How often is looked for work.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// A machine stays with a job for so long before it looks at others: loading a scene is not for nothing.

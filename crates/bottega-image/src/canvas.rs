@@ -2,7 +2,11 @@
 
 use std::path::Path;
 
-use crate::{ColorMap, ImageError, Picture, Rect, ToneMap, displayed, png_write::write_png_rgb8, srgb_from_linear};
+use crate::{
+    ColorMap, ImageError, Picture, Rect, ToneMap, displayed,
+    png_write::{png_bytes_rgb8, write_png_rgb8},
+    srgb_from_linear,
+};
 
 /// A picture of 8-bit sRGB values.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -94,6 +98,18 @@ impl Canvas {
             left += canvas.width + gap;
         }
         all
+    }
+
+    /// It as the bytes of a PNG file.
+    ///
+    /// # Errors
+    /// It has no pixels, or more than a PNG file can have.
+    pub fn to_png(&self) -> Result<Vec<u8>, ImageError> {
+        let width = self.width as usize;
+        png_bytes_rgb8((self.width, self.height), |row, out| {
+            let row = row as usize * width;
+            out.extend_from_slice(self.pixels[row..row + width].as_flattened());
+        })
     }
 
     /// Writes it as PNG, whole or not at all.

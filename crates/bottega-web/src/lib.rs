@@ -1,15 +1,47 @@
-//! A running job, for whoever looks: the events of the farm as JSON, an HTTP API, and a live dashboard.
+//! The door for browsers and other programs: one HTTP API and one page, for a farm and for the picture of one process.
 //!
-//! No logic of its own: it shows what it is told. The same [`bottega::Event`]s are what `bottega render --json` prints,
-//! so that a script and a browser see one and the same thing.
+//! No logic of its own: it asks a [`ShownFarm`], which is a farm ([`LinkedFarm`]) or this process's picture ([`Dashboard`]). The
+//! events are those of `bottega render --json`. What a client may do, and how much, is in `docs/api.md`.
 //!
 //! # Where is what
 //!
 //! | what | where |
 //! |---|---|
-//! | the server: the page, `/api/job`, `/api/events`, `/api/preview.png` | `src/server.rs` |
-//! | the page | `src/dashboard.html` |
+//! | the server: connections, TLS, timeouts | `src/server.rs`, `src/timed_io.rs` |
+//! | who may come in, and how often | `src/guard.rs`, `src/hosts.rs`, `src/tokens.rs`, `src/limits.rs` |
+//! | the routes, and what each answers | `src/route.rs`, `src/routes/`; as OpenAPI: `src/openapi.rs` |
+//! | what is shown: a farm, one picture | `src/source.rs`; `src/linked_farm.rs`, `src/dashboard.rs` |
+//! | a job as it changes | `src/live.rs` |
+//! | errors; paths that nobody is told | `src/problem.rs`, `src/redact.rs` |
+//! | the page | `src/page.rs`, `assets/` |
 
+mod dashboard;
+mod error;
+mod guard;
+mod hosts;
+mod limits;
+mod linked_farm;
+mod live;
+mod openapi;
+mod page;
+mod problem;
+mod redact;
+mod route;
+mod routes;
 mod server;
+mod source;
+mod state;
+mod timed_io;
+mod tokens;
 
-pub use server::{Dashboard, ServeError};
+pub use self::{
+    dashboard::Dashboard,
+    error::ServeError,
+    limits::{EVENT_STREAMS_MAX, JSON_BYTES_MAX},
+    linked_farm::LinkedFarm,
+    live::LiveJob,
+    problem::Problem,
+    routes::openapi_document,
+    server::{Door, DoorOptions},
+    source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm},
+};

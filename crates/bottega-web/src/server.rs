@@ -1,138 +1,91 @@
-//! The HTTP server of one job. It runs on a thread of its own and never holds up the work.
+//! A door: an HTTP server on a thread of its own, which never holds up the work.
 
 use std::{
-    convert::Infallible,
     net::{SocketAddr, TcpListener},
-    sync::{Arc, Mutex, PoisonError},
+    sync::Arc,
     thread,
+    time::Duration,
 };
 
-use axum::{
-    Json, Router,
-    body::Bytes,
-    extract::State,
-    http::{StatusCode, header},
-    response::{Html, IntoResponse, Response, Sse, sse},
-    routing::get,
+use axum::{Extension, Router, body::Body, http::Request};
+use bottega_cluster::web_secrets::WebSecrets;
+use hyper::{body::Incoming, server::conn::http1, service::service_fn};
+use hyper_util::{
+    rt::{TokioIo, TokioTimer},
+    service::TowerToHyperService,
 };
-use bottega::Event;
-use tokio::sync::broadcast;
-use tokio_stream::{Stream, StreamExt, wrappers::BroadcastStream};
+use rustls::{
+    ServerConfig,
+    pki_types::{CertificateDer, PrivateKeyDer, pem::PemObject},
+};
+use tokio::{
+    io::{AsyncRead, AsyncWrite},
+    sync::Semaphore,
+};
+use tokio_rustls::TlsAcceptor;
 
-/// Events that a slow listener may lag behind before it misses some; it then reads `/api/job` again.
-const EVENTS_KEPT: usize = 4096;
+use crate::{
+    error::ServeError,
+    hosts::{HostNames, host_of},
+    limits::{CONNECTIONS_MAX, HEADER_BYTES_MAX, HEADERS_TIME, WRITE_TIME},
+    routes,
+    source::ShownFarm,
+    state::{Client, DoorState},
+    timed_io::TimedIo,
+    tokens::{Tokens, VisitorRole},
+};
 
-/// Why the dashboard could not be served.
-#[derive(Debug, thiserror::Error)]
-pub enum ServeError {
-    /// The address cannot be listened on.
-    #[error("cannot listen on {address}")]
-    Listen {
-        /// The address.
-        address: SocketAddr,
-        /// Why.
-        source: std::io::Error,
-    },
+/// Ports that are tried after the one that was named, where that is taken.
+const PORTS_TRIED: u16 = 20;
+/// After a connection could not be taken.
+const PAUSE: Duration = Duration::from_millis(50);
+/// Threads that ask the farm.
+const THREADS_MAX: usize = 32;
+
+/// How a door is opened.
+pub struct DoorOptions {
+    /// Where to listen. Beyond this machine it speaks TLS alone.
+    pub address: SocketAddr,
+    /// Whether no other port may take the place of one that is taken.
+    pub is_firm: bool,
+    /// Whom it lets in, and how it is known.
+    pub secrets: WebSecrets,
+    /// Names that it is called by beside its addresses: `farm.example:8443`.
+    pub names: Vec<String>,
 }
 
-/// Shows one job to whoever connects.
-#[derive(Clone)]
-pub struct Dashboard {
-    shared: Arc<Shared>,
+/// A door that is open until the process ends.
+pub struct Door {
     address: SocketAddr,
+    is_secure: bool,
+    state: Arc<DoorState>,
 }
 
-struct Shared {
-    /// The events that tell the present state to one who comes late: all but the outdated.
-    state: Mutex<JobState>,
-    /// What is painted, as a PNG file.
-    preview: Mutex<Option<Bytes>>,
-    live: broadcast::Sender<String>,
-}
-
-#[derive(Default)]
-struct JobState {
-    started: Option<Event>,
-    analyzed: Option<Event>,
-    zones: std::collections::BTreeMap<u32, Event>,
-    agents: std::collections::BTreeMap<String, Event>,
-    progress: Option<Event>,
-    preview: Option<Event>,
-    end: Option<Event>,
-    notes: Vec<Event>,
-}
-
-impl JobState {
-    /// Takes an event in. What it replaces is forgotten.
-    fn take(&mut self, event: Event) {
-        match event {
-            Event::Started { .. } => *self = Self { started: Some(event), ..Self::default() },
-            Event::Analyzed { .. } => self.analyzed = Some(event),
-            Event::Zone(ref zone) => {
-                self.zones.insert(zone.id, event);
-            }
-            Event::Agent(ref agent) => {
-                self.agents.insert(agent.agent.clone(), event);
-            }
-            Event::Progress(_) | Event::Sending { .. } | Event::Step { .. } => self.progress = Some(event),
-            Event::Preview { .. } => self.preview = Some(event),
-            // Told as they end, and summed up at the end.
-            Event::Round(_) => {}
-            Event::Note { .. }
-            | Event::Warning { .. }
-            | Event::Asked { .. }
-            | Event::LightingAgents(_)
-            | Event::Auction(_)
-            | Event::Mixed { .. }
-            | Event::Recorded { .. }
-            | Event::Resources { .. }
-            | Event::Timeline { .. }
-            | Event::Frame { .. }
-            | Event::Denoised { .. } => self.notes.push(event),
-            Event::Finished { .. } | Event::Interrupted { .. } | Event::Fetched { .. } => self.end = Some(event),
-        }
-    }
-
-    fn events(&self) -> Vec<Event> {
-        self.started
-            .iter()
-            .chain(&self.notes)
-            .chain(&self.analyzed)
-            .chain(self.zones.values())
-            .chain(self.agents.values())
-            .chain(&self.preview)
-            .chain(&self.progress)
-            .chain(&self.end)
-            .cloned()
-            .collect()
-    }
-}
-
-impl Dashboard {
-    /// Listens on `address` (port 0: any free one) and serves until the process ends.
-    pub fn serve(address: SocketAddr) -> Result<Self, ServeError> {
-        let listen = |source| ServeError::Listen { address, source };
-        let listener = TcpListener::bind(address).map_err(listen)?;
-        listener.set_nonblocking(true).map_err(listen)?;
-        let bound = listener.local_addr().map_err(listen)?;
-        let (live, _) = broadcast::channel(EVENTS_KEPT);
-        let shared = Arc::new(Shared { state: Mutex::default(), preview: Mutex::default(), live });
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(listen)?;
-        let routes = Router::new()
-            .route("/", get(async || Html(include_str!("dashboard.html"))))
-            .route("/api/job", get(job))
-            .route("/api/events", get(events))
-            .route("/api/preview.png", get(preview))
-            .with_state(Arc::clone(&shared));
-        thread::spawn(move || {
-            runtime.block_on(async move {
-                if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
-                    // It ends with the process; a failed connection is its client's affair.
-                    let _ = axum::serve(listener, routes).await;
-                }
-            });
-        });
-        Ok(Self { shared, address: bound })
+impl Door {
+    /// Listens, and serves from now on.
+    ///
+    /// # Errors
+    /// The address cannot be listened on, or the certificate is none.
+    pub fn open(farm: Arc<dyn ShownFarm>, options: DoorOptions) -> Result<Self, ServeError> {
+        let DoorOptions { address, is_firm, secrets, names } = options;
+        let listener = listen(address, is_firm)?;
+        let failed = |source| ServeError::Listen { address, source };
+        listener.set_nonblocking(true).map_err(failed)?;
+        let bound = listener.local_addr().map_err(failed)?;
+        let is_secure = !bound.ip().is_loopback();
+        let tls = is_secure.then(|| acceptor(&secrets)).transpose()?;
+        let tokens = Tokens::new(secrets.see, secrets.steer, bound.port(), is_secure);
+        let state = Arc::new(DoorState::new(farm, tokens, HostNames::new(bound, &names, is_secure)));
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .max_blocking_threads(THREADS_MAX)
+            .thread_name("web")
+            .build()
+            .map_err(failed)?;
+        let router = routes::router(&state);
+        let serve = move || runtime.block_on(serve(listener, tls, &router));
+        thread::Builder::new().name("web".to_owned()).spawn(serve).map_err(failed)?;
+        Ok(Self { address: bound, is_secure, state })
     }
 
     /// Where it listens.
@@ -140,106 +93,95 @@ impl Dashboard {
         self.address
     }
 
-    /// Shows an event to all who look, and to those who come later.
-    pub fn publish(&self, event: Event) {
-        // Nobody listening is no error.
-        let _ = self.shared.live.send(event.to_json());
-        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner).take(event);
+    /// Where one steers from.
+    pub fn steering_url(&self) -> String {
+        self.url(VisitorRole::Steer)
     }
 
-    /// From now on `png`, a PNG file, is what is painted. Whoever looks is told by [`Event::Preview`].
-    pub fn set_preview(&self, png: impl Into<Bytes>) {
-        *self.shared.preview.lock().unwrap_or_else(PoisonError::into_inner) = Some(png.into());
+    /// Where one looks on.
+    pub fn seeing_url(&self) -> String {
+        self.url(VisitorRole::See)
     }
-}
 
-/// What is painted.
-async fn preview(State(shared): State<Arc<Shared>>) -> Response {
-    let png = shared.preview.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    match png {
-        Some(png) => ([(header::CONTENT_TYPE, "image/png"), (header::CACHE_CONTROL, "no-store")], png).into_response(),
-        None => StatusCode::NOT_FOUND.into_response(),
+    fn url(&self, role: VisitorRole) -> String {
+        let scheme = if self.is_secure { "https" } else { "http" };
+        let host = if self.address.ip().is_unspecified() { "127.0.0.1".to_owned() } else { host_of(self.address) };
+        format!("{scheme}://{host}:{}/?token={}", self.address.port(), self.state.tokens.of(role))
     }
 }
 
-/// The present state: the events that made it.
-async fn job(State(shared): State<Arc<Shared>>) -> Json<Vec<Event>> {
-    Json(shared.state.lock().unwrap_or_else(PoisonError::into_inner).events())
+fn listen(address: SocketAddr, is_firm: bool) -> Result<TcpListener, ServeError> {
+    let failed = |source| ServeError::Listen { address, source };
+    match TcpListener::bind(address) {
+        Err(_) if !is_firm && address.port() != 0 => {
+            let others = (address.port()..).skip(1).take(PORTS_TRIED.into()).chain([0]);
+            let mut found = others.map(|port| TcpListener::bind(SocketAddr::new(address.ip(), port)));
+            found.find_map(Result::ok).map_or_else(|| TcpListener::bind(address).map_err(failed), Ok)
+        }
+        bound => bound.map_err(failed),
+    }
 }
 
-/// The events from now on, as server-sent events.
-async fn events(State(shared): State<Arc<Shared>>) -> impl IntoResponse {
-    let stream = BroadcastStream::new(shared.live.subscribe());
-    ([(header::CACHE_CONTROL, "no-store")], Sse::new(as_sse(stream)).keep_alive(sse::KeepAlive::default()))
+fn acceptor(secrets: &WebSecrets) -> Result<TlsAcceptor, ServeError> {
+    let (certificate, key) = &secrets.certificate;
+    let wrong = |what: &dyn std::fmt::Display| ServeError::Secrets(format!("its certificate: {what}"));
+    let certificate =
+        CertificateDer::from_pem_slice(certificate.as_bytes()).map_err(|error| wrong(&format!("{error:?}")))?;
+    let key = PrivateKeyDer::from_pem_slice(key.as_bytes()).map_err(|error| wrong(&format!("{error:?}")))?;
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let config = ServerConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .and_then(|builder| builder.with_no_client_auth().with_single_cert(vec![certificate], key))
+        .map_err(|error| wrong(&error))?;
+    Ok(TlsAcceptor::from(Arc::new(config)))
 }
 
-/// Who lags behind is told to read the state again.
-fn as_sse(stream: BroadcastStream<String>) -> impl Stream<Item = Result<sse::Event, Infallible>> {
-    stream.map(|line| {
-        Ok(match line {
-            Ok(line) => sse::Event::default().data(line),
-            Err(_) => sse::Event::default().event("lagged").data(""),
-        })
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use std::{
-        io::{Read, Write},
-        net::TcpStream,
+/// Takes connections until the process ends; one that fails is its client's affair.
+async fn serve(listener: TcpListener, tls: Option<TlsAcceptor>, router: &Router) {
+    let listener = match tokio::net::TcpListener::from_std(listener) {
+        Ok(listener) => listener,
+        Err(error) => return tracing::warn!(%error, "nothing is served"),
     };
-
-    use super::*;
-    use bottega::events::{Progress, ZoneEvent};
-
-    fn get(address: SocketAddr, path: &str) -> String {
-        let mut stream = TcpStream::connect(address).expect("the dashboard listens");
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").expect("request is sent");
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).expect("an answer comes");
-        answer
+    let connections = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    loop {
+        let (stream, client) = match listener.accept().await {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                tracing::debug!(%error, "a connection was not taken");
+                tokio::time::sleep(PAUSE).await;
+                continue;
+            }
+        };
+        let Ok(permit) = Arc::clone(&connections).try_acquire_owned() else { continue };
+        let (tls, router) = (tls.clone(), router.clone());
+        tokio::spawn(async move {
+            let _permit = permit;
+            match tls {
+                None => speak(stream, client, router).await,
+                Some(tls) => {
+                    if let Ok(Ok(stream)) = tokio::time::timeout(HEADERS_TIME, tls.accept(stream)).await {
+                        speak(stream, client, router).await;
+                    }
+                }
+            }
+        });
     }
+}
 
-    fn zone(id: u32, state: &str) -> Event {
-        let state = state.to_owned();
-        Event::Zone(Box::new(ZoneEvent { id, state, ..ZoneEvent::default() }))
-    }
-
-    #[test]
-    fn one_who_comes_late_sees_the_present_state_and_nothing_outdated() {
-        let dashboard = Dashboard::serve(([127, 0, 0, 1], 0).into()).expect("a free port");
-        dashboard.publish(zone(3, "open"));
-        dashboard.publish(zone(3, "done"));
-        dashboard.publish(Event::Progress(Progress { zones_done: 1, ..Progress::default() }));
-        let answer = get(dashboard.address(), "/api/job");
-        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
-        assert!(answer.contains(r#""state":"done""#) && !answer.contains(r#""state":"open""#), "{answer}");
-        assert!(answer.contains(r#""zones_done":1"#), "{answer}");
-    }
-
-    #[test]
-    fn the_preview_is_there_when_there_is_one() {
-        let dashboard = Dashboard::serve(([127, 0, 0, 1], 0).into()).expect("a free port");
-        assert!(get(dashboard.address(), "/api/preview.png").starts_with("HTTP/1.1 404"));
-        dashboard.set_preview("one");
-        dashboard.set_preview("two");
-        dashboard.publish(Event::Preview { number: 2, seconds: 0.5 });
-        let answer = get(dashboard.address(), "/api/preview.png");
-        assert!(answer.contains("image/png") && answer.ends_with("two"), "{answer}");
-        assert!(get(dashboard.address(), "/api/job").contains(r#""number":2"#));
-    }
-
-    #[test]
-    fn the_page_is_served_and_unknown_paths_are_not() {
-        let dashboard = Dashboard::serve(([127, 0, 0, 1], 0).into()).expect("a free port");
-        assert!(get(dashboard.address(), "/").contains("<title>Bottega</title>"));
-        assert!(get(dashboard.address(), "/etc/passwd").starts_with("HTTP/1.1 404"));
-    }
-
-    #[test]
-    fn a_taken_address_is_an_error() {
-        let dashboard = Dashboard::serve(([127, 0, 0, 1], 0).into()).expect("a free port");
-        assert!(matches!(Dashboard::serve(dashboard.address()), Err(ServeError::Listen { .. })));
+/// Answers the requests of one connection.
+async fn speak<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(stream: S, client: SocketAddr, router: Router) {
+    let service = TowerToHyperService::new(router.layer(Extension(Client(client.ip()))));
+    let answer =
+        service_fn(move |request: Request<Incoming>| hyper::service::Service::call(&service, request.map(Body::new)));
+    let io = TokioIo::new(TimedIo::new(stream, WRITE_TIME));
+    let served = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEADERS_TIME)
+        .max_buf_size(4 * HEADER_BYTES_MAX)
+        .max_header_size(HEADER_BYTES_MAX)
+        .serve_connection(io, answer)
+        .await;
+    if let Err(error) = served {
+        tracing::debug!(%error, "a connection ended");
     }
 }

@@ -101,8 +101,8 @@ pub enum Event {
     Auction(AuctionEvent),
     /// How far the work is.
     Progress(Progress),
-    /// There is a new preview, with a colour for every pixel: in the file of `--preview`, and as `/api/preview.png` where
-    /// the dashboard is.
+    /// There is a new preview, with a colour for every pixel: in the file of `--preview`, and as `/api/jobs/1/preview.png`
+    /// where the dashboard is.
     Preview {
         /// How many there were, with this one. The first is coarse: a look at the whole picture before it is painted.
         number: u32,

@@ -69,6 +69,11 @@ pub(super) struct FarmArgs {
 }
 
 impl FarmArgs {
+    /// The farm that was named.
+    pub(super) fn address(&self) -> Option<&FarmAddress> {
+        self.farm.as_ref()
+    }
+
     /// Links up with the farm.
     pub(super) fn board(&self) -> Result<JobBoard, CliError> {
         Ok(JobBoard { uplink: link(self.farm.as_ref(), &self.login.credentials())?.uplink })

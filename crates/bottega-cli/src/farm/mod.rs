@@ -1,4 +1,4 @@
-//! `bottega up`, `join`, `jobs` and `machines`: farms, as people on a command line see and steer them.
+//! `bottega up`, `web`, `join`, `jobs` and `machines`: farms, as people on a command line see and steer them.
 
 mod args;
 mod blackboard;
@@ -6,6 +6,7 @@ mod jobs;
 mod join;
 mod machines;
 mod up;
+mod web;
 
 pub(crate) use self::{
     args::LoginArgs,
@@ -14,4 +15,5 @@ pub(crate) use self::{
     join::{JoinArgs, run as join},
     machines::{MachinesArgs, run as machines},
     up::{UpArgs, run as up},
+    web::{WebCommandArgs, run as web},
 };

@@ -10,7 +10,10 @@ use bottega_cluster::{
 };
 use clap::{Args, ValueHint};
 
-use super::args::parse_gigabytes;
+use super::{
+    args::parse_gigabytes,
+    web::{WebArgs, tell_door},
+};
 use crate::{
     error::CliError,
     platform::{parse_agent, passed::line},
@@ -48,6 +51,11 @@ pub(crate) struct UpArgs {
     /// that it is the one who speaks.
     #[arg(long, value_name = "AGENT", value_parser = parse_agent)]
     trust: Vec<String>,
+    #[command(flatten)]
+    web: WebArgs,
+    /// Serve no page.
+    #[arg(long, conflicts_with_all = ["web", "web_name"])]
+    no_web: bool,
     /// Do not tell the local network where the farm is (mDNS): those who join must name this machine.
     #[arg(long)]
     hidden: bool,
@@ -81,11 +89,20 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
             if let Some(served) = &served {
                 println!("It is a FIPA platform at {}: see `bottega platform agents`.", served.node().address());
             }
+            if !args.no_web {
+                match args.web.open(host.board().clone(), host.web_secrets.clone()) {
+                    Ok(door) => tell_door(&door),
+                    // Nobody asked for one.
+                    Err(error) if args.web.is_default() => tracing::warn!("the farm has no page: {error}"),
+                    Err(error) => return Err(error.into()),
+                }
+            }
             host.keep_up(&stop, || _ = served.map(FarmPlatform::stop))?;
         }
         LocalFarm::Elsewhere { process, listen, invitation } => {
             println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
             tell(&invitation);
+            println!("Another page of it, for as long as it runs: bottega web\n");
         }
     }
     Ok(ExitCode::SUCCESS)

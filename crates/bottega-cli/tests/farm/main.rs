@@ -18,6 +18,7 @@ mod room;
 mod strangers;
 #[path = "../support/mod.rs"]
 mod support;
+mod web;
 
 use std::{
     thread,

@@ -32,9 +32,8 @@ use self::{
     host::HostSeat,
     strangers::Strangers,
 };
-use bottega::state::state_folder;
 
-use crate::{JobBoard, cache::Cache, error::Error, worker::CACHE_BYTES};
+use crate::{JobBoard, cache::Cache, error::Error};
 
 /// The name of a farm's platform where nobody says.
 pub const NAME: &str = "bottega";
@@ -105,7 +104,7 @@ impl FarmPlatform {
             node: Arc::clone(&node),
             board,
             platform: options.name.clone(),
-            cache: Cache::new(state_folder().join("cache"), CACHE_BYTES),
+            cache: Cache::of_user(),
         })?;
         Ok(Self { agents: Some(agents), strangers: Some(strangers), node, jobs })
     }

@@ -245,7 +245,7 @@ fn hinted_crop(subject: &LoadedScene) -> Option<Rect> {
 }
 
 /// How highlights are brought into range.
-pub(crate) fn tone(tone: ToneCurve) -> ToneMap {
+pub fn tone(tone: ToneCurve) -> ToneMap {
     match tone {
         ToneCurve::Agx => ToneMap::Agx,
         ToneCurve::Aces => ToneMap::Aces,

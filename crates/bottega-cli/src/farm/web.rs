@@ -1,0 +1,85 @@
+//! The page and HTTP API of a farm: `bottega up` serves them, and `bottega web` in any other process.
+
+use std::{
+    net::{IpAddr, Ipv4Addr, SocketAddr},
+    process::ExitCode,
+    sync::Arc,
+    thread,
+    time::Duration,
+};
+
+use bottega::StopSwitch;
+use bottega_cluster::{JobBoard, address::saved_address, web_secrets::WebSecrets};
+use bottega_web::{Door, DoorOptions, LinkedFarm, ServeError};
+use clap::Args;
+
+use super::args::FarmArgs;
+use crate::{error::CliError, signals::stop_on_signal};
+
+/// Where it is where nobody says; or the next port that is free.
+const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);
+/// How often is looked whether the user wants to stop.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// How the page is served.
+#[derive(Debug, Args)]
+pub(super) struct WebArgs {
+    /// Where the page and the HTTP API are; beyond this machine by TLS alone, with the farm's certificate.
+    /// [default: 127.0.0.1:8080, or the next port that is free]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    web: Option<SocketAddr>,
+    /// A name that browsers know it by beside its address, such as that of a proxy: HOST or HOST:PORT. May be given several times.
+    #[arg(long, value_name = "NAME")]
+    web_name: Vec<String>,
+}
+
+/// Serve the page and the HTTP API of a farm, from any machine that may do everything in it.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "For example:\n  bottega web\n  bottega web --web 10.0.0.8:8443 --farm bottega://WORD@10.0.0.7:4222"
+)]
+pub(crate) struct WebCommandArgs {
+    #[command(flatten)]
+    web: WebArgs,
+    #[command(flatten)]
+    farm: FarmArgs,
+}
+
+impl WebArgs {
+    /// Whether nobody said where.
+    pub(super) fn is_default(&self) -> bool {
+        self.web.is_none()
+    }
+
+    /// Opens a door to a farm, until the process ends.
+    pub(super) fn open(&self, board: JobBoard, secrets: WebSecrets) -> Result<Door, ServeError> {
+        let options = DoorOptions {
+            address: self.web.unwrap_or(LISTEN),
+            is_firm: self.web.is_some(),
+            secrets,
+            names: self.web_name.clone(),
+        };
+        Door::open(Arc::new(LinkedFarm::new(board)), options)
+    }
+}
+
+/// Tells where a door is.
+pub(super) fn tell_door(door: &Door) {
+    println!("See and steer the farm in a browser:\n\n  {}\n", door.steering_url());
+    println!("or, for those who are to look on alone:\n\n  {}\n", door.seeing_url());
+}
+
+pub(crate) fn run(args: &WebCommandArgs) -> Result<ExitCode, CliError> {
+    let stop = StopSwitch::new();
+    stop_on_signal(&stop)?;
+    let secrets = match args.farm.address() {
+        Some(address) => WebSecrets::of_farm(address)?,
+        None => WebSecrets::of_farm(&saved_address()?)?,
+    };
+    let door = args.web.open(args.farm.board()?, secrets)?;
+    tell_door(&door);
+    while !stop.is_requested() {
+        thread::sleep(LOOK_EVERY);
+    }
+    Ok(ExitCode::SUCCESS)
+}

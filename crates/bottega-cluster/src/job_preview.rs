@@ -1,0 +1,145 @@
+//! A job as it looks while it is painted, made from what the farm keeps of it: whoever leads it may die meanwhile.
+
+use std::{
+    collections::BTreeMap,
+    path::Path,
+    sync::{Mutex, PoisonError},
+};
+
+use bottega::settings::tone;
+use bottega_agents::BlobId;
+use bottega_farm::{Link, ResultRef, StopSwitch, WorkId, ZoneId};
+use bottega_image::{Canvas, Preview, ReadLimits, Rect, ToneMap, read_image_bytes};
+
+use crate::{chunks::several, error::Error, job::Job, job_board::JobBoard};
+
+/// The most pixels that are shown.
+const PIXELS_MAX: u64 = 1 << 26;
+/// The most zones of which pixels are fetched at a time; the others come the next time.
+const ZONES_AT_A_TIME: usize = 256;
+
+/// What is painted of a job, as a display shows it.
+pub struct JobPreview {
+    exposure: f32,
+    tone: ToneMap,
+    /// Of the zones that there are; none before the picture is cut into zones.
+    canvas: Option<(Rect, Preview)>,
+    /// The pixels of each zone that are shown.
+    shown: BTreeMap<ZoneId, BlobId>,
+    png: Option<Vec<u8>>,
+    /// It shows the picture of a job that is over.
+    is_final: bool,
+}
+
+impl JobPreview {
+    /// A preview that shows nothing yet.
+    ///
+    /// # Errors
+    /// The farm does not know what the job asks for.
+    pub fn new(board: &JobBoard, job: &Job) -> Result<Self, Error> {
+        let output = board.spec(job)?.request.output;
+        let (exposure, tone) = (output.exposure, tone(output.tonemap));
+        Ok(Self { exposure, tone, canvas: None, shown: BTreeMap::new(), png: None, is_final: false })
+    }
+
+    /// What is painted by now, as the bytes of a PNG file. `None`: nothing is, or a job is over whose picture the farm does not
+    /// have.
+    ///
+    /// # Errors
+    /// The farm does not answer, or the picture is too large to be shown.
+    pub fn renew(&mut self, board: &JobBoard, job: &Job) -> Result<Option<Vec<u8>>, Error> {
+        if self.is_final {
+            return Ok(self.png.clone());
+        }
+        if !job.state.is_over() {
+            if self.fetch_news(board, job)?
+                && let Some((_, preview)) = &self.canvas
+            {
+                self.png = Some(preview.to_png()?);
+            }
+            return Ok(self.png.clone());
+        }
+        if let Some(picture) = board.picture(job)? {
+            self.png = Some(self.of_picture(&job.output, picture)?);
+        }
+        self.is_final = true;
+        Ok(self.png.clone())
+    }
+
+    /// A picture that is done, as the same display shows it.
+    fn of_picture(&self, name: &str, picture: Vec<u8>) -> Result<Vec<u8>, Error> {
+        const PNG: &[u8] = b"\x89PNG";
+        if picture.starts_with(PNG) {
+            return Ok(picture);
+        }
+        let read = read_image_bytes(Path::new(name), &picture, ReadLimits::default())?.picture;
+        Ok(Canvas::of_picture(&read, self.exposure, self.tone).to_png()?)
+    }
+
+    /// Fetches the pixels that are new. Returns whether there are any.
+    fn fetch_news(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
+        let rows = board.zone_rows(job)?;
+        let Some(rect) = rows.iter().map(|row| row.rect).reduce(around) else { return Ok(false) };
+        if self.canvas.as_ref().is_none_or(|(before, _)| *before != rect) {
+            if rect.area() > PIXELS_MAX {
+                let problem = format!("the picture has {} pixels, and at most {PIXELS_MAX} are shown", rect.area());
+                return Err(Error::usage(problem, "wait until it is done, and fetch it"));
+            }
+            self.canvas = Some((rect, Preview::new(rect, self.exposure, self.tone)));
+            self.shown.clear();
+        }
+        let is_news = |zone: &ZoneId, result: &ResultRef| self.shown.get(zone) != Some(&result.digest);
+        let results = rows.iter().filter_map(|row| Some((row.zone, row.result?)));
+        let news: Vec<(ZoneId, ResultRef)> =
+            results.filter(|(zone, result)| is_news(zone, result)).take(ZONES_AT_A_TIME).collect();
+        let Some((_, preview)) = &self.canvas else { return Ok(false) };
+        let link = Link { uplink: board.uplink.clone(), work: WorkId(job.work), name: String::new() };
+        // One who looks on does not wait for a server that is away.
+        let impatient = StopSwitch::new();
+        impatient.request();
+        let fetched = Mutex::new(Vec::new());
+        several(news.len(), &|i| {
+            let (zone, result) = &news[i];
+            // Its zone may be painted anew just now: then it is shown the next time.
+            if let Ok(tile) = link.get(result, &impatient) {
+                preview.show(&tile);
+                fetched.lock().unwrap_or_else(PoisonError::into_inner).push((*zone, result.digest));
+            }
+            Ok(())
+        })?;
+        let fetched = fetched.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let is_new = !fetched.is_empty();
+        self.shown.extend(fetched);
+        Ok(is_new)
+    }
+}
+
+/// The smallest rectangle around two.
+fn around(a: Rect, b: Rect) -> Rect {
+    Rect::new(a.x0.min(b.x0), a.y0.min(b.y0), a.x1.max(b.x1), a.y1.max(b.y1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_that_is_done_is_shown_as_its_display_would() {
+        let preview = JobPreview {
+            exposure: 0.0,
+            tone: ToneMap::Linear,
+            canvas: None,
+            shown: BTreeMap::new(),
+            png: None,
+            is_final: false,
+        };
+        let png = Canvas::new(2, 1, [9; 3]).to_png().unwrap();
+        assert_eq!(preview.of_picture("a.png", png.clone()).unwrap(), png, "a PNG file is shown as it is");
+        let radiance = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x00\x00\x00\x00".to_vec();
+        let shown = preview.of_picture("a.hdr", radiance).unwrap();
+        let read = read_image_bytes("shown.png", &shown, ReadLimits::default()).unwrap().picture;
+        assert_eq!((read.width, read.height), (2, 1));
+        assert!(read.data[0][0] > 0.9 && read.data[1][0] < 0.01, "{:?}", read.data);
+        assert!(preview.of_picture("a.exr", b"nothing".to_vec()).is_err());
+    }
+}

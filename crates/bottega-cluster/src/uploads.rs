@@ -1,0 +1,347 @@
+//! Files that one sends who is no machine of the farm, a browser or a script: piece by piece, each verified, each once, resumed
+//! where it was interrupted; and jobs that are asked for with them.
+//!
+//! Pieces lie where those of scenes lie. `upload/DIGEST` says of which pieces a file consists, for a day: any process of the farm
+//! may take the next piece, or the job.
+
+use std::{
+    collections::BTreeMap,
+    path::{Component, Path, PathBuf},
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+
+use bottega::{Request, Session, StopSwitch, request::EnvironmentLight, session::Reporter};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    cache::Cache,
+    chunks::{CHUNK_BYTES, ChunkStore, Contents, blob_name, hash_of, is_hash, several},
+    client::{new_job, order},
+    error::Error,
+    job::{JobSpec, for_others},
+    job_board::JobBoard,
+    room::{MAKE_ROOM, bytes_said},
+    sent_files::SentFiles,
+};
+
+/// Bytes of a piece of an upload: all pieces of a file but its last one have so many.
+pub const PIECE_BYTES: usize = CHUNK_BYTES;
+/// Bytes of a file at most.
+pub const FILE_BYTES_MAX: u64 = 4 << 30;
+/// Files of a job at most.
+pub const FILES_MAX: usize = 4096;
+/// Characters of a file's name at most.
+const NAME_MAX: usize = 512;
+/// What the names of the lists of pieces begin with.
+pub(crate) const PREFIX: &str = "upload/";
+/// A list of pieces of so many bytes is none of ours.
+const LIST_BYTES_MAX: usize = 1 << 20;
+/// So long is known of which pieces a file consists.
+pub(crate) const KEPT: Duration = Duration::from_secs(24 * 3600);
+/// What a picture is called of which nobody says.
+const PICTURE: &str = "picture.exr";
+
+/// A file that somebody is about to send.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct UploadOffer {
+    /// What it is called, for people.
+    pub name: String,
+    /// Its bytes, at most 4 GiB.
+    pub size: u64,
+    /// What is in all of it: BLAKE3, 64 hexadecimal digits.
+    pub digest: String,
+    /// What is in each of its pieces of 4 MiB, in order: BLAKE3.
+    pub chunks: Vec<String>,
+}
+
+/// What of a file the farm has.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct UploadState {
+    /// By what a job names the file.
+    pub digest: String,
+    /// The pieces that are to be sent. None: the file is there.
+    pub missing: Vec<String>,
+    /// Bytes of each piece but the last.
+    pub chunk_bytes: usize,
+}
+
+/// A picture asked for with files that were uploaded, or those of another job.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Submission {
+    /// The request, as `/api/schema/request` says. Its files are names of `files`.
+    pub request: serde_json::Value,
+    /// The digests of uploads by the names that the request and its scene know them by: relative, with `/` between folders.
+    #[serde(default)]
+    pub files: BTreeMap<String, String>,
+    /// Instead of `files`: the job whose files these are.
+    #[serde(default)]
+    pub files_of_job: Option<u32>,
+}
+
+impl JobBoard {
+    /// Takes note of a file that somebody is about to send. Says which of its pieces the farm lacks.
+    ///
+    /// # Errors
+    /// The offer contradicts itself, is too large, or there is no room for it.
+    pub fn offer_upload(&self, offer: &UploadOffer) -> Result<UploadState, Error> {
+        self.refuse_guests()?;
+        check_offer(offer)?;
+        let store: &dyn ChunkStore = self.uplink.blobs();
+        let lacking = Mutex::new(Vec::new());
+        several(offer.chunks.len(), &|i| {
+            if !store.has(&blob_name(&offer.chunks[i])).map_err(Error::Blob)? {
+                lacking.lock().unwrap_or_else(PoisonError::into_inner).push(i);
+            }
+            Ok(())
+        })?;
+        let mut lacking = lacking.into_inner().unwrap_or_else(PoisonError::into_inner);
+        lacking.sort_unstable();
+        let bytes = (lacking.len() as u64 * CHUNK_BYTES as u64).min(offer.size);
+        if let Some(room) = self.room().filter(|room| room.free() < bytes + bytes / 64 + (1 << 20)) {
+            let free = bytes_said(room.free());
+            let problem = format!("the farm's server has no room for `{}`: {free} are free", offer.name);
+            return Err(Error::failed(problem, MAKE_ROOM));
+        }
+        let list = Contents::new(offer.digest.clone(), offer.chunks.clone());
+        let list = serde_json::to_vec(&list).expect("texts can be written");
+        self.uplink.blobs().put(&list_name(&offer.digest), &list).map_err(Error::Blob)?;
+        let mut missing: Vec<String> = Vec::new();
+        for i in lacking {
+            if !missing.contains(&offer.chunks[i]) {
+                missing.push(offer.chunks[i].clone());
+            }
+        }
+        Ok(UploadState { digest: offer.digest.clone(), missing, chunk_bytes: CHUNK_BYTES })
+    }
+
+    /// Takes a piece of a file, if it is what its digest says.
+    ///
+    /// # Errors
+    /// It is another one, or the farm does not keep it.
+    pub fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Error> {
+        self.refuse_guests()?;
+        if !is_hash(digest) || bytes.len() > CHUNK_BYTES || hash_of(bytes) != digest {
+            return Err(Error::usage(
+                format!("a piece of {} bytes is not the one of the digest `{digest}`", bytes.len()),
+                "send it again: pieces have 4 MiB, the last one of a file less, and their digests are BLAKE3 in hexadecimal",
+            ));
+        }
+        let store: &dyn ChunkStore = self.uplink.blobs();
+        if !store.has(&blob_name(digest)).map_err(Error::Blob)? {
+            store.put(&blob_name(digest), bytes).map_err(Error::Blob)?;
+        }
+        Ok(())
+    }
+
+    /// Asks for a picture with files that the farm has. Returns the number of the job.
+    ///
+    /// - `from`: who asks, for people.
+    /// - `cache`: where the scene is put together, to see whether it can be painted.
+    ///
+    /// # Errors
+    /// The request or a name is none, a file was not uploaded, or the scene cannot be painted.
+    pub fn submit_uploaded(&self, asked: Submission, from: &str, cache: &Cache) -> Result<u32, Error> {
+        self.refuse_guests()?;
+        let Submission { request, files, files_of_job } = asked;
+        let origin = "the request".to_owned();
+        let mut request = Request::from_value(request).map_err(|source| bottega::Error::Request { origin, source })?;
+        if request.frames.is_some() {
+            return Err(Error::usage(
+                "the request is of several frames, and a job is of one picture",
+                "ask for each frame: scene.time says when it is",
+            ));
+        }
+        let output = request.output.file.get_or_insert_with(|| PathBuf::from(PICTURE)).clone();
+        plain_name("output.file", &output.to_string_lossy())?;
+        let files = match (files_of_job, files.is_empty()) {
+            (Some(number), true) => self.files_of(number, &request)?,
+            (None, false) => self.uploaded(&request, &files)?,
+            _ => {
+                return Err(Error::usage(
+                    "a job needs either `files` or `files_of_job`",
+                    "upload the files of the scene first, and name them by their digests",
+                ));
+            }
+        };
+        let (scene, environment) = files.fetch(cache, self.uplink.blobs())?;
+        let spec = JobSpec { request, files, engine: None, journal: None };
+        let here = spec.on_this_machine(&scene, environment)?;
+        let material = Session::examine(&here)?;
+        let (stop, reporter) = (StopSwitch::new(), Reporter::new(Arc::new(())));
+        // Where the files are on this machine is nobody's business: the job holds the request as it was asked.
+        let (order, sent) = order(self, from, &here, &material, &stop, &reporter)?;
+        let request = for_others(&spec.request)?;
+        let mut job = new_job(&request, &material, from);
+        material.warnings.iter().for_each(|warning| job.say(warning.clone()));
+        let number = self.submit(&job, &JobSpec { request, ..order })?;
+        sent.keep();
+        Ok(number)
+    }
+
+    /// The files of a job that is known.
+    fn files_of(&self, number: u32, request: &Request) -> Result<SentFiles, Error> {
+        let job = crate::jobs::known(self, number)?;
+        let files = self.spec(&job)?.files;
+        let scene = files.names().next().unwrap_or_default();
+        if request.scene.file != Path::new(scene) {
+            let problem = format!("`scene.file` is `{}`", request.scene.file.display());
+            return Err(Error::usage(problem, format!("the scene of job {number} is `{scene}`")));
+        }
+        Ok(files)
+    }
+
+    /// The files of a request as they were uploaded.
+    fn uploaded(&self, request: &Request, files: &BTreeMap<String, String>) -> Result<SentFiles, Error> {
+        if files.len() > FILES_MAX {
+            return Err(Error::usage(format!("{} files", files.len()), format!("at most {FILES_MAX} are allowed")));
+        }
+        let mut known = BTreeMap::new();
+        for (name, digest) in files {
+            known.insert(plain_name("files", name)?, self.list(name, digest)?);
+        }
+        let named = |field: &str, path: &Path| {
+            let name = plain_name(field, &path.to_string_lossy())?;
+            let contents = known.get(&name).cloned();
+            contents.map(|contents| (name, contents)).ok_or_else(|| {
+                Error::usage(format!("`{field}` is `{}`", path.display()), "only what `files` names can be meant")
+            })
+        };
+        let (scene, contents) = named("scene.file", &request.scene.file)?;
+        let environment = match &request.environment.light {
+            Some(EnvironmentLight::File(path)) => {
+                let (name, contents) = named("environment.light", path)?;
+                Some((last(&name), contents))
+            }
+            _ => None,
+        };
+        let folder = scene.parent().unwrap_or(Path::new(""));
+        let others = known.iter().filter(|(name, _)| **name != scene);
+        let others = others.map(|(name, contents)| (relative(name, folder), contents.clone()));
+        Ok(SentFiles::at_farm([(last(&scene), contents)].into_iter().chain(others).collect(), environment))
+    }
+
+    /// The pieces of a file that was uploaded.
+    fn list(&self, name: &str, digest: &str) -> Result<Contents, Error> {
+        let unknown = || {
+            Error::usage(
+                format!("`{name}`: no file of the digest `{digest}` was uploaded"),
+                "offer it by /api/uploads, and send the pieces that are missing",
+            )
+        };
+        if !is_hash(digest) {
+            return Err(unknown());
+        }
+        let list = self.uplink.blobs().get(&list_name(digest), LIST_BYTES_MAX).map_err(Error::Blob)?;
+        list.and_then(|list| serde_json::from_slice(&list).ok()).ok_or_else(unknown)
+    }
+}
+
+fn list_name(digest: &str) -> String {
+    format!("{PREFIX}{digest}")
+}
+
+fn check_offer(offer: &UploadOffer) -> Result<(), Error> {
+    let UploadOffer { name, size, digest, chunks } = offer;
+    plain_name("name", name)?;
+    let refuse = |problem: String, allowed: &str| Err(Error::usage(problem, allowed));
+    if *size > FILE_BYTES_MAX {
+        return refuse(format!("`size` is {size}"), "files of up to 4 GiB are taken");
+    }
+    let pieces = size.div_ceil(CHUNK_BYTES as u64);
+    if chunks.len() as u64 != pieces {
+        let problem = format!("`chunks` has {} digests, and {size} bytes are {pieces} pieces", chunks.len());
+        return refuse(problem, "pieces have 4 MiB, the last one less");
+    }
+    match std::iter::once(digest).chain(chunks).find(|hash| !is_hash(hash)) {
+        Some(wrong) => refuse(format!("`{wrong}` is no digest"), "BLAKE3 is meant, as 64 hexadecimal digits"),
+        None => Ok(()),
+    }
+}
+
+/// A name that leads nowhere but down from the folder that it is relative to.
+fn plain_name(field: &str, name: &str) -> Result<PathBuf, Error> {
+    let path = Path::new(name);
+    let is_plain = !name.is_empty()
+        && name.len() <= NAME_MAX
+        && !name.contains(['\\', '\0', ':'])
+        && !name.chars().any(char::is_control)
+        && path.components().all(|part| matches!(part, Component::Normal(_)));
+    if is_plain {
+        return Ok(path.components().collect());
+    }
+    let said: String = name.chars().take(80).collect();
+    Err(Error::usage(
+        format!("`{field}`: `{}` is no plain name", said.escape_debug()),
+        "a relative name without `..` is needed, such as textures/wood.png",
+    ))
+}
+
+/// The last part of a plain name.
+fn last(name: &Path) -> String {
+    name.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// A plain name as one in `folder` says it.
+fn relative(name: &Path, folder: &Path) -> String {
+    let shared = name.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| "..".to_owned());
+    let down = name.components().skip(shared).map(|part| part.as_os_str().to_string_lossy().into_owned());
+    up.chain(down).collect::<Vec<_>>().join("/")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_lead_elsewhere_are_refused() {
+        for wrong in ["", "/etc/passwd", "../a", "a/../../b", "a/..", "C:\\x", "c:x", "a\\..\\b", "./a", "a\0b", "a\nb"]
+        {
+            let error = plain_name("files", wrong).unwrap_err();
+            assert!(error.is_usage() && error.to_string().contains("`files`"), "{wrong:?}: {error}");
+        }
+        assert!(plain_name("files", &"a".repeat(NAME_MAX + 1)).is_err());
+        assert_eq!(plain_name("files", "a//b.png").unwrap(), Path::new("a/b.png"));
+    }
+
+    #[test]
+    fn names_are_told_as_the_scene_knows_them() {
+        for (name, folder, told) in [
+            ("a.png", "", "a.png"),
+            ("textures/a.png", "", "textures/a.png"),
+            ("textures/a.png", "scenes", "../textures/a.png"),
+            ("scenes/t/a.png", "scenes", "t/a.png"),
+            ("x/a.png", "s/t", "../../x/a.png"),
+        ] {
+            assert_eq!(relative(Path::new(name), Path::new(folder)), told);
+        }
+    }
+
+    #[test]
+    fn an_offer_that_contradicts_itself_is_refused() {
+        let hash = "a".repeat(64);
+        let offer = |size, digest: &str, chunks: &[&str]| UploadOffer {
+            name: "a.glb".to_owned(),
+            size,
+            digest: digest.to_owned(),
+            chunks: chunks.iter().map(|&chunk| chunk.to_owned()).collect(),
+        };
+        assert!(check_offer(&offer(CHUNK_BYTES as u64 + 1, &hash, &[&hash, &hash])).is_ok());
+        assert!(check_offer(&offer(0, &hash, &[])).is_ok());
+        for (wrong, word) in [
+            (offer(FILE_BYTES_MAX + 1, &hash, &[]), "size"),
+            (offer(5, &hash, &[]), "chunks"),
+            (offer(5, &hash, &[&hash, &hash]), "chunks"),
+            (offer(5, "../x", &[&hash]), "digest"),
+            (offer(5, &hash, &["A"]), "digest"),
+            (UploadOffer { name: "../a".to_owned(), ..offer(5, &hash, &[&hash]) }, "name"),
+        ] {
+            let error = check_offer(&wrong).unwrap_err();
+            assert!(error.is_usage() && error.to_string().contains(word), "{error}");
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! The picture of one process, shown as a farm of one job would be: `bottega render --dashboard`.
+
+use std::{
+    net::SocketAddr,
+    path::Path,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
+
+use bottega::{Event, StopSwitch};
+use bottega_cluster::{
+    job::{LogLine, unix_seconds},
+    machine::Standing,
+    names::host_name,
+    uploads::{Submission, UploadOffer, UploadState},
+    view::JobView,
+    web_secrets::WebSecrets,
+};
+
+use crate::{
+    error::ServeError,
+    live::LiveJob,
+    problem::Problem,
+    server::{Door, DoorOptions},
+    source::{JobAgents, JobOrder, MachineStatus, PictureFile, ShownFarm},
+};
+
+/// The number of the only job.
+const NUMBER: u32 = 1;
+/// Lines of its log that are kept.
+const LOG_LINES_MAX: usize = 200;
+
+/// Shows the picture of this process to whoever connects.
+#[derive(Clone)]
+pub struct Dashboard {
+    painted: Arc<PaintedJob>,
+    door: Arc<Door>,
+}
+
+/// The picture of one process.
+struct PaintedJob {
+    state: Mutex<PaintedState>,
+    live: Arc<LiveJob>,
+    stop: StopSwitch,
+}
+
+struct PaintedState {
+    view: JobView,
+    zones: std::collections::BTreeMap<u32, Event>,
+    agents: std::collections::BTreeMap<String, Event>,
+    log: Vec<LogLine>,
+    preview: Option<Vec<u8>>,
+    threads: usize,
+    /// Where the picture is, once it is.
+    written: Option<String>,
+}
+
+impl Dashboard {
+    /// Listens on `address` (port 0: any free one) and serves until the process ends.
+    ///
+    /// - `stop`: what ends the picture; a client may do that.
+    ///
+    /// # Errors
+    /// The address cannot be listened on.
+    pub fn serve(address: SocketAddr, stop: &StopSwitch) -> Result<Self, ServeError> {
+        let state = Mutex::new(PaintedState::new());
+        let painted = Arc::new(PaintedJob { state, live: Arc::default(), stop: stop.clone() });
+        let secrets = WebSecrets::fresh().map_err(|error| ServeError::Secrets(error.error_chain()))?;
+        let options = DoorOptions { address, is_firm: true, secrets, names: Vec::new() };
+        let door = Door::open(Arc::clone(&painted) as _, options)?;
+        Ok(Self { painted, door: Arc::new(door) })
+    }
+
+    /// Where it is seen, with the token that lets one in.
+    pub fn url(&self) -> String {
+        self.door.steering_url()
+    }
+
+    /// Shows an event to all who look, and to those who come later.
+    pub fn publish(&self, event: &Event) {
+        self.painted.live.tell(event);
+        let mut state = self.painted.state();
+        state.take(event);
+        self.painted.live.tell_job(&state.view);
+    }
+
+    /// From now on `png`, a PNG file, is what is painted. Whoever looks is told by [`Event::Preview`].
+    pub fn set_preview(&self, png: Vec<u8>) {
+        self.painted.state().preview = Some(png);
+    }
+}
+
+impl PaintedState {
+    fn new() -> Self {
+        let view = JobView {
+            number: NUMBER,
+            state: "active",
+            reason: None,
+            done: 0.0,
+            zones_done: 0,
+            zones: 0,
+            priority: 0,
+            machines: 1,
+            leader: Some(host_name()),
+            from: host_name(),
+            submitted: unix_seconds(),
+            scene: String::new(),
+            output: String::new(),
+            kept: false,
+            is_over: false,
+        };
+        let (zones, agents) = Default::default();
+        Self { view, zones, agents, log: Vec::new(), preview: None, threads: 0, written: None }
+    }
+
+    /// Takes an event in. What it replaces is forgotten.
+    fn take(&mut self, event: &Event) {
+        match event {
+            Event::Started { scene, output, threads, .. } => {
+                (self.threads, self.view.zones, self.view.zones_done) = (*threads, 0, 0);
+                (self.view.scene, self.view.output) = (scene.clone(), output.clone());
+                self.zones.clear();
+                self.agents.clear();
+            }
+            Event::Zone(zone) => _ = self.zones.insert(zone.id, event.clone()),
+            Event::Agent(agent) => _ = self.agents.insert(agent.agent.clone(), event.clone()),
+            Event::Progress(progress) => {
+                (self.view.zones, self.view.zones_done) = (progress.zones, progress.zones_done);
+                self.view.done = progress.share;
+            }
+            Event::Note { message } | Event::Warning { message } => self.say(message),
+            Event::Finished { output, .. } | Event::Fetched { output } => {
+                (self.view.state, self.view.done) = ("done", 1.0);
+                self.end(output);
+            }
+            Event::Interrupted { output, .. } => {
+                self.view.state = "cancelled";
+                self.end(output);
+            }
+            _ => {}
+        }
+    }
+
+    fn end(&mut self, output: &str) {
+        (self.view.kept, self.view.is_over, self.view.machines) = (true, true, 0);
+        self.written = Some(output.to_owned());
+        self.say(self.view.state);
+    }
+
+    fn say(&mut self, text: &str) {
+        self.log.push(LogLine { at: unix_seconds(), text: text.to_owned() });
+        let old = self.log.len().saturating_sub(LOG_LINES_MAX);
+        self.log.drain(..old);
+    }
+}
+
+impl PaintedJob {
+    fn state(&self) -> MutexGuard<'_, PaintedState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn only(&self, number: u32) -> Result<MutexGuard<'_, PaintedState>, Problem> {
+        if number == NUMBER {
+            return Ok(self.state());
+        }
+        Err(Problem::unknown(format!("there is no job {number}"), "this process paints job 1 and no other"))
+    }
+}
+
+/// What only a farm can do.
+fn no_farm() -> Problem {
+    Problem::conflict("this is the picture of one process, no farm", "ask `bottega up`")
+}
+
+impl ShownFarm for PaintedJob {
+    fn jobs(&self) -> Result<Vec<JobView>, Problem> {
+        Ok(vec![self.state().view.clone()])
+    }
+
+    fn job(&self, number: u32) -> Result<JobView, Problem> {
+        Ok(self.only(number)?.view.clone())
+    }
+
+    fn rows(&self, number: u32) -> Result<Vec<Event>, Problem> {
+        let state = self.only(number)?;
+        Ok(state.zones.values().chain(state.agents.values()).cloned().collect())
+    }
+
+    fn agents(&self, number: u32) -> Result<JobAgents, Problem> {
+        let state = self.only(number)?;
+        let agents = state.agents.values().filter_map(|event| match event {
+            Event::Agent(agent) => Some(agent.clone()),
+            _ => None,
+        });
+        Ok(JobAgents { agents: agents.collect(), ..JobAgents::default() })
+    }
+
+    fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem> {
+        Ok(self.only(number)?.log.clone())
+    }
+
+    fn preview(&self, number: u32) -> Result<Option<Vec<u8>>, Problem> {
+        Ok(self.only(number)?.preview.clone())
+    }
+
+    fn importance(&self, number: u32) -> Result<Option<Vec<u8>>, Problem> {
+        self.only(number).map(|_| None)
+    }
+
+    fn picture(&self, number: u32) -> Result<PictureFile, Problem> {
+        let written = self.only(number)?.written.clone();
+        let written = written.ok_or_else(|| Problem::conflict("the picture is not done", "wait until it is"))?;
+        let path = Path::new(&written);
+        let bytes = std::fs::read(path).map_err(|error| {
+            Problem::conflict(format!("cannot read `{written}`: {error}"), "it was moved or removed")
+        })?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(PictureFile { name, bytes })
+    }
+
+    fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem> {
+        self.only(number).map(|_| Arc::clone(&self.live))
+    }
+
+    fn machines(&self) -> Result<Vec<MachineStatus>, Problem> {
+        let state = self.state();
+        let agents = state.agents.values().filter_map(|event| match event {
+            Event::Agent(agent) => Some(agent.clone()),
+            _ => None,
+        });
+        Ok(vec![MachineStatus {
+            name: host_name(),
+            state: Standing::Active.word(),
+            ordered: Standing::Active.word(),
+            threads: state.threads,
+            job: Some(NUMBER).filter(|_| !state.view.is_over),
+            version: bottega_cluster::build::build().identity().to_owned(),
+            takes_orders: false,
+            is_guest: false,
+            reliability: None,
+            agents: agents.collect(),
+            refusals: Vec::new(),
+        }])
+    }
+
+    fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem> {
+        let is_over = self.only(number)?.view.is_over;
+        match order {
+            JobOrder::Cancel if !is_over => {
+                self.stop.request();
+                Ok(())
+            }
+            JobOrder::Cancel => Err(Problem::conflict("the picture is done", "")),
+            _ => Err(no_farm()),
+        }
+    }
+
+    fn tell(&self, _machine: &str, _standing: Standing) -> Result<(), Problem> {
+        Err(no_farm())
+    }
+
+    fn offer(&self, _offer: &UploadOffer) -> Result<UploadState, Problem> {
+        Err(no_farm())
+    }
+
+    fn put_piece(&self, _digest: &str, _bytes: &[u8]) -> Result<(), Problem> {
+        Err(no_farm())
+    }
+
+    fn submit(&self, _asked: Submission) -> Result<u32, Problem> {
+        Err(no_farm())
+    }
+}

@@ -1,0 +1,318 @@
+//! A farm as its notices, rows and blobs tell of it: nothing is kept here but what was read a moment ago, so any process of the farm
+//! serves the same.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::Path,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    thread,
+    time::{Duration, Instant},
+};
+
+use axum::http::StatusCode;
+use bottega::events::Event;
+use bottega_cluster::{
+    Job, JobBoard, JobState,
+    blackboard::RowNews,
+    cache::Cache,
+    job::LogLine,
+    job_board::Presence,
+    job_preview::JobPreview,
+    jobs,
+    machine::{MachineOrder, Standing},
+    names::host_name,
+    society::Society,
+    uploads::{Submission, UploadOffer, UploadState},
+    view::JobView,
+};
+
+use crate::{
+    live::LiveJob,
+    problem::Problem,
+    source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm},
+};
+
+/// How often is looked how a job stands that somebody watches.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// Pictures under way that are kept ready to be shown.
+const PREVIEWS_MAX: usize = 8;
+/// A preview is made anew so often at most.
+const PREVIEW_EVERY: Duration = Duration::from_millis(700);
+
+/// A farm that this process is linked with.
+pub struct LinkedFarm {
+    board: JobBoard,
+    cache: Cache,
+    live: Arc<Mutex<HashMap<u32, Followed>>>,
+    previews: Mutex<HashMap<u64, Arc<Mutex<FreshPreview>>>>,
+}
+
+/// A job that somebody watches.
+struct Followed {
+    work: u64,
+    live: Arc<LiveJob>,
+}
+
+/// A preview and when it was made.
+struct FreshPreview {
+    preview: JobPreview,
+    png: Option<Vec<u8>>,
+    renewed: Option<Instant>,
+    was_over: bool,
+}
+
+impl LinkedFarm {
+    /// The farm of a board.
+    pub fn new(board: JobBoard) -> Self {
+        Self { board, cache: Cache::of_user(), live: Arc::default(), previews: Mutex::default() }
+    }
+
+    fn known(&self, number: u32) -> Result<Job, Problem> {
+        self.board.get(number).ok_or_else(|| {
+            if self.board.uplink.is_connected() {
+                Problem::unknown(format!("the farm has no job {number}"), "GET /api/jobs has those that it has")
+            } else {
+                Problem::new(StatusCode::SERVICE_UNAVAILABLE, "the farm's server does not answer", "wait for it")
+            }
+        })
+    }
+
+    fn preview_of(&self, job: &Job) -> Result<Arc<Mutex<FreshPreview>>, Problem> {
+        let mut previews = lock(&self.previews);
+        if let Some(known) = previews.get(&job.work) {
+            return Ok(Arc::clone(known));
+        }
+        if previews.len() >= PREVIEWS_MAX {
+            let age = |fresh: &Arc<Mutex<FreshPreview>>| fresh.try_lock().ok().and_then(|fresh| fresh.renewed);
+            let oldest = previews.iter().min_by_key(|(_, fresh)| age(fresh)).map(|(work, _)| *work);
+            oldest.and_then(|work| previews.remove(&work));
+        }
+        let preview = JobPreview::new(&self.board, job)?;
+        let fresh = Arc::new(Mutex::new(FreshPreview { preview, png: None, renewed: None, was_over: false }));
+        previews.insert(job.work, Arc::clone(&fresh));
+        Ok(fresh)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn view(board: &JobBoard, number: u32, job: &Job, seats: &[Presence]) -> JobView {
+    let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+    JobView::of(number, job, &board.lead(number).unwrap_or_default(), machines)
+}
+
+/// Tells of a job until it is over and all is told, or nobody watches any more.
+fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn() -> bool) {
+    let mut said: Option<LogLine> = None;
+    let mut look = || {
+        let job = board.get(number)?;
+        live.tell_job(&view(board, number, &job, &board.presences()));
+        let from = job.log.iter().rposition(|line| Some(line) == said.as_ref()).map_or(0, |last| last + 1);
+        for line in &job.log[from..] {
+            live.tell(&Event::Note { message: line.text.clone() });
+        }
+        said = job.log.last().cloned();
+        Some(job)
+    };
+    let Some(mut job) = look() else { return live.tell_removed() };
+    loop {
+        let (mut looked, mut now) = (Instant::now(), Some(job.clone()));
+        let told = board.watch_rows(&job, |news| {
+            if let RowNews::Row(row) = news {
+                live.tell(&row);
+            }
+            if looked.elapsed() > LOOK_EVERY && !job.state.is_over() {
+                looked = Instant::now();
+                now = look();
+                return is_wanted() && now.as_ref().is_some_and(|now| !now.state.is_over());
+            }
+            true
+        });
+        if let Err(error) = told {
+            tracing::debug!(%error, number, "its rows are not told");
+        }
+        if job.state.is_over() || !is_wanted() {
+            return;
+        }
+        match now {
+            None => return live.tell_removed(),
+            // It is over: once more, what its rows said last. Else the server went away: from the beginning.
+            Some(now) => job = now,
+        }
+        thread::sleep(LOOK_EVERY);
+    }
+}
+
+impl ShownFarm for LinkedFarm {
+    fn jobs(&self) -> Result<Vec<JobView>, Problem> {
+        let seats = self.board.presences();
+        Ok(self.board.all().iter().map(|(number, job)| view(&self.board, *number, job, &seats)).collect())
+    }
+
+    fn job(&self, number: u32) -> Result<JobView, Problem> {
+        Ok(view(&self.board, number, &self.known(number)?, &self.board.presences()))
+    }
+
+    fn rows(&self, number: u32) -> Result<Vec<Event>, Problem> {
+        Ok(self.board.rows(&self.known(number)?)?)
+    }
+
+    fn agents(&self, number: u32) -> Result<JobAgents, Problem> {
+        self.known(number)?;
+        let Society { auction, agents } = self.board.society(number).unwrap_or_default();
+        let auction = AuctionSum {
+            rounds: auction.rounds,
+            contested: auction.contested,
+            credit_decided: auction.credit_decided,
+            bids: auction.bids,
+            awards: auction.awards,
+        };
+        Ok(JobAgents { agents, auction })
+    }
+
+    fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem> {
+        Ok(self.known(number)?.log)
+    }
+
+    fn preview(&self, number: u32) -> Result<Option<Vec<u8>>, Problem> {
+        let job = self.known(number)?;
+        let fresh = self.preview_of(&job)?;
+        let mut fresh = lock(&fresh);
+        let is_over = job.state.is_over();
+        let is_stale = fresh.renewed.is_none_or(|at| at.elapsed() > PREVIEW_EVERY) || is_over != fresh.was_over;
+        if is_stale {
+            fresh.png = fresh.preview.renew(&self.board, &job)?;
+            (fresh.renewed, fresh.was_over) = (Some(Instant::now()), is_over);
+        }
+        Ok(fresh.png.clone())
+    }
+
+    fn importance(&self, number: u32) -> Result<Option<Vec<u8>>, Problem> {
+        Ok(self.board.importance(&self.known(number)?)?)
+    }
+
+    fn picture(&self, number: u32) -> Result<PictureFile, Problem> {
+        let job = self.known(number)?;
+        let lacking = |why: String, remedy: &str| Problem::conflict(why, remedy);
+        match &job.state {
+            JobState::Done { kept: true } => {}
+            JobState::Done { kept: false } => {
+                return Err(lacking(format!("{} wrote the picture itself", job.from), "look there"));
+            }
+            state => return Err(lacking(format!("job {number} is {}", state.word()), "wait until it is done")),
+        }
+        let bytes = self.board.picture(&job)?;
+        let bytes = bytes.ok_or_else(|| lacking("the farm has no picture of this job".to_owned(), "ask again"))?;
+        let name = Path::new(&job.output).file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(PictureFile { name, bytes })
+    }
+
+    fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem> {
+        let work = self.known(number)?.work;
+        let mut followed = lock(&self.live);
+        // Whose thread has ended, and whom nobody watches.
+        followed.retain(|_, job| Arc::strong_count(&job.live) > 1);
+        if let Some(job) = followed.get(&number).filter(|job| job.work == work) {
+            return Ok(Arc::clone(&job.live));
+        }
+        let live = Arc::new(LiveJob::default());
+        followed.insert(number, Followed { work, live: Arc::clone(&live) });
+        let (board, told, all) = (self.board.clone(), Arc::clone(&live), Arc::clone(&self.live));
+        // This thread and the table have it.
+        let is_wanted = move |live: &Arc<LiveJob>| {
+            let mut all = lock(&all);
+            let is_wanted = Arc::strong_count(live) > 2;
+            if !is_wanted && all.get(&number).is_some_and(|job| Arc::ptr_eq(&job.live, live)) {
+                all.remove(&number);
+            }
+            is_wanted
+        };
+        let begun = thread::Builder::new().name(format!("job-{number}")).spawn(move || {
+            let since = Instant::now();
+            // The one who asked for it may not have begun to listen.
+            let is_wanted = || since.elapsed() < LOOK_EVERY || is_wanted(&told);
+            follow(&board, number, &told, &is_wanted);
+        });
+        match begun {
+            Ok(_) => Ok(live),
+            Err(error) => {
+                followed.remove(&number);
+                Err(Problem::new(
+                    StatusCode::SERVICE_UNAVAILABLE,
+                    format!("cannot start a thread: {error}"),
+                    "try again",
+                ))
+            }
+        }
+    }
+
+    fn machines(&self) -> Result<Vec<MachineStatus>, Problem> {
+        let (board, reliabilities) = (&self.board, self.board.reliabilities());
+        let mut societies: BTreeMap<u32, Society> = BTreeMap::new();
+        let seats = board.presences().into_iter();
+        let machine = |seat: Presence| {
+            let society =
+                seat.job.map(|job| &*societies.entry(job).or_insert_with(|| board.society(job).unwrap_or_default()));
+            let is_of_it = |agent: &str| agent.contains(&*seat.name);
+            let agents = society.map(|it| it.agents.iter().filter(|it| is_of_it(&it.agent)).cloned().collect());
+            let machine = seat.name.split('.').next().unwrap_or_default();
+            let refusal =
+                |it: &bottega_cluster::refusals::Refusal| MachineRefusal { job: it.job, reason: it.reason.clone() };
+            MachineStatus {
+                state: seat.standing.word(),
+                ordered: board.order_to(&seat.name).standing.word(),
+                threads: seat.threads,
+                job: seat.job,
+                takes_orders: seat.takes_orders,
+                is_guest: seat.is_guest,
+                reliability: reliabilities.get(machine).copied(),
+                agents: agents.unwrap_or_default(),
+                refusals: seat.refusals.iter().map(refusal).collect(),
+                version: seat.version,
+                name: seat.name,
+            }
+        };
+        Ok(seats.map(machine).collect())
+    }
+
+    fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem> {
+        let board = &self.board;
+        self.known(number)?;
+        match order {
+            JobOrder::Pause => jobs::steer(board, number, &JobState::Paused, "paused"),
+            JobOrder::Resume => jobs::steer(board, number, &JobState::Active, "resumed"),
+            JobOrder::Cancel => jobs::steer(board, number, &JobState::Cancelled, "called off"),
+            JobOrder::Priority(priority) => jobs::set_priority(board, number, priority),
+            JobOrder::Remove => jobs::remove(board, number),
+        }?;
+        Ok(())
+    }
+
+    fn tell(&self, machine: &str, standing: Standing) -> Result<(), Problem> {
+        let seats = self.board.presences();
+        let seat = seats.iter().find(|seat| seat.name == machine);
+        let seat =
+            seat.ok_or_else(|| Problem::unknown(format!("no machine `{machine}` is there"), "GET /api/machines"))?;
+        if !seat.takes_orders {
+            let problem = format!("{machine} is the process that asked for what it paints");
+            return Err(Problem::conflict(problem, "it ends with its job"));
+        }
+        let by = format!("the page that {} serves", host_name());
+        Ok(self.board.tell(machine, &MachineOrder { standing, by })?)
+    }
+
+    fn offer(&self, offer: &UploadOffer) -> Result<UploadState, Problem> {
+        Ok(self.board.offer_upload(offer)?)
+    }
+
+    fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Problem> {
+        Ok(self.board.put_piece(digest, bytes)?)
+    }
+
+    fn submit(&self, asked: Submission) -> Result<u32, Problem> {
+        let from = format!("web-{}", host_name());
+        Ok(self.board.submit_uploaded(asked, &from, &self.cache)?)
+    }
+}

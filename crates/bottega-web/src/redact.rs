@@ -1,0 +1,129 @@
+//! No client is told where files lie on a machine: of an absolute path its last part is left.
+
+use serde::Serialize;
+use serde_json::Value;
+
+/// What stands where folders were.
+const GONE: &str = "…/";
+
+/// Something as JSON, without absolute paths in any of its texts.
+pub(crate) fn redacted_json(what: &impl Serialize) -> String {
+    // Nothing that is told fails to be written: it has no maps with odd keys.
+    let text = serde_json::to_string(what).unwrap_or_default();
+    without_paths(text)
+}
+
+/// The same of text that is JSON already.
+pub(crate) fn without_paths(text: String) -> String {
+    if !text.contains(['/', '\\']) {
+        return text;
+    }
+    match serde_json::from_str::<Value>(&text) {
+        Ok(mut value) => {
+            redact(&mut value);
+            value.to_string()
+        }
+        Err(_) => String::new(),
+    }
+}
+
+fn redact(value: &mut Value) {
+    match value {
+        Value::String(text) => {
+            if let Some(redacted) = redacted(text) {
+                *text = redacted;
+            }
+        }
+        Value::Array(values) => values.iter_mut().for_each(redact),
+        Value::Object(fields) => fields.values_mut().for_each(redact),
+        Value::Null | Value::Bool(_) | Value::Number(_) => {}
+    }
+}
+
+/// A text without absolute paths; `None`: it has none.
+fn redacted(text: &str) -> Option<String> {
+    if is_absolute(text) && !text.contains('\n') && !text.contains(": ") {
+        return Some(last(text).to_owned());
+    }
+    let mut out = String::new();
+    let mut rest = text;
+    let mut before = None;
+    let mut is_changed = false;
+    while let Some(c) = rest.chars().next() {
+        if begins_path(before) && is_absolute(rest) {
+            let end = end_of_path(rest, before);
+            let path = &rest[..end];
+            // A lone slash is a division.
+            if path.len() > 1 {
+                out.push_str(GONE);
+                out.push_str(last(path));
+                is_changed = true;
+                before = path.chars().next_back();
+                rest = &rest[end..];
+                continue;
+            }
+        }
+        out.push(c);
+        before = Some(c);
+        rest = &rest[c.len_utf8()..];
+    }
+    is_changed.then_some(out)
+}
+
+pub(crate) fn is_absolute(text: &str) -> bool {
+    let bytes = text.as_bytes();
+    let has_drive =
+        bytes.len() > 2 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':' && matches!(bytes[2], b'\\' | b'/');
+    text.starts_with('/') || text.starts_with("\\\\") || has_drive
+}
+
+fn begins_path(before: Option<char>) -> bool {
+    before.is_none_or(|c| c.is_whitespace() || "`'\"([{<=,;|>".contains(c))
+}
+
+/// Where a path ends: at the quote that it began with, else where a word does.
+fn end_of_path(text: &str, before: Option<char>) -> usize {
+    let quote = before.filter(|c| "`'\"".contains(*c));
+    let ends = |c: char| match quote {
+        Some(quote) => c == quote,
+        None => c.is_whitespace() || "`'\")]}>,;|".contains(c),
+    };
+    let end = text.find(ends).unwrap_or(text.len());
+    // What follows a path in a sentence is none of it.
+    text[..end].trim_end_matches([':', '.']).len()
+}
+
+fn last(path: &str) -> &str {
+    path.trim_end_matches(['/', '\\']).rsplit(['/', '\\']).next().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_absolute_paths_the_last_part_is_left() {
+        for (text, told) in [
+            ("/home/anna/secret/scene.glb", "scene.glb"),
+            ("/home/anna b/my scene.glb", "my scene.glb"),
+            ("cannot read `/home/a b/x.exr`: no such file", "cannot read `…/x.exr`: no such file"),
+            ("cannot read /home/a/x.exr: no such file", "cannot read …/x.exr: no such file"),
+            ("C:\\Users\\anna\\x.glb", "x.glb"),
+            ("see D:/a/b.log, or \\\\host\\share\\c.", "see …/b.log, or …/c."),
+            ("--set file=/root/x", "--set file=…/x"),
+        ] {
+            assert_eq!(redacted(text).as_deref(), Some(told));
+        }
+        for text in
+            ["scenes/goblets.glb", "2.5 M samples/s", "http://10.0.0.7:8080/acc", "a / b", "path_tracing: 12 0.83"]
+        {
+            assert_eq!(redacted(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn all_texts_of_a_value_are_looked_at() {
+        let value = serde_json::json!({ "a": ["/x/y/z", { "b": "in /tmp/q" }], "n": 1 });
+        assert_eq!(redacted_json(&value), r#"{"a":["z",{"b":"in …/q"}],"n":1}"#);
+    }
+}

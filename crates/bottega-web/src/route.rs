@@ -1,0 +1,166 @@
+//! A route of the API, and what all routes need: bodies that are read, answers that are written.
+
+use std::{sync::Arc, time::Duration};
+
+use axum::{
+    body::{Body, to_bytes},
+    extract::{FromRequestParts, Request, State, rejection::PathRejection},
+    http::{StatusCode, header, request::Parts},
+    response::{IntoResponse, Response},
+    routing::MethodRouter,
+};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Serialize, de::DeserializeOwned};
+
+use crate::{
+    limits::{JSON_BYTES_MAX, JSON_TIME},
+    problem::Problem,
+    redact::redacted_json,
+    state::DoorState,
+    tokens::VisitorRole,
+};
+
+/// What a route comes to.
+pub(crate) type RouteResult = Result<Response, Problem>;
+/// What all requests share, as routes are given it.
+pub(crate) type AtDoor = State<Arc<DoorState>>;
+
+/// The schema of a type, as a generator has it.
+pub(crate) type SchemaOf = fn(&mut SchemaGenerator) -> Schema;
+
+/// What a route takes in its body.
+#[derive(Clone, Copy)]
+pub(crate) enum RouteBody {
+    Nothing,
+    Json(SchemaOf),
+    Bytes,
+}
+
+/// What a route answers.
+#[derive(Clone, Copy)]
+pub(crate) enum RouteAnswer {
+    Json(SchemaOf),
+    /// Bytes of this kind.
+    Media(&'static str),
+    Nothing,
+}
+
+/// A route.
+pub(crate) struct Route {
+    pub(crate) method: &'static str,
+    /// Parts in braces are parameters.
+    pub(crate) path: &'static str,
+    /// Who may ask.
+    pub(crate) role: VisitorRole,
+    /// What it is for.
+    pub(crate) summary: &'static str,
+    pub(crate) taken: RouteBody,
+    pub(crate) status: StatusCode,
+    pub(crate) answer: RouteAnswer,
+    pub(crate) handler: MethodRouter<Arc<DoorState>>,
+}
+
+impl Route {
+    /// One that tells something to all who may look on.
+    pub(crate) fn told(
+        path: &'static str,
+        summary: &'static str,
+        answer: RouteAnswer,
+        handler: MethodRouter<Arc<DoorState>>,
+    ) -> Self {
+        let (method, role, taken, status) = ("get", VisitorRole::See, RouteBody::Nothing, StatusCode::OK);
+        Self { method, path, role, summary, taken, status, answer, handler }
+    }
+
+    /// One that changes something.
+    pub(crate) fn done(
+        method: &'static str,
+        path: &'static str,
+        summary: &'static str,
+        taken: RouteBody,
+        answer: RouteAnswer,
+        handler: MethodRouter<Arc<DoorState>>,
+    ) -> Self {
+        let status = if matches!(answer, RouteAnswer::Nothing) { StatusCode::NO_CONTENT } else { StatusCode::OK };
+        Self { method, path, role: VisitorRole::Steer, summary, taken, status, answer, handler }
+    }
+
+    pub(crate) fn with_status(self, status: StatusCode) -> Self {
+        Self { status, ..self }
+    }
+}
+
+pub(crate) fn schema<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
+    generator.subschema_for::<T>()
+}
+
+/// An answer of JSON, without paths of this machine.
+pub(crate) fn json(what: &impl Serialize) -> Response {
+    json_text(StatusCode::OK, redacted_json(what))
+}
+
+pub(crate) fn json_text(status: StatusCode, text: String) -> Response {
+    let headers = [(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")];
+    (status, headers, text).into_response()
+}
+
+/// The body of a request, all of it.
+pub(crate) async fn body(request: Request, bytes_max: usize, patience: Duration) -> Result<Vec<u8>, Problem> {
+    let too_large = || {
+        let detail = format!("the body has more than {bytes_max} bytes");
+        Problem::new(StatusCode::PAYLOAD_TOO_LARGE, detail, "send less at a time")
+    };
+    let length = request.headers().get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok()?.parse().ok());
+    if length.is_some_and(|length: u64| length > bytes_max as u64) {
+        return Err(too_large());
+    }
+    let read = to_bytes(request.into_body(), bytes_max);
+    match tokio::time::timeout(patience, read).await {
+        Ok(Ok(bytes)) => Ok(bytes.into()),
+        Ok(Err(error)) if is_length_limit(&error) => Err(too_large()),
+        Ok(Err(_)) => Err(Problem::new(StatusCode::BAD_REQUEST, "the body does not come to its end", "send all of it")),
+        Err(_) => {
+            let detail = format!("the body did not come in {} s", patience.as_secs());
+            Err(Problem::new(StatusCode::REQUEST_TIMEOUT, detail, "send it faster, or less at a time"))
+        }
+    }
+}
+
+fn is_length_limit(error: &axum::Error) -> bool {
+    let mut source = std::error::Error::source(error);
+    while let Some(error) = source {
+        if error.to_string().contains("length limit") {
+            return true;
+        }
+        source = error.source();
+    }
+    false
+}
+
+/// The body of a request, as JSON.
+pub(crate) async fn json_body<T: DeserializeOwned>(request: Request<Body>) -> Result<T, Problem> {
+    let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
+    if kind.split(';').next().unwrap_or_default().trim() != "application/json" {
+        let detail = "the body is not said to be JSON";
+        return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail, "send `Content-Type: application/json`"));
+    }
+    let bytes = body(request, JSON_BYTES_MAX, JSON_TIME).await?;
+    serde_json::from_slice(&bytes).map_err(|error| {
+        let status = if error.is_data() { StatusCode::UNPROCESSABLE_ENTITY } else { StatusCode::BAD_REQUEST };
+        Problem::new(status, format!("the body: {error}"), "GET /api/openapi.json says what is allowed")
+    })
+}
+
+/// A parameter of the path. What is none is no such thing.
+pub(crate) struct Param<T>(pub(crate) T);
+
+impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Param<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let read = axum::extract::Path::<T>::from_request_parts(parts, state).await;
+        read.map(|axum::extract::Path(value)| Self(value)).map_err(|rejection: PathRejection| {
+            Problem::unknown(format!("the path names no such thing: {}", rejection.body_text()), "")
+        })
+    }
+}

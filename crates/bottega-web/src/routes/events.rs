@@ -1,0 +1,78 @@
+//! The events of a job, as server-sent events: first all that is known, then what changes. A client that comes again, here or at
+//! another process of the farm, begins with all that is known.
+
+use std::{convert::Infallible, sync::Arc, time::Duration};
+
+use axum::{
+    body::{Body, Bytes},
+    extract::State,
+    http::{StatusCode, header},
+    response::{IntoResponse, Response},
+    routing::get,
+};
+use tokio::{sync::mpsc, time::Instant};
+use tokio_stream::{StreamExt, wrappers::ReceiverStream};
+
+use crate::{
+    limits::{ANSWER_TIME, EVENT_STREAMS_MAX},
+    live::{LiveJob, News},
+    problem::Problem,
+    route::{Param, Route, RouteAnswer},
+    state::DoorState,
+};
+
+/// How often what has changed is told: many changes at once.
+const TELL_EVERY: Duration = Duration::from_millis(200);
+/// A client is told that the stream is alive so often.
+const ALIVE_EVERY: Duration = Duration::from_secs(10);
+/// After so many milliseconds a client comes again whose stream has ended.
+const RETRY: &str = "retry: 1000\n\n";
+
+pub(super) fn route() -> Route {
+    Route::told(
+        "/api/jobs/{id}/events",
+        "What happens to the job, as server-sent events. `event: state` has all that is known as a JSON array of events, and comes \
+         first; `event: news` has what has changed since.",
+        RouteAnswer::Media("text/event-stream"),
+        get(events),
+    )
+}
+
+async fn events(State(door): State<Arc<DoorState>>, Param(id): Param<u32>) -> Result<Response, Problem> {
+    let permit = Arc::clone(&door.streams).try_acquire_owned().map_err(|_| {
+        let detail = format!("{EVENT_STREAMS_MAX} streams of events are open, and no more are allowed");
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "close one, or ask for the state now and then")
+    })?;
+    let live = door.ask(ANSWER_TIME, move |farm| farm.live(id)).await?;
+    // One piece is under way: one who does not take it holds up himself alone.
+    let (told, taken) = mpsc::channel(1);
+    tokio::spawn(async move {
+        let _permit = permit;
+        tell(&live, &told).await;
+    });
+    let body = Body::from_stream(ReceiverStream::new(taken).map(Ok::<Bytes, Infallible>));
+    let headers = [(header::CONTENT_TYPE, "text/event-stream"), (header::CACHE_CONTROL, "no-store")];
+    Ok((headers, body).into_response())
+}
+
+/// Tells of a job until the client has gone.
+async fn tell(live: &LiveJob, client: &mpsc::Sender<Bytes>) {
+    let (mut cursor, mut last) = (None, Instant::now());
+    if client.send(Bytes::from_static(RETRY.as_bytes())).await.is_err() {
+        return;
+    }
+    while !client.is_closed() {
+        let said = live.since(cursor).map(|News { is_whole, text, cursor: now }| {
+            cursor = Some(now);
+            format!("event: {}\ndata: {text}\n\n", if is_whole { "state" } else { "news" })
+        });
+        let said = said.or_else(|| (last.elapsed() > ALIVE_EVERY).then(|| ":\n\n".to_owned()));
+        if let Some(said) = said {
+            last = Instant::now();
+            if client.send(said.into()).await.is_err() {
+                return;
+            }
+        }
+        tokio::time::sleep(TELL_EVERY).await;
+    }
+}

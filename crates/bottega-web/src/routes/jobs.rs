@@ -1,0 +1,181 @@
+//! Jobs: asked for, looked at, steered.
+
+use std::sync::Arc;
+
+use axum::{
+    extract::{Request, State},
+    http::{StatusCode, header},
+    response::IntoResponse,
+    routing::{delete, get, post, put},
+};
+use bottega::{Event, events::ZoneEvent, request::PRIORITY_MAX};
+use bottega_cluster::{job::LogLine, uploads::Submission, view::JobView};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    limits::{ANSWER_TIME, SUBMISSION_TIME},
+    problem::Problem,
+    redact::redacted_json,
+    route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, json_body, json_text, schema},
+    source::{JobAgents, JobOrder, ShownFarm},
+    state::DoorState,
+};
+
+/// How urgent a job shall be.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Urgency {
+    /// 1 to 1000: machines are shared out in proportion.
+    priority: u32,
+}
+
+/// A job that was asked for.
+#[derive(Debug, Serialize, JsonSchema)]
+struct AskedJob {
+    /// Its number.
+    job: u32,
+}
+
+pub(super) fn routes() -> Vec<Route> {
+    let shown = RouteAnswer::Json(schema::<JobView>);
+    vec![
+        Route::told("/api/jobs", "All jobs, by number.", RouteAnswer::Json(schema::<Vec<JobView>>), get(list)),
+        Route::told("/api/jobs/{id}", "A job.", shown, get(show)),
+        Route::told(
+            "/api/jobs/{id}/zones",
+            "The rows of the job's zones on the Blackboard.",
+            RouteAnswer::Json(schema::<Vec<ZoneEvent>>),
+            get(zones),
+        ),
+        Route::told(
+            "/api/jobs/{id}/agents",
+            "The agents of the job: V_cp, credit, how far their promises held; and what the auction came to.",
+            RouteAnswer::Json(schema::<JobAgents>),
+            get(agents),
+        ),
+        Route::told(
+            "/api/jobs/{id}/log",
+            "What has happened to the job, oldest first.",
+            RouteAnswer::Json(schema::<Vec<LogLine>>),
+            get(log),
+        ),
+        Route::done(
+            "post",
+            "/api/jobs",
+            "Ask for a picture, with files that were uploaded or those of another job.",
+            RouteBody::Json(schema::<Submission>),
+            RouteAnswer::Json(schema::<AskedJob>),
+            post(submit),
+        )
+        .with_status(StatusCode::CREATED),
+        Route::done(
+            "post",
+            "/api/jobs/{id}/pause",
+            "Have nobody paint it until it is resumed.",
+            RouteBody::Nothing,
+            shown,
+            post(pause),
+        ),
+        Route::done("post", "/api/jobs/{id}/resume", "Go on with it.", RouteBody::Nothing, shown, post(resume)),
+        Route::done("post", "/api/jobs/{id}/cancel", "Call it off.", RouteBody::Nothing, shown, post(cancel)),
+        Route::done(
+            "put",
+            "/api/jobs/{id}/priority",
+            "Say how urgent it is.",
+            RouteBody::Json(schema::<Urgency>),
+            shown,
+            put(priority),
+        ),
+        Route::done(
+            "delete",
+            "/api/jobs/{id}",
+            "Forget a job that is over, with its picture.",
+            RouteBody::Nothing,
+            RouteAnswer::Nothing,
+            delete(remove),
+        ),
+    ]
+}
+
+async fn list(State(door): AtDoor) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, ShownFarm::jobs).await?))
+}
+
+async fn show(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.job(id)).await?))
+}
+
+async fn zones(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    let rows = door.ask(ANSWER_TIME, move |farm| farm.rows(id)).await?;
+    let zone = |row| match row {
+        Event::Zone(zone) => Some(zone),
+        _ => None,
+    };
+    let mut zones: Vec<Box<ZoneEvent>> = rows.into_iter().filter_map(zone).collect();
+    zones.sort_by_key(|zone| zone.id);
+    Ok(json(&zones))
+}
+
+async fn agents(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.agents(id)).await?))
+}
+
+async fn log(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.log(id)).await?))
+}
+
+async fn submit(State(door): AtDoor, request: Request) -> RouteResult {
+    let asked: Submission = json_body(request).await?;
+    let busy = || {
+        let detail = "another scene is looked through";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "ask again in a moment")
+    };
+    let permit = Arc::clone(&door.submissions).try_acquire_owned().map_err(|_| busy())?;
+    let job = door.ask(SUBMISSION_TIME, move |farm| {
+        let _permit = permit;
+        farm.submit(asked)
+    });
+    let job = job.await?;
+    let mut response = json_text(StatusCode::CREATED, redacted_json(&AskedJob { job }));
+    if let Ok(place) = format!("/api/jobs/{job}").parse() {
+        response.headers_mut().insert(header::LOCATION, place);
+    }
+    Ok(response)
+}
+
+async fn pause(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    steer(&door, id, JobOrder::Pause).await
+}
+
+async fn resume(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    steer(&door, id, JobOrder::Resume).await
+}
+
+async fn cancel(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    steer(&door, id, JobOrder::Cancel).await
+}
+
+async fn priority(State(door): AtDoor, Param(id): Param<u32>, request: Request) -> RouteResult {
+    let Urgency { priority } = json_body(request).await?;
+    if !(1..=PRIORITY_MAX).contains(&priority) {
+        let detail = format!("`priority` is {priority}");
+        let remedy = format!("from 1 to {PRIORITY_MAX} is allowed");
+        return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, detail, remedy));
+    }
+    steer(&door, id, JobOrder::Priority(priority)).await
+}
+
+async fn remove(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    door.ask(ANSWER_TIME, move |farm| farm.steer(id, JobOrder::Remove)).await?;
+    Ok(StatusCode::NO_CONTENT.into_response())
+}
+
+/// Steers a job, and shows it as it is then.
+async fn steer(door: &DoorState, id: u32, order: JobOrder) -> RouteResult {
+    let job = door.ask(ANSWER_TIME, move |farm| {
+        farm.steer(id, order)?;
+        farm.job(id)
+    });
+    Ok(json(&job.await?))
+}

@@ -1,0 +1,59 @@
+//! Machines: who is there, and what they shall do.
+
+use axum::{
+    extract::State,
+    routing::{get, post},
+};
+use bottega_cluster::machine::Standing;
+
+use crate::{
+    limits::ANSWER_TIME,
+    problem::Problem,
+    route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, schema},
+    source::{MachineStatus, ShownFarm},
+    state::DoorState,
+};
+
+pub(super) fn routes() -> Vec<Route> {
+    let shown = RouteAnswer::Json(schema::<MachineStatus>);
+    let steered = |path, summary, standing| {
+        let handler =
+            post(async move |State(door): AtDoor, Param(name): Param<String>| tell(&door, name, standing).await);
+        Route::done("post", path, summary, RouteBody::Nothing, shown, handler)
+    };
+    vec![
+        Route::told(
+            "/api/machines",
+            "The machines that are there, and what they paint.",
+            RouteAnswer::Json(schema::<Vec<MachineStatus>>),
+            get(list),
+        ),
+        Route::told("/api/machines/{name}", "A machine.", shown, get(show)),
+        steered("/api/machines/{name}/suspend", "Have it hand back what it paints, and rest.", Standing::Suspended),
+        steered("/api/machines/{name}/resume", "Have it paint again.", Standing::Active),
+        steered("/api/machines/{name}/terminate", "Have it leave the farm.", Standing::Terminated),
+    ]
+}
+
+async fn list(State(door): AtDoor) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, ShownFarm::machines).await?))
+}
+
+async fn show(State(door): AtDoor, Param(name): Param<String>) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| named(farm, &name)).await?))
+}
+
+async fn tell(door: &DoorState, name: String, standing: Standing) -> RouteResult {
+    let machine = door.ask(ANSWER_TIME, move |farm| {
+        farm.tell(&name, standing)?;
+        named(farm, &name)
+    });
+    Ok(json(&machine.await?))
+}
+
+fn named(farm: &dyn ShownFarm, name: &str) -> Result<MachineStatus, Problem> {
+    let found = farm.machines()?.into_iter().find(|machine| machine.name == name);
+    found.ok_or_else(|| {
+        Problem::unknown(format!("no machine `{name}` is there"), "GET /api/machines has those that are")
+    })
+}

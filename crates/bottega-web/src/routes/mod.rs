@@ -1,0 +1,77 @@
+//! The routes of the API: a table, from which the server and its OpenAPI document are made.
+
+mod events;
+mod jobs;
+mod machines;
+mod pictures;
+mod uploads;
+
+use std::sync::Arc;
+
+use axum::{
+    Router,
+    http::StatusCode,
+    middleware::{from_fn, from_fn_with_state},
+    routing::{any, get},
+};
+use bottega::Request as PictureRequest;
+use serde_json::Value;
+
+use crate::{
+    guard::{admit, guard, steering},
+    openapi, page,
+    problem::Problem,
+    route::{Route, RouteAnswer, json_text},
+    state::DoorState,
+    tokens::VisitorRole,
+};
+
+/// The API of all doors, as OpenAPI 3.1.
+pub fn openapi_document() -> Value {
+    openapi::document(&all())
+}
+
+/// All routes of the API.
+fn all() -> Vec<Route> {
+    let mut all = vec![
+        Route::told(
+            "/api/openapi.json",
+            "This API, as OpenAPI 3.1.",
+            RouteAnswer::Media("application/json"),
+            get(async || json_text(StatusCode::OK, openapi_document().to_string())),
+        ),
+        Route::told(
+            "/api/schema/request",
+            "The JSON Schema of a request: every field, what it means.",
+            RouteAnswer::Media("application/schema+json"),
+            get(async || json_text(StatusCode::OK, PictureRequest::schema().to_value().to_string())),
+        ),
+    ];
+    all.extend(jobs::routes());
+    all.extend(pictures::routes());
+    all.push(events::route());
+    all.extend(uploads::routes());
+    all.extend(machines::routes());
+    all
+}
+
+/// The page and the API of a door.
+pub(crate) fn router(state: &Arc<DoorState>) -> Router {
+    let mut api = Router::new();
+    for Route { path, role, handler, .. } in all() {
+        let handler = if role == VisitorRole::Steer { handler.layer(from_fn(steering)) } else { handler };
+        api = api.route(path, handler);
+    }
+    let unknown = async || Problem::unknown("there is no such route", "GET /api/openapi.json has all");
+    let wrong_method = async || {
+        let detail = "the route does not know this method";
+        Problem::new(StatusCode::METHOD_NOT_ALLOWED, detail, "GET /api/openapi.json has all")
+    };
+    api.route("/api/{*unknown}", any(unknown))
+        .method_not_allowed_fallback(wrong_method)
+        .layer(from_fn_with_state(Arc::clone(state), admit))
+        .merge(page::routes())
+        .fallback(unknown)
+        .layer(from_fn_with_state(Arc::clone(state), guard))
+        .with_state(Arc::clone(state))
+}

@@ -1,0 +1,93 @@
+//! Pictures of a job: as it is painted, its importance map, the file.
+
+use axum::{
+    Extension,
+    extract::State,
+    http::{HeaderMap, StatusCode, header},
+    response::{IntoResponse, Response},
+    routing::get,
+};
+
+use crate::{
+    limits::ANSWER_TIME,
+    problem::Problem,
+    redact::is_absolute,
+    route::{AtDoor, Param, Route, RouteAnswer, RouteResult},
+    source::PictureFile,
+    tokens::VisitorRole,
+};
+
+pub(super) fn routes() -> Vec<Route> {
+    vec![
+        Route::told(
+            "/api/jobs/{id}/preview.png",
+            "What is painted by now. It has an ETag: ask with If-None-Match.",
+            RouteAnswer::Media("image/png"),
+            get(preview),
+        ),
+        Route::told(
+            "/api/jobs/{id}/importance.png",
+            "The importance map: the lighter, the more a pixel is predicted to cost.",
+            RouteAnswer::Media("image/png"),
+            get(importance),
+        ),
+        Route::told(
+            "/api/jobs/{id}/picture",
+            "The picture that is done: the file that was asked for.",
+            RouteAnswer::Media("application/octet-stream"),
+            get(picture),
+        ),
+    ]
+}
+
+async fn preview(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
+    let png = door.ask(ANSWER_TIME, move |farm| farm.preview(id)).await?;
+    let lacking = || Problem::unknown(format!("nothing of job {id} is painted yet, or its picture is elsewhere"), "");
+    Ok(shown(png.ok_or_else(lacking)?, &headers))
+}
+
+async fn importance(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
+    let png = door.ask(ANSWER_TIME, move |farm| farm.importance(id)).await?;
+    let lacking =
+        || Problem::unknown(format!("the importance map of job {id} is not known"), "it is, while a farm paints");
+    Ok(shown(png.ok_or_else(lacking)?, &headers))
+}
+
+/// A PNG file, unless the client has it.
+fn shown(png: Vec<u8>, asked: &HeaderMap) -> Response {
+    let digest = blake3::hash(&png).to_hex();
+    let tag = format!("\"{}\"", &digest[..32]);
+    let known = asked.get(header::IF_NONE_MATCH).and_then(|known| known.to_str().ok());
+    let is_known = known.is_some_and(|known| known.split(',').any(|known| known.trim() == tag));
+    let headers = [(header::ETAG, tag), (header::CACHE_CONTROL, "no-cache".to_owned())];
+    if is_known {
+        return (StatusCode::NOT_MODIFIED, headers).into_response();
+    }
+    (headers, [(header::CONTENT_TYPE, "image/png")], png).into_response()
+}
+
+/// The file holds the request as it was asked, with its paths: those who look on get none that is absolute.
+async fn picture(State(door): AtDoor, Extension(role): Extension<VisitorRole>, Param(id): Param<u32>) -> RouteResult {
+    let asked = door.ask(ANSWER_TIME, move |farm| {
+        let job = farm.job(id)?;
+        if role < VisitorRole::Steer && (is_absolute(&job.scene) || is_absolute(&job.output)) {
+            let detail = "the picture's file tells where files lie on the machine of the one who asked";
+            return Err(Problem::new(StatusCode::FORBIDDEN, detail, "only those who may steer get it"));
+        }
+        farm.picture(id)
+    });
+    let PictureFile { name, bytes } = asked.await?;
+    let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "._-".contains(*c)).collect();
+    let name = if plain.is_empty() { "picture".to_owned() } else { plain };
+    let kind = match name.rsplit('.').next() {
+        Some("png") => "image/png",
+        Some("exr") => "image/x-exr",
+        _ => "application/octet-stream",
+    };
+    let headers = [
+        (header::CONTENT_TYPE, kind.to_owned()),
+        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{name}\"")),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+    ];
+    Ok((headers, bytes).into_response())
+}

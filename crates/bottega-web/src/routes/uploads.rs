@@ -1,0 +1,55 @@
+//! Files that a client sends: offered with the digests of their pieces, then each piece that is missing. What has come stays when
+//! the rest does not.
+
+use std::sync::Arc;
+
+use axum::{
+    extract::{Request, State},
+    http::StatusCode,
+    response::{IntoResponse, Response},
+    routing::{post, put},
+};
+use bottega_cluster::uploads::{PIECE_BYTES, UploadOffer, UploadState};
+
+use crate::{
+    limits::{ANSWER_TIME, PIECE_TIME},
+    problem::Problem,
+    route::{Param, Route, RouteAnswer, RouteBody, body, json, json_body, schema},
+    state::DoorState,
+};
+
+pub(super) fn routes() -> Vec<Route> {
+    vec![
+        Route::done(
+            "post",
+            "/api/uploads",
+            "Offer a file: the answer names the pieces that are to be sent. Ask again to go on with an upload.",
+            RouteBody::Json(schema::<UploadOffer>),
+            RouteAnswer::Json(schema::<UploadState>),
+            post(offer),
+        ),
+        Route::done(
+            "put",
+            "/api/uploads/chunks/{digest}",
+            "Send a piece, of at most 4 MiB, whose BLAKE3 digest is the last part of the path.",
+            RouteBody::Bytes,
+            RouteAnswer::Nothing,
+            put(piece),
+        ),
+    ]
+}
+
+async fn offer(State(door): State<Arc<DoorState>>, request: Request) -> Result<Response, Problem> {
+    let offer: UploadOffer = json_body(request).await?;
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.offer(&offer)).await?))
+}
+
+async fn piece(
+    State(door): State<Arc<DoorState>>,
+    Param(digest): Param<String>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let bytes = body(request, PIECE_BYTES, PIECE_TIME).await?;
+    door.ask(ANSWER_TIME, move |farm| farm.put_piece(&digest, &bytes)).await?;
+    Ok(StatusCode::NO_CONTENT.into_response())
+}

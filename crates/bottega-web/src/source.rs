@@ -1,0 +1,192 @@
+//! What a door shows and steers: a farm, or the picture of one process. Both answer the same questions.
+
+use std::sync::Arc;
+
+use bottega::events::{AgentEvent, Event};
+use bottega_cluster::{
+    job::LogLine,
+    machine::Standing,
+    uploads::{Submission, UploadOffer, UploadState},
+    view::JobView,
+};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::{live::LiveJob, problem::Problem};
+
+/// What is done to a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JobOrder {
+    /// Nobody paints it until it is resumed.
+    Pause,
+    /// It goes on.
+    Resume,
+    /// It is called off.
+    Cancel,
+    /// It is so urgent.
+    Priority(u32),
+    /// It is forgotten, with its picture.
+    Remove,
+}
+
+/// The agents of a job, and what its auction came to.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+pub struct JobAgents {
+    /// The agents: V_cp, credit, how far their promises held.
+    pub agents: Vec<AgentEvent>,
+    /// What all rounds of the auction came to.
+    pub auction: AuctionSum,
+}
+
+/// What all rounds of an auction came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct AuctionSum {
+    /// How many there were.
+    pub rounds: u64,
+    /// Of them those with several bidders.
+    pub contested: u64,
+    /// Of them those that would have been otherwise if all had been believed alike.
+    pub credit_decided: u64,
+    /// Bids for single zones, all rounds together.
+    pub bids: u64,
+    /// Zones, or parts of zones, that were given away.
+    pub awards: u64,
+}
+
+/// A machine that is there.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct MachineStatus {
+    /// The process.
+    pub name: String,
+    /// `active`, `suspended` or `terminated`.
+    pub state: &'static str,
+    /// What it is told to be.
+    pub ordered: &'static str,
+    /// Its processors.
+    pub threads: usize,
+    /// The job that it paints.
+    pub job: Option<u32>,
+    /// The identity of its build.
+    pub version: String,
+    /// Whether it can be suspended, resumed and terminated; not the process that asked for a job.
+    pub takes_orders: bool,
+    /// Whether it may paint and no more.
+    pub is_guest: bool,
+    /// How far its promises held in the jobs so far: 1, when what it promised took as long as it said. `null`: not known.
+    pub reliability: Option<f64>,
+    /// V_cp, credit and failures in the job that it paints; there may be several agents.
+    pub agents: Vec<AgentEvent>,
+    /// The last jobs that it does not paint, and why.
+    pub refusals: Vec<MachineRefusal>,
+}
+
+/// A job that a machine does not paint.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct MachineRefusal {
+    /// The job.
+    pub job: u32,
+    /// Why.
+    pub reason: String,
+}
+
+/// The file of a picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PictureFile {
+    /// What it is called.
+    pub name: String,
+    /// What is in it.
+    pub bytes: Vec<u8>,
+}
+
+/// A farm, or the picture of one process. Its methods may take some seconds.
+pub trait ShownFarm: Send + Sync + 'static {
+    /// All jobs, by number.
+    ///
+    /// # Errors
+    /// The farm does not answer; so of all others.
+    fn jobs(&self) -> Result<Vec<JobView>, Problem>;
+
+    /// A job.
+    ///
+    /// # Errors
+    /// There is none of that number; so of all others that take a number.
+    fn job(&self, number: u32) -> Result<JobView, Problem>;
+
+    /// The rows of a job's Blackboard: zones and agents.
+    ///
+    /// # Errors
+    /// As above.
+    fn rows(&self, number: u32) -> Result<Vec<Event>, Problem>;
+
+    /// The agents of a job.
+    ///
+    /// # Errors
+    /// As above.
+    fn agents(&self, number: u32) -> Result<JobAgents, Problem>;
+
+    /// What has happened to a job.
+    ///
+    /// # Errors
+    /// As above.
+    fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem>;
+
+    /// What is painted by now, as a PNG file; `None`: nothing.
+    ///
+    /// # Errors
+    /// As above.
+    fn preview(&self, number: u32) -> Result<Option<Vec<u8>>, Problem>;
+
+    /// The importance map as a PNG file, if it is known.
+    ///
+    /// # Errors
+    /// As above.
+    fn importance(&self, number: u32) -> Result<Option<Vec<u8>>, Problem>;
+
+    /// The picture that is done.
+    ///
+    /// # Errors
+    /// There is none, or not here.
+    fn picture(&self, number: u32) -> Result<PictureFile, Problem>;
+
+    /// A job as it changes.
+    ///
+    /// # Errors
+    /// As above.
+    fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem>;
+
+    /// The machines that are there.
+    ///
+    /// # Errors
+    /// As above.
+    fn machines(&self) -> Result<Vec<MachineStatus>, Problem>;
+
+    /// Steers a job.
+    ///
+    /// # Errors
+    /// It cannot be done to this job, now or ever.
+    fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem>;
+
+    /// Tells a machine what to do.
+    ///
+    /// # Errors
+    /// It is not there, or takes no orders.
+    fn tell(&self, machine: &str, standing: Standing) -> Result<(), Problem>;
+
+    /// Takes note of a file that a client is about to send.
+    ///
+    /// # Errors
+    /// The offer contradicts itself, is too large, or there is no room.
+    fn offer(&self, offer: &UploadOffer) -> Result<UploadState, Problem>;
+
+    /// Takes a piece of a file.
+    ///
+    /// # Errors
+    /// It is not what its digest says, or is not kept.
+    fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Problem>;
+
+    /// Asks for a picture. Returns the number of the job.
+    ///
+    /// # Errors
+    /// It cannot be painted.
+    fn submit(&self, asked: Submission) -> Result<u32, Problem>;
+}

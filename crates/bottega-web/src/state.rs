@@ -1,0 +1,73 @@
+//! What all requests to a door share.
+
+use std::{net::IpAddr, sync::Arc, time::Duration};
+
+use axum::http::StatusCode;
+use tokio::sync::Semaphore;
+
+use crate::{
+    hosts::HostNames,
+    limits::{EVENT_STREAMS_MAX, QUESTIONS_MAX, SUBMISSIONS_MAX, Tempo},
+    problem::Problem,
+    source::ShownFarm,
+    tokens::Tokens,
+};
+
+/// From where a request comes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Client(pub(crate) IpAddr);
+
+/// What all requests to a door share.
+pub(crate) struct DoorState {
+    pub(crate) farm: Arc<dyn ShownFarm>,
+    pub(crate) tokens: Tokens,
+    pub(crate) hosts: HostNames,
+    pub(crate) tempo: Tempo,
+    /// Streams of events.
+    pub(crate) streams: Arc<Semaphore>,
+    questions: Arc<Semaphore>,
+    /// Jobs that are looked through.
+    pub(crate) submissions: Arc<Semaphore>,
+}
+
+impl DoorState {
+    pub(crate) fn new(farm: Arc<dyn ShownFarm>, tokens: Tokens, hosts: HostNames) -> Self {
+        let permits = |count| Arc::new(Semaphore::new(count));
+        Self {
+            farm,
+            tokens,
+            hosts,
+            tempo: Tempo::default(),
+            streams: permits(EVENT_STREAMS_MAX),
+            questions: permits(QUESTIONS_MAX),
+            submissions: permits(SUBMISSIONS_MAX),
+        }
+    }
+
+    /// Asks the farm, which may take a while, and no longer than `patience`. What takes longer ends by itself; its place is taken
+    /// until then.
+    pub(crate) async fn ask<T: Send + 'static>(
+        &self,
+        patience: Duration,
+        question: impl FnOnce(&dyn ShownFarm) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let late = || {
+            let detail = "the farm does not answer in time";
+            Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "try again in a moment")
+        };
+        let answered = async {
+            let permit = Arc::clone(&self.questions).acquire_owned().await.map_err(|_| late())?;
+            let farm = Arc::clone(&self.farm);
+            let asked = tokio::task::spawn_blocking(move || {
+                let _permit = permit;
+                question(&*farm)
+            });
+            asked.await.unwrap_or_else(|error| {
+                tracing::warn!(%error, "a question was not answered");
+                let detail = "it could not be answered: this is a fault of the program";
+                Err(Problem::new(StatusCode::INTERNAL_SERVER_ERROR, detail, "report it"))
+            })
+        };
+        tokio::time::timeout(patience, answered).await.unwrap_or_else(|_| Err(late()))
+    }
+}

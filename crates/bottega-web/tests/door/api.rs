@@ -1,0 +1,265 @@
+//! What the API tells and does, and that its document says the same.
+
+use std::{
+    collections::BTreeSet,
+    io::{BufRead, BufReader, Read},
+    time::Duration,
+};
+
+use bottega::{
+    Event, StopSwitch,
+    events::{Progress, ZoneEvent},
+};
+use bottega_web::{Dashboard, openapi_document};
+use serde_json::{Value, json};
+
+use crate::fake::{HIDDEN, SEE, STEER, ask, bearer, get, head, open, post, send, zone};
+
+/// An example of each parameter.
+fn filled(path: &str) -> String {
+    path.replace("{id}", "1").replace("{name}", "machine").replace("{digest}", &"a".repeat(64)).replace("{zone}", "1")
+}
+
+#[test]
+fn the_document_and_the_door_know_the_same_routes() {
+    let (_, door) = open();
+    let at = door.address();
+    let told = get(at, "/api/openapi.json");
+    assert_eq!(told.json(), openapi_document());
+    let document = told.json();
+    let paths = document["paths"].as_object().unwrap();
+    assert!(paths.len() > 15, "{paths:?}");
+    let mut names = BTreeSet::new();
+    for (path, methods) in paths {
+        for method in ["get", "post", "put", "delete", "patch"] {
+            let Some(route) = methods.get(method) else {
+                let other = post(at, &method.to_uppercase(), &filled(path), "{}");
+                assert_eq!(other.status, 405, "{method} {path}: {other:?}");
+                continue;
+            };
+            assert!(names.insert(route["operationId"].as_str().unwrap().to_owned()), "{route}");
+            let is_steered = route["x-role"] == "steer";
+            assert_eq!(is_steered, method != "get", "{method} {path}");
+            // One who may not is told so before anything else is looked at.
+            let without = ask(at, &method.to_uppercase(), &filled(path), "", b"");
+            assert_eq!(without.status, 401, "{method} {path}");
+            if path.ends_with("/events") {
+                continue;
+            }
+            let seen = ask(at, &method.to_uppercase(), &filled(path), &bearer(SEE), b"");
+            assert_eq!(seen.status == 403, is_steered || path.ends_with("/picture"), "{method} {path}: {seen:?}");
+            if path.ends_with("/picture") {
+                continue;
+            }
+            let body = match route["requestBody"]["content"]["application/json"]["schema"]["$ref"].as_str() {
+                Some("#/components/schemas/Submission") => {
+                    r#"{"request":{"scene":{"file":"a.glb"}},"files":{"a.glb":"x"}}"#
+                }
+                Some("#/components/schemas/Urgency") => r#"{"priority":30}"#,
+                Some("#/components/schemas/UploadOffer") => r#"{"name":"a","size":0,"digest":"x","chunks":[]}"#,
+                Some(other) => panic!("a new kind of body: {other}"),
+                None => "",
+            };
+            let done = post(at, &method.to_uppercase(), &filled(path), body);
+            let (status, said) = (done.status.to_string(), &route["responses"]);
+            assert!(said.get(&status).is_some(), "{method} {path}: {done:?} is none of {said}");
+            let content = said[&status]["content"].as_object();
+            let kind = content.and_then(|content| content.keys().next().cloned());
+            if kind.as_deref() != Some("application/schema+json") {
+                assert_eq!(done.header("content-type"), kind.as_deref(), "{method} {path}");
+            }
+        }
+    }
+    // Each schema that is referred to is there.
+    let text = document.to_string();
+    for part in text.split("#/components/schemas/").skip(1) {
+        let name = part.split('"').next().unwrap();
+        assert!(document["components"]["schemas"].get(name).is_some(), "{name}");
+    }
+}
+
+#[test]
+fn those_who_look_on_are_told_all_and_no_absolute_path() {
+    let (farm, door) = open();
+    let at = door.address();
+    farm.live.tell(&Event::Warning { message: format!("cannot read {HIDDEN}/b.png") });
+    for path in openapi_document()["paths"].as_object().unwrap().keys() {
+        if path.ends_with("/events") {
+            continue;
+        }
+        let told = get(at, &filled(path));
+        assert!(!told.text().contains("/home/") && !told.text().contains("anna"), "{path}: {}", told.text());
+    }
+    let job = get(at, "/api/jobs/1").json();
+    assert_eq!((&job["scene"], &job["done"]), (&json!("scene.glb"), &json!(0.25)));
+    assert_eq!(job["reason"], "cannot read `…/x.png`: it is not there");
+    let zones = get(at, "/api/jobs/1/zones").json();
+    assert_eq!((&zones[0]["id"], &zones[1]["state"], zones.as_array().unwrap().len()), (&json!(1), &json!("open"), 2));
+    assert_eq!(get(at, "/api/jobs/1/agents").json()["agents"][0]["power"], 1.5);
+    assert_eq!(get(at, "/api/machines").json()[0]["name"], "machine");
+    assert_eq!(get(at, "/api/schema/request").json()["title"], "Request");
+    // The file of a picture whose request names such paths goes to those who may steer.
+    assert_eq!(get(at, "/api/jobs/1/picture").status, 403);
+    let picture = get(at, "/api/jobs/2/picture");
+    assert_eq!((picture.status, picture.body.len()), (200, 64 << 20));
+    assert_eq!(picture.header("content-disposition"), Some("attachment; filename=\"picture.exr\""));
+    assert_eq!(ask(at, "GET", "/api/jobs/1/picture", &bearer(STEER), b"").status, 200);
+}
+
+#[test]
+fn jobs_and_machines_are_steered() {
+    let (farm, door) = open();
+    let at = door.address();
+    for (method, path, body, told) in [
+        ("POST", "/api/jobs/1/pause", "", "1 Pause"),
+        ("POST", "/api/jobs/1/resume", "", "1 Resume"),
+        ("POST", "/api/jobs/1/cancel", "", "1 Cancel"),
+        ("PUT", "/api/jobs/1/priority", r#"{"priority":30}"#, "1 Priority(30)"),
+        ("DELETE", "/api/jobs/2", "", "2 Remove"),
+        ("POST", "/api/machines/machine/suspend", "", "machine Suspended"),
+        ("POST", "/api/machines/machine/resume", "", "machine Active"),
+        ("POST", "/api/machines/machine/terminate", "", "machine Terminated"),
+        ("POST", "/api/jobs", r#"{"request":{},"files":{"a":"b"}}"#, "submit 1"),
+    ] {
+        let answer = post(at, method, path, body);
+        assert!((200..300).contains(&answer.status), "{method} {path}: {answer:?}");
+        assert_eq!(farm.noted(), [told]);
+    }
+    let created = post(at, "POST", "/api/jobs", r#"{"request":{},"files":{"a":"b"}}"#);
+    assert_eq!(
+        (created.status, created.header("location"), created.json()),
+        (201, Some("/api/jobs/3"), json!({"job": 3}))
+    );
+}
+
+#[test]
+fn an_upload_goes_on_where_it_was_interrupted() {
+    let (_, door) = open();
+    let at = door.address();
+    let offer = r#"{"name":"a.glb","size":4194305,"digest":"d","chunks":["one","two"]}"#;
+    assert_eq!(post(at, "POST", "/api/uploads", offer).json()["missing"], json!(["one", "two"]));
+    let put = |name: &str, bytes: &[u8]| ask(at, "PUT", &format!("/api/uploads/chunks/{name}"), &bearer(STEER), bytes);
+    assert_eq!(put("one", &vec![1; 4 << 20]).status, 204);
+    assert_eq!(post(at, "POST", "/api/uploads", offer).json()["missing"], json!(["two"]));
+    assert_eq!(put("two", &[1]).status, 204);
+    assert_eq!(post(at, "POST", "/api/uploads", offer).json()["missing"], json!([]));
+}
+
+#[test]
+fn a_preview_is_sent_once_to_one_who_has_it() {
+    let (_, door) = open();
+    let at = door.address();
+    let first = get(at, "/api/jobs/1/preview.png");
+    assert_eq!((first.status, first.header("content-type")), (200, Some("image/png")));
+    let headers = format!("{}If-None-Match: {}\r\n", bearer(SEE), first.header("etag").unwrap());
+    let again = ask(at, "GET", "/api/jobs/1/preview.png", &headers, b"");
+    assert_eq!((again.status, again.body.len()), (304, 0));
+    assert_eq!(get(at, "/api/jobs/2/preview.png").status, 404);
+}
+
+#[test]
+fn a_token_in_the_address_becomes_a_cookie_that_scripts_cannot_read() {
+    let (_, door) = open();
+    let at = door.address();
+    let arrived = ask(at, "GET", &format!("/?token={STEER}"), "", b"");
+    assert_eq!((arrived.status, arrived.header("location")), (303, Some("/")));
+    let cookie = arrived.header("set-cookie").unwrap();
+    assert!(cookie.contains("; HttpOnly; SameSite=Strict"), "{cookie}");
+    let pair = cookie.split(';').next().unwrap();
+    assert_eq!(ask(at, "POST", "/api/jobs/1/pause", &format!("Cookie: a=b; {pair}\r\n"), b"").status, 200);
+    let wrong = ask(at, "GET", "/?token=nonsense", "", b"");
+    assert!(wrong.status == 303 && wrong.header("set-cookie").is_none());
+    let page = ask(at, "GET", "/", "", b"");
+    assert!(page.status == 200 && page.text().contains("<title>Bottega</title>"));
+    let policy = page.header("content-security-policy").unwrap();
+    assert!(policy.contains("default-src 'none'") && policy.contains("script-src 'self'"), "{policy}");
+    // Each file that the page names is there, and nothing in it is inline or from elsewhere.
+    for part in page.text().split("=\"/").skip(1) {
+        let path = format!("/{}", part.split('"').next().unwrap());
+        assert_eq!(ask(at, "GET", &path, "", b"").status, 200, "{path}");
+    }
+    assert!(!page.text().contains("<style") && !page.text().contains("http"));
+}
+
+/// The next event of a stream: its name and its data.
+fn event(reader: &mut impl BufRead) -> (String, Value) {
+    let (mut name, mut line) = (String::new(), String::new());
+    loop {
+        line.clear();
+        assert!(reader.read_line(&mut line).expect("an event comes") > 0, "the stream has ended");
+        if let Some(it) = line.strip_prefix("event: ") {
+            name = it.trim().to_owned();
+        }
+        if let Some(data) = line.strip_prefix("data: ") {
+            return (name, serde_json::from_str(data).expect("JSON"));
+        }
+    }
+}
+
+#[test]
+fn a_stream_begins_with_what_is_known_and_tells_what_changes() {
+    let (farm, door) = open();
+    let at = door.address();
+    farm.live.tell(&zone(1, "open"));
+    farm.live.tell(&zone(1, "done"));
+    let request = format!("GET /api/jobs/1/events HTTP/1.1\r\nHost: {at}\r\n{}\r\n", bearer(SEE));
+    let mut reader = BufReader::new(send(at, request.as_bytes()));
+    let (status, told) = head(&mut reader);
+    assert!(status == 200 && told.contains("text/event-stream"), "{told}");
+    let (name, state) = event(&mut reader);
+    assert_eq!((&*name, state.as_array().unwrap().len(), &state[0]["state"]), ("state", 1, &json!("done")));
+    farm.live.tell(&zone(2, "open"));
+    farm.live.tell(&Event::Progress(Progress { zones: 2, ..Progress::default() }));
+    let mut news = Vec::new();
+    while news.len() < 2 {
+        let (name, more) = event(&mut reader);
+        assert_eq!(name, "news");
+        news.extend(more.as_array().unwrap().clone());
+    }
+    assert_eq!((&news[0]["id"], &news[1]["zones"]), (&json!(2), &json!(2)));
+}
+
+#[test]
+fn the_picture_of_one_process_has_the_same_routes() {
+    let stop = StopSwitch::new();
+    let dashboard = Dashboard::serve(([127, 0, 0, 1], 0).into(), &stop).expect("a free port");
+    let url = dashboard.url();
+    let (place, token) = url.strip_prefix("http://").unwrap().split_once("/?token=").unwrap();
+    let (at, headers) = (place.parse().unwrap(), bearer(token));
+    let get = |path: &str| ask(at, "GET", path, &headers, b"");
+    assert_eq!(get("/api/jobs/1/preview.png").status, 404);
+    dashboard.set_preview(b"two".to_vec());
+    for state in ["open", "done"] {
+        let zone = ZoneEvent { id: 3, state: state.to_owned(), ..ZoneEvent::default() };
+        dashboard.publish(&Event::Zone(Box::new(zone)));
+    }
+    dashboard.publish(&Event::Progress(Progress { zones: 4, zones_done: 1, share: 0.25, ..Progress::default() }));
+    assert_eq!(get("/api/jobs/1/preview.png").body, b"two");
+    assert_eq!(get("/api/jobs/1/zones").json()[0]["state"], "done");
+    assert_eq!(get("/api/jobs").json()[0]["done"], 0.25);
+    assert_eq!(get("/api/jobs/2").status, 404);
+    assert_eq!(get("/api/jobs/1/picture").status, 409);
+    assert_eq!(get("/api/openapi.json").json(), openapi_document());
+    assert_eq!(ask(at, "POST", "/api/jobs/1/pause", &headers, b"").status, 409);
+    assert!(!stop.is_requested());
+    assert_eq!(ask(at, "POST", "/api/jobs/1/cancel", &headers, b"").status, 200);
+    assert!(stop.is_requested());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("o.png");
+    std::fs::write(&path, b"picture").unwrap();
+    let output = path.to_string_lossy().into_owned();
+    let (utilization, overhead, bands, composition) = (1.0, 0.0, 0.0, 0.0);
+    dashboard.publish(&Event::Finished { output, seconds: 1.0, samples: 1, utilization, overhead, bands, composition });
+    assert_eq!(get("/api/jobs/1").json()["state"], "done");
+    assert_eq!(get("/api/jobs/1/picture").body, b"picture");
+    let mut stream = send(at, format!("GET /api/jobs/1/events HTTP/1.1\r\nHost: {at}\r\n{headers}\r\n").as_bytes());
+    stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    let mut bytes = vec![0; 4096];
+    let mut told = String::new();
+    while !told.contains("\"finished\"") {
+        let count = stream.read(&mut bytes).expect("what has ended is told");
+        told += &String::from_utf8_lossy(&bytes[..count]);
+    }
+    assert!(!told.contains(&*folder.path().to_string_lossy()), "{told}");
+    assert!(Dashboard::serve(at, &stop).is_err(), "the address is taken");
+}

@@ -1,0 +1,273 @@
+//! A farm that is none, and a client that speaks HTTP byte by byte.
+
+use std::{
+    collections::BTreeMap,
+    io::{BufRead, BufReader, Read, Write},
+    net::{SocketAddr, TcpStream},
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+
+use bottega::events::{AgentEvent, Event, ZoneEvent};
+use bottega_cluster::{
+    job::LogLine,
+    machine::Standing,
+    uploads::{Submission, UploadOffer, UploadState},
+    view::JobView,
+    web_secrets::WebSecrets,
+};
+use bottega_web::{Door, DoorOptions, JobAgents, JobOrder, LiveJob, MachineStatus, PictureFile, Problem, ShownFarm};
+
+pub(crate) const SEE: &str = "00000000000000000000000000000005";
+pub(crate) const STEER: &str = "00000000000000000000000000000007";
+/// Where the fake farm's files are: nobody may be told.
+pub(crate) const HIDDEN: &str = "/home/anna/secret";
+
+/// A farm of two jobs and a machine, which notes what it is told.
+#[derive(Default)]
+pub(crate) struct FakeFarm {
+    pub(crate) live: Arc<LiveJob>,
+    pub(crate) told: Mutex<Vec<String>>,
+    pub(crate) pieces: Mutex<BTreeMap<String, usize>>,
+}
+
+impl FakeFarm {
+    pub(crate) fn note(&self, what: String) {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).push(what);
+    }
+
+    pub(crate) fn noted(&self) -> Vec<String> {
+        std::mem::take(&mut self.told.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn known(number: u32) -> Result<(), Problem> {
+        let unknown = || Problem::unknown(format!("the farm has no job {number}"), "");
+        if [1, 2].contains(&number) { Ok(()) } else { Err(unknown()) }
+    }
+}
+
+pub(crate) fn zone(id: u32, state: &str) -> Event {
+    let (state, agent) = (state.to_owned(), Some("agent@machine".to_owned()));
+    Event::Zone(Box::new(ZoneEvent { id, state, agent, rect: [0, 0, 8, 8], ..ZoneEvent::default() }))
+}
+
+/// Job 1 is painted, its scene lies in a hidden folder; job 2 is done.
+pub(crate) fn job(number: u32) -> JobView {
+    let is_over = number == 2;
+    let folder = if is_over { String::new() } else { format!("{HIDDEN}/") };
+    JobView {
+        number,
+        state: if is_over { "done" } else { "active" },
+        reason: Some(format!("cannot read `{HIDDEN}/x.png`: it is not there")).filter(|_| !is_over),
+        done: if is_over { 1.0 } else { 0.25 },
+        zones_done: 1,
+        zones: 4,
+        priority: 10,
+        machines: 1,
+        leader: Some("machine".to_owned()),
+        from: "machine".to_owned(),
+        submitted: 1,
+        scene: format!("{folder}scene.glb"),
+        output: format!("{folder}picture.exr"),
+        kept: is_over,
+        is_over,
+    }
+}
+
+impl ShownFarm for FakeFarm {
+    fn jobs(&self) -> Result<Vec<JobView>, Problem> {
+        Ok(vec![job(1), job(2)])
+    }
+
+    fn job(&self, number: u32) -> Result<JobView, Problem> {
+        Self::known(number).map(|()| job(number))
+    }
+
+    fn rows(&self, number: u32) -> Result<Vec<Event>, Problem> {
+        Self::known(number).map(|()| vec![zone(2, "open"), zone(1, "done")])
+    }
+
+    fn agents(&self, number: u32) -> Result<JobAgents, Problem> {
+        let agent = AgentEvent {
+            agent: "agent@machine".to_owned(),
+            power: 1.5,
+            lanes: 4.0,
+            credit: 0.25,
+            reliability: 0.9,
+            seconds: None,
+            failures: 0,
+            left_out: Some(format!("it cannot read {HIDDEN}/rules.fcl")),
+        };
+        Self::known(number).map(|()| JobAgents { agents: vec![agent], ..JobAgents::default() })
+    }
+
+    fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem> {
+        Self::known(number).map(|()| vec![LogLine { at: 1, text: format!("cannot read {HIDDEN}/a.glb: gone") }])
+    }
+
+    fn preview(&self, number: u32) -> Result<Option<Vec<u8>>, Problem> {
+        Self::known(number).map(|()| (number == 1).then(|| b"\x89PNG picture".to_vec()))
+    }
+
+    fn importance(&self, number: u32) -> Result<Option<Vec<u8>>, Problem> {
+        self.preview(number)
+    }
+
+    fn picture(&self, number: u32) -> Result<PictureFile, Problem> {
+        Self::known(number)?;
+        // Larger than what a connection buffers.
+        Ok(PictureFile { name: "pic\"\r\nture.exr".to_owned(), bytes: vec![7; 64 << 20] })
+    }
+
+    fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem> {
+        Self::known(number).map(|()| Arc::clone(&self.live))
+    }
+
+    fn machines(&self) -> Result<Vec<MachineStatus>, Problem> {
+        Ok(vec![MachineStatus {
+            name: "machine".to_owned(),
+            state: "active",
+            ordered: "active",
+            threads: 4,
+            job: Some(1),
+            version: "0.1".to_owned(),
+            takes_orders: true,
+            is_guest: false,
+            reliability: Some(0.5),
+            agents: Vec::new(),
+            refusals: Vec::new(),
+        }])
+    }
+
+    fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem> {
+        Self::known(number)?;
+        self.note(format!("{number} {order:?}"));
+        Ok(())
+    }
+
+    fn tell(&self, machine: &str, standing: Standing) -> Result<(), Problem> {
+        self.note(format!("{machine} {standing:?}"));
+        Ok(())
+    }
+
+    fn offer(&self, offer: &UploadOffer) -> Result<UploadState, Problem> {
+        let pieces = self.pieces.lock().unwrap_or_else(PoisonError::into_inner);
+        let missing = offer.chunks.iter().filter(|chunk| !pieces.contains_key(*chunk)).cloned().collect();
+        Ok(UploadState { digest: offer.digest.clone(), missing, chunk_bytes: 4 << 20 })
+    }
+
+    fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Problem> {
+        self.pieces.lock().unwrap_or_else(PoisonError::into_inner).insert(digest.to_owned(), bytes.len());
+        Ok(())
+    }
+
+    fn submit(&self, asked: Submission) -> Result<u32, Problem> {
+        self.note(format!("submit {}", asked.files.len()));
+        Ok(3)
+    }
+}
+
+/// A door to a fake farm.
+pub(crate) fn open() -> (Arc<FakeFarm>, Door) {
+    let farm = Arc::new(FakeFarm::default());
+    let secrets =
+        WebSecrets { see: SEE.to_owned(), steer: STEER.to_owned(), certificate: (String::new(), String::new()) };
+    let address = ([127, 0, 0, 1], 0).into();
+    let options = DoorOptions { address, is_firm: true, secrets, names: vec!["farm.example".to_owned()] };
+    let door = Door::open(Arc::clone(&farm) as _, options).expect("a free port");
+    (farm, door)
+}
+
+/// What a door answered.
+#[derive(Debug)]
+pub(crate) struct Told {
+    pub(crate) status: u16,
+    pub(crate) head: String,
+    pub(crate) body: Vec<u8>,
+}
+
+impl Told {
+    pub(crate) fn text(&self) -> String {
+        String::from_utf8_lossy(&self.body).into_owned()
+    }
+
+    pub(crate) fn json(&self) -> serde_json::Value {
+        serde_json::from_slice(&self.body).unwrap_or_else(|error| panic!("{error}: {}", self.text()))
+    }
+
+    /// A header by its name in small letters.
+    pub(crate) fn header(&self, name: &str) -> Option<&str> {
+        let mut fields = self.head.lines().skip(1).filter_map(|line| line.split_once(": "));
+        fields.find(|(field, _)| field.eq_ignore_ascii_case(name)).map(|(_, value)| value)
+    }
+}
+
+/// A connection with a request on its way.
+pub(crate) fn send(at: SocketAddr, bytes: &[u8]) -> TcpStream {
+    let mut stream = TcpStream::connect(at).expect("the door is open");
+    stream.set_read_timeout(Some(Duration::from_secs(30))).expect("a time limit");
+    // The door may close it before it has taken all.
+    _ = stream.write_all(bytes);
+    stream
+}
+
+/// The head of an answer.
+pub(crate) fn head(reader: &mut impl BufRead) -> (u16, String) {
+    let mut head = String::new();
+    while !head.ends_with("\r\n\r\n") {
+        if reader.read_line(&mut head).unwrap_or(0) == 0 {
+            break;
+        }
+    }
+    (head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0), head)
+}
+
+/// Sends a request as it stands, and reads all that is answered.
+pub(crate) fn raw(at: SocketAddr, bytes: &[u8]) -> Told {
+    let mut reader = BufReader::new(send(at, bytes));
+    let (status, head) = head(&mut reader);
+    let mut body = Vec::new();
+    // A connection that is reset after the answer has told all that it had.
+    _ = reader.read_to_end(&mut body);
+    let mut told = Told { status, head, body };
+    if told.header("transfer-encoding") == Some("chunked") {
+        told.body = unchunked(&told.body);
+    }
+    told
+}
+
+fn unchunked(mut body: &[u8]) -> Vec<u8> {
+    let mut all = Vec::new();
+    while let Some(end) = body.windows(2).position(|pair| pair == b"\r\n") {
+        let size = usize::from_str_radix(&String::from_utf8_lossy(&body[..end]), 16).unwrap_or(0);
+        let from = end + 2;
+        if size == 0 || body.len() < from + size {
+            break;
+        }
+        all.extend(&body[from..from + size]);
+        body = &body[(from + size + 2).min(body.len())..];
+    }
+    all
+}
+
+/// A request with further header lines, each with its line end.
+pub(crate) fn ask(at: SocketAddr, method: &str, path: &str, headers: &str, body: &[u8]) -> Told {
+    let length = if body.is_empty() { String::new() } else { format!("Content-Length: {}\r\n", body.len()) };
+    let head = format!("{method} {path} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n{length}{headers}\r\n");
+    raw(at, &[head.as_bytes(), body].concat())
+}
+
+pub(crate) fn bearer(token: &str) -> String {
+    format!("Authorization: Bearer {token}\r\n")
+}
+
+/// A request of one who may look on.
+pub(crate) fn get(at: SocketAddr, path: &str) -> Told {
+    ask(at, "GET", path, &bearer(SEE), b"")
+}
+
+/// A request of one who may steer, with JSON.
+pub(crate) fn post(at: SocketAddr, method: &str, path: &str, json: &str) -> Told {
+    let headers = format!("{}Content-Type: application/json\r\n", bearer(STEER));
+    ask(at, method, path, &headers, json.as_bytes())
+}
