@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
+import socket
 import subprocess
 import time
 from pathlib import Path
@@ -20,28 +22,31 @@ def farm(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.delenv("BOTTEGA_FARM", raising=False)
     log = tmp_path / "up.log"
-    running = []
-
-    def start(*words: str) -> None:
-        with log.open("a") as out:
-            running.append(subprocess.Popen([program, *words], stdout=out, stderr=out))
-
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
     server = os.environ.get("BOTTEGA_NATS_SERVERS", "").split(":")[0]
-    start("up", "--listen", "127.0.0.1:0", "--hidden", *(["--server", server] if server else []))
-    address = None
-    end = time.monotonic() + 20
-    while address is None and time.monotonic() < end:
-        found = re.search(r"bottega://\S+", log.read_text())
-        address = found and found.group()
-        if running[0].poll() is not None and "no NATS server" in log.read_text():
+    with contextlib.ExitStack() as running:
+        out = running.enter_context(log.open("a"))
+
+        def start(*words: str) -> subprocess.Popen[bytes]:
+            process = subprocess.Popen([program, *words], stdout=out, stderr=out)
+            running.callback(process.wait, 20)
+            running.callback(process.terminate)
+            return process
+
+        up = start("up", "--listen", f"127.0.0.1:{port}", "--hidden", *(["--server", server] if server else []))
+        address = None
+        end = time.monotonic() + 20
+        while address is None and time.monotonic() < end and up.poll() is None:
+            found = re.search(r"bottega://\S+", log.read_text())
+            address = found and found.group()
+            time.sleep(0.05)
+        if "there is no NATS server" in log.read_text():
             pytest.skip("there is no NATS server")
-        time.sleep(0.05)
-    assert address, log.read_text()
-    start("join", address, "--threads", "1")
-    yield bottega.Farm(address)
-    for process in reversed(running):
-        process.terminate()
-        process.wait(20)
+        assert address, log.read_text()
+        start("join", address, "--threads", "1")
+        yield bottega.Farm(address)
 
 
 def test_a_farm_paints_the_same_bits(farm: bottega.Farm, box: Path, tmp_path: Path) -> None:
