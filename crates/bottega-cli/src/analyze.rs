@@ -9,19 +9,16 @@ use std::{fs, path::Path, process::ExitCode};
 
 use bottega::{
     Request,
-    analysis::{AnalyzedScene, zones},
+    analysis::{AnalyzedScene, LEVELS, zones},
     devices::threads,
     loaded_scene::LoadedScene,
     settings::{importance_function, level},
     text::shown,
 };
-use bottega_farm::{Analysis, Level};
+use bottega_farm::Analysis;
 use serde_json::{Value, json};
 
 use crate::{cli::AnalyzeArgs, error::CliError};
-
-/// The levels of which zones are shown.
-const LEVELS: [Level; 3] = [Level::Divided, Level::Joined, Level::Balanced];
 
 pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     let mut request = Request::new(&args.scene_file);

@@ -1,5 +1,7 @@
 //! Pictures.
 
+use std::sync::Arc;
+
 use bottega::{Picture, events::ZoneEvent};
 use numpy::PyArray3;
 use pyo3::{
@@ -18,10 +20,10 @@ use crate::{
 /// A picture that is painted, whole or as far as it was: arrays by layer, and what is known of how it was made.
 ///
 /// Arrays are float32, of linear light (Rec. 709), row 0 on top. They look into the picture's memory: nothing is copied, and nothing can
-/// be written. `picture.copy()` does not exist; `picture.color.copy()` gives an array of your own.
+/// be written. `picture.color.copy()` gives an array of your own.
 #[pyclass(name = "Picture", module = "bottega", frozen)]
 pub(crate) struct PyPicture {
-    picture: Picture,
+    picture: Arc<Picture>,
 }
 
 /// How the agents painted a picture.
@@ -38,11 +40,7 @@ struct PictureReport {
 
 impl PyPicture {
     pub(crate) fn new(picture: Picture) -> Self {
-        Self { picture }
-    }
-
-    pub(crate) fn picture(&self) -> &Picture {
-        &self.picture
+        Self { picture: Arc::new(picture) }
     }
 }
 
@@ -63,7 +61,7 @@ impl PyPicture {
             return Err(PyKeyError::new_err(format!("no layer `{layer}`; the picture has {}", names.join(", "))));
         };
         let py = slf.py();
-        let all = film_values(slf)?;
+        let all = film_values(py, &slf.get().picture)?;
         if range.len() == 1 {
             return all.get_item((py.Ellipsis(), range.start));
         }
@@ -84,8 +82,8 @@ impl PyPicture {
     /// All that a pixel holds, layer after layer, and last its weight: float32, (height, width, values). A look into the picture,
     /// read-only.
     #[getter]
-    fn values<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        film_values(slf)
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        film_values(py, &self.picture)
     }
 
     /// Rows and columns: those of the part that was painted.

@@ -1,4 +1,5 @@
 //! Rules of agents: checked, evaluated, explained.
+#![allow(clippy::needless_pass_by_value, reason = "functions of Python are handed maps that were made for them")]
 
 use std::collections::BTreeMap;
 

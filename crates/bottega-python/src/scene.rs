@@ -26,7 +26,7 @@ pub(crate) struct PyScene {
 
 /// A kind of number that arrays may have.
 #[derive(Clone, Copy, PartialEq)]
-enum Numbers {
+enum NumberKind {
     Real,
     Whole,
 }
@@ -35,14 +35,14 @@ enum Numbers {
 fn table<'py, const COLUMNS: usize>(
     argument: &str,
     value: &Bound<'py, PyAny>,
-    numbers: Numbers,
+    numbers: NumberKind,
 ) -> PyResult<PyReadonlyArray2<'py, f64>> {
     let numpy = value.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (value,))?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     let (is_right, needed) = match numbers {
-        Numbers::Real => (["f", "i", "u"].contains(&kind.as_str()), "real numbers, such as float32"),
-        Numbers::Whole => (["i", "u"].contains(&kind.as_str()), "whole numbers, such as uint32"),
+        NumberKind::Real => (["f", "i", "u"].contains(&kind.as_str()), "real numbers, such as float32"),
+        NumberKind::Whole => (["i", "u"].contains(&kind.as_str()), "whole numbers, such as uint32"),
     };
     if !is_right {
         let dtype = array.getattr("dtype")?.str()?;
@@ -59,7 +59,7 @@ fn table<'py, const COLUMNS: usize>(
 
 /// Rows of finite numbers.
 fn rows<const COLUMNS: usize>(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f32; COLUMNS]>> {
-    let array = table::<COLUMNS>(argument, value, Numbers::Real)?;
+    let array = table::<COLUMNS>(argument, value, NumberKind::Real)?;
     let rows = array.as_array();
     let row = |(index, row): (usize, numpy::ndarray::ArrayView1<'_, f64>)| {
         let row: [f32; COLUMNS] = std::array::from_fn(|column| row[column] as f32);
@@ -73,7 +73,7 @@ fn rows<const COLUMNS: usize>(argument: &str, value: &Bound<'_, PyAny>) -> PyRes
 
 /// Triangles of vertices that exist.
 fn triangles_of(value: &Bound<'_, PyAny>, vertex_count: usize) -> PyResult<Vec<[u32; 3]>> {
-    let array = table::<3>("triangles", value, Numbers::Whole)?;
+    let array = table::<3>("triangles", value, NumberKind::Whole)?;
     let rows = array.as_array();
     let row = |(index, row): (usize, numpy::ndarray::ArrayView1<'_, f64>)| {
         if row.iter().all(|&vertex| (0.0..vertex_count as f64).contains(&vertex)) {

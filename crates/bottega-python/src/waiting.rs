@@ -22,7 +22,7 @@ const EVENTS_MAX: usize = 4096;
 
 /// What the working thread says.
 enum News<T> {
-    Told(Event),
+    Told(Box<Event>),
     Over(T),
 }
 
@@ -41,7 +41,7 @@ impl<T: Send> Watcher for Teller<T> {
     fn told(&self, event: Event) {
         if self.hears_all || matches!(event, Event::Warning { .. }) {
             // Nobody hears it any more where the calling thread has given up.
-            _ = self.news.send(News::Told(event));
+            _ = self.news.send(News::Told(Box::new(event)));
         }
     }
 

@@ -1,6 +1,7 @@
 //! The tests of the Python module, which are Python: `test_*.py` beside this file, run by pytest with the module of this build.
 //!
 //! Python is that of `target/python`, which `cargo xtask test` makes; or the `python3` at hand, if it has NumPy and pytest.
+#![allow(clippy::print_stdout, reason = "what was skipped, and why, is read from what tests print")]
 
 use std::{
     env, fs,

@@ -27,6 +27,9 @@ const DEFAULT_DEPTH: u32 = 16;
 /// Samples a pixel for which costs are predicted, where the request does not say.
 const DEFAULT_SAMPLES: u32 = 64;
 
+/// The levels that cut a picture, from 1.
+pub const LEVELS: [Level; 3] = [Level::Divided, Level::Joined, Level::Balanced];
+
 /// A zone as the Analyst sees it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ZoneAnalysis {
