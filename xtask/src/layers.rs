@@ -45,6 +45,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         ],
     ),
     ("bottega-web", &["bottega", "bottega-cluster"]),
+    ("bottega-python", &["bottega", "bottega-cluster", "bottega-image"]),
     (
         "bottega-bench",
         &[

@@ -1,4 +1,4 @@
-//! What a developer runs: `cargo xtask ci | test | fresh | engines | leaks | farm | fuzzy-reference`.
+//! What a developer runs: `cargo xtask ci | test | fresh | wheel | python-stubs | engines | leaks | farm | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod absences;
@@ -23,6 +23,7 @@ mod suite;
 mod symbols;
 #[cfg(test)]
 mod type_names;
+mod wheel;
 
 use anyhow::Result;
 use clap::Parser;
@@ -38,6 +39,11 @@ enum Command {
     Test,
     /// The README's two commands on a fresh machine: a bare Debian with Rust alone, made by mmdebstrap. Only as root.
     Fresh(fresh::FreshArgs),
+    /// The Python wheel, with the module and the program: `target/wheels`. Some ten minutes; installs maturin and zig below
+    /// `target/python` before.
+    Wheel(wheel::WheelArgs),
+    /// Makes the Python classes of requests anew from their schema.
+    PythonStubs,
     /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
     /// engines paint of whole frames by themselves. POV-Ray and Mitsuba, which are installed where they can be.
     Engines(engines::EnginesArgs),
@@ -63,6 +69,8 @@ fn main() -> Result<()> {
         Command::Ci => ci::ci(),
         Command::Test => ci::test(),
         Command::Fresh(args) => fresh::fresh(&args),
+        Command::Wheel(args) => wheel::wheel(&args),
+        Command::PythonStubs => wheel::python_stubs(),
         Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),
         Command::Farm(args) => farm::farm(&args),

@@ -23,6 +23,9 @@ pub(crate) const TESTS: Requirements =
 /// Cycles and LuxCore.
 pub(crate) const LARGE_ENGINES: Requirements =
     Requirements { file: "xtask/requirements-engines.txt", text: include_str!("../requirements-engines.txt") };
+/// What makes the wheel.
+pub(crate) const WHEEL: Requirements =
+    Requirements { file: "xtask/requirements-wheel.txt", text: include_str!("../requirements-wheel.txt") };
 
 impl Requirements {
     /// The packages with their versions, as they are announced.

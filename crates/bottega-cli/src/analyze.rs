@@ -3,27 +3,34 @@
 mod draw;
 mod ludd;
 mod plot;
-mod subject;
 mod verify;
 
 use std::{fs, path::Path, process::ExitCode};
 
 use bottega::{
     Request,
+    analysis::{AnalyzedScene, LEVELS, zones},
+    devices::threads,
+    loaded_scene::LoadedScene,
     settings::{importance_function, level},
     text::shown,
 };
 use bottega_farm::Analysis;
 use serde_json::{Value, json};
 
-use self::subject::{AnalyzedScene, LEVELS};
 use crate::{cli::AnalyzeArgs, error::CliError};
 
 pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     let mut request = Request::new(&args.scene_file);
     args.scene.apply(&mut request);
+    request.goal.samples = Some(args.spp);
+    request.work.agents = args.agents;
     request.validate().map_err(bottega::Error::from)?;
-    let subject = AnalyzedScene::new(args, request)?;
+    let subject = LoadedScene::load(&request)?;
+    // What is measured is the time of one processor.
+    let is_single = !args.verify.is_empty() && request.devices.threads.is_none();
+    let painters = if is_single { 1 } else { threads(&request) };
+    let subject = AnalyzedScene::of(request, subject, painters)?;
     let function = importance_function(&subject.request.work);
     let analyses = LEVELS.map(|level| subject.analyze(function, level));
     let analyses: Vec<Analysis> = analyses.into_iter().collect::<Result<_, _>>()?;
@@ -92,21 +99,4 @@ fn report(
         report["verified"] = verified.iter().map(verify::Verified::report).collect();
     }
     report
-}
-
-fn zones(analysis: &Analysis) -> Vec<Value> {
-    let total: f64 = analysis.rows.iter().map(|row| row.complexity).sum();
-    let zone = |row: &bottega_farm::ZoneRow| {
-        json!({
-            "id": row.zone.0,
-            "rect": [row.rect.x0, row.rect.y0, row.rect.x1, row.rect.y1],
-            "size": row.size(),
-            "complexity": row.complexity,
-            "share_of_cost": row.complexity / total,
-            "neighbor_difference": row.neighbor_difference.mean,
-            "edge_differences": row.neighbor_difference.sides.into_array(),
-            "visual_importance": analysis.map.importance_of(&row.rect),
-        })
-    };
-    analysis.rows.iter().map(zone).collect()
 }

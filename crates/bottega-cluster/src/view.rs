@@ -47,6 +47,16 @@ pub struct JobView {
 }
 
 impl JobView {
+    /// All jobs of a farm, by number.
+    pub fn all(board: &JobBoard) -> Vec<Self> {
+        let seats = board.presences();
+        let view = |(number, job): (u32, Job)| {
+            let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+            Self::of(number, &job, &board.lead(number).unwrap_or_default(), machines)
+        };
+        board.all().into_iter().map(view).collect()
+    }
+
     /// A job, as others look at it.
     pub fn of(number: u32, job: &Job, lead: &Lead, machines: usize) -> Self {
         let is_done = matches!(job.state, JobState::Done { .. });
@@ -81,6 +91,21 @@ pub struct MachineView {
     pub seat: Presence,
     /// What it is told.
     pub ordered: Standing,
+}
+
+impl MachineView {
+    /// The machines that are there, for one who has linked up a moment ago.
+    pub fn all(board: &JobBoard) -> Vec<Self> {
+        let view = |seat: Presence| Self { ordered: board.order_to(&seat.name).standing, seat };
+        board.present().into_iter().map(view).collect()
+    }
+
+    /// The machine as JSON.
+    pub fn to_value(&self) -> serde_json::Value {
+        let Presence { name, threads, version, job, standing, takes_orders, .. } = &self.seat;
+        serde_json::json!({ "machine": name, "state": standing.word(), "ordered": self.ordered.word(), "threads": threads,
+            "job": job, "version": version, "takes_orders": takes_orders })
+    }
 }
 
 /// All of a farm at a moment.

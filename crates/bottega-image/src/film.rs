@@ -78,6 +78,11 @@ impl Film {
         }
     }
 
+    /// All values, `[height × width × (stride + 1)]`: what [`Layout::parts`] names, then the weight of the pixel.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
     /// Whether anything was added to the pixel (x, y).
     pub fn is_painted(&self, x: u32, y: u32) -> bool {
         self.weight(x, y) > 0.0

@@ -1,6 +1,6 @@
 //! Which values a pixel holds, and where.
 
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
 use crate::aov::{Aov, AovSet};
 use crate::layers::{Layer, Layers, LayersError};
@@ -68,6 +68,21 @@ impl Layout {
         })
     }
 
+    /// What a pixel of a film holds for those who look at it, by name: `color`, `alpha`, `error` (the standard error of the
+    /// mean luminance), `samples`, and the layers that are kept. Each with the offsets of its floats.
+    pub fn parts(&self) -> Vec<(&str, Range<usize>)> {
+        let fixed = [
+            ("color", Self::COLOR..Self::COLOR + 3),
+            ("alpha", Self::ALPHA..Self::ALPHA + 1),
+            ("error", Self::LUMINANCE_SQUARED..Self::LUMINANCE_SQUARED + 1),
+            (Aov::SampleCount.name(), Self::SAMPLE_COUNT..Self::SAMPLE_COUNT + 1),
+        ];
+        let aovs = self.aovs.iter().filter(|&aov| aov != Aov::SampleCount);
+        let aovs = aovs.filter_map(|aov| self.offset(aov).map(|at| (aov.name(), at..at + aov.channel_count())));
+        let others = self.placed_layers().map(|(at, layer)| (layer.name.as_str(), at..at + layer.channels.len()));
+        fixed.into_iter().chain(aovs).chain(others).collect()
+    }
+
     /// Floats in a pixel.
     pub fn stride(&self) -> usize {
         self.stride as usize
@@ -112,6 +127,17 @@ mod tests {
         assert_eq!(placed, [(9, "beauty"), (12, "uv"), (14, "depth")]);
         assert_eq!((layout.stride(), layout.sums_end()), (16, 14));
         assert_eq!(Layout::with_layers(aovs, Vec::new()).unwrap(), Layout::new(aovs));
+    }
+
+    #[test]
+    fn the_parts_of_a_pixel_are_named_and_lie_side_by_side() {
+        let aovs = AovSet::NONE.with(Aov::Normal).with(Aov::SampleCount).with(Aov::Cost);
+        let layout = Layout::with_layers(aovs, vec![layer("uv", "UV", Combine::Mean)]).unwrap();
+        let parts = layout.parts();
+        let names: Vec<&str> = parts.iter().map(|(name, _)| *name).collect();
+        assert_eq!(names, ["color", "alpha", "error", "samples", "normal", "cost", "uv"]);
+        assert!(parts.windows(2).all(|pair| pair[0].1.end == pair[1].1.start), "{parts:?}");
+        assert_eq!(parts.last().unwrap().1.end, layout.stride());
     }
 
     #[test]

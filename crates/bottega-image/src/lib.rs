@@ -73,7 +73,7 @@ pub use metrics::{
 };
 pub use output::{OutputFormat, check_writable, write_whole};
 pub use picture::{Picture, luminance};
-pub use png_write::{PngBits, PngOptions, write_png, write_png_rgb8};
+pub use png_write::{PngBits, PngOptions, png_bytes, write_png, write_png_rgb8};
 pub use preview::Preview;
 pub use read::{read_channels, read_image, read_image_bytes, read_picture};
 pub use rect::{Rect, Sides};

@@ -42,20 +42,26 @@ pub fn write_png(
     options: &PngOptions,
     metadata: &Metadata,
 ) -> Result<(), ImageError> {
-    let rect = film.rect();
+    frame_of(film, options, metadata).write(path.as_ref(), |row, out| encode_row(film, row, options, out))
+}
+
+/// The bytes of the file that [`write_png`] writes.
+pub fn png_bytes(film: &Film, options: &PngOptions, metadata: &Metadata) -> Result<Vec<u8>, ImageError> {
+    frame_of(film, options, metadata).to_bytes(|row, out| encode_row(film, row, options, out))
+}
+
+fn frame_of<'a>(film: &Film, options: &PngOptions, metadata: &'a Metadata) -> PngFrame<'a> {
+    let size = (film.rect().width(), film.rect().height());
     let color_type = if options.alpha { png::ColorType::Rgba } else { png::ColorType::Rgb };
-    let frame = PngFrame {
-        size: (rect.width(), rect.height()),
-        color_type,
-        bits: options.bits,
-        encoding: options.encoding,
-        metadata,
-    };
-    frame.write(path.as_ref(), |row, out| {
-        for x in rect.x0..rect.x1 {
-            encode_pixel(film.pixel(x, rect.y0 + row), (x, rect.y0 + row), options, out);
-        }
-    })
+    PngFrame { size, color_type, bits: options.bits, encoding: options.encoding, metadata }
+}
+
+/// Appends the bytes of a row of a film, counted from its upper edge.
+fn encode_row(film: &Film, row: u32, options: &PngOptions, out: &mut Vec<u8>) {
+    let rect = film.rect();
+    for x in rect.x0..rect.x1 {
+        encode_pixel(film.pixel(x, rect.y0 + row), (x, rect.y0 + row), options, out);
+    }
 }
 
 /// Writes rows of 8-bit sRGB, `[height × width × 3]`, to `path`, whole or not at all. Panics when the length differs.
@@ -86,11 +92,7 @@ pub(crate) fn png_bytes_rgb8(size: (u32, u32), row: impl Fn(u32, &mut Vec<u8>) +
         encoding: Encoding::Srgb,
         metadata: &metadata,
     };
-    let mut bytes = Vec::new();
-    let told =
-        |error: png::EncodingError| ImageError::NotWritable { path: "a PNG picture".into(), reason: error.to_string() };
-    frame.write_to(&mut bytes, row).map_err(told)?;
-    Ok(bytes)
+    frame.to_bytes(row)
 }
 
 /// Appends the bytes of one pixel: `[r, g, b, alpha, …]` of a film.
@@ -137,6 +139,14 @@ impl PngFrame<'_> {
             other => ImageError::NotWritable { path: path.to_owned(), reason: other.to_string() },
         })?;
         file.commit()
+    }
+
+    /// The bytes of the file.
+    fn to_bytes(&self, row: impl Fn(u32, &mut Vec<u8>) + Sync) -> Result<Vec<u8>, ImageError> {
+        let mut bytes = Vec::new();
+        self.write_to(&mut bytes, row)
+            .map_err(|error| ImageError::NotWritable { path: "a PNG picture".into(), reason: error.to_string() })?;
+        Ok(bytes)
     }
 
     fn write_to(&self, out: &mut impl Write, row: impl Fn(u32, &mut Vec<u8>) + Sync) -> Result<(), png::EncodingError> {

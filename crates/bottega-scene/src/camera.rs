@@ -1,6 +1,6 @@
 //! Cameras.
 
-use glam::{Affine3A, Vec2};
+use glam::{Affine3A, Vec2, Vec3};
 
 use crate::MediumId;
 
@@ -117,6 +117,16 @@ impl Clip {
         } else {
             Err(format!("there is nothing between clip planes in the distances {near} and {far}"))
         }
+    }
+}
+
+impl Camera {
+    /// Where a camera stands that looks from `eye` at `target`: camera space to world space, its upper edge towards `up`.
+    /// `None`: there is no direction, or it is that of `up`.
+    pub fn looking(eye: Vec3, target: Vec3, up: Vec3) -> Option<Affine3A> {
+        let back = (eye - target).try_normalize()?;
+        let right = up.cross(back).try_normalize()?;
+        Some(Affine3A::from_cols(right.into(), back.cross(right).into(), back.into(), eye.into()))
     }
 }
 

@@ -24,15 +24,9 @@ fn pyramid(material: u32) -> Mesh {
     Mesh { name: "pyramid".to_owned(), positions, triangles, material, ..Mesh::default() }
 }
 
-/// A camera that stands at `eye` and looks at `target`: its x to the right, its y up, its z backwards.
-fn looking(eye: Vec3, target: Vec3) -> Affine3A {
-    let back = (eye - target).normalize();
-    let right = Vec3::Y.cross(back).normalize();
-    Affine3A::from_cols(right.into(), back.cross(right).into(), back.into(), eye.into())
-}
-
 fn scene() -> Scene {
     let meshes = vec![square("floor", 6.0, 0.0, true, 0), pyramid(1), square("lamp", 1.0, 5.0, false, 2)];
+    let (eye, target) = (Vec3::new(3.0, 2.5, 5.0), Vec3::new(0.0, 0.6, 0.0));
     let instances = (0..meshes.len()).map(|mesh| Instance { mesh: mesh as u32, world_from_object: Affine3A::IDENTITY });
     Scene {
         instances: instances.collect(),
@@ -43,7 +37,7 @@ fn scene() -> Scene {
         ],
         environment: Some(Environment::uniform(Spectrum::splat(0.1))),
         cameras: vec![Camera {
-            world_from_camera: looking(Vec3::new(3.0, 2.5, 5.0), Vec3::new(0.0, 0.6, 0.0)),
+            world_from_camera: Camera::looking(eye, target, Vec3::Y).unwrap_or_default(),
             projection: Projection::Perspective { vertical_fov: 0.6 },
             ..Camera::default()
         }],

@@ -31,15 +31,18 @@
 //! | expert knowledge, from files or with the program | [`rules`] |
 //! | animations: the request of a frame; which frames, under which names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
 //! | the journal beside a picture | [`journal`] |
+//! | what the Analyst makes of a scene; how two pictures differ | [`analysis`], [`difference`] |
 //! | previews, denoising | `src/preview.rs`, [`denoise`] |
 //! | which build this is | [`identity`] |
 //! | what is kept for this user between runs | [`state`] |
 //! | ten lines; a scene made in memory | `examples/ten_lines.rs`, `examples/in_memory.rs` |
 
+pub mod analysis;
 mod animation;
 mod builtin;
 pub mod denoise;
 pub mod devices;
+pub mod difference;
 pub mod engines;
 pub mod error;
 pub mod events;

@@ -76,6 +76,15 @@ impl Picture {
         write(&self.request, Some(&hints), path.as_ref(), &self.report.film, &self.metadata)
     }
 
+    /// The bytes of a PNG file of it, with the output settings of its request.
+    ///
+    /// # Errors
+    /// It has no pixels.
+    pub fn to_png(&self) -> Result<Vec<u8>, Error> {
+        let options = png_options(&self.request, self.alpha);
+        Ok(bottega_image::png_bytes(&self.report.film, &options, &self.metadata)?)
+    }
+
     /// Writes it where the request says, if it does.
     pub(crate) fn write(&self) -> Result<(), Error> {
         self.request.output.file.as_deref().map_or(Ok(()), |file| self.save(file))
@@ -150,17 +159,24 @@ pub(crate) fn write(
             write_exr(path, film, metadata, ExrOptions { depth, tiled: output.tiled, ..ExrOptions::default() })?;
         }
         OutputFormat::Png => {
-            let options = PngOptions {
-                exposure_stops: output.exposure,
-                tone: tone(output.tonemap),
-                encoding: encoding(output.encoding),
-                alpha: output.alpha || hints.is_some_and(|hints| hints.alpha),
-                ..PngOptions::default()
-            };
-            write_png(path, film, &options, metadata)?;
+            write_png(path, film, &png_options(request, hints.is_some_and(|hints| hints.alpha)), metadata)?;
         }
     }
     Ok(())
+}
+
+/// How a request wants its PNG.
+///
+/// - `alpha`: whether the scene file asks for alpha.
+fn png_options(request: &Request, alpha: bool) -> PngOptions {
+    let output = &request.output;
+    PngOptions {
+        exposure_stops: output.exposure,
+        tone: tone(output.tonemap),
+        encoding: encoding(output.encoding),
+        alpha: output.alpha || alpha,
+        ..PngOptions::default()
+    }
 }
 
 /// The request that a picture holds in its metadata.

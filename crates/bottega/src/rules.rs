@@ -8,7 +8,8 @@ use std::{
 
 use bottega_engines::external::{Entry, shipped_rules};
 use bottega_farm::{EngineChoice, Expert, ExpertError, PAPER_RULES, PAPER_RULES_NAME, Technique};
-use bottega_fuzzy::{Document, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
+use bottega_fuzzy::{Aggregate, Document, Explanation, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
+use serde_json::{Map, Value, json};
 
 use crate::{
     error::Error,
@@ -176,4 +177,51 @@ fn read_text(path: &Path) -> Result<String, Error> {
         return Err(unusable(&format!("it is longer than {} bytes, which no rules are", Limits::TEXT_BYTES_MAX)));
     }
     String::from_utf8(bytes).map_err(|_| unusable("it is no text in UTF-8"))
+}
+
+/// A function block with the terms of some inputs laid out over the intervals that a scene was found to have.
+///
+/// - `name`: which block, where the source has several.
+/// - `ranges`: inputs, each with the ends of its interval.
+///
+/// # Errors
+/// There is no such block or input, or an interval that is none.
+pub fn laid_out(source: &Source, name: Option<&str>, ranges: &[(&str, f64, f64)]) -> Result<FunctionBlock, Error> {
+    let mut block = source.block(name)?.clone();
+    let inputs = inputs(&block);
+    for (input, min, max) in ranges {
+        block
+            .layout_inputs(input, *min, *max)
+            .map_err(|error| Error::usage(error.to_string(), format!("the inputs are {inputs}")))?;
+    }
+    Ok(block)
+}
+
+/// What rules decide, as JSON: `outputs` by name; with `explain` also to which degree each term of the inputs holds, which rules fire,
+/// and what they say together of each output.
+pub fn explained(block: &FunctionBlock, why: &Explanation, explain: bool) -> Value {
+    let names = || block.outputs().iter().map(|output| output.name.clone());
+    let outputs: Map<String, Value> = names().zip(why.outputs.values().iter().map(|value| json!(value))).collect();
+    if !explain {
+        return json!({"outputs": outputs});
+    }
+    let inputs: Map<String, Value> = why
+        .inputs
+        .iter()
+        .map(|(name, terms)| {
+            let terms: Map<String, Value> = terms.iter().map(|(term, degree)| (term.clone(), json!(degree))).collect();
+            (name.clone(), Value::Object(terms))
+        })
+        .collect();
+    let rules: Vec<Value> = why
+        .rules
+        .iter()
+        .map(|rule| json!({"label": rule.label, "degree": rule.degree, "conclusions": rule.conclusions}))
+        .collect();
+    let aggregate = |aggregate: &Aggregate| match aggregate {
+        Aggregate::Singletons(points) => json!({"singletons": points}),
+        Aggregate::Linear(points) => json!({"points": points}),
+    };
+    let together: Map<String, Value> = names().zip(why.aggregates.iter().map(aggregate)).collect();
+    json!({"inputs": inputs, "rules": rules, "aggregates": together, "outputs": outputs})
 }

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use bottega::analysis::AnalyzedScene;
 use bottega_farm::{Analysis, Channel};
 use bottega_image::{Canvas, ColorMap, Picture, Rect, ToneMap};
 
-use super::subject::AnalyzedScene;
 use crate::error::CliError;
 
 /// The longer side of the pictures, at least; small maps are enlarged to it.

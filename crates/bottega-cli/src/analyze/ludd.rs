@@ -2,6 +2,7 @@
 
 use std::{fmt::Write, fs};
 
+use bottega::analysis::AnalyzedScene;
 use bottega_image::{Canvas, ColorMap, Svg};
 use bottega_render::{
     AgentSettings, Oracle, PathSettings, PhotonSettings,
@@ -9,7 +10,7 @@ use bottega_render::{
 };
 use serde_json::{Value, json};
 
-use super::{draw::Drawn, subject::AnalyzedScene};
+use super::draw::Drawn;
 use crate::{cli::AnalyzeArgs, error::CliError};
 
 /// The sets that are compared, with names for files and for people.

@@ -2,13 +2,13 @@
 
 use std::{ops::Range, sync::mpsc};
 
+use bottega::analysis::{AnalyzedScene, LEVELS};
 use bottega_bench::clock::processor_seconds;
 use bottega_engines::{CancelSwitch, EngineError, Leaning, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask};
 use bottega_farm::{Choice, Goal, ImportanceFunction, Level, Prediction};
 use bottega_image::{Rect, Tile};
 use serde_json::{Value, json};
 
-use super::subject::{AnalyzedScene, LEVELS};
 use crate::{cli::AnalyzeArgs, error::CliError};
 
 /// A zone, what was predicted for it, and what it took.

@@ -7,6 +7,7 @@ use bottega_cluster::{
     job_board::Presence,
     machine::{MachineOrder, Standing},
     names::host_name,
+    view::MachineView,
 };
 use clap::{Args, Subcommand};
 use serde_json::json;
@@ -38,16 +39,16 @@ enum MachinesCommand {
 
 pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
     let board = args.farm.board()?;
-    let there = board.present();
     let (name, standing) = match &args.command {
         MachinesCommand::List => {
-            list(&board, &there, args.farm.json);
+            list(&board, args.farm.json);
             return Ok(ExitCode::SUCCESS);
         }
         MachinesCommand::Suspend { name } => (name, Standing::Suspended),
         MachinesCommand::Resume { name } => (name, Standing::Active),
         MachinesCommand::Terminate { name } => (name, Standing::Terminated),
     };
+    let there = board.present();
     let Some(seat) = there.iter().find(|seat| seat.name == *name) else {
         let remedy = "`bottega machines list` shows those that are there";
         return Err(CliError::failed(format!("no machine `{name}` is there"), remedy));
@@ -64,20 +65,15 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn list(board: &JobBoard, there: &[Presence], as_json: bool) {
+fn list(board: &JobBoard, as_json: bool) {
     if !as_json {
         println!("{:<32} {:<10} {:>7}  {:>4}  version", "machine", "state", "threads", "job");
     }
-    for seat in there {
-        let Presence { name, threads, version, job, standing, takes_orders, .. } = seat;
-        let ordered = board.order_to(name).standing;
+    for machine in MachineView::all(board) {
         if as_json {
-            println!(
-                "{}",
-                json!({ "machine": name, "state": standing.word(), "ordered": ordered.word(), "threads": threads,
-                    "job": job, "version": version, "takes_orders": takes_orders })
-            );
+            println!("{}", machine.to_value());
         } else {
+            let Presence { name, threads, version, job, standing, .. } = &machine.seat;
             let job = job.map_or_else(|| "-".to_owned(), |job| job.to_string());
             let state = standing.word();
             println!("{name:<32} {state:<10} {threads:>7}  {job:>4}  {version}");

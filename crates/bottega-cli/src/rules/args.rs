@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bottega::rules::{Source, inputs};
+use bottega::rules::{Source, laid_out};
 use bottega_fuzzy::FunctionBlock;
 use clap::{Args, Subcommand, ValueHint};
 
@@ -67,14 +67,9 @@ impl LaidOutArgs {
     /// The function block, its inputs laid out as the user says.
     pub(super) fn function_block(&self) -> Result<FunctionBlock, CliError> {
         let source = Source::read(&self.file)?;
-        let mut block = source.block(self.block.as_deref())?.clone();
-        let inputs = inputs(&block);
-        for (name, min, max) in &self.ranges {
-            block
-                .layout_inputs(name, *min, *max)
-                .map_err(|error| CliError::usage(error.to_string(), format!("the inputs are {inputs}")))?;
-        }
-        Ok(block)
+        let ranges: Vec<(&str, f64, f64)> =
+            self.ranges.iter().map(|(name, min, max)| (name.as_str(), *min, *max)).collect();
+        Ok(laid_out(&source, self.block.as_deref(), &ranges)?)
     }
 }
 

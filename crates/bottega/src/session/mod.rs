@@ -137,8 +137,22 @@ impl Session {
     /// # Errors
     /// The request, the scene or the rules cannot be used, or another engine is asked for.
     pub fn of_scene(request: &Request, scene: Scene) -> Result<Self, Error> {
-        let (begun, options) = (Instant::now(), SessionOptions::default());
+        Self::of_scene_with(request, scene, SessionOptions::default())
+    }
+
+    /// The same with options.
+    ///
+    /// # Errors
+    /// As of [`Self::of_scene`]; or it is to go on with what was kept, and nothing is.
+    pub fn of_scene_with(request: &Request, scene: Scene, options: SessionOptions) -> Result<Self, Error> {
+        let begun = Instant::now();
         Self::check(request, &options)?;
+        if options.resume {
+            return Err(Error::usage(
+                "nothing is kept of a picture whose scene is in no file, so there is nothing to go on with",
+                "do not resume",
+            ));
+        }
         if !request.engine.is_builtin() {
             return Err(Error::usage("only our own engine paints a scene that is in no file", "leave out the engine"));
         }

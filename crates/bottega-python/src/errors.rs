@@ -1,0 +1,106 @@
+//! Errors as exceptions of Python.
+
+use bottega::{
+    Error,
+    error::error_chain,
+    request::{InvalidField, RequestError},
+};
+use pyo3::{PyErr, import_exception, prelude::*};
+
+/// The exceptions, which Python code declares.
+mod python {
+    use super::import_exception;
+
+    import_exception!(bottega._errors, Error);
+    import_exception!(bottega._errors, RequestError);
+    import_exception!(bottega._errors, SceneError);
+    import_exception!(bottega._errors, PictureError);
+    import_exception!(bottega._errors, EngineError);
+    import_exception!(bottega._errors, RulesError);
+    import_exception!(bottega._errors, FarmError);
+    import_exception!(bottega._errors, ForkError);
+    import_exception!(bottega._errors, Interrupted);
+}
+
+/// The exception of an error of the library.
+pub(crate) fn raised(error: &Error) -> PyErr {
+    let (text, remedy) = (error.error_chain(), error.remedy());
+    match error {
+        Error::Invalid(invalid) => invalid_field(invalid),
+        Error::Request { source, .. } => raised_by_request(source),
+        Error::Scene(_) | Error::Prepare(_) => python::SceneError::new_err((text, remedy)),
+        Error::Image(_) | Error::Write { .. } | Error::Read { .. } | Error::Denoise(_) => {
+            python::PictureError::new_err((text, remedy))
+        }
+        Error::Engine(_) | Error::External { .. } | Error::Manifest(_) | Error::Gpu(_) => {
+            python::EngineError::new_err((text, remedy))
+        }
+        Error::Rules { .. } | Error::RulesText { .. } => python::RulesError::new_err((text, remedy)),
+        Error::Usage { .. } => python::RequestError::new_err((text, remedy)),
+        _ => python::Error::new_err((text, remedy)),
+    }
+}
+
+/// The exception of an error of a farm.
+pub(crate) fn raised_by_farm(error: &bottega_cluster::Error) -> PyErr {
+    match error {
+        bottega_cluster::Error::Bottega(error) if !matches!(error, Error::Failed { .. }) => raised(error),
+        error => farm(error.error_chain(), error.remedy()),
+    }
+}
+
+/// The exception of a farm that cannot do what it is asked for.
+pub(crate) fn farm(text: String, remedy: Option<String>) -> PyErr {
+    python::FarmError::new_err((text, remedy))
+}
+
+/// The exception of a text that is no request.
+pub(crate) fn raised_by_request(error: &RequestError) -> PyErr {
+    match error {
+        RequestError::Invalid(invalid) => invalid_field(invalid),
+        RequestError::Text { field, .. } => {
+            let field = (!field.is_empty()).then(|| field.clone());
+            python::RequestError::new_err((error_chain(error), None::<String>, field))
+        }
+        error => python::RequestError::new_err((error_chain(error), None::<String>)),
+    }
+}
+
+fn invalid_field(invalid: &InvalidField) -> PyErr {
+    let InvalidField { field, value, allowed } = invalid;
+    python::RequestError::new_err((invalid.to_string(), None::<String>, field.clone(), value.clone(), allowed.clone()))
+}
+
+/// The exception of a value that is part of no request: an argument, an array.
+pub(crate) fn wrong(argument: &str, problem: &str) -> PyErr {
+    python::SceneError::new_err((format!("`{argument}`: {problem}"), None::<String>))
+}
+
+/// The exception of anything else that cannot be.
+pub(crate) fn failed(problem: &str, remedy: &str) -> PyErr {
+    python::Error::new_err((problem.to_owned(), remedy.to_owned()))
+}
+
+/// The exception of rules that cannot be evaluated.
+pub(crate) fn rules(problem: String, remedy: String) -> PyErr {
+    python::RulesError::new_err((problem, remedy))
+}
+
+/// The exception of a process that was forked after another had begun to paint.
+pub(crate) fn forked() -> PyErr {
+    python::ForkError::new_err((
+        "this process was forked from one that has used bottega, whose threads do not exist here",
+        "start processes by `spawn`: multiprocessing.get_context(\"spawn\"); or use bottega only after the fork",
+    ))
+}
+
+/// The exception of Ctrl-C, with what is painted.
+pub(crate) fn interrupted(picture: Option<Py<PyAny>>) -> PyErr {
+    python::Interrupted::new_err((picture,))
+}
+
+/// What an error says, with what can be done about it.
+pub(crate) fn text(error: &Error) -> String {
+    let remedy = error.remedy().map(|remedy| format!("; {remedy}")).unwrap_or_default();
+    format!("{}{remedy}", error.error_chain())
+}

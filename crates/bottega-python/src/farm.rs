@@ -1,0 +1,141 @@
+//! A farm: jobs, machines, pictures.
+
+use std::path::PathBuf;
+
+use bottega::{SessionOptions, StopSwitch};
+use bottega_cluster::{
+    Credentials, Error, FarmAddress, JobBoard, JobState,
+    client::{self, RenderOutcome},
+    jobs, link,
+    view::{JobView, MachineView},
+};
+use pyo3::prelude::*;
+
+use crate::{
+    errors,
+    process::refuse_forked,
+    request::request_of,
+    values::{path_of, to_python},
+    waiting::Caller,
+};
+
+/// A farm to which this process is linked.
+#[pyclass(name = "Farm", module = "bottega._native", frozen)]
+pub(crate) struct PyFarm {
+    address: Option<FarmAddress>,
+    credentials: Credentials,
+    board: JobBoard,
+}
+
+impl PyFarm {
+    /// Asks the farm, without the interpreter's lock.
+    fn ask<T: Send>(&self, py: Python<'_>, ask: impl FnOnce(&JobBoard) -> Result<T, Error> + Send) -> PyResult<T> {
+        refuse_forked()?;
+        py.detach(|| ask(&self.board)).map_err(|error| errors::raised_by_farm(&error))
+    }
+}
+
+#[pymethods]
+impl PyFarm {
+    #[new]
+    #[pyo3(signature = (address=None, *, creds=None, nkey=None, tls_ca=None, tls_own=None))]
+    fn new(
+        py: Python<'_>,
+        address: Option<&str>,
+        creds: Option<PathBuf>,
+        nkey: Option<PathBuf>,
+        tls_ca: Option<PathBuf>,
+        tls_own: Option<(PathBuf, PathBuf)>,
+    ) -> PyResult<Self> {
+        refuse_forked()?;
+        let address = address
+            .map(str::parse::<FarmAddress>)
+            .transpose()
+            .map_err(|problem| errors::farm(format!("this is no address of a farm: {problem}"), None))?;
+        let credentials = Credentials { creds, nkey, tls_ca, tls_own };
+        let (farm, login) = (address.clone(), credentials.clone());
+        let linked = Caller::new(py).wait_for(move |_, _| link(farm.as_ref(), &login))?.whole()?;
+        let uplink = linked.map_err(|error| errors::raised_by_farm(&error))?.uplink;
+        Ok(Self { address, credentials, board: JobBoard { uplink } })
+    }
+
+    /// Asks for a picture and does not wait for it. Returns the number of the job.
+    #[pyo3(signature = (request, on_event=None))]
+    fn submit(&self, py: Python<'_>, request: &str, on_event: Option<Bound<'_, PyAny>>) -> PyResult<u32> {
+        refuse_forked()?;
+        let request = request_of(request)?;
+        let (farm, login) = (self.address.clone(), self.credentials.clone());
+        let caller = Caller { on_event, waits_for_end: true, ..Caller::new(py) };
+        let asked = caller
+            .wait_for(move |watcher, stop| client::submit(farm.as_ref(), &login, &request, watcher, stop))?
+            .whole()?;
+        asked.map_err(|error| errors::raised_by_farm(&error))
+    }
+
+    /// Asks for a picture and paints with the others. Returns the file that it is written to.
+    #[pyo3(signature = (request, on_event=None))]
+    fn render(&self, py: Python<'_>, request: &str, on_event: Option<Bound<'_, PyAny>>) -> PyResult<PathBuf> {
+        refuse_forked()?;
+        let request = request_of(request)?;
+        let output = request.output.file.clone().ok_or_else(|| {
+            errors::farm(
+                "a farm writes its picture to a file, and the request names none".to_owned(),
+                Some("output=\"picture.exr\"; `bottega.read` has the pixels then".to_owned()),
+            )
+        })?;
+        let (farm, login) = (self.address.clone(), self.credentials.clone());
+        let caller = Caller { on_event, waits_for_end: true, ..Caller::new(py) };
+        let paint = move |watcher, stop: &StopSwitch| {
+            client::render(farm.as_ref(), &login, &request, SessionOptions::default(), watcher, stop)
+        };
+        match caller.wait_for(paint)?.whole()?.map_err(|error| errors::raised_by_farm(&error))? {
+            RenderOutcome::Local(_) => Ok(output),
+            RenderOutcome::Remote(file) => Ok(file),
+        }
+    }
+
+    /// All jobs, as dictionaries.
+    fn jobs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let all = self.ask(py, |board| Ok(JobView::all(board)))?;
+        to_python(py, &all)
+    }
+
+    /// The machines that are there, as dictionaries.
+    fn machines<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let all = self.ask(py, |board| Ok(MachineView::all(board)))?;
+        to_python(py, &all.iter().map(MachineView::to_value).collect::<Vec<_>>())
+    }
+
+    /// What has happened to a job: a list of `{"at", "text"}`.
+    fn log<'py>(&self, py: Python<'py>, number: u32) -> PyResult<Bound<'py, PyAny>> {
+        let job = self.ask(py, |board| jobs::known(board, number))?;
+        to_python(py, &job.log)
+    }
+
+    /// Writes the picture of a job that the farm has finished.
+    #[pyo3(signature = (number, path=None))]
+    fn fetch(&self, py: Python<'_>, number: u32, path: Option<&Bound<'_, PyAny>>) -> PyResult<PathBuf> {
+        let path = path.map(path_of).transpose()?;
+        self.ask(py, |board| jobs::fetch(board, number, path))
+    }
+
+    /// Has nobody paint a job until it is resumed.
+    fn pause(&self, py: Python<'_>, number: u32) -> PyResult<()> {
+        self.ask(py, |board| jobs::steer(board, number, &JobState::Paused, "paused"))
+    }
+
+    /// Goes on with a job that was paused.
+    fn resume(&self, py: Python<'_>, number: u32) -> PyResult<()> {
+        self.ask(py, |board| jobs::steer(board, number, &JobState::Active, "resumed"))
+    }
+
+    /// Calls a job off.
+    fn cancel(&self, py: Python<'_>, number: u32) -> PyResult<()> {
+        self.ask(py, |board| jobs::steer(board, number, &JobState::Cancelled, "called off"))
+    }
+
+    /// Forgets a job that is over.
+    fn remove(&self, py: Python<'_>, number: u32) -> PyResult<()> {
+        self.ask(py, |board| jobs::remove(board, number))
+    }
+}

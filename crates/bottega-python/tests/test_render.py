@@ -1,0 +1,131 @@
+"""Pictures: arrays, files, callbacks, the same bits as the command line."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bottega
+
+SMALL: Any = {"spp": 4, "size": (40, 30), "exact": True}
+
+
+def test_layers_are_looks_into_one_memory(box: Path) -> None:
+    picture = bottega.render(box, layers=["all"], **SMALL)
+    assert picture.shape == (30, 40) and picture.crop == (0, 0, 40, 30) and picture.is_whole
+    assert picture.layers == ["color", "alpha", "error", "samples", "albedo", "normal", "depth", "cost"]
+    shapes = {"color": (30, 40, 3), "alpha": (30, 40), "samples": (30, 40), "normal": (30, 40, 3), "depth": (30, 40)}
+    for name, shape in shapes.items():
+        layer = picture[name]
+        assert layer.shape == shape and layer.dtype == np.float32, name
+        assert np.shares_memory(layer, picture.values), f"{name} is a copy"
+        assert not layer.flags.writeable
+    assert (picture["samples"] == 4).all() and picture.color.mean() > 0.01
+    lengths = np.linalg.norm(picture["normal"], axis=-1)
+    assert lengths.max() <= 1.001 and "normal" in picture and "uv" not in picture
+    with pytest.raises(KeyError, match="albedo"):
+        picture["uv"]
+    with pytest.raises(ValueError):
+        picture.color[0, 0, 0] = 1
+
+
+def test_arrays_outlive_their_picture(box: Path) -> None:
+    color = bottega.render(box, **SMALL).color
+    before = color.copy()
+    gc.collect()
+    for _ in range(3):
+        bottega.render(box, seed=7, **SMALL)
+    assert (color == before).all()
+
+
+def test_a_picture_is_an_array(box: Path) -> None:
+    picture = bottega.render(box, **SMALL)
+    assert np.asarray(picture).base is not None and (np.asarray(picture) == picture.color).all()
+    assert np.asarray(picture, np.float64).dtype == np.float64
+    copy = np.array(picture)
+    copy[:] = 0
+    assert picture.color.max() > 0
+
+
+def test_files_hold_the_picture(box: Path, tmp_path: Path) -> None:
+    picture = bottega.render(box, **SMALL)
+    picture.save(tmp_path / "a.exr")
+    picture.save(str(tmp_path / "a.png"))
+    file = bottega.read(tmp_path / "a.exr")
+    assert (file.color == picture.color).all() and file.full_size == (40, 30) and file.offset == (0, 0)
+    assert bottega.Request.from_json(file.metadata["request"]) == picture.request
+    png = picture._repr_png_()
+    assert png == (tmp_path / "a.png").read_bytes() and png.startswith(b"\x89PNG")
+    assert picture.metadata["samples_per_pixel"] == "4"
+    assert sum(zone["size"] for zone in picture.report["zones"]) == 40 * 30 and picture.report["is_whole"]
+    for path in ("nowhere/a.exr", "a.gif"):
+        with pytest.raises(bottega.PictureError):
+            picture.save(tmp_path / path)
+    with pytest.raises(bottega.PictureError):
+        bottega.read(tmp_path / "none.exr")
+
+
+def test_the_bits_are_those_of_the_command_line(box: Path, program: str, tmp_path: Path) -> None:
+    out = tmp_path / "line.exr"
+    words = ["--spp", "8", "--size", "64x48", "--aov", "all", "--exact", "--threads", "1", "--quiet"]
+    subprocess.run([program, "render", str(box), "-o", str(out), *words], check=True, capture_output=True)
+    picture = bottega.render(box, spp=8, size=(64, 48), layers=["all"], exact=True)
+    assert (picture.color.view(np.uint32) == bottega.read(out).color.view(np.uint32)).all()
+    asked = bottega.Request.from_json(bottega.read(out).metadata["request"])
+    again = bottega.render(asked.changed(output=bottega.OutputOptions()))
+    assert (again.values.view(np.uint32) == picture.values.view(np.uint32)).all()
+
+
+def test_callbacks_run_in_the_calling_thread(box: Path) -> None:
+    import threading
+
+    events: list[dict[str, Any]] = []
+    progress: list[bottega.Progress] = []
+    threads = set()
+
+    def hear(event: dict[str, Any]) -> None:
+        threads.add(threading.get_ident())
+        events.append(event)
+
+    bottega.render(box, spp=120, size=(160, 120), on_event=hear, on_progress=progress.append)
+    assert threads == {threading.get_ident()}
+    kinds = [event["event"] for event in events]
+    assert "started" in kinds and "analyzed" in kinds and "zone" in kinds and kinds[-1] == "finished"
+    assert progress[-1].fraction == 1 and progress[-1].done == progress[-1].total == 120 * 160 * 120
+    fractions = [step.fraction for step in progress]
+    assert len(fractions) > 1 and all(0 <= fraction <= 1 for fraction in fractions)
+
+
+def test_what_a_callback_raises_comes_out(box: Path) -> None:
+    def fail(event: dict[str, Any]) -> None:
+        if event["event"] == "zone":
+            raise LookupError("mine")
+
+    begun = time.monotonic()
+    with pytest.raises(LookupError, match="mine"):
+        bottega.render(box, spp=1_000_000, size=(640, 480), on_event=fail)
+    assert time.monotonic() - begun < 20
+
+
+def test_warnings_are_warnings(box: Path, tmp_path: Path) -> None:
+    text = (Path(__file__).parents[3] / "rules" / "path-tracing.fcl").read_text()
+    odd = tmp_path / "odd.fcl"
+    odd.write_text(text.replace("light_samples", "light_sample"))
+    with pytest.warns(bottega.RenderWarning):
+        bottega.render(box, optimization="n", work={"rules": [{"file": str(odd)}]}, **SMALL)
+
+
+def test_the_way_through_python_costs_little(box: Path) -> None:
+    """A hundredth of ten seconds: what a call takes beyond the painting, with a callback that hears everything."""
+    session = bottega.Session(box, spp=120, size=(160, 120))
+    heard: list[Any] = []
+    begun = time.monotonic()
+    picture = session.render(on_event=heard.append)
+    beyond = time.monotonic() - begun - picture.report["seconds"]
+    assert beyond < 0.1, f"{beyond:.3f} s beyond {picture.report['seconds']:.1f} s of painting, {len(heard)} events"

@@ -1,0 +1,163 @@
+//! A scene that was surveyed, and what the Analyst makes of it before anything is painted.
+
+use std::sync::Arc;
+
+use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, RenderEngine, Survey, Tunables};
+use bottega_farm::{
+    Analysis, Goal, ImportanceFunction, Level, Optimization, PartitionSettings, WorkId, WorkSettings, ZoneRow, analyze,
+    survey_size,
+};
+use bottega_image::{AovSet, Layout, Rect};
+use bottega_render::PathSettings;
+use bottega_scene::Scene;
+use serde::Serialize;
+
+use crate::{
+    devices::threads,
+    error::Error,
+    events::corners,
+    loaded_scene::LoadedScene,
+    request::Request,
+    settings::{agents, zone_limits},
+};
+
+/// Bounces where the scene does not say.
+const DEFAULT_DEPTH: u32 = 16;
+
+/// Samples a pixel for which costs are predicted, where the request does not say.
+const DEFAULT_SAMPLES: u32 = 64;
+
+/// The levels that cut a picture, from 1.
+pub const LEVELS: [Level; 3] = [Level::Divided, Level::Joined, Level::Balanced];
+
+/// A zone as the Analyst sees it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ZoneAnalysis {
+    /// Its number.
+    pub id: u32,
+    /// Its pixels: x0, y0, x1, y1.
+    pub rect: [u32; 4],
+    /// Pixels.
+    pub size: u64,
+    /// Predicted cost of all its pixels, in average pixels of the picture.
+    pub complexity: f64,
+    /// The same as a share of that of all zones.
+    pub share_of_cost: f64,
+    /// How much it differs from its neighbors.
+    pub neighbor_difference: f64,
+    /// How much it differs from those beyond its edges: left, top, right, bottom.
+    pub edge_differences: [f64; 4],
+    /// Mean visual importance of its pixels, 0 to 1.
+    pub visual_importance: f64,
+}
+
+/// The zones of an analysis, by id.
+pub fn zones(analysis: &Analysis) -> Vec<ZoneAnalysis> {
+    let total: f64 = analysis.rows.iter().map(|row| row.complexity).sum();
+    let zone = |row: &ZoneRow| ZoneAnalysis {
+        id: row.zone.0,
+        rect: corners(&row.rect),
+        size: row.size(),
+        complexity: row.complexity,
+        share_of_cost: row.complexity / total,
+        neighbor_difference: row.neighbor_difference.mean,
+        edge_differences: row.neighbor_difference.sides.into_array(),
+        visual_importance: analysis.map.importance_of(&row.rect),
+    };
+    analysis.rows.iter().map(zone).collect()
+}
+
+/// A scene that was surveyed.
+pub struct AnalyzedScene {
+    /// What was asked for.
+    pub request: Request,
+    /// The scene, ready to be painted.
+    pub subject: LoadedScene,
+    /// Who surveyed it.
+    pub engine: BuiltinEngine,
+    /// A look at the whole picture: what each cell costs and shows.
+    pub survey: Survey,
+    /// The work that zones would be parts of.
+    pub settings: WorkSettings,
+    /// Render Agents for which it is cut.
+    pub agents: usize,
+}
+
+impl AnalyzedScene {
+    /// Reads the scene of a request and surveys it.
+    ///
+    /// # Errors
+    /// The request or its scene cannot be used.
+    pub fn open(request: Request) -> Result<Self, Error> {
+        request.validate()?;
+        let subject = LoadedScene::load(&request)?;
+        let painters = threads(&request);
+        Self::of(request, subject, painters)
+    }
+
+    /// The same of a scene that was made in memory.
+    ///
+    /// # Errors
+    /// As of [`Self::open`].
+    pub fn of_scene(request: Request, scene: Scene) -> Result<Self, Error> {
+        request.validate()?;
+        let subject = LoadedScene::of_scene(scene, &request)?;
+        let painters = threads(&request);
+        Self::of(request, subject, painters)
+    }
+
+    /// A scene that was read.
+    ///
+    /// - `painters`: threads of the engine that surveys.
+    ///
+    /// # Errors
+    /// It cannot be surveyed.
+    pub fn of(request: Request, subject: LoadedScene, painters: usize) -> Result<Self, Error> {
+        let samples = request.goal.samples.unwrap_or(DEFAULT_SAMPLES);
+        let max_depth = subject.hints.max_depth.unwrap_or(DEFAULT_DEPTH);
+        let settings = PathSettings {
+            max_depth,
+            filter: subject.hints.filter.unwrap_or_default(),
+            planned_samples: samples,
+            ..PathSettings::default()
+        };
+        let options = BuiltinOptions {
+            view: subject.view,
+            settings,
+            layout: Layout::new(AovSet::NONE),
+            threads: painters,
+            wavefront: false,
+        };
+        let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
+        let engine = BuiltinEngine::with_prepass(scene, prepass, options, Devices::default());
+        let frame = subject.frame();
+        let (columns, rows) = survey_size(&frame);
+        let survey = engine.survey(columns, rows)?;
+        let settings = WorkSettings {
+            picture: frame,
+            frame,
+            samples,
+            goal: Goal::Samples,
+            tunables: Tunables { max_depth, light_samples: 1 },
+            optimization: Optimization::Off,
+        };
+        let agents = agents(request.work.agents, threads(&request));
+        Ok(Self { request, subject, engine, survey, settings, agents })
+    }
+
+    /// All pixels of the picture.
+    pub fn frame(&self) -> Rect {
+        self.settings.frame
+    }
+
+    /// The importance map, and the zones of a level.
+    ///
+    /// # Errors
+    /// The picture cannot be cut.
+    pub fn analyze(&self, function: ImportanceFunction, level: Level) -> Result<Analysis, Error> {
+        let partition = PartitionSettings::for_agents(level, self.agents, self.frame());
+        let partition = partition.within(None, zone_limits(&self.request.work));
+        analyze(WorkId(1), &self.settings, &self.survey, function, &partition)
+            .map_err(|error| Error::failed(error.to_string(), "this is unexpected; report it with the scene"))
+    }
+}
