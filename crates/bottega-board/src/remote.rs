@@ -59,20 +59,20 @@ pub struct RemoteBoard {
     build: String,
     memory: u64,
     link: Link,
-    connection: Option<Connection>,
+    connection: Option<BoardLink>,
 }
 
-struct Connection {
+struct BoardLink {
     stream: TcpStream,
     frames: Sender<Frame>,
-    waiting: Arc<Mutex<Waiting>>,
+    waiting: Arc<Mutex<SentPackets>>,
     /// Scenes that are there.
     scenes: BTreeSet<DataId>,
 }
 
 /// Packets whose answers have not come.
 #[derive(Default)]
-struct Waiting {
+struct SentPackets {
     packets: BTreeMap<u64, SentPacket>,
     /// Nothing comes any more.
     is_over: bool,
@@ -93,7 +93,7 @@ impl RemoteBoard {
     /// # Errors
     /// Nobody is there, or it is no board of this build.
     pub fn connect(address: BoardAddress, build: &str) -> Result<Self, BoardError> {
-        let (connection, memory, link) = Connection::open(&address, build)?;
+        let (connection, memory, link) = BoardLink::open(&address, build)?;
         Ok(Self { address, build: build.to_owned(), memory, link, connection: Some(connection) })
     }
 
@@ -108,7 +108,7 @@ impl RemoteBoard {
     }
 }
 
-impl Connection {
+impl BoardLink {
     fn open(address: &BoardAddress, build: &str) -> Result<(Self, u64, Link), BoardError> {
         let unreachable = |source| BoardError::Unreachable { address: address.to_string(), source };
         let places = address.0.to_socket_addrs().map_err(unreachable)?;
@@ -130,7 +130,7 @@ impl Connection {
         }
         let link = measure(&mut stream)?;
         stream.set_read_timeout(None)?;
-        let waiting = Arc::new(Mutex::new(Waiting::default()));
+        let waiting = Arc::new(Mutex::new(SentPackets::default()));
         let (frames, outbox) = channel();
         let (out, inbox, listened) = (stream.try_clone()?, stream.try_clone()?, Arc::clone(&waiting));
         let builder = || thread::Builder::new().name("board".to_owned());
@@ -198,7 +198,7 @@ fn write_all(stream: TcpStream, frames: &Receiver<Frame>) {
     _ = writer.get_ref().shutdown(Shutdown::Both);
 }
 
-fn listen(stream: TcpStream, waiting: &Mutex<Waiting>) {
+fn listen(stream: TcpStream, waiting: &Mutex<SentPackets>) {
     let mut reader = BufReader::with_capacity(64 << 10, stream);
     let ended = loop {
         let frame = match Frame::read(&mut reader, BYTES_MAX) {
@@ -256,7 +256,7 @@ impl WindowedResource<RenderWork> for RemoteBoard {
     fn recover(&mut self) -> Result<(), String> {
         self.connection = None;
         let (connection, memory, link) =
-            Connection::open(&self.address, &self.build).map_err(|error| error.to_string())?;
+            BoardLink::open(&self.address, &self.build).map_err(|error| error.to_string())?;
         (self.connection, self.memory, self.link) = (Some(connection), memory, link);
         Ok(())
     }
@@ -270,7 +270,7 @@ impl WindowedResource<RenderWork> for RemoteBoard {
     }
 }
 
-impl Drop for Connection {
+impl Drop for BoardLink {
     fn drop(&mut self) {
         _ = self.stream.shutdown(Shutdown::Both);
     }

@@ -68,7 +68,7 @@ impl BoardServer {
             let Ok(stream) = stream else { continue };
             let (options, pool) = (self.options.clone(), std::sync::Arc::clone(&pool));
             let served = thread::Builder::new().name("board".to_owned()).spawn(move || {
-                if let Err(error) = Connection::open(stream, &options, &pool).and_then(Connection::serve) {
+                if let Err(error) = ServedClient::open(stream, &options, &pool).and_then(ServedClient::serve) {
                     tracing::debug!(%error, "a connection ended");
                 }
             });
@@ -80,7 +80,7 @@ impl BoardServer {
     }
 }
 
-struct Connection<'a> {
+struct ServedClient<'a> {
     reader: BufReader<Throttled<TcpStream>>,
     writer: BufWriter<Throttled<TcpStream>>,
     options: &'a BoardOptions,
@@ -89,7 +89,7 @@ struct Connection<'a> {
     scenes: BTreeMap<u64, (Accel, u64)>,
 }
 
-impl<'a> Connection<'a> {
+impl<'a> ServedClient<'a> {
     fn open(stream: TcpStream, options: &'a BoardOptions, pool: &'a rayon::ThreadPool) -> Result<Self, BoardError> {
         stream.set_nodelay(true)?;
         let reader = BufReader::new(Throttled::new(stream.try_clone()?, options.bandwidth));
