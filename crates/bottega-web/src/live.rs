@@ -97,6 +97,11 @@ impl LiveJob {
         self.state().put(RowKey::Job, text.into());
     }
 
+    /// Whether nothing is known.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.state().rows.is_empty()
+    }
+
     /// What has changed since a client was told; `None`: nothing.
     ///
     /// - `cursor`: none: it was told nothing yet.
@@ -211,7 +216,7 @@ mod tests {
         live.tell(&zone(3, "open"));
         let first = live.since(None).unwrap();
         let started = r#"{"event":"started","version":1,"scene":"/home/anna/s.glb","output":"o.png","width":1,"height":1,
-            "crop":[0,0,1,1],"samples_per_pixel":1,"integrator":"path","progressive":false,"agents":1,"threads":1,"gpus":0,
+            "crop":[0,0,1,1],"samples_per_pixel":1,"integrator":"path","progressive":false,"agents":1,"threads":1,"gpus":[],
             "method":"m","painters":"p","seed":0}"#;
         live.tell(&serde_json::from_str(started).unwrap());
         let next = live.since(Some(first.cursor)).unwrap();

@@ -23,6 +23,8 @@ use crate::{
 
 /// How often what has changed is told: many changes at once.
 const TELL_EVERY: Duration = Duration::from_millis(200);
+/// So long the first state waits for something to be known.
+const FIRST_WAITS: Duration = Duration::from_secs(2);
 /// A client is told that the stream is alive so often.
 const ALIVE_EVERY: Duration = Duration::from_secs(10);
 /// After so many milliseconds a client comes again whose stream has ended.
@@ -61,7 +63,13 @@ async fn tell(live: &LiveJob, client: &mpsc::Sender<Bytes>) {
     if client.send(Bytes::from_static(RETRY.as_bytes())).await.is_err() {
         return;
     }
+    let begun = Instant::now();
     while !client.is_closed() {
+        // What is known of a job that nobody watched is on its way.
+        if cursor.is_none() && begun.elapsed() < FIRST_WAITS && live.is_empty() {
+            tokio::time::sleep(TELL_EVERY).await;
+            continue;
+        }
         let said = live.since(cursor).map(|News { is_whole, text, cursor: now }| {
             cursor = Some(now);
             format!("event: {}\ndata: {text}\n\n", if is_whole { "state" } else { "news" })
