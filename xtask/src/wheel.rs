@@ -39,7 +39,6 @@ pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     let wheels = root().join("target/wheels");
     let glibc = format!("{TARGET}.{GLIBC}");
     run("cargo-zigbuild", &["zigbuild", "--release", "--package", "bottega-cli", "--target", &glibc])?;
-    let manifest = "crates/bottega-python/Cargo.toml";
     let out = wheels.join("module");
     if out.is_dir() {
         fs::remove_dir_all(&out)?;
@@ -47,10 +46,10 @@ pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     let policy = format!("manylinux_{}", GLIBC.replace('.', "_"));
     let out_text = out.display().to_string();
     let module = ["build", "--release", "--zig", "--target", TARGET, "--compatibility", &policy];
-    run("maturin", &[&module[..], &["--manifest-path", manifest, "--out", &out_text]].concat())?;
+    run("maturin", &[&module[..], &["--out", &out_text]].concat())?;
     let made = with_program(&only_file(&out)?, &wheels)?;
     if args.sdist {
-        run("maturin", &["sdist", "--manifest-path", manifest, "--out", &wheels.display().to_string()])?;
+        run("maturin", &["sdist", "--out", &wheels.display().to_string()])?;
     }
     let megabytes = fs::metadata(&made)?.len() as f64 / 1e6;
     println!("{}: {megabytes:.1} MB, {:.0} s", made.display(), begun.elapsed().as_secs_f64());

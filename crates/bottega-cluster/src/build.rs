@@ -4,7 +4,8 @@ use std::sync::LazyLock;
 
 use bottega::identity::{Build, Provenance};
 
-const PROVENANCE: Provenance = bottega_build::provenance!("bottega-web", "bottega-bench", "bottega-cli");
+const PROVENANCE: Provenance =
+    bottega_build::provenance!("bottega-web", "bottega-python", "bottega-bench", "bottega-cli");
 
 static BUILD: LazyLock<Build> = LazyLock::new(|| Build::new(PROVENANCE));
 

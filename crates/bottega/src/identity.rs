@@ -15,7 +15,7 @@ pub type Provenance = (&'static str, bool, &'static str, &'static str);
 
 /// The crates that know this one change no picture; they are no part of its identity.
 const PROVENANCE: Provenance =
-    bottega_build::provenance!("bottega-cluster", "bottega-web", "bottega-bench", "bottega-cli");
+    bottega_build::provenance!("bottega-cluster", "bottega-web", "bottega-python", "bottega-bench", "bottega-cli");
 
 static BUILD: LazyLock<Build> = LazyLock::new(|| Build::new(PROVENANCE));
 
