@@ -18,6 +18,8 @@ use crate::{
 const TARGET: &str = "x86_64-unknown-linux-gnu";
 /// The oldest C library that will do.
 const GLIBC: &str = "2.28";
+/// Which Pythons load the module: 3.10 and newer.
+const PYTHON: &str = "cp310-abi3";
 /// The wheel is at most so large, in megabytes.
 const MEGABYTES_MAX: f64 = 40.0;
 
@@ -31,23 +33,18 @@ pub(crate) struct WheelArgs {
 
 /// Makes the wheel in `target/wheels`.
 ///
+/// One run of cargo compiles program and module, which share nearly everything; maturin writes what the wheel says of itself.
+///
 /// # Errors
 /// A tool cannot be installed or fails, or the wheel is too large.
 pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     ensure!(WHEEL.are_installed() || WHEEL.install(), "cannot install {}", WHEEL.packages().join(", "));
     let begun = Instant::now();
-    let wheels = root().join("target/wheels");
     let glibc = format!("{TARGET}.{GLIBC}");
-    run("cargo-zigbuild", &["zigbuild", "--release", "--package", "bottega-cli", "--target", &glibc])?;
-    let out = wheels.join("module");
-    if out.is_dir() {
-        fs::remove_dir_all(&out)?;
-    }
-    let policy = format!("manylinux_{}", GLIBC.replace('.', "_"));
-    let out_text = out.display().to_string();
-    let module = ["build", "--release", "--zig", "--target", TARGET, "--compatibility", &policy];
-    run("maturin", &[&module[..], &["--out", &out_text]].concat())?;
-    let made = with_program(&only_file(&out)?, &wheels)?;
+    let packages = ["--package", "bottega-cli", "--package", "bottega-python"];
+    run("cargo-zigbuild", &[&["zigbuild", "--release", "--target", &glibc][..], &packages].concat())?;
+    let wheels = root().join("target/wheels");
+    let made = pack(&wheels)?;
     if args.sdist {
         run("maturin", &["sdist", "--out", &wheels.display().to_string()])?;
     }
@@ -57,22 +54,35 @@ pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     Ok(())
 }
 
-/// Puts the program into a wheel, where `pip` takes programs from.
-fn with_program(module: &Path, wheels: &Path) -> Result<PathBuf> {
-    let unpacked = wheels.join("unpacked");
-    if unpacked.is_dir() {
-        fs::remove_dir_all(&unpacked)?;
+/// Lays out what was compiled as `pip` unpacks it, and packs it. Returns the wheel.
+fn pack(wheels: &Path) -> Result<PathBuf> {
+    let folder = wheels.join("unpacked");
+    if folder.is_dir() {
+        fs::remove_dir_all(&folder)?;
     }
-    let [module, unpacked_text, wheels_text] = [module, &unpacked, wheels].map(|path| path.display().to_string());
-    run("wheel", &["unpack", &module, "--dest", &unpacked_text])?;
-    let folder = only_file(&unpacked)?;
-    let name = folder.file_name().context("a wheel unpacks to a folder")?.to_string_lossy().into_owned();
-    let scripts = folder.join(format!("{name}.data/scripts"));
+    fs::create_dir_all(&folder)?;
+    let [folder_text, wheels_text] = [&folder, wheels].map(|path| path.display().to_string());
+    run("maturin", &["pep517", "write-dist-info", "--metadata-directory", &folder_text])?;
+    let about = only_file(&folder)?;
+    let name = about.file_stem().context("maturin names the version")?.to_string_lossy().into_owned();
+    let (package, scripts) = (folder.join("bottega"), folder.join(format!("{name}.data/scripts")));
+    fs::create_dir_all(&package)?;
     fs::create_dir_all(&scripts)?;
-    fs::copy(root().join("target").join(TARGET).join("release/bottega"), scripts.join("bottega"))?;
-    run("wheel", &["pack", &folder.display().to_string(), "--dest-dir", &wheels_text])?;
-    let file = Path::new(&module).file_name().context("a wheel has a name")?;
-    Ok(wheels.join(file))
+    let built = root().join("target").join(TARGET).join("release");
+    fs::copy(built.join("bottega"), scripts.join("bottega"))?;
+    fs::copy(built.join("libbottega_python.so"), package.join("_native.abi3.so"))?;
+    for entry in fs::read_dir(root().join("crates/bottega-python/python/bottega"))? {
+        let path = entry?.path();
+        if path.is_file() {
+            fs::copy(&path, package.join(path.file_name().context("a source has a name")?))?;
+        }
+    }
+    run("wheel", &["pack", &folder_text, "--dest-dir", &wheels_text])?;
+    // maturin does not know for which C library it was compiled.
+    let platform = format!("manylinux_{}_x86_64", GLIBC.replace('.', "_"));
+    let packed = wheels.join(format!("{name}-{PYTHON}-linux_x86_64.whl"));
+    run("wheel", &["tags", "--remove", "--platform-tag", &platform, &packed.display().to_string()])?;
+    Ok(wheels.join(format!("{name}-{PYTHON}-{platform}.whl")))
 }
 
 /// What a folder holds, where that is one thing.
