@@ -12,6 +12,7 @@ mod engines;
 mod farm;
 mod fresh;
 mod fuzzy_reference;
+mod installer;
 mod layers;
 mod leaks;
 mod maps;

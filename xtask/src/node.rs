@@ -2,7 +2,7 @@
 
 use std::{fs, path::PathBuf};
 
-use crate::{bars::root, needs::run};
+use crate::{bars::root, installer::run};
 
 /// What is installed, as it is announced.
 pub(crate) const PACKAGES: &str = "playwright-core axe-core";
