@@ -5,22 +5,45 @@ export class Problem extends Error {
   constructor(status, problem) {
     super([problem.detail, problem.remedy].filter(Boolean).join("; ") || `status ${status}`);
     this.status = status;
+    /** What is wrong, without the remedy. */
+    this.detail = problem.detail ?? this.message;
   }
 }
 
-/** Asks the API. `body` is sent as JSON. */
+/** Whether the token of this page lets it steer; known after the first answer. */
+export let maySteer = true;
+
+function readRole(response) {
+  const role = response.headers.get("Bottega-Role");
+  if (role === null) return;
+  maySteer = role === "steer";
+  document.body.classList.toggle("looks-on", !maySteer);
+}
+
+/** Asks the API. `body` is sent as JSON, or as bytes where it is a Blob. */
 export async function ask(method, path, body) {
   const options = { method, headers: { Accept: "application/json" } };
-  if (body !== undefined) {
+  if (body instanceof Blob) {
+    options.headers["Content-Type"] = "application/octet-stream";
+    options.body = body;
+  } else if (body !== undefined) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);
   }
   const response = await fetch(`/api${path}`, options);
+  readRole(response);
   if (!response.ok) throw new Problem(response.status, await response.json().catch(() => ({})));
   return response.status === 204 ? null : response.json();
 }
 
 export const get = path => ask("GET", path);
+
+/** Fetches a picture unless it is the one of `tag`. Returns `{ blob, tag }`, or null where there is none or no other. */
+export async function fetchPicture(path, tag) {
+  const response = await fetch(`/api${path}`, tag ? { headers: { "If-None-Match": tag } } : {}).catch(() => null);
+  if (response?.status !== 200) return null;
+  return { blob: await response.blob(), tag: response.headers.get("ETag") };
+}
 
 /** Follows a job: `state` is called with all that is known, `news` with what has changed since. Returns what ends it. */
 export function follow(job, { state, news, link }) {

@@ -1,87 +1,212 @@
-// One job: the picture while it is painted, its zones over it, its log.
+// One job: the picture while it is painted, its zones over it, the Blackboard, agents, log.
 
-import { follow } from "./api.js";
-import { buttons, progress } from "./jobs.js";
-import { element, percent, time } from "./format.js";
+import { agentRows, agentTable, auctionLine } from "./agents.js";
+import { fetchPicture, follow, get } from "./api.js";
+import { blackboard, zonePanel } from "./blackboard.js";
+import { TimeLeft } from "./eta.js";
+import { ago, button, element, setText, time } from "./format.js";
+import { JobControls, progress, stateChip } from "./job_controls.js";
+import { Viewer } from "./viewer.js";
+import { workOf } from "./zones.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const LOOK_EVERY = 1000;
+/** Agents and log are asked for each so many looks. */
+const SELDOM = 3;
 
 export function showJob(page, shell, number) {
-  const head = element("div");
-  const svg = document.createElementNS(SVG, "svg");
-  svg.setAttribute("class", "picture");
-  svg.setAttribute("role", "img");
-  svg.setAttribute("aria-label", `job ${number} as it is painted`);
-  const image = document.createElementNS(SVG, "image");
-  const boxes = document.createElementNS(SVG, "g");
-  svg.append(image, boxes);
-  const log = element("ul", { class: "log" });
-  page.replaceChildren(head, svg, element("h2", {}, "Log"), log);
-
-  let zones = new Map();
-  let job;
-  const bounds = () => {
-    const all = [...zones.values()];
-    if (!all.length) return;
-    const [x0, y0] = [0, 1].map(i => Math.min(...all.map(zone => zone.rect[i])));
-    const [x1, y1] = [2, 3].map(i => Math.max(...all.map(zone => zone.rect[i])));
-    svg.setAttribute("viewBox", `${x0} ${y0} ${x1 - x0} ${y1 - y0}`);
-    for (const [key, value] of Object.entries({ x: x0, y: y0, width: x1 - x0, height: y1 - y0 })) image.setAttribute(key, value);
-  };
-  const take = {
-    job(event) {
-      job = event;
-      const words = [`${event.state}, ${percent(event.done)}`, `${event.zones_done} of ${event.zones} zones`,
-        `${event.machines} machines`, `led by ${event.leader ?? "nobody"}`, event.reason];
-      head.replaceChildren(element("h1", {}, `Job ${event.job}: ${event.scene}`), progress(event),
-        element("p", {}, words.filter(Boolean).join(" · ")), element("p", {}, buttons(event, shell, () => {}),
-          event.kept ? element("a", { href: `/api/jobs/${number}/picture`, download: "" }, " Download the picture") : null));
-    },
-    zone(event) { zones.set(event.id, event); },
-    note(event) { log.prepend(element("li", {}, event.message)); },
-    warning(event) { log.prepend(element("li", { class: "warning" }, event.message)); },
-    removed() { head.replaceChildren(element("p", {}, `Job ${number} was removed.`)); },
-  };
-  const draw = events => {
-    events.forEach(event => take[event.event]?.(event));
-    if (!events.some(event => event.event === "zone")) return;
-    bounds();
-    for (const zone of events.filter(event => event.event === "zone")) drawZone(boxes, zone);
-  };
-  const end = follow(number, {
-    link: isUp => shell.link(isUp),
-    state(events) { zones = new Map(); boxes.replaceChildren(); log.replaceChildren(); draw(events); },
-    news: draw,
-  });
-
-  let tag, shown;
-  const look = async () => {
-    if (tag && job && job.state !== "active" && shown === job.state) return;
-    const response = await fetch(`/api/jobs/${number}/preview.png`, tag ? { headers: { "If-None-Match": tag } } : {}).catch(() => null);
-    if (response?.status !== 200) return;
-    [tag, shown] = [response.headers.get("ETag"), job?.state];
-    const before = image.getAttribute("href");
-    image.setAttribute("href", URL.createObjectURL(await response.blob()));
-    if (before) setTimeout(() => URL.revokeObjectURL(before), LOOK_EVERY);
-  };
-  look();
-  const timer = setInterval(look, LOOK_EVERY);
-  return () => { end(); clearInterval(timer); };
+  const view = new JobPage(page, shell, number);
+  return () => view.close();
 }
 
-function drawZone(boxes, zone) {
-  const id = `zone-${zone.id}`;
-  let box = boxes.querySelector(`#${id}`);
-  if (!box) {
-    box = document.createElementNS(SVG, "rect");
-    box.id = id;
-    box.append(document.createElementNS(SVG, "title"));
-    boxes.append(box);
+class JobPage {
+  #zones = new Map();
+  #agents = new Map();
+  #job = null;
+  #selected = null;
+  #tag = null;
+  #shown = null;
+  #timeLeft = new TimeLeft();
+  #told = null;
+  #looks = 0;
+  #isLooking = false;
+
+  constructor(page, shell, number) {
+    Object.assign(this, { shell, number });
+    this.title = element("h1", {}, `Job ${number}`);
+    this.chip = stateChip();
+    this.bar = progress();
+    this.facts = element("dl", { class: "facts" });
+    this.reason = element("p", { class: "reason", hidden: true });
+    this.controls = new JobControls(shell, { onGone: () => { location.hash = "#/"; } });
+    this.links = element("div", { class: "row links" });
+    this.viewer = new Viewer({ label: `Picture of job ${number}`, onPick: zone => this.#select(zone) });
+    this.#addImportance();
+    this.panel = element("section", { class: "panel", "aria-live": "polite", "aria-label": "Zone" });
+    this.board = blackboard(zone => this.#select(zone));
+    this.agentTable = agentTable();
+    this.auction = element("p", { class: "quiet" }, "No auction yet.");
+    this.log = element("ol", { class: "log" });
+    page.replaceChildren(
+      element("div", { class: "job-head" }, element("div", { class: "row" }, this.title, this.chip), this.bar, this.facts, this.reason,
+        element("div", { class: "row" }, this.controls.element, this.links)),
+      element("div", { class: "studio" }, this.viewer.element, this.panel),
+      element("h2", {}, "Blackboard"), this.board.element,
+      element("h2", {}, "Agents"), this.auction, this.agentTable.element,
+      element("h2", {}, "Log"), this.log);
+    this.board.element.classList.add("tall");
+    this.#select(null);
+    this.end = follow(number, {
+      link: isUp => shell.link(isUp),
+      state: events => { this.#zones.clear(); this.#agents.clear(); this.#take(events); },
+      news: events => this.#take(events),
+    });
+    this.timer = setInterval(() => this.#look(), LOOK_EVERY);
+    this.#look();
   }
-  const [x0, y0, x1, y1] = zone.rect;
-  for (const [key, value] of Object.entries({ x: x0, y: y0, width: x1 - x0, height: y1 - y0 })) box.setAttribute(key, value);
-  box.setAttribute("class", zone.state);
-  box.firstChild.textContent = `zone ${zone.id}: ${zone.state}${zone.agent ? ` by ${zone.agent}` : ""}, ` +
-    `expected ${time(zone.seconds_estimated)}, took ${time(zone.seconds_measured)}`;
+
+  close() {
+    this.end();
+    clearInterval(this.timer);
+    [this.viewer, this.board, this.agentTable].forEach(part => part.close());
+  }
+
+  #take(events) {
+    const take = {
+      job: event => this.#takeJob(event),
+      zone: event => this.#zones.set(event.id, event),
+      agent: event => this.#agents.set(event.agent, event),
+      progress: event => { this.#told = event.seconds_left ?? null; },
+      removed: () => {
+        setText(this.title, `Job ${this.number} was removed`);
+        this.controls.element.hidden = true;
+      },
+    };
+    for (const event of events) take[event.event]?.(event);
+    if (events.some(event => event.event === "note" || event.event === "warning")) this.#looks = 0;
+    if (!events.some(event => event.event === "zone")) return;
+    const zones = [...this.#zones.values()];
+    this.viewer.setZones(zones);
+    this.board.set(zones);
+    this.#showAgents();
+    if (this.#selected !== null) this.panel.replaceChildren(...zonePanel(this.#zones.get(this.#selected) ?? null).filter(Boolean));
+  }
+
+  #takeJob(job) {
+    // Who opens a picture that is done wants to see it.
+    if (!this.#job && job.state === "done") this.viewer.showZones.checked = false;
+    this.#job = job;
+    if (job.state === "active") this.#timeLeft.take(Date.now() / 1000, job.done);
+    else this.#timeLeft.clear();
+    setText(this.title, `Job ${job.job}: ${job.scene}`);
+    this.chip.set(job.state);
+    this.bar.set(job.done, `job ${job.job}`);
+    this.reason.hidden = !job.reason;
+    setText(this.reason, job.reason ?? "");
+    this.controls.set(job);
+    this.#showFacts();
+    this.#showLinks();
+  }
+
+  #showFacts() {
+    const job = this.#job;
+    if (!job) return;
+    const left = job.state !== "active" ? null : this.#told ?? this.#timeLeft.left(Date.now() / 1000);
+    const facts = [
+      ["Zones", `${job.zones_done} of ${job.zones}`],
+      job.state === "active" ? ["Time left", left === null ? "not known yet" : `about ${time(left)}`] : null,
+      ["Machines", `${job.machines}`],
+      ["Led by", job.leader ?? "nobody"],
+      ["Asked", `${ago(job.submitted)}, by ${job.from}`],
+      ["Picture", job.output],
+    ].filter(Boolean);
+    if (this.facts.childElementCount !== facts.length) {
+      this.facts.replaceChildren(...facts.map(() => element("div", {}, element("dt"), element("dd"))));
+    }
+    facts.forEach(([name, value], i) => {
+      setText(this.facts.children[i].firstChild, name);
+      setText(this.facts.children[i].lastChild, value);
+    });
+  }
+
+  #showLinks() {
+    const { kept, output, state } = this.#job;
+    const key = `${kept} ${state}`;
+    if (this.links.dataset.key === key) return;
+    this.links.dataset.key = key;
+    const file = kept ? element("a", { href: `/api/jobs/${this.number}/picture`, download: "", class: "button" }, `Download ${output}`) : null;
+    const layers = kept && output.endsWith(".exr") ? element("span", { class: "quiet" }, "The file has all layers that were asked for.") : null;
+    const again = element("a", { href: `#/submit/${this.number}`, class: "button steers" }, "Paint this scene again …");
+    this.links.replaceChildren(...[file, button("Save what is shown", () => this.#save()), again, layers].filter(Boolean));
+  }
+
+  #save() {
+    const { src } = this.viewer.picture;
+    if (src) element("a", { href: src, download: `job-${this.number}.png` }).click();
+    else this.shell.tellProblem("Nothing is painted yet.");
+  }
+
+  #addImportance() {
+    const state = element("span", { class: "quiet", role: "status" });
+    const box = element("input", { type: "checkbox", onchange: async () => {
+      const map = box.checked ? await fetchPicture(`/jobs/${this.number}/importance.png`) : null;
+      setText(state, box.checked && !map ? " not known of this job" : "");
+      if (!map) box.checked = false;
+      this.viewer.showImportance(map?.blob ?? null);
+    } });
+    const help = "The importance map: the lighter, the more a pixel is predicted to cost";
+    this.viewer.extras.append(element("label", { title: help }, box, " Importance"), state);
+  }
+
+  #select(zone) {
+    this.#selected = zone?.id ?? null;
+    this.viewer.select(zone);
+    this.board.select(this.#selected);
+    this.panel.replaceChildren(...zonePanel(zone).filter(Boolean));
+  }
+
+  #showAgents() {
+    const zones = [...this.#zones.values()];
+    this.agentTable.set(agentRows([...this.#agents.values()], this.viewer.hues, workOf(zones)));
+  }
+
+  async #look() {
+    if (this.#isLooking) return;
+    this.#isLooking = true;
+    try {
+      this.#showFacts();
+      await this.#lookAtPicture();
+      if (this.#looks++ % SELDOM === 0) await this.#lookAtPeople();
+    } finally {
+      this.#isLooking = false;
+    }
+  }
+
+  async #lookAtPicture() {
+    const job = this.#job;
+    // Until something is painted there is no picture; one that is over does not change.
+    if (!job || (!job.zones_done && !job.kept) || (this.#shown === job.state && job.state !== "active")) return;
+    const { state } = job;
+    const isPainted = !["active", "paused"].includes(state) ? job.kept : true;
+    const found = isPainted ? await fetchPicture(`/jobs/${this.number}/preview.png`, this.#tag) : null;
+    if (found) {
+      this.#tag = found.tag;
+      await this.viewer.show(found.blob);
+    }
+    this.#shown = state;
+  }
+
+  async #lookAtPeople() {
+    const isOver = this.#job && !["active", "paused"].includes(this.#job.state);
+    if (isOver && this.#looks > SELDOM * 2) return;
+    const people = await this.shell.poll(() => get(`/jobs/${this.number}/agents`));
+    if (!people) return;
+    for (const agent of people.agents) this.#agents.set(agent.agent, agent);
+    setText(this.auction, auctionLine(people.auction));
+    this.#showAgents();
+    const log = await this.shell.poll(() => get(`/jobs/${this.number}/log`));
+    if (!log || log.length === this.log.childElementCount) return;
+    const line = ({ at, text }) => element("li", {},
+      element("time", { dateTime: new Date(1000 * at).toISOString() }, new Date(1000 * at).toLocaleTimeString()), ` ${text}`);
+    this.log.replaceChildren(...log.map(line).reverse());
+  }
 }

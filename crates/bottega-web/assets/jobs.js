@@ -1,42 +1,121 @@
-// All jobs, with their progress and what can be done to them.
+// All jobs, with their pictures, their progress and what can be done to them.
 
-import { ask, get } from "./api.js";
-import { ago, element, percent, table } from "./format.js";
+import { fetchPicture, get } from "./api.js";
+import { ago, button, counted, element, setText } from "./format.js";
+import { JobControls, progress, stateChip } from "./job_controls.js";
 
 const LOOK_EVERY = 1000;
+const PICTURE_EVERY = 5000;
+/** Jobs that are shown at once; more on demand. */
+const PAGE_JOBS = 50;
 
-/** The buttons of a job. */
-export function buttons(job, shell, done) {
-  const button = (word, method, path) => element("button", {
-    type: "button",
-    onclick: async () => { await shell.attempt(() => ask(method, `/jobs/${job.job}${path}`)); done(); },
-  }, word);
-  if (job.state === "active") return [button("Pause", "POST", "/pause"), button("Cancel", "POST", "/cancel")];
-  if (job.state === "paused") return [button("Resume", "POST", "/resume"), button("Cancel", "POST", "/cancel")];
-  return [button("Remove", "DELETE", "")];
+/** Whether a job is one of those looked for. `text` is words of which each must be in one of its names. */
+export function isWanted(job, text, state) {
+  if (state && job.state !== state) return false;
+  const names = `${job.job} ${job.scene} ${job.output} ${job.from} ${job.leader ?? ""}`.toLowerCase();
+  return text.toLowerCase().split(/\s+/).every(word => names.includes(word));
 }
 
-export function progress(job) {
-  return element("progress", { max: 1, value: job.done, "aria-label": `job ${job.job}: ${percent(job.done)}` });
-}
+const ORDERS = {
+  newest: { name: "Newest first", compare: (a, b) => b.job - a.job },
+  priority: { name: "Most urgent first", compare: (a, b) => b.priority - a.priority || b.job - a.job },
+  progress: { name: "Least done first", compare: (a, b) => a.done - b.done || b.job - a.job },
+};
 
 export function showJobs(page, shell) {
-  const place = element("div");
-  page.replaceChildren(element("h1", {}, "Jobs"), place);
-  const look = async () => {
-    const jobs = await shell.attempt(() => get("/jobs"));
-    // A button under the pointer stays.
-    if (!jobs || place.querySelector("button:active")) return;
-    const row = job => [
-      element("a", { href: `#/job/${job.job}` }, `${job.job}`),
-      job.scene, job.state, element("span", {}, progress(job), ` ${percent(job.done)}`),
-      `${job.machines}`, `${job.priority}`, ago(job.submitted), element("span", {}, buttons(job, shell, look)),
-    ];
-    place.replaceChildren(jobs.length
-      ? table(["Job", "Scene", "State", "Done", "Machines", "Priority", "Asked", ""], jobs.slice().reverse().map(row))
-      : element("p", {}, "No jobs yet: bottega render SCENE -o PICTURE --farm"));
-  };
+  let [jobs, shownMax] = [[], PAGE_JOBS];
+  const cards = new Map();
+  const text = element("input", { type: "search", placeholder: "Scene, picture, machine …", ariaLabel: "Filter jobs", oninput: () => show() });
+  const state = element("select", { ariaLabel: "State", onchange: () => show() }, element("option", { value: "" }, "All states"),
+    ["active", "paused", "done", "failed", "cancelled"].map(word => element("option", {}, word)));
+  const order = element("select", { ariaLabel: "Order", onchange: () => show() },
+    Object.entries(ORDERS).map(([value, { name }]) => element("option", { value }, name)));
+  const count = element("p", { class: "quiet", role: "status" });
+  const list = element("ul", { class: "jobs" });
+  const more = button("Show more", () => { shownMax += PAGE_JOBS; show(); }, { hidden: true });
+  const empty = element("p", { class: "empty-note", hidden: true });
+  page.replaceChildren(element("h1", {}, "Jobs"), element("div", { class: "row filter" }, text, state, order, count), list, more, empty);
+
+  function show() {
+    const wanted = jobs.filter(job => isWanted(job, text.value, state.value)).sort(ORDERS[order.value].compare);
+    const shown = wanted.slice(0, shownMax);
+    const numbers = new Set(shown.map(job => job.job));
+    for (const [number, card] of cards) if (!numbers.has(number)) { card.close(); cards.delete(number); }
+    shown.forEach((job, i) => {
+      if (!cards.has(job.job)) cards.set(job.job, new JobCard(shell, job.job, look));
+      const card = cards.get(job.job);
+      card.set(job);
+      if (list.children[i] !== card.element) list.insertBefore(card.element, list.children[i] ?? null);
+    });
+    more.hidden = wanted.length <= shownMax;
+    setText(count, wanted.length === jobs.length ? counted(jobs.length, "job") : `${wanted.length} of ${counted(jobs.length, "job")}`);
+    empty.hidden = wanted.length > 0;
+    setText(empty, jobs.length ? "No job is like that." : "No jobs yet. Drop a scene into “New picture”, or run: bottega render SCENE -o PICTURE --farm");
+  }
+
+  async function look() {
+    const found = await shell.poll(() => get("/jobs"));
+    if (!found) return;
+    jobs = found;
+    show();
+  }
   look();
   const timer = setInterval(look, LOOK_EVERY);
-  return () => clearInterval(timer);
+  return () => {
+    clearInterval(timer);
+    for (const card of cards.values()) card.close();
+  };
+}
+
+class JobCard {
+  #seen = "";
+  #at = 0;
+  #tag = null;
+  #isVisible = false;
+
+  constructor(shell, number, onGone) {
+    this.number = number;
+    this.image = element("img", { alt: "", hidden: true });
+    this.link = element("a", { href: `#/job/${number}` });
+    this.chip = stateChip();
+    this.bar = progress();
+    this.facts = element("p", { class: "quiet" });
+    this.controls = new JobControls(shell, { onGone });
+    this.element = element("li", {},
+      element("a", { class: "thumb", href: `#/job/${number}`, tabIndex: -1, "aria-hidden": "true" }, this.image),
+      element("div", { class: "card" }, element("div", { class: "row" }, element("h2", {}, this.link), this.chip), this.bar, this.facts),
+      this.controls.element);
+    this.observer = new IntersectionObserver(([entry]) => { this.#isVisible = entry.isIntersecting; });
+    this.observer.observe(this.element);
+  }
+
+  set(job) {
+    setText(this.link, `${job.job}: ${job.scene}`);
+    this.chip.set(job.state);
+    this.bar.set(job.done, `job ${job.job}`);
+    setText(this.facts, [`${job.zones_done} of ${job.zones} zones`, counted(job.machines, "machine"), `asked ${ago(job.submitted)}`, job.output, job.reason]
+      .filter(Boolean).join(" · "));
+    this.controls.set(job);
+    this.#renewPicture(job);
+  }
+
+  close() {
+    this.observer.disconnect();
+    this.element.remove();
+    if (this.image.src) URL.revokeObjectURL(this.image.src);
+  }
+
+  /** Only of cards that are seen, and only where something was painted since. */
+  async #renewPicture(job) {
+    const isPainted = job.kept || (["active", "paused"].includes(job.state) && job.zones_done > 0);
+    const key = `${job.state} ${job.zones_done}`;
+    if (!this.#isVisible || !isPainted || key === this.#seen || Date.now() - this.#at < PICTURE_EVERY) return;
+    [this.#seen, this.#at] = [key, Date.now()];
+    const found = await fetchPicture(`/jobs/${this.number}/preview.png`, this.#tag);
+    if (!found) return;
+    this.#tag = found.tag;
+    if (this.image.src) URL.revokeObjectURL(this.image.src);
+    this.image.src = URL.createObjectURL(found.blob);
+    this.image.hidden = false;
+  }
 }

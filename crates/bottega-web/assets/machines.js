@@ -1,35 +1,126 @@
 // The machines that are there, and what can be done to them.
 
 import { ask, get } from "./api.js";
-import { element, table } from "./format.js";
+import { button, counted, decimals, element, percent, setText } from "./format.js";
+import { History, sparkline } from "./sparkline.js";
+import { VirtualTable } from "./virtual_table.js";
 
 const LOOK_EVERY = 1000;
+const HISTORY_MAX = 300;
+/** V_cp and credit of each machine, since the page was opened. */
+const histories = new Map();
+
+const sum = (agents, key) => (agents.length ? agents.reduce((total, agent) => total + agent[key], 0) : null);
+/** V_cp of all agents of a machine together: speeds add up, and V_cp is time. */
+export const powerOf = ({ agents }) => (agents.length ? 1 / agents.reduce((speed, agent) => speed + 1 / agent.power, 0) : null);
+const creditOf = ({ agents }) => sum(agents, "credit");
+
+function remember(machines) {
+  const names = new Set(machines.map(machine => machine.name));
+  for (const name of histories.keys()) if (!names.has(name)) histories.delete(name);
+  for (const machine of machines) {
+    if (!histories.has(machine.name)) histories.set(machine.name, { power: new History(HISTORY_MAX), credit: new History(HISTORY_MAX) });
+    const [power, credit] = [powerOf(machine), creditOf(machine)];
+    if (power !== null) histories.get(machine.name).power.take(power);
+    if (credit !== null) histories.get(machine.name).credit.take(credit);
+  }
+}
+
+function fillLine(key, text) {
+  return (cell, machine) => {
+    if (!cell.firstChild) cell.append(element("span"), sparkline());
+    setText(cell.firstChild, text(machine));
+    cell.lastChild.set(histories.get(machine.name)?.[key].values ?? []);
+  };
+}
+
+/** What a machine does, in a word: what it is told may not have happened yet. */
+export function stateOf({ state, ordered, job }) {
+  if (ordered !== state && ordered !== "active") return `${state}, to be ${ordered}`;
+  if (state !== "active") return state;
+  return job === null ? "idle" : "painting";
+}
+
+function columns(shell, look) {
+  const order = async (name, word) => {
+    const isSure = word !== "terminate" || await shell.confirm(`Have ${name} leave the farm? Only who is at that machine can bring it back.`, "Terminate");
+    if (isSure) await shell.attempt(() => ask("POST", `/machines/${encodeURIComponent(name)}/${word}`));
+    look();
+  };
+  return [
+    { name: "name", head: "Machine", value: machine => machine.name, text: machine => `${machine.name}${machine.is_guest ? " (guest)" : ""}` },
+    { name: "state", head: "State", value: stateOf, text: stateOf },
+    {
+      name: "job", head: "Paints", help: "The job that it paints", value: machine => machine.job,
+      fill(cell, { job }) {
+        const text = job === null ? "–" : `job ${job}`;
+        if (cell.textContent !== text) cell.replaceChildren(job === null ? text : element("a", { href: `#/job/${job}` }, text));
+      },
+    },
+    { name: "threads", head: "Processors", isNumber: true, value: machine => machine.threads, text: machine => `${machine.threads}` },
+    {
+      name: "power", head: "V_cp", help: "Relative computing power in the job that it paints: 1 is the reference machine, 0.5 is twice as fast. The line is since this page was opened",
+      value: powerOf, fill: fillLine("power", machine => decimals(powerOf(machine), 3)),
+    },
+    {
+      name: "credit", head: "Credit", help: "What its agents promised less what they took, in seconds. The line is since this page was opened",
+      value: creditOf, fill: fillLine("credit", machine => (creditOf(machine) === null ? "–" : `${creditOf(machine).toFixed(1)} s`)),
+    },
+    {
+      name: "reliability", head: "Kept", help: "How far its promises held in the jobs so far: 100 % when zones took as long as it said",
+      isNumber: true, value: machine => machine.reliability, text: machine => (machine.reliability === null ? "–" : percent(machine.reliability)),
+    },
+    {
+      name: "refusals", head: "Refused", help: "Jobs that it does not paint", value: machine => machine.refusals.length,
+      fill(cell, { refusals }) {
+        setText(cell, refusals.map(({ job, reason }) => `job ${job}: ${reason}`).join("; "));
+        cell.title = cell.textContent;
+      },
+    },
+    {
+      name: "orders", head: "Orders", value: machine => Number(machine.takes_orders),
+      fill(cell, { name, ordered, takes_orders: takesOrders }) {
+        const key = `${takesOrders} ${ordered}`;
+        if (cell.dataset.key === key) return;
+        cell.dataset.key = key;
+        cell.className = "orders steers";
+        const make = (word, what) => button(word, () => order(name, what), { ariaLabel: `${word} ${name}` });
+        cell.replaceChildren(...(!takesOrders || ordered === "terminated" ? [] : [
+          ordered === "suspended" ? make("Resume", "resume") : make("Suspend", "suspend"),
+          make("Terminate", "terminate"),
+        ]));
+      },
+    },
+  ];
+}
 
 export function showMachines(page, shell) {
-  const place = element("div");
-  page.replaceChildren(element("h1", {}, "Machines"), place);
-  const look = async () => {
-    const machines = await shell.attempt(() => get("/machines"));
-    if (!machines || place.querySelector("button:active")) return;
-    const button = (machine, word, order) => element("button", {
-      type: "button",
-      onclick: async () => { await shell.attempt(() => ask("POST", `/machines/${encodeURIComponent(machine.name)}/${order}`)); look(); },
-    }, word);
-    const orders = machine => !machine.takes_orders ? [] : [
-      machine.ordered === "suspended" ? button(machine, "Resume", "resume") : button(machine, "Suspend", "suspend"),
-      button(machine, "Terminate", "terminate"),
-    ];
-    const row = machine => [
-      machine.name, machine.state, `${machine.threads}`,
-      machine.job === null ? "–" : element("a", { href: `#/job/${machine.job}` }, `${machine.job}`),
-      machine.agents.map(agent => `${agent.power.toFixed(3)} / ${agent.credit.toFixed(2)} s`).join(", ") || "–",
-      machine.reliability === null ? "–" : machine.reliability.toFixed(2), element("span", {}, orders(machine)),
-    ];
-    place.replaceChildren(machines.length
-      ? table(["Machine", "State", "Processors", "Job", "V_cp / credit", "Promises held", ""], machines.map(row))
-      : element("p", {}, "No machines yet: bottega join, with the line that bottega up printed"));
-  };
+  const count = element("p", { class: "quiet", role: "status" });
+  const text = element("input", { type: "search", placeholder: "Name or state …", ariaLabel: "Filter machines", oninput: () => show() });
+  let machines = [];
+  const table = new VirtualTable({ label: "Machines", columns: columns(shell, () => look()), key: machine => machine.name, rowHeight: 44 });
+  table.element.classList.add("tall");
+  page.replaceChildren(element("h1", {}, "Machines"), element("div", { class: "row filter" }, text, count), table.element);
+
+  function show() {
+    const wanted = machines.filter(machine => `${machine.name} ${stateOf(machine)}`.toLowerCase().includes(text.value.toLowerCase()));
+    const threads = machines.reduce((all, machine) => all + machine.threads, 0);
+    setText(count, machines.length ? `${wanted.length} of ${counted(machines.length, "machine")}, ${counted(threads, "processor")}`
+      : "No machines yet: run bottega join on each, with the line that bottega up printed.");
+    table.set(wanted);
+  }
+
+  async function look() {
+    const found = await shell.poll(() => get("/machines"));
+    if (!found) return;
+    machines = found;
+    remember(machines);
+    show();
+  }
   look();
   const timer = setInterval(look, LOOK_EVERY);
-  return () => clearInterval(timer);
+  return () => {
+    clearInterval(timer);
+    table.close();
+  };
 }

@@ -31,6 +31,9 @@ const HEADERS: &[(&str, &str)] = &[
     ("cross-origin-opener-policy", "same-origin"),
 ];
 
+/// In answers of the API: what the token lets its client do, `see` or `steer`.
+const ROLE: HeaderName = HeaderName::from_static("bottega-role");
+
 /// Turns away what is not from this door's own pages or from a program, and marks what browsers may do with the answer.
 pub(crate) async fn guard(State(door): State<Arc<DoorState>>, request: Request, next: Next) -> Response {
     let mut response = match check_place(&door, request.headers()) {
@@ -99,7 +102,9 @@ pub(crate) async fn admit(
         return too_many();
     }
     request.extensions_mut().insert(role);
-    Ok(next.run(request).await)
+    let mut response = next.run(request).await;
+    response.headers_mut().insert(ROLE, HeaderValue::from_static(role.word()));
+    Ok(response)
 }
 
 /// Lets those pass who may steer.

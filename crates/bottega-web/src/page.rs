@@ -13,15 +13,31 @@ use serde::Deserialize;
 
 use crate::state::DoorState;
 
-/// The files below `/`, with what they are.
+/// The files below `/`, with their kinds.
 const FILES: &[(&str, &str, &str)] = &[
     ("/style.css", "text/css; charset=utf-8", include_str!("../assets/style.css")),
-    ("/app.js", JS, include_str!("../assets/app.js")),
+    ("/agents.js", JS, include_str!("../assets/agents.js")),
     ("/api.js", JS, include_str!("../assets/api.js")),
+    ("/app.js", JS, include_str!("../assets/app.js")),
+    ("/blackboard.js", JS, include_str!("../assets/blackboard.js")),
+    ("/blake3.js", JS, include_str!("../assets/blake3.js")),
+    ("/eta.js", JS, include_str!("../assets/eta.js")),
     ("/format.js", JS, include_str!("../assets/format.js")),
-    ("/jobs.js", JS, include_str!("../assets/jobs.js")),
+    ("/hash_worker.js", JS, include_str!("../assets/hash_worker.js")),
     ("/job.js", JS, include_str!("../assets/job.js")),
+    ("/job_controls.js", JS, include_str!("../assets/job_controls.js")),
+    ("/jobs.js", JS, include_str!("../assets/jobs.js")),
     ("/machines.js", JS, include_str!("../assets/machines.js")),
+    ("/scene_files.js", JS, include_str!("../assets/scene_files.js")),
+    ("/schema_form.js", JS, include_str!("../assets/schema_form.js")),
+    ("/schema_widgets.js", JS, include_str!("../assets/schema_widgets.js")),
+    ("/sparkline.js", JS, include_str!("../assets/sparkline.js")),
+    ("/submit.js", JS, include_str!("../assets/submit.js")),
+    ("/upload.js", JS, include_str!("../assets/upload.js")),
+    ("/view_box.js", JS, include_str!("../assets/view_box.js")),
+    ("/viewer.js", JS, include_str!("../assets/viewer.js")),
+    ("/virtual_table.js", JS, include_str!("../assets/virtual_table.js")),
+    ("/zones.js", JS, include_str!("../assets/zones.js")),
 ];
 const JS: &str = "text/javascript; charset=utf-8";
 
@@ -52,4 +68,18 @@ async fn arrive(State(door): State<Arc<DoorState>>, Query(Arrival { token }): Qu
 
 fn file(kind: &'static str, text: &'static str) -> Response {
     ([(header::CONTENT_TYPE, kind), (header::CACHE_CONTROL, "no-cache")], text).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_file_of_the_page_is_served() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+        let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut unserved: Vec<String> = names.filter(|name| !FILES.iter().any(|(path, ..)| path[1..] == **name)).collect();
+        unserved.retain(|name| name != "index.html");
+        assert!(unserved.is_empty(), "{unserved:?} are in assets and not in FILES");
+    }
 }

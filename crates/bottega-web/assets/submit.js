@@ -1,0 +1,201 @@
+// A new picture: the files of its scene, and the form that a request is made from.
+
+import { ask, get } from "./api.js";
+import { button, bytes, element, fileName, setText, words } from "./format.js";
+import { chosenFiles, droppedFiles, lightOf, scenesOf } from "./scene_files.js";
+import { fieldNamed, formOf, requestOf } from "./schema_form.js";
+import { widget, WrongValue } from "./schema_widgets.js";
+import { persist, sendFile } from "./upload.js";
+
+export function showSubmit(page, shell, ofJob) {
+  const view = new SubmitPage(page, shell, ofJob);
+  view.open();
+  return () => { view.isClosed = true; };
+}
+
+/** A request whose picture is called as its scene, where it has no name. */
+export function named(request) {
+  const scene = request.scene?.file;
+  if (!scene || request.output?.file) return request;
+  return { ...request, output: { ...request.output, file: `${fileName(scene).replace(/\.[^.]*$/, "")}.exr` } };
+}
+
+class SubmitPage {
+  isClosed = false;
+  #files = new Map();
+  #sceneOfJob = null;
+  #widgets = [];
+  #isBusy = false;
+
+  constructor(page, shell, ofJob) {
+    Object.assign(this, { shell, ofJob });
+    this.list = element("ul", { class: "files" });
+    this.scene = element("select", { onchange: () => this.#changed() });
+    this.sceneRow = element("p", { hidden: true }, element("label", {}, "Scene ", this.scene));
+    this.fields = element("div", {}, element("p", { class: "quiet" }, "Loading the form …"));
+    this.json = element("pre", { tabIndex: 0, "aria-label": "The request as JSON" });
+    this.send = element("button", { type: "submit", class: "primary" }, "Paint it");
+    this.status = element("p", { role: "status", class: "quiet" });
+    this.bar = element("progress", { max: 1, value: 0, hidden: true, ariaLabel: "Sending" });
+    this.form = element("form", { class: "submit", noValidate: true, onsubmit: event => { event.preventDefault(); this.#submit(); } },
+      this.#sceneSection(), this.fields,
+      element("details", {}, element("summary", {}, "The request as JSON"), this.json),
+      element("div", { class: "row send" }, this.send, this.bar, this.status));
+    page.replaceChildren(element("h1", {}, "New picture"), this.form);
+  }
+
+  async open() {
+    const schema = await this.shell.poll(() => get("/schema/request"));
+    if (!schema) {
+      if (!this.isClosed) setTimeout(() => !this.isClosed && this.open(), 2000);
+      return;
+    }
+    const { main, sections } = formOf(schema);
+    const make = field => {
+      const made = widget(field, () => this.#changed());
+      this.#widgets.push(made);
+      return made.element;
+    };
+    this.fields.replaceChildren(
+      element("fieldset", {}, element("legend", {}, "Picture"), element("div", { class: "fields" }, main.map(make))),
+      element("h2", {}, "More"),
+      ...sections.map(({ name, description, fields }) => element("details", {},
+        element("summary", {}, words(name), description ? element("span", { class: "quiet" }, ` ${description.split("\n")[0]}`) : null),
+        element("div", { class: "fields" }, fields.map(make)))));
+    if (this.ofJob) await this.#takeJob();
+    this.#changed();
+  }
+
+  #sceneSection() {
+    if (this.ofJob) return element("fieldset", {}, element("legend", {}, "Scene"), this.sceneNote = element("p", {}, `The scene of job ${this.ofJob}.`));
+    const taken = files => { this.#add(files); };
+    const chooser = (word, properties) => {
+      const input = element("input", { type: "file", multiple: true, class: "hidden-file", tabIndex: -1, ariaLabel: word, ...properties });
+      input.addEventListener("change", () => { taken(chosenFiles(input.files)); input.value = ""; });
+      return [input, button(word, () => input.click())];
+    };
+    const drop = element("div", { class: "drop" },
+      element("p", {}, "Drop a scene here: .glb, .gltf, .xml or .pbrt, with the files and folders that it refers to."),
+      element("p", { class: "row" }, chooser("Choose files …", {}), chooser("Choose a folder …", { webkitdirectory: true })));
+    const over = isOver => event => { event.preventDefault(); drop.classList.toggle("over", isOver); };
+    drop.addEventListener("dragover", over(true));
+    drop.addEventListener("dragleave", over(false));
+    drop.addEventListener("drop", async event => {
+      over(false)(event);
+      const files = await this.shell.attempt(() => droppedFiles(event.dataTransfer));
+      if (files) taken(files);
+    });
+    return element("fieldset", {}, element("legend", {}, "Scene"), drop, this.list, this.sceneRow);
+  }
+
+  async #takeJob() {
+    const job = await this.shell.attempt(() => get(`/jobs/${this.ofJob}`));
+    if (!job) return;
+    this.#sceneOfJob = job.scene;
+    setText(this.sceneNote, `${job.scene}, the scene of job ${this.ofJob}. Its files are in the farm.`);
+  }
+
+  #add(files) {
+    for (const [name, file] of files) this.#files.set(name, file);
+    this.#showFiles();
+    const light = lightOf([...this.#files.keys()], this.scene.value);
+    const ofLight = this.#widgets.find(it => it.field.path === "environment.light");
+    if (light && ofLight && !ofLight.input.value) ofLight.write({ file: light });
+    this.#changed();
+  }
+
+  #showFiles() {
+    const names = [...this.#files.keys()];
+    const scenes = scenesOf(names);
+    const before = this.scene.value;
+    this.scene.replaceChildren(...scenes.map(name => element("option", {}, name)));
+    if (scenes.includes(before)) this.scene.value = before;
+    this.sceneRow.hidden = scenes.length < 2;
+    const line = name => element("li", {}, element("span", {}, name), element("span", { class: "quiet" }, ` ${bytes(this.#files.get(name).size)} `),
+      button("×", () => { this.#files.delete(name); this.#showFiles(); this.#changed(); }, { ariaLabel: `Leave ${name} out`, class: "small" }));
+    this.list.replaceChildren(...names.map(line));
+    this.shell.tellProblem(names.length && !scenes.length ? "None of these files is a scene: .glb, .gltf, .xml or .pbrt." : null);
+  }
+
+  /** What the form says. Null: something in it is wrong, and is marked. */
+  #request() {
+    const values = [["scene.file", this.#sceneOfJob ?? (this.scene.value || undefined)]];
+    let isRight = true;
+    for (const { field, read, tell } of this.#widgets) {
+      try {
+        values.push([field.path, read()]);
+        tell(null);
+      } catch (error) {
+        if (!(error instanceof WrongValue)) throw error;
+        tell(error.message);
+        isRight = false;
+      }
+    }
+    return isRight ? named(requestOf(values)) : null;
+  }
+
+  #changed() {
+    const request = this.#request();
+    setText(this.json, request ? JSON.stringify(request, null, 2) : "Some field is wrong.");
+  }
+
+  async #submit() {
+    if (this.#isBusy) return;
+    const request = this.#request();
+    if (!request) return this.#showWrong();
+    if (!request.scene?.file) return this.shell.tellProblem("Choose a scene first.");
+    this.#isBusy = true;
+    this.send.disabled = true;
+    try {
+      const job = await this.shell.attempt(() => this.#send(request));
+      if (job && !this.isClosed) location.hash = `#/job/${job.job}`;
+    } finally {
+      this.#isBusy = false;
+      this.send.disabled = false;
+      this.bar.hidden = true;
+      setText(this.status, "");
+    }
+    return undefined;
+  }
+
+  async #send(request) {
+    const asked = { request };
+    if (this.ofJob) asked.files_of_job = this.ofJob;
+    else asked.files = await this.#upload();
+    setText(this.status, "The farm reads the scene …");
+    try {
+      return await persist(() => ask("POST", "/jobs", asked));
+    } catch (error) {
+      this.#blame(error);
+      throw error;
+    }
+  }
+
+  async #upload() {
+    const files = {};
+    const names = [...this.#files.keys()];
+    this.bar.hidden = false;
+    for (const [i, name] of names.entries()) {
+      files[name] = await sendFile(name, this.#files.get(name), (step, share) => {
+        this.bar.value = share;
+        setText(this.status, `${name} (${i + 1} of ${names.length}): ${step}, ${Math.round(100 * share)} %`);
+      });
+    }
+    return files;
+  }
+
+  /** Shows which field the farm refuses. */
+  #blame(error) {
+    const path = fieldNamed(error.detail ?? "", this.#widgets.map(it => it.field.path));
+    const wrong = this.#widgets.find(it => it.field.path === path);
+    if (!wrong) return;
+    wrong.tell(error.message);
+    this.#showWrong();
+  }
+
+  #showWrong() {
+    const wrong = this.form.querySelector("[aria-invalid]");
+    wrong?.closest("details")?.setAttribute("open", "");
+    wrong?.focus();
+  }
+}

@@ -1,0 +1,287 @@
+// The picture of a job in a window: zoom, exposure, zones and importance over it.
+
+import { button, element, setText, time } from "./format.js";
+import { fit, keepInside, toPicture, zoomAt } from "./view_box.js";
+import { bounds, COLORINGS, isWorking, stateWord, summarize, zoneAt } from "./zones.js";
+
+const ZOOM_STEP = 1.25;
+const PAN_STEP = 40;
+const TAP_DISTANCE = 6;
+/** Zones that are smaller on the screen have no text. */
+const [LABEL_WIDTH, LABEL_HEIGHT] = [92, 34];
+
+/** A window with a picture. `onPick` is called with the zone that was clicked, or null. */
+export class Viewer {
+  #zones = [];
+  #summary = summarize([]);
+  #frame = [0, 0, 1, 1];
+  #view = null;
+  #isFitted = true;
+  #selected = null;
+  #pointers = new Map();
+  #isDrawing = false;
+
+  constructor({ label, onPick }) {
+    this.onPick = onPick;
+    this.picture = element("img", { class: "picture", alt: label, draggable: false });
+    this.importance = element("img", { class: "importance", alt: "", hidden: true, draggable: false });
+    this.canvas = element("canvas", { class: "zones", "aria-hidden": "true" });
+    this.tip = element("div", { class: "tip", hidden: true });
+    this.empty = element("p", { class: "empty" }, "Nothing is painted yet.");
+    const help = "Plus and minus zoom, 0 shows the whole picture, arrow keys move it";
+    this.stage = element("div", { class: "stage", tabIndex: 0, role: "group", "aria-label": `${label}. ${help}`, title: "" },
+      this.picture, this.importance, this.canvas, this.tip, this.empty);
+    this.element = element("div", { class: "viewer" }, this.stage, this.#toolbar());
+    this.#listen();
+    this.observer = new ResizeObserver(() => this.#resize());
+    this.observer.observe(this.stage);
+  }
+
+  /** Takes all zones anew. */
+  setZones(zones) {
+    this.#zones = zones;
+    this.#summary = summarize(zones);
+    const frame = bounds(zones);
+    this.empty.hidden = this.empty.hidden || zones.length > 0;
+    if (frame && frame.join() !== this.#frame.join()) this.#setFrame(frame);
+    this.draw();
+  }
+
+  /** The hues of the agents, as zones have them. */
+  get hues() { return this.#summary.hues; }
+
+  /** Shows another state of the picture. */
+  async show(blob) {
+    const before = this.picture.src;
+    this.picture.src = URL.createObjectURL(blob);
+    await this.picture.decode().catch(() => {});
+    if (before) URL.revokeObjectURL(before);
+    this.empty.hidden = true;
+    const { naturalWidth: width, naturalHeight: height } = this.picture;
+    if (!this.#zones.length && width) this.#setFrame([0, 0, width, height]);
+    this.draw();
+  }
+
+  /** Shows the importance map over the picture; null: no more. */
+  showImportance(blob) {
+    if (this.importance.src) URL.revokeObjectURL(this.importance.src);
+    this.importance.hidden = blob === null;
+    if (blob) this.importance.src = URL.createObjectURL(blob);
+    else this.importance.removeAttribute("src");
+    this.draw();
+  }
+
+  select(zone) {
+    this.#selected = zone?.id ?? null;
+    this.draw();
+  }
+
+  close() {
+    this.observer.disconnect();
+    for (const image of [this.picture, this.importance]) if (image.src) URL.revokeObjectURL(image.src);
+  }
+
+  draw() {
+    if (this.#isDrawing) return;
+    this.#isDrawing = true;
+    requestAnimationFrame(() => {
+      this.#isDrawing = false;
+      this.#drawNow();
+    });
+  }
+
+  #toolbar() {
+    this.scale = element("output", { class: "scale", "aria-label": "Zoom" });
+    this.showZones = element("input", { type: "checkbox", checked: true, onchange: () => this.draw() });
+    this.coloring = element("select", { onchange: () => this.draw() },
+      Object.entries(COLORINGS).map(([value, { name }]) => element("option", { value }, name)));
+    this.exposure = element("input", { type: "range", min: -5, max: 5, step: 0.25, value: 0, oninput: () => this.#expose() });
+    this.stops = element("output", { class: "stops" }, "0");
+    this.extras = element("span", { class: "extras" });
+    const exposureHelp = "Brightens the shown picture, in stops. What the preview has cut off stays cut off; the file is not changed";
+    return element("div", { class: "toolbar" },
+      element("span", { class: "group" },
+        button("−", () => this.#zoom(1 / ZOOM_STEP), { title: "Zoom out", ariaLabel: "Zoom out" }), this.scale,
+        button("+", () => this.#zoom(ZOOM_STEP), { title: "Zoom in", ariaLabel: "Zoom in" }),
+        button("Fit", () => this.#fit(), { title: "Show the whole picture" }),
+        button("1:1", () => this.#zoom(1 / this.#view.scale), { title: "One pixel of the picture for each of the screen" })),
+      element("label", { title: exposureHelp }, "Exposure ", this.exposure, this.stops),
+      element("label", {}, this.showZones, " Zones"),
+      element("label", {}, "Color by ", this.coloring),
+      this.extras);
+  }
+
+  #expose() {
+    const stops = Number(this.exposure.value);
+    setText(this.stops, stops > 0 ? `+${stops}` : `${stops}`);
+    for (const part of document.querySelectorAll("#exposure [slope]")) part.setAttribute("slope", 2 ** stops);
+    this.picture.style.filter = stops ? "url(#exposure)" : "";
+  }
+
+  get #size() { return { width: this.stage.clientWidth, height: this.stage.clientHeight }; }
+
+  get #pictureSize() {
+    const [x0, y0, x1, y1] = this.#frame;
+    return { width: x1 - x0, height: y1 - y0 };
+  }
+
+  #setFrame(frame) {
+    this.#frame = frame;
+    const { width, height } = this.#pictureSize;
+    this.stage.style.aspectRatio = `${width} / ${height}`;
+    this.#fit();
+  }
+
+  #fit() {
+    this.#isFitted = true;
+    this.#view = fit(this.#pictureSize, this.#size);
+    this.draw();
+  }
+
+  #resize() {
+    const { width, height } = this.#size;
+    const ratio = devicePixelRatio;
+    [this.canvas.width, this.canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (this.#isFitted || !this.#view) this.#fit();
+    else this.#drawNow();
+  }
+
+  #zoom(factor, point = { x: this.#size.width / 2, y: this.#size.height / 2 }) {
+    const least = fit(this.#pictureSize, this.#size).scale;
+    this.#view = keepInside(zoomAt(this.#view, factor, point, least), this.#pictureSize, this.#size);
+    this.#isFitted = false;
+    this.draw();
+  }
+
+  #pan(x, y) {
+    this.#view = keepInside({ ...this.#view, x: this.#view.x + x, y: this.#view.y + y }, this.#pictureSize, this.#size);
+    this.#isFitted = false;
+    this.draw();
+  }
+
+  #place(event) {
+    const { left, top } = this.stage.getBoundingClientRect();
+    return { x: event.clientX - left - this.stage.clientLeft, y: event.clientY - top - this.stage.clientTop };
+  }
+
+  #zoneUnder(point) {
+    const { x, y } = toPicture(this.#view, point);
+    return zoneAt(this.#zones, x + this.#frame[0], y + this.#frame[1]);
+  }
+
+  #listen() {
+    const { stage } = this;
+    stage.addEventListener("wheel", event => {
+      event.preventDefault();
+      this.#zoom(ZOOM_STEP ** (-event.deltaY / 100), this.#place(event));
+    }, { passive: false });
+    stage.addEventListener("pointerdown", event => {
+      stage.setPointerCapture(event.pointerId);
+      this.#pointers.set(event.pointerId, { ...this.#place(event), moved: 0 });
+    });
+    stage.addEventListener("pointermove", event => this.#move(event));
+    stage.addEventListener("pointerup", event => {
+      const pointer = this.#pointers.get(event.pointerId);
+      this.#pointers.delete(event.pointerId);
+      if (pointer && pointer.moved < TAP_DISTANCE && this.showZones.checked) this.onPick(this.#zoneUnder(this.#place(event)));
+    });
+    stage.addEventListener("pointercancel", event => this.#pointers.delete(event.pointerId));
+    stage.addEventListener("pointerleave", () => { this.tip.hidden = true; });
+    stage.addEventListener("keydown", event => {
+      const does = {
+        "+": () => this.#zoom(ZOOM_STEP), "=": () => this.#zoom(ZOOM_STEP), "-": () => this.#zoom(1 / ZOOM_STEP), 0: () => this.#fit(),
+        ArrowLeft: () => this.#pan(PAN_STEP, 0), ArrowRight: () => this.#pan(-PAN_STEP, 0),
+        ArrowUp: () => this.#pan(0, PAN_STEP), ArrowDown: () => this.#pan(0, -PAN_STEP),
+      }[event.key];
+      if (!does || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      does();
+    });
+  }
+
+  #move(event) {
+    const point = this.#place(event);
+    const pointer = this.#pointers.get(event.pointerId);
+    if (!pointer) return this.#hover(point);
+    const other = [...this.#pointers].find(([id]) => id !== event.pointerId)?.[1];
+    if (other) {
+      // Two fingers: what lies between them stays between them.
+      const distance = from => Math.hypot(from.x - other.x, from.y - other.y);
+      this.#zoom(distance(point) / Math.max(1, distance(pointer)), { x: (point.x + other.x) / 2, y: (point.y + other.y) / 2 });
+    } else if (!this.#isFitted) {
+      this.#pan(point.x - pointer.x, point.y - pointer.y);
+    }
+    pointer.moved += Math.hypot(point.x - pointer.x, point.y - pointer.y);
+    [pointer.x, pointer.y] = [point.x, point.y];
+    return undefined;
+  }
+
+  #hover(point) {
+    const zone = this.showZones.checked && this.#view ? this.#zoneUnder(point) : null;
+    this.tip.hidden = !zone;
+    if (!zone) return;
+    setText(this.tip, `Zone ${zone.id}, ${stateWord(zone.state)}${zone.agent ? `, ${zone.agent}` : ""}\n` +
+      `expected ${time(zone.seconds_estimated)}, took ${time(zone.seconds_measured)}`);
+    const isRight = point.x > this.#size.width / 2;
+    this.tip.style.left = isRight ? "auto" : `${point.x + 14}px`;
+    this.tip.style.right = isRight ? `${this.#size.width - point.x + 14}px` : "auto";
+    this.tip.style.top = `${Math.min(point.y + 14, Math.max(0, this.#size.height - 60))}px`;
+  }
+
+  #drawNow() {
+    if (!this.#view) return;
+    const { scale, x, y } = this.#view;
+    const { width, height } = this.#pictureSize;
+    for (const image of [this.picture, this.importance]) {
+      image.style.width = `${width * scale}px`;
+      image.style.height = `${height * scale}px`;
+      image.style.transform = `translate(${x}px, ${y}px)`;
+      image.classList.toggle("pixels", scale * devicePixelRatio >= 3);
+    }
+    this.stage.classList.toggle("moves", !this.#isFitted);
+    setText(this.scale, `${Math.round(100 * scale)} %`);
+    this.#drawZones();
+  }
+
+  #drawZones() {
+    const { canvas } = this;
+    const pen = canvas.getContext("2d");
+    const ratio = devicePixelRatio;
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.clearRect(0, 0, canvas.width, canvas.height);
+    if (!this.showZones.checked) return;
+    pen.scale(ratio, ratio);
+    const window = this.#size;
+    const { scale, x, y } = this.#view;
+    const hueOf = COLORINGS[this.coloring.value].of;
+    for (const zone of this.#zones) {
+      const left = (zone.rect[0] - this.#frame[0]) * scale + x;
+      const top = (zone.rect[1] - this.#frame[1]) * scale + y;
+      const [width, height] = [(zone.rect[2] - zone.rect[0]) * scale, (zone.rect[3] - zone.rect[1]) * scale];
+      if (left > window.width || top > window.height || left + width < 0 || top + height < 0) continue;
+      drawZone(pen, { zone, left, top, width, height, hue: hueOf(zone, this.#summary), isSelected: zone.id === this.#selected });
+    }
+  }
+}
+
+function drawZone(pen, { zone, left, top, width, height, hue, isSelected }) {
+  const busy = isWorking(zone);
+  const color = alpha => (hue === null ? `hsla(0, 0%, 70%, ${alpha})` : `hsla(${hue}, 85%, 60%, ${alpha})`);
+  pen.fillStyle = color(zone.state === "done" ? 0.12 : busy ? 0.34 : 0.1);
+  pen.fillRect(left, top, width, height);
+  const edge = isSelected ? 3 : busy ? 2 : 1;
+  pen.lineWidth = edge;
+  pen.strokeStyle = isSelected ? "#fff" : color(busy ? 1 : 0.75);
+  if (width > 2 * edge && height > 2 * edge) pen.strokeRect(left + edge / 2, top + edge / 2, width - edge, height - edge);
+  if (width < LABEL_WIDTH || height < LABEL_HEIGHT) return;
+  pen.font = "11px system-ui, sans-serif";
+  pen.lineWidth = 2;
+  pen.strokeStyle = "rgba(0, 0, 0, 0.7)";
+  pen.fillStyle = "#fff";
+  const times = zone.seconds_measured === undefined ? time(zone.seconds_estimated)
+    : `${time(zone.seconds_measured)} of ${time(zone.seconds_estimated)}`;
+  for (const [i, text] of [stateWord(zone.state), times].entries()) {
+    pen.strokeText(text, left + 6, top + 15 + 13 * i, width - 10);
+    pen.fillText(text, left + 6, top + 15 + 13 * i, width - 10);
+  }
+}

@@ -1,0 +1,46 @@
+// Chromium, driven by Playwright; and axe-core, which looks for what keeps people out.
+
+import { existsSync, mkdirSync, readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+import { fileURLToPath } from "node:url";
+
+const ROOT = fileURLToPath(new URL("../../../../", import.meta.url));
+const require = createRequire(join(ROOT, "target/node/"));
+const CHROMIUMS = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
+const PICTURES = join(ROOT, "target/pictures");
+
+/** Starts the browser: `BOTTEGA_CHROMIUM` names another one. */
+export async function launch() {
+  const { chromium } = require("playwright-core");
+  const executablePath = process.env.BOTTEGA_CHROMIUM ?? CHROMIUMS.find(existsSync);
+  // Without the sandbox it also runs as root, in a container.
+  return chromium.launch({ executablePath, args: ["--no-sandbox"] });
+}
+
+/** A page that remembers what went wrong in it, in `page.problems`. */
+export async function openPage(browser, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1400, height: 900 }, ...options });
+  const page = await context.newPage();
+  page.problems = [];
+  page.on("pageerror", error => page.problems.push(error.message));
+  page.on("console", message => {
+    if (message.type() === "error" || message.type() === "warning") page.problems.push(message.text());
+  });
+  return page;
+}
+
+/** Keeps a picture of a page in `target/pictures`. */
+export async function keep(page, name) {
+  mkdirSync(PICTURES, { recursive: true });
+  await page.screenshot({ path: join(PICTURES, `page-${name}.png`), fullPage: true });
+}
+
+/** What axe-core finds that is serious or critical, as texts. */
+export async function barriers(page) {
+  // The page's rules allow no foreign script in it; the debugger may.
+  await page.evaluate(readFileSync(require.resolve("axe-core/axe.min.js"), "utf8"));
+  const { violations } = await page.evaluate(() => globalThis.axe.run(document, { resultTypes: ["violations"] }));
+  const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
+  return serious.map(({ id, nodes }) => `${id}: ${nodes.map(node => `${node.html} ${node.failureSummary}`).join("; ")}`);
+}

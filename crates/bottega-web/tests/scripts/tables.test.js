@@ -1,0 +1,66 @@
+// Rows of tables: which are seen, and in which order; which jobs are looked for.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { agentRows, auctionLine } from "../../assets/agents.js";
+import { zoneFields } from "../../assets/blackboard.js";
+import { isWanted } from "../../assets/jobs.js";
+import { powerOf, stateOf } from "../../assets/machines.js";
+import { points } from "../../assets/sparkline.js";
+import { sorted, visibleRange } from "../../assets/virtual_table.js";
+
+test("of ten thousand rows those are made that are seen, and a few more", () => {
+  assert.deepEqual(visibleRange(0, 320, 32, 10_000, 6), [0, 16]);
+  assert.deepEqual(visibleRange(32_000, 320, 32, 10_000, 6), [994, 1016]);
+  assert.deepEqual(visibleRange(1e9, 320, 32, 10_000, 6), [9994, 10_000]);
+  assert.deepEqual(visibleRange(0, 320, 32, 0, 6), [0, 0]);
+});
+
+test("rows without a value come last in both directions", () => {
+  const rows = [{ id: 1, value: 3 }, { id: 2 }, { id: 3, value: 1 }, { id: 4, value: 3 }];
+  const ids = isDescending => sorted(rows, row => row.value, row => row.id, isDescending).map(row => row.id);
+  assert.deepEqual(ids(false), [3, 1, 4, 2]);
+  assert.deepEqual(ids(true), [1, 4, 3, 2]);
+});
+
+test("jobs are found by words of any of their names", () => {
+  const job = { job: 12, scene: "goblets.glb", output: "night.exr", from: "web-anna", leader: null, state: "active" };
+  assert.ok(isWanted(job, "", ""));
+  assert.ok(isWanted(job, "GOB anna", "active"));
+  assert.ok(!isWanted(job, "gob berta", ""));
+  assert.ok(!isWanted(job, "gob", "done"));
+});
+
+test("the speeds of a machine's agents add up", () => {
+  assert.equal(powerOf({ agents: [{ power: 1 }, { power: 1 }] }), 0.5);
+  assert.equal(powerOf({ agents: [] }), null);
+});
+
+test("a machine that is told something says so until it has done it", () => {
+  assert.equal(stateOf({ state: "active", ordered: "suspended", job: 1 }), "active, to be suspended");
+  assert.equal(stateOf({ state: "suspended", ordered: "suspended", job: null }), "suspended");
+  assert.equal(stateOf({ state: "active", ordered: "active", job: null }), "idle");
+});
+
+test("a line goes from the left to the right, high values up", () => {
+  assert.equal(points([1]), "");
+  assert.equal(points([0, 1]), "0.0,19.0 80.0,1.0");
+  assert.equal(points([5, 5]), "0.0,10.0 80.0,10.0");
+});
+
+test("a zone tells what it is painted with, and whose rules decided", () => {
+  const zone = {
+    id: 1, work: 7, rect: [0, 0, 8, 8], size: 64, complexity: 2, state: "done", attempt: 0, samples: 16,
+    choice: { max_depth: 4, light_samples: 1, samples: 16, bands: [0, 1, 2, 3] }, reasons: "path_tracing: 12 0.83",
+  };
+  const fields = new Map(zoneFields(zone).map(([name, value]) => [name, value]));
+  assert.equal(fields.get("Rules"), "path_tracing: 12 0.83");
+  assert.equal(fields.get("Bands"), "0, 1, 2, 3");
+  assert.ok(!fields.has("Error") && !fields.has("Agent"), "what is not known is not told");
+});
+
+test("agents are told with their work and their color", () => {
+  const rows = agentRows([{ agent: "a" }, { agent: "b" }], new Map([["a", 30]]), new Map([["a", { done: 2, working: 1 }]]));
+  assert.deepEqual(rows, [{ done: 2, working: 1, agent: "a", hue: 30 }, { done: 0, working: 0, agent: "b", hue: undefined }]);
+  assert.match(auctionLine({ rounds: 3, contested: 2, credit_decided: 1, bids: 9, awards: 4 }), /3 rounds, 2 with several bidders/);
+});
