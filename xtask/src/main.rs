@@ -18,6 +18,7 @@ mod maps;
 #[cfg(test)]
 mod modules;
 mod needs;
+mod node;
 mod python;
 mod suite;
 mod symbols;
@@ -34,7 +35,8 @@ enum Command {
     /// All that continuous integration runs: format, lints, documentation, dependencies (cargo deny), then `test`.
     Ci,
     /// Every test, with a summary of what failed and what was skipped. Says first what it installs: packages of the system
-    /// (Mesa's software Vulkan, `xmllint`, a NATS server, POV-Ray, Python), and pinned Python packages below `target/python`.
+    /// (Mesa's software Vulkan, `xmllint`, a NATS server, POV-Ray, Python, Chromium), pinned Python packages below `target/python`, and what drives the browser below
+    /// `target/node`.
     Test,
     /// The README's two commands on a fresh machine: a bare Debian with Rust alone, made by mmdebstrap. Only as root.
     Fresh(fresh::FreshArgs),

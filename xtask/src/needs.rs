@@ -10,6 +10,7 @@ use std::{
 
 use crate::{
     bars::root,
+    node,
     python::{self, Requirements},
 };
 
@@ -43,6 +44,12 @@ const SYSTEM_PACKAGES: &[SystemPackages] = &[
         tests: "workers of engines",
         are_installed: || answers("python3", &["-c", "import venv, ensurepip"]),
     },
+    SystemPackages {
+        names: &["nodejs", "npm"],
+        tests: "scripts of the page",
+        are_installed: || answers("node", &["--version"]) && answers("npm", &["--version"]),
+    },
+    SystemPackages { names: &["chromium"], tests: "the page in a browser", are_installed: has_chromium },
 ];
 
 /// Installs what the tests lack, after it said what that is. What cannot be installed is said, too, and the tests that need
@@ -54,7 +61,8 @@ pub(crate) fn install(large: bool) {
     let lists = [python::TESTS, python::LARGE_ENGINES];
     let lacking_lists: Vec<_> =
         lists.into_iter().take(if large { 2 } else { 1 }).filter(|list| !list.are_installed()).collect();
-    announce(&lacking, &lacking_lists);
+    let lacks_browser_driver = !node::are_installed();
+    announce(&lacking, &lacking_lists, lacks_browser_driver);
     if !lacking.is_empty() && !run("apt-get", &["update"]) {
         println!("cannot update the lists of packages (no apt-get, or not root)");
     }
@@ -71,11 +79,14 @@ pub(crate) fn install(large: bool) {
             println!("cannot install {} into target/python: tests of these are skipped", list.packages().join(" "));
         }
     }
+    if lacks_browser_driver && !node::install() {
+        println!("cannot install {} into target/node: tests of the page in a browser are skipped", node::PACKAGES);
+    }
 }
 
 /// Says what is about to be installed.
-fn announce(packages: &[&SystemPackages], lists: &[Requirements]) {
-    if packages.is_empty() && lists.is_empty() {
+fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_driver: bool) {
+    if packages.is_empty() && lists.is_empty() && !lacks_browser_driver {
         println!("All that the tests need is installed.");
         return;
     }
@@ -85,6 +96,9 @@ fn announce(packages: &[&SystemPackages], lists: &[Requirements]) {
     }
     for list in lists {
         println!("  pip      {} (into target/python)", list.packages().join(" "));
+    }
+    if lacks_browser_driver {
+        println!("  npm      {} (into target/node)", node::PACKAGES);
     }
 }
 
@@ -97,6 +111,10 @@ fn has_vulkan_driver() -> bool {
     ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"]
         .iter()
         .any(|folder| Path::new(folder).read_dir().is_ok_and(|mut entries| entries.any(|entry| entry.is_ok())))
+}
+
+fn has_chromium() -> bool {
+    ["chromium", "chromium-browser", "google-chrome"].iter().any(|program| answers(program, &["--version"]))
 }
 
 /// Debian and its kin keep the include files of POV-Ray in a package of their own.

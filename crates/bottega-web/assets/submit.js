@@ -70,7 +70,7 @@ class SubmitPage {
     if (this.ofJob) return element("fieldset", {}, element("legend", {}, "Scene"), this.sceneNote = element("p", {}, `The scene of job ${this.ofJob}.`));
     const taken = files => { this.#add(files); };
     const chooser = (word, properties) => {
-      const input = element("input", { type: "file", multiple: true, class: "hidden-file", tabIndex: -1, ariaLabel: word, ...properties });
+      const input = element("input", { type: "file", multiple: true, hidden: true, ...properties });
       input.addEventListener("change", () => { taken(chosenFiles(input.files)); input.value = ""; });
       return [input, button(word, () => input.click())];
     };

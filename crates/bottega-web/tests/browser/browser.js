@@ -1,19 +1,18 @@
 // Chromium, driven by Playwright; and axe-core, which looks for what keeps people out.
 
-import { existsSync, mkdirSync, readFileSync } from "node:fs";
+import { mkdirSync, readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const ROOT = fileURLToPath(new URL("../../../../", import.meta.url));
 const require = createRequire(join(ROOT, "target/node/"));
-const CHROMIUMS = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
 const PICTURES = join(ROOT, "target/pictures");
 
-/** Starts the browser: `BOTTEGA_CHROMIUM` names another one. */
+/** Starts the browser that `BOTTEGA_CHROMIUM` names. */
 export async function launch() {
   const { chromium } = require("playwright-core");
-  const executablePath = process.env.BOTTEGA_CHROMIUM ?? CHROMIUMS.find(existsSync);
+  const executablePath = process.env.BOTTEGA_CHROMIUM ?? "/usr/bin/chromium";
   // Without the sandbox it also runs as root, in a container.
   return chromium.launch({ executablePath, args: ["--no-sandbox"] });
 }
@@ -21,6 +20,7 @@ export async function launch() {
 /** A page that remembers what went wrong in it, in `page.problems`. */
 export async function openPage(browser, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1400, height: 900 }, ...options });
+  context.setDefaultTimeout(15_000);
   const page = await context.newPage();
   page.problems = [];
   page.on("pageerror", error => page.problems.push(error.message));

@@ -1,7 +1,7 @@
 // A real farm on this machine: `bottega up` and one worker.
 
 import { spawn } from "node:child_process";
-import { createWriteStream, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { closeSync, mkdirSync, mkdtempSync, openSync, readFileSync, rmSync } from "node:fs";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -68,10 +68,9 @@ export class TestFarm {
     mkdirSync(state, { recursive: true });
     const env = { ...process.env, XDG_STATE_HOME: state, XDG_CACHE_HOME: join(this.#folder, "cache") };
     delete env.BOTTEGA_FARM;
-    const child = spawn(process.env.BOTTEGA, words, { env, stdio: ["ignore", "pipe", "pipe"] });
-    const log = createWriteStream(this.#log(name));
-    child.stdout.pipe(log);
-    child.stderr.pipe(log);
+    const log = openSync(this.#log(name), "w");
+    const child = spawn(process.env.BOTTEGA, words, { env, stdio: ["ignore", log, log] });
+    closeSync(log);
     this.#processes.add(child);
     child.once("exit", () => this.#processes.delete(child));
     return child;

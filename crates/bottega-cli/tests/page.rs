@@ -1,0 +1,56 @@
+//! The page in a real browser, of a real farm: by the tests of `bottega-web/tests/browser`, which Node.js runs.
+//!
+//! They need a NATS server, Node.js, Chromium, and below `target/node` what drives it: `cargo xtask test` installs these. Without
+//! one the tests say that they are skipped. What the pages looked like lies in `target/pictures`.
+
+mod support;
+
+use std::{
+    env,
+    path::{Path, PathBuf},
+    process::Command,
+    sync::{Mutex, PoisonError},
+};
+
+/// Answers are timed by the clock: one browser at a time has the processors.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+#[test]
+fn an_artist_submits_a_job_watches_it_and_steers_the_farm() {
+    browse("page.test.js");
+}
+
+#[test]
+fn ten_thousand_zones_and_a_thousand_machines_are_answered_at_once() {
+    browse("crowd.test.js");
+}
+
+/// Runs tests in a browser, against the newest NATS server.
+fn browse(file: &str) {
+    let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(server) = support::servers().pop() else { return };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let lacking = |what: &str| eprintln!("SKIPPED: there is no {what}; `cargo xtask test` installs it");
+    let Some(node) = program(&["node"]) else { return lacking("Node.js") };
+    let named = env::var_os("BOTTEGA_CHROMIUM").map(PathBuf::from);
+    let Some(chromium) = named.or_else(|| program(&["chromium", "chromium-browser", "google-chrome"])) else {
+        return lacking("Chromium");
+    };
+    if !["playwright-core", "axe-core"].iter().all(|it| root.join("target/node/node_modules").join(it).is_dir()) {
+        return lacking("Playwright and axe-core below target/node");
+    }
+    let mut node = Command::new(node);
+    node.args(["--test", "--test-reporter=spec"]).arg(root.join("crates/bottega-web/tests/browser").join(file));
+    node.env("BOTTEGA", env!("CARGO_BIN_EXE_bottega")).env("BOTTEGA_NATS_SERVER", server);
+    let run = node.env("BOTTEGA_CHROMIUM", chromium).output().expect("Node.js starts");
+    let said = String::from_utf8_lossy(&run.stdout);
+    println!("{said}");
+    assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
+}
+
+/// The first of these programs that there is.
+fn program(names: &[&str]) -> Option<PathBuf> {
+    let places = env::var_os("PATH").unwrap_or_default();
+    let places: Vec<PathBuf> = env::split_paths(&places).collect();
+    names.iter().flat_map(|name| places.iter().map(move |folder| folder.join(name))).find(|path| path.is_file())
+}

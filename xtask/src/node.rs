@@ -1,0 +1,33 @@
+//! The packages that drive a browser in the tests of the page: below `target/node`, pinned by `crates/bottega-web/package.json`.
+
+use std::{fs, path::PathBuf};
+
+use crate::{bars::root, needs::run};
+
+/// What is installed, as it is announced.
+pub(crate) const PACKAGES: &str = "playwright-core axe-core";
+const PINNED: &str = include_str!("../../crates/bottega-web/package.json");
+
+/// Whether these packages, in these versions, are installed.
+pub(crate) fn are_installed() -> bool {
+    fs::read_to_string(stamp()).is_ok_and(|text| text == PINNED)
+}
+
+/// Installs the packages, none of which needs others. Whether it could.
+pub(crate) fn install() -> bool {
+    let folder = folder();
+    let place = folder.to_string_lossy().into_owned();
+    fs::create_dir_all(&folder).is_ok()
+        && fs::write(folder.join("package.json"), PINNED).is_ok()
+        && run("npm", &["install", "--prefix", &place, "--no-audit", "--no-fund", "--ignore-scripts"])
+        && fs::write(stamp(), PINNED).is_ok()
+}
+
+fn folder() -> PathBuf {
+    root().join("target/node")
+}
+
+/// A copy of what is pinned, kept once it is installed.
+fn stamp() -> PathBuf {
+    folder().join("installed.json")
+}
