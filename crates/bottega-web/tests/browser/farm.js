@@ -40,7 +40,7 @@ export class TestFarm {
 
   /** Starts `bottega up`; again after it was killed. */
   async startUp() {
-    const words = ["up", "--listen", `127.0.0.1:${this.port}`, "--hidden", "--web", `127.0.0.1:${this.web}`, "--fipa", "127.0.0.1:0"];
+    const words = ["up", "--listen", `127.0.0.1:${this.port}`, "--hidden", "--web", `127.0.0.1:${this.web}`, "--fipa", "127.0.0.1:0", "--store-size", "1"];
     if (process.env.BOTTEGA_NATS_SERVER) words.push("--server", process.env.BOTTEGA_NATS_SERVER);
     this.up = this.#run("up", words);
     const urls = () => readFileSync(this.#log("up"), "utf8").match(/https?:\/\/127\.0\.0\.1:\d+\/\?token=\w+/g);
