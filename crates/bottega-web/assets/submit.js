@@ -189,7 +189,7 @@ class SubmitPage {
     const path = fieldNamed(error.detail ?? "", this.#widgets.map(it => it.field.path));
     const wrong = this.#widgets.find(it => it.field.path === path);
     if (!wrong) return;
-    wrong.tell(error.message);
+    wrong.tell(error.detail);
     this.#showWrong();
   }
 

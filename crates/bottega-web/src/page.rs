@@ -78,7 +78,8 @@ mod tests {
     fn every_file_of_the_page_is_served() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
         let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
-        let mut unserved: Vec<String> = names.filter(|name| !FILES.iter().any(|(path, ..)| path[1..] == **name)).collect();
+        let mut unserved: Vec<String> =
+            names.filter(|name| !FILES.iter().any(|(path, ..)| path[1..] == **name)).collect();
         unserved.retain(|name| name != "index.html");
         assert!(unserved.is_empty(), "{unserved:?} are in assets and not in FILES");
     }
