@@ -10,7 +10,10 @@ use std::{
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 
-use crate::{bars::root, installer::run, needs::answers};
+use crate::{
+    bars::root,
+    needs::{answers, run},
+};
 
 /// What Rust itself needs of a system: a linker, the C library, and certificates to reach the registries.
 const RUST_NEEDS: &str = "ca-certificates,gcc,libc6-dev";

@@ -12,7 +12,6 @@ mod engines;
 mod farm;
 mod fresh;
 mod fuzzy_reference;
-mod installer;
 mod layers;
 mod leaks;
 mod maps;

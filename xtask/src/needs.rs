@@ -10,7 +10,6 @@ use std::{
 
 use crate::{
     bars::root,
-    installer::run,
     node,
     python::{self, Requirements},
 };
@@ -161,5 +160,12 @@ fn denoiser() -> Option<(&'static str, OsString)> {
 pub(crate) fn answers(program: &str, arguments: &[&str]) -> bool {
     let mut command = Command::new(program);
     command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}
+
+/// Runs a program that installs something; its errors are shown.
+pub(crate) fn run(program: &str, arguments: &[&str]) -> bool {
+    let mut command = Command::new(program);
+    command.args(arguments).env("DEBIAN_FRONTEND", "noninteractive").stdin(Stdio::null()).stdout(Stdio::null());
     command.status().is_ok_and(|status| status.success())
 }

@@ -1,8 +1,12 @@
 //! The packages that drive a browser in the tests of the page: below `target/node`, pinned by `crates/bottega-web/package.json`.
 
-use std::{fs, path::PathBuf};
+use std::{
+    fs,
+    path::PathBuf,
+    process::{Command, Stdio},
+};
 
-use crate::{bars::root, installer::run};
+use crate::bars::root;
 
 /// What is installed, as it is announced.
 pub(crate) const PACKAGES: &str = "playwright-core axe-core";
@@ -16,10 +20,12 @@ pub(crate) fn are_installed() -> bool {
 /// Installs the packages, none of which needs others. Whether it could.
 pub(crate) fn install() -> bool {
     let folder = folder();
-    let place = folder.to_string_lossy().into_owned();
+    let mut npm = Command::new("npm");
+    npm.args(["install", "--no-audit", "--no-fund", "--ignore-scripts", "--prefix"]).arg(&folder);
+    npm.stdin(Stdio::null()).stdout(Stdio::null());
     fs::create_dir_all(&folder).is_ok()
         && fs::write(folder.join("package.json"), PINNED).is_ok()
-        && run("npm", &["install", "--prefix", &place, "--no-audit", "--no-fund", "--ignore-scripts"])
+        && npm.status().is_ok_and(|status| status.success())
         && fs::write(stamp(), PINNED).is_ok()
 }
 

@@ -48,7 +48,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[pymethods]
 impl PySession {
     #[new]
-    #[pyo3(signature = (request, scene=None, *, live=false, resume=false, preview=None, record=None))]
+    #[pyo3(signature = (request, scene=None, *, live=false, resume=false, preview=None, record=None, timeline=None))]
     fn new(
         py: Python<'_>,
         request: &str,
@@ -57,12 +57,14 @@ impl PySession {
         resume: bool,
         preview: Option<&Bound<'_, PyAny>>,
         record: Option<&Bound<'_, PyAny>>,
+        timeline: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         refuse_forked()?;
         let request = request_of(request)?;
         let preview = preview.map(path_of).transpose()?;
         let record = record.map(path_of).transpose()?;
-        let options = SessionOptions { resume, preview, shows: live, record };
+        let timeline = timeline.map(path_of).transpose()?;
+        let options = SessionOptions { resume, preview, shows: live, record, timeline };
         let scene = scene.map(|scene| scene.get().finished()).transpose()?;
         let opened = Caller::new(py).wait_for(move |_, _| open(&request, scene, options))?.whole()?;
         let session = opened.map_err(|error| errors::raised(&error))?;

@@ -50,6 +50,7 @@ class Session:
     - `resume`: go on with what an earlier session has left beside `output`.
     - `preview`: a PNG file that shows the picture while it is painted.
     - `record`: a file for what each zone took, for `bottega simulate`.
+    - `timeline`: an SVG or JSON file for what processors and devices were at.
     """
 
     def __init__(
@@ -60,12 +61,13 @@ class Session:
         resume: bool = False,
         preview: str | os.PathLike[str] | None = None,
         record: str | os.PathLike[str] | None = None,
+        timeline: str | os.PathLike[str] | None = None,
         **fields: Unpack[Fields],
     ) -> None:
         self.request = request_of(scene, fields)
         """What is painted."""
         made = scene if isinstance(scene, Scene) else None
-        options = {"live": live, "resume": resume, "preview": preview, "record": record}
+        options = {"live": live, "resume": resume, "preview": preview, "record": record, "timeline": timeline}
         self._native = _native.Session(self.request.to_json(), made, **options)  # type: ignore[arg-type]
 
     def render(self, on_event: OnEvent | None = None, on_progress: OnProgress | None = None) -> Picture:
