@@ -298,6 +298,8 @@ class DeviceOptions(Section):
 
     exact: bool = False
     """Whether every pixel is the same to the last bit, whoever paints it: by processors alone."""
+    memory_mb: int | None = None
+    """Memory that scenes may take on each GPU, in MiB; none: nearly all that it has."""
     names: Sequence[str] = field(default_factory=lambda: ['auto'])
     """`auto` alone (the processors, and the best GPU if there is one), or `cpu` and parts of GPUs'
     names.
@@ -447,6 +449,11 @@ class IntegratorOptions(Section):
     method: IntegratorChoice | None = None
     """The method; none: the one that finds the light that the scene file's own integrator finds, or
     `path`.
+    """
+    wavefront: bool = False
+    """Whether rays are units of work of their own, which any device may follow, and shading is
+    another: the way of the HRA paper. Without it a unit is samples of a block of pixels. The
+    picture has the same bits.
     """
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
