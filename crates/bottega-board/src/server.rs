@@ -102,27 +102,27 @@ impl<'a> ServedClient<'a> {
         let hello = Frame::read(&mut self.reader, 256)?;
         if hello.kind != FrameKind::Hello || hello.bytes != self.options.build.as_bytes() {
             let refusal = format!("this board is of the build {}", self.options.build);
-            return self.answer(Frame::new(FrameKind::Refusal, 0, 0, refusal.into_bytes()));
+            return self.answer(&Frame::new(FrameKind::Refusal, 0, 0, refusal.into_bytes()));
         }
-        self.answer(Frame::new(FrameKind::Hello, self.options.memory, 0, hello.bytes))?;
+        self.answer(&Frame::new(FrameKind::Hello, self.options.memory, 0, hello.bytes))?;
         loop {
             let frame = Frame::read(&mut self.reader, BYTES_MAX)?;
             let answered = self.take(frame);
             if let Err(error) = answered {
-                let _ = self.answer(Frame::new(FrameKind::Refusal, 0, 0, error.to_string().into_bytes()));
+                let _ = self.answer(&Frame::new(FrameKind::Refusal, 0, 0, error.to_string().into_bytes()));
                 return Err(error);
             }
         }
     }
 
-    fn answer(&mut self, frame: Frame) -> Result<(), BoardError> {
+    fn answer(&mut self, frame: &Frame) -> Result<(), BoardError> {
         frame.write(&mut self.writer)
     }
 
     fn take(&mut self, frame: Frame) -> Result<(), BoardError> {
         let Frame { kind, number, scene, bytes } = frame;
         match kind {
-            FrameKind::Echo => self.answer(Frame::new(FrameKind::Echo, number, 0, bytes)),
+            FrameKind::Echo => self.answer(&Frame::new(FrameKind::Echo, number, 0, bytes)),
             FrameKind::Evict => {
                 self.scenes.remove(&number);
                 Ok(())
@@ -135,7 +135,7 @@ impl<'a> ServedClient<'a> {
                     FrameKind::Intersect => hits_to_bytes(&self.pool.install(|| intersect(accel, &rays))),
                     _ => flags_to_bytes(&self.pool.install(|| occluded(accel, &rays))),
                 };
-                self.answer(Frame::new(FrameKind::Answer, number, scene, answer))
+                self.answer(&Frame::new(FrameKind::Answer, number, scene, answer))
             }
             FrameKind::Hello | FrameKind::Answer | FrameKind::Refusal => {
                 Err(BoardError::Malformed("it is nothing that a board is told"))

@@ -44,7 +44,6 @@ fn browse(file: &str) {
     node.env("BOTTEGA", env!("CARGO_BIN_EXE_bottega")).env("BOTTEGA_NATS_SERVER", server);
     let run = node.env("BOTTEGA_CHROMIUM", chromium).output().expect("Node.js starts");
     let said = String::from_utf8_lossy(&run.stdout);
-    println!("{said}");
     assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
 }
 

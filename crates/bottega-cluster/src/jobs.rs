@@ -3,6 +3,8 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    thread,
+    time::{Duration, Instant},
 };
 
 use bottega::journal::{is_journal_of, journal_of};
@@ -20,6 +22,16 @@ use crate::{
 /// There is none of that number.
 pub fn known(board: &JobBoard, number: u32) -> Result<Job, Error> {
     board.get(number).ok_or_else(|| no_such(number))
+}
+
+/// Waits a moment until this process knows of a job that another link of it has asked for: what a farm notes takes its time to
+/// every link.
+pub fn wait_until_known(board: &JobBoard, number: u32) {
+    const MOMENT: Duration = Duration::from_secs(5);
+    let begun = Instant::now();
+    while board.get(number).is_none() && begun.elapsed() < MOMENT {
+        thread::sleep(Duration::from_millis(5));
+    }
 }
 
 /// Pauses, resumes or calls off; what is over stays as it is.

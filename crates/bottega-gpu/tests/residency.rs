@@ -189,9 +189,13 @@ fn a_device_whose_memory_is_short_of_what_was_promised_gives_the_work_back() {
     let lanes = lanes.chain([Lane::Windowed(Box::new(Boaster(gpu)) as _, window)]).collect();
     let hra = Hra::with_lanes(HraConfig::default(), lanes);
     let bench = Bench { hra, scenes, encoded: vec![encoded], device: ResourceId(1) };
-    assert_eq!(bench.paint(&a), 0);
-    let report = bench.hra.report();
-    assert!(report.incidents.iter().any(|it| it.fault == bottega_hra::Fault::OutOfMemory), "{:?}", report.incidents);
+    // The processor may be done with a small picture before the device asks for any of it.
+    let ran_out = || bench.hra.report().incidents.iter().any(|it| it.fault == bottega_hra::Fault::OutOfMemory);
+    let told = (0..200).any(|_| {
+        assert_eq!(bench.paint(&a), 0);
+        ran_out()
+    });
+    assert!(told, "{:?}", bench.hra.report().incidents);
 }
 
 /// Says that it has any amount of memory.

@@ -69,7 +69,9 @@ impl PyFarm {
         let asked = caller
             .wait_for(move |watcher, stop| client::submit(farm.as_ref(), &login, &request, watcher, stop))?
             .whole()?;
-        asked.map_err(|error| errors::raised_by_farm(&error))
+        let number = asked.map_err(|error| errors::raised_by_farm(&error))?;
+        py.detach(|| jobs::wait_until_known(&self.board, number));
+        Ok(number)
     }
 
     /// Asks for a picture and paints with the others. Returns the file that it is written to.
