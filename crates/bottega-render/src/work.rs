@@ -245,6 +245,16 @@ impl Work for RenderWork {
         }
     }
 
+    /// Rays have as many answers: who followed them may be another process, and what is missing would be black.
+    fn check(output: &RenderOutput, size: u64) -> Result<(), String> {
+        let count = match output {
+            RenderOutput::Hits(hits) => hits.len(),
+            RenderOutput::Occlusion(occluded) => occluded.len(),
+            _ => return Ok(()),
+        };
+        if count as u64 == size { Ok(()) } else { Err(format!("{count} answers to {size} rays")) }
+    }
+
     fn backup(&self) -> Option<Self> {
         // A wave is as much to copy as it is to shade.
         (!matches!(self, Self::Wave(_))).then(|| self.clone())
@@ -278,5 +288,18 @@ impl RayWork for RenderWork {
 impl fmt::Debug for RenderWork {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} × {}", self.primitive(), self.size())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_that_is_too_short_or_too_long_is_none() {
+        for (hits, right) in [(1, false), (2, true), (3, false)] {
+            assert_eq!(RenderWork::check(&RenderOutput::Hits(vec![Hit::NONE; hits]), 2).is_ok(), right, "{hits}");
+            assert_eq!(RenderWork::check(&RenderOutput::Occlusion(vec![true; hits]), 2).is_ok(), right, "{hits}");
+        }
     }
 }

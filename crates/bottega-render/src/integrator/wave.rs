@@ -160,6 +160,8 @@ impl Wave {
     /// Brings every path to the surface that its ray met. Those that were over end, or go on as a part that waited.
     #[inline(always)]
     fn meet<const AGENTS: bool>(&mut self, integrator: &PathIntegrator<'_>, hits: &[Hit]) {
+        // The allocator has checked that there are as many; less would be black, and nobody would know.
+        assert_eq!(hits.len(), self.rays.len(), "a hit for every ray");
         let mut hits = hits.iter();
         let (mut shadow_rays, mut deferred, mut lights) = (Vec::new(), Vec::new(), Vec::<DeferredLight>::new());
         let mut paths = Vec::with_capacity(self.paths.len());
