@@ -10,7 +10,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::presence::Standing;
+pub use crate::presence::PresenceState;
 use crate::{
     error::Error,
     job_board::{JobBoard, order_name},
@@ -25,7 +25,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MachineOrder {
     /// What it shall be.
-    pub standing: Standing,
+    pub standing: PresenceState,
     /// Who says so, for people.
     pub by: String,
 }

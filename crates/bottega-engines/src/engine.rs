@@ -25,9 +25,9 @@ pub struct Tunables {
 /// Which of several engines suits a zone better, from −1 (the first) to 1 (the last); 0 is no difference. It decides who paints
 /// a zone, and nothing of how.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Leaning(f32);
+pub struct EnginePreference(f32);
 
-impl Leaning {
+impl EnginePreference {
     /// What is beyond the ends counts as the end, and what is no number as no difference.
     pub fn new(leaning: f32) -> Self {
         Self(if leaning.is_nan() { 0.0 } else { leaning.clamp(-1.0, 1.0) })
@@ -99,7 +99,7 @@ pub struct ZoneTask {
     /// At which settings.
     pub tunables: Tunables,
     /// For which of several engines.
-    pub leaning: Leaning,
+    pub leaning: EnginePreference,
     /// Running sums of the samples before; `None`: `samples` starts at 0.
     pub tile: Option<Tile>,
     /// Disjoint parts of the rectangle that are to have the samples; `None`: all of it. Engines that paint whole windows may
@@ -147,6 +147,9 @@ pub enum EngineError {
     },
 }
 
+/// Takes the result of a zone, once, on a thread of the engine's.
+pub type ZoneCallback = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
+
 /// Something that paints rectangles of one picture of one scene.
 pub trait RenderEngine: Send + Sync {
     /// What it is and can.
@@ -184,5 +187,5 @@ pub trait RenderEngine: Send + Sync {
     }
 
     /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine's.
-    fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>);
+    fn start(&self, task: ZoneTask, done: ZoneCallback);
 }

@@ -33,11 +33,11 @@ pub use self::{
     stop::StopSwitch,
 };
 use self::{
-    easel::Easel,
+    easel::Composer,
     populate::populate,
     shared::{End, Shared},
 };
-use crate::{FarmCompletion, Goal, Kept, WorkRow, ZoneId, ZoneRow, ZoneStore};
+use crate::{FarmCompletion, Goal, JournalContents, WorkRow, ZoneId, ZoneRow, ZoneStore};
 
 /// What came of a job.
 #[derive(Debug)]
@@ -81,7 +81,7 @@ pub fn run(
     observer: Arc<dyn Observer>,
     stop: &StopSwitch,
     store: Option<Box<dyn ZoneStore>>,
-    kept: Option<Kept>,
+    kept: Option<JournalContents>,
 ) -> Result<JobReport, JobError> {
     lead(settings, engine, observer, stop, store, kept, None)
 }
@@ -96,7 +96,7 @@ pub fn lead(
     observer: Arc<dyn Observer>,
     stop: &StopSwitch,
     store: Option<Box<dyn ZoneStore>>,
-    kept: Option<Kept>,
+    kept: Option<JournalContents>,
     link: Option<Link>,
 ) -> Result<JobReport, JobError> {
     let work = settings.work()?;
@@ -104,7 +104,7 @@ pub fn lead(
         return Err(JobError::Verify { reason: "the agents of one process have the same engine" });
     }
     let mut kept = kept;
-    if let Some(Kept { work: WorkRow { settings, .. }, .. }) = &mut kept {
+    if let Some(JournalContents { work: WorkRow { settings, .. }, .. }) = &mut kept {
         // The time begins anew with each run.
         if let (Goal::Time(_), Goal::Time(_)) = (settings.goal, work.goal) {
             settings.goal = work.goal;
@@ -114,7 +114,7 @@ pub fn lead(
         }
     }
     let (kept, tiles) = match kept {
-        Some(Kept { mut work, mut rows, tiles }) => {
+        Some(JournalContents { mut work, mut rows, tiles }) => {
             // What an earlier run left on the blackboard of a farm is not gone on with: the number is another one.
             if let Some(link) = &link {
                 work.work = link.work;
@@ -124,7 +124,7 @@ pub fn lead(
         }
         None => (None, Default::default()),
     };
-    let easel = Easel::new(settings, tiles, store);
+    let easel = Composer::new(settings, tiles, store);
     let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, link));
     let platform = LocalPlatform::linked(1, shared.uplink())?;
     let master = populate(&platform, settings, work, kept, &shared)?;

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use bottega_engines::{EngineDescription, Leaning, Tunables};
+use bottega_engines::{EngineDescription, EnginePreference, Tunables};
 use bottega_fuzzy::{EvaluateError, FunctionBlock};
 use bottega_image::Sides;
 
@@ -110,8 +110,8 @@ impl Expert {
     }
 
     /// Which of several engines suits a zone better. Says nothing of quality, so it is asked with optimization off, too.
-    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> Leaning {
-        self.engine_choice.as_ref().map_or_else(Leaning::default, |choice| choice.leaning(work, zone))
+    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
+        self.engine_choice.as_ref().map_or_else(EnginePreference::default, |choice| choice.leaning(work, zone))
     }
 
     /// Settings for a zone, relative to the user's and never above them. With optimization off, or when the rules

@@ -101,14 +101,14 @@ pub struct Journal {
     /// What was painted.
     pub name: String,
     /// The work; `None` when it was interrupted before there were zones.
-    pub kept: Option<Kept>,
+    pub kept: Option<JournalContents>,
     /// How many bytes, from the beginning, can be believed.
     pub sound_bytes: u64,
 }
 
 /// What is left of an interrupted work.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct JournalContents {
     /// The work.
     pub work: WorkRow,
     /// All its zones, by id.
@@ -188,13 +188,13 @@ fn keep_zone(payload: &[u8], zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>
 
 /// The work as it can be gone on with; `None` when zones are missing. A row whose tile is not there, or is not the one
 /// that it means, is painted again from the start.
-fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<Kept> {
+fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<JournalContents> {
     let roots = zones.values().filter(|(row, _)| row.root.is_none()).count();
     let in_order = zones.keys().take(roots).enumerate().all(|(i, zone)| zone.index() == i);
     if !in_order || roots != work.zone_count as usize {
         return None;
     }
-    let mut kept = Kept { work, rows: Vec::new(), tiles: BTreeMap::new() };
+    let mut kept = JournalContents { work, rows: Vec::new(), tiles: BTreeMap::new() };
     for (zone, (row, tile)) in zones {
         let tile = tile.filter(|tile| row.result.is_some_and(|result| result.digest == digest(tile)));
         match tile {

@@ -34,10 +34,10 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roster};
 use crate::{
-    AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, Credit, Decision, FarmAction, FarmCompletion,
-    FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle, MemberId, Offer, Order,
-    Painting, Partition, Proposal, RelativePower, Report, Rival, RoundSummary, Standing, WorkId, WorkKeys, WorkRow,
-    ZoneId, ZoneRow, ZoneState,
+    AgentRow, AuctionRule, Award, Bidder, BidderStanding, Blackboard, Choice, Credit, Decision, FarmAction,
+    FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle,
+    MemberId, Offer, Order, Painting, Partition, Proposal, RelativePower, Report, Rival, RoundSummary, WorkId,
+    WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
     auction::BIDDERS_MAX,
     contents::{answer, asking, message},
     decide, protocol,
@@ -110,12 +110,12 @@ struct Write {
     /// What the row shall be, and the revision that it must have before.
     row: Arc<ZoneRow>,
     expected_revision: Revision,
-    then: Then,
+    then: RowFollowUp,
 }
 
 /// What follows when a row is written.
 #[derive(Clone, Debug)]
-enum Then {
+enum RowFollowUp {
     /// The agent gets its order, in this conversation.
     Order(u64),
     /// The agent learns, by this message, that its report is on the blackboard.

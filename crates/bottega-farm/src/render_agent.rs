@@ -39,7 +39,7 @@ pub struct RenderAgentConfig {
 
 /// A zone in hand.
 #[derive(Clone, Debug)]
-struct Hand {
+struct ZoneInHand {
     order: Order,
     choice: Choice,
     /// Whether T_est is of these settings, but for the number of samples.
@@ -77,7 +77,7 @@ pub struct RenderAgent {
     left_out: bool,
     work: Option<WorkRow>,
     fetched: bool,
-    hands: ShortMap<Hand>,
+    hands: ShortMap<ZoneInHand>,
     /// Reports that the Master has not answered.
     unanswered: ShortMap<Unanswered>,
     /// The newest token seen of each zone that is neither in hand nor unanswered: an order that arrives late or twice is not
@@ -278,7 +278,7 @@ impl RenderAgent {
         let is_estimated = choice.tunables == profiled.tunables;
         let decided = decided.is_none();
         let mut hand =
-            Hand { order, choice, is_estimated, decided, begun: false, since: now, painted: 0, conversation };
+            ZoneInHand { order, choice, is_estimated, decided, begun: false, since: now, painted: 0, conversation };
         if self.fetched {
             hand.begin(self.power(), &self.config.expert, actions);
         }
@@ -410,7 +410,7 @@ impl RenderAgent {
     }
 }
 
-impl Hand {
+impl ZoneInHand {
     fn begin(&mut self, power: RelativePower, expert: &Expert, actions: &mut Vec<FarmAction>) {
         let row = &self.order.row;
         let done = row.samples_done();

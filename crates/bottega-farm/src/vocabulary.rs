@@ -3,7 +3,7 @@
 use std::{ops::Range, sync::Arc, time::Duration};
 
 use bottega_agents::{Action, AgentId, Event, Revision};
-use bottega_engines::{Leaning, Survey, Tunables};
+use bottega_engines::{EnginePreference, Survey, Tunables};
 use bottega_image::Rect;
 
 use crate::{
@@ -25,7 +25,7 @@ pub struct PaintOrder {
     /// With which settings.
     pub tunables: Tunables,
     /// For which of several engines.
-    pub leaning: Leaning,
+    pub leaning: EnginePreference,
     /// The samples before: `samples` goes on from them. `None`: it starts at 0.
     pub from: Option<ResultRef>,
     /// What the error that is left is needed for.

@@ -7,7 +7,7 @@ use std::{io::Cursor, path::Path};
 
 use crate::{
     ImageError, Picture, WhitePoint,
-    exr_read::{self, Described, ExrWindow, WantedChannels},
+    exr_read::{self, ColorHeader, ExrWindow, WantedChannels},
     limits::{Packing, ReadLimits, check_announced},
     radiance_read,
     source::{PictureSource, guarded},
@@ -58,7 +58,7 @@ impl WholeHeader {
         Ok(Self { width, height, has_alpha: false })
     }
 
-    fn of(source: &PictureSource<'_>, described: &Described) -> Result<Self, ImageError> {
+    fn of(source: &PictureSource<'_>, described: &ColorHeader) -> Result<Self, ImageError> {
         let placing = Placing::of(described.window());
         let (width, height) = placing.size;
         source.check_size(u64::from(width), u64::from(height))?;

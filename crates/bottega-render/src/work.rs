@@ -8,9 +8,9 @@ use bottega_kernels::{Hit, Ray};
 
 use crate::{
     PathSettings, PreparedScene, Prepass, RenderError, View, WaveWork,
-    ala::{Agent, AgentWork, Sensed, SensorWork},
+    ala::{Agent, AgentWork, SensorReadings, SensorWork},
     integrator::{Integrator, Wanted, Wave},
-    photon::{IrradiancePlaces, IrradianceWork, PhotonWork, Traced},
+    photon::{IrradiancePlaces, IrradianceWork, PhotonWork, TracedPhotons},
     survey::{SurveyPixel, probe},
 };
 
@@ -96,13 +96,13 @@ pub enum RenderOutput {
     /// One a pixel, row-major.
     Probe(Vec<SurveyPixel>),
     /// Where they arrived, in the order of their indices.
-    Photons(Traced),
+    Photons(TracedPhotons),
     /// One a point.
     Irradiance(IrradiancePlaces),
     /// Where they were stored, in the order of their identities.
     Agents(Vec<Agent>),
     /// What they found out, in the same order.
-    Sensors(Sensed),
+    Sensors(SensorReadings),
     /// The picture asked for cannot be painted.
     Refused(Arc<RenderError>),
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bottega::events::{AgentEvent, Event};
 use bottega_cluster::{
     job::LogLine,
-    machine::Standing,
+    machine::PresenceState,
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,
 };
@@ -170,7 +170,7 @@ pub trait ShownFarm: Send + Sync + 'static {
     ///
     /// # Errors
     /// It is not there, or takes no orders.
-    fn tell(&self, machine: &str, standing: Standing) -> Result<(), Problem>;
+    fn tell(&self, machine: &str, standing: PresenceState) -> Result<(), Problem>;
 
     /// Takes note of a file that a client is about to send.
     ///

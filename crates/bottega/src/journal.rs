@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
+use bottega_farm::{JobSettings, Journal, JournalContents, JournalWriter, ZoneStore};
 
 use crate::{
     error::Error,
@@ -24,7 +24,7 @@ pub struct PictureJournal {
     /// Writes into it.
     pub store: Box<dyn ZoneStore>,
     /// What was in it.
-    pub kept: Option<Kept>,
+    pub kept: Option<JournalContents>,
 }
 
 /// The journal of a picture: it is there while the picture is unfinished.

@@ -24,10 +24,10 @@ const BIDS_MAX: usize = 64;
 
 /// Sees one agent wait for awards.
 #[derive(Default)]
-pub(super) struct AgentWatch(Mutex<Waits>);
+pub(super) struct AgentWatch(Mutex<WaitTimes>);
 
 #[derive(Default)]
-struct Waits {
+struct WaitTimes {
     /// When it had room for another zone.
     rooms: VecDeque<Time>,
     /// The orders that it has reported.
@@ -39,7 +39,7 @@ struct Waits {
 }
 
 impl AgentWatch {
-    fn lock(&self) -> MutexGuard<'_, Waits> {
+    fn lock(&self) -> MutexGuard<'_, WaitTimes> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

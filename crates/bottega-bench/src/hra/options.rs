@@ -24,14 +24,14 @@ pub struct HraOptions {
 
 /// Who does the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Way {
+pub(super) enum WorkDivision {
     Direct,
     Cpu,
     CpuAndGpu,
     Gpu,
 }
 
-impl Way {
+impl WorkDivision {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Direct => "CPU without HRA",

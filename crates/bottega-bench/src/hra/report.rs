@@ -2,7 +2,7 @@
 
 use bottega_hra::{HraReport, ResourceReport};
 
-use super::options::Way;
+use super::options::WorkDivision;
 
 /// Resources of an allocator: name, share of time with work, units.
 pub(super) type Occupation = Vec<(String, f64, u64)>;
@@ -29,7 +29,7 @@ pub(super) struct RayRow {
 
 /// One way to do them.
 pub(super) struct RayColumn {
-    pub(super) way: Way,
+    pub(super) way: WorkDivision,
     /// Of all runs, in their order.
     pub(super) seconds: Vec<f64>,
     /// Of the last run.
@@ -52,7 +52,7 @@ pub(super) struct BlockRow {
 
 /// One way to paint them.
 pub(super) struct BlockColumn {
-    pub(super) way: Way,
+    pub(super) way: WorkDivision,
     /// Of all runs, in their order.
     pub(super) samples_per_second: Vec<f64>,
     /// Of the last run.
@@ -70,7 +70,7 @@ impl BlockRow {
     /// What both together do, of the sum of what each does alone.
     pub(super) fn share_of_sum(&self) -> Option<f64> {
         let rate = |way| self.columns.iter().find(|column| column.way == way).map(BlockColumn::average);
-        Some(rate(Way::CpuAndGpu)? / (rate(Way::Cpu)? + rate(Way::Gpu)?))
+        Some(rate(WorkDivision::CpuAndGpu)? / (rate(WorkDivision::Cpu)? + rate(WorkDivision::Gpu)?))
     }
 }
 

@@ -6,7 +6,7 @@ use bottega_image::{Canvas, srgb_from_linear};
 use serde_json::{Value, json};
 
 use super::{
-    options::Way,
+    options::WorkDivision,
     paper,
     ray_scene::{BOUNCES_MAX, SIDE},
     report::{BlockColumn, BlockRow, HraBenchReport, RayColumn, RayRow},
@@ -80,7 +80,7 @@ fn occupied(resources: &[(String, f64, u64)]) -> String {
 /// What both together do, of the sum of what each does alone.
 fn share_of_sum(row: &RayRow) -> Option<f64> {
     let rate = |way| row.columns.iter().find(|column| column.way == way).map(|column| column.average().recip());
-    Some(rate(Way::CpuAndGpu)? / (rate(Way::Cpu)? + rate(Way::Gpu)?))
+    Some(rate(WorkDivision::CpuAndGpu)? / (rate(WorkDivision::Cpu)? + rate(WorkDivision::Gpu)?))
 }
 
 fn as_json(report: &HraBenchReport) -> Value {

@@ -20,7 +20,7 @@ use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, Tunables};
 use bottega_farm::{
     AdaptationRule, AuctionRule, Balance, Expert, ImportanceFunction, JobSettings, Level, Optimization, PAPER_RULES,
     StopSwitch, ZoneLimits,
-    simulate::{Crew, Plan, Record, Recorder, Workpiece, simulate},
+    simulate::{CrewSpec, Plan, Record, Recorder, Workpiece, simulate},
 };
 use bottega_image::{AovSet, Canvas, ColorMap, FlipOptions, Layout, Picture, ToneMap, flip, rmse, srgb_from_linear};
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
@@ -166,7 +166,7 @@ impl<'a> MagarroScene<'a> {
         let piece = Arc::new(Workpiece::recorded(&record, 1)?);
         let mut replayed = [0.0; 4];
         for (time, agents) in replayed.iter_mut().zip(AGENTS) {
-            let mut plan = Plan::calm(Crew::equal(agents), seed);
+            let mut plan = Plan::calm(CrewSpec::equal(agents), seed);
             plan.faults.latency_min = LATENCY;
             if by_the_paper {
                 plan.auction = AuctionRule::Paper;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use bottega_cluster::{
     JobBoard,
     job_board::Presence,
-    machine::{MachineOrder, Standing},
+    machine::{MachineOrder, PresenceState},
     names::host_name,
     view::MachineView,
 };
@@ -44,9 +44,9 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
             list(&board, args.farm.json);
             return Ok(ExitCode::SUCCESS);
         }
-        MachinesCommand::Suspend { name } => (name, Standing::Suspended),
-        MachinesCommand::Resume { name } => (name, Standing::Active),
-        MachinesCommand::Terminate { name } => (name, Standing::Terminated),
+        MachinesCommand::Suspend { name } => (name, PresenceState::Suspended),
+        MachinesCommand::Resume { name } => (name, PresenceState::Active),
+        MachinesCommand::Terminate { name } => (name, PresenceState::Terminated),
     };
     let there = board.present();
     let Some(seat) = there.iter().find(|seat| seat.name == *name) else {

@@ -28,7 +28,7 @@ const NAME_MAX: usize = 40;
 /// How an engine is driven.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum EngineKind {
     /// One process that keeps the scene and paints window after window, told by lines of JSON.
     Worker,
     /// One process a window, told by its command line.
@@ -74,7 +74,7 @@ pub enum Importance {
 /// One way to find the engine on a machine.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Way {
+pub struct SearchStep {
     /// Environment variable that names the program.
     pub variable: Option<String>,
     /// Programs to look for, in this order.
@@ -145,7 +145,7 @@ pub enum ColorSpace {
 /// Which part of the frame a picture of the engine shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Shows {
+pub enum FramePart {
     /// All of it; the window is cut out.
     #[default]
     Frame,
@@ -172,7 +172,7 @@ pub struct Pixels {
     pub color_space: ColorSpace,
     /// What part of the frame they are (`kind = "command"`; workers say so themselves).
     #[serde(default)]
-    pub window: Shows,
+    pub window: FramePart,
     /// Where their first row is.
     #[serde(default)]
     pub first_row: FirstRow,
@@ -280,7 +280,7 @@ pub struct Manifest {
     /// What people call it.
     pub title: String,
     /// How it is driven.
-    pub kind: Kind,
+    pub kind: EngineKind,
     /// A line about it.
     pub about: Option<String>,
     /// Scripts that belong to it, beside the manifest.
@@ -294,7 +294,7 @@ pub struct Manifest {
     /// Whether another seed gives other noise, so that passes add up.
     pub seeds: bool,
     /// Ways to find it.
-    pub find: Vec<Way>,
+    pub find: Vec<SearchStep>,
     /// Versions that are known to work.
     #[serde(default)]
     pub versions: Versions,
@@ -420,16 +420,16 @@ impl Manifest {
             return Err(("cost", "seconds must be from 0 to 1e6".to_owned()));
         }
         match (self.kind, &self.command) {
-            (Kind::Worker, Some(_)) => Err(("command", "a worker has none: it stands in [[find]]".to_owned())),
-            (Kind::Worker, None) if self.find.iter().any(|way| way.command.is_empty()) => {
+            (EngineKind::Worker, Some(_)) => Err(("command", "a worker has none: it stands in [[find]]".to_owned())),
+            (EngineKind::Worker, None) if self.find.iter().any(|way| way.command.is_empty()) => {
                 Err(("find", "each needs `command`: how the worker is started".to_owned()))
             }
-            (Kind::Worker, None) => Ok(()),
-            (Kind::Command, None) => Err(("kind", "`command` needs the table [command]".to_owned())),
-            (Kind::Command, Some(_)) if self.scene.refers == Refers::Worker => {
+            (EngineKind::Worker, None) => Ok(()),
+            (EngineKind::Command, None) => Err(("kind", "`command` needs the table [command]".to_owned())),
+            (EngineKind::Command, Some(_)) if self.scene.refers == Refers::Worker => {
                 Err(("refers", "there is no worker to ask: `scan` or `none`".to_owned()))
             }
-            (Kind::Command, Some(command)) => command.check(),
+            (EngineKind::Command, Some(command)) => command.check(),
         }
     }
 

@@ -60,7 +60,7 @@ pub struct Award {
 }
 
 /// What is known when a round ends.
-pub struct Standing<'a> {
+pub struct BidderStanding<'a> {
     /// All agents of the Master, also those that do not bid now.
     pub field: &'a Field,
     /// When the round ends, in seconds.

@@ -10,7 +10,7 @@ use bottega_agents::{Mailbox, Revision, StateMachine, Time, Uplink};
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 
 use super::{
-    easel::Easel, fetchers::Fetchers, link::Link, observer::Observer, settings::JobSettings, stop::StopSwitch,
+    easel::Composer, fetchers::Fetchers, link::Link, observer::Observer, settings::JobSettings, stop::StopSwitch,
 };
 use crate::{
     FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, RelativePower, WorkId, ZoneId,
@@ -35,7 +35,7 @@ pub(super) enum End {
 pub(super) struct Shared {
     pub(super) engine: Arc<dyn RenderEngine>,
     pub(super) observer: Arc<dyn Observer>,
-    pub(super) easel: Mutex<Easel>,
+    pub(super) easel: Mutex<Composer>,
     pub(super) state: Mutex<State>,
     pub(super) changed: Condvar,
     pub(super) stop: StopSwitch,
@@ -65,7 +65,7 @@ pub(super) struct State {
     pub(super) dismissed: usize,
 }
 
-pub(super) type FarmMailbox = Mailbox<Seen>;
+pub(super) type FarmMailbox = Mailbox<ObservedAgent>;
 
 /// Whether the engine has made what all zones need.
 #[derive(Default)]
@@ -78,12 +78,12 @@ pub(super) enum Preparation {
 }
 
 /// What an agent of the farm does, with all its messages seen by the observer.
-pub(super) struct Seen {
+pub(super) struct ObservedAgent {
     pub(super) agent: FarmAgent,
     pub(super) shared: Arc<Shared>,
 }
 
-impl StateMachine for Seen {
+impl StateMachine for ObservedAgent {
     type Content = FarmContent;
     type Value = FarmValue;
     type Effect = FarmEffect;
@@ -111,7 +111,7 @@ impl StateMachine for Seen {
 impl Shared {
     pub(super) fn new(
         settings: &JobSettings,
-        easel: Easel,
+        easel: Composer,
         engine: Arc<dyn RenderEngine>,
         observer: Arc<dyn Observer>,
         stop: &StopSwitch,
@@ -131,7 +131,7 @@ impl Shared {
         }
     }
 
-    pub(super) fn uplink(&self) -> Option<Arc<dyn Uplink<Seen>>> {
+    pub(super) fn uplink(&self) -> Option<Arc<dyn Uplink<ObservedAgent>>> {
         self.link.as_ref().map(|link| Arc::clone(&link.uplink) as _)
     }
 
@@ -139,7 +139,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn easel(&self) -> MutexGuard<'_, Easel> {
+    pub(super) fn easel(&self) -> MutexGuard<'_, Composer> {
         self.easel.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

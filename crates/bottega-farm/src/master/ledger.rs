@@ -14,7 +14,7 @@ pub(super) type Holders = [Option<MemberId>; 2];
 pub(super) struct Ledger {
     rule: AuctionRule,
     /// As they are counted now.
-    zones: NumberMap<Counted>,
+    zones: NumberMap<CountedZone>,
     /// Nobody has seen them; the most complex first.
     unseen: BTreeSet<(Reverse<u64>, ZoneId)>,
     /// Some agents have said what they make of them, and others are to say it too; the most expensive first.
@@ -34,7 +34,7 @@ pub(super) struct Ledger {
 
 /// What is remembered of a zone: as much as is needed to count it off again.
 #[derive(Clone, Debug, PartialEq)]
-struct Counted {
+struct CountedZone {
     state: ZoneState,
     waiting: bool,
     complexity: f64,
@@ -53,7 +53,7 @@ impl Ledger {
     ///
     /// - `holders`: the row's.
     pub(super) fn count(&mut self, row: &ZoneRow, holders: Holders, changed: &mut Vec<MemberId>) {
-        let counted = Counted {
+        let counted = CountedZone {
             state: row.state,
             waiting: row.is_waiting(),
             complexity: row.complexity,
@@ -89,7 +89,7 @@ impl Ledger {
         self.zones.insert(row.zone.0, counted);
     }
 
-    fn uncount(&mut self, zone: ZoneId, before: &Counted, changed: &mut Vec<MemberId>) {
+    fn uncount(&mut self, zone: ZoneId, before: &CountedZone, changed: &mut Vec<MemberId>) {
         match before.state {
             ZoneState::Open | ZoneState::Profiled if before.voted => {
                 self.comparisons.remove(&before.rank(zone));
@@ -184,7 +184,7 @@ impl Ledger {
     }
 }
 
-impl Counted {
+impl CountedZone {
     fn rank(&self, zone: ZoneId) -> (Reverse<u64>, ZoneId) {
         (Reverse(self.complexity.max(0.0).to_bits()), zone)
     }

@@ -128,7 +128,7 @@ impl Master {
                 _ if how == Departure::Goodbye => row.reopened(row.attempt),
                 _ => row.taken_back(),
             };
-            self.write(now, row, Then::TakenBack, actions);
+            self.write(now, row, RowFollowUp::TakenBack, actions);
         }
     }
 
@@ -158,7 +158,7 @@ impl Master {
                 // Its order is older than the row, so it cannot be given again.
                 None => {
                     let row = row.taken_back();
-                    self.write(now, row, Then::TakenBack, actions);
+                    self.write(now, row, RowFollowUp::TakenBack, actions);
                 }
             }
         }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bottega_agents::driver::Random;
-use bottega_engines::{Leaning, Tunables};
+use bottega_engines::{EnginePreference, Tunables};
 use bottega_image::Rect;
 
 use super::record::{CELL_SIDE, Record, RecordedZone};
@@ -232,7 +232,7 @@ impl Workpiece {
                     rect: zone.rect,
                     samples: 0..samples,
                     tunables: self.work.settings.tunables,
-                    leaning: Leaning::default(),
+                    leaning: EnginePreference::default(),
                     from: None,
                     error_use: ErrorUse::None,
                     samples_max: samples,

@@ -234,7 +234,7 @@ pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
 }
 
 /// A plan, and how far it was followed.
-pub(super) struct Planned {
+pub(super) struct PlannedPacket {
     pub(super) plan: FluidPlan,
     pub(super) valid_until: Time,
     pub(super) live: ByPrimitive<bool>,

@@ -17,7 +17,7 @@ use std::{
 use bottega_denoise::Denoiser;
 use bottega_engines::RenderEngine;
 use bottega_farm::{
-    JobError, JobReport, JobSettings, Kept, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
+    JobError, JobReport, JobSettings, JournalContents, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
 };
 use bottega_image::{Film, Metadata, Rect, check_writable};
 use bottega_scene::Scene;
@@ -92,7 +92,7 @@ pub struct PaintingTools {
     /// Where the job is kept on this machine, too, and what was kept.
     pub store: Option<Box<dyn ZoneStore>>,
     /// What was kept of it.
-    pub kept: Option<Kept>,
+    pub kept: Option<JournalContents>,
 }
 
 impl Session {
@@ -381,7 +381,7 @@ impl Session {
     }
 
     /// From now on shows what is painted. What is kept of it is shown at once, amid what a look at the picture gives.
-    fn show(&self, reporter: &Arc<Reporter>, kept: Option<&Kept>) -> Result<(), Error> {
+    fn show(&self, reporter: &Arc<Reporter>, kept: Option<&JournalContents>) -> Result<(), Error> {
         let SessionOptions { preview, shows, .. } = &self.options;
         let watch_faults = |painter: &ExternalPainter| {
             let (teller, title) = (Arc::downgrade(reporter), painter.title());

@@ -26,27 +26,27 @@ const SPEED_OVER: Duration = Duration::from_secs(3);
 /// Tells a watcher what happens.
 pub struct Reporter {
     watcher: Arc<dyn Watcher>,
-    pace: Mutex<Pace>,
+    pace: Mutex<WorkRate>,
     /// Of the auction, as they ended.
     rounds: Mutex<Vec<RoundSummary>>,
-    watch: OnceLock<Watch>,
-    show: OnceLock<Showing>,
+    watch: OnceLock<EngineWatch>,
+    show: OnceLock<PreviewOutput>,
 }
 
 /// Shows the picture while it is painted.
-struct Showing {
+struct PreviewOutput {
     show: Arc<LivePreview>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 /// Looks at the engine while zones are under way.
-struct Watch {
+struct EngineWatch {
     stop: mpsc::Sender<()>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 /// How the work goes on: the farm speaks when a zone is done, the engine is looked at in between.
-struct Pace {
+struct WorkRate {
     begun: Instant,
     /// The farm's last word.
     said: Option<Progress>,
@@ -62,7 +62,7 @@ impl Reporter {
     /// Tells `watcher`.
     pub fn new(watcher: Arc<dyn Watcher>) -> Self {
         let pace =
-            Mutex::new(Pace { begun: Instant::now(), said: None, kept: 0, kept_cost: 0.0, marks: VecDeque::new() });
+            Mutex::new(WorkRate { begun: Instant::now(), said: None, kept: 0, kept_cost: 0.0, marks: VecDeque::new() });
         Self { watcher, pace, rounds: Mutex::default(), watch: OnceLock::new(), show: OnceLock::new() }
     }
 
@@ -97,7 +97,7 @@ impl Reporter {
             }
         });
         // A second watch would tell everything twice; there is none.
-        let _ = self.watch.set(Watch { stop, thread: Mutex::new(Some(thread)) });
+        let _ = self.watch.set(EngineWatch { stop, thread: Mutex::new(Some(thread)) });
     }
 
     /// From now on keeps `show` fresh, and tells how long after the end of loading, `loaded`, it was.
@@ -113,7 +113,7 @@ impl Reporter {
             }
         });
         // As above.
-        let _ = self.show.set(Showing { show: Arc::clone(show), thread: Mutex::new(Some(thread)) });
+        let _ = self.show.set(PreviewOutput { show: Arc::clone(show), thread: Mutex::new(Some(thread)) });
     }
 
     fn tell_progress(&self, samples_done: u64) {
@@ -139,7 +139,7 @@ impl Reporter {
                 let _ = thread.join();
             }
         }
-        if let Some(Showing { show, thread }) = self.show.get() {
+        if let Some(PreviewOutput { show, thread }) = self.show.get() {
             show.end();
             if let Some(thread) = thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
                 let _ = thread.join();
@@ -156,12 +156,12 @@ impl Reporter {
         }
     }
 
-    fn pace(&self) -> MutexGuard<'_, Pace> {
+    fn pace(&self) -> MutexGuard<'_, WorkRate> {
         self.pace.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Pace {
+impl WorkRate {
     /// How far the work is now, and how many samples a second it has taken lately. The farm speaks when a zone is done;
     /// in between, what is left shrinks with the samples taken.
     fn present(&mut self, samples_done: u64) -> Option<(Progress, f64)> {
