@@ -1,4 +1,4 @@
-//! What carries the wishes of agents: to each other, to the store, to the blobs.
+//! The bus between agents, the store and the blobs.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What a driver needs of a store: it can be one in memory, a file, or a server.
+//! The trait of a store that drivers need: in memory, in a file, or on a server.
 
 use std::{
     collections::BTreeSet,

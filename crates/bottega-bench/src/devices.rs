@@ -1,4 +1,4 @@
-//! What work costs on each processor and GPU.
+//! The cost of work on each processor and GPU.
 
 use std::{
     fmt::Write,

@@ -1,4 +1,4 @@
-//! What the command line takes. Everything here is checked before any work begins.
+//! The command line. Everything here is checked before any work begins.
 
 mod choice;
 mod engine;

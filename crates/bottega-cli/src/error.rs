@@ -1,4 +1,4 @@
-//! What can go wrong in the program, told with a remedy.
+//! The errors of the program, each with a remedy.
 
 use std::path::PathBuf;
 

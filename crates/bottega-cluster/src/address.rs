@@ -1,4 +1,4 @@
-//! Where a farm is, in one word: `bottega://WORD@host:4222` where `bottega up` runs it, `nats://…` where somebody else does.
+//! The address of a farm in one word: `bottega://WORD@host:4222` where `bottega up` runs it, `nats://…` where somebody else does.
 
 use std::{fmt, fs, path::PathBuf, str::FromStr};
 

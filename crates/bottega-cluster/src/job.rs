@@ -1,4 +1,4 @@
-//! What the farm keeps of a job: enough for any of its processes to paint it, or to say how it stands.
+//! The record of a job: enough for any process of the farm to paint it, or to say how it stands.
 
 use std::{
     path::{Path, PathBuf},

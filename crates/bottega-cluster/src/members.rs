@@ -1,4 +1,4 @@
-//! Who is a member of a farm that `bottega up` runs, and what the server is told of them.
+//! The members of a farm that `bottega up` runs, and what the server is told of them.
 
 use std::{fmt::Write, fs, path::PathBuf};
 

@@ -1,4 +1,4 @@
-//! How much room the server of a farm has: what it may keep, what it keeps, and when that is too much.
+//! Storage on the server of a farm: how much it may keep, how much it keeps, and when that is too much.
 
 use std::{fs, path::Path};
 

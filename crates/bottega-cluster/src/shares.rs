@@ -1,4 +1,4 @@
-//! Which job a machine paints: so that jobs have machines in proportion to their priorities.
+//! The choice of a machine's job: jobs have machines in proportion to their priorities.
 
 use crate::job_board::Presence;
 

@@ -1,4 +1,4 @@
-//! What a farm keeps, and lets go of: of jobs that are over, of pieces of scenes that no job needs, of machines that were killed.
+//! Upkeep of a farm: what goes of jobs that are over, of scene pieces that no job needs, of machines that were killed.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

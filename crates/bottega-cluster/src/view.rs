@@ -1,4 +1,4 @@
-//! How jobs and machines stand, for those who look on.
+//! Views of jobs and machines for observers.
 
 use schemars::JsonSchema;
 use serde::Serialize;

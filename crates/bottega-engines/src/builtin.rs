@@ -31,7 +31,7 @@ use self::{
     shared::{SAMPLE_NS_GUESSED, Shared},
     zone::ZonePainter,
 };
-use crate::{EngineDescription, EngineError, Painted, RenderEngine, Sharing, Survey, ZoneCallback, ZoneTask};
+use crate::{EngineDescription, EngineError, RenderEngine, Sharing, Survey, ZoneCallback, ZoneTask};
 
 /// The built-in engine over the processors of this machine.
 pub struct BuiltinEngine {

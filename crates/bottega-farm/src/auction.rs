@@ -1,4 +1,4 @@
-//! Who gets which zone. Pure: the Master asks, and sends what comes out.
+//! The auction: who gets which zone. Pure: the Master asks, and sends what comes out.
 //!
 //! Source: MAGarRO, section 3.4, "Auctioning": agents try to get the more complex zones first; among several the one
 //! with more credit wins; credit rises or falls in proportion to T_est − T. The default rule weighs what an agent promises

@@ -1,4 +1,4 @@
-//! What the agents of the farm say to each other: the ontology `bottega-farm`.
+//! The contents of messages between the farm's agents: the ontology `bottega-farm`.
 
 use std::{sync::Arc, time::Duration};
 

@@ -1,4 +1,4 @@
-//! Who paints a zone where several engines may: what the rules of `rules/engine-choice.fcl`, or others, say of it.
+//! The choice among engines for a zone, by the rules of `rules/engine-choice.fcl` or others.
 //!
 //! They see of a zone what the rules of quality see ([`Expert`](crate::Expert)), laid out over the same ranges.
 

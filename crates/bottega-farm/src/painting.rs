@@ -1,4 +1,4 @@
-//! What an agent makes of a zone.
+//! The painting of a zone by an agent.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! How well something predicts something else.
+//! The quality of a prediction.
 
 /// How well numbers that were predicted agree with those that were measured.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! What the user wants of a picture, and what is decided for a zone.
+//! The settings of a picture, and the choice for a zone.
 
 use std::{fmt, str::FromStr, time::Duration};
 

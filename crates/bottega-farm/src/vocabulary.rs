@@ -1,4 +1,4 @@
-//! What the farm's agents can have done in the world, and what the world says of it.
+//! The effects that the farm's agents can ask for, and the completions that answer them.
 
 use std::{ops::Range, sync::Arc, time::Duration};
 

@@ -1,4 +1,4 @@
-//! What all rules together say of one output, and the one number made of it: exact, piece by piece.
+//! The aggregate of all rules for one output, and the one number made of it: exact, piece by piece.
 
 use crate::{
     membership::{Membership, left_limit, right_limit},

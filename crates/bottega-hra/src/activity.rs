@@ -1,4 +1,4 @@
-//! What a resource is at.
+//! The activities of a resource.
 
 /// What a resource is at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! What goes wrong with resources costs time, and never an answer.
+//! Faults of resources: they cost time, and never an answer.
 
 mod support;
 

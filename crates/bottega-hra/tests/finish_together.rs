@@ -1,4 +1,4 @@
-//! In virtual time: any mix of resources does as much as the sum of what each does alone.
+//! Mixed resources in virtual time: any mix does as much as the sum of what each does alone.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What the header of a picture may announce: one set of limits for all readers of pictures.
+//! Limits on the header of a picture: one set for all readers of pictures.
 //!
 //! A header of some bytes can name a picture of gigabytes. So every reader asks here, with what the header says and with the
 //! size of the file, before it allocates anything by it.

@@ -1,4 +1,4 @@
-//! From scene-referred radiance to what a display shows: exposure, tone mapping, encoding.
+//! The way from scene-referred radiance to a display: exposure, tone mapping, encoding.
 
 /// How radiance without bound becomes values from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

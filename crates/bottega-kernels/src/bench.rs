@@ -1,4 +1,4 @@
-//! How many rays a second: standard scenes, standard rays, and a fair clock.
+//! Rays a second: standard scenes, standard rays, and a fair clock.
 //!
 //! Kernels are timed interleaved, one repetition of each in turn, and medians are reported: on a busy machine only
 //! ratios of the same run mean anything. Anything that implements [`RayKernel`] can take part, so that a benchmark may

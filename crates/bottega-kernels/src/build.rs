@@ -1,4 +1,4 @@
-//! From geometry to tree, in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
+//! The build of a tree in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
 //!
 //! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. A build holds some 80
 //! bytes a triangle at its peak, the result included (a quarter more where many are cut): 32 for the item and 13 for the binary

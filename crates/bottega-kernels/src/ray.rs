@@ -1,4 +1,4 @@
-//! What goes into a query and what comes out.
+//! Rays and hits: the input and output of a query.
 
 use glam::Vec3;
 

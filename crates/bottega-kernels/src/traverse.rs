@@ -1,4 +1,4 @@
-//! How a ray walks through the tree. Written once, over [`lanes::Lanes`]; compiled for each vector unit.
+//! The traversal of the tree by a ray. Written once, over [`lanes::Lanes`]; compiled for each vector unit.
 //!
 //! Robust mode, two halves. The *triangle* test is that of Woop, Benthin and Wald 2013, "Watertight Ray/Triangle
 //! Intersection" (JCGT 2(1)): vertices are sheared into a space where the ray is the z axis; the sign of each edge

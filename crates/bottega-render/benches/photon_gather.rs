@@ -1,4 +1,4 @@
-//! How long it takes to find the 50 nearest of a million photons, beside `kiddo`.
+//! The time to find the 50 nearest of a million photons, beside `kiddo`.
 //!
 //! `cargo bench -p bottega-render --bench photon_gather`
 //!

@@ -1,4 +1,4 @@
-//! What the integrator knows of a point on a surface: from the kernel's hit to the shading record.
+//! Interactions: a point on a surface, from the kernel's hit to the shading record.
 
 mod mesh;
 mod relief;

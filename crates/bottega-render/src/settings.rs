@@ -1,4 +1,4 @@
-//! What is painted, and how hard.
+//! The settings of a picture.
 
 use crate::filter::Filter;
 

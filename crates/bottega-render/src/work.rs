@@ -1,4 +1,4 @@
-//! What the renderer asks of the Hardware Resource Allocator, and what a processor does for it.
+//! The units of work that the renderer asks of the Hardware Resource Allocator, and what a processor does for each.
 
 use std::{fmt, ops::Range, sync::Arc};
 

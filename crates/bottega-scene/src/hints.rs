@@ -1,4 +1,4 @@
-//! What a scene file says about itself and about how it is rendered.
+//! Hints of a scene file about itself and about how it is rendered.
 
 use serde::Deserialize;
 

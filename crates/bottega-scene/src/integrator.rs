@@ -1,4 +1,4 @@
-//! How a file wants light to be found.
+//! The integrator that a file asks for.
 
 /// The integrator that a file names.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! From a path to a scene.
+//! The loading of a scene from a path.
 
 use std::path::Path;
 

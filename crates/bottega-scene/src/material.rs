@@ -1,4 +1,4 @@
-//! What a surface is made of: how it scatters, what it emits, where it is absent, and what it bounds.
+//! Materials: how a surface scatters, what it emits, where it is absent, and what it bounds.
 
 use crate::{ColorParam, Layered, MediumId, ScalarParam, Spectrum, Surface, TextureMap};
 

@@ -1,4 +1,4 @@
-//! What fills space.
+//! Media that fill space.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What a caller asks of a scene beyond its file.
+//! Options of a scene beyond its file.
 
 use std::path::PathBuf;
 

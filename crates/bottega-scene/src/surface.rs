@@ -1,4 +1,4 @@
-//! How surfaces scatter: a closed set, which holds what the file formats have.
+//! Surfaces: a closed set of ways to scatter, which holds what the file formats have.
 
 use crate::{Channel, ColorParam, ScalarParam, Spectrum, TextureMap};
 

@@ -1,4 +1,4 @@
-//! What a door shows and steers: a farm, or the picture of one process. Both answer the same questions.
+//! The source behind a door: a farm, or the picture of one process. Both answer the same questions.
 
 use std::sync::Arc;
 

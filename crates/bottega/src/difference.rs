@@ -1,4 +1,4 @@
-//! How two pictures differ, in figures.
+//! The difference of two pictures, in figures.
 
 use bottega_image::{FlipOptions, Picture, flip, mae, rel_mse, rel_mse_trimmed, rmse};
 use serde::Serialize;

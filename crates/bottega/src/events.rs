@@ -1,5 +1,5 @@
-//! What happens while a picture is painted, as it crosses the process boundary. Version 1: fields and kinds may be added, none
-//! changes its meaning.
+//! The events of a picture while it is painted, as they cross the process boundary. Version 1: fields and kinds may be added,
+//! none changes its meaning.
 
 use bottega_farm::{AgentRow, AuctionTally, RoundSummary, ZoneRow, ZoneState};
 use bottega_image::Rect;

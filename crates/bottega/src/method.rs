@@ -1,4 +1,4 @@
-//! Which of our integrators paints a picture: the one that the user asks for, else one that finds the light which the integrator
+//! The integrator of a picture: the one that the user asks for, else one that finds the light which the integrator
 //! of the scene file finds.
 
 use bottega_render::PhotonSettings;

@@ -1,4 +1,4 @@
-//! Where rules come from: files, or what comes with the program. What is wrong in a text is shown in it.
+//! Rules from files or from the program. What is wrong in a text is shown in it.
 
 use std::{
     fs::File,

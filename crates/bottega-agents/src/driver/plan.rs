@@ -1,4 +1,4 @@
-//! What is planned in a simulation, in the order in which it happens.
+//! The plan of a simulation: events in the order in which they happen.
 
 use std::{
     cmp::Reverse,

@@ -1,4 +1,4 @@
-//! What is said about agents and services: the ontology `fipa-agent-management` (FIPA00023), as types.
+//! The ontology `fipa-agent-management` (FIPA00023) as types.
 
 use std::borrow::Cow;
 

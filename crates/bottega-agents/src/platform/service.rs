@@ -1,4 +1,4 @@
-//! What the platform's services have in common: a request comes, the store is asked to change, an answer goes.
+//! The frame of the platform's services: a request comes, the store is asked to change, an answer goes.
 //!
 //! What a service knows is a mirror of entries of the store, which it watches. A change is a compare-and-set against
 //! the revision that it knows: of two replicas that decide at the same time one loses, looks again, and decides anew.

@@ -1,4 +1,4 @@
-//! How agents reach the server: each over a link of its own.
+//! Connections of agents to the server: each has a link of its own.
 
 use std::sync::Arc;
 

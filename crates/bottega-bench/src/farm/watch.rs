@@ -1,4 +1,4 @@
-//! What is seen of the awards: when they were made, and what agents waited for them.
+//! A watch over awards: when they were made, and how long agents waited for them.
 
 use std::{
     collections::{BTreeSet, VecDeque},

@@ -1,4 +1,4 @@
-//! What is measured, and who does the work.
+//! Options of the measurement: what is measured, and who does the work.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! How well the time of zones is predicted.
+//! The check of predicted zone times against measured ones.
 
 use std::{ops::Range, sync::mpsc};
 

@@ -1,4 +1,4 @@
-//! Who painted what when, as SVG: a row for each agent, or, for many, how busy groups of them were.
+//! A Gantt chart of a simulation as SVG: a row for each agent, or, for many, how busy groups of them were.
 
 use bottega_farm::simulate::{SimulationOutcome, Span, SpanKind};
 use bottega_image::{Svg, svg_text};

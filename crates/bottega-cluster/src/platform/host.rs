@@ -1,5 +1,5 @@
-//! Which process of a farm has the agents of its platform: one says so, again and again, and another takes them when it falls
-//! silent.
+//! The process of a farm that hosts the agents of its platform: one says so, again and again, and another takes them when it
+//! falls silent.
 
 use std::{
     thread,

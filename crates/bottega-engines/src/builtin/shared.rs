@@ -1,4 +1,4 @@
-//! What all zones of a picture have in common.
+//! The part of a picture that all its zones share.
 
 use std::sync::{
     Arc, OnceLock,

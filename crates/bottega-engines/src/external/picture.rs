@@ -1,4 +1,4 @@
-//! What an engine wrote: looked at before it counts, cut to the window, and added to the zone's sums.
+//! The pictures that an engine writes: checked before they count, cut to the window, and added to the zone's sums.
 
 use bottega_image::{ImageFile, Layout, Picture, Planes, ReadLimits, Rect, Tile, luminance, read_channels};
 

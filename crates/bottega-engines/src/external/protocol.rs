@@ -1,4 +1,4 @@
-//! What is said to a worker, and what it answers: JSON, an object a line.
+//! The protocol with a worker: JSON, an object a line.
 
 use std::{collections::BTreeMap, path::Path};
 

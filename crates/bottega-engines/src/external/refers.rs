@@ -1,4 +1,4 @@
-//! Which files a scene refers to, so that they can be carried to other machines.
+//! The files that a scene refers to, so that they can be carried to other machines.
 
 use std::{
     collections::BTreeSet,

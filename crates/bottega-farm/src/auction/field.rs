@@ -1,4 +1,4 @@
-//! How fast and how soon free all agents are: what decides when the work can end.
+//! The field of all agents, their paces and when each is free: it decides when the work can end.
 
 use std::{
     cell::{Cell, RefCell},

@@ -1,4 +1,4 @@
-//! Where the pixels are: tiles under way, the film, and what is kept of both.
+//! The pixels of a job: tiles under way, the film, and what is kept of both.
 
 use std::{collections::BTreeMap, io, time::Duration};
 

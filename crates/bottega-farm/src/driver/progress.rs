@@ -1,4 +1,4 @@
-//! How far a job is, as honest as can be known.
+//! The progress of a job, as honest as it can be known.
 
 use std::{collections::BTreeMap, time::Duration};
 

@@ -1,4 +1,4 @@
-//! What is asked of a job, and why it may give no picture.
+//! The settings of a job, and the reasons why it may give no picture.
 
 use std::{collections::BTreeMap, sync::Arc, thread};
 

@@ -1,4 +1,4 @@
-//! What the threads of a job share: the engine, the easel, and how far all is.
+//! The state that the threads of a job share: the engine, the easel, the progress.
 
 use std::{
     collections::BTreeMap,

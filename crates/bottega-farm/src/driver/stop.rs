@@ -1,4 +1,4 @@
-//! How a user ends a job early.
+//! The switch by which a user ends a job early.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -1,4 +1,4 @@
-//! What the rows of the Blackboard mean for the Master, kept in step with them so that no event costs a look at all.
+//! The Master's sums over the rows of the Blackboard, kept in step so that no event costs a look at all of them.
 
 use std::{cmp::Reverse, collections::BTreeSet, ops::Bound, time::Duration};
 

@@ -1,4 +1,4 @@
-//! What agents say to the Master, how it knows that they live, and what it does when they do not.
+//! The Master's agents: what they say, how it knows that they live, and what it does when they do not.
 
 use super::*;
 

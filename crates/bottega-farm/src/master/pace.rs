@@ -1,4 +1,4 @@
-//! Whether the orders of an agent go on: an engine may hang while its agent says that it lives.
+//! The watch over orders: an engine may hang while its agent says that it lives.
 
 use super::{watched::LongestOrder, *};
 use crate::{Holding, STEP_MAX};

@@ -1,4 +1,4 @@
-//! What becomes of the reports of agents and of the film.
+//! The results of agents and of the film.
 
 use super::*;
 use crate::{BAND_MAX, Goal, Vote};

@@ -1,4 +1,4 @@
-//! What the Master reads of the Blackboard, and what it writes there.
+//! The Master's reads and writes of the Blackboard.
 
 use bottega_agents::Entry;
 

@@ -1,4 +1,4 @@
-//! How a picture is to be cut.
+//! Settings of the partition.
 
 use std::str::FromStr;
 

@@ -1,4 +1,4 @@
-//! Who paints in a simulation: agents, their machines, and what befalls them.
+//! The agents of a simulation, their machines, and their faults.
 
 use std::{str::FromStr, time::Duration};
 

@@ -1,4 +1,4 @@
-//! What a real run measured: zones, what each cost, and where within it.
+//! The record of a real run: zones, what each cost, and where within it.
 
 use std::time::Duration;
 

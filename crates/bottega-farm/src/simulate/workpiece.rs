@@ -1,4 +1,4 @@
-//! What is painted in a simulation: zones, and what they cost.
+//! The work of a simulation: zones, and what they cost.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! How paths are followed.
+//! Options of paths.
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! How shared things are declared.
+//! The declaration of types and constants that Rust and WGSL share.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! What follows when a resource fails: a pause, a try, and in the end its retirement.
+//! Faults of a resource and what follows: a pause, a try, and in the end its retirement.
 
 use super::core::{Core, FollowUps};
 use super::incident::Fault;

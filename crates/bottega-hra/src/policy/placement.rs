@@ -1,4 +1,4 @@
-//! Which unit a resource gets, and whether it gets any.
+//! Placement: which unit a resource gets, and whether it gets any.
 //!
 //! In turn: a unit that failed elsewhere; the one that is late for longest; the highest priority. Among the primitives
 //! of one priority the fluid [`plan`] says who does which, by comparative advantage. A resource

@@ -1,4 +1,4 @@
-//! What a modelled resource is like.
+//! The model of a resource.
 
 use std::time::Duration;
 

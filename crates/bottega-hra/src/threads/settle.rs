@@ -1,4 +1,4 @@
-//! What becomes of units: an answer, or another try.
+//! The settlement of units: an answer, or another try.
 
 use std::time::Duration;
 

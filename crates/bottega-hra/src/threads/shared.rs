@@ -1,4 +1,4 @@
-//! What submitters, lanes and the watch share, and the one way to the policy.
+//! The state that submitters, lanes and the watch share, and the one way to the policy.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex};

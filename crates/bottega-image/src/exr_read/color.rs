@@ -1,4 +1,4 @@
-//! Which channels of an OpenEXR file are its color.
+//! The color of an OpenEXR file: which of its channels hold it.
 
 use exr::meta::header::Header;
 

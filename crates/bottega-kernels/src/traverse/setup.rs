@@ -1,4 +1,4 @@
-//! What is computed once a ray: scales and shifts of the slab tests, and the shear of the triangle test.
+//! The setup of a ray: scales and shifts of the slab tests, and the shear of the triangle test.
 //!
 //! All of it in lanes from the beginning, each a broadcast of what is read from the ray: numbers that were put together in
 //! memory and read back as vectors cost a cheap ray a tenth of its time.

@@ -1,4 +1,4 @@
-//! What a swarm knows, and the oracle that is asked while the picture is painted (§4.4).
+//! The map of a swarm, and the oracle that is asked while the picture is painted (§4.4).
 
 use std::sync::Arc;
 

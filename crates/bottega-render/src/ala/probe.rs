@@ -1,4 +1,4 @@
-//! What any sensor of an agent does: it goes to a place near by, and looks for the light.
+//! A sensor's probe: it goes to a place near by, and looks for the light.
 
 use bottega_kernels::{Ray, math};
 use glam::Vec3;

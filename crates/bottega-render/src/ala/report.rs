@@ -1,4 +1,4 @@
-//! What agents did, in figures.
+//! The figures of agents.
 
 use std::{
     sync::atomic::{AtomicU64, Ordering},

@@ -1,4 +1,4 @@
-//! What agents are sent out to find, and what they bring back.
+//! The sensing of agents: what they are sent out to find, and what they bring back.
 
 use std::{ops::Range, sync::Arc};
 

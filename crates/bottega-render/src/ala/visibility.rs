@@ -1,4 +1,4 @@
-//! Whether lights are seen, as agents answer it: the shadow half of the oracle (§4.4).
+//! The visibility of lights as agents answer it: the shadow half of the oracle (§4.4).
 
 use std::collections::BTreeMap;
 

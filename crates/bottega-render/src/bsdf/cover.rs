@@ -1,5 +1,5 @@
-//! What a rough dielectric boundary lets through to a matte base, and keeps in: curves that are integrated once for each
-//! boundary that a scene has.
+//! The cover of a matte base: what a rough dielectric boundary lets through and keeps in, as curves that are integrated once for
+//! each boundary that a scene has.
 
 use std::collections::BTreeMap;
 use std::sync::{OnceLock, PoisonError, RwLock};

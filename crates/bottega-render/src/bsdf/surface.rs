@@ -1,4 +1,4 @@
-//! From a scene's material to the scattering at one point of it.
+//! The scattering at one point, made of a scene's material.
 
 use bottega_kernels::math;
 use bottega_scene::{

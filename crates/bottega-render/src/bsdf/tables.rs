@@ -1,4 +1,4 @@
-//! How much of the light a rough layer sends on: the tables that keep the layers' books balanced.
+//! Tables of the albedo of rough layers, which keep the layers' books balanced.
 //!
 //! They are integrated once, when the first material is met, with fixed nodes in a fixed order, so that every run has
 //! the same bits. All are functions of the cosine μ to the normal (nodes even in √μ, where they bend most) and of the

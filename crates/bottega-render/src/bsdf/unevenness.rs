@@ -1,4 +1,4 @@
-//! What a relief's normal sees otherwise than the surface without it.
+//! The unevenness of a relief: what its normal sees otherwise than the surface without it.
 
 use glam::Vec3;
 

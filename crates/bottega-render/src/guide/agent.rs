@@ -1,4 +1,4 @@
-//! What lighting agents know beside directions: of each region which lights matter and are seen, and how much a path is
+//! The knowledge of lighting agents beside directions: of each region which lights matter and are seen, and how much a path is
 //! worth that comes there; of each part of the picture what it is worth to whoever looks at it.
 //!
 //! A path that comes to a region with throughput T goes on as q paths, q = T ∕ I · √(M ∕ C) ∕ √(V ∕ K): I is what its pixel

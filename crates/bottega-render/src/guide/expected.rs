@@ -1,4 +1,4 @@
-//! What the parts of a picture are worth to whoever looks at it, from paths all over it.
+//! The worth of the parts of a picture to a viewer, from paths all over it.
 
 use super::{
     agent::{EyePath, PictureWorth},

@@ -1,4 +1,4 @@
-//! From the vertices of paths to a guide.
+//! The learning of a guide from the vertices of paths.
 
 use std::{cmp::Ordering, ops::Range};
 

@@ -1,4 +1,4 @@
-//! Which lights matter at a place, and which of them are seen from there: learnt from rays that asked.
+//! The choice among lights at a place: which matter and which are seen from there, learnt from shadow rays.
 //!
 //! The tree over lights knows distances, sizes and directions, and no walls. A choice knows, for some surfaces next to each
 //! other, how much of the light that was asked for came, by parts of the tree: a cut through it that goes deep where much

@@ -1,4 +1,4 @@
-//! How much light photons bring to a point near them.
+//! The estimator of light that photons bring to a point near them.
 
 use std::f32::consts::PI;
 

@@ -1,4 +1,4 @@
-//! Where maps are kept, for all who paint the same.
+//! The store of maps, for all who paint the same.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 

@@ -1,4 +1,4 @@
-//! What a few paths see of a pixel.
+//! The probe of a pixel by a few paths.
 
 use bottega_image::Rect;
 use bottega_kernels::compiled;

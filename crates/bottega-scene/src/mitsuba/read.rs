@@ -1,4 +1,4 @@
-//! From text to objects: files included, parameters put in, properties understood, references resolved.
+//! The reader from text to objects: files included, parameters put in, properties understood, references resolved.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! What several shapes show: meshes from the same file, and groups.
+//! Meshes that several shapes share: from the same file, and groups.
 
 use std::collections::BTreeMap;
 

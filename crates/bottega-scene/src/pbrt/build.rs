@@ -1,4 +1,4 @@
-//! From what the file describes to the scene: shapes get their materials, files of meshes are read, objects are placed.
+//! The build of the scene from a file's descriptions: shapes get their materials, files of meshes are read, objects are placed.
 
 use std::collections::{BTreeMap, BTreeSet};
 

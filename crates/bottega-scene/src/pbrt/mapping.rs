@@ -1,4 +1,4 @@
-//! Where on a picture a point of a surface is.
+//! Texture mappings: the point of a picture at a point of a surface.
 
 use glam::{Affine2, Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 

@@ -1,4 +1,4 @@
-//! Where shapes end up: spheres that stay spheres, and small meshes that are moved into the world and joined.
+//! The placement of shapes: spheres that stay spheres, and small meshes that are moved into the world and joined.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Who paints on this machine: what the user asks for, and what comes of it.
+//! The choice of devices on this machine: what the user asks for, and what comes of it.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Which devices a request names.
+//! The devices that a request names.
 
 use std::str::FromStr;
 

@@ -1,4 +1,4 @@
-//! What is told while the work goes on: what the farm and the engine say becomes events.
+//! The reporter: makes events of what the farm and the engine say while the work goes on.
 
 use std::{
     collections::VecDeque,

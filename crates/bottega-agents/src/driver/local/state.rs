@@ -1,4 +1,4 @@
-//! What a platform of one process has in memory, its locks, and the ways in and out: mailboxes and the link to other
+//! The memory of a platform of one process, its locks, and the ways in and out: mailboxes and the link to other
 //! processes. These know each other, for what comes back over the link goes into a mailbox.
 
 use std::{

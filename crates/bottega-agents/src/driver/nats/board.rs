@@ -1,4 +1,4 @@
-//! What everybody in a farm may read and change: which jobs there are, who leads them, who is there.
+//! The notices of a farm that everybody may read and change: its jobs, their leaders, who is present.
 
 use std::{
     collections::BTreeMap,

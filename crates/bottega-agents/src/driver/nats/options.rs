@@ -1,4 +1,4 @@
-//! Where a farm is, and how one says who one is.
+//! The address of a farm, and the credentials of a client.
 
 use std::{path::PathBuf, time::Duration};
 

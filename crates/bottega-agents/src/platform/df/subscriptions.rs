@@ -1,4 +1,4 @@
-//! Who wants to be told of offers.
+//! Subscriptions to the yellow pages: agents that want to hear of offers.
 //!
 //! A subscription is an entry of the store. It says which process tells the subscriber, up to which revision it has done so,
 //! and up to which it is sure that this arrived: when for a while nobody has said that it did not. Where the one who tells

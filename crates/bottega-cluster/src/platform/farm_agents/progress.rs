@@ -1,4 +1,4 @@
-//! Who wants to be told how a job gets on.
+//! Subscriptions to the progress of jobs.
 
 use std::{collections::BTreeMap, time::Duration};
 

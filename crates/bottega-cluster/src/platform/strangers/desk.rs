@@ -1,4 +1,5 @@
-//! Where strangers fetch the files of a scene and deliver what they painted: HTTP, by URLs that only those know who were told.
+//! The HTTP desk where strangers fetch the files of a scene and deliver what they painted, by URLs that only those know who were
+//! told.
 
 use std::{
     collections::BTreeMap,

@@ -1,4 +1,4 @@
-//! What of the disk a child may read and write. The kernel holds it to that, where it has Landlock.
+//! The fence around a child: which files it may read and write. The kernel enforces it where it has Landlock.
 //!
 //! Read: the system's own folders, where the engine is installed, and what the scene is made of. Written: the scratch
 //! folder alone, which is home and place of temporary files, too. Nothing else of the user's home can be opened.

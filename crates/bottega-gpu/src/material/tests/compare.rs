@@ -1,4 +1,4 @@
-//! When two numbers are the same but for rounding.
+//! A comparison of numbers that are the same but for rounding.
 
 /// Relative difference that is always allowed.
 const TOLERANCE: f32 = 1e-4;

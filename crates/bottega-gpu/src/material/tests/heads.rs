@@ -1,4 +1,4 @@
-//! What turns frames, and what a material says beside its scattering.
+//! Frames that are turned, and what a material says beside its scattering.
 
 use bottega_render::bsdf::{LiftedNormal, SurfacePoint, scattering};
 use bottega_scene::{

@@ -1,4 +1,4 @@
-//! Whether a light is seen: by all that an agent and those next to it have seen, with the doubt that is left.
+//! The verdict whether a light is seen: by all that an agent and those next to it have seen, with the doubt that is left.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Whether it pays to end and to split paths, and to leave out shadow rays, by what agents say they are worth: tried on a few
+//! The trial whether it pays to end and to split paths, and to leave out shadow rays, by what agents say they are worth: on a few
 //! pixels beforehand.
 //!
 //! What agents say is about independent paths. Those of a pixel are spread evenly, and where light is smooth that is worth

@@ -1,4 +1,4 @@
-//! Where irradiance is kept: the first of two passes over the picture.
+//! The placement of irradiance records: the first of two passes over the picture.
 //!
 //! The order in which places are looked at depends on the picture alone, coarse before fine, and each batch knows only what
 //! the batches before have kept: so the records are the same however many threads compute them.

@@ -1,4 +1,4 @@
-//! What an irradiance sensor of an agent measures.
+//! The irradiance sensor of an agent.
 
 use std::{f32::consts::PI, sync::Arc};
 

@@ -1,4 +1,4 @@
-//! What is between two points: boundaries of media, panes, and the media themselves.
+//! The passage between two points: boundaries of media, panes, and the media themselves.
 
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{MediumId, Spectrum};

@@ -1,4 +1,4 @@
-//! How noisy records are to be expected to be.
+//! The noise to expect in records.
 //!
 //! Where light comes from a small bright place, a record whose rays missed it looks sure and is too dark, and one whose rays
 //! found it looks noisy and is too bright. Who went by the noise that each record has found itself would take the dark ones and

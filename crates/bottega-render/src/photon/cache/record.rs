@@ -1,4 +1,4 @@
-//! What is measured at one place: irradiance, how it changes, and how sure it is.
+//! The record of one place: irradiance, how it changes, and how sure it is.
 
 use std::{f32::consts::PI, sync::Arc};
 

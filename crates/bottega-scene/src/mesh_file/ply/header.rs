@@ -1,4 +1,4 @@
-//! What a PLY file says of its elements.
+//! The header of a PLY file.
 
 use super::super::lines::{LineFault, LocatedFault, integer, next_word};
 use super::super::source::MeshSource;

@@ -1,4 +1,4 @@
-//! What a machine answers to strangers who ask it.
+//! Answers of a machine to strangers.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Where irradiance is kept, and what is seen from there.
+//! Spots where irradiance is kept, and what is seen from there.
 
 use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
