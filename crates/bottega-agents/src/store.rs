@@ -37,7 +37,7 @@ pub struct Entry<V> {
     pub value: V,
 }
 
-/// What can be asked of the store.
+/// A request to the store.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreRequest<V> {
     /// Reads an entry; answered by [`StoreReply::Got`].
@@ -68,7 +68,7 @@ pub enum StoreRequest<V> {
     },
 }
 
-/// What the store says.
+/// A reply of the store.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreReply<V> {
     /// The entry asked for, if there is one.

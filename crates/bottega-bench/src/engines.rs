@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 pub use self::trial::EngineTrial;
 use crate::{Error, Report, clock::children_seconds, say};
 
-/// Which engine, with which picture.
+/// The engine and the picture of the measurement.
 #[derive(Clone, Debug)]
 pub struct EnginesOptions {
     /// The engine.

@@ -15,6 +15,7 @@
 //! | the overhead of painting in zones with another engine | [`engines`] |
 //! | awards a second, on a real NATS server | [`farm`]: `src/farm/` |
 //! | painting that several measurements share | `src/painting.rs` |
+//! | processes that a measurement starts | `src/part_process.rs` |
 //! | time of the processors | [`clock`] |
 
 pub mod ala;
@@ -27,6 +28,7 @@ pub mod hra;
 pub mod magarro;
 mod neutral_scene;
 mod painting;
+mod part_process;
 pub mod peers;
 pub mod rays;
 

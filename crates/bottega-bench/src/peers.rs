@@ -33,7 +33,7 @@ use crate::{
     say,
 };
 
-/// Who paints what, and how often.
+/// The renderers and scenes to compare, and how often each is run.
 #[derive(Clone, Debug)]
 pub struct PeersOptions {
     /// Folder with the scenes: SCENE.json (ours, and Cycles'), SCENE.xml (Mitsuba's), SCENE.scn (LuxCore's), the PLY meshes

@@ -51,7 +51,7 @@ enum JobOutcome {
     Elsewhere(Vec<u8>),
 }
 
-/// What a farm came to.
+/// The outcome of a picture on a farm.
 pub enum RenderOutcome {
     /// This process led the job, and has the picture; it is written.
     Local(Box<Picture>),

@@ -21,7 +21,7 @@ use crate::{
 const LOOK_FOR: Duration = Duration::from_millis(1500);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// What a machine is told.
+/// An order to a machine.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MachineOrder {
     /// What it shall be.

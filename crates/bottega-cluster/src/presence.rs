@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::build::build;
 
-/// What a machine is to do, or does.
+/// The state of a machine, ordered or actual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PresenceState {

@@ -25,7 +25,7 @@ const STRAY_AFTER: Duration = Duration::from_secs(600);
 /// After so long the seat of a machine is taken away that does not renew it.
 const SEAT_LEFT: Duration = Duration::from_secs(15);
 
-/// What a job holds of the farm's room, in bytes.
+/// The storage that a job takes of the farm's, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct JobStorage {
     /// Pieces of its scene, which other jobs may need too.

@@ -24,7 +24,7 @@ use crate::{
     shares::{JobClaim, choose, should_move},
 };
 
-/// What a machine that paints for a farm says to its user.
+/// A message of a machine that paints for a farm to its user.
 pub enum WorkerMessage<'a> {
     /// What it does.
     Line(&'a str),
@@ -32,7 +32,7 @@ pub enum WorkerMessage<'a> {
     Failure(&'a Error),
 }
 
-/// What of this machine is offered to a farm.
+/// The share of this machine that is offered to a farm.
 #[derive(Clone, Debug, Default)]
 pub struct JoinOptions {
     /// What paints.

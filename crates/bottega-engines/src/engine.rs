@@ -39,7 +39,7 @@ impl EnginePreference {
     }
 }
 
-/// What an engine is, and which tunables it has. One that it has not is never credited for it.
+/// The description of an engine, with its tunables. An engine is never credited for a tunable that it lacks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EngineDescription {
     /// Short name: `builtin`, `cycles`, …
@@ -73,7 +73,7 @@ impl CancelSwitch {
     }
 }
 
-/// How much of a task is painted, for those who want to know that it goes on. Clones are the same counter.
+/// The progress of a task: how much of it is painted. Clones are the same counter.
 #[derive(Clone, Debug, Default)]
 pub struct TaskProgress(Arc<AtomicU64>);
 
@@ -111,7 +111,7 @@ pub struct ZoneTask {
     pub progress: TaskProgress,
 }
 
-/// What came of a [`ZoneTask`].
+/// The result of a [`ZoneTask`].
 #[derive(Clone, Debug)]
 pub struct Painted {
     /// Running sums of all samples so far. After cancellation pixels may have different counts.

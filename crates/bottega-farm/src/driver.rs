@@ -39,7 +39,7 @@ use self::{
 };
 use crate::{FarmCompletion, Goal, JournalContents, WorkRow, ZoneId, ZoneRow, ZoneStore};
 
-/// What came of a job.
+/// The report of a job.
 #[derive(Debug)]
 pub struct JobReport {
     /// The picture, or what there is of it.

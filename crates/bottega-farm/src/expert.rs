@@ -29,7 +29,7 @@ pub const BAND_MAX: u32 = 64;
 /// pixels.
 const BAND_OF_SIDE: f64 = 1.0 / 24.0;
 
-/// Who says how wide interpolation bands are. With optimization off there are none: zones agree to the last bit.
+/// The width of interpolation bands, and who says it. With optimization off there are none: zones agree to the last bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BandWidth {
     /// There are none: zones meet at an edge.
@@ -41,7 +41,7 @@ pub enum BandWidth {
     Pixels(u32),
 }
 
-/// What an agent knows of rendering. Each agent may know something else.
+/// The knowledge of an agent about rendering. Each agent may know something else.
 #[derive(Clone, Debug)]
 pub struct Expert {
     rules: Arc<FunctionBlock>,

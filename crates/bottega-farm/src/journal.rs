@@ -22,7 +22,7 @@ const MAGIC: [u8; 8] = *b"BOTTEGA\x05";
 /// The longest payload that is believed.
 const PAYLOAD_BYTES_MAX: u64 = 1 << 36;
 
-/// Where a running work is kept. Called in order by one thread at a time.
+/// The store of a running work. Called in order by one thread at a time.
 pub trait ZoneStore: Send {
     /// Keeps what the user asked for and over what the rules are laid out.
     ///
@@ -95,7 +95,7 @@ impl<W: Write + Send> ZoneStore for JournalWriter<W> {
     }
 }
 
-/// What a journal holds.
+/// The contents of a journal.
 #[derive(Clone, Debug, Default)]
 pub struct Journal {
     /// What was painted.
@@ -106,7 +106,7 @@ pub struct Journal {
     pub sound_bytes: u64,
 }
 
-/// What is left of an interrupted work.
+/// The rest of an interrupted work.
 #[derive(Clone, Debug)]
 pub struct JournalContents {
     /// The work.

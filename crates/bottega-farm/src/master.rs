@@ -48,7 +48,7 @@ const WATCH: Ticket = Ticket(0);
 /// Results that the film is given at once.
 const COMPOSING_MAX: usize = 8;
 
-/// How long the Master waits for what.
+/// The waiting times of the Master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     /// For bids: silence is a refusal.
@@ -74,7 +74,7 @@ impl Default for Timing {
     }
 }
 
-/// What a Master is told when it is made.
+/// The configuration of a Master.
 #[derive(Clone, Debug)]
 pub struct MasterConfig {
     /// Its own name.

@@ -17,7 +17,7 @@ pub struct ResultRef {
     pub digest: BlobId,
 }
 
-/// What was painted.
+/// The painted part of a zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painting {
     /// The settings chosen.

@@ -19,7 +19,7 @@ use crate::{
 /// An order is looked at from this age on: younger ones are not missed, and most are done by then.
 const LOOK_AFTER: Duration = Duration::from_secs(5);
 
-/// What an agent is told when it is made.
+/// The configuration of a Render Agent.
 #[derive(Clone, Debug)]
 pub struct RenderAgentConfig {
     /// Its own name.

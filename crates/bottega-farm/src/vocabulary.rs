@@ -129,7 +129,7 @@ pub enum FarmEffect {
     },
 }
 
-/// What the world says.
+/// A completion or an event of the world.
 #[derive(Clone, Debug)]
 pub enum FarmCompletion {
     /// Of [`FarmEffect::Survey`].

@@ -23,7 +23,7 @@ struct AggregatePiece {
     y1: f64,
 }
 
-/// What all rules together say of one output, before one number is made of it.
+/// The aggregate of all rules on one output, before one number is made of it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Aggregate {
     /// (x, height), x never falling: what each rule that fired puts where.

@@ -59,7 +59,7 @@ impl Outputs {
     }
 }
 
-/// How much a rule had to say.
+/// A rule that fired, and its weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiredRule {
     /// The rule's label.

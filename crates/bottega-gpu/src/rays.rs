@@ -14,7 +14,7 @@ use crate::device::{Device, TILE_MAX};
 use crate::error::GpuError;
 use crate::geometry::Geometry;
 
-/// How a GPU is used.
+/// The options of a GPU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GpuOptions {
     /// Part of the name of the adapter that is wanted. `None`: the best GPU, never a software adapter.

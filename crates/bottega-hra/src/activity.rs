@@ -1,6 +1,6 @@
 //! The activities of a resource.
 
-/// What a resource is at.
+/// The activity of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activity {
     /// Waits for work.

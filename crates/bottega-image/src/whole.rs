@@ -22,7 +22,7 @@ fn is_exr(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
 }
 
-/// What the header of a file announces; nothing was allocated by it.
+/// The header of a file; nothing was allocated by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WholeHeader {
     /// Columns of the picture.

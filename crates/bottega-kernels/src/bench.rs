@@ -224,7 +224,7 @@ pub fn table(scene: &BenchScene, rows: &[Row]) -> String {
     out
 }
 
-/// What [`run`] found.
+/// The ray rates that [`run`] measured.
 pub struct RayRates {
     /// Each scene with a row a kernel.
     pub scenes: Vec<(BenchScene, Vec<Row>)>,

@@ -46,7 +46,7 @@ pub struct FlatScene {
     pub has_opacity: bool,
 }
 
-/// What is in a scene that its flat form cannot say.
+/// The part of a scene that its flat form cannot say.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotFlat {
     /// A surface that the camera sees through from behind.

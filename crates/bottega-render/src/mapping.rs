@@ -6,7 +6,7 @@ use bottega_kernels::math;
 use bottega_scene::{Mapping, MappingKind, Scene, TextureMap, Uvs};
 use glam::{Mat3, Vec2, Vec3};
 
-/// Where a point is in the world, and how wide it is seen: what mappings ask.
+/// A point in the world, and how wide it is seen: the input of mappings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spot {
     /// World space.

@@ -82,7 +82,7 @@ pub struct ProbeWork {
     pub sample_count: u32,
 }
 
-/// What came of a [`RenderWork`], of the same kind.
+/// The output of a [`RenderWork`], of the same kind.
 #[derive(Clone, Debug)]
 pub enum RenderOutput {
     /// One a ray.
@@ -107,7 +107,7 @@ pub enum RenderOutput {
     Refused(Arc<RenderError>),
 }
 
-/// What came of a [`BlockWork`].
+/// The output of a [`BlockWork`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockOutput {
     /// The sums, with the samples added.

@@ -85,7 +85,7 @@ impl Default for FilmFilter {
     }
 }
 
-/// What a scene file says of itself.
+/// The metadata of a scene file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Metadata {
     /// Name of the format.

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::{live::LiveJob, problem::Problem};
 
-/// What is done to a job.
+/// An order to a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JobOrder {
     /// Nobody paints it until it is resumed.
@@ -38,7 +38,7 @@ pub struct JobAgents {
     pub auction: AuctionSum,
 }
 
-/// What all rounds of an auction came to.
+/// The sum of all rounds of an auction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct AuctionSum {
     /// How many there were.

@@ -262,7 +262,7 @@ pub struct ZoneEvent {
     pub error: Option<f64>,
 }
 
-/// What a zone is painted with.
+/// The settings that a zone is painted with.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ZoneChoice {
     /// Recursion level: bounces of light.
@@ -319,7 +319,7 @@ pub struct RoundEvent {
     pub credit_decided: bool,
 }
 
-/// What all rounds of an auction came to.
+/// The sum of all rounds of an auction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AuctionEvent {
     /// How many there were.
@@ -338,7 +338,7 @@ pub struct AuctionEvent {
     pub awards: u64,
 }
 
-/// How often an engine painted a zone.
+/// The number of zones that an engine painted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EngineShare {
     /// The engine.
@@ -347,7 +347,7 @@ pub struct EngineShare {
     pub zones: u64,
 }
 
-/// What the lighting agents of a picture were like, what they cost, and what they were asked on this machine.
+/// The lighting agents of a picture: their properties, their cost, and the questions they were asked on this machine.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LightingAgents {
     /// Agents that the lights cast.
@@ -380,7 +380,7 @@ pub struct LightingAgents {
     pub irradiance_interpolated: u64,
 }
 
-/// How far a job is.
+/// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Progress {
     /// Zones painted.

@@ -17,7 +17,7 @@ use crate::{
     settings::{directions, filter, guide_agents},
 };
 
-/// Where a work is kept, and what is kept of it already.
+/// The journal of a work: its place, and what it holds already.
 pub struct PictureJournal {
     /// The journal.
     pub path: PathBuf,

@@ -10,7 +10,7 @@ use crate::{
     settings::{agent_photons, photon_settings},
 };
 
-/// How a picture is painted.
+/// The method that paints a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
     /// Which integrator.

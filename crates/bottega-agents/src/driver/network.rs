@@ -27,7 +27,7 @@ pub const PLANNED_MAX: usize = 1 << 22;
 /// How long a cut holds back what must arrive in order, before it is tried again.
 pub(super) const RETRY_AFTER: Duration = Duration::from_millis(50);
 
-/// What goes wrong, and how often. [`Faults::NONE`] is a fast and faithful network.
+/// The faults of a network, and how often each happens. [`Faults::NONE`] is a fast and faithful network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Faults {
     /// The shortest time a message takes.

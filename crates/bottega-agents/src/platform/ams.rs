@@ -29,7 +29,7 @@ pub const HTTP_TRANSPORT: &str = "fipa.mts.mtp.http.std";
 /// When what was not written is tried again.
 const LOOK_AGAIN_AFTER: Duration = Duration::from_secs(2);
 
-/// Who an AMS is, and of what.
+/// The configuration of an AMS: its name and its platform.
 #[derive(Clone, Debug)]
 pub struct AmsConfig {
     /// Its own name.

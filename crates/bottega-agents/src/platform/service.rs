@@ -61,7 +61,7 @@ pub struct Change {
     pub text: String,
 }
 
-/// How far a function came.
+/// The step that a function has reached.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// It is done, and nothing changes.
@@ -72,7 +72,7 @@ pub enum Step {
     Later,
 }
 
-/// What a service wants besides its answers.
+/// The messages and changes that a service wants besides its answers.
 #[derive(Debug, Default)]
 pub struct ServiceOutbox {
     /// Messages.
@@ -81,7 +81,7 @@ pub struct ServiceOutbox {
     pub writes: Vec<(u64, Change)>,
 }
 
-/// What a service does, without the talk around it.
+/// The functions of a service, without the talk around it.
 pub trait Functions {
     /// How the names of the entries begin that it mirrors.
     const PREFIXES: &'static [&'static str];

@@ -129,7 +129,7 @@ fn micros(time: Duration) -> u64 {
     u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
 }
 
-pub(super) fn unix_micros() -> u64 {
+pub(crate) fn unix_micros() -> u64 {
     // A clock that stands before 1970 has been set by nobody.
     micros(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())
 }

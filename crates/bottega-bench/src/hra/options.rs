@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// Runs of a way: the best and the worst do not count.
 pub(super) const RUNS_MIN: u16 = 3;
 
-/// How much is measured, and with what.
+/// The size and the resources of the measurement.
 #[derive(Clone, Debug)]
 pub struct HraOptions {
     /// Rays, as a share of the paper's 100,000,000.

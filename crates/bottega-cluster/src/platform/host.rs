@@ -16,7 +16,7 @@ const SILENT_AFTER: Duration = Duration::from_millis(2500);
 /// How often is looked whether one says so.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// Who has the agents of a platform.
+/// The process that hosts the agents of a platform.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PlatformHost {
     /// A number that no other process has.

@@ -38,7 +38,7 @@ const BLACK: f32 = 1e-6;
 /// Looks at a scene in so many columns and rows.
 pub type Surveyor = Box<dyn Fn(u32, u32) -> Option<Survey> + Send + Sync>;
 
-/// What an engine is to paint, and how.
+/// The options of an external engine: what it paints, and how.
 pub struct ExternalOptions {
     /// The scene. Its size is that of the picture.
     pub request: SceneRequest,

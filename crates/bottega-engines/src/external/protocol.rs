@@ -56,7 +56,7 @@ pub(super) struct Ready {
     pub(super) protocol: u32,
 }
 
-/// What a worker says of a scene.
+/// The description of a scene by a worker.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Opened {
     /// Width of the frame.
@@ -130,7 +130,7 @@ pub struct OpenedLayer {
     pub shared: bool,
 }
 
-/// What several passes come to.
+/// The combination of several passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CombineWord {

@@ -6,7 +6,7 @@ use bottega_agents::Time;
 
 use crate::{ZoneId, ZoneRow};
 
-/// How far a job is.
+/// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
     /// Zones painted or given up.
@@ -26,7 +26,7 @@ pub struct Progress {
     pub left: Option<Duration>,
 }
 
-/// Where the time of a job went.
+/// The time of a job, by what it was spent on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
     /// Wall time from beginning to end.

@@ -51,7 +51,7 @@ pub struct Incident {
     pub kind: IncidentKind,
 }
 
-/// What befalls an agent.
+/// The kind of an incident of an agent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IncidentKind {
     /// It dies without a word and does not come back.

@@ -39,7 +39,7 @@ use crate::{
 /// How long the platform is watched after the end, until everybody has gone home.
 const AFTERWARDS: Duration = Duration::from_secs(20);
 
-/// Who paints, over which network, by which rules.
+/// The plan of a simulation: who paints, over which network, by which rules.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Who paints.
@@ -104,7 +104,7 @@ impl Plan {
     }
 }
 
-/// What came of a simulation.
+/// The outcome of a simulation.
 #[derive(Clone, Debug)]
 pub struct SimulationOutcome {
     /// When the picture was whole, from the start of the platform.
@@ -139,7 +139,7 @@ pub struct SimulationOutcome {
     pub trace: String,
 }
 
-/// What became of an agent.
+/// The outcome of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentOutcome {
     /// Its name.

@@ -64,7 +64,7 @@ struct SyntheticCost {
     painting: f32,
 }
 
-/// How the costs of a synthetic work are spread. All are standard deviations of the logarithm.
+/// The spread of the costs of a synthetic work. All are standard deviations of the logarithm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticSpread {
     /// Of the costs of zones. Their mean is [`Self::mean_seconds`].

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How a GPU paints.
+/// The options of a GPU that paints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathOptions {
     /// Part of the name of the adapter that is wanted. `None`: the best GPU, never a software adapter.

@@ -15,7 +15,7 @@ use crate::policy::time::Time;
 use crate::policy::unit::{Chunk, Data, Meta, Unit};
 use crate::{CostBook, HraConfig, HraReport, ResourceId, UnitError};
 
-/// What became of a unit.
+/// A unit and its answer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnsweredUnit {
     /// Done, or why not. `None`: cancelled.
@@ -30,7 +30,7 @@ pub struct AnsweredUnit {
     pub resource: Option<ResourceId>,
 }
 
-/// What came of a run.
+/// The outcome of a run.
 #[derive(Clone, Debug)]
 pub struct DayOutcome {
     /// One a unit, in the order of the load. `None`: it was lost, which must not be.

@@ -128,7 +128,7 @@ impl EmbreeFunctions {
 #[derive(Clone)]
 pub struct Embree(Arc<EmbreeFunctions>);
 
-/// How Embree builds and tests.
+/// The settings of Embree's build and tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setting {
     /// `RTC_BUILD_QUALITY_MEDIUM`, its default: binned.

@@ -23,7 +23,7 @@ const SEEN: usize = 8;
 /// Photons from which the irradiance at a photon is estimated.
 const GATHERED: usize = 60;
 
-/// What samples may differ in: k of equation 1.
+/// A criterion by which samples differ: k of equation 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Criterion {
     /// Normal of the surface.
@@ -77,7 +77,7 @@ pub struct Ludd {
     pub sample_count: u64,
 }
 
-/// Which samples.
+/// A set of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SampleSet {
     /// All photons.

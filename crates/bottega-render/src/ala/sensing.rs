@@ -58,7 +58,7 @@ pub(crate) struct Sensing<'a> {
     pub(crate) errand: SensingTask,
 }
 
-/// What agents found out, in the order of the errand.
+/// The readings of agents, in the order of the task.
 #[derive(Clone, Debug, Default)]
 pub struct SensorReadings {
     /// Of each agent.

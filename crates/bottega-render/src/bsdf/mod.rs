@@ -82,7 +82,7 @@ impl TransportMode {
     }
 }
 
-/// What kind of lobe a sample came from.
+/// The kind of lobe that a sample came from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LobeFlags(u8);
 

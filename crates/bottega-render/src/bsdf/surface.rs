@@ -20,7 +20,7 @@ use super::scattering::Other;
 use super::{Bsdf, LiftedNormal, SurfaceParams};
 use crate::mapping::{Spot, TexturePlace};
 
-/// What the lookup of a material needs to know of a point on a surface.
+/// A point on a surface, as the lookup of a material needs it.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
     /// Both sets of texture coordinates of the surface.

@@ -16,7 +16,7 @@ pub trait Record: Portable {
     const FIELDS: &'static [FieldPlace];
 }
 
-/// Where a field of a record is.
+/// The place of a field in a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldPlace {
     /// The field's name.

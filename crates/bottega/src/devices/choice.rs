@@ -14,7 +14,7 @@ use crate::{
     request::DeviceChoice,
 };
 
-/// Who will paint.
+/// The devices that will paint.
 pub struct DeviceSet {
     /// Processors; 0: none.
     pub threads: usize,

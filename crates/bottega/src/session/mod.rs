@@ -38,7 +38,7 @@ use crate::{
     settings::{goal, job_settings, shared_goal, tone},
 };
 
-/// What a session does beside the picture. None of it changes a pixel.
+/// The options of a session beside the picture. None of them changes a pixel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SessionOptions {
     /// Go on with what an earlier session has left of this picture, beside its output.
@@ -81,7 +81,7 @@ pub struct Session {
     journal: Option<PictureJournal>,
 }
 
-/// What is needed to paint.
+/// The tools of painting.
 pub struct PaintingTools {
     /// The job.
     pub settings: JobSettings,

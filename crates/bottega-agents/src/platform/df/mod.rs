@@ -34,7 +34,7 @@ pub const DIRECTORY_BYTES_MAX: usize = 1 << 28;
 /// How long after a lease has ended its entry is taken out at the latest.
 const SWEEP_AFTER: Duration = Duration::from_secs(1);
 
-/// Who a directory is, and what it allows.
+/// The configuration of a directory: its name, and what it allows.
 #[derive(Clone, Debug)]
 pub struct DfConfig {
     /// Its own name.
@@ -51,7 +51,7 @@ pub struct DfConfig {
     pub salt: u64,
 }
 
-/// What agents offer. An agent may enter, change and take out only what it offers itself.
+/// The yellow pages: the offers of agents. An agent may enter, change and take out only what it offers itself.
 #[derive(Clone, Debug)]
 pub struct Df {
     config: DfConfig,

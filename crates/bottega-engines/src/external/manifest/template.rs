@@ -34,7 +34,7 @@ const PLACEHOLDERS: &[&str] = &[
     "threads",
 ];
 
-/// What stands for the placeholders. One that is not in it has no value.
+/// The values of placeholders. One that is not in it has no value.
 pub type Values = BTreeMap<&'static str, String>;
 
 /// Text with placeholders such as `{x0}` or `{x0+1}`; `{{` and `}}` are braces.
