@@ -10,6 +10,7 @@
 //! | the progress bar, lines of text and JSON, the trace | `src/console_watcher.rs` |
 //! | standard output and standard error | `src/output.rs` |
 //! | errors as people read them | `src/error.rs` |
+//! | `-h` | `src/short_help.rs` |
 //! | Ctrl-C | `src/signals.rs` |
 //! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
@@ -42,12 +43,13 @@ mod platform;
 mod render;
 mod request;
 mod rules;
+mod short_help;
 mod signals;
 mod simulate;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::CommandFactory;
 use cli::{Cli, Command};
 use error::CliError;
 use output::Purpose;
@@ -61,7 +63,7 @@ fn main() -> ExitCode {
         .with_writer(|| output::LogWriter)
         .with_ansi(output::has_colors())
         .init();
-    let command = match Cli::try_parse() {
+    let command = match short_help::parse() {
         Ok(cli) => cli.command,
         Err(usage) => return output::print_usage(&usage),
     };
