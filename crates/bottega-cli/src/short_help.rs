@@ -1,6 +1,6 @@
 //! The short help: `-h` shows what is used most, on one screen; `--help` shows everything, in sections.
 
-use clap::{Arg, Command, CommandFactory, FromArgMatches, builder::StyledStr};
+use clap::{Arg, Command, CommandFactory, builder::StyledStr};
 
 use crate::cli::Cli;
 
@@ -67,11 +67,10 @@ const OPTIONS: &[ShownOptions] = &[
     ),
 ];
 
-/// Reads the command line. What `-h` prints is made for it; all else is as the options say.
-pub(crate) fn parse() -> Result<Cli, clap::Error> {
+/// The program for this command line: with short help if that is asked for.
+pub(crate) fn program() -> Command {
     let is_short = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "-h");
-    let command = if is_short { shortened(Cli::command()) } else { Cli::command() };
-    Cli::from_arg_matches(&command.try_get_matches()?)
+    if is_short { shortened(Cli::command()) } else { Cli::command() }
 }
 
 /// The program with short help.

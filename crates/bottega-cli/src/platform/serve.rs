@@ -13,7 +13,7 @@ use bottega_agents::{
 use serde_json::json;
 
 use bottega_cluster::{
-    JobBoard, link,
+    JobBoard,
     platform::{self, FarmPlatform, PlatformOptions},
 };
 
@@ -39,7 +39,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
     options.validate()?;
     let served = match &args.farm {
         Some(farm) => {
-            let board = JobBoard { uplink: link(farm.as_ref(), &args.login.credentials())?.uplink };
+            let board = JobBoard { uplink: args.login.link(farm.as_ref())?.uplink };
             ServedPages::Farm(FarmPlatform::serve(board.clone(), &options)?, board)
         }
         None => ServedPages::Alone(alone(options, store(args)?)?),
