@@ -80,7 +80,7 @@ fn main() -> ExitCode {
 
 /// Reads the command line, the environment and the configuration file.
 fn command_line() -> Result<Result<Cli, clap::Error>, CliError> {
-    let program = variables::with_variables(short_help::program());
+    let program = variables::with_variables(short_help::fitting(Cli::command()));
     let words = config::with_config(std::env::args_os().collect(), &program)?;
     Ok(program.try_get_matches_from(words).and_then(|matches| Cli::from_arg_matches(&matches)))
 }
@@ -116,7 +116,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Board(args) => board::run(&args),
-        Command::Config(args) => config::run(&args),
+        Command::Config(args) => config::run(&args, &Cli::command()),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "bottega", &mut script);

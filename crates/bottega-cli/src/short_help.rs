@@ -1,8 +1,6 @@
 //! The short help: `-h` shows what is used most, on one screen; `--help` shows everything, in sections.
 
-use clap::{Arg, Command, CommandFactory, builder::StyledStr};
-
-use crate::cli::Cli;
+use clap::{Arg, Command, builder::StyledStr};
 
 /// Commands that `bottega -h` describes, the most used first. The others it names.
 const COMMANDS: &[&str] = &["render", "info", "diff", "analyze", "up", "join", "jobs", "machines", "engines", "rules"];
@@ -67,10 +65,10 @@ const OPTIONS: &[ShownOptions] = &[
     ),
 ];
 
-/// The program for this command line: with short help if that is asked for.
-pub(crate) fn program() -> Command {
+/// The program as this command line wants it: with short help if that is asked for.
+pub(crate) fn fitting(program: Command) -> Command {
     let is_short = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "-h");
-    if is_short { shortened(Cli::command()) } else { Cli::command() }
+    if is_short { shortened(program) } else { program }
 }
 
 /// The program with short help.
@@ -119,7 +117,10 @@ fn first_sentence(text: &str) -> &str {
 
 #[cfg(test)]
 mod tests {
+    use clap::CommandFactory;
+
     use super::*;
+    use crate::cli::Cli;
 
     /// Lines of a terminal as small as they come.
     const SCREEN: usize = 32;

@@ -11,7 +11,10 @@ use bottega_farm::{Level, Optimization};
 use bottega_image::{Picture, rel_mse, rmse, srgb_from_linear};
 use serde_json::{Value, json};
 
-use super::{MagarroOptions, MagarroScene, report::Ways};
+use super::{
+    report::Ways,
+    scene::{MagarroOptions, MagarroScene},
+};
 use crate::{Error, Report, say};
 
 /// The levels that are compared.

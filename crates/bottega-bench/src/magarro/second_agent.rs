@@ -6,7 +6,10 @@ use bottega_cluster::own_server::{Entry, OwnServer};
 use bottega_farm::{Level, Link, Optimization, StopSwitch, assist, lead};
 use serde::{Deserialize, Serialize};
 
-use super::{MagarroOptions, MagarroScene, report::Ways};
+use super::{
+    report::Ways,
+    scene::{MagarroOptions, MagarroScene},
+};
 use crate::{
     Error,
     farm::{Folder, ServerAccess, ServerLinks, unix_micros},

@@ -2,10 +2,10 @@
 
 use std::process::ExitCode;
 
-use clap::{Args, CommandFactory, Subcommand};
+use clap::{Args, Command, Subcommand};
 
 use super::{ConfigFile, path, words::check};
-use crate::{cli::Cli, error::CliError};
+use crate::error::CliError;
 
 /// The configuration file.
 #[derive(Debug, Args)]
@@ -27,14 +27,15 @@ enum ConfigCommand {
     Show,
 }
 
-pub(crate) fn run(args: &ConfigArgs) -> Result<ExitCode, CliError> {
+/// - `program`: the options of the program.
+pub(crate) fn run(args: &ConfigArgs, program: &Command) -> Result<ExitCode, CliError> {
     match args.command {
         ConfigCommand::Path => println!("{}", path().display()),
         ConfigCommand::Show => match ConfigFile::read()? {
             Some(file) => {
                 println!("# {}", file.path.display());
                 print!("{}", file.text);
-                check(&file, &Cli::command())?;
+                check(&file, program)?;
             }
             None => println!("# {}: there is none", path().display()),
         },

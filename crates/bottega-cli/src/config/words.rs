@@ -6,14 +6,14 @@
 
 use std::ffi::OsString;
 
-use clap::{ArgAction, ArgMatches, Command, CommandFactory, parser::ValueSource};
+use clap::{ArgAction, ArgMatches, Command, parser::ValueSource};
 use toml::{
     Spanned,
     de::{DeString, DeTable, DeValue},
 };
 
 use super::{ConfigFile, FARM, PROFILE, PROFILE_VARIABLE, kind};
-use crate::{cli::Cli, error::CliError};
+use crate::error::CliError;
 
 /// How variables of the environment begin that stand for options: `BOTTEGA_RENDER_SPP`.
 pub(crate) const OPTION_VARIABLE: &str = "BOTTEGA";
@@ -21,7 +21,7 @@ pub(crate) const OPTION_VARIABLE: &str = "BOTTEGA";
 /// Options of `render` that say what is painted as a whole: what the file says is no part of that.
 const WHOLE_REQUESTS: [&str; 2] = ["request", "from"];
 
-type Entry<'a> = (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>);
+type NamedValue<'a> = (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>);
 
 /// The command line with what the configuration file says.
 ///
@@ -55,7 +55,7 @@ pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec
     }
     if !typed.is_whole_request() {
         for entry in typed.options(Some(&tables)) {
-            if said.iter().all(|(name, _): &Entry<'_>| name.get_ref() != entry.0.get_ref()) {
+            if said.iter().all(|(name, _): &NamedValue<'_>| name.get_ref() != entry.0.get_ref()) {
                 said.push(entry);
             }
         }
@@ -116,13 +116,13 @@ impl<'a> Typed<'a> {
     }
 
     /// The options that some tables have of this command.
-    fn options<'t>(&self, tables: Option<&'t DeTable<'t>>) -> Vec<Entry<'t>> {
+    fn options<'t>(&self, tables: Option<&'t DeTable<'t>>) -> Vec<NamedValue<'t>> {
         let mut found = tables;
         for name in &self.path {
             let inner = found.and_then(|tables| tables.iter().find(|(key, _)| key.get_ref() == name));
             found = inner.and_then(|(_, value)| table(value));
         }
-        let is_option = |(_, value): &Entry<'t>| table(value).is_none();
+        let is_option = |(_, value): &NamedValue<'t>| table(value).is_none();
         if self.path.is_empty() { Vec::new() } else { found.into_iter().flatten().filter(is_option).collect() }
     }
 
@@ -130,7 +130,7 @@ impl<'a> Typed<'a> {
     fn with(
         &self,
         file: &ConfigFile,
-        said: Vec<Entry<'_>>,
+        said: Vec<NamedValue<'_>>,
         mut words: Vec<OsString>,
     ) -> Result<Vec<OsString>, CliError> {
         let mut added = Vec::new();
@@ -171,7 +171,7 @@ impl<'a> Typed<'a> {
 }
 
 /// An option of the file as words.
-fn option_words(file: &ConfigFile, (name, value): Entry<'_>, is_flag: bool) -> Result<Vec<String>, CliError> {
+fn option_words(file: &ConfigFile, (name, value): NamedValue<'_>, is_flag: bool) -> Result<Vec<String>, CliError> {
     let option = name.get_ref();
     let text = |value: &DeValue<'_>| match value {
         DeValue::String(text) => Some(text.to_string()),
@@ -234,7 +234,7 @@ fn check_table(file: &ConfigFile, entries: &DeTable<'_>, command: &Command) -> R
     entries.iter().try_for_each(|entry| check_entry(file, entry, command))
 }
 
-fn check_entry(file: &ConfigFile, (name, value): Entry<'_>, command: &Command) -> Result<(), CliError> {
+fn check_entry(file: &ConfigFile, (name, value): NamedValue<'_>, command: &Command) -> Result<(), CliError> {
     let key = &**name.get_ref();
     if let (Some(inner), Some(entries)) = (command.find_subcommand(key), table(value)) {
         return check_table(file, entries, inner);
@@ -250,8 +250,7 @@ fn check_entry(file: &ConfigFile, (name, value): Entry<'_>, command: &Command) -
     let near = known.into_iter().map(|known| (distance(known, key), known)).min().filter(|(far, _)| *far <= 2);
     let near = near.map(|(_, known)| format!("; did you mean `{known}`?")).unwrap_or_default();
     let what = if table(value).is_some() { "command" } else { "option" };
-    let of = if command.get_name() == Cli::command().get_name() { "bottega" } else { command.get_name() };
-    Err(file.wrong(name.span(), &format!("`{of}` has no {what} `{key}`{near}")))
+    Err(file.wrong(name.span(), &format!("`{}` has no {what} `{key}`{near}", command.get_name())))
 }
 
 /// Letters to change, add or take away until two words are one (Levenshtein 1965).
@@ -273,7 +272,10 @@ fn distance(a: &str, b: &str) -> usize {
 mod tests {
     use std::path::PathBuf;
 
+    use clap::CommandFactory;
+
     use super::*;
+    use crate::cli::Cli;
 
     fn words_of(config: &str, line: &str) -> Result<String, String> {
         let file = ConfigFile { path: PathBuf::from("config.toml"), text: config.to_owned() };
