@@ -22,7 +22,7 @@ pub(crate) const RENEW_EVERY: Duration = Duration::from_millis(500);
 /// Who has not led for so long has gone.
 const LEADER_SILENT: Duration = Duration::from_millis(2500);
 /// Who has not sat for so long has gone.
-const SEAT_EMPTY: Duration = Duration::from_secs(3);
+pub(crate) const SEAT_EMPTY: Duration = Duration::from_secs(3);
 /// Processes of one machine at most.
 const SEATS_MAX: usize = 64;
 /// The largest list of files, and the largest picture.
@@ -87,7 +87,7 @@ impl JobBoard {
 
     /// Lets go of the rows and pixels of a job's zones.
     pub(crate) fn forget_zones(&self, work: u64) {
-        Link { uplink: Arc::clone(&self.uplink), work: WorkId(work), name: String::new() }.forget();
+        Link { uplink: Arc::clone(&self.uplink), work: WorkId(work), job: None, name: String::new() }.forget();
     }
 
     /// All jobs, by number.

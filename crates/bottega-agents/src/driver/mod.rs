@@ -1,6 +1,7 @@
 //! What turns state machines into running agents.
 
 mod alarm;
+pub mod ams_client;
 mod asker;
 mod fitted;
 pub mod http;
