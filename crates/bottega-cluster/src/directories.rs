@@ -32,6 +32,8 @@ use crate::{
 
 /// How long an entry that was taken out is kept: until nobody asks what has become of it.
 const EMPTY_KEPT: Duration = Duration::from_secs(60);
+/// How the names of the pages of all platforms begin.
+const PAGES: &str = "page/";
 
 /// An agent of a job, as the directories of the farm say it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -129,8 +131,18 @@ impl JobBoard {
         }
     }
 
-    /// Takes agents of jobs out of the directories whose process or job has gone, and lets go of what was taken out.
+    /// Takes agents of jobs out of the directories whose process or job has gone, and lets go of what was taken out of any.
     pub(crate) fn clear_pages(&self) {
+        let taken_out = self.uplink.notices().all(PAGES).into_iter();
+        for notice in taken_out.filter(|notice| notice.text.is_empty() && notice.unchanged > EMPTY_KEPT) {
+            if let Err(error) = self.uplink.notices().remove(&notice.name) {
+                tracing::debug!(%error, "a page was not let go");
+            }
+        }
+        self.take_out_lost();
+    }
+
+    fn take_out_lost(&self) {
         let pages = AgentPage::all(self.uplink.notices(), NAME);
         if pages.is_empty() {
             return;
@@ -151,15 +163,8 @@ impl JobBoard {
         let lost: BTreeSet<&str> =
             pages.iter().filter(is_lost).filter(|page| is_of_job(page)).map(|page| &*page.agent).collect();
         let notices = self.uplink.notices();
-        for page in &pages {
-            let done = if page.is_empty() {
-                (page.notice.unchanged > EMPTY_KEPT).then(|| notices.remove(&page.notice.name))
-            } else if lost.contains(&*page.agent) && is_lost(&page) {
-                Some(notices.update(&page.notice.name, b"", page.notice.revision).map(drop))
-            } else {
-                None
-            };
-            if let Some(Err(error)) = done {
+        for page in pages.iter().filter(is_lost).filter(|page| lost.contains(&*page.agent)) {
+            if let Err(error) = notices.update(&page.notice.name, b"", page.notice.revision) {
                 tracing::debug!(%error, "a page was not taken out");
             }
         }

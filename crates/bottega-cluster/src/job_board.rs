@@ -2,6 +2,7 @@
 //!
 //! - `job/N`: the job; changed by compare-and-set, so that no change is lost.
 //! - `lead/N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
+//! - `page/PLATFORM/…`: the white and yellow pages: see [`directories`](crate::directories).
 //! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](crate::machine).
 
 use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};

@@ -51,7 +51,7 @@ pub enum DirectoryService {
     /// The white pages.
     Ams(PlatformService<Ams>),
     /// The yellow pages.
-    Df(PlatformService<Df>),
+    Df(Box<PlatformService<Df>>),
 }
 
 /// The names of the services: Start Service, AMS, DF.
@@ -90,7 +90,7 @@ pub fn directory_services(calendar: Calendar, salt: u64) -> [(AgentId, Directory
     [
         (start.clone(), DirectoryService::Start(Service::new(start, StartService::new(basic)))),
         (ams.clone(), DirectoryService::Ams(Service::new(ams, white))),
-        (df.clone(), DirectoryService::Df(Service::new(df, yellow))),
+        (df.clone(), DirectoryService::Df(Box::new(Service::new(df, yellow)))),
     ]
 }
 

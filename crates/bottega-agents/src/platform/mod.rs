@@ -37,3 +37,14 @@ pub use start::{BASIC_SERVICES_MAX, StartService};
 
 /// How the names of the entries begin that Start Service, AMS and DF keep.
 pub const PAGE_FOLDERS: [&str; 3] = ["start/", "ams/", "df/"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_folders_are_those_that_the_services_mirror() {
+        let mirrored = [StartService::PREFIXES, Ams::PREFIXES, Df::PREFIXES].concat();
+        assert_eq!(mirrored, PAGE_FOLDERS);
+    }
+}

@@ -92,7 +92,7 @@ fn agents_of_a_job_are_in_the_directories_and_one_of_them_is_suspended_for_real(
     farm.succeed(&["platform", "resume", &its]);
     farm.until("it paints again", || in_hand(&farm, &its) > 0);
     assert_eq!(state(&farm, &its).as_deref(), Some("active"));
-    for (agent, words) in [("nobody@nowhere", "no agent `nobody@nowhere`"), ("ams@bottega", "there is no agent")] {
+    for (agent, words) in [("nobody@nowhere", "no agent `nobody@nowhere`"), ("ams@bottega", "cannot be changed so")] {
         let output = farm.run(&["platform", "suspend", agent]);
         let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
         assert!(output.status.code() == Some(1) && told.contains(words), "{agent}: {told}");

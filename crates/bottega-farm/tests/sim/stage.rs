@@ -297,7 +297,7 @@ fn add_directories(simulator: &mut Simulator<FarmAgent, Studio>) {
     for name in directory_service_names() {
         let own = name.clone();
         simulator.add(&name, true, move || {
-            let [services @ ..] = directory_services(Calendar::default(), 1);
+            let services = directory_services(Calendar::default(), 1);
             let (_, service) = services.into_iter().find(|(name, _)| *name == own).expect("it is one of them");
             service.into()
         });
