@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use bottega_agents::{
-    AgentId, StateMachine, Time,
+    AgentId, StateMachine, Time, machine_of,
     platform::{
         Ams, AmsConfig, CarriesManagement, Df, DfAgentDescription, DfConfig, ManagementContent, Property, Service,
         ServiceDescription, ServiceEntry, StartService,
@@ -107,13 +107,20 @@ pub struct RegistrationConfig {
     pub work: WorkId,
     /// The number of the job, where it has one.
     pub job: Option<u32>,
+    /// Where the Master is at home, as [`machine_of`] has it: others who say that they are it are not believed. `None`: nobody lies.
+    pub master_home: Option<String>,
 }
 
 impl RegistrationConfig {
     /// Of a work, at the services of this platform.
     pub fn new(work: WorkId, job: Option<u32>) -> Self {
         let [start, ..] = directory_service_names();
-        Self { start, work, job }
+        Self { start, work, job, master_home: None }
+    }
+
+    /// Whether this may be the Master, and not one who says so.
+    pub(crate) fn may_be_master(&self, agent: &AgentId) -> bool {
+        self.master_home.as_deref().is_none_or(|home| machine_of(&agent.name) == home)
     }
 
     fn properties(&self) -> Vec<Property> {

@@ -14,7 +14,7 @@ use bottega_agents::{
 use crate::{
     FarmAction, FarmMessage,
     contents::answer,
-    directory::{FIPA_AMS, FIPA_DF, JOB_OWNERSHIP, RegistrationConfig},
+    directory::{FIPA_AMS, FIPA_DF, JOB_OWNERSHIP, RENDER_SERVICES, RegistrationConfig},
 };
 
 /// When the root service is asked again that does not answer.
@@ -27,6 +27,27 @@ const SEARCH_AGAIN_MAX: Duration = Duration::from_millis(100);
 const ANSWERS_WITHIN: Duration = Duration::from_millis(500);
 /// How often is looked whether the entries are there: somebody may have taken this agent to be gone.
 const LOOK_EVERY: Duration = Duration::from_secs(5);
+
+/// Where a Render Agent has its Master from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MasterSource {
+    /// It was told.
+    Known(AgentId),
+    /// It registers in the directories of its platform, and looks for the Master of its work there.
+    Directory(RegistrationConfig),
+}
+
+impl MasterSource {
+    /// The Master, if it is known, or what finds it.
+    pub(crate) fn of(&self, agent: &AgentId) -> (Option<AgentId>, Option<Box<Registrant>>) {
+        match self {
+            Self::Known(master) => (Some(master.clone()), None),
+            Self::Directory(config) => {
+                (None, Some(Box::new(Registrant::new(agent.clone(), config.clone(), &RENDER_SERVICES))))
+            }
+        }
+    }
+}
 
 /// What an agent hears of its directories that concerns it.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,12 +62,12 @@ pub(crate) enum DirectoryNews {
 
 /// A question to the DF whose answer is awaited, or when it is to be asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Search {
+enum DirectoryQuery {
     Due(Time),
     Asked { number: u64, until: Time },
 }
 
-impl Search {
+impl DirectoryQuery {
     fn at(self) -> Time {
         match self {
             Self::Due(at) => at,
@@ -71,11 +92,11 @@ pub(crate) struct Registrant {
     white: Page<()>,
     yellow: Page<DfAgentDescription>,
     /// For the Master.
-    search: Option<Search>,
+    search: Option<DirectoryQuery>,
     /// When it is looked for again that was not listed.
     pause: Duration,
     /// For the entries of this agent in the white and the yellow pages.
-    looks: [Search; 2],
+    looks: [DirectoryQuery; 2],
     last_number: u64,
 }
 
@@ -94,7 +115,7 @@ impl Registrant {
             yellow,
             search: None,
             pause: SEARCH_AGAIN,
-            looks: [Search::Due(Time::ZERO); 2],
+            looks: [DirectoryQuery::Due(Time::ZERO); 2],
             last_number: 0,
         }
     }
@@ -102,7 +123,7 @@ impl Registrant {
     /// Looks for the Master from now on, until it is found.
     pub(crate) fn seek_master(&mut self, now: Time) {
         if self.search.is_none() {
-            (self.search, self.pause) = (Some(Search::Due(now)), SEARCH_AGAIN);
+            (self.search, self.pause) = (Some(DirectoryQuery::Due(now)), SEARCH_AGAIN);
         }
     }
 
@@ -116,7 +137,7 @@ impl Registrant {
         let Some([ams, df]) = self.directories.clone() else {
             if self.root_at <= now {
                 self.root_at = now + ROOT_AGAIN;
-                self.looks = [Search::Due(now + LOOK_EVERY); 2];
+                self.looks = [DirectoryQuery::Due(now + LOOK_EVERY); 2];
                 let start = self.config.start.clone();
                 self.ask(&start, Function::GetServiceRoot, actions);
             }
@@ -142,9 +163,10 @@ impl Registrant {
             self.ask(&df, function, actions);
         }
         if self.search.is_some_and(|search| search.at() <= now) {
-            let function = Function::Search(self.config.master_template(), SearchConstraints::default());
+            let all = SearchConstraints { max_results: Some(-1), ..SearchConstraints::default() };
+            let function = Function::Search(self.config.master_template(), all);
             let number = self.ask(&df, function, actions);
-            self.search = Some(Search::Asked { number, until: now + ANSWERS_WITHIN });
+            self.search = Some(DirectoryQuery::Asked { number, until: now + ANSWERS_WITHIN });
         }
         let own = AmsAgentDescription { name: Some(self.me.clone()), ..AmsAgentDescription::default() };
         let own = [
@@ -154,7 +176,7 @@ impl Registrant {
         for (which, (directory, function)) in own.into_iter().enumerate() {
             if self.looks[which].at() <= now {
                 let number = self.ask(&directory, function, actions);
-                self.looks[which] = Search::Asked { number, until: now + LOOK_EVERY };
+                self.looks[which] = DirectoryQuery::Asked { number, until: now + LOOK_EVERY };
             }
         }
     }
@@ -192,14 +214,14 @@ impl Registrant {
                 self.directories = find(FIPA_AMS).zip(find(FIPA_DF)).map(|(ams, df)| [ams, df]);
             }
             ManagementContent::Done(_, Outcome::Agents(agents)) if self.looks[0].is_answered_by(message) => {
-                self.looks[0] = Search::Due(now + LOOK_EVERY);
+                self.looks[0] = DirectoryQuery::Due(now + LOOK_EVERY);
                 match agents.first() {
                     Some(agent) => return agent.state.map(DirectoryNews::State),
                     None => self.white.changed(false),
                 }
             }
             ManagementContent::Done(_, Outcome::Offers(offers)) if self.looks[1].is_answered_by(message) => {
-                self.looks[1] = Search::Due(now + LOOK_EVERY);
+                self.looks[1] = DirectoryQuery::Due(now + LOOK_EVERY);
                 if offers.is_empty() {
                     self.yellow.changed(false);
                 }
@@ -207,9 +229,10 @@ impl Registrant {
             ManagementContent::Done(_, Outcome::Offers(offers))
                 if self.search.is_some_and(|search| search.is_answered_by(message)) =>
             {
-                self.search = Some(Search::Due(now + self.pause));
+                self.search = Some(DirectoryQuery::Due(now + self.pause));
                 self.pause = SEARCH_AGAIN_MAX.min(2 * self.pause);
-                let master = offers.first().and_then(|offer| offer.name.clone())?;
+                let mut masters = offers.iter().filter_map(|offer| offer.name.clone());
+                let master = masters.find(|master| self.config.may_be_master(master))?;
                 self.search = None;
                 return Some(DirectoryNews::Master(master));
             }
@@ -236,7 +259,7 @@ impl Registrant {
         if self.directories.is_none() {
             return Some(self.root_at);
         }
-        let searches = self.search.map(Search::at);
+        let searches = self.search.map(DirectoryQuery::at);
         let looks = self.looks.map(|look| Some(look.at()));
         [self.white.next_deadline(), self.yellow.next_deadline(), searches].into_iter().chain(looks).flatten().min()
     }

@@ -9,7 +9,6 @@ use bottega_agents::{AclMessage, AgentId, Performative, Revision, StateMachine, 
 use rustc_hash::FxHashMap;
 
 use self::hand::Hand;
-pub use self::membership::MasterSource;
 use crate::{
     Adaptation, AdaptationRule, Bid, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
     FarmMessage, Holding, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report, WorkRow, ZoneId,
@@ -17,7 +16,7 @@ use crate::{
     adaptation::scaled,
     contents::{answer, asking, message},
     protocol,
-    registrant::Registrant,
+    registrant::{MasterSource, Registrant},
     short_map::ShortMap,
 };
 

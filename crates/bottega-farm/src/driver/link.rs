@@ -5,6 +5,7 @@ use std::{fmt::Write, io::Read, sync::Arc, thread, time::Duration};
 use bottega_agents::{
     AgentId, BlobId,
     driver::nats::{BlobError, NatsUplink},
+    machine_of,
 };
 use bottega_image::Tile;
 use flate2::{Compression, read::ZlibDecoder, read::ZlibEncoder};
@@ -52,7 +53,8 @@ impl Link {
 
     /// Where the agents of the work register.
     pub(super) fn registration(&self) -> Option<RegistrationConfig> {
-        self.job.map(|job| RegistrationConfig::new(self.work, Some(job)))
+        let master_home = Some(machine_of(&self.master().name).to_owned());
+        self.job.map(|job| RegistrationConfig { master_home, ..RegistrationConfig::new(self.work, Some(job)) })
     }
 
     /// Where its tiles are.

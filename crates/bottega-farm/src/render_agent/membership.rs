@@ -1,39 +1,12 @@
 //! How a Render Agent comes to its Master, and leaves it: found in the yellow pages, suspended, resumed and ended by the AMS.
 
 use bottega_agents::{
-    AgentId, Performative, Time,
+    Performative, Time,
     platform::{LifeCycleRequest, LifeCycleState},
 };
 
 use super::RenderAgent;
-use crate::{
-    FarmAction, FarmContent, FarmEffect, FarmMessage, RegistrationConfig,
-    contents::message,
-    directory::RENDER_SERVICES,
-    protocol,
-    registrant::{DirectoryNews, Registrant},
-};
-
-/// Where a Render Agent has its Master from.
-#[derive(Clone, Debug, PartialEq)]
-pub enum MasterSource {
-    /// It was told.
-    Known(AgentId),
-    /// It registers in the directories of its platform, and looks for the Master of its work there.
-    Directory(RegistrationConfig),
-}
-
-impl MasterSource {
-    /// The Master, if it is known, or what finds it.
-    pub(super) fn of(&self, agent: &AgentId) -> (Option<AgentId>, Option<Box<Registrant>>) {
-        match self {
-            Self::Known(master) => (Some(master.clone()), None),
-            Self::Directory(config) => {
-                (None, Some(Box::new(Registrant::new(agent.clone(), config.clone(), &RENDER_SERVICES))))
-            }
-        }
-    }
-}
+use crate::{FarmAction, FarmContent, FarmEffect, FarmMessage, contents::message, protocol, registrant::DirectoryNews};
 
 impl RenderAgent {
     /// Subscribes, if it is known where; else, or where another may lead by now, the directory is asked first.

@@ -102,6 +102,19 @@ fn who_is_not_in_the_directory_is_not_found() {
 }
 
 #[test]
+fn who_only_says_that_it_is_the_master_is_not_believed() {
+    let scene = Scene { directories: Some(Duration::ZERO), ..Scene::calm(&[1.0]) };
+    let mut play = stage(4, &scene, true);
+    run_for(&mut play, 0.005);
+    let offer = page(&play, "df/agent/master");
+    // It stands before the true one.
+    play.simulator.put("df/agent/a-liar".into(), FarmValue::Page(offer.replace(":name master", ":name a-liar").into()));
+    run_for(&mut play, 3600.0);
+    assert_whole(&play, 4);
+    assert!(!play.simulator.trace().contains("-> a-liar"), "{}", play.simulator.trace());
+}
+
+#[test]
 fn a_suspended_agent_hands_back_what_it_has_and_paints_again_when_it_is_resumed() {
     let scene = Scene { zones: 64, samples: 4096, directories: Some(Duration::ZERO), ..Scene::calm(&[1.0, 1.0, 1.0]) };
     let mut play = stage(3, &scene, false);

@@ -224,7 +224,10 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
     }
     let timing = Timing::default();
     let work = WorkId(1);
-    let place = scene.directories.map(|_| RegistrationConfig::new(work, Some(7)));
+    let place = scene.directories.map(|_| RegistrationConfig {
+        master_home: Some("master".to_owned()),
+        ..RegistrationConfig::new(work, Some(7))
+    });
     let config = MasterConfig {
         id: master.clone(),
         work,
