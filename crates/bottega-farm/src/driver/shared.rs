@@ -99,7 +99,9 @@ impl StateMachine for Seen {
         self.agent.handle(now, event, actions);
         for action in &actions[before..] {
             if let FarmAction::Send(message) = action {
-                self.shared.state().messages += message.receivers.len() as u64;
+                // What is said to the directories is no part of painting.
+                let counts = !matches!(message.content, FarmContent::Management(_));
+                self.shared.state().messages += if counts { message.receivers.len() as u64 } else { 0 };
                 self.shared.observer.message(now, message);
             }
         }
