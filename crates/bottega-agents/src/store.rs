@@ -68,7 +68,37 @@ pub enum StoreRequest<V> {
     },
 }
 
-/// A reply of the store.
+impl<V> StoreRequest<V> {
+    /// The entry that it is about, or how the names of those begin that are watched.
+    pub fn key(&self) -> &Key {
+        match self {
+            Self::Get { key } | Self::Put { key, .. } | Self::CompareAndSet { key, .. } => key,
+            Self::Watch { prefix } => prefix,
+        }
+    }
+
+    /// EventKind shall be written.
+    pub fn value(&self) -> Option<&V> {
+        match self {
+            Self::Put { value, .. } | Self::CompareAndSet { value, .. } => Some(value),
+            Self::Get { .. } | Self::Watch { .. } => None,
+        }
+    }
+
+    /// The same with another value.
+    pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreRequest<T> {
+        match self {
+            Self::Get { key } => StoreRequest::Get { key },
+            Self::Put { key, value } => StoreRequest::Put { key, value: change(value) },
+            Self::CompareAndSet { key, expected_revision, value } => {
+                StoreRequest::CompareAndSet { key, expected_revision, value: change(value) }
+            }
+            Self::Watch { prefix } => StoreRequest::Watch { prefix },
+        }
+    }
+}
+
+/// EventKind the store says.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreReply<V> {
     /// The entry asked for, if there is one.
@@ -98,6 +128,21 @@ pub enum StoreReply<V> {
     CaughtUp,
     /// The store could not be asked. Whether a write took place is not known.
     Unavailable,
+}
+
+impl<V> StoreReply<V> {
+    /// The same with other values.
+    pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreReply<T> {
+        let entry = |Entry { key, revision, value }: Entry<V>| Entry { key, revision, value: change(value) };
+        match self {
+            Self::Got { key, entry: found } => StoreReply::Got { key, entry: found.map(entry) },
+            Self::Written { key, revision } => StoreReply::Written { key, revision },
+            Self::Conflict { key, entry: found } => StoreReply::Conflict { key, entry: found.map(entry) },
+            Self::Changed(changed) => StoreReply::Changed(entry(changed)),
+            Self::CaughtUp => StoreReply::CaughtUp,
+            Self::Unavailable => StoreReply::Unavailable,
+        }
+    }
 }
 
 /// A store in memory: what the drivers of one process hold, and what every other store must behave like.

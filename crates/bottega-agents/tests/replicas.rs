@@ -177,7 +177,7 @@ fn run(seed: u64) {
         let Some(Any::Client(client)) = world.machine(&me) else { panic!("{me} is gone") };
         assert_eq!((client.round, client.known), (ROUNDS, true), "{me}, seed {seed}");
     }
-    let live = world.store().with_prefix(&"df/entry/".into()).filter(|entry| !entry.value.is_empty()).count();
+    let live = world.store().with_prefix(&"df/agent/".into()).filter(|entry| !entry.value.is_empty()).count();
     assert_eq!(live, CLIENTS, "seed {seed}");
     for number in 0..2 {
         let Some(Any::Df(df)) = world.machine(&directory(number)) else { panic!("a directory is gone") };

@@ -13,9 +13,9 @@ use bottega::{
     events::{AuctionEvent, Event, LightingAgents, Progress},
     text::duration,
 };
-use bottega_agents::Time;
+use bottega_agents::{Performative, Time, platform::print_content, wire::Calendar};
 use bottega_cluster::room::bytes_said;
-use bottega_farm::FarmMessage;
+use bottega_farm::{FarmContent, FarmMessage};
 use bottega_web::Dashboard;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -166,7 +166,7 @@ impl Watcher for ConsoleWatcher {
             message.performative,
             message.protocol,
             message.conversation_id,
-            message.content,
+            said(message),
         );
         if let Err(error) = written {
             self.trace_lost.get_or_init(|| error.to_string());
@@ -365,4 +365,15 @@ fn lighting_agents(agents: &LightingAgents) -> [String; 2] {
 
 fn length(seconds: f64) -> String {
     Duration::try_from_secs_f64(seconds).map_or("–".to_owned(), duration)
+}
+
+/// What a message says: to and from the directories in SL.
+fn said(message: &FarmMessage) -> String {
+    let FarmContent::Management(content) = &message.content else { return format!("{:?}", message.content) };
+    // What is done is done by the service, whoever asks for it.
+    let service = match message.performative {
+        Performative::Request => message.receivers.first().unwrap_or(&message.sender),
+        _ => &message.sender,
+    };
+    print_content(Calendar::default(), service, content)
 }

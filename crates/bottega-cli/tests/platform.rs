@@ -166,3 +166,30 @@ fn ctrl_c_ends_it_politely() {
         assert!(begun.elapsed() < Duration::from_secs(20), "nobody is sent to who said farewell");
     }
 }
+
+#[test]
+fn in_one_process_agents_register_and_find_their_master_in_the_directory() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (picture, trace) = (folder.path().join("a.png"), folder.path().join("trace.txt"));
+    let words = ["render", "goblets.glb", "-o", text(&picture), "--size", "32x24", "--spp", "1", "--agents", "2"];
+    succeed(&[&words[..], &["--quiet", "--trace", text(&trace)]].concat());
+    let trace = std::fs::read_to_string(&trace).expect("a trace");
+    let first = |what: &[&str]| {
+        let found = trace.lines().position(|line| what.iter().all(|part| line.contains(part)));
+        found.unwrap_or_else(|| panic!("no line with {what:?} in {trace}"))
+    };
+    for agent in ["render-1@bottega", "render-2@bottega"] {
+        let to = |service: &str| format!("{agent} -> {service}@bottega ");
+        let from = |service: &str| format!("{service}@bottega -> {agent} ");
+        let steps = [
+            first(&[&to("start"), "(getServiceRoot)"]),
+            first(&[&to("ams"), "(register (ams-agent-description"]),
+            first(&[&to("df"), "(register (df-agent-description", "bottega-job-render-agent"]),
+            first(&[&to("df"), "(search (df-agent-description", "bottega-job-master"]),
+            first(&[&from("df"), "((result (action", "(agent-identifier :name master@bottega)"]),
+            first(&[&to("master"), "Subscribe"]),
+        ];
+        assert!(steps.is_sorted(), "{agent}: {steps:?} in {trace}");
+    }
+    first(&["df@bottega -> master@bottega", "bottega-job-blackboard", "bottega-job-model-repository"]);
+}

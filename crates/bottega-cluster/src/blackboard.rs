@@ -128,7 +128,7 @@ fn as_event(row: &FarmValue) -> Option<Event> {
     match row {
         FarmValue::Zone(row) => Some(Event::Zone(Box::new(ZoneEvent::from(&**row)))),
         FarmValue::Agent(row) => Some(Event::Agent(AgentEvent::new(row, None))),
-        FarmValue::Work(_) => None,
+        FarmValue::Work(_) | FarmValue::Page(_) => None,
     }
 }
 

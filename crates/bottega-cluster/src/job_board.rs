@@ -2,6 +2,7 @@
 //!
 //! - `job/N`: the job; changed by compare-and-set, so that no change is lost.
 //! - `lead/N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
+//! - `page/PLATFORM/…`: the white and yellow pages: see [`directories`](crate::directories).
 //! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](crate::machine).
 
 use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
@@ -22,7 +23,7 @@ pub(crate) const RENEW_EVERY: Duration = Duration::from_millis(500);
 /// Who has not led for so long has gone.
 const LEADER_SILENT: Duration = Duration::from_millis(2500);
 /// Who has not sat for so long has gone.
-const SEAT_EMPTY: Duration = Duration::from_secs(3);
+pub(crate) const SEAT_EMPTY: Duration = Duration::from_secs(3);
 /// Processes of one machine at most.
 const SEATS_MAX: usize = 64;
 /// The largest list of files, and the largest picture.
@@ -87,7 +88,7 @@ impl JobBoard {
 
     /// Lets go of the rows and pixels of a job's zones.
     pub(crate) fn forget_zones(&self, work: u64) {
-        Link { uplink: Arc::clone(&self.uplink), work: WorkId(work), name: String::new() }.forget();
+        Link { uplink: Arc::clone(&self.uplink), work: WorkId(work), job: None, name: String::new() }.forget();
     }
 
     /// All jobs, by number.

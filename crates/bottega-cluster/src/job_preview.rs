@@ -93,7 +93,7 @@ impl JobPreview {
         let news: Vec<(ZoneId, ResultRef)> =
             results.filter(|(zone, result)| is_news(zone, result)).take(ZONES_AT_A_TIME).collect();
         let Some((_, preview)) = &self.canvas else { return Ok(false) };
-        let link = Link { uplink: board.uplink.clone(), work: WorkId(job.work), name: String::new() };
+        let link = Link { uplink: board.uplink.clone(), work: WorkId(job.work), job: None, name: String::new() };
         // One who looks on does not wait for a server that is away.
         let impatient = StopSwitch::new();
         impatient.request();

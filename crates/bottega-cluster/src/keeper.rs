@@ -98,6 +98,7 @@ impl Keeper {
             // Nobody listens any more when the user wants to stop.
             _ = tell.send(board.uplink.server_state());
             board.clear_seats();
+            board.clear_pages();
         };
         meanwhile(ASK_EVERY, ask, || {
             while !stop.is_requested() {

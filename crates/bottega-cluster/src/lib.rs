@@ -26,6 +26,7 @@
 //! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
 //! | the farm as a FIPA platform; its jobs and machines as agents; agents of other platforms that paint | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
+//! | agents of jobs in the directories; those of processes that were killed | [`directories`] |
 //! | which build of the farm this is | [`build`](mod@build) |
 //! | a picture asked for without a command line | `examples/submit.rs` |
 
@@ -37,6 +38,7 @@ pub mod build;
 pub mod cache;
 mod chunks;
 pub mod client;
+pub mod directories;
 mod discovery;
 pub mod error;
 pub mod job;

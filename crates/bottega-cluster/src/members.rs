@@ -112,7 +112,8 @@ impl Members {
             return refuse("there are too many members");
         }
         // The first letter of a key is that of all keys.
-        let name = format!("{}-{}", plain(&host), key[1..=KEY_LETTERS].to_lowercase());
+        // In the directories names are of small letters.
+        let name = format!("{}-{}", plain(&host), &key[1..=KEY_LETTERS]).to_lowercase();
         if self.roll.members.iter().any(|member| member.name == name) {
             return refuse("another one has its name");
         }

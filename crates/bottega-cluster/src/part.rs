@@ -112,7 +112,8 @@ pub(crate) fn take_part(
     if this.is_requested() {
         return Ok(PartOutcome::Left(None));
     }
-    let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: name.clone() };
+    let link =
+        Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), job: Some(number), name: name.clone() };
     let (settings, engine) = (&less(&tools.settings, prepared), Arc::clone(&tools.engine));
     if leads {
         let settings = &JobSettings { credits: board.credits(), ..settings.clone() };
@@ -259,6 +260,7 @@ impl Guard {
                 self.keep_log();
                 self.tell_society();
                 self.keep_importance();
+                self.clear_pages();
             }
             if !self.this.is_requested() && self.is_to_leave() {
                 self.this.request();
@@ -353,6 +355,13 @@ impl Guard {
     fn tell_society(&self) {
         if self.lease.is_some() {
             self.told.society().tell(&self.member.board, self.number);
+        }
+    }
+
+    /// The leader takes agents out of the directories whose machines were lost.
+    fn clear_pages(&self) {
+        if self.lease.is_some() && self.member.board.uplink.is_connected() {
+            self.member.board.clear_pages();
         }
     }
 

@@ -2,7 +2,10 @@
 
 use bottega_agents::{StateMachine, Time};
 
-use crate::{Analyst, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Master, RenderAgent};
+use crate::{
+    Analyst, DirectoryService, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Master,
+    RenderAgent,
+};
 
 /// One of the farm's agents. They share one vocabulary, so that one driver can run them.
 #[derive(Clone, Debug)]
@@ -13,6 +16,14 @@ pub enum FarmAgent {
     Master(Box<Master>),
     /// A Render Agent.
     Render(Box<RenderAgent>),
+    /// A service of the platform.
+    Directory(Box<DirectoryService>),
+}
+
+impl From<DirectoryService> for FarmAgent {
+    fn from(service: DirectoryService) -> Self {
+        Self::Directory(Box::new(service))
+    }
 }
 
 impl From<Analyst> for FarmAgent {
@@ -44,6 +55,7 @@ impl StateMachine for FarmAgent {
             Self::Analyst(analyst) => analyst.handle(now, event, actions),
             Self::Master(master) => master.handle(now, event, actions),
             Self::Render(agent) => agent.handle(now, event, actions),
+            Self::Directory(service) => service.handle(now, event, actions),
         }
     }
 
@@ -52,6 +64,7 @@ impl StateMachine for FarmAgent {
             Self::Analyst(analyst) => analyst.next_deadline(),
             Self::Master(master) => master.next_deadline(),
             Self::Render(agent) => agent.next_deadline(),
+            Self::Directory(service) => service.next_deadline(),
         }
     }
 }

@@ -8,8 +8,9 @@ use bottega_image::Rect;
 
 use crate::{
     FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, ImportanceError, ImportanceFunction,
-    ImportanceMap, InputRanges, Partition, PartitionSettings, WorkId, WorkKeys, WorkRow, WorkSettings, ZoneRow,
-    compare_and_set, contents::message, protocol,
+    ImportanceMap, InputRanges, Partition, PartitionSettings, RegistrationConfig, WorkId, WorkKeys, WorkRow,
+    WorkSettings, ZoneRow, compare_and_set, contents::message, directory::ANALYST_SERVICES, protocol,
+    registrant::Registrant,
 };
 
 /// Cells of the survey at most: a look, not a picture.
@@ -34,6 +35,8 @@ pub struct AnalystConfig {
     pub importance: ImportanceFunction,
     /// Which zones to aim at.
     pub partition: PartitionSettings,
+    /// Where it registers, if it does.
+    pub registration: Option<RegistrationConfig>,
 }
 
 /// The size of the survey of a picture: its shape, a cell to 4 × 4 pixels, but at most 2¹⁴ cells.
@@ -86,7 +89,8 @@ pub fn analyze(
     Ok(Analysis { map: Arc::new(map), partition: Arc::new(partition), work, rows })
 }
 
-/// The state machine of the Analyst. It lives until its rows are on the Blackboard.
+/// The state machine of the Analyst. Its work is done when its rows are on the Blackboard. One that is registered stays, as long as
+/// its process has a part in the work.
 #[derive(Clone, Debug)]
 pub struct Analyst {
     config: AnalystConfig,
@@ -94,12 +98,15 @@ pub struct Analyst {
     unwritten: BTreeMap<Ticket, FarmValue>,
     work: Option<WorkRow>,
     retry: Option<Time>,
+    registrant: Option<Box<Registrant>>,
 }
 
 impl Analyst {
     /// An Analyst that has just been born.
     pub fn new(config: AnalystConfig) -> Self {
-        Self { config, unwritten: BTreeMap::new(), work: None, retry: None }
+        let registrant = config.registration.clone();
+        let registrant = registrant.map(|place| Box::new(Registrant::new(config.id.clone(), place, &ANALYST_SERVICES)));
+        Self { config, unwritten: BTreeMap::new(), work: None, retry: None, registrant }
     }
 
     fn surveyed(&mut self, survey: Result<Arc<Survey>, String>, actions: &mut Vec<FarmAction>) {
@@ -145,7 +152,10 @@ impl Analyst {
         let content = FarmContent::Analyzed(*work);
         let inform = message(Performative::Inform, protocol::REQUEST, id, vec![master.clone()], content);
         actions.push(FarmAction::Send(inform));
-        actions.push(FarmAction::Stop);
+        self.retry = None;
+        if self.registrant.is_none() {
+            actions.push(FarmAction::Stop);
+        }
     }
 }
 
@@ -169,6 +179,9 @@ impl StateMachine for Analyst {
             FarmEvent::Store { ticket, reply: StoreReply::Written { .. } | StoreReply::Conflict { .. } } => {
                 self.written(ticket, actions);
             }
+            FarmEvent::Message(received) if let FarmContent::Management(_) = received.content => {
+                self.registrant.as_mut().and_then(|registrant| registrant.hear(now, &received));
+            }
             FarmEvent::Message(received) => {
                 tracing::debug!(from = %received.sender, "the Analyst takes no messages");
             }
@@ -178,10 +191,14 @@ impl StateMachine for Analyst {
             self.write(actions);
             self.retry = Some(now + RETRY_AFTER);
         }
+        if let Some(registrant) = &mut self.registrant {
+            registrant.tick(now, actions);
+        }
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        self.retry
+        let directories = self.registrant.as_ref().and_then(|registrant| registrant.next_deadline());
+        [self.retry, directories].into_iter().flatten().min()
     }
 }
 

@@ -107,6 +107,8 @@ pub enum FarmValue {
     Work(Arc<WorkRow>),
     /// Of an agent.
     Agent(Arc<AgentRow>),
+    /// No row, but an entry of the directories: see [`DirectoryService`](crate::DirectoryService).
+    Page(Arc<str>),
 }
 
 /// One reader's view of the rows of a work.
@@ -141,6 +143,8 @@ impl Blackboard {
                 Some(known) => *known = row,
                 None => _ = self.agents.insert(row.agent.clone(), row),
             },
+            // It lies beside the rows, and is nothing of a work.
+            FarmValue::Page(_) => {}
         }
         false
     }

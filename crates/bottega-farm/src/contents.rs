@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use bottega_agents::{AclMessage, AgentId, Performative, Revision, Time};
+use bottega_agents::{AclMessage, AgentId, Performative, Revision, Time, platform::ManagementContent};
 
 use crate::{Painting, RelativePower, WorkId, WorkRow, ZoneId, ZoneRow};
 
@@ -161,6 +161,8 @@ pub enum FarmContent {
     LifeCycle(LifeCycle),
     /// Nothing but the performative: *refuse*, *reject-proposal*, *not-understood*.
     Nothing,
+    /// To and from the services of the platform. It stays within the process.
+    Management(Arc<ManagementContent>),
 }
 
 /// A message of the farm.

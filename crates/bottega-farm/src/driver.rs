@@ -126,7 +126,8 @@ pub fn lead(
     };
     let easel = Composer::new(settings, tiles, store);
     let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, link));
-    let platform = LocalPlatform::linked(1, shared.uplink())?;
+    let uplink = shared.uplink()?;
+    let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let master = populate(&platform, settings, work, kept, &shared)?;
     let on_stop = Arc::downgrade(&shared);
     stop.when_requested(move || {
@@ -139,6 +140,9 @@ pub fn lead(
     stop.forget();
     let total = platform.now().elapsed();
     platform.stop();
+    if let Some(uplink) = uplink {
+        uplink.close();
+    }
     if let Some(link) = &shared.link {
         // The last words of the Master let the others go.
         link.uplink.flush();

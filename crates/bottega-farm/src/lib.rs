@@ -25,6 +25,7 @@
 //! | orders that stand still; agents that fail often | `src/master/pace.rs`, `src/master/trust.rs` |
 //! | comparing what untrusted agents paint; by its look | `src/master/verify.rs`, `src/master/likeness.rs` |
 //! | a goal of error or time | `src/cells.rs`, `src/goals.rs`, `src/master/plan.rs`; rules: `rules/goals.fcl` |
+//! | the platform of a job: directories; how agents register and find their Master | `src/directory.rs`; `src/registrant.rs`, `src/render_agent/membership.rs` |
 //! | the Render Agent; its V_cp | `src/render_agent.rs`, `src/adaptation.rs` |
 //! | a Render Agent whose painter is an agent of another platform | `src/visitor.rs` |
 //! | quality of a zone, by rules | `src/expert.rs`, `rules/path-tracing.fcl`; other engines: `rules/NAME.fcl`, which their manifests name |
@@ -46,6 +47,7 @@ mod blackboard;
 mod cells;
 mod compose;
 mod contents;
+mod directory;
 mod driver;
 mod engine_choice;
 mod expert;
@@ -57,6 +59,7 @@ mod master;
 mod painting;
 mod partition;
 mod prediction;
+mod registrant;
 mod render_agent;
 mod settings;
 mod shared_work;
@@ -81,6 +84,10 @@ pub use blackboard::{
 };
 pub use compose::{BandedZone, Mask, masks};
 pub use contents::{Bid, FarmContent, FarmMessage, Holding, LifeCycle, ONTOLOGY, Offer, Order, Report, protocol};
+pub use directory::{
+    DirectoryService, JOB_OWNERSHIP, PLATFORM, RegistrationConfig, directory_service_names, directory_services,
+    service_type,
+};
 pub use driver::{
     AGENTS_MAX, JobError, JobReport, JobSettings, Link, Observer, Progress, StopSwitch, Times, VERIFY_MAX, assist,
     lead, run,
@@ -95,6 +102,7 @@ pub use master::{Master, MasterConfig, Timing};
 pub use painting::{Painting, ResultRef};
 pub use partition::{Balance, Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel, ZoneLimits};
 pub use prediction::Prediction;
+pub use registrant::MasterSource;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, ErrorUse, Goal, Optimization, UnknownOptimization, WorkSettings};
 pub use shared_work::{NextPart, SharedPart, next_part};

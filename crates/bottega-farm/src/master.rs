@@ -36,11 +36,14 @@ use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roste
 use crate::{
     AgentRow, AuctionRule, Award, Bidder, BidderStanding, Blackboard, Choice, Credit, Decision, FarmAction,
     FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle,
-    MemberId, Offer, Order, Painting, Partition, Proposal, RelativePower, Report, Rival, RoundSummary, WorkId,
-    WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
+    MemberId, Offer, Order, Painting, Partition, Proposal, RegistrationConfig, RelativePower, Report, Rival,
+    RoundSummary, WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
     auction::BIDDERS_MAX,
     contents::{answer, asking, message},
-    decide, protocol,
+    decide,
+    directory::MASTER_SERVICES,
+    protocol,
+    registrant::Registrant,
 };
 
 /// The ticket of the watch.
@@ -100,6 +103,8 @@ pub struct MasterConfig {
     pub goals: GoalRules,
     /// How long it waits for what.
     pub timing: Timing,
+    /// Where it registers, if it does.
+    pub registration: Option<RegistrationConfig>,
 }
 
 /// A row that is being written.
@@ -146,6 +151,8 @@ struct Round {
 pub struct Master {
     config: MasterConfig,
     keys: WorkKeys,
+    /// Its part that talks to the directories, where there are some.
+    registrant: Option<Box<Registrant>>,
     board: Blackboard,
     /// Rows to put on an empty Blackboard first: what was kept of an interrupted work. By ticket, until written.
     kept: BTreeMap<Ticket, FarmValue>,
@@ -205,9 +212,12 @@ impl Master {
     pub fn new(config: MasterConfig) -> Self {
         let ledger = Ledger::new(config.auction);
         let roster = Roster::new(config.prefetch as usize, config.auction.weighs_promises());
+        let place = config.registration.clone();
+        let registrant = place.map(|place| Box::new(Registrant::new(config.id.clone(), place, &MASTER_SERVICES)));
         Self {
             keys: WorkKeys::new(config.work),
             config,
+            registrant,
             board: Blackboard::default(),
             kept: BTreeMap::new(),
             caught_up: false,
@@ -291,6 +301,10 @@ impl StateMachine for Master {
                 self.next_look = Some(now + self.config.timing.heartbeat);
                 self.expects_until = now + self.config.timing.lease;
             }
+            FarmEvent::Message(message) if let FarmContent::Management(_) = message.content => {
+                self.registrant.as_mut().and_then(|registrant| registrant.hear(now, &message));
+                news = false;
+            }
             FarmEvent::Message(message) => self.handle_message(now, &message, actions),
             FarmEvent::Store { ticket, reply } => news = self.handle_store(now, ticket, reply, actions),
             FarmEvent::Completed(FarmCompletion::Composed { zone, outcome }) => {
@@ -309,6 +323,9 @@ impl StateMachine for Master {
             self.look(now, actions);
             news = true;
         }
+        if let Some(registrant) = self.registrant.as_mut().filter(|_| !self.finished) {
+            registrant.tick(now, actions);
+        }
         if news {
             self.advance(now, actions);
             self.assert_invariants();
@@ -320,6 +337,7 @@ impl StateMachine for Master {
         let round = self.rounds.values().next().map(|round| round.deadline);
         let calls = self.begun && !self.stopping && self.ledger.open.has_waiting();
         let due = self.roster.next_due().filter(|_| calls);
-        [self.next_look, round, due].into_iter().flatten().min()
+        let directories = self.registrant.as_ref().and_then(|registrant| registrant.next_deadline());
+        [self.next_look, round, due, directories].into_iter().flatten().min()
     }
 }

@@ -1,18 +1,22 @@
 //! The Render Agent: measures itself, bids for zones, asks its rules what a zone is worth, and has it painted.
 
+mod hand;
+mod membership;
+
 use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AclMessage, AgentId, Performative, Revision, StateMachine, Time};
-use bottega_image::Rect;
 use rustc_hash::FxHashMap;
 
+use self::hand::ZoneInHand;
 use crate::{
-    Adaptation, AdaptationRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
-    FarmMessage, Holding, LifeCycle, Offer, Order, PaintOrder, PaintResult, Painting, RelativePower, Report, WorkRow,
-    ZoneId, ZoneState,
+    Adaptation, AdaptationRule, Bid, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
+    FarmMessage, Holding, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report, WorkRow, ZoneId,
+    ZoneState,
     adaptation::scaled,
     contents::{answer, asking, message},
     protocol,
+    registrant::{MasterSource, Registrant},
     short_map::ShortMap,
 };
 
@@ -25,7 +29,7 @@ pub struct RenderAgentConfig {
     /// Its own name.
     pub id: AgentId,
     /// For whom it works.
-    pub master: AgentId,
+    pub master: MasterSource,
     /// How it learns V_cp.
     pub adaptation: AdaptationRule,
     /// It bids while it has fewer zones than this in hand: with 2, the next zone is here before the present one has
@@ -35,24 +39,6 @@ pub struct RenderAgentConfig {
     pub heartbeat: Duration,
     /// What it knows of rendering.
     pub expert: Expert,
-}
-
-/// A zone in hand.
-#[derive(Clone, Debug)]
-struct ZoneInHand {
-    order: Order,
-    choice: Choice,
-    /// Whether T_est is of these settings, but for the number of samples.
-    is_estimated: bool,
-    /// Whether the rules of this agent decided.
-    decided: bool,
-    begun: bool,
-    /// When it was given.
-    since: Time,
-    /// What of it is painted, in samples of single pixels, as far as was looked.
-    painted: u64,
-    /// In which it was given.
-    conversation: u64,
 }
 
 /// A report that waits for its answer.
@@ -68,10 +54,17 @@ struct Unanswered {
 #[derive(Clone, Debug)]
 pub struct RenderAgent {
     config: RenderAgentConfig,
+    /// For whom it works; `None` until it is found.
+    master: Option<AgentId>,
+    /// Its part that talks to the directories, where there are some.
+    registrant: Option<Box<Registrant>>,
+    /// By the AMS: it has left its Master.
+    is_suspended: bool,
     /// `None` until the benchmark is done.
     adaptation: Option<Adaptation>,
     lanes: f64,
     subscribed: bool,
+    /// By its Master.
     suspended: bool,
     /// The Master wants nothing of it.
     left_out: bool,
@@ -91,8 +84,12 @@ pub struct RenderAgent {
 impl RenderAgent {
     /// An agent that has just been born.
     pub fn new(config: RenderAgentConfig) -> Self {
+        let (master, registrant) = config.master.of(&config.id);
         Self {
             config,
+            master,
+            registrant,
+            is_suspended: false,
             adaptation: None,
             lanes: 1.0,
             subscribed: false,
@@ -119,11 +116,17 @@ impl RenderAgent {
     }
 
     fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
-        if message.sender != self.config.master {
+        if let FarmContent::Management(_) = message.content {
+            return self.hear_directories(now, message, actions);
+        }
+        if self.master.as_ref() != Some(&message.sender) {
             // Orders, and the end of the work, are the Master's to tell.
             if message.performative != Performative::NotUnderstood {
                 self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions);
             }
+            return;
+        }
+        if self.is_suspended && self.says_goodbye(message, actions) {
             return;
         }
         match (message.performative, &message.content) {
@@ -132,7 +135,7 @@ impl RenderAgent {
             // The Master does not know this agent (any more).
             (Performative::Refuse, FarmContent::Nothing) => {
                 if std::mem::replace(&mut self.subscribed, false) {
-                    self.subscribe(actions);
+                    self.seek_master(now, actions);
                 }
             }
             (Performative::Inform, FarmContent::Scene(work)) => self.get_scene(work, actions),
@@ -150,7 +153,7 @@ impl RenderAgent {
             (Performative::Request, FarmContent::LifeCycle(change)) => match change {
                 LifeCycle::Suspend => self.suspended = true,
                 LifeCycle::Resume => self.suspended = false,
-                LifeCycle::Terminate => actions.push(FarmAction::Stop),
+                LifeCycle::Terminate => self.leave(actions),
             },
             (Performative::RejectProposal | Performative::NotUnderstood, _) => {}
             _ => self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions),
@@ -159,10 +162,7 @@ impl RenderAgent {
 
     /// The Master has left this agent out. It asks again now and then, for the Master may have nobody else some day.
     fn dismissed(&mut self, reason: &str, actions: &mut Vec<FarmAction>) {
-        for (zone, hand) in self.hands.iter().filter(|(_, hand)| hand.begun) {
-            actions.push(FarmAction::Effect(FarmEffect::Drop { zone, fence: hand.order.fence }));
-        }
-        self.let_go();
+        self.hand_back(actions);
         if !std::mem::replace(&mut self.left_out, true) {
             actions.push(FarmAction::Effect(FarmEffect::Dismissed { reason: reason.to_owned() }));
         }
@@ -335,7 +335,7 @@ impl RenderAgent {
 
     fn report_message(&self, Unanswered { report, conversation, .. }: &Unanswered) -> FarmMessage {
         let performative = if report.outcome.is_ok() { Performative::Inform } else { Performative::Failure };
-        let to = vec![self.config.master.clone()];
+        let to = self.master.iter().cloned().collect();
         let report = FarmContent::Report(Arc::clone(report));
         let report = message(performative, protocol::CONTRACT_NET, &self.config.id, to, report);
         // It is repeated then, or soon after.
@@ -344,7 +344,7 @@ impl RenderAgent {
 
     fn subscribe(&self, actions: &mut Vec<FarmAction>) {
         let content = FarmContent::Subscription { power: self.power(), lanes: self.lanes };
-        let to = vec![self.config.master.clone()];
+        let to = self.master.iter().cloned().collect();
         let subscription = message(Performative::Subscribe, protocol::SUBSCRIBE, &self.config.id, to, content);
         // It is repeated then.
         actions.push(FarmAction::Send(AclMessage { reply_by: self.next_heartbeat, ..subscription }));
@@ -355,8 +355,11 @@ impl RenderAgent {
             return;
         }
         self.next_heartbeat = Some(now + self.config.heartbeat);
+        if self.is_suspended {
+            return;
+        }
         if !self.subscribed {
-            return self.subscribe(actions);
+            return self.seek_master(now, actions);
         }
         let in_hand = self.hands.iter().map(|(zone, hand)| {
             let progress = if hand.begun { hand.painted.saturating_add(1) } else { 0 };
@@ -365,7 +368,7 @@ impl RenderAgent {
         let reported = self.unanswered.iter();
         let reported = reported.map(|(zone, it)| Holding { zone, fence: it.report.fence, progress: u64::MAX });
         let content = FarmContent::Alive { power: self.power(), hands: in_hand.chain(reported).collect() };
-        let to = vec![self.config.master.clone()];
+        let to = self.master.iter().cloned().collect();
         let alive = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, content);
         actions.push(FarmAction::Send(alive));
         // The answer to one that was just made is on its way: a Master that has much to do must not get more of it.
@@ -407,52 +410,7 @@ impl RenderAgent {
             assert!(self.unanswered.get(zone).is_none(), "a zone in hand is not reported");
             assert!(hand.begun || !self.fetched, "what can be painted is begun");
         }
-    }
-}
-
-impl ZoneInHand {
-    fn begin(&mut self, power: RelativePower, expert: &Expert, actions: &mut Vec<FarmAction>) {
-        let row = &self.order.row;
-        let done = row.samples_done();
-        let samples = match row.state {
-            ZoneState::Profiling => 0..expert.first_samples(&self.choice, &self.order.work.settings.goal),
-            _ => done..row.goal_samples(&self.choice),
-        };
-        let from = row.result.filter(|_| samples.start > 0);
-        actions.push(FarmAction::Effect(FarmEffect::Paint(PaintOrder {
-            zone: row.zone,
-            fence: self.order.fence,
-            rect: row.painted(&self.choice, &self.order.work.settings.frame),
-            samples,
-            tunables: self.choice.tunables,
-            leaning: expert.leaning(&self.order.work, row),
-            error_use: self.order.work.settings.goal.error_use(),
-            samples_max: self.choice.samples,
-            from,
-            time_estimated: row.time_estimated.map(|estimated| power.to_own(estimated)),
-        })));
-        self.begun = true;
-    }
-}
-
-impl Order {
-    /// The same, painted with what the rules of this agent say.
-    fn decided_anew(&self, choice: Choice) -> Self {
-        Self { row: Arc::new(self.row.decided_anew(choice)), ..self.clone() }
-    }
-
-    /// Whether it can be carried out: what a peer sends is not believed.
-    fn is_sound(&self) -> bool {
-        let (row, settings) = (&self.row, &self.work.settings);
-        let in_work = row.work == self.work.work && row.root().0 < self.work.zone_count;
-        let is_part = |rect: &Rect| !rect.is_empty() && settings.frame.encloses(rect);
-        let has_pixels = is_part(&row.rect) && row.piece.as_ref().is_none_or(is_part);
-        let has_samples = match (row.state, row.choice) {
-            (ZoneState::Profiling, _) => row.result.is_none(),
-            (ZoneState::Awarded, Some(choice)) => row.samples_done() < row.goal_samples(&choice),
-            _ => false,
-        };
-        in_work && has_pixels && has_samples && settings.samples > 0
+        assert!(!self.is_suspended || self.hands.is_empty(), "who is suspended has handed back what it had");
     }
 }
 
@@ -488,10 +446,14 @@ impl StateMachine for RenderAgent {
         if self.next_heartbeat.is_some_and(|at| at <= now) {
             self.beat(now, actions);
         }
+        if let Some(registrant) = &mut self.registrant {
+            registrant.tick(now, actions);
+        }
         self.assert_invariants();
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        self.next_heartbeat
+        let directories = self.registrant.as_ref().and_then(|registrant| registrant.next_deadline());
+        [self.next_heartbeat, directories].into_iter().flatten().min()
     }
 }

@@ -10,8 +10,8 @@ use bottega_agents::{Action, ActionOf, AgentId, Event, EventOf, Performative, Re
 use rustc_hash::FxHashMap;
 
 use crate::{
-    AdaptationRule, Bid, Expert, FarmCompletion, FarmContent, FarmEffect, FarmMessage, FarmValue, Offer, PaintOrder,
-    PaintResult, RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkRow, ZoneId,
+    AdaptationRule, Bid, Expert, FarmCompletion, FarmContent, FarmEffect, FarmMessage, FarmValue, MasterSource, Offer,
+    PaintOrder, PaintResult, RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkRow, ZoneId,
     contents::{answer, message},
     protocol,
 };
@@ -137,7 +137,7 @@ impl Visitor {
         let VisitorConfig { id, master, power, lanes, adaptation, expert, timing } = config;
         let agent = RenderAgent::new(RenderAgentConfig {
             id: id.clone(),
-            master: master.clone(),
+            master: MasterSource::Known(master.clone()),
             adaptation,
             prefetch: PREFETCH,
             heartbeat: timing.heartbeat,

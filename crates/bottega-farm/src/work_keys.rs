@@ -41,12 +41,13 @@ impl WorkKeys {
         Key::named(&self.agents, &agent.name)
     }
 
-    /// The key of any row.
+    /// The key of any row. Panics when it is none, but a page of the directories.
     pub fn of(&self, value: &FarmValue) -> Key {
         match value {
             FarmValue::Zone(row) => self.zone(row.zone),
             FarmValue::Work(_) => self.work(),
             FarmValue::Agent(row) => self.agent(&row.agent),
+            FarmValue::Page(_) => unreachable!("pages are written by the services of the platform alone"),
         }
     }
 }

@@ -61,6 +61,7 @@ impl Stage {
             credits: Arc::default(),
             goals: GoalRules::default(),
             timing: Timing::default(),
+            registration: None,
         }
     }
 
@@ -330,7 +331,7 @@ fn a_message_out_of_place_is_not_understood() {
 fn agent() -> RenderAgent {
     let mut agent = RenderAgent::new(RenderAgentConfig {
         id: AgentId::new("agent"),
-        master: AgentId::new("master"),
+        master: bottega_farm::MasterSource::Known(AgentId::new("master")),
         adaptation: AdaptationRule::Paper,
         prefetch: 2,
         heartbeat: Duration::from_secs(1),

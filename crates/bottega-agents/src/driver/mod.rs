@@ -1,6 +1,7 @@
 //! Drivers: they run state machines as agents.
 
 mod alarm;
+pub mod ams_client;
 mod asker;
 mod fitted;
 pub mod http;

@@ -7,7 +7,7 @@ use std::{
     net::{SocketAddr, TcpStream, ToSocketAddrs},
     sync::{Arc, atomic::AtomicU64, mpsc},
     thread,
-    time::{Duration, SystemTime, UNIX_EPOCH},
+    time::Duration,
 };
 
 use tokio::sync::{broadcast, mpsc as lanes, oneshot};
@@ -155,8 +155,7 @@ impl Node {
             name: config.name,
             address: address.clone(),
             ids: ids.clone(),
-            // The platform's time begins about now.
-            calendar: Calendar::new(unix_time().saturating_sub(platform.now().elapsed())),
+            calendar: platform.calendar(),
             salt: random(),
             lease_max: config.lease_max,
             federates: config.federates,
@@ -491,12 +490,6 @@ fn error_chain(error: &dyn std::error::Error) -> String {
         source = cause.source();
     }
     text
-}
-
-#[allow(clippy::disallowed_methods, reason = "this is where a platform gets the date from")]
-fn unix_time() -> Duration {
-    // A clock that stands before 1970 has been set by nobody.
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
 }
 
 /// Something that nobody outside knows, from the operating system.

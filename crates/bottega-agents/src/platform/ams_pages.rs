@@ -56,7 +56,12 @@ impl AmsEntry {
     }
 }
 
-/// The white pages, for those who find ways by them.
+/// An agent, as an entry of the white pages says it; `None`: there is none, or it is gone.
+pub fn read_white_page(text: &str) -> Option<AmsAgentDescription> {
+    AmsEntry::parse(text).filter(|entry| !entry.is_gone()).map(|entry| entry.description)
+}
+
+/// EventKind an entry of the white pages says, for those who find ways by them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AmsPages<'a> {
     /// Of an agent.

@@ -336,6 +336,11 @@ impl AmsAgentDescription {
 }
 
 impl ServiceDescription {
+    /// The value of a property.
+    pub fn property(&self, name: &str) -> Option<&Term> {
+        self.properties.iter().find(|property| property.name == name).map(|property| &property.value)
+    }
+
     /// Whether `object` is like this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)

@@ -11,15 +11,17 @@ mod df;
 mod life_cycle;
 mod management;
 mod ontology;
+mod page;
 mod service;
 mod signature;
 mod standard_agent;
 mod start;
 
 pub use ams::{AGENTS_MAX, Ams, AmsConfig, HTTP_TRANSPORT, NODES_MAX};
-pub use ams_pages::AmsPages;
+pub use ams_pages::{AmsPages, read_white_page};
 pub use df::{
     DESCRIPTION_BYTES_MAX, DESCRIPTIONS_MAX, DIRECTORY_BYTES_MAX, Df, DfConfig, RESULTS_BYTES_MAX, RESULTS_MAX,
+    read_yellow_page,
 };
 pub use life_cycle::{LifeCycleState, Transition};
 pub use management::{
@@ -28,6 +30,21 @@ pub use management::{
     SearchConstraints, ServiceDescription, ServiceEntry,
 };
 pub use ontology::{Unread, print_content, print_content_of, read_content};
+pub use page::{Page, PageAsk, directory_request};
 pub use service::{Change, ENTRY_BYTES_MAX, Functions, NoResult, Said, Service, ServiceOutbox, Step};
 pub use standard_agent::{KEPT_MESSAGES_MAX, StandardAgent};
 pub use start::{BASIC_SERVICES_MAX, StartService};
+
+/// How the names of the entries begin that Start Service, AMS and DF keep.
+pub const PAGE_FOLDERS: [&str; 3] = ["start/", "ams/", "df/"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_folders_are_those_that_the_services_mirror() {
+        let mirrored = [StartService::PREFIXES, Ams::PREFIXES, Df::PREFIXES].concat();
+        assert_eq!(mirrored, PAGE_FOLDERS);
+    }
+}

@@ -133,14 +133,14 @@ pub trait Functions {
 }
 
 /// A change under way.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Open {
     change: Change,
     until: Time,
     cause: Cause,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Cause {
     Request {
         request: Said,
@@ -159,6 +159,7 @@ enum Cause {
 ///
 /// `C` is the platform's content type, `V` what its store holds; `E` and `R` are the types of its effects and
 /// completions, which a service does not use.
+#[derive(Clone, Debug)]
 pub struct Service<F, C, V, E, R> {
     id: AgentId,
     functions: F,

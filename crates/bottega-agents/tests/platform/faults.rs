@@ -153,7 +153,7 @@ fn a_directory_that_starts_again_tells_what_was_not_sure_and_what_is_gone() {
     assert_eq!(started(&sure), []);
     // While it was dead somebody took the offer out.
     let mut store = sure;
-    let gone = StoreRequest::Put { key: "df/entry/a".into(), value: String::new() };
+    let gone = StoreRequest::Put { key: "df/agent/a".into(), value: String::new() };
     store.handle((), Ticket(9), gone, &mut Vec::new());
     assert_eq!(started(&store), [("a".to_owned(), false)]);
 }

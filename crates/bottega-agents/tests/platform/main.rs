@@ -335,7 +335,7 @@ fn a_suspended_agent_keeps_its_messages_and_goes_on_when_resumed() {
 fn a_directory_that_has_not_heard_of_the_last_writes_does_not_answer_from_memory() {
     let mut df = Desk::new("df@here", offers(None));
     outcome(&mut df, Time::ZERO, "a", Function::Register(offer("a", "smith")));
-    let key = bottega_agents::Key::from("df/entry/a");
+    let key = bottega_agents::Key::from("df/agent/a");
     let text = df.store.get(&key).unwrap().value.clone();
     // Somebody else writes, and the news is on its way still.
     let write = |df: &mut Desk<Df>, value: String| {

@@ -294,7 +294,7 @@ fn check(play: &Play, second: Second, seed: u64) -> Vec<String> {
     let mut wrong = notes.wrong.clone();
     let calm = play.until + Duration::from_secs(30);
     wrong.extend(notes.unanswered.iter().filter(|(asked, _)| *asked > calm).map(|who| format!("no answer: {who:?}")));
-    let entered = pages(play, "df/entry/");
+    let entered = pages(play, "df/agent/");
     let now = play.simulator.now();
     for (agent, offer) in &notes.entered {
         let must = offer.as_ref().is_some_and(|offer| offer.lease_time.is_none_or(|end| now < end));

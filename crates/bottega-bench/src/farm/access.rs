@@ -45,12 +45,12 @@ impl ServerLinks {
         match self {
             Self::Started(entry, thread) => {
                 let name = format!("bench-{agent}");
-                Ok(Link { uplink: Arc::new(entry.link(thread, &name)?), work, name })
+                Ok(Link { uplink: Arc::new(entry.link(thread, &name)?), work, job: None, name })
             }
             Self::Farm(address, credentials) => {
                 let FarmLink { uplink, name, .. } = link(Some(address), credentials)?;
                 // Behind a full stop a member may call itself what it likes.
-                Ok(Link { uplink, work, name: format!("{name}.{agent}") })
+                Ok(Link { uplink, work, job: None, name: format!("{name}.{agent}") })
             }
         }
     }

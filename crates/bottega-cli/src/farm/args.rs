@@ -65,13 +65,13 @@ impl LoginArgs {
 
 /// Which farm is looked at.
 #[derive(Debug, Args)]
-pub(super) struct FarmArgs {
+pub(crate) struct FarmArgs {
     /// Where the farm is; default: the one that `bottega up` runs on this machine.
     #[arg(long, value_name = "ADDRESS", env = "BOTTEGA_FARM", hide_env_values = true, global = true)]
     farm: Option<FarmAddress>,
     /// Print JSON, an object a line, instead of text for people.
     #[arg(long, global = true)]
-    pub(super) json: bool,
+    pub(crate) json: bool,
     #[command(flatten)]
     login: LoginArgs,
 }
@@ -83,7 +83,7 @@ impl FarmArgs {
     }
 
     /// Links up with the farm.
-    pub(super) fn board(&self) -> Result<JobBoard, CliError> {
+    pub(crate) fn board(&self) -> Result<JobBoard, CliError> {
         Ok(JobBoard { uplink: self.login.link(self.farm.as_ref())?.uplink })
     }
 }

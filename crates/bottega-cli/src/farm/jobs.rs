@@ -150,6 +150,7 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     if as_json {
         let mut told = json!(view);
         told["society"] = json!(society);
+        told["agents"] = json!(board.job_agents(number));
         println!("{told}");
         return Ok(());
     }
@@ -168,6 +169,10 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
         println!("  {} ({} processors)", seat.name, seat.threads);
     }
     tell_society(&society);
+    for agent in board.job_agents(number) {
+        let services: Vec<&str> = agent.services.iter().map(|kind| kind.trim_start_matches("bottega-job-")).collect();
+        println!("  {}: {}, in the directories as {}", agent.agent, agent.state, services.join(", "));
+    }
     for (seat, refusal) in RefusalWatch::default().news(&all, |work| work == job.work) {
         println!("  {} is left out: {}", seat.name, refusal.reason);
     }

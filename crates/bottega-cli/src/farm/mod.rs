@@ -9,7 +9,7 @@ mod up;
 mod web;
 
 pub(crate) use self::{
-    args::LoginArgs,
+    args::{FarmArgs, LoginArgs},
     blackboard::{BlackboardArgs, run as blackboard},
     jobs::{JobsArgs, run as jobs},
     join::{JoinArgs, run as join},

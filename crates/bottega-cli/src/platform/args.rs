@@ -8,7 +8,11 @@ use clap::{Args, Subcommand, ValueHint};
 use bottega_cluster::FarmAddress;
 
 use super::peer::{Peer, parse_peer};
-use crate::{cli::parse_duration, farm::LoginArgs, output::Purpose};
+use crate::{
+    cli::parse_duration,
+    farm::{FarmArgs, LoginArgs},
+    output::Purpose,
+};
 
 #[derive(Debug, Args)]
 pub(crate) struct PlatformArgs {
@@ -21,7 +25,11 @@ impl PlatformArgs {
     pub(crate) fn purpose(&self) -> Purpose {
         match self.command {
             PlatformCommand::Serve(_) => Purpose::Log,
-            PlatformCommand::Agents(_) | PlatformCommand::Services(_) => Purpose::Result,
+            PlatformCommand::Agents(_)
+            | PlatformCommand::Services(_)
+            | PlatformCommand::Suspend(_)
+            | PlatformCommand::Resume(_)
+            | PlatformCommand::Terminate(_) => Purpose::Result,
             PlatformCommand::Trace(_) => Purpose::Stream,
         }
     }
@@ -37,6 +45,20 @@ pub(crate) enum PlatformCommand {
     Services(ServicesArgs),
     /// Watch what passes the message transport of a platform on this machine.
     Trace(TraceArgs),
+    /// Have the AMS of a farm suspend an agent: a render agent hands back what it paints, and others go on.
+    Suspend(SteerArgs),
+    /// Have the AMS of a farm resume an agent that was suspended.
+    Resume(SteerArgs),
+    /// Have the AMS of a farm ask an agent to quit.
+    Terminate(SteerArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SteerArgs {
+    /// The agent, as `bottega platform agents` and `bottega jobs show` name it.
+    pub(crate) agent: String,
+    #[command(flatten)]
+    pub(crate) farm: FarmArgs,
 }
 
 #[derive(Debug, Args)]

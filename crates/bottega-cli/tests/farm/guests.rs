@@ -68,7 +68,8 @@ fn hostile(farm: &Farm) {
     let before = link.notices().get("job/1").expect("a job");
     let evil = link_of_guest(farm);
     // Jobs, leads, and the seats of others.
-    for name in ["job/1", "job/77", "lead/1", "seat/other/other.1"] {
+    let pages = ["page/bottega/df/agent/work-7/master@work-7", "page/bottega/ams/agent/bottega/jobs@bottega"];
+    for name in ["job/1", "job/77", "lead/1", "seat/other/other.1"].into_iter().chain(pages) {
         assert!(evil.notices().put(name, b"{}").is_err(), "{name}");
         assert!(evil.notices().update(name, b"{}", 0).is_err(), "{name}");
         assert!(evil.notices().remove(name).is_err(), "{name}");

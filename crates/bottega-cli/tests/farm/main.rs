@@ -3,6 +3,7 @@
 //! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the tests say that they are
 //! skipped.
 
+mod agents;
 mod arrivals;
 mod builds;
 mod engines;

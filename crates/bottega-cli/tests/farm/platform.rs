@@ -102,7 +102,7 @@ impl<'a> ShownPage<'a> {
 }
 
 /// The name of the machine whose log this is.
-fn name_of(farm: &Farm, known: &[String]) -> String {
+pub(super) fn name_of(farm: &Farm, known: &[String]) -> String {
     let mut name = None;
     let mut look = || {
         let all = machines(farm);
@@ -118,7 +118,7 @@ fn name_of(farm: &Farm, known: &[String]) -> String {
 }
 
 /// A picture that takes its time.
-fn paint(farm: &Farm, output: &Path, spp: &str, more: &[&str]) -> Process {
+pub(super) fn paint(farm: &Farm, output: &Path, spp: &str, more: &[&str]) -> Process {
     let arguments = ["render", "goblets.glb", "-o", text(output), "--size", "96x72", "--spp", spp, "--zones=24"];
     let log = format!("{}.log", output.file_name().expect("a name").display());
     farm.spawn(&[&arguments[..], &["--threads", "1", "--quiet"], more].concat(), &log)

@@ -6,7 +6,6 @@
 
 mod farm_agents;
 mod host;
-mod page;
 mod strangers;
 mod talk;
 mod terms;
@@ -36,7 +35,7 @@ use self::{
 use crate::{JobBoard, cache::Cache, error::Error};
 
 /// The name of a farm's platform where nobody says.
-pub const NAME: &str = "bottega";
+pub const NAME: &str = bottega_farm::PLATFORM;
 /// Where it listens where nobody says.
 pub const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 7779);
 

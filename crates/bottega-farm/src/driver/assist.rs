@@ -9,12 +9,12 @@ use super::{
     easel::Composer,
     link::Link,
     observer::Observer,
-    populate::add_render_agents,
+    populate::{add_directories, add_render_agents},
     settings::{JobError, JobSettings},
     shared::{End, ObservedAgent, Shared},
     stop::StopSwitch,
 };
-use crate::{FarmAgent, FarmContent, contents::message, protocol};
+use crate::{FarmAgent, FarmContent, MasterSource, contents::message, protocol};
 
 /// Paints with the others until the Master lets the agents of this process go, or until `stop` is requested. Returns
 /// whether the work has ended.
@@ -32,17 +32,20 @@ pub fn assist(
     link: Link,
 ) -> Result<bool, JobError> {
     settings.work()?;
-    let (here, master) = (link.name.clone(), link.master());
+    let (here, master, place) = (link.name.clone(), link.master(), link.registration());
+    let source = place.map_or_else(|| MasterSource::Known(master.clone()), MasterSource::Directory);
     let easel = Composer::new(settings, BTreeMap::new(), None);
     let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, Some(link)));
-    let platform = LocalPlatform::linked(1, shared.uplink())?;
+    let uplink = shared.uplink()?;
+    let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let bus = platform.bus();
     let add = |id: &AgentId, agent: FarmAgent| {
         let seen = ObservedAgent { agent, shared: Arc::clone(&shared) };
         let performer = last_of(&shared);
         platform.add(id, seen, performer).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
-    add_render_agents(settings, &master, &here, &shared, &add)?;
+    add_directories(&platform, &shared)?;
+    add_render_agents(settings, &source, &here, &shared, &add)?;
     let on_stop = Arc::downgrade(&shared);
     stop.when_requested(move || {
         if let Some(shared) = on_stop.upgrade() {
@@ -55,6 +58,9 @@ pub fn assist(
         leave(bus, settings.agents, &here, &master);
     }
     platform.stop();
+    if let Some(uplink) = uplink {
+        uplink.close();
+    }
     if let Some(link) = &shared.link {
         link.uplink.flush();
     }

@@ -5,12 +5,13 @@ use std::{fmt::Write, io::Read, sync::Arc, thread, time::Duration};
 use bottega_agents::{
     AgentId, BlobId,
     driver::nats::{BlobError, NatsUplink},
+    machine_of,
 };
 use bottega_image::Tile;
 use flate2::{Compression, read::ZlibDecoder, read::ZlibEncoder};
 
 use super::stop::StopSwitch;
-use crate::{FarmCodec, ResultRef, WorkId, WorkKeys, digest, wire};
+use crate::{FarmCodec, RegistrationConfig, ResultRef, WorkId, WorkKeys, digest, wire};
 
 /// The largest tile that is taken from another machine, in bytes.
 const TILE_BYTES_MAX: usize = 1 << 30;
@@ -32,6 +33,8 @@ pub struct Link {
     pub uplink: Arc<NatsUplink<FarmCodec>>,
     /// The work.
     pub work: WorkId,
+    /// The number of its job. `None`: it is none, and its agents know their Master's name and register nowhere.
+    pub job: Option<u32>,
     /// The name of this process, which no other has: agents are called after it.
     pub name: String,
 }
@@ -39,7 +42,19 @@ pub struct Link {
 impl Link {
     /// The Master of the work, whichever process leads it.
     pub fn master(&self) -> AgentId {
-        AgentId::new(format!("master@work-{}", self.work.0))
+        self.agent(format!("master@work-{}", self.work.0))
+    }
+
+    /// An agent of this name, and where it is reached.
+    pub(super) fn agent(&self, name: String) -> AgentId {
+        let id = AgentId::new(name);
+        AgentId { addresses: Arc::new([self.uplink.address_of(&id)]), ..id }
+    }
+
+    /// Where the agents of the work register.
+    pub(super) fn registration(&self) -> Option<RegistrationConfig> {
+        let master_home = Some(machine_of(&self.master().name).to_owned());
+        self.job.map(|job| RegistrationConfig { master_home, ..RegistrationConfig::new(self.work, Some(job)) })
     }
 
     /// Where its tiles are.

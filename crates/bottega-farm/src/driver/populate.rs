@@ -14,8 +14,9 @@ use super::{
     shared::{End, FarmMailbox, ObservedAgent, Shared},
 };
 use crate::{
-    Analyst, AnalystConfig, FarmAgent, GoalRules, Master, MasterConfig, PartitionSettings, RenderAgent,
-    RenderAgentConfig, Timing, WorkId, WorkRow, WorkSettings, ZoneRow,
+    Analyst, AnalystConfig, FarmAgent, GoalRules, Master, MasterConfig, MasterSource, PartitionSettings,
+    RegistrationConfig, RenderAgent, RenderAgentConfig, Timing, WorkId, WorkRow, WorkSettings, ZoneRow,
+    directory_services,
 };
 
 const WORK: WorkId = WorkId(1);
@@ -34,11 +35,14 @@ pub(super) fn populate(
         let seen = ObservedAgent { agent, shared: Arc::clone(shared) };
         platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
+    add_directories(platform, shared)?;
     let link = shared.link.as_ref();
     let here = link.map_or("bottega", |link| &link.name);
     let number = link.map_or(WORK, |link| link.work);
     let master = link.map_or_else(|| AgentId::new("master@bottega"), Link::master);
-    let analyst = AgentId::new(format!("analyst@{here}"));
+    let place = link.map_or_else(|| Some(RegistrationConfig::new(number, None)), Link::registration);
+    let source = place.clone().map_or_else(|| MasterSource::Known(master.clone()), MasterSource::Directory);
+    let analyst = agent_of(link, format!("analyst@{here}"));
     let timing = link.map_or_else(Timing::default, |_| Timing::AMONG_MACHINES);
     let JobSettings { auction, prefetch, .. } = *settings;
     // Agents of one process have the same processors: an idle one leaves its own to the others.
@@ -54,6 +58,7 @@ pub(super) fn populate(
         credits: Arc::clone(&settings.credits),
         goals: GoalRules::default(),
         timing,
+        registration: place.clone(),
     };
     let mailbox = match kept {
         Some((work, rows)) => {
@@ -71,13 +76,32 @@ pub(super) fn populate(
                 settings: work,
                 importance: settings.importance,
                 partition: usual.within(settings.zones, settings.zone_limits),
+                registration: place,
             };
             add(&analyst, Analyst::new(config).into())?;
             add(&master, Master::new(master_config).into())?
         }
     };
-    add_render_agents(settings, &master, here, shared, &add)?;
+    add_render_agents(settings, &source, here, shared, &add)?;
     Ok(mailbox)
+}
+
+/// An agent of this process: where there is a link, with its address there.
+fn agent_of(link: Option<&Link>, name: String) -> AgentId {
+    match link {
+        Some(link) => link.agent(name),
+        None => AgentId::new(name),
+    }
+}
+
+/// Brings the services of the platform to life, which new agents ask first.
+pub(super) fn add_directories(platform: &LocalPlatform<ObservedAgent>, shared: &Arc<Shared>) -> Result<(), JobError> {
+    for (id, service) in directory_services(platform.calendar(), secret()) {
+        let seen = ObservedAgent { agent: service.into(), shared: Arc::clone(shared) };
+        let added = platform.add(&id, seen, Box::new(|_, _| {}));
+        added.map_err(|taken| JobError::Abandoned { reason: taken.to_string() })?;
+    }
+    Ok(())
 }
 
 /// A number that nobody can guess.
@@ -86,20 +110,20 @@ fn secret() -> u64 {
     RandomState::new().build_hasher().finish()
 }
 
-/// Brings the Render Agents of this process to life, who work for `master`.
+/// Brings the Render Agents of this process to life.
 pub(super) fn add_render_agents(
     settings: &JobSettings,
-    master: &AgentId,
+    source: &MasterSource,
     here: &str,
     shared: &Arc<Shared>,
     add: &dyn Fn(&AgentId, FarmAgent) -> Result<FarmMailbox, JobError>,
 ) -> Result<(), JobError> {
     let engine = shared.engine.describe();
     for (i, expert) in (0..settings.agents).zip(settings.experts.iter().cycle()) {
-        let id = AgentId::new(format!("render-{}@{here}", i + 1));
+        let id = agent_of(shared.link.as_ref(), format!("render-{}@{here}", i + 1));
         let agent = RenderAgent::new(RenderAgentConfig {
             id: id.clone(),
-            master: master.clone(),
+            master: source.clone(),
             adaptation: settings.adaptation,
             prefetch: settings.prefetch,
             heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| Timing::AMONG_MACHINES).heartbeat,

@@ -6,14 +6,15 @@ use std::{
     time::Duration,
 };
 
-use bottega_agents::{Mailbox, Revision, StateMachine, Time, Uplink};
+use bottega_agents::{Mailbox, Revision, StateMachine, Time, driver::nats::PagedUplink};
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 
 use super::{
     easel::Composer, fetchers::Fetchers, link::Link, observer::Observer, settings::JobSettings, stop::StopSwitch,
 };
 use crate::{
-    FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, RelativePower, WorkId, ZoneId,
+    FarmAction, FarmAgent, FarmCodec, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, PLATFORM,
+    RelativePower, WorkId, ZoneId, directory_service_names,
 };
 
 /// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
@@ -66,6 +67,7 @@ pub(super) struct State {
 }
 
 pub(super) type FarmMailbox = Mailbox<ObservedAgent>;
+pub(super) type JobUplink = PagedUplink<FarmCodec, ObservedAgent>;
 
 /// Whether the engine has made what all zones need.
 #[derive(Default)]
@@ -97,7 +99,9 @@ impl StateMachine for ObservedAgent {
         self.agent.handle(now, event, actions);
         for action in &actions[before..] {
             if let FarmAction::Send(message) = action {
-                self.shared.state().messages += message.receivers.len() as u64;
+                // What is said to the directories is no part of painting.
+                let counts = !matches!(message.content, FarmContent::Management(_));
+                self.shared.state().messages += if counts { message.receivers.len() as u64 } else { 0 };
                 self.shared.observer.message(now, message);
             }
         }
@@ -131,8 +135,13 @@ impl Shared {
         }
     }
 
-    pub(super) fn uplink(&self) -> Option<Arc<dyn Uplink<ObservedAgent>>> {
-        self.link.as_ref().map(|link| Arc::clone(&link.uplink) as _)
+    /// The link for the agents of this process, with the pages of the platform.
+    pub(super) fn uplink(&self) -> std::io::Result<Option<Arc<JobUplink>>> {
+        let begin = |link: &Link| {
+            let services = directory_service_names().to_vec();
+            JobUplink::begin(Arc::clone(&link.uplink), PLATFORM, &link.name, services).map(Arc::new)
+        };
+        self.link.as_ref().map(begin).transpose()
     }
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {

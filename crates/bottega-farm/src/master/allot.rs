@@ -276,6 +276,9 @@ impl Master {
             let request = message(Performative::Request, protocol::REQUEST, &self.config.id, to, end);
             actions.push(FarmAction::Send(request));
         }
+        if let Some(registrant) = &mut self.registrant {
+            registrant.leave(actions);
+        }
         actions.push(FarmAction::Stop);
     }
 }

@@ -85,6 +85,7 @@ impl Master {
                 self.board.see(revision, work);
                 true
             }
+            FarmValue::Page(_) => false,
         }
     }
 

@@ -58,6 +58,7 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &Work
                 must(row.credit.sum.is_finite(), &|| format!("{} has a credit of {}", row.agent, row.credit.sum));
             }
             FarmValue::Work(_) => {}
+            FarmValue::Page(_) => must(false, &|| format!("{} is a page among the rows", entry.key)),
         }
     }
     let is_convict = |agent: &&AgentId| convicts.contains(agent);

@@ -33,7 +33,8 @@ pub use self::{
 };
 use crate::{
     AdaptationRule, AuctionRule, Credit, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
-    RelativePower, RenderAgent, RenderAgentConfig, RoundSummary, Timing, WorkKeys, contents::message, protocol,
+    MasterSource, RelativePower, RenderAgent, RenderAgentConfig, RoundSummary, Timing, WorkKeys, contents::message,
+    protocol,
 };
 
 /// How long the platform is watched after the end, until everybody has gone home.
@@ -342,6 +343,7 @@ impl<'a> Play<'a> {
             credits: Arc::clone(&plan.credits),
             goals: GoalRules::default(),
             timing,
+            registration: None,
         };
         simulator.add(&master, plan.master_may_crash, move || Master::new(config.clone()).into());
         Ok(Self { piece, plan, master, simulator, timeline })
@@ -376,7 +378,7 @@ impl<'a> Play<'a> {
                 let (plan, id) = (self.plan, name(index));
                 let config = RenderAgentConfig {
                     id: id.clone(),
-                    master: self.master.clone(),
+                    master: MasterSource::Known(self.master.clone()),
                     adaptation: plan.adaptation,
                     prefetch: plan.prefetch,
                     heartbeat: plan.timing.heartbeat,

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{Bid, FarmContent, Holding, LifeCycle, Offer, Order, RelativePower, Report, WorkId, ZoneId};
 
-/// The content of a message. The variants are those of [`FarmContent`], in its order.
+/// The content of a message. The variants are those of [`FarmContent`], in its order, but for the last.
 #[derive(Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "there is one at a time, on the stack")]
 pub(super) enum ContentRecord<'a> {
@@ -118,7 +118,8 @@ impl<'a> From<&'a FarmContent> for ContentRecord<'a> {
             }
             FarmContent::LeftOut { reason } => Self::LeftOut { reason: short_reason(reason) },
             FarmContent::LifeCycle(change) => Self::LifeCycle(*change),
-            FarmContent::Nothing => Self::Nothing,
+            // What is said to services of the platform is said within a process: elsewhere nobody understands it.
+            FarmContent::Nothing | FarmContent::Management(_) => Self::Nothing,
         }
     }
 }

@@ -46,6 +46,7 @@ pub(super) enum ValueRecord<'a> {
     Work(WorkRecord),
     #[serde(borrow)]
     Agent(AgentRecord<'a>),
+    Page(&'a str),
 }
 
 impl<'a> From<&'a FarmValue> for ValueRecord<'a> {
@@ -54,6 +55,7 @@ impl<'a> From<&'a FarmValue> for ValueRecord<'a> {
             FarmValue::Zone(row) => Self::Zone((&**row).into()),
             FarmValue::Work(row) => Self::Work((&**row).into()),
             FarmValue::Agent(row) => Self::Agent((&**row).into()),
+            FarmValue::Page(text) => Self::Page(text),
         }
     }
 }
@@ -66,6 +68,7 @@ impl TryFrom<ValueRecord<'_>> for FarmValue {
             ValueRecord::Zone(row) => Self::Zone(Arc::new(row.try_into()?)),
             ValueRecord::Work(row) => Self::Work(Arc::new(row.try_into()?)),
             ValueRecord::Agent(row) => Self::Agent(Arc::new(row.try_into()?)),
+            ValueRecord::Page(text) => Self::Page(text.into()),
         })
     }
 }

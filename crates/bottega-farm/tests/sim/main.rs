@@ -3,6 +3,7 @@
 #[path = "../common/survey.rs"]
 mod survey;
 
+mod directories;
 mod hostile;
 mod stage;
 

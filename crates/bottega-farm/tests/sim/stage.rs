@@ -12,11 +12,13 @@ use bottega_agents::{
     AgentId, Revision, Time,
     bus::BlobId,
     driver::{Faults, Random, Simulator, World},
+    wire::Calendar,
 };
 use bottega_farm::{
     AdaptationRule, Analyst, AnalystConfig, AuctionRule, ErrorUse, Expert, FarmAgent, FarmCompletion, FarmEffect, Goal,
-    GoalRules, ImportanceFunction, Level, Master, MasterConfig, Optimization, PaintResult, PartitionSettings,
-    RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkId, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    GoalRules, ImportanceFunction, Level, Master, MasterConfig, MasterSource, Optimization, PaintResult,
+    PartitionSettings, RegistrationConfig, RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkId,
+    WorkSettings, ZoneId, ZoneRow, ZoneState, directory_service_names, directory_services,
 };
 use bottega_image::Rect;
 
@@ -162,6 +164,8 @@ pub(crate) struct Scene {
     pub(crate) verify: u32,
     /// The last agent comes so late.
     pub(crate) late: Duration,
+    /// Agents find their Master in directories, which come so late; the longest time: never.
+    pub(crate) directories: Option<Duration>,
 }
 
 impl Scene {
@@ -180,6 +184,7 @@ impl Scene {
             shares_tail: true,
             verify: 1,
             late: Duration::ZERO,
+            directories: None,
         }
     }
 }
@@ -198,7 +203,8 @@ pub(crate) fn play_watched(seed: u64, scene: &Scene, watch: impl FnMut(&Simulato
     run(seed, scene, false, watch)
 }
 
-fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<FarmAgent, Studio>)) -> Play {
+/// All agents, before anything has been painted.
+pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
     let frame = Rect::of_size(640, 480);
     let (master, analyst) = (AgentId::new("master"), AgentId::new("analyst"));
     let agents: Vec<AgentId> = (0..scene.powers.len()).map(|i| AgentId::new(format!("agent-{i}"))).collect();
@@ -218,6 +224,10 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
     }
     let timing = Timing::default();
     let work = WorkId(1);
+    let place = scene.directories.map(|_| RegistrationConfig {
+        master_home: Some("master".to_owned()),
+        ..RegistrationConfig::new(work, Some(7))
+    });
     let config = MasterConfig {
         id: master.clone(),
         work,
@@ -230,6 +240,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
         credits: Arc::default(),
         goals: GoalRules::default(),
         timing,
+        registration: place.clone(),
     };
     simulator.add(&master, scene.master_may_crash, move || Master::new(config.clone()).into());
     let config = AnalystConfig {
@@ -249,15 +260,17 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
             zone_count: scene.zones,
             ..PartitionSettings::for_agents(Level::Balanced, agents.len(), frame)
         },
+        registration: place.clone(),
     };
     simulator.add(&analyst, true, move || Analyst::new(config.clone()).into());
     let (last, others) = agents.split_last().expect("somebody paints");
     let add = |simulator: &mut Simulator<FarmAgent, Studio>, id: &AgentId| {
-        let (own, master) = (id.clone(), master.clone());
+        let own = id.clone();
+        let source = place.clone().map_or_else(|| MasterSource::Known(master.clone()), MasterSource::Directory);
         simulator.add(id, true, move || {
             RenderAgent::new(RenderAgentConfig {
                 id: own.clone(),
-                master: master.clone(),
+                master: source.clone(),
                 adaptation: AdaptationRule::MedianRatio,
                 prefetch: 2,
                 heartbeat: timing.heartbeat,
@@ -267,21 +280,47 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
         });
     };
     others.iter().for_each(|id| add(&mut simulator, id));
+    if let Some(late) = scene.directories.filter(|late| *late <= scene.late) {
+        simulator.run_until(Time::since_start(late));
+        add_directories(&mut simulator);
+    }
     simulator.run_until(Time::since_start(scene.late));
     add(&mut simulator, last);
-    let end = Time::since_start(Duration::from_secs(3600));
-    simulator.run_while(end, |simulator| {
-        check(simulator);
-        watch(simulator);
-        seen.borrow().finished.is_none()
-    });
+    if let Some(late) = scene.directories.filter(|late| *late > scene.late && *late < Duration::MAX) {
+        simulator.run_until(Time::since_start(late));
+        add_directories(&mut simulator);
+    }
     let all = Studio::cost(&frame, scene.samples);
     let speed: f64 = scene.powers.iter().map(|power| power.recip()).sum();
     Play { simulator, seen, lower_bound: all.div_f64(speed) }
 }
 
+/// One Start Service, AMS and DF for all agents. They may die as the agents do, and know the pages when they come back.
+fn add_directories(simulator: &mut Simulator<FarmAgent, Studio>) {
+    for name in directory_service_names() {
+        let own = name.clone();
+        simulator.add(&name, true, move || {
+            let services = directory_services(Calendar::default(), 1);
+            let (_, service) = services.into_iter().find(|(name, _)| *name == own).expect("it is one of them");
+            service.into()
+        });
+    }
+}
+
+fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<FarmAgent, Studio>)) -> Play {
+    let mut play = stage(seed, scene, trace);
+    let seen = Rc::clone(&play.seen);
+    let end = Time::since_start(Duration::from_secs(3600));
+    play.simulator.run_while(end, |simulator| {
+        check(simulator);
+        watch(simulator);
+        seen.borrow().finished.is_none()
+    });
+    play
+}
+
 /// What holds after every step: a zone that is done stays done with the same samples, and the store agrees with the film.
-fn check(simulator: &Simulator<FarmAgent, Studio>) {
+pub(crate) fn check(simulator: &Simulator<FarmAgent, Studio>) {
     let Some(FarmAgent::Master(master)) = simulator.machine(&AgentId::new("master")) else { return };
     let seen = simulator.world().seen.borrow();
     for zone in &seen.composed {
@@ -355,5 +394,6 @@ pub(crate) fn troubled(seed: u64) -> Scene {
         shares_tail: !seed.is_multiple_of(7),
         verify: 1,
         late: Duration::from_secs(seed % 6),
+        directories: (seed % 2 == 1).then(|| Duration::from_secs(seed % 9)),
     }
 }

@@ -11,7 +11,7 @@ use std::{
     panic,
     sync::{Arc, Condvar, Mutex, PoisonError},
     thread,
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 pub use bus::LocalBus;
@@ -24,6 +24,7 @@ use crate::{
     bus::{OutsideAction, carry_out},
     entry_store::EntryStore,
     store::MemoryStore,
+    wire::Calendar,
 };
 
 /// How many events an agent may take before the next agent has its turn.
@@ -159,6 +160,11 @@ where
     /// The platform's time.
     pub fn now(&self) -> Time {
         self.shared.now()
+    }
+
+    /// What ties the platform's time to the calendar.
+    pub fn calendar(&self) -> Calendar {
+        Calendar::new(unix_time().saturating_sub(self.now().elapsed()))
     }
 
     /// Waits until every agent has stopped, then ends the threads. Goes on with the panic of a machine, if one did.
@@ -326,4 +332,10 @@ fn rest<M: StateMachine>(shared: &PlatformShared<M>, agent: usize, machine: M, p
 #[allow(clippy::disallowed_methods, reason = "this is where agents get their time from")]
 fn start_of_time() -> Instant {
     Instant::now()
+}
+
+#[allow(clippy::disallowed_methods, reason = "this is where a platform gets the date from")]
+fn unix_time() -> Duration {
+    // A clock that stands before 1970 has been set by nobody.
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
 }

@@ -226,6 +226,11 @@ impl<M: StateMachine> Mailbox<M> {
         self.shared.work.notify_all();
     }
 
+    /// The number of the agent among those of its platform.
+    pub(in crate::driver) fn number(&self) -> usize {
+        self.agent
+    }
+
     /// Whether the agent has stopped: nothing that is delivered is of use any more.
     pub(in crate::driver) fn is_closed(&self) -> bool {
         let state = self.shared.lock();

@@ -47,6 +47,8 @@ pub struct NoticeBoard {
 /// What was heard of the notices.
 struct KnownNotices {
     notices: BTreeMap<String, ReceivedNote>,
+    /// How often something was heard of each folder: what stands before the first stroke.
+    changes: BTreeMap<String, u64>,
     /// How often the server was reached, and when it was the last time.
     connects: u64,
     connected: Instant,
@@ -61,7 +63,7 @@ struct ReceivedNote {
 impl NoticeBoard {
     /// The board, when all that is on it has been read.
     pub(super) async fn open(client: Client, store: kv::Store, handle: Handle) -> Self {
-        let seen = KnownNotices { notices: BTreeMap::new(), connects: 0, connected: now() };
+        let seen = KnownNotices { notices: BTreeMap::new(), changes: BTreeMap::new(), connects: 0, connected: now() };
         let board = Self { client, store, handle, seen: Arc::new(Mutex::new(seen)) };
         let (read, is_read) = oneshot::channel();
         let (follower, store, seen) = (board.client.clone(), board.store.clone(), Arc::downgrade(&board.seen));
@@ -138,7 +140,7 @@ impl NoticeBoard {
         self.handle
             .block_on(self.store.purge(names::key(&Key::from(name.to_owned()))))
             .map_err(|error| BlobError::passing(name, &error))?;
-        lock(&self.seen).notices.remove(name);
+        lock(&self.seen).forget(name);
         Ok(())
     }
 
@@ -160,6 +162,11 @@ impl NoticeBoard {
         let seen = lock(&self.seen);
         let from = seen.notices.range(prefix.to_owned()..).take_while(|(name, _)| name.starts_with(prefix));
         from.map(|(name, heard)| self.notice(&seen, name, heard)).collect()
+    }
+
+    /// A number that is another one when something was heard of notices in this folder: what stands before the first stroke.
+    pub(super) fn changes(&self, folder: &str) -> u64 {
+        lock(&self.seen).changes.get(folder).copied().unwrap_or_default()
     }
 
     /// While the server was away nobody could renew anything.
@@ -184,7 +191,20 @@ impl KnownNotices {
         if let Some(value) = &entry.value {
             self.hear(&name, entry.revision, value);
         } else if self.notices.get(&name).is_some_and(|heard| heard.revision < entry.revision) {
-            self.notices.remove(&name);
+            self.forget(&name);
+        }
+    }
+
+    fn forget(&mut self, name: &str) {
+        self.notices.remove(name);
+        self.count(name);
+    }
+
+    fn count(&mut self, name: &str) {
+        let folder = name.split('/').next().unwrap_or_default();
+        match self.changes.get_mut(folder) {
+            Some(count) => *count += 1,
+            None => _ = self.changes.insert(folder.to_owned(), 1),
         }
     }
 
@@ -192,6 +212,7 @@ impl KnownNotices {
         if self.notices.get(name).is_none_or(|heard| heard.revision < revision) {
             let heard = ReceivedNote { revision, text: text.into(), at: now() };
             self.notices.insert(name.to_owned(), heard);
+            self.count(name);
         }
     }
 }

@@ -13,6 +13,7 @@ mod enrolment;
 mod error;
 mod names;
 mod options;
+mod paged;
 mod pages;
 mod pin;
 mod rights;
@@ -43,7 +44,8 @@ pub use self::{
     enrolment::{MemberKey, enrol, is_public_key, newcomer},
     error::NatsError,
     options::{Login, NatsOptions, Tls},
-    pages::NoticePages,
+    paged::PagedUplink,
+    pages::{AgentPage, NoticePages},
     pin::Pin,
     rights::Rights,
     store::EntryNews,
@@ -205,6 +207,11 @@ impl<K: Codec> NatsUplink<K> {
         self.handle.block_on(self.bucket.forget(prefix));
     }
 
+    /// Where an agent is reached over this link: an address for directories.
+    pub fn address_of(&self, agent: &AgentId) -> String {
+        names::address(&self.farm, &agent.name)
+    }
+
     /// Has all that was said go out, as far as the server takes it in some seconds.
     pub fn flush(&self) {
         let wait = async {
@@ -345,7 +352,7 @@ where
     }
 
     fn publish(&self, now: Time, message: &AclMessage<K::Content>, receiver: &AgentId) {
-        let subject = names::message(&self.farm, &receiver.name, &message.sender.name);
+        let subject = names::message_to(&self.farm, receiver, &message.sender.name);
         let bytes = codec::write_message(&*self.codec, now, message);
         if self.outbox.try_send((subject, bytes)).is_err() {
             tracing::warn!(%receiver, "a message was lost: too many wait");

@@ -5,7 +5,10 @@
 
 use std::fmt::Write;
 
-use crate::{Key, machine_of};
+use crate::{AgentId, Key, machine_of};
+
+/// How the addresses of agents begin that are reached over NATS.
+const SCHEME: &str = "nats:";
 
 /// A name as one token.
 pub(super) fn token(name: &str) -> String {
@@ -46,6 +49,24 @@ pub(super) fn name(token: &str) -> Option<String> {
 pub(super) fn message(farm: &str, to: &str, from: &str) -> String {
     let [to_home, to, from_home, from] = [machine_of(to), to, machine_of(from), from].map(token);
     format!("bottega.{farm}.to.{to_home}.{to}.from.{from_home}.{from}")
+}
+
+/// Where an agent is reached: the subject of messages to it, up to who sends them.
+pub(super) fn address(farm: &str, agent: &str) -> String {
+    format!("{SCHEME}bottega.{farm}.to.{}.{}", token(machine_of(agent)), token(agent))
+}
+
+/// The subject of a message to an agent, where its first address in this farm says, or else its name.
+pub(super) fn message_to(farm: &str, to: &AgentId, from: &str) -> String {
+    let ours = format!("bottega.{farm}.to.");
+    let is_subject = |subject: &&str| {
+        let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_=.".contains(&byte);
+        subject.starts_with(&ours) && subject.bytes().all(plain) && subject.split('.').all(|token| !token.is_empty())
+    };
+    match to.addresses.iter().filter_map(|address| address.strip_prefix(SCHEME)).find(is_subject) {
+        Some(subject) => format!("{subject}.from.{}.{}", token(machine_of(from)), token(from)),
+        None => message(farm, &to.name, from),
+    }
 }
 
 /// The subject of all messages to an agent.
@@ -152,6 +173,15 @@ mod tests {
         assert_eq!(subject, "bottega.f.to.work-7.master=40work-7.from.vm-3f.render-1=40vm-3f=2e07");
         assert_eq!(sender(&subject).as_deref(), Some("render-1@vm-3f.07"));
         assert_eq!(messages_to("f", "render-1@vm-3f.07"), "bottega.f.to.vm-3f.render-1=40vm-3f=2e07.from.*.*");
+        let mut master = AgentId::new("master@work-7");
+        assert_eq!(message_to("f", &master, "render-1@vm-3f.07"), subject);
+        master.addresses = std::sync::Arc::new([address("f", "other@work-7")]);
+        let elsewhere = subject.replace("master=40", "other=40");
+        assert_eq!(message_to("f", &master, "render-1@vm-3f.07"), elsewhere, "its address says where it is");
+        for bad in ["nats:bottega.g.to.x.y", "nats:bottega.f.to.>", "nats:bottega.f.to..x", "http://h/acc"] {
+            master.addresses = std::sync::Arc::new([bad.to_owned()]);
+            assert_eq!(message_to("f", &master, "render-1@vm-3f.07"), subject, "{bad}");
+        }
         assert_eq!(sender("bottega.f.to.vm-3f.x.from.vm-3f.master=40work-7"), None);
         assert_eq!(sender("from"), None);
         assert_eq!((machine_of("render-1@vm-3f"), machine_of("vm-3f.07"), machine_of("")), ("vm-3f", "vm-3f", ""));

@@ -3,10 +3,14 @@
 use std::collections::BTreeMap;
 
 use super::board::{Notice, NoticeBoard};
-use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::AddressedStore};
+use crate::{
+    Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, machine_of, store::AddressedStore,
+};
 
-/// How the names of the notices begin.
-const FOLDER: &str = "page/";
+/// The folder of the notices.
+const FOLDER: &str = "page";
+/// What stands before the name of an agent in the name of its entry.
+const OF_AGENT: &str = "/agent/";
 
 /// A store of pages over notices. Its writes block until the server has them.
 pub struct NoticePages {
@@ -14,6 +18,8 @@ pub struct NoticePages {
     /// How the names of this platform's notices begin.
     folder: String,
     watches: Vec<PageWatch>,
+    /// Of the folder, when those who watch were told last.
+    changes: Option<u64>,
 }
 
 struct PageWatch {
@@ -29,11 +35,16 @@ type Replies = Vec<AddressedStore<String, usize>>;
 impl NoticePages {
     /// The pages of the platform of this name.
     pub fn new(notices: NoticeBoard, platform: &str) -> Self {
-        Self { notices, folder: format!("{FOLDER}{}/", platform.to_lowercase()), watches: Vec::new() }
+        Self { notices, folder: folder(platform), watches: Vec::new(), changes: None }
+    }
+
+    /// The write by which an entry is as it is.
+    pub(super) fn revision(&self, key: &Key) -> Option<Revision> {
+        self.get(key).map(|entry| entry.revision)
     }
 
     fn name(&self, key: &Key) -> String {
-        format!("{}{key}", self.folder)
+        format!("{}{}", self.folder, notice_name(&key.to_string()))
     }
 
     fn get(&self, key: &Key) -> Option<Entry<String>> {
@@ -42,7 +53,7 @@ impl NoticePages {
 
     /// What a notice says; `None`: it is no page.
     fn entry(&self, notice: &Notice) -> Option<Entry<String>> {
-        let key = notice.name.strip_prefix(&self.folder)?;
+        let key = entry_name(notice.name.strip_prefix(&self.folder)?)?;
         let value = String::from_utf8(notice.text.to_vec()).ok()?;
         Some(Entry { key: key.into(), revision: Revision(notice.revision), value })
     }
@@ -73,9 +84,11 @@ impl NoticePages {
 
     /// Appends what those who watch have not heard.
     fn tell(&mut self, replies: &mut Replies) {
-        if self.watches.is_empty() {
+        let changes = self.notices.changes(FOLDER);
+        if self.watches.is_empty() || self.changes == Some(changes) {
             return;
         }
+        self.changes = Some(changes);
         let notices = self.notices.all(&self.folder);
         let entries: Vec<Entry<String>> = notices.iter().filter_map(|notice| self.entry(notice)).collect();
         for watch in &mut self.watches {
@@ -122,6 +135,7 @@ impl EntryStore<String, usize> for NoticePages {
             }
             StoreRequest::Watch { prefix } => {
                 self.watches.retain(|watch| (watch.ticket, watch.who) != (ticket, from));
+                self.changes = None;
                 self.watches.push(PageWatch { prefix, ticket, who: from, told: BTreeMap::new() });
                 StoreReply::CaughtUp
             }
@@ -146,7 +160,81 @@ impl EntryStore<String, usize> for NoticePages {
     }
 }
 
+/// An agent's entry as a notice of the farm.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AgentPage {
+    /// The name of the agent, in small letters.
+    pub agent: String,
+    /// The notice.
+    pub notice: Notice,
+}
+
+impl AgentPage {
+    /// All entries of agents in the pages of a platform, those too that were taken out and hold no text.
+    pub fn all(notices: &NoticeBoard, platform: &str) -> Vec<Self> {
+        let folder = folder(platform);
+        let page = |notice: Notice| {
+            let key = entry_name(notice.name.strip_prefix(&folder)?)?;
+            let (_, agent) = key.split_once(OF_AGENT)?;
+            Some(Self { agent: agent.to_owned(), notice })
+        };
+        notices.all(&folder).into_iter().filter_map(page).collect()
+    }
+
+    /// Whether it was taken out.
+    pub fn is_empty(&self) -> bool {
+        self.notice.text.is_empty()
+    }
+}
+
+/// How the names of a platform's notices begin.
+fn folder(platform: &str) -> String {
+    format!("{FOLDER}/{}/", platform.to_lowercase())
+}
+
+/// The name of an entry's notice: that of an agent stands below its machine, so that a server can let each machine enter its own
+/// agents alone.
+fn notice_name(key: &str) -> String {
+    match key.split_once(OF_AGENT) {
+        Some((which, agent)) => format!("{which}{OF_AGENT}{}/{agent}", machine_of(agent)),
+        None => key.to_owned(),
+    }
+}
+
+/// The entry of a notice; `None`: the agent is of another machine than the notice.
+fn entry_name(name: &str) -> Option<String> {
+    let Some((which, rest)) = name.split_once(OF_AGENT) else { return Some(name.to_owned()) };
+    let agent = rest.match_indices('/').map(|(at, _)| rest.split_at(at));
+    let agent = agent.map(|(machine, agent)| (machine, &agent[1..]));
+    let (_, agent) = agent.into_iter().find(|(machine, agent)| machine_of(agent) == *machine)?;
+    Some(format!("{which}{OF_AGENT}{agent}"))
+}
+
 fn unavailable(error: &super::BlobError) -> StoreReply<String> {
     tracing::debug!(%error, "a page was not written");
     StoreReply::Unavailable
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_name_of_an_entry_comes_back(agent in "[a-z/@.]{0,12}") {
+            for key in [format!("ams/agent/{agent}"), format!("start/{agent}")] {
+                prop_assert_eq!(entry_name(&notice_name(&key)), Some(key));
+            }
+        }
+    }
+
+    #[test]
+    fn an_agent_stands_below_its_machine_and_below_no_other() {
+        assert_eq!(notice_name("df/agent/render-1@vm-3f.07"), "df/agent/vm-3f/render-1@vm-3f.07");
+        assert_eq!(notice_name("df/subscription/a@b/7"), "df/subscription/a@b/7");
+        assert_eq!(entry_name("df/agent/vm-3f/render-1@vm-4a.07"), None);
+        assert_eq!(entry_name("df/agent/render-1@vm-3f.07"), None);
+    }
 }

@@ -1,7 +1,7 @@
 //! Rights on a server: which role may publish and read which subjects.
 //!
-//! Who only paints may say what its own agents say, that it is there, and what it has painted; it may read scenes and be
-//! told. It cannot speak as a Master, write rows, jobs or who leads, or touch streams.
+//! Who only paints may say what its own agents say, that it is there, and what it has painted, and enter its own agents into the
+//! directories; it may read scenes and be told. It cannot speak as a Master, write rows, jobs or who leads, or touch streams.
 
 use super::names;
 
@@ -30,6 +30,8 @@ impl Rights {
         let mut publish = vec![
             names::said_by(farm, member),
             format!("$KV.{}.seat.{}.>", names::notices(farm), names::token(member)),
+            // Of a platform's white and yellow pages those of its own agents.
+            format!("$KV.{}.page.*.*.agent.{}.*", names::notices(farm), names::token(member)),
             format!("{}>", names::tiles_prefix(farm)),
             format!("$JS.API.DIRECT.GET.{tiles}"),
             format!("$JS.API.DIRECT.GET.{tiles}.>"),

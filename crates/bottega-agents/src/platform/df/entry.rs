@@ -17,7 +17,7 @@ pub const RESULTS_MAX: usize = 500;
 /// The most that they take together, in bytes; one that takes as much by itself is told.
 pub const RESULTS_BYTES_MAX: usize = DESCRIPTION_BYTES_MAX;
 
-pub(super) const ENTRY: &str = "df/entry/";
+pub(super) const ENTRY: &str = "df/agent/";
 
 /// One offer and the write that entered it.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +45,11 @@ impl DfEntry {
         let granted = DfAgentDescription { lease_time: self.offer.lease_time, ..description.clone() };
         self.by.is_some() && self.by == name_of_request(request) && self.offer == granted
     }
+}
+
+/// What an agent offers, as an entry of the yellow pages says it. When a lease ends is told by nobody's time.
+pub fn read_yellow_page(text: &str) -> Option<DfAgentDescription> {
+    DfEntry::parse(Calendar::default(), Time::ZERO, Revision::ABSENT, text).map(|entry| entry.offer)
 }
 
 /// Whether the lease of an offer has not ended.

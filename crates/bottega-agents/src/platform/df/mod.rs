@@ -10,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-pub use entry::{DESCRIPTION_BYTES_MAX, RESULTS_BYTES_MAX, RESULTS_MAX};
+pub use entry::{DESCRIPTION_BYTES_MAX, RESULTS_BYTES_MAX, RESULTS_MAX, read_yellow_page};
 use entry::{DfEntry, ENTRY, holds, index, is_for, key, largest_of};
 use federation::Federation;
 use subscriptions::{Pages, Subscriptions};

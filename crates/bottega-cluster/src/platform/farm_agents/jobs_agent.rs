@@ -5,7 +5,10 @@ use std::{collections::BTreeMap, sync::Arc, time::Duration};
 use bottega_agents::{
     ActionOf, Event, EventOf, Performative, StateMachine, Time,
     gateway::PlainContent,
-    platform::{AmsAgentDescription, DfAgentDescription, Function, ManagementContent, Outcome, SearchConstraints},
+    platform::{
+        AmsAgentDescription, DfAgentDescription, Function, ManagementContent, Outcome, Page, PageAsk,
+        SearchConstraints, directory_request,
+    },
     sl::Term,
 };
 
@@ -13,7 +16,6 @@ use super::{
     ontology::{
         JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish, row_term,
     },
-    page::{Ask, Page, request},
     progress::JobSubscriptions,
     render_agent::{OWNERSHIP, Surroundings, described},
     talk::{self, Message},
@@ -282,8 +284,8 @@ impl JobsAgent {
             let white = AmsAgentDescription { name: Some(name.clone()), ..Default::default() };
             let yellow = DfAgentDescription { name: Some(name.clone()), ..Default::default() };
             let number = self.number();
-            send.push(request(number, &self.id, &self.around.ams, Function::DeregisterAgent(white)));
-            send.push(request(number, &self.id, &self.around.df, Function::Deregister(yellow)));
+            send.push(directory_request(number, &self.id, &self.around.ams, Function::DeregisterAgent(white)));
+            send.push(directory_request(number, &self.id, &self.around.df, Function::Deregister(yellow)));
         }
     }
 
@@ -295,18 +297,18 @@ impl JobsAgent {
             self.search = Some(number);
             let ours = AmsAgentDescription { ownership: Some(OWNERSHIP.to_owned()), ..Default::default() };
             let all = SearchConstraints { max_results: Some(-1), ..Default::default() };
-            send.push(request(number, &self.id, &self.around.ams, Function::SearchAgents(ours, all)));
+            send.push(directory_request(number, &self.id, &self.around.ams, Function::SearchAgents(ours, all)));
         }
         let number = self.next_number;
         if let Some(ask) = self.yellow.next(now, number) {
             self.next_number += 1;
             let function = match ask {
-                Ask::Enter(offer) => Function::Register(offer),
-                Ask::Change(offer) => Function::Modify(offer),
+                PageAsk::Enter(offer) => Function::Register(offer),
+                PageAsk::Change(offer) => Function::Modify(offer),
                 // It is always wanted.
-                Ask::TakeOut => return,
+                PageAsk::TakeOut => return,
             };
-            send.push(request(number, &self.id, &self.around.df, function));
+            send.push(directory_request(number, &self.id, &self.around.df, function));
         }
     }
 }

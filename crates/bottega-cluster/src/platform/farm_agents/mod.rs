@@ -31,7 +31,7 @@ use render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings};
 
 use bottega::{Event, events::ZoneEvent};
 
-use super::{host::HostSeat, page, talk, terms};
+use super::{host::HostSeat, talk, terms};
 use crate::{
     JobBoard, JobState,
     error::Error,

@@ -13,15 +13,14 @@ use bottega_agents::{
     ActionOf, AgentId, Event, EventOf, Performative, StateMachine, Time,
     gateway::PlainContent,
     platform::{
-        AmsAgentDescription, DfAgentDescription, Function, LifeCycleRequest, LifeCycleState, ManagementContent,
-        Property, ServiceDescription,
+        AmsAgentDescription, DfAgentDescription, Function, LifeCycleRequest, LifeCycleState, ManagementContent, Page,
+        PageAsk, Property, ServiceDescription, directory_request,
     },
     sl::Term,
 };
 
 use super::{
     ontology::{MachineFunction, ONTOLOGY, machine_term, read_machine_function},
-    page::{Ask, Page, request},
     talk::{self, Message},
     terms::{Unread, reason},
 };
@@ -303,27 +302,27 @@ impl RenderAgent {
                 ownership: Some(OWNERSHIP.to_owned()),
                 state: Some(state),
             };
-            let resumes = self.is_suspended && ask == Ask::Change(LifeCycleState::Active);
+            let resumes = self.is_suspended && ask == PageAsk::Change(LifeCycleState::Active);
             let from = if resumes { &self.around.jobs } else { &self.id };
             let function = match ask {
                 // Nobody begins his life suspended.
-                Ask::Enter(_) => Function::RegisterAgent(entry(LifeCycleState::Active)),
-                Ask::Change(state) => Function::ModifyAgent(entry(state)),
-                Ask::TakeOut => Function::DeregisterAgent(entry(LifeCycleState::Active)),
+                PageAsk::Enter(_) => Function::RegisterAgent(entry(LifeCycleState::Active)),
+                PageAsk::Change(state) => Function::ModifyAgent(entry(state)),
+                PageAsk::TakeOut => Function::DeregisterAgent(entry(LifeCycleState::Active)),
             };
-            actions.push(talk::send(request(number, from, &self.around.ams, function)));
+            actions.push(talk::send(directory_request(number, from, &self.around.ams, function)));
             self.next_number += 1;
         }
         let number = self.next_number;
         if let Some(ask) = self.yellow.next(now, number) {
             let function = match ask {
-                Ask::Enter(offer) => Function::Register(offer),
-                Ask::Change(offer) => Function::Modify(offer),
-                Ask::TakeOut => {
+                PageAsk::Enter(offer) => Function::Register(offer),
+                PageAsk::Change(offer) => Function::Modify(offer),
+                PageAsk::TakeOut => {
                     Function::Deregister(DfAgentDescription { name: Some(self.id.clone()), ..Default::default() })
                 }
             };
-            actions.push(talk::send(request(number, &self.id, &self.around.df, function)));
+            actions.push(talk::send(directory_request(number, &self.id, &self.around.df, function)));
             self.next_number += 1;
         }
     }
@@ -341,7 +340,7 @@ impl RenderAgent {
             }
             return;
         }
-        if let Some(Ask::Enter(_)) = self.white.hear(now, message) {
+        if let Some(PageAsk::Enter(_)) = self.white.hear(now, message) {
             // It was entered as active, whatever it shall be.
             self.is_suspended = false;
             self.white.changed(true);

@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, time::Duration};
 use bottega_agents::{
     AclMessage, Action, ActionOf, AgentId, Event, EventOf, Performative, Revision, StateMachine, Time,
     gateway::PlainContent,
-    platform::{DfAgentDescription, Function, ManagementContent},
+    platform::{DfAgentDescription, Function, ManagementContent, Page, PageAsk, directory_request},
     sl,
     sl::Term,
 };
@@ -16,7 +16,6 @@ use bottega_farm::{Offer, PaintOrder, ResultRef, VisitorEffect, VisitorReport, W
 
 use super::{
     super::{
-        page::{Ask, Page, request},
         talk::{self, Message},
         terms::{Unread, reason, unrecognised_content},
     },
@@ -446,11 +445,11 @@ impl MasterDoor {
         self.next_number += 1;
         let entry = DfAgentDescription { name: Some(self.config.id.clone()), ..Default::default() };
         let function = match ask {
-            Ask::Enter(offer) => Function::Register(offer),
-            Ask::Change(offer) => Function::Modify(offer),
-            Ask::TakeOut => Function::Deregister(entry),
+            PageAsk::Enter(offer) => Function::Register(offer),
+            PageAsk::Change(offer) => Function::Modify(offer),
+            PageAsk::TakeOut => Function::Deregister(entry),
         };
-        actions.push(Action::Send(request(number, &self.config.id, &self.config.df, function)));
+        actions.push(Action::Send(directory_request(number, &self.config.id, &self.config.df, function)));
     }
 }
 
@@ -468,7 +467,7 @@ impl StateMachine for MasterDoor {
                     if let ManagementContent::Undelivered { receiver, .. } = content {
                         self.lost(&receiver.clone(), actions);
                     }
-                    if self.is_over && asked == Some(Ask::TakeOut) {
+                    if self.is_over && asked == Some(PageAsk::TakeOut) {
                         actions.push(Action::Stop);
                     }
                 }

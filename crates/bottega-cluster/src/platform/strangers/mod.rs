@@ -175,7 +175,8 @@ impl JobWatch {
             deliver: self.desk.results(),
             secret,
         });
-        let link = Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), name: String::new() };
+        let link =
+            Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), job: Some(number), name: String::new() };
         let bridge = Arc::new(Bridge::begin(link, self.desk.clone())?);
         let performer = Arc::clone(&bridge);
         let reports = node.add_worldly(&id, door, move |effect| performer.perform(effect));

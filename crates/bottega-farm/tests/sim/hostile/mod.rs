@@ -9,8 +9,8 @@ use std::{sync::Arc, time::Duration};
 use bottega_agents::{AgentId, Random, Simulator, Time};
 use bottega_farm::{
     Analyst, AnalystConfig, AuctionRule, Expert, FarmAgent, FarmValue, Goal, GoalRules, ImportanceFunction, Level,
-    Master, MasterConfig, Optimization, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Timing,
-    Visitor, VisitorConfig, WorkId, WorkKeys, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    Master, MasterConfig, MasterSource, Optimization, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig,
+    Timing, Visitor, VisitorConfig, WorkId, WorkKeys, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 use bottega_image::Rect;
 
@@ -105,6 +105,7 @@ fn add_master(platform: &mut Platform, siege: &Siege, seed: u64) {
         credits: Arc::default(),
         goals: GoalRules::default(),
         timing: Timing::default(),
+        registration: None,
     };
     platform.add(&config.id.clone(), siege.faulty, move || AnyAgent::Farm(Master::new(config.clone()).into()));
     let frame = frame();
@@ -125,6 +126,7 @@ fn add_master(platform: &mut Platform, siege: &Siege, seed: u64) {
             zone_count: siege.zones,
             ..PartitionSettings::for_agents(Level::Balanced, 3, frame)
         },
+        registration: None,
     };
     platform.add(&config.id.clone(), siege.faulty, move || AnyAgent::Farm(Analyst::new(config.clone()).into()));
 }
@@ -133,7 +135,7 @@ fn add_honest(platform: &mut Platform, siege: &Siege) {
     for id in names("agent", siege.honest.len()) {
         let config = RenderAgentConfig {
             id: id.clone(),
-            master: AgentId::new("master"),
+            master: MasterSource::Known(AgentId::new("master")),
             adaptation: Default::default(),
             prefetch: 2,
             heartbeat: Timing::default().heartbeat,

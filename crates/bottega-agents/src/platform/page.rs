@@ -2,22 +2,20 @@
 
 use std::time::Duration;
 
-use bottega_agents::{
-    AclMessage, AgentId, Performative, Time,
-    gateway::PlainContent,
-    platform::{FailureReason, Function, ManagementContent, ONTOLOGY, Outcome},
-};
-
-use super::talk::Message;
+use super::management::{CarriesManagement, FailureReason, Function, ManagementContent, ONTOLOGY, Outcome};
+use crate::{AclMessage, AgentId, Performative, Time};
 
 /// When a directory is asked again that did not do what it was asked, or did not answer.
 const AGAIN_AFTER: Duration = Duration::from_secs(1);
 
 /// What a directory is asked.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Ask<T> {
+pub enum PageAsk<T> {
+    /// To enter this.
     Enter(T),
+    /// To have this in the place of what is there.
     Change(T),
+    /// To take the entry out.
     TakeOut,
 }
 
@@ -32,11 +30,11 @@ enum Known<T> {
 
 /// An entry as it is wanted, and as it is known to be.
 #[derive(Clone, Debug)]
-pub(super) struct Page<T> {
+pub struct Page<T> {
     wanted: Option<T>,
     known: Known<T>,
     /// The number of the request that is not answered yet.
-    asked: Option<(u64, Ask<T>)>,
+    asked: Option<(u64, PageAsk<T>)>,
     /// Before that nothing is asked.
     again: Time,
     /// When the lease must be renewed.
@@ -45,26 +43,27 @@ pub(super) struct Page<T> {
 
 impl<T: Clone + PartialEq> Page<T> {
     /// None is there yet.
-    pub(super) fn absent() -> Self {
+    pub fn absent() -> Self {
         Self { wanted: None, known: Known::Absent, asked: None, again: Time::ZERO, renew: None }
     }
 
     /// Somebody else has entered it.
-    pub(super) fn there() -> Self {
+    pub fn there() -> Self {
         Self { known: Known::There, ..Self::absent() }
     }
 
     /// How it shall be from now on; `None`: not at all.
-    pub(super) fn want(&mut self, wanted: Option<T>) {
+    pub fn want(&mut self, wanted: Option<T>) {
         self.wanted = wanted;
     }
 
-    pub(super) fn wanted(&self) -> Option<&T> {
+    /// How it shall be.
+    pub fn wanted(&self) -> Option<&T> {
         self.wanted.as_ref()
     }
 
     /// Somebody else has changed it, or taken it out.
-    pub(super) fn changed(&mut self, is_there: bool) {
+    pub fn changed(&mut self, is_there: bool) {
         self.known = if is_there { Known::There } else { Known::Absent };
         (self.asked, self.again) = (None, Time::ZERO);
     }
@@ -78,15 +77,15 @@ impl<T: Clone + PartialEq> Page<T> {
     }
 
     /// What the directory must be asked now, in a request of this number.
-    pub(super) fn next(&mut self, now: Time, number: u64) -> Option<Ask<T>> {
+    pub fn next(&mut self, now: Time, number: u64) -> Option<PageAsk<T>> {
         let renews = self.renew.is_some_and(|at| at <= now) && self.wanted.is_some();
         if now < self.again || !(self.is_due() || renews) {
             return None;
         }
         let ask = match (&self.wanted, &self.known) {
-            (Some(wanted), Known::Absent) => Ask::Enter(wanted.clone()),
-            (Some(wanted), _) => Ask::Change(wanted.clone()),
-            (None, _) => Ask::TakeOut,
+            (Some(wanted), Known::Absent) => PageAsk::Enter(wanted.clone()),
+            (Some(wanted), _) => PageAsk::Change(wanted.clone()),
+            (None, _) => PageAsk::TakeOut,
         };
         (self.again, self.renew) = (now + AGAIN_AFTER, None);
         self.asked = Some((number, ask.clone()));
@@ -94,14 +93,14 @@ impl<T: Clone + PartialEq> Page<T> {
     }
 
     /// Takes an answer; returns what has been done, if it is the answer to that.
-    pub(super) fn hear(&mut self, now: Time, message: &Message) -> Option<Ask<T>> {
-        let PlainContent::Management(content) = &message.content else { return None };
+    pub fn hear<C: CarriesManagement>(&mut self, now: Time, message: &AclMessage<C>) -> Option<PageAsk<T>> {
+        let content = message.content.management()?;
         let (_, ask) = self.asked.take_if(|(number, _)| *number == message.in_reply_to)?;
         match content {
             ManagementContent::Done(_, outcome) => {
                 self.known = match &ask {
-                    Ask::Enter(entry) | Ask::Change(entry) => Known::Says(entry.clone()),
-                    Ask::TakeOut => Known::Absent,
+                    PageAsk::Enter(entry) | PageAsk::Change(entry) => Known::Says(entry.clone()),
+                    PageAsk::TakeOut => Known::Absent,
                 };
                 self.again = Time::ZERO;
                 if let Outcome::Entered(granted) = outcome {
@@ -117,14 +116,19 @@ impl<T: Clone + PartialEq> Page<T> {
     }
 
     /// When [`Self::next`] has something to ask.
-    pub(super) fn next_deadline(&self) -> Option<Time> {
+    pub fn next_deadline(&self) -> Option<Time> {
         if self.is_due() { Some(self.again) } else { self.renew.filter(|_| self.wanted.is_some()) }
     }
 }
 
 /// A request to a directory.
-pub(super) fn request(number: u64, from: &AgentId, to: &AgentId, function: Function) -> Message {
-    let content = PlainContent::Management(ManagementContent::Action(function));
+pub fn directory_request<C: CarriesManagement>(
+    number: u64,
+    from: &AgentId,
+    to: &AgentId,
+    function: Function,
+) -> AclMessage<C> {
+    let content = C::from(ManagementContent::Action(function));
     AclMessage {
         language: "fipa-sl0",
         ontology: ONTOLOGY,
@@ -137,7 +141,7 @@ pub(super) fn request(number: u64, from: &AgentId, to: &AgentId, function: Funct
 
 #[cfg(test)]
 mod tests {
-    use bottega_agents::platform::{AmsAgentDescription, RefuseReason};
+    use crate::platform::{AmsAgentDescription, RefuseReason};
 
     use super::*;
 
@@ -147,36 +151,36 @@ mod tests {
         let at = |seconds| Time::since_start(Duration::from_secs(seconds));
         let function = || Function::RegisterAgent(AmsAgentDescription::default());
         let say = |number, content| {
-            let asked = request(number, &me, &ams, function());
-            asked.reply(Performative::Inform, ams.clone(), PlainContent::Management(content))
+            let asked = directory_request::<ManagementContent>(number, &me, &ams, function());
+            asked.reply(Performative::Inform, ams.clone(), content)
         };
         let done = |number| say(number, ManagementContent::Done(function(), Outcome::Done));
         let failed = |number, reason| say(number, ManagementContent::Failed(function(), reason));
         let mut page = Page::absent();
         assert_eq!(page.next(at(0), 1), None);
         page.want(Some("a"));
-        assert_eq!(page.next(at(0), 1), Some(Ask::Enter("a")));
+        assert_eq!(page.next(at(0), 1), Some(PageAsk::Enter("a")));
         assert_eq!(page.next(at(0), 2), None, "it is asked already");
         assert_eq!(page.hear(at(0), &failed(1, FailureReason::AlreadyRegistered)), None);
-        assert_eq!((page.next(at(0), 2), page.next(at(1), 2)), (None, Some(Ask::Change("a"))));
+        assert_eq!((page.next(at(0), 2), page.next(at(1), 2)), (None, Some(PageAsk::Change("a"))));
         // A late answer to another request is none.
         assert_eq!(page.hear(at(1), &done(1)), None);
-        assert_eq!(page.next(at(2), 3), Some(Ask::Change("a")), "nothing was heard");
-        assert_eq!(page.hear(at(2), &done(3)), Some(Ask::Change("a")));
+        assert_eq!(page.next(at(2), 3), Some(PageAsk::Change("a")), "nothing was heard");
+        assert_eq!(page.hear(at(2), &done(3)), Some(PageAsk::Change("a")));
         assert_eq!((page.next(at(9), 4), page.next_deadline()), (None, None));
         page.want(Some("b"));
-        assert_eq!(page.next(at(9), 4), Some(Ask::Change("b")));
+        assert_eq!(page.next(at(9), 4), Some(PageAsk::Change("b")));
         assert_eq!(page.hear(at(9), &failed(4, FailureReason::NotRegistered)), None);
-        assert_eq!(page.next(at(10), 5), Some(Ask::Enter("b")));
+        assert_eq!(page.next(at(10), 5), Some(PageAsk::Enter("b")));
         page.hear(at(10), &say(5, ManagementContent::Refused(function(), RefuseReason::Unauthorised)));
         assert_eq!(page.next_deadline(), Some(at(11)));
-        assert_eq!(page.next(at(11), 6), Some(Ask::Enter("b")));
+        assert_eq!(page.next(at(11), 6), Some(PageAsk::Enter("b")));
         page.hear(at(11), &done(6));
         page.changed(true);
-        assert_eq!(page.next(at(11), 7), Some(Ask::Change("b")), "somebody else may have written anything");
+        assert_eq!(page.next(at(11), 7), Some(PageAsk::Change("b")), "somebody else may have written anything");
         page.want(None);
-        assert_eq!(page.next(at(12), 8), Some(Ask::TakeOut));
-        assert_eq!(page.hear(at(12), &done(8)), Some(Ask::TakeOut));
+        assert_eq!(page.next(at(12), 8), Some(PageAsk::TakeOut));
+        assert_eq!(page.hear(at(12), &done(8)), Some(PageAsk::TakeOut));
         assert_eq!(page.next_deadline(), None);
     }
 
@@ -184,15 +188,16 @@ mod tests {
     fn a_lease_is_renewed_when_half_of_it_is_over() {
         let (me, df) = (AgentId::new("me@b"), AgentId::new("df@b"));
         let at = |seconds| Time::since_start(Duration::from_secs(seconds));
-        let granted = bottega_agents::platform::DfAgentDescription { lease_time: Some(at(20)), ..Default::default() };
+        let granted = crate::platform::DfAgentDescription { lease_time: Some(at(20)), ..Default::default() };
         let function = Function::Register(granted.clone());
         let done = ManagementContent::Done(function.clone(), Outcome::Entered(granted));
-        let answer = request(1, &me, &df, function).reply(Performative::Inform, df, PlainContent::Management(done));
+        let answer =
+            directory_request::<ManagementContent>(1, &me, &df, function).reply(Performative::Inform, df, done);
         let mut page = Page::absent();
         page.want(Some("a"));
         page.next(at(0), 1);
         page.hear(at(0), &answer);
         assert_eq!((page.next(at(9), 2), page.next_deadline()), (None, Some(at(10))));
-        assert_eq!(page.next(at(10), 2), Some(Ask::Change("a")));
+        assert_eq!(page.next(at(10), 2), Some(PageAsk::Change("a")));
     }
 }

@@ -1,0 +1,212 @@
+//! A link on which the pages of a platform lie beside the other entries: each process has Start Service, AMS and DF of its own,
+//! over the same notices.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use super::{NatsUplink, NoticePages, codec::Codec};
+use crate::{
+    AclMessage, AgentId, Event, Key, Mailbox, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time, Uplink,
+    entry_store::EntryStore, platform::PAGE_FOLDERS, store::AddressedStore,
+};
+
+/// How often is looked what other processes wrote.
+const POLL_EVERY: Duration = Duration::from_millis(50);
+/// Who subscribes to directories is told by the processes that strangers reach, not by this one.
+const OF_SUBSCRIBERS: &str = "df/subscription/";
+/// As whom this link takes entries out.
+const NOBODY: usize = usize::MAX;
+
+/// A wish of an agent of this process.
+struct PageRequest<M: StateMachine> {
+    mailbox: Mailbox<M>,
+    ticket: Ticket,
+    request: StoreRequest<M::Value>,
+}
+
+/// A [`NatsUplink`] whose store has the pages of a platform, too; until it is [closed](Self::close).
+pub struct PagedUplink<K, M: StateMachine> {
+    link: Arc<NatsUplink<K>>,
+    /// Nobody is told where they are: each process has its own.
+    services: Vec<AgentId>,
+    /// The agents of this process, in small letters.
+    residents: Arc<Mutex<BTreeSet<String>>>,
+    /// Gone when this is closed.
+    wishes: Mutex<Option<Sender<PageRequest<M>>>>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl<K, M> PagedUplink<K, M>
+where
+    K: Codec,
+    M: StateMachine + Send + 'static,
+    M::Content: Send + 'static,
+    M::Value: From<String> + AsRef<str> + Send + 'static,
+    M::Effect: Send + 'static,
+    M::Completion: Send + 'static,
+{
+    /// - `platform`: whose pages.
+    /// - `process`: what stands behind `@` in the names of agents that live in this process and nowhere else.
+    /// - `services`: its Start Service, AMS and DF.
+    ///
+    /// # Errors
+    /// The operating system gives no thread.
+    pub fn begin(
+        link: Arc<NatsUplink<K>>,
+        platform: &str,
+        process: &str,
+        services: Vec<AgentId>,
+    ) -> std::io::Result<Self> {
+        let residents = Arc::<Mutex<BTreeSet<String>>>::default();
+        let keeper = PageKeeper {
+            pages: NoticePages::new(link.notices().clone(), platform),
+            at_process: format!("@{process}").to_lowercase(),
+            mailboxes: BTreeMap::new(),
+            residents: Arc::clone(&residents),
+            entered: BTreeMap::new(),
+        };
+        let (wishes, wished) = channel();
+        let thread = thread::Builder::new().name("pages".to_owned()).spawn(move || keeper.run(&wished))?;
+        Ok(Self { link, services, residents, wishes: Mutex::new(Some(wishes)), thread: Mutex::new(Some(thread)) })
+    }
+
+    /// Takes the entries of this process's agents out, as far as the server takes it. From then on nothing is heard of pages.
+    pub fn close(&self) {
+        self.wishes.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(thread) = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            // A panic in there was reported by the thread itself.
+            _ = thread.join();
+        }
+    }
+}
+
+impl<K, M> Uplink<M> for PagedUplink<K, M>
+where
+    K: Codec,
+    M: StateMachine<Content = K::Content, Value = K::Value> + Send + 'static,
+    M::Effect: Send + 'static,
+    M::Completion: Send + 'static,
+{
+    fn add(&self, agent: &AgentId, mailbox: Mailbox<M>) {
+        if !self.services.contains(agent) {
+            self.residents.lock().unwrap_or_else(PoisonError::into_inner).insert(agent.name.to_lowercase());
+            self.link.add(agent, mailbox);
+        }
+    }
+
+    fn publish(&self, now: Time, message: &AclMessage<K::Content>, receiver: &AgentId) {
+        if !self.services.contains(receiver) {
+            Uplink::<M>::publish(&*self.link, now, message, receiver);
+        }
+    }
+
+    fn ask_store(&self, mailbox: Mailbox<M>, ticket: Ticket, request: StoreRequest<K::Value>) {
+        if !is_page(request.key()) {
+            return self.link.ask_store(mailbox, ticket, request);
+        }
+        if let Some(wishes) = &*self.wishes.lock().unwrap_or_else(PoisonError::into_inner) {
+            // The keeper ends after this.
+            _ = wishes.send(PageRequest { mailbox, ticket, request });
+        }
+    }
+}
+
+fn is_page(key: &Key) -> bool {
+    PAGE_FOLDERS.iter().any(|folder| key.folder.starts_with(folder))
+}
+
+/// Whose entry it is, if it is that of an agent.
+fn agent_of(key: &str) -> Option<&str> {
+    key.split_once("/agent/").map(|(_, agent)| agent)
+}
+
+/// Reads and writes the pages on a thread of its own: a server that is slow holds up no agent.
+struct PageKeeper<M: StateMachine> {
+    pages: NoticePages,
+    /// How the names of agents end that live here and nowhere else.
+    at_process: String,
+    /// Of those who have asked, by number.
+    mailboxes: BTreeMap<usize, Mailbox<M>>,
+    residents: Arc<Mutex<BTreeSet<String>>>,
+    /// What this process has written of its agents, and by which write.
+    entered: BTreeMap<String, Revision>,
+}
+
+impl<M: StateMachine> PageKeeper<M>
+where
+    M::Value: From<String> + AsRef<str>,
+{
+    fn run(mut self, wished: &Receiver<PageRequest<M>>) {
+        let mut replies = Vec::new();
+        loop {
+            match wished.recv_timeout(POLL_EVERY) {
+                Ok(PageRequest { mailbox, ticket, request }) => self.perform(mailbox, ticket, request, &mut replies),
+                Err(RecvTimeoutError::Timeout) => self.pages.poll(&mut replies),
+                Err(RecvTimeoutError::Disconnected) => return self.take_out(),
+            }
+            self.tell(&mut replies);
+        }
+    }
+
+    fn perform(
+        &mut self,
+        mailbox: Mailbox<M>,
+        ticket: Ticket,
+        request: StoreRequest<M::Value>,
+        replies: &mut Vec<AddressedStore<String, usize>>,
+    ) {
+        let from = mailbox.number();
+        self.mailboxes.insert(from, mailbox);
+        let request = request.map(|value| value.as_ref().to_owned());
+        let holds_text = request.value().is_some_and(|text| !text.is_empty());
+        self.pages.handle(from, ticket, request, replies);
+        for reply in replies.iter().filter(|reply| (reply.to, reply.ticket) == (from, ticket)) {
+            let StoreReply::Written { key, revision } = &reply.reply else { continue };
+            let name = key.to_string();
+            let is_here = |agent: &str| self.residents.lock().unwrap_or_else(PoisonError::into_inner).contains(agent);
+            if !holds_text {
+                self.entered.remove(&name);
+            } else if agent_of(&name).is_some_and(is_here) {
+                self.entered.insert(name, *revision);
+            }
+        }
+    }
+
+    fn tell(&mut self, replies: &mut Vec<AddressedStore<String, usize>>) {
+        for AddressedStore { to, ticket, reply } in replies.drain(..) {
+            let is_of_subscriber = |entry: &crate::Entry<String>| entry.key.to_string().starts_with(OF_SUBSCRIBERS);
+            if matches!(&reply, StoreReply::Changed(entry) if is_of_subscriber(entry)) {
+                continue;
+            }
+            if let Some(mailbox) = self.mailboxes.get(&to) {
+                mailbox.deliver(Event::Store { ticket, reply: reply.map(M::Value::from) });
+            }
+        }
+    }
+
+    /// The agents of this process have gone. An agent that may live elsewhere by now is taken out if nobody has written its entry
+    /// since; another process's AMS may have changed how one stands that lived here alone.
+    fn take_out(mut self) {
+        let mut replies = Vec::new();
+        for (name, entered) in std::mem::take(&mut self.entered) {
+            let expected_revision = match name.ends_with(&self.at_process) {
+                true => self.pages.revision(&name.as_str().into()).unwrap_or(entered),
+                false => entered,
+            };
+            let request = StoreRequest::CompareAndSet { key: name.into(), expected_revision, value: String::new() };
+            self.pages.handle(NOBODY, Ticket(0), request, &mut replies);
+            // A server that does not answer would be waited for again and again. Somebody sweeps up after us.
+            if replies.iter().any(|reply| reply.to == NOBODY && reply.reply == StoreReply::Unavailable) {
+                return;
+            }
+            replies.clear();
+        }
+    }
+}

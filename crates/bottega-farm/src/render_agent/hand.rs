@@ -1,0 +1,72 @@
+//! Zones in the hand of a Render Agent.
+
+use std::sync::Arc;
+
+use bottega_agents::Time;
+use bottega_image::Rect;
+
+use crate::{Choice, Expert, FarmAction, FarmEffect, Order, PaintOrder, RelativePower, ZoneState};
+
+/// A zone in hand.
+#[derive(Clone, Debug)]
+pub(super) struct ZoneInHand {
+    pub(super) order: Order,
+    pub(super) choice: Choice,
+    /// Whether T_est is of these settings, but for the number of samples.
+    pub(super) is_estimated: bool,
+    /// Whether the rules of this agent decided.
+    pub(super) decided: bool,
+    pub(super) begun: bool,
+    /// When it was given.
+    pub(super) since: Time,
+    /// What of it is painted, in samples of single pixels, as far as was looked.
+    pub(super) painted: u64,
+    /// In which it was given.
+    pub(super) conversation: u64,
+}
+
+impl ZoneInHand {
+    pub(super) fn begin(&mut self, power: RelativePower, expert: &Expert, actions: &mut Vec<FarmAction>) {
+        let row = &self.order.row;
+        let done = row.samples_done();
+        let samples = match row.state {
+            ZoneState::Profiling => 0..expert.first_samples(&self.choice, &self.order.work.settings.goal),
+            _ => done..row.goal_samples(&self.choice),
+        };
+        let from = row.result.filter(|_| samples.start > 0);
+        actions.push(FarmAction::Effect(FarmEffect::Paint(PaintOrder {
+            zone: row.zone,
+            fence: self.order.fence,
+            rect: row.painted(&self.choice, &self.order.work.settings.frame),
+            samples,
+            tunables: self.choice.tunables,
+            leaning: expert.leaning(&self.order.work, row),
+            error_use: self.order.work.settings.goal.error_use(),
+            samples_max: self.choice.samples,
+            from,
+            time_estimated: row.time_estimated.map(|estimated| power.to_own(estimated)),
+        })));
+        self.begun = true;
+    }
+}
+
+impl Order {
+    /// The same, painted with what the rules of this agent say.
+    pub(super) fn decided_anew(&self, choice: Choice) -> Self {
+        Self { row: Arc::new(self.row.decided_anew(choice)), ..self.clone() }
+    }
+
+    /// Whether it can be carried out: what a peer sends is not believed.
+    pub(super) fn is_sound(&self) -> bool {
+        let (row, settings) = (&self.row, &self.work.settings);
+        let in_work = row.work == self.work.work && row.root().0 < self.work.zone_count;
+        let is_part = |rect: &Rect| !rect.is_empty() && settings.frame.encloses(rect);
+        let has_pixels = is_part(&row.rect) && row.piece.as_ref().is_none_or(is_part);
+        let has_samples = match (row.state, row.choice) {
+            (ZoneState::Profiling, _) => row.result.is_none(),
+            (ZoneState::Awarded, Some(choice)) => row.samples_done() < row.goal_samples(&choice),
+            _ => false,
+        };
+        in_work && has_pixels && has_samples && settings.samples > 0
+    }
+}
