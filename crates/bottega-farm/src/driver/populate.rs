@@ -71,6 +71,7 @@ pub(super) fn populate(
                 settings: work,
                 importance: settings.importance,
                 partition: usual.within(settings.zones, settings.zone_limits),
+                knowledge: shared.knowledge.clone(),
             };
             add(&analyst, Analyst::new(config).into())?;
             add(&master, Master::new(master_config).into())?
@@ -108,6 +109,7 @@ pub(super) fn add_render_agents(
                 .for_engine(&engine)
                 .choosing(settings.engine_choice.clone())
                 .with_bands(settings.bands),
+            knowledge: shared.knowledge.clone(),
         });
         add(&id, agent.into())?;
     }

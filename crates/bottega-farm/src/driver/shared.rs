@@ -3,17 +3,18 @@
 use std::{
     collections::BTreeMap,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use bottega_agents::{Mailbox, Revision, StateMachine, Time, Uplink};
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 
 use super::{
-    easel::Easel, fetchers::Fetchers, link::Link, observer::Observer, settings::JobSettings, stop::StopSwitch,
+    easel::Easel, fetchers::Fetchers, learner::Learner, link::Link, machine::benchmark, observer::Observer,
+    settings::JobSettings, stop::StopSwitch,
 };
 use crate::{
-    FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, RelativePower, WorkId, ZoneId,
+    FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Foreknowledge, WorkId, ZoneId,
 };
 
 /// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
@@ -44,6 +45,9 @@ pub(super) struct Shared {
     /// To the other machines that paint the work.
     pub(super) link: Option<Link>,
     pub(super) fetchers: Fetchers,
+    /// What this machine knows of how long zones take.
+    pub(super) knowledge: Foreknowledge,
+    learner: Mutex<Learner>,
 }
 
 #[derive(Default)]
@@ -55,7 +59,6 @@ pub(super) struct State {
     pub(super) preparation: Preparation,
     /// How long that took.
     pub(super) preparing: Duration,
-    pub(super) benchmark: Option<RelativePower>,
     pub(super) messages: u64,
     /// What the engine is painting: how to end it, and how far it is.
     pub(super) orders: BTreeMap<(ZoneId, Revision), (CancelSwitch, TaskProgress)>,
@@ -91,6 +94,9 @@ impl StateMachine for Seen {
 
     fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
         if let FarmEvent::Message(message) = &event {
+            if let FarmContent::Report(report) = &message.content {
+                self.shared.learner().hear(report);
+            }
             self.shared.observer.heard(now, message);
         }
         let before = actions.len();
@@ -117,6 +123,12 @@ impl Shared {
         stop: &StopSwitch,
         link: Option<Link>,
     ) -> Self {
+        let begun = Instant::now();
+        let knowledge = Foreknowledge {
+            experience: Arc::clone(&settings.experience),
+            technique: Arc::clone(&settings.technique),
+            benchmark: settings.benchmark.unwrap_or_else(|| benchmark(|| begun.elapsed())),
+        };
         Self {
             easel: Mutex::new(easel),
             engine,
@@ -128,6 +140,8 @@ impl Shared {
             agents: settings.agents,
             link,
             fetchers: Fetchers::default(),
+            learner: Mutex::new(Learner::new(&settings.technique)),
+            knowledge,
         }
     }
 
@@ -137,6 +151,10 @@ impl Shared {
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn learner(&self) -> MutexGuard<'_, Learner> {
+        self.learner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn easel(&self) -> MutexGuard<'_, Easel> {

@@ -249,6 +249,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
             zone_count: scene.zones,
             ..PartitionSettings::for_agents(Level::Balanced, agents.len(), frame)
         },
+        knowledge: bottega_farm::Foreknowledge::default(),
     };
     simulator.add(&analyst, true, move || Analyst::new(config.clone()).into());
     let (last, others) = agents.split_last().expect("somebody paints");
@@ -262,6 +263,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
                 prefetch: 2,
                 heartbeat: timing.heartbeat,
                 expert: Expert::path_tracing(),
+                knowledge: bottega_farm::Foreknowledge::default(),
             })
             .into()
         });
