@@ -103,8 +103,8 @@ pub fn measure(options: &LearningOptions, log: &mut dyn Write) -> Result<Learnin
 fn paint(request: &Request, experience: &Experience, power: RelativePower) -> Result<JobReport, Error> {
     let session = Session::open(request)?;
     let tools = session.tools();
-    let (experience, benchmark) = (Arc::new(experience.clone()), Some(power));
-    let settings = JobSettings { experience, benchmark, agents: 1, ..tools.settings };
+    let experience = Arc::new(experience.clone());
+    let settings = JobSettings { experience, benchmark: power, agents: 1, ..tools.settings };
     let engine = Arc::new(TimedEngine::new(tools.engine));
     let report = bottega_farm::run(&settings, engine, tools.observer, &StopSwitch::new(), None, None);
     Ok(report.map_err(bottega::Error::Job)?)

@@ -9,8 +9,7 @@ use std::{
 
 use bottega_farm::{
     AuctionRule, BandWidth, Experience, Expert, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal,
-    JournalWriter, Kept, Level, Observer, Optimization, Partition, Progress, RelativePower, StopSwitch, ZoneRow,
-    ZoneState, run,
+    JournalWriter, Kept, Level, Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
 };
 use bottega_image::{Aov, Film, Rect};
 
@@ -407,8 +406,7 @@ fn the_rules_of_the_agent_that_wins_a_zone_decide_what_it_is_painted_with() {
 
 #[test]
 fn what_was_learnt_changes_what_is_expected_and_no_pixel() {
-    let benchmark = Some(RelativePower::REFERENCE);
-    let settings = JobSettings { optimization: Optimization::VeryBig, benchmark, agents: 1, ..settings() };
+    let settings = JobSettings { optimization: Optimization::VeryBig, agents: 1, ..settings() };
     let first = paint(&settings);
     let mut experience = Experience::default();
     // A job of a millisecond teaches next to nothing: it is taken to have lasted a thousand times as long.

@@ -122,5 +122,5 @@ pub fn power() -> RelativePower {
 
 /// The job with what this machine knows of itself.
 pub(crate) fn measured(settings: JobSettings) -> JobSettings {
-    JobSettings { benchmark: Some(power()), ..settings }
+    JobSettings { benchmark: power(), ..settings }
 }

@@ -61,8 +61,8 @@ pub struct JobSettings {
     pub experience: Arc<Experience>,
     /// Engine, integrator and whatever else decides how a path is followed: what is learnt is learnt of that.
     pub technique: Arc<str>,
-    /// V_cp by a benchmark that was made before; `None`: it is made now, before anything is painted.
-    pub benchmark: Option<RelativePower>,
+    /// V_cp by the [benchmark](crate::benchmark).
+    pub benchmark: RelativePower,
     /// Zones that an agent has in hand at most.
     pub prefetch: u32,
     /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
@@ -98,7 +98,7 @@ impl JobSettings {
             credits: Arc::default(),
             experience: Arc::default(),
             technique: "".into(),
-            benchmark: None,
+            benchmark: RelativePower::REFERENCE,
             prefetch: 2,
             verify: 1,
             strangers: false,

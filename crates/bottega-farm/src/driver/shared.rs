@@ -3,15 +3,15 @@
 use std::{
     collections::BTreeMap,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use bottega_agents::{Mailbox, Revision, StateMachine, Time, Uplink};
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 
 use super::{
-    easel::Easel, fetchers::Fetchers, learner::Learner, link::Link, machine::benchmark, observer::Observer,
-    settings::JobSettings, stop::StopSwitch,
+    easel::Easel, fetchers::Fetchers, learner::Learner, link::Link, observer::Observer, settings::JobSettings,
+    stop::StopSwitch,
 };
 use crate::{
     FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Foreknowledge, WorkId, ZoneId,
@@ -123,11 +123,10 @@ impl Shared {
         stop: &StopSwitch,
         link: Option<Link>,
     ) -> Self {
-        let begun = Instant::now();
         let knowledge = Foreknowledge {
             experience: Arc::clone(&settings.experience),
             technique: Arc::clone(&settings.technique),
-            benchmark: settings.benchmark.unwrap_or_else(|| benchmark(|| begun.elapsed())),
+            benchmark: settings.benchmark,
         };
         Self {
             easel: Mutex::new(easel),
