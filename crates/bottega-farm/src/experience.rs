@@ -14,7 +14,7 @@ use std::{sync::Arc, time::Duration};
 
 use serde::{Deserialize, Serialize};
 
-use self::{kind::Kind, lessons::Lessons};
+use self::{kind::TaskKind, lessons::Lessons};
 use crate::{RelativePower, TaskFeatures, TaskOutlook};
 
 /// The form of the text. Another number is not read.
@@ -134,7 +134,7 @@ impl Experience {
         self.jobs += 1;
         self.paces.learn(&observed, weight, self.jobs);
         if let Some(power) = job.power {
-            let kind = Kind::of_picture(&job.technique, &job.features);
+            let kind = TaskKind::of_picture(&job.technique, &job.features);
             let alike = vec![(kind.names(), power.get().ln()); observed.len()];
             self.powers.learn(&alike, weight, self.jobs);
         }
@@ -145,20 +145,27 @@ impl Experience {
     /// - `picture`: what the survey says of the whole picture.
     /// - `samples`: a pixel.
     fn factor(&self, technique: &str, picture: &TaskFeatures, zone: &TaskOutlook, samples: u32) -> Option<f64> {
-        let kind = Kind::of_zone(technique, picture, zone, samples);
+        let kind = TaskKind::of_zone(technique, picture, zone, samples);
         self.paces.expected(&kind.names()).map(f64::exp)
     }
 
     /// V_cp for pictures of a kind; `None`: nothing was learnt of the technique.
     pub fn power(&self, technique: &str, picture: &TaskFeatures) -> Option<RelativePower> {
-        let kind = Kind::of_picture(technique, picture);
+        let kind = TaskKind::of_picture(technique, picture);
         self.powers.expected(&kind.names()).map(|log| RelativePower::new(log.exp()))
     }
 
     /// All that was learnt, the widest kinds of tasks first.
     pub fn factors(&self) -> Vec<LearntFactor> {
         let of = |what: &'static str, lessons: &Lessons| -> Vec<LearntFactor> {
-            lessons.iter().map(|(tasks, lesson)| lesson.told(what, tasks, self.jobs)).collect()
+            let told = |(tasks, lesson): (&str, &lessons::Lesson)| LearntFactor {
+                of: what.to_owned(),
+                tasks: tasks.to_owned(),
+                factor: lesson.factor(),
+                zones: lesson.count(),
+                age: self.jobs.saturating_sub(lesson.job()),
+            };
+            lessons.iter().map(told).collect()
         };
         let mut all = of("power", &self.powers);
         all.extend(of("time", &self.paces));
@@ -199,7 +206,7 @@ impl Experience {
 fn observed(job: &JobLesson, zone: &PaintedZone) -> Option<(Vec<String>, f64)> {
     let predicted = zone.outlook.sample_time * f64::from(zone.samples);
     let ratio = zone.time.as_secs_f64() / predicted;
-    let kind = Kind::of_zone(&job.technique, &job.features, &zone.outlook, zone.samples);
+    let kind = TaskKind::of_zone(&job.technique, &job.features, &zone.outlook, zone.samples);
     (ratio.is_finite() && ratio > 0.0).then(|| (kind.names(), ratio.ln()))
 }
 

@@ -35,7 +35,7 @@
 //! | agents in this process; over several machines | `src/driver.rs`, `src/driver/`; `src/driver/link.rs`, `src/wire.rs`, `src/wire/` |
 //! | agents in virtual time; what must hold after each run | `src/simulate/`; `src/simulate/invariants.rs`, `src/simulate/film.rs` |
 //! | what a run took, written down | `src/simulate/recorder.rs` |
-//! | how long zones should take, by what was learnt in works before | `src/experience.rs`, `src/experience/`, `src/importance/outlook.rs`, `src/driver/lessons.rs` |
+//! | how long zones should take, by what was learnt in works before | `src/experience.rs`, `src/experience/`, `src/importance/outlook.rs`, `src/driver/learner.rs` |
 //! | how well times were predicted | `src/prediction.rs` |
 //! | what is kept for `--resume` | `src/journal.rs` |
 

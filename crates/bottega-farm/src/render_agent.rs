@@ -1,15 +1,18 @@
 //! The Render Agent: measures itself, bids for zones, asks its rules what a zone is worth, and has it painted.
 
+mod hand;
+
 use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AclMessage, AgentId, Performative, Revision, StateMachine, Time};
 use bottega_image::Rect;
 use rustc_hash::FxHashMap;
 
+use self::hand::Hand;
 use crate::{
     Adaptation, AdaptationRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
-    FarmMessage, Foreknowledge, Holding, LifeCycle, Offer, Order, PaintOrder, PaintResult, Painting, RelativePower,
-    Report, WorkRow, ZoneId, ZoneState,
+    FarmMessage, Foreknowledge, Holding, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report,
+    WorkRow, ZoneId, ZoneState,
     adaptation::scaled,
     contents::{answer, asking, message},
     protocol,
@@ -37,24 +40,6 @@ pub struct RenderAgentConfig {
     pub expert: Expert,
     /// What its machine has learnt of its V_cp.
     pub knowledge: Foreknowledge,
-}
-
-/// A zone in hand.
-#[derive(Clone, Debug)]
-struct Hand {
-    order: Order,
-    choice: Choice,
-    /// Whether T_est is of these settings, but for the number of samples.
-    is_estimated: bool,
-    /// Whether the rules of this agent decided.
-    decided: bool,
-    begun: bool,
-    /// When it was given.
-    since: Time,
-    /// What of it is painted, in samples of single pixels, as far as was looked.
-    painted: u64,
-    /// In which it was given.
-    conversation: u64,
 }
 
 /// A report that waits for its answer.
@@ -419,42 +404,6 @@ impl RenderAgent {
             assert!(self.unanswered.get(zone).is_none(), "a zone in hand is not reported");
             assert!(hand.begun || !self.fetched, "what can be painted is begun");
         }
-    }
-}
-
-impl Hand {
-    /// T_est of what is to be painted of it: where nobody has seen it, of its first samples.
-    fn time(&self, expert: &Expert) -> Option<Duration> {
-        let (row, settings) = (&self.order.row, &self.order.work.settings);
-        let time = row.time_estimated?;
-        if row.state != ZoneState::Profiling {
-            return Some(time);
-        }
-        let first = expert.first_samples(&self.choice, &settings.goal);
-        Some(scaled(time, f64::from(first) / f64::from(settings.samples.max(1))))
-    }
-
-    fn begin(&mut self, power: RelativePower, expert: &Expert, actions: &mut Vec<FarmAction>) {
-        let row = &self.order.row;
-        let done = row.samples_done();
-        let samples = match row.state {
-            ZoneState::Profiling => 0..expert.first_samples(&self.choice, &self.order.work.settings.goal),
-            _ => done..row.goal_samples(&self.choice),
-        };
-        let from = row.result.filter(|_| samples.start > 0);
-        actions.push(FarmAction::Effect(FarmEffect::Paint(PaintOrder {
-            zone: row.zone,
-            fence: self.order.fence,
-            rect: row.painted(&self.choice, &self.order.work.settings.frame),
-            samples,
-            tunables: self.choice.tunables,
-            leaning: expert.leaning(&self.order.work, row),
-            error_use: self.order.work.settings.goal.error_use(),
-            samples_max: self.choice.samples,
-            from,
-            time_estimated: self.time(expert).map(|estimated| power.to_own(estimated)),
-        })));
-        self.begun = true;
     }
 }
 

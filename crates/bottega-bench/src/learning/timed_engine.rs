@@ -18,11 +18,11 @@ type Told = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 #[derive(Clone)]
 pub(super) struct TimedEngine {
     engine: Arc<dyn RenderEngine>,
-    queue: Arc<Mutex<Queue>>,
+    queue: Arc<Mutex<ZoneQueue>>,
 }
 
 #[derive(Default)]
-struct Queue {
+struct ZoneQueue {
     is_busy: bool,
     waiting: VecDeque<(ZoneTask, Told)>,
 }
@@ -32,7 +32,7 @@ impl TimedEngine {
         Self { engine, queue: Arc::default() }
     }
 
-    fn queue(&self) -> MutexGuard<'_, Queue> {
+    fn queue(&self) -> MutexGuard<'_, ZoneQueue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -12,12 +12,12 @@ const TECHNIQUE_MAX: usize = 64;
 const SIZE_RANGE: (f64, f64) = (-6.0, 8.0);
 
 /// What kind of task a picture or a zone is.
-pub(super) struct Kind {
+pub(super) struct TaskKind {
     /// From the widest kind to the narrowest.
     names: Vec<String>,
 }
 
-impl Kind {
+impl TaskKind {
     /// A whole picture.
     pub(super) fn of_picture(technique: &str, features: &TaskFeatures) -> Self {
         let technique = plain(technique);

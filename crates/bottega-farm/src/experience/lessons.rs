@@ -4,8 +4,6 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::LearntFactor;
-
 /// Kinds that are kept; those that were used longest ago go first.
 const KINDS_MAX: usize = 256;
 /// What the jobs before count at each new one.
@@ -50,15 +48,19 @@ impl Lesson {
         self.log * self.count / (self.count + doubt)
     }
 
-    /// - `jobs`: all jobs so far.
-    pub(super) fn told(&self, of: &str, tasks: &str, jobs: u64) -> LearntFactor {
-        LearntFactor {
-            of: of.to_owned(),
-            tasks: tasks.to_owned(),
-            factor: self.log.exp(),
-            zones: self.count,
-            age: jobs.saturating_sub(self.job),
-        }
+    /// What it adds, as a factor.
+    pub(super) fn factor(&self) -> f64 {
+        self.log.exp()
+    }
+
+    /// Zones that it rests on.
+    pub(super) fn count(&self) -> f64 {
+        self.count
+    }
+
+    /// The last job in which it was learnt.
+    pub(super) fn job(&self) -> u64 {
+        self.job
     }
 
     fn is_sound(&self) -> bool {

@@ -1,0 +1,61 @@
+//! A zone in an agent's hand.
+
+use std::time::Duration;
+
+use bottega_agents::Time;
+
+use crate::{Choice, Expert, FarmAction, FarmEffect, Order, PaintOrder, RelativePower, ZoneState, adaptation::scaled};
+
+/// A zone in hand.
+#[derive(Clone, Debug)]
+pub(super) struct Hand {
+    pub(super) order: Order,
+    pub(super) choice: Choice,
+    /// Whether T_est is of these settings, but for the number of samples.
+    pub(super) is_estimated: bool,
+    /// Whether the rules of this agent decided.
+    pub(super) decided: bool,
+    pub(super) begun: bool,
+    /// When it was given.
+    pub(super) since: Time,
+    /// What of it is painted, in samples of single pixels, as far as was looked.
+    pub(super) painted: u64,
+    /// In which it was given.
+    pub(super) conversation: u64,
+}
+
+impl Hand {
+    /// T_est of what is to be painted of it: where nobody has seen it, of its first samples.
+    pub(super) fn time(&self, expert: &Expert) -> Option<Duration> {
+        let (row, settings) = (&self.order.row, &self.order.work.settings);
+        let time = row.time_estimated?;
+        if row.state != ZoneState::Profiling {
+            return Some(time);
+        }
+        let first = expert.first_samples(&self.choice, &settings.goal);
+        Some(scaled(time, f64::from(first) / f64::from(settings.samples.max(1))))
+    }
+
+    pub(super) fn begin(&mut self, power: RelativePower, expert: &Expert, actions: &mut Vec<FarmAction>) {
+        let row = &self.order.row;
+        let done = row.samples_done();
+        let samples = match row.state {
+            ZoneState::Profiling => 0..expert.first_samples(&self.choice, &self.order.work.settings.goal),
+            _ => done..row.goal_samples(&self.choice),
+        };
+        let from = row.result.filter(|_| samples.start > 0);
+        actions.push(FarmAction::Effect(FarmEffect::Paint(PaintOrder {
+            zone: row.zone,
+            fence: self.order.fence,
+            rect: row.painted(&self.choice, &self.order.work.settings.frame),
+            samples,
+            tunables: self.choice.tunables,
+            leaning: expert.leaning(&self.order.work, row),
+            error_use: self.order.work.settings.goal.error_use(),
+            samples_max: self.choice.samples,
+            from,
+            time_estimated: self.time(expert).map(|estimated| power.to_own(estimated)),
+        })));
+        self.begun = true;
+    }
+}
