@@ -1,4 +1,4 @@
-//! What a machine has learnt, in the works before, of how long zones take it. Text in, text out; files are the caller's.
+//! What a machine has learnt, in the works before, of how long zones take it. ExperienceText in, text out; files are the caller's.
 //!
 //! The survey predicts the time of a zone by a fitted sum of counts. What a machine learns is the logarithm of the
 //! measured time over that: a mean for the technique, what the kind of the picture adds to it, what the kind of the zone
@@ -99,7 +99,7 @@ pub enum ExperienceError {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Text {
+struct ExperienceText {
     format: u32,
     jobs: u64,
     paces: Lessons,
@@ -176,7 +176,8 @@ impl Experience {
     /// As a text.
     pub fn to_json(&self) -> String {
         let Self { jobs, paces, powers } = self.clone();
-        serde_json::to_string(&Text { format: FORMAT, jobs, paces, powers }).expect("numbers and text can be written")
+        serde_json::to_string(&ExperienceText { format: FORMAT, jobs, paces, powers })
+            .expect("numbers and text can be written")
     }
 
     /// Reads a text.
@@ -191,7 +192,8 @@ impl Experience {
         if found != FORMAT {
             return Err(ExperienceError::Format { found });
         }
-        let Text { jobs, mut paces, mut powers, .. } = serde_json::from_str(text).map_err(ExperienceError::Syntax)?;
+        let ExperienceText { jobs, mut paces, mut powers, .. } =
+            serde_json::from_str(text).map_err(ExperienceError::Syntax)?;
         for lessons in [&mut paces, &mut powers] {
             if let Some(tasks) = lessons.nonsense() {
                 return Err(ExperienceError::Factor { tasks: tasks.to_owned() });
