@@ -1,4 +1,4 @@
-//! What must not be in protocol logic: sockets, threads, clocks and files. ARCHITECTURE.md, Invariants, executable.
+//! The absences that ARCHITECTURE.md names, executable: no sockets, threads, clocks and files in protocol logic.
 
 #[cfg(test)]
 mod tests {

@@ -1,4 +1,4 @@
-//! Who may know whom: the table of ARCHITECTURE.md, executable.
+//! The layers of crates: the table of ARCHITECTURE.md, executable.
 
 #[cfg(test)]
 const LAYERS: &[(&str, &[&str])] = &[

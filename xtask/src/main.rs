@@ -1,4 +1,5 @@
-//! What a developer runs: `cargo xtask ci | test | fresh | wheel | python-stubs | engines | leaks | farm | fuzzy-reference`.
+//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | python-stubs | engines | leaks | farm |
+//! fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod absences;
@@ -15,6 +16,8 @@ mod fuzzy_reference;
 mod layers;
 mod leaks;
 mod maps;
+#[cfg(test)]
+mod module_heads;
 #[cfg(test)]
 mod modules;
 mod needs;

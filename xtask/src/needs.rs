@@ -1,4 +1,4 @@
-//! What the tests need beside Rust. Rendering on one machine needs none of it.
+//! The needs of the tests beside Rust. Rendering on one machine needs none of it.
 
 use std::{
     env,

@@ -73,7 +73,7 @@ pub struct Outbound {
     pub message: WireMessage,
 }
 
-/// What an ACC wants done with what it received.
+/// The route of a received message: what the ACC wants done with it.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "lives for a moment, and forwarding is as common as delivery")]
 pub enum Routed {

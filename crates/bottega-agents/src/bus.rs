@@ -1,4 +1,4 @@
-//! What carries the wishes of agents: to each other, to the store, to the blobs.
+//! The bus between agents, the store and the blobs.
 
 use std::sync::Arc;
 
@@ -48,7 +48,7 @@ pub trait Bus {
 
 /// What of an action a bus cannot carry out.
 #[derive(Debug, PartialEq)]
-pub(crate) enum Beyond<E> {
+pub(crate) enum OutsideAction<E> {
     /// To be begun in the world.
     Effect(E),
     /// The agent is finished.
@@ -60,15 +60,15 @@ pub(crate) fn carry_out<B: Bus, E>(
     bus: &mut B,
     from: &AgentId,
     action: Action<B::Content, B::Value, E>,
-) -> Option<Beyond<E>> {
+) -> Option<OutsideAction<E>> {
     match action {
         Action::Send(message) => bus.publish(message),
         Action::Enqueue { queue, message } => bus.enqueue(&queue, message),
         Action::JoinQueue(queue) => bus.join(&queue, from),
         Action::Store { ticket, request } => bus.ask_store(from, ticket, request),
         Action::WatchPresence => bus.watch_presence(from),
-        Action::Effect(effect) => return Some(Beyond::Effect(effect)),
-        Action::Stop => return Some(Beyond::Stop),
+        Action::Effect(effect) => return Some(OutsideAction::Effect(effect)),
+        Action::Stop => return Some(OutsideAction::Stop),
     }
     None
 }

@@ -1,4 +1,4 @@
-//! What a driver needs of a store: it can be one in memory, a file, or a server.
+//! The trait of a store that drivers need: in memory, in a file, or on a server.
 
 use std::{
     collections::BTreeSet,
@@ -7,7 +7,7 @@ use std::{
 
 use crate::{
     StoreRequest, Ticket,
-    store::{Addressed, MemoryStore},
+    store::{AddressedStore, MemoryStore},
 };
 
 /// A store of entries that are watched, as [`MemoryStore`] is one.
@@ -16,17 +16,17 @@ use crate::{
 /// never goes back in time.
 pub trait EntryStore<V, W> {
     /// Carries out a request of `from` and appends the replies, to the asker first, to those who watch after it.
-    fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<Addressed<V, W>>);
+    fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<AddressedStore<V, W>>);
 
     /// Ends all watches of one who is gone.
     fn forget(&mut self, who: &W);
 
     /// Appends what those who watch must hear of writes by other processes. To be called now and then.
-    fn poll(&mut self, _replies: &mut Vec<Addressed<V, W>>) {}
+    fn poll(&mut self, _replies: &mut Vec<AddressedStore<V, W>>) {}
 }
 
 impl<V: Clone, W: Clone + PartialEq> EntryStore<V, W> for MemoryStore<V, W> {
-    fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<Addressed<V, W>>) {
+    fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<AddressedStore<V, W>>) {
         Self::handle(self, from, ticket, request, replies);
     }
 
@@ -45,7 +45,7 @@ type StoreMember = (usize, usize);
 struct StoreMembers<V> {
     store: MemoryStore<V, StoreMember>,
     /// What the members other than the one who asked must hear.
-    waiting: Vec<Vec<Addressed<V, usize>>>,
+    waiting: Vec<Vec<AddressedStore<V, usize>>>,
     /// Who of each member has asked.
     askers: Vec<BTreeSet<usize>>,
 }
@@ -92,15 +92,21 @@ impl<V> Drop for SharedMember<V> {
 }
 
 impl<V: Clone> EntryStore<V, usize> for SharedMember<V> {
-    fn handle(&mut self, from: usize, ticket: Ticket, request: StoreRequest<V>, out: &mut Vec<Addressed<V, usize>>) {
+    fn handle(
+        &mut self,
+        from: usize,
+        ticket: Ticket,
+        request: StoreRequest<V>,
+        out: &mut Vec<AddressedStore<V, usize>>,
+    ) {
         let mut shared = self.lock();
         // What happened before comes first.
         out.append(&mut shared.waiting[self.number]);
         shared.askers[self.number].insert(from);
         let mut replies = Vec::new();
         shared.store.handle((self.number, from), ticket, request, &mut replies);
-        for Addressed { to: (member, to), ticket, reply } in replies {
-            let addressed = Addressed { to, ticket, reply };
+        for AddressedStore { to: (member, to), ticket, reply } in replies {
+            let addressed = AddressedStore { to, ticket, reply };
             if member == self.number { out.push(addressed) } else { shared.waiting[member].push(addressed) }
         }
     }
@@ -110,7 +116,7 @@ impl<V: Clone> EntryStore<V, usize> for SharedMember<V> {
         self.lock().store.forget(&who);
     }
 
-    fn poll(&mut self, out: &mut Vec<Addressed<V, usize>>) {
+    fn poll(&mut self, out: &mut Vec<AddressedStore<V, usize>>) {
         out.append(&mut self.lock().waiting[self.number]);
     }
 }

@@ -5,7 +5,7 @@ use crate::{
     store::{Key, StoreReply, StoreRequest, Ticket},
 };
 
-/// What happens to an agent.
+/// An event of an agent.
 ///
 /// `C` is the content of messages, `V` the value type of the store, `R` what the world reports about effects.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,7 +36,7 @@ pub enum Event<C, V, R> {
     Deadline,
 }
 
-/// What an agent wants done. Nothing of it has happened when `handle` returns; order is kept for each receiver.
+/// An action that an agent wants. Nothing of it has happened when `handle` returns; order is kept for each receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action<C, V, E> {
     /// Sends a message to each of its receivers. It may be lost: who needs an answer sets a deadline.

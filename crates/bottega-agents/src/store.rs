@@ -37,7 +37,7 @@ pub struct Entry<V> {
     pub value: V,
 }
 
-/// What can be asked of the store.
+/// A request to the store.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreRequest<V> {
     /// Reads an entry; answered by [`StoreReply::Got`].
@@ -68,7 +68,7 @@ pub enum StoreRequest<V> {
     },
 }
 
-/// What the store says.
+/// A reply of the store.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreReply<V> {
     /// The entry asked for, if there is one.
@@ -152,7 +152,7 @@ impl<V> Folder<V> {
 
 /// A reply and to whom it goes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Addressed<V, W> {
+pub struct AddressedStore<V, W> {
     /// Who asked.
     pub to: W,
     /// With which ticket.
@@ -176,11 +176,17 @@ impl<V, W: PartialEq> MemoryStore<V, W> {
 
 impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
     /// Carries out a request of `from` and appends the replies, to the asker first, to those who watch after it.
-    pub fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<Addressed<V, W>>) {
+    pub fn handle(
+        &mut self,
+        from: W,
+        ticket: Ticket,
+        request: StoreRequest<V>,
+        replies: &mut Vec<AddressedStore<V, W>>,
+    ) {
         match request {
             StoreRequest::Get { key } => {
                 let entry = self.get(&key).cloned();
-                replies.push(Addressed { to: from, ticket, reply: StoreReply::Got { key, entry } });
+                replies.push(AddressedStore { to: from, ticket, reply: StoreReply::Got { key, entry } });
             }
             StoreRequest::Put { key, value } => self.write(from, ticket, key, value, replies),
             StoreRequest::CompareAndSet { key, expected_revision, value } => {
@@ -188,11 +194,11 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
                     self.write(from, ticket, key, value, replies);
                 } else {
                     let entry = self.get(&key).cloned();
-                    replies.push(Addressed { to: from, ticket, reply: StoreReply::Conflict { key, entry } });
+                    replies.push(AddressedStore { to: from, ticket, reply: StoreReply::Conflict { key, entry } });
                 }
             }
             StoreRequest::Watch { prefix } => {
-                let say = |reply| Addressed { to: from.clone(), ticket, reply };
+                let say = |reply| AddressedStore { to: from.clone(), ticket, reply };
                 replies.extend(self.with_prefix(&prefix).map(|entry| say(StoreReply::Changed(entry.clone()))));
                 replies.push(say(StoreReply::CaughtUp));
                 self.watches.retain(|(_, other, who)| *other != ticket || *who != from);
@@ -201,14 +207,18 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
         }
     }
 
-    fn write(&mut self, from: W, ticket: Ticket, key: Key, value: V, replies: &mut Vec<Addressed<V, W>>) {
+    fn write(&mut self, from: W, ticket: Ticket, key: Key, value: V, replies: &mut Vec<AddressedStore<V, W>>) {
         self.last = Revision(self.last.0 + 1);
         let revision = self.last;
-        replies.push(Addressed { to: from, ticket, reply: StoreReply::Written { key: key.clone(), revision } });
+        replies.push(AddressedStore { to: from, ticket, reply: StoreReply::Written { key: key.clone(), revision } });
         let entry = Entry { key: key.clone(), revision, value };
         for (prefix, ticket, who) in &self.watches {
             if key.starts_with(prefix) {
-                replies.push(Addressed { to: who.clone(), ticket: *ticket, reply: StoreReply::Changed(entry.clone()) });
+                replies.push(AddressedStore {
+                    to: who.clone(),
+                    ticket: *ticket,
+                    reply: StoreReply::Changed(entry.clone()),
+                });
             }
         }
         match self.folders.get_mut(&key.folder) {

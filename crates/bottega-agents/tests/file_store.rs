@@ -6,7 +6,7 @@ use bottega_agents::{
     Key, Revision, StoreReply, StoreRequest, Ticket,
     entry_store::EntryStore,
     file_store::{FileStore, FileStoreError, VALUE_BYTES_MAX},
-    store::{Addressed, MemoryStore},
+    store::{AddressedStore, MemoryStore},
 };
 use proptest::prelude::*;
 
@@ -19,7 +19,7 @@ fn open(path: &Path) -> Store {
 fn handle(store: &mut impl EntryStore<String, usize>, request: StoreRequest<String>) -> Vec<StoreReply<String>> {
     let mut replies = Vec::new();
     store.handle(7, Ticket(1), request, &mut replies);
-    replies.into_iter().map(|Addressed { reply, .. }| reply).collect()
+    replies.into_iter().map(|AddressedStore { reply, .. }| reply).collect()
 }
 
 fn put(key: &str, value: &str) -> StoreRequest<String> {
@@ -29,7 +29,7 @@ fn put(key: &str, value: &str) -> StoreRequest<String> {
 fn poll(store: &mut Store) -> Vec<StoreReply<String>> {
     let mut replies = Vec::new();
     store.poll(&mut replies);
-    replies.into_iter().map(|Addressed { reply, .. }| reply).collect()
+    replies.into_iter().map(|AddressedStore { reply, .. }| reply).collect()
 }
 
 fn value(store: &Store, key: &str) -> Option<String> {

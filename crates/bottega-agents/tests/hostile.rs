@@ -1,4 +1,4 @@
-//! What damaged or malicious bytes do: they are refused, or they are harmless.
+//! Damaged and malicious bytes: they are refused, or they are harmless.
 
 use bottega_agents::{
     Performative, Time,

@@ -184,7 +184,7 @@ fn run(seed: u64) {
         assert!(df.is_ready(), "seed {seed}");
         let request = AclMessage::new(P::Request, AgentId::new("x@p"), directory(number), M::Action(all.clone()));
         let mut copy = df.functions().clone();
-        let mut todo = bottega_agents::platform::Todo::default();
+        let mut todo = bottega_agents::platform::ServiceOutbox::default();
         let step = bottega_agents::platform::Functions::perform(&mut copy, world.now(), &request, &all, &mut todo);
         let Ok(bottega_agents::platform::Step::Done(bottega_agents::platform::Outcome::Offers(offers))) = step else {
             panic!("{step:?}")

@@ -1,4 +1,4 @@
-//! What work costs on each processor and GPU.
+//! The cost of work on each processor and GPU.
 
 use std::{
     fmt::Write,
@@ -27,7 +27,7 @@ const BLOCK: u32 = 16;
 /// Work that is split to show who would do how much of it.
 const SHARED_ITEMS: u64 = 100_000_000;
 
-/// What work costs on the devices of this machine.
+/// The cost of work on the devices of this machine.
 pub struct DevicesReport(Vec<DeviceCosts>);
 
 /// A device and what its work costs.

@@ -14,14 +14,14 @@ use std::{
 };
 
 use bottega::engines::{absolute, located, parameters};
-use bottega_engines::external::{EngineFault, Located, SceneRequest, Session};
+use bottega_engines::external::{EngineFault, LocatedEngine, SceneRequest, Session};
 use bottega_image::Rect;
 use serde_json::{Value, json};
 
 pub use self::trial::EngineTrial;
 use crate::{Error, Report, clock::children_seconds, say};
 
-/// Which engine, with which picture.
+/// The engine and the picture of the measurement.
 #[derive(Clone, Debug)]
 pub struct EnginesOptions {
     /// The engine.
@@ -159,7 +159,7 @@ fn timed<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<(PictureTime, T),
 }
 
 /// The whole frame as one window, by the same worker.
-fn alone(options: &EnginesOptions, engine: &Arc<Located>, request: &SceneRequest) -> Result<PictureTime, Error> {
+fn alone(options: &EnginesOptions, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<PictureTime, Error> {
     let (width, height) = request.size.unwrap_or_default();
     let (time, ()) = timed(|| {
         let trial = EngineTrial::begin(engine, request, 1).map_err(|source| options.failed(source))?;

@@ -1,4 +1,4 @@
-//! What can go wrong in a measurement.
+//! The errors of measurements.
 
 use std::{io, path::PathBuf};
 

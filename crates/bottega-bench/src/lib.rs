@@ -16,6 +16,7 @@
 //! | how well times are known in a second job | [`learning`] |
 //! | awards a second, on a real NATS server | [`farm`]: `src/farm/` |
 //! | painting that several measurements share | `src/painting.rs` |
+//! | processes that a measurement starts | `src/part_process.rs` |
 //! | time of the processors | [`clock`] |
 
 pub mod ala;
@@ -29,6 +30,7 @@ pub mod learning;
 pub mod magarro;
 mod neutral_scene;
 mod painting;
+mod part_process;
 pub mod peers;
 pub mod rays;
 

@@ -19,7 +19,7 @@ pub(crate) struct NeutralScene {
 }
 
 /// What a file says, or what it lacks.
-type Parsed<T> = Result<T, String>;
+type ParseResult<T> = Result<T, String>;
 
 pub(crate) fn load(path: &Path) -> Result<NeutralScene, Error> {
     let bytes = fs::read(path).map_err(|source| bottega::Error::Read { path: path.to_owned(), source })?;
@@ -29,7 +29,7 @@ pub(crate) fn load(path: &Path) -> Result<NeutralScene, Error> {
     scene.map_err(|problem| Error::NeutralScene { path: path.to_owned(), problem })
 }
 
-fn read(value: &Value, folder: &Path) -> Parsed<NeutralScene> {
+fn read(value: &Value, folder: &Path) -> ParseResult<NeutralScene> {
     let mut scene = Scene { cameras: vec![camera(&value["camera"])?], ..Scene::default() };
     if value["env"].is_array() {
         scene.environment = Some(Environment::uniform(vector(&value["env"])?));
@@ -50,26 +50,26 @@ fn read(value: &Value, folder: &Path) -> Parsed<NeutralScene> {
         let mesh = read_ply(&ply).map_err(|problem| format!("{}: {problem}", ply.display()))?;
         scene.push_surface(Mesh { material: index, ..mesh });
     }
-    let whole = |key: &str| -> Parsed<u32> {
+    let whole = |key: &str| -> ParseResult<u32> {
         value[key].as_u64().and_then(|number| number.try_into().ok()).ok_or_else(|| format!("no whole number `{key}`"))
     };
     Ok(NeutralScene { scene, width: whole("width")?, height: whole("height")?, max_bounces: whole("max_bounces")? })
 }
 
-fn text<'a>(value: &'a Value, key: &str) -> Parsed<&'a str> {
+fn text<'a>(value: &'a Value, key: &str) -> ParseResult<&'a str> {
     value[key].as_str().ok_or_else(|| format!("no text `{key}`"))
 }
 
-fn number(value: &Value) -> Parsed<f32> {
+fn number(value: &Value) -> ParseResult<f32> {
     value.as_f64().map(|number| number as f32).ok_or_else(|| format!("{value} is no number"))
 }
 
-fn vector(value: &Value) -> Parsed<Vec3> {
+fn vector(value: &Value) -> ParseResult<Vec3> {
     Ok(Vec3::new(number(&value[0])?, number(&value[1])?, number(&value[2])?))
 }
 
 /// From `origin` to `target`; `fov` is the angle between the left and the right edge of a square picture.
-fn camera(value: &Value) -> Parsed<Camera> {
+fn camera(value: &Value) -> ParseResult<Camera> {
     let (eye, target, up) = (vector(&value["origin"])?, vector(&value["target"])?, vector(&value["up"])?);
     let back = (eye - target).try_normalize().ok_or("the camera looks nowhere")?;
     let right = up.cross(back).try_normalize().ok_or("the camera looks straight up")?;
@@ -80,7 +80,7 @@ fn camera(value: &Value) -> Parsed<Camera> {
     })
 }
 
-fn material(value: &Value) -> Parsed<Material> {
+fn material(value: &Value) -> ParseResult<Material> {
     let smooth = |layered: Layered| Layered { roughness: 0.0.into(), ..layered }.into();
     Ok(match text(value, "type")? {
         "diffuse" => Material { emission_sides: Sides::Front, ..Material::matte(vector(&value["reflectance"])?) },
@@ -94,14 +94,14 @@ fn material(value: &Value) -> Parsed<Material> {
 }
 
 /// Positions (x, y, z) and triangles alone, little-endian.
-fn read_ply(path: &Path) -> Parsed<Mesh> {
+fn read_ply(path: &Path) -> ParseResult<Mesh> {
     const END: &[u8] = b"end_header\n";
     const VERTEX_BYTES: usize = 12;
     const TRIANGLE_BYTES: usize = 13;
     let bytes = fs::read(path).map_err(|error| error.to_string())?;
     let start = bytes.windows(END.len()).position(|window| window == END).ok_or("no end of the header")? + END.len();
     let header = std::str::from_utf8(&bytes[..start]).map_err(|error| error.to_string())?;
-    let count = |element: &str| -> Parsed<usize> {
+    let count = |element: &str| -> ParseResult<usize> {
         let line = header.lines().find_map(|line| line.strip_prefix(element)).ok_or_else(|| format!("no {element}"))?;
         line.trim().parse().map_err(|_| format!("{element} has no number"))
     };

@@ -7,8 +7,8 @@ use std::{
 };
 
 use bottega_engines::{
-    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, Leaning, RenderEngine, TaskProgress, Tunables,
-    ZoneTask,
+    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, EnginePreference, RenderEngine, TaskProgress,
+    Tunables, ZoneTask,
 };
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_render::{PathSettings, PreparedScene, Prepass, View};
@@ -51,7 +51,8 @@ pub(crate) fn paint_samples(
 ) -> Result<(Tile, Duration), Error> {
     let (sender, receiver) = mpsc::channel();
     let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
-    let task = ZoneTask { rect, samples, tunables, leaning: Leaning::default(), tile, parts: None, cancel, progress };
+    let task =
+        ZoneTask { rect, samples, tunables, leaning: EnginePreference::default(), tile, parts: None, cancel, progress };
     let start = Instant::now();
     // The receiver outlives the engine's report.
     engine.start(task, Box::new(move |painted| drop(sender.send(painted))));

@@ -33,7 +33,7 @@ use crate::{
     say,
 };
 
-/// Who paints what, and how often.
+/// The renderers and scenes to compare, and how often each is run.
 #[derive(Clone, Debug)]
 pub struct PeersOptions {
     /// Folder with the scenes: SCENE.json (ours, and Cycles'), SCENE.xml (Mitsuba's), SCENE.scn (LuxCore's), the PLY meshes
@@ -67,7 +67,7 @@ impl PeersOptions {
 }
 
 /// A renderer that is run as a child of its own: some hang, some abort, none may take the others along.
-struct Peer {
+struct PeerRenderer {
     name: &'static str,
     /// Python, told the folder, scene, samples, seed, threads and where the picture is to be.
     script: &'static str,
@@ -75,11 +75,15 @@ struct Peer {
     variant: Option<&'static str>,
 }
 
-const PEERS: [Peer; 4] = [
-    Peer { name: "mitsuba llvm_ad_rgb", script: include_str!("peers/mitsuba.py"), variant: Some("llvm_ad_rgb") },
-    Peer { name: "mitsuba scalar_rgb", script: include_str!("peers/mitsuba.py"), variant: Some("scalar_rgb") },
-    Peer { name: "cycles", script: include_str!("peers/cycles.py"), variant: None },
-    Peer { name: "luxcore", script: include_str!("peers/luxcore.py"), variant: None },
+const PEERS: [PeerRenderer; 4] = [
+    PeerRenderer {
+        name: "mitsuba llvm_ad_rgb",
+        script: include_str!("peers/mitsuba.py"),
+        variant: Some("llvm_ad_rgb"),
+    },
+    PeerRenderer { name: "mitsuba scalar_rgb", script: include_str!("peers/mitsuba.py"), variant: Some("scalar_rgb") },
+    PeerRenderer { name: "cycles", script: include_str!("peers/cycles.py"), variant: None },
+    PeerRenderer { name: "luxcore", script: include_str!("peers/luxcore.py"), variant: None },
 ];
 
 /// How often a child is asked whether it has ended.
@@ -104,7 +108,7 @@ pub fn measure(options: &PeersOptions, log: &mut dyn Write) -> Result<PeersRepor
         .ok()
         .and_then(|bytes| serde_json::from_slice(&bytes).ok())
         .unwrap_or_default();
-    let peers: Vec<&Peer> = PEERS.iter().filter(|peer| options.includes(peer.name)).collect();
+    let peers: Vec<&PeerRenderer> = PEERS.iter().filter(|peer| options.includes(peer.name)).collect();
     let mut report = PeersReport { rows: Vec::new(), missing: Vec::new() };
     for name in &scenes(options)? {
         let scene = neutral_scene::load(&options.folder.join(name).with_extension("json"))?;
@@ -126,7 +130,7 @@ pub fn measure(options: &PeersOptions, log: &mut dyn Write) -> Result<PeersRepor
 /// all of them; one that fails is left out from then on.
 fn paint_all(
     options: &PeersOptions,
-    peers: &[&Peer],
+    peers: &[&PeerRenderer],
     scene: &NeutralScene,
     name: &str,
     threads: usize,
@@ -237,7 +241,7 @@ fn paint_ours(
 
 /// Runs a peer. The error says why there is no picture of it.
 fn paint(
-    peer: &Peer,
+    peer: &PeerRenderer,
     options: &PeersOptions,
     scene: &NeutralScene,
     name: &str,

@@ -28,7 +28,7 @@ const PATHS_SAMPLES: u32 = 16;
 const NOT_BUILT_IN: &str =
     "the comparison was not built in; `cargo run --release --features embree -- bench rays` has it";
 
-/// What is measured.
+/// The options of the measurement.
 #[derive(Clone, Debug)]
 pub struct RaysOptions {
     /// Scenes whose paths a second are measured, beside the rays of built-in ones.

@@ -1,4 +1,4 @@
-//! What can go wrong with a board.
+//! The errors of boards.
 
 use std::io;
 

@@ -29,7 +29,7 @@ const CONNECT_MAX: Duration = Duration::from_secs(5);
 /// Bytes that are sent there and back to see how fast the cable is.
 const ECHO_BYTES: usize = 64 << 10;
 
-/// Where a board is: `tcp://HOST:PORT`.
+/// The address of a board: `tcp://HOST:PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoardAddress(String);
 

@@ -20,7 +20,7 @@ use crate::{
 /// Rays that a thread follows at once.
 const RAYS_AT_ONCE: usize = 1024;
 
-/// How a board works.
+/// The options of a board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardOptions {
     /// Threads that follow rays.

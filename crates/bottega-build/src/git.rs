@@ -1,4 +1,4 @@
-//! What git knows of the sources.
+//! The commit and state of the sources, as git tells them.
 
 use std::{fs, path::Path, process::Command};
 

@@ -1,4 +1,4 @@
-//! From which sources a program is built, as a macro that says so where it is expanded.
+//! A macro that expands to the identity of the sources that a program is built from.
 //!
 //! It is a macro and no build script, because nothing is rebuilt for its sake: the crate that expands it is compiled anyway when a
 //! source of the program changes, and no other crate knows of it. A commit that changes no source rebuilds nothing; the

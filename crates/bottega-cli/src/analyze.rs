@@ -37,7 +37,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     let chosen = subject.analyze(function, level(subject.request.work.level))?;
 
     fs::create_dir_all(&args.output).map_err(|source| CliError::write(args.output.clone(), source))?;
-    let mut drawn = draw::Drawn { folder: &args.output, files: Vec::new() };
+    let mut drawn = draw::PictureFolder { folder: &args.output, files: Vec::new() };
     draw::all(&mut drawn, &subject, &analyses, &chosen)?;
     let ludd = (!args.ludd.is_empty()).then(|| ludd::all(args, &subject, &mut drawn)).transpose()?;
     let files = drawn.files;

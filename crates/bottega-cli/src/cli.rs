@@ -1,4 +1,4 @@
-//! What the command line takes. Everything here is checked before any work begins.
+//! The command line. Everything here is checked before any work begins.
 
 mod choice;
 mod engine;
@@ -27,6 +27,7 @@ pub(crate) use self::{
 use crate::{
     bench::BenchArgs,
     board::BoardArgs,
+    config::{ConfigArgs, PROFILE_VARIABLE},
     engines::EnginesArgs,
     farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs, WebCommandArgs},
     platform::PlatformArgs,
@@ -42,6 +43,9 @@ use crate::{
     after_help = "Start with:\n  bottega render scene.glb -o picture.png\n  bottega render --help"
 )]
 pub(crate) struct Cli {
+    /// Add the options of this profile: see `bottega config`.
+    #[arg(long, value_name = "NAME", global = true, env = PROFILE_VARIABLE, hide_env = true)]
+    profile: Option<String>,
     #[command(subcommand)]
     pub(crate) command: Command,
 }
@@ -84,6 +88,8 @@ pub(crate) enum Command {
     Devices(DevicesArgs),
     /// Follow rays for another process, as a device of its own.
     Board(BoardArgs),
+    /// Say where the configuration file is, and what it says.
+    Config(ConfigArgs),
     /// Print completions for a shell.
     #[command(
         after_help = "For example: bottega completions bash > ~/.local/share/bash-completion/completions/bottega"

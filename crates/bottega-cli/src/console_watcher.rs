@@ -1,4 +1,4 @@
-//! What people and programs are told of a picture: a progress bar, lines of text or JSON, the dashboard, the trace of messages.
+//! The console's watcher of a picture: a progress bar, lines of text or JSON, the dashboard, the trace of messages.
 
 use std::{
     fs::File,

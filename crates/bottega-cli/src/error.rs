@@ -1,4 +1,4 @@
-//! What can go wrong in the program, told with a remedy.
+//! The errors of the program, each with a remedy.
 
 use std::path::PathBuf;
 
@@ -74,7 +74,7 @@ impl CliError {
 /// An error as it is shown to people: with its causes, its remedy, and the place in a text where there is one.
 #[derive(Debug, Error)]
 #[error("{problem}")]
-struct Shown {
+struct ShownError {
     problem: String,
     #[source]
     causes: Option<Cause>,
@@ -99,7 +99,7 @@ impl Cause {
     }
 }
 
-impl Diagnostic for Shown {
+impl Diagnostic for ShownError {
     fn help<'a>(&'a self) -> Option<Box<dyn std::fmt::Display + 'a>> {
         self.remedy.as_ref().map(|remedy| Box::new(remedy) as _)
     }
@@ -121,7 +121,7 @@ fn shown(error: &dyn std::error::Error, remedy: Option<String>, excerpt: Option<
         }
         None => (None, None),
     };
-    let shown = Shown { problem: error.to_string(), causes: Cause::of(error.source()), remedy, text, label };
+    let shown = ShownError { problem: error.to_string(), causes: Cause::of(error.source()), remedy, text, label };
     format!("{:?}", miette::Report::new(shown))
 }
 

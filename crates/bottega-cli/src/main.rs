@@ -10,6 +10,7 @@
 //! | the progress bar, lines of text and JSON, the trace | `src/console_watcher.rs` |
 //! | standard output and standard error | `src/output.rs` |
 //! | errors as people read them | `src/error.rs` |
+//! | `-h`; the configuration file, variables of the environment | `src/short_help.rs`; `src/config/`, `src/variables.rs` |
 //! | Ctrl-C | `src/signals.rs` |
 //! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
@@ -31,6 +32,7 @@ mod analyze;
 mod bench;
 mod board;
 mod cli;
+mod config;
 mod console_watcher;
 mod devices;
 mod diff;
@@ -42,12 +44,14 @@ mod platform;
 mod render;
 mod request;
 mod rules;
+mod short_help;
 mod signals;
 mod simulate;
+mod variables;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches};
 use cli::{Cli, Command};
 use error::CliError;
 use output::Purpose;
@@ -61,9 +65,10 @@ fn main() -> ExitCode {
         .with_writer(|| output::LogWriter)
         .with_ansi(output::has_colors())
         .init();
-    let command = match Cli::try_parse() {
-        Ok(cli) => cli.command,
-        Err(usage) => return output::print_usage(&usage),
+    let command = match command_line() {
+        Ok(Ok(cli)) => cli.command,
+        Ok(Err(usage)) => return output::print_usage(&usage),
+        Err(error) => return output::finish(report(&error)),
     };
     output::begin(purpose(&command));
     bottega::engines::keep_quarantines();
@@ -71,6 +76,13 @@ fn main() -> ExitCode {
     // Drivers end better while the process is whole.
     bottega::devices::release();
     output::finish(code)
+}
+
+/// Reads the command line, the environment and the configuration file.
+fn command_line() -> Result<Result<Cli, clap::Error>, CliError> {
+    let program = variables::with_variables(short_help::fitting(Cli::command()));
+    let words = config::with_config(std::env::args_os().collect(), &program)?;
+    Ok(program.try_get_matches_from(words).and_then(|matches| Cli::from_arg_matches(&matches)))
 }
 
 /// What standard output is for.
@@ -104,6 +116,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Board(args) => board::run(&args),
+        Command::Config(args) => config::run(&args, &Cli::command()),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "bottega", &mut script);

@@ -11,6 +11,7 @@ use bottega_web::Dashboard;
 
 use crate::{
     cli::RenderArgs,
+    config,
     console_watcher::{ConsoleWatcher, OutputForm},
     error::CliError,
     signals::{interrupted, stop_on_signal},
@@ -63,8 +64,11 @@ fn in_farm(
     voice: &Arc<ConsoleWatcher>,
     stop: &StopSwitch,
 ) -> Result<ExitCode, CliError> {
-    let farm = args.farm.as_ref().and_then(Option::as_ref);
-    let (credentials, watcher) = (args.login.credentials(), Arc::clone(voice) as _);
+    let named = args.farm.as_ref().and_then(Option::as_ref);
+    let of_file = named.is_none().then(config::farm_address).flatten();
+    let farm = named.or(of_file.as_ref());
+    let (credentials, watcher) =
+        (args.login.credentials(args.farm.as_ref().and_then(Option::as_ref)), Arc::clone(voice) as _);
     match (request.frames.is_some(), args.detach) {
         (true, true) => submit_frames(farm, &credentials, request, args.resume, watcher, stop)?,
         (true, false) => render_frames(farm, &credentials, request, args.resume, watcher, stop)?,

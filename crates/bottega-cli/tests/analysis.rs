@@ -1,4 +1,4 @@
-//! What `bottega analyze` says of scenes, and what becomes of its zones in a picture.
+//! `bottega analyze` on scenes, and its zones in a picture.
 
 mod support;
 

@@ -1,4 +1,4 @@
-//! What is seen of a picture while it is painted, and where and how it is written.
+//! Previews while a picture is painted, and where and how they are written.
 
 mod support;
 

@@ -1,4 +1,4 @@
-//! Where a farm is, in one word: `bottega://WORD@host:4222` where `bottega up` runs it, `nats://…` where somebody else does.
+//! The address of a farm in one word: `bottega://WORD@host:4222` where `bottega up` runs it, `nats://…` where somebody else does.
 
 use std::{fmt, fs, path::PathBuf, str::FromStr};
 
@@ -14,7 +14,7 @@ const PORT: u16 = 4222;
 /// Hexadecimal digits of a secret.
 const SECRET_DIGITS: usize = 32;
 
-/// What one may do in a farm that `bottega up` runs.
+/// The group of a member, which says what it may do in a farm that `bottega up` runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
     /// Everything.
@@ -72,7 +72,7 @@ impl fmt::Display for JoinWord {
     }
 }
 
-/// Who runs the servers.
+/// The keeper of a farm's servers.
 #[derive(Clone, Debug)]
 pub enum Keeper {
     /// `bottega up`.
@@ -88,7 +88,7 @@ pub enum Keeper {
     },
 }
 
-/// Where a farm is.
+/// The address of a farm.
 #[derive(Clone, Debug)]
 pub struct FarmAddress {
     /// `host:port` of its servers; none: to be found on the local network.

@@ -1,4 +1,4 @@
-//! How machines are let into the farm of `bottega up`: they become members, and the server is told of them.
+//! Admission of machines to the farm of `bottega up`: they become members, and the server is told of them.
 
 use std::{
     path::PathBuf,

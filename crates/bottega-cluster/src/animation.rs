@@ -37,7 +37,7 @@ use crate::{
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// A frame that is asked for.
-struct Wanted {
+struct WantedFrame {
     frame: i32,
     /// The number of the work.
     work: u64,
@@ -87,7 +87,7 @@ pub fn submit_frames(
 /// Paints frames with the other machines, and collects them, until all are there or the user wants to stop.
 fn paint_with_others(
     request: &Request,
-    wanted: BTreeMap<u32, Wanted>,
+    wanted: BTreeMap<u32, WantedFrame>,
     board: JobBoard,
     name: String,
     stop: &StopSwitch,
@@ -143,7 +143,7 @@ fn submit(
     me: &str,
     stop: &StopSwitch,
     reporter: &Reporter,
-) -> Result<BTreeMap<u32, Wanted>, Error> {
+) -> Result<BTreeMap<u32, WantedFrame>, Error> {
     board.refuse_guests()?;
     request.validate().map_err(bottega::Error::from)?;
     let missing = request.missing_frames(resume)?;
@@ -162,7 +162,7 @@ fn submit(
         job.scene = format!("{}, frame {frame}", job.scene);
         let number = board.submit(&job, &JobSpec { request: for_others(&of_frame)?, ..order.clone() })?;
         let output = of_frame.output.file.unwrap_or_default();
-        wanted.insert(number, Wanted { frame, work: job.work, output });
+        wanted.insert(number, WantedFrame { frame, work: job.work, output });
     }
     sent.keep();
     if let (Some((&first, _)), Some((&last, _))) = (wanted.first_key_value(), wanted.last_key_value()) {
@@ -175,7 +175,7 @@ fn submit(
 fn collect(
     request: &Request,
     board: &JobBoard,
-    mut wanted: BTreeMap<u32, Wanted>,
+    mut wanted: BTreeMap<u32, WantedFrame>,
     reporter: &Reporter,
     stop: &StopSwitch,
 ) -> Result<(), Error> {
@@ -187,7 +187,7 @@ fn collect(
         for (seat, refusal) in watch.news(&seats, |work| wanted.values().any(|frame| frame.work == work)) {
             reporter.warn(format!("{} leaves frames out: {}", seat.name, refusal.reason));
         }
-        for (&number, Wanted { frame, output, .. }) in &wanted {
+        for (&number, WantedFrame { frame, output, .. }) in &wanted {
             let Some(job) = board.get(number) else {
                 over.push(number);
                 failure = Some(Error::failed(format!("frame {frame} is gone"), "somebody has removed its job"));

@@ -19,7 +19,7 @@ const ROWS_BYTES_MAX: usize = 1 << 28;
 /// A server that tells nothing for so long is not waited for.
 const SILENT: Duration = Duration::from_secs(10);
 
-/// What one is told who watches a Blackboard.
+/// A change of a row, for those who watch a Blackboard.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RowNews {
     /// A row as it is, or is from now on: an [`Event::Zone`] or an [`Event::Agent`].

@@ -1,4 +1,4 @@
-//! Which build of the farm this is: machines of another one neither paint the same bits nor read the same messages for certain.
+//! The identity of this build of the farm: another one may paint other bits or write other messages.
 
 use std::sync::LazyLock;
 

@@ -21,7 +21,7 @@ pub struct Cache {
 }
 
 /// Something that can go.
-struct Entry {
+struct CachedItem {
     path: PathBuf,
     used: SystemTime,
     bytes: u64,
@@ -108,13 +108,13 @@ impl Cache {
         }
     }
 
-    fn entries(&self, folder: &str) -> io::Result<Vec<Entry>> {
+    fn entries(&self, folder: &str) -> io::Result<Vec<CachedItem>> {
         let mut entries = Vec::new();
         for entry in fs::read_dir(self.root.join(folder))? {
             let entry = entry?;
             let metadata = entry.metadata()?;
             let used = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-            entries.push(Entry { path: entry.path(), used, bytes: metadata.len() });
+            entries.push(CachedItem { path: entry.path(), used, bytes: metadata.len() });
         }
         Ok(entries)
     }

@@ -29,7 +29,7 @@ use crate::{
     patience::{meanwhile, patiently},
     refusals::{RefusalWatch, Refusals},
     sent_files::SentFiles,
-    transfer::{self, Sent},
+    transfer::{self, SentPieces},
 };
 
 /// How often is looked how a job stands that this process has no part in.
@@ -51,7 +51,7 @@ enum JobOutcome {
     Elsewhere(Vec<u8>),
 }
 
-/// What a farm came to.
+/// The outcome of a picture on a farm.
 pub enum RenderOutcome {
     /// This process led the job, and has the picture; it is written.
     Local(Box<Picture>),
@@ -309,7 +309,7 @@ pub(crate) fn order<'a>(
     material: &SceneFiles,
     stop: &StopSwitch,
     reporter: &Reporter,
-) -> Result<(JobSpec, Sent<'a>), Error> {
+) -> Result<(JobSpec, SentPieces<'a>), Error> {
     if request.goal.time.is_some() {
         return Err(Error::usage(
             "a farm paints until there are samples enough, or the error is small enough; it keeps no time",

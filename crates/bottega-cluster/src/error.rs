@@ -1,4 +1,4 @@
-//! What can go wrong in a farm.
+//! The errors of a farm.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What the farm keeps of a job: enough for any of its processes to paint it, or to say how it stands.
+//! The record of a job: enough for any process of the farm to paint it, or to say how it stands.
 
 use std::{
     path::{Path, PathBuf},
@@ -18,7 +18,7 @@ use crate::{error::Error, sent_files::SentFiles};
 
 /// Lines that a job's log has at most; older ones go.
 const LOG_LINES_MAX: usize = 200;
-/// How a job stands.
+/// The state of a job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "state", rename_all = "lowercase")]
 pub enum JobState {
@@ -103,7 +103,7 @@ impl Job {
     }
 }
 
-/// What a job asks for: a request, and the files that it names by what is in them.
+/// The order of a job: a request, and the files that it names by their digests.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobSpec {

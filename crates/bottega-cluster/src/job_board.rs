@@ -34,7 +34,7 @@ const LEARNT_BYTES_MAX: usize = 1 << 28;
 const TRIES_MAX: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
-/// Who leads a job, and how far it is.
+/// The leader of a job, and its progress.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lead {
     /// The process; `None`: it has laid it down.

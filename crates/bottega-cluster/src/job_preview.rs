@@ -18,7 +18,7 @@ const PIXELS_MAX: u64 = 1 << 26;
 /// The most zones of which pixels are fetched at a time; the others come the next time.
 const ZONES_AT_A_TIME: usize = 256;
 
-/// What is painted of a job, as a display shows it.
+/// The preview of a job, as a display shows it.
 pub struct JobPreview {
     exposure: f32,
     tone: ToneMap,

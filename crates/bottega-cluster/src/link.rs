@@ -31,7 +31,7 @@ const PATIENCE_OF_REFUSED: Duration = Duration::from_secs(6);
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
-/// Who one is to NATS servers that others run.
+/// The credentials for NATS servers that others run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Credentials {
     /// A `.creds` file.

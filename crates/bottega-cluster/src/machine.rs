@@ -10,7 +10,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::presence::Standing;
+pub use crate::presence::PresenceState;
 use crate::{
     error::Error,
     job_board::{JobBoard, order_name},
@@ -21,11 +21,11 @@ use crate::{
 const LOOK_FOR: Duration = Duration::from_millis(1500);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// What a machine is told.
+/// An order to a machine.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MachineOrder {
     /// What it shall be.
-    pub standing: Standing,
+    pub standing: PresenceState,
     /// Who says so, for people.
     pub by: String,
 }

@@ -1,4 +1,4 @@
-//! Who is a member of a farm that `bottega up` runs, and what the server is told of them.
+//! The members of a farm that `bottega up` runs, and what the server is told of them.
 
 use std::{fmt::Write, fs, path::PathBuf};
 
@@ -19,7 +19,7 @@ const KEY_LETTERS: usize = 8;
 
 /// A machine that was let in.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Member {
+struct AdmittedMachine {
     /// What its agents are called after.
     name: String,
     /// Its public NKey.
@@ -39,7 +39,7 @@ struct Roll {
     /// The certificate of the server and its key, PEM.
     certificate: String,
     certificate_key: String,
-    members: Vec<Member>,
+    members: Vec<AdmittedMachine>,
 }
 
 /// The members of a farm.
@@ -116,7 +116,7 @@ impl Members {
         if self.roll.members.iter().any(|member| member.name == name) {
             return refuse("another one has its name");
         }
-        self.roll.members.push(Member { name: name.clone(), key, is_guest: group == Group::Guest });
+        self.roll.members.push(AdmittedMachine { name: name.clone(), key, is_guest: group == Group::Guest });
         match self.save() {
             Ok(()) => EnrolmentAnswer { member: Some(name), refused: None },
             Err(error) => {
@@ -135,7 +135,7 @@ impl Members {
             // Writing to a string does not fail.
             _ = writeln!(users, "    {{ user: {word}, password: \"{secret}\", permissions: {rights} }}");
         }
-        for Member { name, key, is_guest } in &self.roll.members {
+        for AdmittedMachine { name, key, is_guest } in &self.roll.members {
             let rights = is_guest.then(|| format!(", permissions: {}", permissions(&Rights::of_guest(FARM, name))));
             _ = writeln!(users, "    {{ nkey: {key}{} }}", rights.unwrap_or_default());
         }

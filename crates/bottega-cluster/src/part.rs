@@ -21,7 +21,7 @@ use crate::{
     job_board::{JobBoard, Lead, Lease, Presence, RENEW_EVERY},
     refusals::{RefusalWatch, Refusals},
     society::SeenSociety,
-    together::{self, Together},
+    together::{self, JobPeers},
 };
 use bottega::session::PaintingTools;
 
@@ -105,7 +105,7 @@ pub(crate) fn take_part(
         is_silent: false,
         watch: RefusalWatch::default(),
     };
-    let watch = Watch::begin(guard)?;
+    let watch = PartWatch::begin(guard)?;
     let begun = Instant::now();
     prepare_together(member, number, job, tools, &this);
     let prepared = begun.elapsed();
@@ -151,7 +151,7 @@ fn prepare_together(member: &Member, number: u32, job: &Job, tools: &PaintingToo
     if board.uplink.is_guest() || tools.settings.verify > 1 || tools.engine.learnt().is_some() {
         return;
     }
-    let together = Together::new(board, name, job.work, this);
+    let together = JobPeers::new(board, name, job.work, this);
     if let Err(error) = tools.engine.prepare_with(&together) {
         tracing::debug!(%error, "it is made when it is needed");
     }
@@ -177,7 +177,7 @@ fn learn_from_others(board: &JobBoard, job: &Job, engine: &dyn RenderEngine) -> 
 
 /// The lead of a job that is painted, held until it is dropped.
 pub(crate) struct Leading {
-    _watch: Watch,
+    _watch: PartWatch,
     link: Link,
 }
 
@@ -205,12 +205,12 @@ impl Leading {
 }
 
 /// Looks after a part in a job: renews what is to be renewed, and ends the part when it is over.
-struct Watch {
+struct PartWatch {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Watch {
+impl PartWatch {
     fn begin(guard: Guard) -> Result<Self, Error> {
         let over = Arc::clone(&guard.over);
         let thread = thread::Builder::new().name("watch".to_owned()).spawn(move || guard.run()).map_err(|error| {
@@ -220,7 +220,7 @@ impl Watch {
     }
 }
 
-impl Drop for Watch {
+impl Drop for PartWatch {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {

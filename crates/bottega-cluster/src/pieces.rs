@@ -91,13 +91,13 @@ impl Pieces {
     #[cfg(test)]
     pub(crate) fn send_to(&self, store: &dyn ChunkStore) -> Result<(), Error> {
         let keep = |name: &str, bytes: &[u8]| store.put(name, bytes).map_err(Error::Blob);
-        Self::put(&self.missing(store)?, &keep, &Counted::default())
+        Self::put(&self.missing(store)?, &keep, &SentCount::default())
     }
 
     /// Puts pieces into a store. Their names are noted in `sent` as they are there.
     ///
     /// - `keep`: puts one.
-    pub(crate) fn put(pieces: &[(&str, &Piece)], keep: Keep<'_>, sent: &Counted) -> Result<(), Error> {
+    pub(crate) fn put(pieces: &[(&str, &Piece)], keep: Keep<'_>, sent: &SentCount) -> Result<(), Error> {
         several(pieces.len(), &|i| {
             let (hash, piece) = pieces[i];
             let name = blob_name(hash);
@@ -113,12 +113,12 @@ pub(crate) type Keep<'a> = &'a (dyn Fn(&str, &[u8]) -> Result<(), Error> + Sync)
 
 /// What has been sent so far.
 #[derive(Debug, Default)]
-pub(crate) struct Counted {
+pub(crate) struct SentCount {
     pub(crate) names: Mutex<Vec<String>>,
     pub(crate) bytes: AtomicU64,
 }
 
-impl Counted {
+impl SentCount {
     fn note(&self, name: String, bytes: usize) {
         self.names.lock().unwrap_or_else(PoisonError::into_inner).push(name);
         self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
@@ -140,7 +140,7 @@ mod tests {
         let path = folder.path().join("f");
         let content: Vec<u8> = (0..2 * CHUNK_BYTES + 17).map(|i| (i / 1000 * 7 + i % 251) as u8).collect();
         std::fs::write(&path, &content).unwrap();
-        let (mut pieces, shelf, counted) = (Pieces::default(), Shelf::default(), Counted::default());
+        let (mut pieces, shelf, counted) = (Pieces::default(), Shelf::default(), SentCount::default());
         let contents = pieces.add(&path).unwrap();
         assert_eq!(pieces.add(&path).unwrap(), contents, "the same file twice is one");
         assert_eq!(contents.hash, hash_of(&content));
@@ -163,7 +163,7 @@ mod tests {
         pieces.add(&path).unwrap();
         std::fs::write(&path, [2; 100]).unwrap();
         let missing = pieces.missing(&shelf).unwrap();
-        let error = Pieces::put(&missing, &keep_in(&shelf), &Counted::default()).unwrap_err();
+        let error = Pieces::put(&missing, &keep_in(&shelf), &SentCount::default()).unwrap_err();
         assert!(error.to_string().contains("was changed"), "{error}");
     }
 }

@@ -23,7 +23,7 @@ pub(crate) struct PreparedJob {
     session: Session,
 }
 
-/// What of this machine paints.
+/// The processors and devices of this machine that paint.
 #[derive(Clone, Debug, Default)]
 pub struct WorkerDevices {
     /// Processors to use; `None`: all.

@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::build::build;
 
-/// What a machine is to do, or does.
+/// The state of a machine, ordered or actual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Standing {
+pub enum PresenceState {
     /// It paints what is asked for.
     #[default]
     Active,
@@ -17,7 +17,7 @@ pub enum Standing {
     Terminated,
 }
 
-impl Standing {
+impl PresenceState {
     /// As people read it.
     pub fn word(self) -> &'static str {
         match self {
@@ -51,7 +51,7 @@ pub struct Presence {
     /// The job that it paints.
     pub job: Option<u32>,
     /// What it does, as it was told.
-    pub standing: Standing,
+    pub standing: PresenceState,
     /// Whether it does what it is told; not the process that asked for a job and paints with the others until it is done.
     pub takes_orders: bool,
     /// Whether it may paint and no more.
@@ -70,7 +70,7 @@ impl Presence {
             threads,
             version: build().identity().to_owned(),
             job,
-            standing: Standing::Active,
+            standing: PresenceState::Active,
             takes_orders: true,
             is_guest: false,
             refusals: Vec::new(),

@@ -14,7 +14,7 @@ const REFUSALS_MAX: usize = 16;
 /// Characters of a reason that others are told at most.
 const REASON_CHARS_MAX: usize = 400;
 
-/// What this machine does not paint; shared by those who speak for it.
+/// The jobs that this machine refuses to paint; shared by those who speak for it.
 #[derive(Clone, Debug, Default)]
 pub struct Refusals(Arc<Mutex<BTreeMap<u64, Refusal>>>);
 

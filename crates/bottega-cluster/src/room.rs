@@ -1,4 +1,4 @@
-//! How much room the server of a farm has: what it may keep, what it keeps, and when that is too much.
+//! Storage on the server of a farm: how much it may keep, how much it keeps, and when that is too much.
 
 use std::{fs, path::Path};
 
@@ -26,14 +26,14 @@ const WRONG_SHARE: u64 = 4;
 const FULL_FROM: f64 = 0.97;
 const ROOM_FROM: f64 = 0.9;
 
-/// What a server may keep, as everybody in the farm may read it.
+/// The limit of a server's storage, as everybody in the farm may read it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Limit {
     /// In bytes.
     pub bytes: u64,
 }
 
-/// What a server keeps, and may keep.
+/// The storage of a server: used and allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
     /// Bytes that it keeps.

@@ -1,10 +1,10 @@
-//! Which job a machine paints: so that jobs have machines in proportion to their priorities.
+//! The choice of a machine's job: jobs have machines in proportion to their priorities.
 
 use crate::job_board::Presence;
 
 /// A job that wants machines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Wanting {
+pub(crate) struct JobClaim {
     pub(crate) number: u32,
     pub(crate) priority: u32,
 }
@@ -12,7 +12,7 @@ pub(crate) struct Wanting {
 /// The job that a machine which has none takes: the one that has least for its priority; the older one of equals.
 ///
 /// - `seats`: all machines but this one.
-pub(crate) fn choose(jobs: &[Wanting], seats: &[Presence]) -> Option<u32> {
+pub(crate) fn choose(jobs: &[JobClaim], seats: &[Presence]) -> Option<u32> {
     jobs.iter()
         .map(|job| (share(job, seated(job.number, seats) + 1), job.number))
         .min_by(|a, b| {
@@ -26,7 +26,7 @@ pub(crate) fn choose(jobs: &[Wanting], seats: &[Presence]) -> Option<u32> {
 /// the last by name goes first, so that not all go at once.
 ///
 /// - `seats`: all machines, this one among them.
-pub(crate) fn should_move(me: &str, number: u32, jobs: &[Wanting], seats: &[Presence]) -> bool {
+pub(crate) fn should_move(me: &str, number: u32, jobs: &[JobClaim], seats: &[Presence]) -> bool {
     let Some(own) = jobs.iter().find(|job| job.number == number) else { return true };
     let is_last = seats.iter().filter(|seat| seat.job == Some(number)).all(|seat| &*seat.name <= me);
     let mine = share(own, seated(number, seats));
@@ -39,7 +39,7 @@ fn seated(number: u32, seats: &[Presence]) -> usize {
     seats.iter().filter(|seat| seat.job == Some(number)).count()
 }
 
-fn share(job: &Wanting, seats: usize) -> f64 {
+fn share(job: &JobClaim, seats: usize) -> f64 {
     seats as f64 / f64::from(job.priority.max(1))
 }
 
@@ -49,7 +49,7 @@ mod tests {
 
     use super::*;
 
-    fn settle(jobs: &[Wanting], count: usize) -> Vec<Presence> {
+    fn settle(jobs: &[JobClaim], count: usize) -> Vec<Presence> {
         let seat = |i: usize| Presence::new(&format!("m{i:03}"), 1, None);
         let mut seats: Vec<Presence> = (0..count).map(seat).collect();
         for i in 0..count {
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn machines_are_shared_by_priority() {
-        let jobs = [Wanting { number: 1, priority: 10 }, Wanting { number: 2, priority: 30 }];
+        let jobs = [JobClaim { number: 1, priority: 10 }, JobClaim { number: 2, priority: 30 }];
         let seats = settle(&jobs, 12);
         assert_eq!((seated(1, &seats), seated(2, &seats)), (3, 9));
     }
@@ -73,7 +73,7 @@ mod tests {
             before in 1_usize..6,
         ) {
             let numbered = priorities.iter().zip(1..);
-            let jobs: Vec<Wanting> = numbered.map(|(&priority, number)| Wanting { number, priority }).collect();
+            let jobs: Vec<JobClaim> = numbered.map(|(&priority, number)| JobClaim { number, priority }).collect();
             let mut seats = settle(&jobs[..before.min(jobs.len())], machines);
             let mut moves = 0;
             while let Some(i) = (0..machines).find(|&i| should_move(&seats[i].name, seats[i].job.unwrap(), &jobs, &seats)) {

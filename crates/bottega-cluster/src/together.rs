@@ -15,7 +15,7 @@ use bottega_engines::{RenderError, Sharing};
 use bottega_farm::{NextPart, SharedPart, StopSwitch, next_part};
 use serde::{Deserialize, Serialize};
 
-use crate::{job_board::JobBoard, machine::Standing};
+use crate::{job_board::JobBoard, machine::PresenceState};
 
 /// The most that comes of a part.
 const PART_BYTES_MAX: usize = 1 << 28;
@@ -25,7 +25,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// Those who paint a job with this process.
-pub(crate) struct Together<'a> {
+pub(crate) struct JobPeers<'a> {
     board: &'a JobBoard,
     me: &'a str,
     work: u64,
@@ -38,12 +38,12 @@ pub(crate) struct Together<'a> {
 
 /// A notice of who does a part.
 #[derive(Serialize, Deserialize)]
-struct Taken {
+struct PartNotice {
     by: String,
     is_done: bool,
 }
 
-impl<'a> Together<'a> {
+impl<'a> JobPeers<'a> {
     pub(crate) fn new(board: &'a JobBoard, me: &'a str, work: u64, stop: &'a StopSwitch) -> Self {
         Self { board, me, work, stop, parts: AtomicU32::new(0), done_here: AtomicU32::new(0) }
     }
@@ -55,7 +55,7 @@ impl<'a> Together<'a> {
 
     /// Whether there is another machine that may take part.
     fn has_others(&self) -> bool {
-        self.board.presences().iter().any(|seat| seat.name != self.me && seat.standing == Standing::Active)
+        self.board.presences().iter().any(|seat| seat.name != self.me && seat.standing == PresenceState::Active)
     }
 
     fn parts_of(&self, stage: u32, count: u32) -> Vec<SharedPart> {
@@ -63,8 +63,8 @@ impl<'a> Together<'a> {
             let Some(notice) = self.board.uplink.notices().get(&part_name(self.work, stage, number)) else {
                 return SharedPart::default();
             };
-            match serde_json::from_slice::<Taken>(&notice.text) {
-                Ok(Taken { by, is_done }) => SharedPart { taken_by: Some(by), since: notice.unchanged, is_done },
+            match serde_json::from_slice::<PartNotice>(&notice.text) {
+                Ok(PartNotice { by, is_done }) => SharedPart { taken_by: Some(by), since: notice.unchanged, is_done },
                 Err(_) => SharedPart::default(),
             }
         };
@@ -80,7 +80,8 @@ impl<'a> Together<'a> {
     ) -> Result<Result<Option<Vec<u8>>, RenderError>, BlobError> {
         let (notices, name) = (self.board.uplink.notices(), part_name(self.work, stage, number));
         let says = |is_done| {
-            serde_json::to_vec(&Taken { by: self.me.to_owned(), is_done }).expect("a structure of text can be written")
+            serde_json::to_vec(&PartNotice { by: self.me.to_owned(), is_done })
+                .expect("a structure of text can be written")
         };
         let revision = notices.get(&name).map_or(0, |notice| notice.revision);
         if notices.update(&name, &says(false), revision)?.is_none() {
@@ -141,7 +142,7 @@ impl<'a> Together<'a> {
     }
 }
 
-impl Sharing for Together<'_> {
+impl Sharing for JobPeers<'_> {
     fn share(
         &self,
         stage: u32,

@@ -17,7 +17,7 @@ use crate::{
     error::Error,
     job_board::JobBoard,
     patience::{meanwhile, patiently},
-    pieces::{Counted, Pieces},
+    pieces::{Pieces, SentCount},
     room::{MAKE_ROOM, bytes_said},
 };
 
@@ -42,21 +42,21 @@ pub struct Announcement {
 
 /// Pieces that were sent. They are taken back unless a job came of them.
 #[must_use]
-pub(crate) struct Sent<'a> {
+pub(crate) struct SentPieces<'a> {
     board: &'a JobBoard,
     me: &'a str,
-    counted: Counted,
+    counted: SentCount,
     is_kept: bool,
 }
 
-impl Sent<'_> {
+impl SentPieces<'_> {
     /// The job is known.
     pub(crate) fn keep(mut self) {
         self.is_kept = true;
     }
 }
 
-impl Drop for Sent<'_> {
+impl Drop for SentPieces<'_> {
     fn drop(&mut self) {
         self.board.stop_announcing(self.me);
         let names = std::mem::take(&mut *self.counted.names.lock().unwrap_or_else(PoisonError::into_inner));
@@ -75,8 +75,8 @@ pub(crate) fn send<'a>(
     me: &'a str,
     stop: &StopSwitch,
     reporter: &Reporter,
-) -> Result<Sent<'a>, Error> {
-    let sent = Sent { board, me, counted: Counted::default(), is_kept: false };
+) -> Result<SentPieces<'a>, Error> {
+    let sent = SentPieces { board, me, counted: SentCount::default(), is_kept: false };
     let (begun, store): (_, &dyn ChunkStore) = (Instant::now(), board.uplink.blobs());
     board.announce(me, &Announcement { bytes: 0, sent: 0 });
     for _ in 0..ROUNDS_MAX {

@@ -37,7 +37,7 @@ const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 42
 /// The file that the process holds which has a farm.
 const LOCK: &str = "up.lock";
 
-/// What a farm is begun with.
+/// The options of a farm at its start.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct UpOptions {
     /// Where to listen; none: 0.0.0.0:4222.

@@ -1,4 +1,4 @@
-//! What a farm keeps, and lets go of: of jobs that are over, of pieces of scenes that no job needs, of machines that were killed.
+//! Upkeep of a farm: what goes of jobs that are over, of scene pieces that no job needs, of machines that were killed.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -25,16 +25,16 @@ const STRAY_AFTER: Duration = Duration::from_secs(600);
 /// After so long the seat of a machine is taken away that does not renew it.
 const SEAT_LEFT: Duration = Duration::from_secs(15);
 
-/// What a job holds of the farm's room, in bytes.
+/// The storage that a job takes of the farm's, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Held {
+pub struct JobStorage {
     /// Pieces of its scene, which other jobs may need too.
     pub scene: u64,
     /// Its picture, what it asks for, and about what is painted.
     pub own: u64,
 }
 
-impl Held {
+impl JobStorage {
     pub fn all(self) -> u64 {
         self.scene + self.own
     }
@@ -169,7 +169,7 @@ impl JobBoard {
     }
 
     /// What each job holds, by its number.
-    pub fn held(&self, jobs: &[(u32, Job)]) -> BTreeMap<u32, Held> {
+    pub fn held(&self, jobs: &[(u32, Job)]) -> BTreeMap<u32, JobStorage> {
         let blobs = self.uplink.blobs().list();
         let sizes: BTreeMap<&str, u64> = blobs.iter().map(|Blob { name, bytes, .. }| (&**name, *bytes)).collect();
         let tiles = self.uplink.tiles().bytes_by_folder();
@@ -182,7 +182,7 @@ impl JobBoard {
             let own: u64 =
                 sizes.range(&*prefix..).take_while(|(name, _)| name.starts_with(&prefix)).map(|(_, it)| it).sum();
             let painted = tiles.get(&format!("work-{}", job.work)).copied().unwrap_or_default();
-            Held { scene, own: own + painted }
+            JobStorage { scene, own: own + painted }
         };
         jobs.iter().map(|(number, job)| (*number, held(job))).collect()
     }

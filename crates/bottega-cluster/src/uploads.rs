@@ -57,7 +57,7 @@ pub struct UploadOffer {
     pub chunks: Vec<String>,
 }
 
-/// What of a file the farm has.
+/// The part of an uploaded file that the farm has.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct UploadState {
     /// By what a job names the file.

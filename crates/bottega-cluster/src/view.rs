@@ -1,4 +1,4 @@
-//! How jobs and machines stand, for those who look on.
+//! Views of jobs and machines for observers.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::{
     job::{Job, JobState},
     job_board::{JobBoard, Lead, Presence},
-    machine::{Roster, Standing},
+    machine::{PresenceState, Roster},
 };
 
 /// A job as others are told of it.
@@ -90,7 +90,7 @@ pub struct MachineView {
     /// What it says of itself.
     pub seat: Presence,
     /// What it is told.
-    pub ordered: Standing,
+    pub ordered: PresenceState,
 }
 
 impl MachineView {

@@ -1,4 +1,4 @@
-//! What the HTTP doors of one farm know each other's visitors by: tokens that all of them derive from the word of the farm, and a
+//! Secrets of the HTTP doors of one farm: tokens that all of them derive from the word of the farm, and a
 //! certificate.
 
 use crate::{

@@ -16,15 +16,15 @@ use crate::{
     job::{Job, JobState},
     job_board::{JobBoard, Presence, RENEW_EVERY},
     link::FarmLink,
-    machine::{MachineOrder, Standing},
+    machine::{MachineOrder, PresenceState},
     part::{Member, PartOutcome, take_part},
     patience::{meanwhile, patiently},
     prepared_job::PreparedJob,
     refusals::{Refusal, Refusals},
-    shares::{Wanting, choose, should_move},
+    shares::{JobClaim, choose, should_move},
 };
 
-/// What a machine that paints for a farm says to its user.
+/// A message of a machine that paints for a farm to its user.
 pub enum WorkerMessage<'a> {
     /// What it does.
     Line(&'a str),
@@ -32,7 +32,7 @@ pub enum WorkerMessage<'a> {
     Failure(&'a Error),
 }
 
-/// What of this machine is offered to a farm.
+/// The share of this machine that is offered to a farm.
 #[derive(Clone, Debug, Default)]
 pub struct JoinOptions {
     /// What paints.
@@ -104,20 +104,22 @@ impl Worker {
     ///
     /// - `once`: no longer than until a job is over.
     pub(crate) fn work(&mut self, once: bool) {
-        let mut before = Standing::Active;
+        let mut before = PresenceState::Active;
         while !self.member.stop.is_requested() {
             let MachineOrder { standing, by } = self.member.board.order_to(&self.member.name);
             if before != standing {
                 match standing {
-                    Standing::Active => (self.say)(WorkerMessage::Line(&format!("resumed by {by}; waiting for work"))),
-                    Standing::Suspended => (self.say)(WorkerMessage::Line(&format!("suspended by {by}"))),
-                    Standing::Terminated => (self.say)(WorkerMessage::Line(&format!("told to leave by {by}"))),
+                    PresenceState::Active => {
+                        (self.say)(WorkerMessage::Line(&format!("resumed by {by}; waiting for work")))
+                    }
+                    PresenceState::Suspended => (self.say)(WorkerMessage::Line(&format!("suspended by {by}"))),
+                    PresenceState::Terminated => (self.say)(WorkerMessage::Line(&format!("told to leave by {by}"))),
                 }
             }
             before = standing;
-            if standing == Standing::Suspended {
+            if standing == PresenceState::Suspended {
                 self.rest();
-            } else if standing == Standing::Terminated || self.work_once() && once {
+            } else if standing == PresenceState::Terminated || self.work_once() && once {
                 return;
             }
         }
@@ -128,11 +130,11 @@ impl Worker {
         // Memory, too, is for others now.
         self.studio = None;
         let Member { board, name, stop, .. } = &self.member;
-        board.attend(&Presence { standing: Standing::Suspended, ..self.member.seat(None) });
+        board.attend(&Presence { standing: PresenceState::Suspended, ..self.member.seat(None) });
         let begun = Instant::now();
         while begun.elapsed() < RENEW_EVERY
             && !stop.is_requested()
-            && board.order_to(name).standing == Standing::Suspended
+            && board.order_to(name).standing == PresenceState::Suspended
         {
             thread::sleep(LOOK_EVERY);
         }
@@ -141,7 +143,7 @@ impl Worker {
     /// Whether it is told anything else than to paint.
     fn is_called_off(&self) -> impl Fn() -> bool + Send + 'static {
         let (board, me, takes_orders) = (self.member.board.clone(), self.member.name.clone(), self.only.is_none());
-        move || takes_orders && board.order_to(&me).standing != Standing::Active
+        move || takes_orders && board.order_to(&me).standing != PresenceState::Active
     }
 
     /// Whether this machine would paint a job.
@@ -249,12 +251,12 @@ fn may(only: &Option<BTreeSet<u32>>, refusals: &Refusals, number: u32, job: &Job
 }
 
 /// Jobs that want machines.
-fn wanting(board: &JobBoard, is_wanted: impl Fn(u32, &Job) -> bool) -> Vec<Wanting> {
+fn wanting(board: &JobBoard, is_wanted: impl Fn(u32, &Job) -> bool) -> Vec<JobClaim> {
     let all = board.all().into_iter();
     let is_led = |number: u32| board.lead(number).is_some_and(|lead| lead.leader.is_some());
     // Guests paint for somebody.
     let is_possible = |number: u32| !board.uplink.is_guest() || is_led(number);
     let active =
         all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number, job) && is_possible(*number));
-    active.map(|(number, job)| Wanting { number, priority: job.priority }).collect()
+    active.map(|(number, job)| JobClaim { number, priority: job.priority }).collect()
 }

@@ -1,4 +1,4 @@
-//! How bright a picture is as a whole, which the denoiser's networks want to know.
+//! The brightness of a picture as a whole, which the denoiser's networks need.
 
 use bottega_image::{Picture, luminance};
 

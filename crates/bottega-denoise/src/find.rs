@@ -1,4 +1,4 @@
-//! Where the library is.
+//! The search for the library.
 
 use std::{
     env,

@@ -33,7 +33,7 @@ type Monitor = extern "C" fn(*mut c_void, f64) -> bool;
 
 /// The functions that are called.
 #[derive(Clone, Copy, Debug)]
-struct Functions {
+struct OidnFunctions {
     new_device: unsafe extern "C" fn(c_int) -> Handle,
     set_device_int: unsafe extern "C" fn(Handle, *const c_char, c_int),
     get_device_int: unsafe extern "C" fn(Handle, *const c_char) -> c_int,
@@ -53,7 +53,7 @@ struct Functions {
 /// The library, loaded.
 #[derive(Debug)]
 pub(crate) struct Library {
-    functions: Functions,
+    functions: OidnFunctions,
     version: c_int,
 }
 
@@ -65,7 +65,7 @@ impl Library {
         let library = unsafe { libloading::Library::new(path) }.map_err(|error| {
             if path.is_file() { unfit(error.to_string()) } else { DenoiseError::NotFound { tried: error.to_string() } }
         })?;
-        let functions = Functions::of(&library).map_err(|error| unfit(error.to_string()))?;
+        let functions = OidnFunctions::of(&library).map_err(|error| unfit(error.to_string()))?;
         // Never unloaded: `functions` stay valid, and so do threads that it has started.
         std::mem::forget(library);
         let mut loaded = Self { functions, version: 0 };
@@ -84,11 +84,11 @@ impl Library {
     }
 
     /// A device that computes on so many processors.
-    pub(crate) fn device(&self, threads: usize) -> Result<Device, DenoiseError> {
+    pub(crate) fn device(&self, threads: usize) -> Result<OidnDevice, DenoiseError> {
         let functions = self.functions;
         // SAFETY: called as declared; the handle is checked before it is used.
         let handle = unsafe { (functions.new_device)(DEVICE_CPU) };
-        let device = Device { functions, handle };
+        let device = OidnDevice { functions, handle };
         if handle.is_null() {
             return Err(device.error().unwrap_or_else(|| DenoiseError::Failed("it has no device".to_owned())));
         }
@@ -102,7 +102,7 @@ impl Library {
     }
 }
 
-impl Functions {
+impl OidnFunctions {
     fn of(library: &libloading::Library) -> Result<Self, libloading::Error> {
         // SAFETY: each symbol has the type that the header gives to the function of its name. Where 2.0 has given another
         // name to a function, the older one is of the same type.
@@ -158,12 +158,12 @@ impl<'a> Images<'a> {
 
 /// A device of the library's.
 #[derive(Debug)]
-pub(crate) struct Device {
-    functions: Functions,
+pub(crate) struct OidnDevice {
+    functions: OidnFunctions,
     handle: Handle,
 }
 
-impl Device {
+impl OidnDevice {
     /// Denoises `images.main` in place. Panics when a picture is of another size.
     pub(crate) fn filter(
         &self,
@@ -196,7 +196,7 @@ impl Device {
             // The library only reads what is not its output.
             image(name, guide.data.as_ptr().cast_mut().cast());
         }
-        let mut monitor = Progress { tell: progress };
+        let mut monitor = ProgressSink { tell: progress };
         // SAFETY: the filter is alive; `monitor` and the images outlive its execution, which this waits for.
         unsafe {
             if is_color {
@@ -240,7 +240,7 @@ impl Device {
     }
 }
 
-impl Drop for Device {
+impl Drop for OidnDevice {
     fn drop(&mut self) {
         if !self.handle.is_null() {
             // SAFETY: made by `Library::device`, released once.
@@ -251,28 +251,28 @@ impl Drop for Device {
 
 /// A filter of a device's.
 struct Filter {
-    functions: Functions,
+    functions: OidnFunctions,
     handle: Handle,
 }
 
 impl Drop for Filter {
     fn drop(&mut self) {
         if !self.handle.is_null() {
-            // SAFETY: made by `Device::filter`, released once.
+            // SAFETY: made by `OidnDevice::filter`, released once.
             unsafe { (self.functions.release_filter)(self.handle) }
         }
     }
 }
 
 /// Who is told of progress.
-struct Progress<'a> {
+struct ProgressSink<'a> {
     tell: &'a mut dyn FnMut(f64) -> ControlFlow<()>,
 }
 
 /// Called by the library while it works; false ends it.
 extern "C" fn told(user: *mut c_void, share: f64) -> bool {
-    // SAFETY: `Device::filter` has given the address of a `Progress` that lives while the filter works, and the library calls
+    // SAFETY: `OidnDevice::filter` has given the address of a `ProgressSink` that lives while the filter works, and the library calls
     // from one thread at a time. A panic in there ends the process, as no unwinding may cross the library.
-    let progress = unsafe { &mut *user.cast::<Progress<'_>>() };
+    let progress = unsafe { &mut *user.cast::<ProgressSink<'_>>() };
     (progress.tell)(share).is_continue()
 }

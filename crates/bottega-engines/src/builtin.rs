@@ -31,7 +31,7 @@ use self::{
     shared::{SAMPLE_NS_GUESSED, Shared},
     zone::ZonePainter,
 };
-use crate::{EngineDescription, EngineError, Painted, RenderEngine, Sharing, Survey, ZoneTask};
+use crate::{EngineDescription, EngineError, RenderEngine, Sharing, Survey, ZoneCallback, ZoneTask};
 
 /// The built-in engine over the processors of this machine.
 pub struct BuiltinEngine {
@@ -176,7 +176,7 @@ impl RenderEngine for BuiltinEngine {
         learnt.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
-    fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>) {
+    fn start(&self, task: ZoneTask, done: ZoneCallback) {
         let shared = Arc::clone(&self.shared);
         let client = self.resources.hra.client();
         let zone = thread::spawn(move || done(ZonePainter::new(&shared, client, task).paint()));

@@ -25,9 +25,9 @@ pub struct Tunables {
 /// Which of several engines suits a zone better, from −1 (the first) to 1 (the last); 0 is no difference. It decides who paints
 /// a zone, and nothing of how.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Leaning(f32);
+pub struct EnginePreference(f32);
 
-impl Leaning {
+impl EnginePreference {
     /// What is beyond the ends counts as the end, and what is no number as no difference.
     pub fn new(leaning: f32) -> Self {
         Self(if leaning.is_nan() { 0.0 } else { leaning.clamp(-1.0, 1.0) })
@@ -39,7 +39,7 @@ impl Leaning {
     }
 }
 
-/// What an engine is, and which tunables it has. One that it has not is never credited for it.
+/// The description of an engine, with its tunables. An engine is never credited for a tunable that it lacks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EngineDescription {
     /// Short name: `builtin`, `cycles`, …
@@ -73,7 +73,7 @@ impl CancelSwitch {
     }
 }
 
-/// How much of a task is painted, for those who want to know that it goes on. Clones are the same counter.
+/// The progress of a task: how much of it is painted. Clones are the same counter.
 #[derive(Clone, Debug, Default)]
 pub struct TaskProgress(Arc<AtomicU64>);
 
@@ -99,7 +99,7 @@ pub struct ZoneTask {
     /// At which settings.
     pub tunables: Tunables,
     /// For which of several engines.
-    pub leaning: Leaning,
+    pub leaning: EnginePreference,
     /// Running sums of the samples before; `None`: `samples` starts at 0.
     pub tile: Option<Tile>,
     /// Disjoint parts of the rectangle that are to have the samples; `None`: all of it. Engines that paint whole windows may
@@ -111,7 +111,7 @@ pub struct ZoneTask {
     pub progress: TaskProgress,
 }
 
-/// What came of a [`ZoneTask`].
+/// The result of a [`ZoneTask`].
 #[derive(Clone, Debug)]
 pub struct Painted {
     /// Running sums of all samples so far. After cancellation pixels may have different counts.
@@ -146,6 +146,9 @@ pub enum EngineError {
         reason: String,
     },
 }
+
+/// Takes the result of a zone, once, on a thread of the engine's.
+pub type ZoneCallback = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
 /// Something that paints rectangles of one picture of one scene.
 pub trait RenderEngine: Send + Sync {
@@ -184,5 +187,5 @@ pub trait RenderEngine: Send + Sync {
     }
 
     /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine's.
-    fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>);
+    fn start(&self, task: ZoneTask, done: ZoneCallback);
 }

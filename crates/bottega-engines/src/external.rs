@@ -23,10 +23,10 @@ pub use self::{
     child::{is_fenced_in, is_shut_in, is_weighed},
     engine::{ExternalEngine, ExternalOptions, Surveyor},
     error::EngineFault,
-    locate::{Located, install_hint},
+    locate::{LocatedEngine, install_hint},
     quarantine::{Quarantine, keep_quarantines_in, quarantine, release},
     session::{CameraView, CombineWord, Files, Opened, OpenedLayer, Probe, SceneRequest, Session},
-    shelf::{Entry, Shelf},
+    shelf::{Shelf, ShelfEntry},
     shipped::rules as shipped_rules,
 };
 
@@ -34,7 +34,7 @@ pub use self::{
 const LINES_TOLD: usize = 8;
 
 /// What of an engine's log tells why it failed: the lines that its manifest names, else the last ones.
-fn log_tail(engine: &Located, log: &child::Log) -> String {
+fn log_tail(engine: &LocatedEngine, log: &child::Log) -> String {
     let text = log.text();
     let lines: Vec<&str> = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
     let patterns = &engine.manifest().errors.patterns;

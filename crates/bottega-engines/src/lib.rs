@@ -32,6 +32,7 @@ pub use bottega_render::{
 };
 pub use builtin::{BuiltinEngine, BuiltinOptions, Devices, Resources};
 pub use engine::{
-    CancelSwitch, EngineDescription, EngineError, Leaning, Painted, RenderEngine, TaskProgress, Tunables, ZoneTask,
+    CancelSwitch, EngineDescription, EngineError, EnginePreference, Painted, RenderEngine, TaskProgress, Tunables,
+    ZoneCallback, ZoneTask,
 };
 pub use mixed::MixedEngine;

@@ -5,7 +5,7 @@ use std::{
     time::Instant,
 };
 
-use crate::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+use crate::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneCallback, ZoneTask};
 
 /// How much of what was known of an engine's speed stays when a zone is done.
 const MEMORY: f64 = 0.7;
@@ -13,18 +13,18 @@ const MEMORY: f64 = 0.7;
 /// Has zones wait until an engine is free, which then takes the one that suits it best; and hands a zone to another engine
 /// where one fails.
 pub struct MixedEngine {
-    shared: Arc<Shared>,
+    shared: Arc<MixedState>,
     /// Which of them makes the survey.
     surveyor: usize,
 }
 
-struct Shared {
+struct MixedState {
     engines: Vec<Arc<dyn RenderEngine>>,
-    desk: Mutex<Desk>,
+    desk: Mutex<WorkQueue>,
 }
 
 /// What is to be done, and by whom.
-struct Desk {
+struct WorkQueue {
     loads: Vec<Load>,
     /// In the order in which they came.
     waiting: Vec<Waiting>,
@@ -48,12 +48,10 @@ struct Load {
 /// A zone that nobody has in hand.
 struct Waiting {
     task: ZoneTask,
-    done: Done,
+    done: ZoneCallback,
     /// The engines that failed on it.
     failed: Vec<usize>,
 }
-
-type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
 impl MixedEngine {
     /// - `engines`: at least one, each with the number of zones that it paints at a time. Simple zones lean to the first
@@ -64,8 +62,8 @@ impl MixedEngine {
         let idle = |most: usize| Load { most: most.max(1), running: 0, under_way: 0.0, speed: None, zones: 0 };
         let loads = engines.iter().map(|(_, most)| idle(*most)).collect();
         let engines = engines.into_iter().map(|(engine, _)| engine).collect();
-        let desk = Mutex::new(Desk { loads, waiting: Vec::new() });
-        Self { shared: Arc::new(Shared { engines, desk }), surveyor }
+        let desk = Mutex::new(WorkQueue { loads, waiting: Vec::new() });
+        Self { shared: Arc::new(MixedState { engines, desk }), surveyor }
     }
 
     /// By name, how many zones or passes of zones each has painted.
@@ -79,7 +77,7 @@ fn samples_of(task: &ZoneTask) -> f64 {
     task.rect.area() as f64 * f64::from(task.samples.end.saturating_sub(task.samples.start))
 }
 
-impl Desk {
+impl WorkQueue {
     /// Takes out the zone that is to be begun now, and says by which engine.
     fn next(&mut self) -> Option<(usize, Waiting)> {
         let free = |engine: &usize| self.loads[*engine].running < self.loads[*engine].most;
@@ -133,8 +131,8 @@ impl Desk {
     }
 }
 
-impl Shared {
-    fn desk(&self) -> MutexGuard<'_, Desk> {
+impl MixedState {
+    fn desk(&self) -> MutexGuard<'_, WorkQueue> {
         self.desk.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -192,7 +190,7 @@ impl RenderEngine for MixedEngine {
         self.shared.engines.iter().try_for_each(|engine| engine.prepare())
     }
 
-    fn start(&self, task: ZoneTask, done: Done) {
+    fn start(&self, task: ZoneTask, done: ZoneCallback) {
         self.shared.desk().waiting.push(Waiting { task, done, failed: Vec::new() });
         self.shared.go_on();
     }
@@ -205,12 +203,12 @@ mod tests {
     use bottega_image::{AovSet, Layout, Rect, Tile};
 
     use super::*;
-    use crate::{CancelSwitch, Leaning, TaskProgress, Tunables};
+    use crate::{CancelSwitch, EnginePreference, TaskProgress, Tunables};
 
     /// Paints at once, or never.
-    struct Toy(&'static str, bool);
+    struct ToyEngine(&'static str, bool);
 
-    impl RenderEngine for Toy {
+    impl RenderEngine for ToyEngine {
         fn describe(&self) -> EngineDescription {
             EngineDescription {
                 name: self.0.to_owned(),
@@ -226,7 +224,7 @@ mod tests {
             Ok(Survey::default())
         }
 
-        fn start(&self, task: ZoneTask, done: Done) {
+        fn start(&self, task: ZoneTask, done: ZoneCallback) {
             let tile = Tile::new(task.rect, Layout::new(AovSet::NONE));
             let busy = std::time::Duration::from_millis(1);
             let painted = Painted { tile, busy, parts: Vec::new(), complete: true };
@@ -241,7 +239,7 @@ mod tests {
             rect: Rect::of_size(side, 1),
             samples: 0..1,
             tunables: Tunables { max_depth: 1, light_samples: 1 },
-            leaning: Leaning::new(leaning),
+            leaning: EnginePreference::new(leaning),
             tile: None,
             parts: None,
             cancel: CancelSwitch::default(),
@@ -259,7 +257,7 @@ mod tests {
 
     /// Which engine begins which zone, by its width.
     fn begun(loads: &[Load], zones: Vec<Waiting>) -> Vec<(usize, u32)> {
-        let mut desk = Desk { loads: loads.to_vec(), waiting: zones };
+        let mut desk = WorkQueue { loads: loads.to_vec(), waiting: zones };
         std::iter::from_fn(|| desk.next().map(|(engine, waiting)| (engine, waiting.task.rect.width()))).collect()
     }
 
@@ -287,7 +285,8 @@ mod tests {
     #[test]
     fn zones_of_an_engine_that_fails_are_painted_and_counted_by_the_other() {
         for (bad, good) in [(0, 1), (1, 0)] {
-            let toy = |index: usize| (Arc::new(Toy(["a", "b"][index], index == good)) as Arc<dyn RenderEngine>, 1);
+            let toy =
+                |index: usize| (Arc::new(ToyEngine(["a", "b"][index], index == good)) as Arc<dyn RenderEngine>, 1);
             let mixed = MixedEngine::new(vec![toy(0), toy(1)], 0);
             let (sender, answers) = mpsc::channel();
             for _ in 0..20 {
@@ -302,7 +301,7 @@ mod tests {
 
     #[test]
     fn a_zone_that_all_fail_on_is_told_once() {
-        let toys = ["a", "b"].map(|name| (Arc::new(Toy(name, false)) as Arc<dyn RenderEngine>, 1));
+        let toys = ["a", "b"].map(|name| (Arc::new(ToyEngine(name, false)) as Arc<dyn RenderEngine>, 1));
         let mixed = MixedEngine::new(toys.to_vec(), 0);
         let (sender, answers) = mpsc::channel();
         mixed.start(task(4, 0.0), Box::new(move |painted| sender.send(painted.is_err()).expect("heard")));

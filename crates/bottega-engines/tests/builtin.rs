@@ -8,8 +8,8 @@ use std::{
 };
 
 use bottega_engines::{
-    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, Leaning, Painted, RenderEngine, TaskProgress,
-    Tunables, ZoneTask,
+    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, EnginePreference, Painted, RenderEngine,
+    TaskProgress, Tunables, ZoneTask,
 };
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
@@ -70,7 +70,7 @@ fn begin_with(
         rect,
         samples,
         tunables,
-        leaning: Leaning::default(),
+        leaning: EnginePreference::default(),
         tile,
         parts: None,
         cancel,
@@ -142,7 +142,7 @@ fn an_engine_may_end_with_its_last_zone() {
         rect: FRAME,
         samples: 0..64,
         tunables,
-        leaning: Leaning::default(),
+        leaning: EnginePreference::default(),
         tile: None,
         parts: None,
         cancel,

@@ -1,4 +1,4 @@
-//! How many bytes messages and rows of the farm take, and how long it takes to write and to read one.
+//! Bytes of the farm's messages and rows, and the time to write and to read one.
 //!
 //! `cargo bench -p bottega-farm --bench wire`
 //!

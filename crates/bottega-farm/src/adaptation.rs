@@ -45,7 +45,7 @@ pub(crate) fn scaled(duration: Duration, factor: f64) -> Duration {
     Duration::try_from_secs_f64(duration.as_secs_f64() * factor).unwrap_or(Duration::from_secs(1 << 34))
 }
 
-/// How an agent learns its V_cp.
+/// The rule by which an agent learns its V_cp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AdaptationRule {
     /// V_cp ← (1 − k)·V_cp + k·(T − T_est) with times in seconds and k = 0.1, equation (1) as printed. It drifts to zero

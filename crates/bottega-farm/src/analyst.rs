@@ -19,7 +19,7 @@ const SURVEY_CELL_SIDE_MIN: u32 = 4;
 /// How long the Analyst waits for an answer before it asks the store again.
 const RETRY_AFTER: Duration = Duration::from_secs(3);
 
-/// What the Analyst is told when it is made.
+/// The configuration of an Analyst.
 #[derive(Clone, Debug)]
 pub struct AnalystConfig {
     /// Its own name.

@@ -1,4 +1,4 @@
-//! Who gets which zone. Pure: the Master asks, and sends what comes out.
+//! The auction: who gets which zone. Pure: the Master asks, and sends what comes out.
 //!
 //! Source: MAGarRO, section 3.4, "Auctioning": agents try to get the more complex zones first; among several the one
 //! with more credit wins; credit rises or falls in proportion to T_est − T. The default rule weighs what an agent promises
@@ -21,7 +21,7 @@ pub use self::{
     member::MemberId,
     open_zones::OpenZones,
     tally::{AuctionTally, RoundSummary},
-    terms::{AuctionRule, Award, Bidder, Decision, Proposal, Standing},
+    terms::{AuctionRule, Award, Bidder, BidderStanding, Decision, Proposal},
 };
 use crate::Offer;
 
@@ -32,7 +32,7 @@ pub(crate) const BIDDERS_MAX: usize = 16;
 /// that it did not bid for.
 ///
 /// - `offers`: largest first.
-pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &Standing<'_>) -> Decision {
+pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &BidderStanding<'_>) -> Decision {
     let by_time = |bidders: Vec<Bidder>, weighs: bool| {
         let worth = |bidder: &Bidder| if weighs { bidder.worth } else { 1.0 };
         let candidate = |bidder: Bidder| {
@@ -95,7 +95,7 @@ mod tests {
             Bidder { agent, credit, worth: 1.0, own, proposal: Proposal { room, bids } }
         };
         let bidders = agents.iter().enumerate().map(bidder).collect();
-        let standing = Standing { field: &field, now: 0.0, open, can_cut };
+        let standing = BidderStanding { field: &field, now: 0.0, open, can_cut };
         let awards = decide(rule, &offers, bidders, &standing).awards;
         (offers, awards)
     }

@@ -59,7 +59,7 @@ impl InputRanges {
     }
 }
 
-/// What is known of a work. Written by the Analyst after all its zones.
+/// The row of a work. Written by the Analyst after all its zones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorkRow {
     /// Which.
@@ -74,7 +74,7 @@ pub struct WorkRow {
     pub features: TaskFeatures,
 }
 
-/// What is known of an agent.
+/// The row of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentRow {
     /// Who.
@@ -111,7 +111,7 @@ pub enum FarmValue {
     Agent(Arc<AgentRow>),
 }
 
-/// What one reader has seen of the rows of a work.
+/// One reader's view of the rows of a work.
 #[derive(Clone, Debug, Default)]
 pub struct Blackboard {
     work: Option<Arc<WorkRow>>,

@@ -1,4 +1,4 @@
-//! How neighbouring zones are blended: linear masks across interpolation bands.
+//! Blending of neighboring zones: linear masks across interpolation bands.
 //!
 //! A zone is painted grown by its band. Where the grown zones of several neighbours lie over each other, each counts by
 //! how deep the pixel lies in it, divided by the sum of these depths. Across a straight edge between a zone of band *a*

@@ -1,4 +1,4 @@
-//! What the agents of the farm say to each other: the ontology `bottega-farm`.
+//! The contents of messages between the farm's agents: the ontology `bottega-farm`.
 
 use std::{sync::Arc, time::Duration};
 
@@ -32,7 +32,7 @@ pub struct Offer {
     pub time_estimated: Duration,
 }
 
-/// What an agent says of a zone on offer.
+/// The bid of an agent for a zone on offer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bid {
     /// Which.
@@ -54,7 +54,7 @@ pub struct Order {
     pub decides: bool,
 }
 
-/// What came of an order.
+/// The result of an order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// Which zone.

@@ -35,13 +35,13 @@ pub use self::{
     stop::StopSwitch,
 };
 use self::{
-    easel::Easel,
+    easel::Composer,
     populate::populate,
     shared::{End, Shared},
 };
-use crate::{FarmCompletion, Forecast, Goal, JobLesson, Kept, WorkRow, ZoneId, ZoneRow, ZoneStore};
+use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, WorkRow, ZoneId, ZoneRow, ZoneStore};
 
-/// What came of a job.
+/// The report of a job.
 #[derive(Debug)]
 pub struct JobReport {
     /// The picture, or what there is of it.
@@ -90,7 +90,7 @@ pub fn run(
     observer: Arc<dyn Observer>,
     stop: &StopSwitch,
     store: Option<Box<dyn ZoneStore>>,
-    kept: Option<Kept>,
+    kept: Option<JournalContents>,
 ) -> Result<JobReport, JobError> {
     lead(settings, engine, observer, stop, store, kept, None)
 }
@@ -105,7 +105,7 @@ pub fn lead(
     observer: Arc<dyn Observer>,
     stop: &StopSwitch,
     store: Option<Box<dyn ZoneStore>>,
-    kept: Option<Kept>,
+    kept: Option<JournalContents>,
     link: Option<Link>,
 ) -> Result<JobReport, JobError> {
     let work = settings.work()?;
@@ -113,7 +113,7 @@ pub fn lead(
         return Err(JobError::Verify { reason: "the agents of one process have the same engine" });
     }
     let mut kept = kept;
-    if let Some(Kept { work: WorkRow { settings, .. }, .. }) = &mut kept {
+    if let Some(JournalContents { work: WorkRow { settings, .. }, .. }) = &mut kept {
         // The time begins anew with each run.
         if let (Goal::Time(_), Goal::Time(_)) = (settings.goal, work.goal) {
             settings.goal = work.goal;
@@ -123,7 +123,7 @@ pub fn lead(
         }
     }
     let (kept, tiles) = match kept {
-        Some(Kept { mut work, mut rows, tiles }) => {
+        Some(JournalContents { mut work, mut rows, tiles }) => {
             // What an earlier run left on the blackboard of a farm is not gone on with: the number is another one.
             if let Some(link) = &link {
                 work.work = link.work;
@@ -133,7 +133,7 @@ pub fn lead(
         }
         None => (None, Default::default()),
     };
-    let easel = Easel::new(settings, tiles, store);
+    let easel = Composer::new(settings, tiles, store);
     let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, link));
     let platform = LocalPlatform::linked(1, shared.uplink())?;
     let master = populate(&platform, settings, work, kept, &shared)?;

@@ -1,10 +1,10 @@
-//! Who paints a zone where several engines may: what the rules of `rules/engine-choice.fcl`, or others, say of it.
+//! The choice among engines for a zone, by the rules of `rules/engine-choice.fcl` or others.
 //!
 //! They see of a zone what the rules of quality see ([`Expert`](crate::Expert)), laid out over the same ranges.
 
 use std::sync::Arc;
 
-use bottega_engines::Leaning;
+use bottega_engines::EnginePreference;
 use bottega_fuzzy::FunctionBlock;
 
 use crate::{
@@ -43,16 +43,16 @@ impl EngineChoice {
     }
 
     /// What they say of a zone; no difference where they cannot be evaluated.
-    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> Leaning {
-        let evaluate = || -> Result<Leaning, ExpertError> {
+    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
+        let evaluate = || -> Result<EnginePreference, ExpertError> {
             let rules = laid_out(&self.0, &work.ranges)?;
             let mut values = zone_values(zone, zone.neighbor_difference.mean).to_vec();
             values.retain(|(name, _)| rules.input_index(name).is_some());
-            Ok(Leaning::new(rules.evaluate(&values)?.get(LEANING).unwrap_or(0.0) as f32))
+            Ok(EnginePreference::new(rules.evaluate(&values)?.get(LEANING).unwrap_or(0.0) as f32))
         };
         evaluate().unwrap_or_else(|error| {
             tracing::warn!(zone = zone.zone.0, %error, "the rules cannot tell which engine suits the zone");
-            Leaning::default()
+            EnginePreference::default()
         })
     }
 }

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use bottega_engines::{EngineDescription, Leaning, Tunables};
+use bottega_engines::{EngineDescription, EnginePreference, Tunables};
 use bottega_fuzzy::{EvaluateError, FunctionBlock};
 use bottega_image::Sides;
 
@@ -29,7 +29,7 @@ pub const BAND_MAX: u32 = 64;
 /// pixels.
 const BAND_OF_SIDE: f64 = 1.0 / 24.0;
 
-/// Who says how wide interpolation bands are. With optimization off there are none: zones agree to the last bit.
+/// The width of interpolation bands, and who says it. With optimization off there are none: zones agree to the last bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BandWidth {
     /// There are none: zones meet at an edge.
@@ -41,7 +41,7 @@ pub enum BandWidth {
     Pixels(u32),
 }
 
-/// What an agent knows of rendering. Each agent may know something else.
+/// The knowledge of an agent about rendering. Each agent may know something else.
 #[derive(Clone, Debug)]
 pub struct Expert {
     rules: Arc<FunctionBlock>,
@@ -110,8 +110,8 @@ impl Expert {
     }
 
     /// Which of several engines suits a zone better. Says nothing of quality, so it is asked with optimization off, too.
-    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> Leaning {
-        self.engine_choice.as_ref().map_or_else(Leaning::default, |choice| choice.leaning(work, zone))
+    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
+        self.engine_choice.as_ref().map_or_else(EnginePreference::default, |choice| choice.leaning(work, zone))
     }
 
     /// Settings for a zone, relative to the user's and never above them. With optimization off, or when the rules

@@ -1,4 +1,4 @@
-//! When a zone has had enough: the rules by which agents and Master near the error or the time that the user asked for.
+//! Goals: the rules by which agents and Master near the error or the time that the user asked for.
 
 use std::sync::{Arc, LazyLock};
 

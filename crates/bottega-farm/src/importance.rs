@@ -26,7 +26,7 @@ const COST_FLOOR: f64 = 0.02;
 /// Survey cells that a map accepts.
 const CELLS_MAX: u64 = 1 << 26;
 
-/// What a cell of the survey is worth.
+/// The function that values a cell of the survey.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ImportanceFunction {
     /// Levels of recursion in mirror and transparent surfaces, and one for the first surface. Source: MAGarRO,

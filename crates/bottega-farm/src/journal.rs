@@ -22,7 +22,7 @@ const MAGIC: [u8; 8] = *b"BOTTEGA\x05";
 /// The longest payload that is believed.
 const PAYLOAD_BYTES_MAX: u64 = 1 << 36;
 
-/// Where a running work is kept. Called in order by one thread at a time.
+/// The store of a running work. Called in order by one thread at a time.
 pub trait ZoneStore: Send {
     /// Keeps what the user asked for and over what the rules are laid out.
     ///
@@ -95,20 +95,20 @@ impl<W: Write + Send> ZoneStore for JournalWriter<W> {
     }
 }
 
-/// What a journal holds.
+/// The contents of a journal.
 #[derive(Clone, Debug, Default)]
 pub struct Journal {
     /// What was painted.
     pub name: String,
     /// The work; `None` when it was interrupted before there were zones.
-    pub kept: Option<Kept>,
+    pub kept: Option<JournalContents>,
     /// How many bytes, from the beginning, can be believed.
     pub sound_bytes: u64,
 }
 
-/// What is left of an interrupted work.
+/// The rest of an interrupted work.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct JournalContents {
     /// The work.
     pub work: WorkRow,
     /// All its zones, by id.
@@ -188,13 +188,13 @@ fn keep_zone(payload: &[u8], zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>
 
 /// The work as it can be gone on with; `None` when zones are missing. A row whose tile is not there, or is not the one
 /// that it means, is painted again from the start.
-fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<Kept> {
+fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<JournalContents> {
     let roots = zones.values().filter(|(row, _)| row.root.is_none()).count();
     let in_order = zones.keys().take(roots).enumerate().all(|(i, zone)| zone.index() == i);
     if !in_order || roots != work.zone_count as usize {
         return None;
     }
-    let mut kept = Kept { work, rows: Vec::new(), tiles: BTreeMap::new() };
+    let mut kept = JournalContents { work, rows: Vec::new(), tiles: BTreeMap::new() };
     for (zone, (row, tile)) in zones {
         let tile = tile.filter(|tile| row.result.is_some_and(|result| result.digest == digest(tile)));
         match tile {

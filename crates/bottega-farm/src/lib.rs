@@ -75,8 +75,8 @@ pub use adaptation::{Adaptation, AdaptationRule, RelativePower};
 pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
 pub use auction::{
-    AuctionRule, AuctionTally, Award, Bidder, Credit, Decision, Field, MemberId, OpenZones, Proposal, RoundSummary,
-    Standing, decide,
+    AuctionRule, AuctionTally, Award, Bidder, BidderStanding, Credit, Decision, Field, MemberId, OpenZones, Proposal,
+    RoundSummary, decide,
 };
 pub use blackboard::{
     ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, Rival, Vote, WorkRow, ZoneRow, ZoneState,
@@ -95,7 +95,7 @@ pub use ids::{WorkId, ZoneId};
 pub use importance::{
     Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, TaskFeatures, TaskOutlook, UnknownChannel,
 };
-pub use journal::{Journal, JournalError, JournalWriter, Kept, ZoneStore};
+pub use journal::{Journal, JournalContents, JournalError, JournalWriter, ZoneStore};
 pub use master::{Master, MasterConfig, Timing};
 pub use painting::{Painting, ResultRef};
 pub use partition::{Balance, Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel, ZoneLimits};

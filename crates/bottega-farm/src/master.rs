@@ -34,10 +34,10 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roster};
 use crate::{
-    AgentRow, AuctionRule, Award, Bidder, Blackboard, Choice, Credit, Decision, FarmAction, FarmCompletion,
-    FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle, MemberId, Offer, Order,
-    Painting, Partition, Proposal, RelativePower, Report, Rival, RoundSummary, Standing, WorkId, WorkKeys, WorkRow,
-    ZoneId, ZoneRow, ZoneState,
+    AgentRow, AuctionRule, Award, Bidder, BidderStanding, Blackboard, Choice, Credit, Decision, FarmAction,
+    FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle,
+    MemberId, Offer, Order, Painting, Partition, Proposal, RelativePower, Report, Rival, RoundSummary, WorkId,
+    WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
     auction::BIDDERS_MAX,
     contents::{answer, asking, message},
     decide, protocol,
@@ -48,7 +48,7 @@ const WATCH: Ticket = Ticket(0);
 /// Results that the film is given at once.
 const COMPOSING_MAX: usize = 8;
 
-/// How long the Master waits for what.
+/// The waiting times of the Master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     /// For bids: silence is a refusal.
@@ -74,7 +74,7 @@ impl Default for Timing {
     }
 }
 
-/// What a Master is told when it is made.
+/// The configuration of a Master.
 #[derive(Clone, Debug)]
 pub struct MasterConfig {
     /// Its own name.
@@ -110,12 +110,12 @@ struct Write {
     /// What the row shall be, and the revision that it must have before.
     row: Arc<ZoneRow>,
     expected_revision: Revision,
-    then: Then,
+    then: RowFollowUp,
 }
 
 /// What follows when a row is written.
 #[derive(Clone, Debug)]
-enum Then {
+enum RowFollowUp {
     /// The agent gets its order, in this conversation.
     Order(u64),
     /// The agent learns, by this message, that its report is on the blackboard.

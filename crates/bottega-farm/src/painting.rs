@@ -1,4 +1,4 @@
-//! What an agent makes of a zone.
+//! The painting of a zone by an agent.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ pub struct ResultRef {
     pub digest: BlobId,
 }
 
-/// What was painted.
+/// The painted part of a zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painting {
     /// The settings chosen.

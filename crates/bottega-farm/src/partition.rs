@@ -1,4 +1,4 @@
-//! From the importance map to zones, in three levels, each working on the result of the one before.
+//! The partition of the importance map into zones, in three levels, each working on the result of the one before.
 //!
 //! Source: MAGarRO, section 3.3: recursive division by minimum size and maximum complexity; joining of neighbours of
 //! similar complexity; balancing, "to obtain tasks that all require roughly the same rendering time".

@@ -1,6 +1,6 @@
-//! How well something predicts something else.
+//! The quality of a prediction.
 
-/// How well numbers that were predicted agree with those that were measured.
+/// The agreement of predicted numbers with measured ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     /// Spearman's rank correlation, −1..=1: whether what was predicted to be larger is. 1 is perfect.

@@ -8,7 +8,7 @@ use bottega_agents::{AclMessage, AgentId, Performative, Revision, StateMachine, 
 use bottega_image::Rect;
 use rustc_hash::FxHashMap;
 
-use self::hand::Hand;
+use self::hand::ZoneInHand;
 use crate::{
     Adaptation, AdaptationRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
     FarmMessage, Foreknowledge, Holding, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report,
@@ -22,7 +22,7 @@ use crate::{
 /// An order is looked at from this age on: younger ones are not missed, and most are done by then.
 const LOOK_AFTER: Duration = Duration::from_secs(5);
 
-/// What an agent is told when it is made.
+/// The configuration of a Render Agent.
 #[derive(Clone, Debug)]
 pub struct RenderAgentConfig {
     /// Its own name.
@@ -64,7 +64,7 @@ pub struct RenderAgent {
     left_out: bool,
     work: Option<WorkRow>,
     fetched: bool,
-    hands: ShortMap<Hand>,
+    hands: ShortMap<ZoneInHand>,
     /// Reports that the Master has not answered.
     unanswered: ShortMap<Unanswered>,
     /// The newest token seen of each zone that is neither in hand nor unanswered: an order that arrives late or twice is not
@@ -274,7 +274,7 @@ impl RenderAgent {
         let is_estimated = choice.tunables == profiled.tunables;
         let decided = decided.is_none();
         let mut hand =
-            Hand { order, choice, is_estimated, decided, begun: false, since: now, painted: 0, conversation };
+            ZoneInHand { order, choice, is_estimated, decided, begun: false, since: now, painted: 0, conversation };
         if self.fetched {
             hand.begin(self.power(), &self.config.expert, actions);
         }

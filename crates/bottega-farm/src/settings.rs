@@ -1,4 +1,4 @@
-//! What the user wants of a picture, and what is decided for a zone.
+//! The settings of a picture, and the choice for a zone.
 
 use std::{fmt, str::FromStr, time::Duration};
 
@@ -11,7 +11,7 @@ const PROFILE_SHARE: f64 = 0.05;
 /// Side of a cell, in pixels: large enough for an error that is estimated from few samples, small enough to follow the scene.
 pub(crate) const CELL_SIDE: u32 = 32;
 
-/// How aggressively the rules may spend less than the user's settings: the paper's Optimization Level.
+/// The degree to which the rules may spend less than the user's settings: the paper's Optimization Level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Optimization {
     /// The user's settings exactly, everywhere: the picture is then the same, bit for bit, whoever painted it.
@@ -76,7 +76,7 @@ impl FromStr for Optimization {
     }
 }
 
-/// What the error of a zone is needed for.
+/// The use of a zone's error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ErrorUse {
     /// Nothing: it is not estimated.
@@ -88,7 +88,7 @@ pub enum ErrorUse {
     Stops(f64),
 }
 
-/// When a zone has had enough samples.
+/// The goal of a zone: when it has enough samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Goal {
     /// When it has as many as were asked for.
@@ -122,7 +122,7 @@ impl Goal {
     }
 }
 
-/// What the user asked for: the same for all zones of a work.
+/// The settings of a work, as the user asked: the same for all its zones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorkSettings {
     /// The whole picture, from (0, 0).

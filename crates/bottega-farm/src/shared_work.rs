@@ -16,7 +16,7 @@ pub struct SharedPart {
     pub is_done: bool,
 }
 
-/// What a machine does next.
+/// The next part of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NextPart {
     /// Takes this part.

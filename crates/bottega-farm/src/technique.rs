@@ -1,4 +1,4 @@
-//! What the outputs of rules mean, for each way to follow light.
+//! The meaning of the rules' outputs for each way to follow light.
 //!
 //! Source: MAGarRO, section 3.4: the outputs depend on the rendering method, the inputs serve any.
 

@@ -21,7 +21,7 @@ const PREFETCH: u32 = 2;
 /// Calls for proposals that it has not answered; older ones are refused in its name.
 const CALLS_MAX: usize = 16;
 
-/// What is put to a visitor.
+/// A message to a visitor.
 #[derive(Clone, Debug)]
 pub enum VisitorEffect {
     /// There is a work, and the Master has it on its list.
@@ -63,7 +63,7 @@ pub enum VisitorEffect {
     },
 }
 
-/// What a visitor says.
+/// A message of a visitor.
 #[derive(Clone, Debug)]
 pub enum VisitorReport {
     /// It would paint these zones.
@@ -95,7 +95,7 @@ pub enum VisitorReport {
     Returns,
 }
 
-/// Who a visitor is.
+/// The configuration of a visitor.
 #[derive(Clone, Debug)]
 pub struct VisitorConfig {
     /// Its name in the farm.

@@ -1,9 +1,9 @@
-//! What the farm's agents can have done in the world, and what the world says of it.
+//! The effects that the farm's agents can ask for, and the completions that answer them.
 
 use std::{ops::Range, sync::Arc, time::Duration};
 
 use bottega_agents::{Action, AgentId, Event, Revision};
-use bottega_engines::{Leaning, Survey, Tunables};
+use bottega_engines::{EnginePreference, Survey, Tunables};
 use bottega_image::Rect;
 
 use crate::{
@@ -25,7 +25,7 @@ pub struct PaintOrder {
     /// With which settings.
     pub tunables: Tunables,
     /// For which of several engines.
-    pub leaning: Leaning,
+    pub leaning: EnginePreference,
     /// The samples before: `samples` goes on from them. `None`: it starts at 0.
     pub from: Option<ResultRef>,
     /// What the error that is left is needed for.
@@ -131,7 +131,7 @@ pub enum FarmEffect {
     },
 }
 
-/// What the world says.
+/// A completion or an event of the world.
 #[derive(Clone, Debug)]
 pub enum FarmCompletion {
     /// Of [`FarmEffect::Survey`].

@@ -1,4 +1,4 @@
-//! What leaves a process: rows and messages as records in the layout of `postcard`, tiles as a record and raw sums.
+//! The wire form of the farm: rows and messages as records in the layout of `postcard`, tiles as a record and raw sums.
 //!
 //! The types of the farm are not written themselves, but records that mirror them: what is written is a promise to other
 //! processes and to journals, and a change of it is seen here. `postcard` sees to the shape of what is read; that lengths

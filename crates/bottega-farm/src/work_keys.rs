@@ -1,4 +1,4 @@
-//! Where the rows of a work stand in the store of the platform.
+//! The keys of a work's rows in the store of the platform.
 
 use std::sync::Arc;
 

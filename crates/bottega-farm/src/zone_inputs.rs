@@ -1,4 +1,4 @@
-//! What the rules of the farm may ask of a zone, and why a set of rules cannot be used for that.
+//! The inputs that the farm's rules have of a zone, and why a set of rules cannot be used for that.
 
 use bottega_fuzzy::{EvaluateError, FclError, FunctionBlock, LayoutError};
 

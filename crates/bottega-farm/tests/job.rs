@@ -9,7 +9,8 @@ use std::{
 
 use bottega_farm::{
     AuctionRule, BandWidth, Experience, Expert, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal,
-    JournalWriter, Kept, Level, Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
+    JournalContents, JournalWriter, Level, Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState,
+    run,
 };
 use bottega_image::{Aov, Film, Rect};
 
@@ -236,7 +237,7 @@ impl Write for Paper {
 }
 
 impl Paper {
-    fn kept(&self) -> Option<Kept> {
+    fn kept(&self) -> Option<JournalContents> {
         Journal::read(&self.0.lock().unwrap()[..]).unwrap().kept
     }
 }

@@ -1,4 +1,4 @@
-//! What a Master does with messages that are late, doubled, out of sequence or simply wrong.
+//! Messages to a Master that are late, doubled, out of sequence or simply wrong.
 
 #[path = "common/survey.rs"]
 mod survey;

@@ -8,7 +8,10 @@ use bottega_agents::{
 };
 use bottega_farm::{
     AuctionRule, AuctionTally,
-    simulate::{Crew, Incident, IncidentKind, Outcome, Plan, SimulationError, SyntheticSpread, Workpiece, simulate},
+    simulate::{
+        CrewSpec, Incident, IncidentKind, Plan, SimulationError, SimulationOutcome, SyntheticSpread, Workpiece,
+        simulate,
+    },
 };
 
 fn piece(zones: usize, mean_seconds: f64, seed: u64) -> Arc<Workpiece> {
@@ -16,14 +19,14 @@ fn piece(zones: usize, mean_seconds: f64, seed: u64) -> Arc<Workpiece> {
     Arc::new(Workpiece::synthetic(zones, &spread, seed).expect("so many zones can be"))
 }
 
-fn run(piece: &Arc<Workpiece>, plan: &Plan) -> Outcome {
+fn run(piece: &Arc<Workpiece>, plan: &Plan) -> SimulationOutcome {
     simulate(piece, plan).unwrap_or_else(|error| panic!("seed {}: {error}", plan.seed))
 }
 
 /// Late, lost and doubled messages; agents, the Master too, that die and come back; cuts; orders that fail.
 fn troubled(seed: u64) -> Plan {
     let mut random = Random::new(seed ^ 0x5eed);
-    let mut crew: Crew = "2x1.0,1x0.5,1x2.0,1x0.33".parse().expect("a crew");
+    let mut crew: CrewSpec = "2x1.0,1x0.5,1x2.0,1x0.33".parse().expect("a crew");
     crew.agents[4].joins = Duration::from_secs(seed % 6);
     let at = Duration::from_secs(4 + seed % 9);
     let kind = [IncidentKind::Slow(4.0), IncidentKind::Fail, IncidentKind::Leave][(seed % 3) as usize];
@@ -69,7 +72,7 @@ fn the_same_seed_gives_the_same_run() {
 fn who_hangs_or_breaks_is_left_out_and_nobody_else() {
     let (mut hung, mut broken) = (0, 0);
     for seed in 0..300 {
-        let mut crew: Crew = "3x1.0,1x0.5,2x1.0".parse().expect("a crew");
+        let mut crew: CrewSpec = "3x1.0,1x0.5,2x1.0".parse().expect("a crew");
         let at = Duration::from_secs(seed % 7);
         crew.incidents.push(Incident { at, agent: 4, kind: IncidentKind::Hang });
         crew.incidents.push(Incident { at, agent: 5, kind: IncidentKind::Break(1.0) });
@@ -90,10 +93,10 @@ fn who_hangs_or_breaks_is_left_out_and_nobody_else() {
 
 #[test]
 fn who_alone_fails_is_not_left_out_and_what_cannot_be_painted_is_told() {
-    let crew: Crew = "1,agent-0@break=0s".parse().expect("a crew");
+    let crew: CrewSpec = "1,agent-0@break=0s".parse().expect("a crew");
     let outcome = run(&piece(6, 1.0, 1), &Plan::calm(crew, 1));
     assert_eq!((outcome.failed, &outcome.agents[0].left_out), (6, &None));
-    let crew: Crew = "2,agent-0@break=0s,agent-1@break=0s".parse().expect("a crew");
+    let crew: CrewSpec = "2,agent-0@break=0s,agent-1@break=0s".parse().expect("a crew");
     let outcome = run(&piece(6, 1.0, 1), &Plan::calm(crew, 1));
     assert_eq!(outcome.failed, 6);
     assert_eq!(outcome.agents.iter().filter(|agent| agent.left_out.is_some()).count(), 1);
@@ -105,7 +108,7 @@ fn who_alone_fails_is_not_left_out_and_what_cannot_be_painted_is_told() {
 fn where_agents_are_compared_liars_are_left_out_and_what_they_painted_is_not_in_the_picture() {
     let (mut wrong, mut zones, mut caught) = (0, 0, [0; 3]);
     for seed in 0..200 {
-        let mut crew: Crew = "2x1.0,1x0.5,1x2.0,3x1.0".parse().expect("a crew");
+        let mut crew: CrewSpec = "2x1.0,1x0.5,1x2.0,3x1.0".parse().expect("a crew");
         let lies = [(4, 0, 1.0), (5, 0, 0.2), (6, 60, 0.3)];
         for (agent, at, share) in lies {
             let at = Duration::from_secs(at);
@@ -145,7 +148,7 @@ fn where_agents_are_compared_liars_are_left_out_and_what_they_painted_is_not_in_
 
 #[test]
 fn honest_agents_are_believed_after_a_while_and_then_comparing_costs_little() {
-    let crew = || Crew::equal(8);
+    let crew = || CrewSpec::equal(8);
     let piece = piece(2_000, 2.0, 3);
     let alone = run(&piece, &Plan::calm(crew(), 3));
     let compared = run(&piece, &Plan { verify: 2, ..Plan::calm(crew(), 3) });
@@ -157,11 +160,11 @@ fn honest_agents_are_believed_after_a_while_and_then_comparing_costs_little() {
 
 #[test]
 fn who_cannot_be_compared_with_anybody_is_told() {
-    let plan = Plan { verify: 3, ..Plan::calm(Crew::equal(2), 1) };
+    let plan = Plan { verify: 3, ..Plan::calm(CrewSpec::equal(2), 1) };
     let error = simulate(&piece(4, 1.0, 1), &plan).expect_err("two are not three");
     assert!(matches!(error, SimulationError::Unfinished { painted: 0, .. }), "{error}");
     // When the third comes, they go on.
-    let mut crew = Crew::equal(3);
+    let mut crew = CrewSpec::equal(3);
     crew.agents[2].joins = Duration::from_secs(30);
     let outcome = run(&piece(4, 1.0, 1), &Plan { verify: 3, ..Plan::calm(crew, 1) });
     assert!(outcome.lacked_machines && outcome.makespan > Duration::from_secs(30), "{outcome:?}");
@@ -170,7 +173,7 @@ fn who_cannot_be_compared_with_anybody_is_told() {
 #[test]
 fn a_thousand_unequal_agents_of_whom_some_fail_lose_a_tenth_at_most() {
     for seed in 0..2 {
-        let mut crew: Crew = "250x0.5,250x1.0,250x2.0,250x4.0".parse().expect("a crew");
+        let mut crew: CrewSpec = "250x0.5,250x1.0,250x2.0,250x4.0".parse().expect("a crew");
         let piece = piece(16_000, 20.0, seed);
         let until = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
         crew.fail_some(0.05, until, seed);
@@ -184,7 +187,7 @@ fn a_thousand_unequal_agents_of_whom_some_fail_lose_a_tenth_at_most() {
 
 #[test]
 fn who_cannot_finish_is_told() {
-    let crew: Crew = "1,agent-0@fail=3s".parse().expect("a crew");
+    let crew: CrewSpec = "1,agent-0@fail=3s".parse().expect("a crew");
     let error = simulate(&piece(16, 10.0, 1), &Plan::calm(crew, 1)).expect_err("nobody is left");
     assert!(matches!(error, SimulationError::Unfinished { zones: 16, .. }), "{error}");
 }
@@ -196,7 +199,7 @@ fn credit_finds_out_who_promises_more_than_it_holds() {
     let works = 40;
     let mut sums = [[0.0; 2]; 2];
     for seed in 0..works {
-        let mut crew = Crew::equal(9);
+        let mut crew = CrewSpec::equal(9);
         for agent in [0, 3, 6] {
             crew.incidents.push(Incident { at: Duration::ZERO, agent, kind: IncidentKind::Boast(2.0) });
         }

@@ -1,4 +1,4 @@
-//! What all rules together say of one output, and the one number made of it: exact, piece by piece.
+//! The aggregate of all rules for one output, and the one number made of it: exact, piece by piece.
 
 use crate::{
     membership::{Membership, left_limit, right_limit},
@@ -7,7 +7,7 @@ use crate::{
 
 /// One term as a rule concluded it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Activated<'a> {
+pub(crate) struct ActiveOutput<'a> {
     pub(crate) term: &'a Membership,
     pub(crate) activation: Activation,
     /// The degree of the rule, in 0..=1 and above 0.
@@ -23,7 +23,7 @@ struct AggregatePiece {
     y1: f64,
 }
 
-/// What all rules together say of one output, before one number is made of it.
+/// The aggregate of all rules on one output, before one number is made of it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Aggregate {
     /// (x, height), x never falling: what each rule that fired puts where.
@@ -34,7 +34,7 @@ pub enum Aggregate {
 }
 
 /// The joined conclusions themselves; `range` and `activated` as for [`defuzzify`].
-pub(crate) fn aggregate(accumulation: Accumulation, range: (f64, f64), activated: &[Activated<'_>]) -> Aggregate {
+pub(crate) fn aggregate(accumulation: Accumulation, range: (f64, f64), activated: &[ActiveOutput<'_>]) -> Aggregate {
     let mut heights = singletons(activated);
     if !heights.is_empty() {
         heights.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -66,8 +66,8 @@ fn lies_between((x, y): (f64, f64), (x0, y0): (f64, f64), (x1, y1): (f64, f64)) 
     x0 < x && x < x1 && (y0 + (y1 - y0) * ((x - x0) / (x1 - x0)) - y).abs() < TOLERANCE
 }
 
-fn singletons(activated: &[Activated<'_>]) -> Vec<(f64, f64)> {
-    let height = |one: &Activated<'_>| match one.term {
+fn singletons(activated: &[ActiveOutput<'_>]) -> Vec<(f64, f64)> {
+    let height = |one: &ActiveOutput<'_>| match one.term {
         Membership::Singleton(at) => Some((*at, one.degree)),
         Membership::Linear(_) => None,
     };
@@ -82,7 +82,7 @@ pub(crate) fn defuzzify(
     method: Method,
     accumulation: Accumulation,
     range: (f64, f64),
-    activated: &[Activated<'_>],
+    activated: &[ActiveOutput<'_>],
 ) -> Option<f64> {
     let singletons = singletons(activated);
     if !singletons.is_empty() {
@@ -128,7 +128,7 @@ fn of_singletons(method: Method, accumulation: Accumulation, mut heights: Vec<(f
 }
 
 /// The aggregate as linear pieces that cover the range from left to right.
-fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[Activated<'_>]) -> Vec<AggregatePiece> {
+fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[ActiveOutput<'_>]) -> Vec<AggregatePiece> {
     // Cut the range wherever one of the functions bends.
     let mut cuts = vec![range.0, range.1];
     for one in activated {
@@ -165,7 +165,7 @@ fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[Activated<
 }
 
 /// The values of an activated term just right of `x0` and just left of `x1`, between which it is linear.
-fn line(one: &Activated<'_>, x0: f64, x1: f64) -> Option<(f64, f64)> {
+fn line(one: &ActiveOutput<'_>, x0: f64, x1: f64) -> Option<(f64, f64)> {
     let Membership::Linear(points) = one.term else { return None };
     let (y0, y1) = (right_limit(points, x0), left_limit(points, x1));
     Some(match one.activation {
@@ -284,7 +284,7 @@ mod tests {
     }
 
     /// The same by brute force: midpoint rule.
-    fn sampled(accumulation: Accumulation, range: (f64, f64), activated: &[Activated<'_>], method: Method) -> f64 {
+    fn sampled(accumulation: Accumulation, range: (f64, f64), activated: &[ActiveOutput<'_>], method: Method) -> f64 {
         const STEPS: usize = 20_000;
         let step = (range.1 - range.0) / STEPS as f64;
         let sum_at = |x: f64| {
@@ -328,7 +328,7 @@ mod tests {
             terms in prop::collection::vec((any_term(), 0.05..=1.0, any::<bool>()), 1..5),
             accumulation in prop::sample::select(Accumulation::ALL),
         ) {
-            let activated: Vec<Activated<'_>> = terms.iter().map(|(term, degree, cut)| Activated {
+            let activated: Vec<ActiveOutput<'_>> = terms.iter().map(|(term, degree, cut)| ActiveOutput {
                 term,
                 degree: *degree,
                 activation: if *cut { Activation::Min } else { Activation::Prod },
@@ -367,7 +367,7 @@ mod tests {
     fn a_triangle_has_its_known_centers() {
         // Right triangle with the right angle at 3: centroid at 2/3, half of the area at 3/√2.
         let term = linear(&[(0.0, 0.0), (3.0, 1.0), (3.0, 0.0)]);
-        let one = [Activated { term: &term, activation: Activation::Prod, degree: 0.5 }];
+        let one = [ActiveOutput { term: &term, activation: Activation::Prod, degree: 0.5 }];
         let by = |method| defuzzify(method, Accumulation::Max, (0.0, 9.0), &one).unwrap();
         assert!((by(Method::Cog) - 2.0).abs() < 1e-12);
         assert!((by(Method::Coa) - 3.0 / 2.0_f64.sqrt()).abs() < 1e-12);
@@ -377,7 +377,7 @@ mod tests {
     #[test]
     fn maxima_of_a_cut_off_trapezoid_are_the_ends_of_its_plateau() {
         let term = linear(&[(0.0, 0.0), (2.0, 1.0), (4.0, 1.0), (6.0, 0.0)]);
-        let one = [Activated { term: &term, activation: Activation::Min, degree: 0.5 }];
+        let one = [ActiveOutput { term: &term, activation: Activation::Min, degree: 0.5 }];
         let by = |method| defuzzify(method, Accumulation::Max, (0.0, 9.0), &one).unwrap();
         assert_eq!((by(Method::Lm), by(Method::Rm), by(Method::Mm)), (1.0, 5.0, 3.0));
     }
@@ -389,7 +389,7 @@ mod tests {
         let all: Vec<_> = terms
             .iter()
             .zip(degrees)
-            .map(|(term, degree)| Activated { term, activation: Activation::Min, degree })
+            .map(|(term, degree)| ActiveOutput { term, activation: Activation::Min, degree })
             .collect();
         let by = |method, accumulation| defuzzify(method, accumulation, (0.0, 9.0), &all).unwrap();
         assert!((by(Method::Cogs, Accumulation::Max) - (0.8 + 2.4) / 1.4).abs() < 1e-12);
@@ -400,8 +400,11 @@ mod tests {
     #[test]
     fn an_aggregate_has_the_corners_that_one_would_draw() {
         let (low, high) = (linear(&[(0.0, 1.0), (2.0, 1.0), (4.0, 0.0)]), linear(&[(2.0, 0.0), (4.0, 1.0)]));
-        let cut =
-            [(&low, 0.5), (&high, 1.0)].map(|(term, degree)| Activated { term, activation: Activation::Min, degree });
+        let cut = [(&low, 0.5), (&high, 1.0)].map(|(term, degree)| ActiveOutput {
+            term,
+            activation: Activation::Min,
+            degree,
+        });
         let drawn = |accumulation| aggregate(accumulation, (0.0, 5.0), &cut);
         let corners = vec![(0.0, 0.5), (3.0, 0.5), (4.0, 1.0), (5.0, 1.0)];
         assert_eq!(drawn(Accumulation::Max), Aggregate::Linear(corners));
@@ -414,7 +417,7 @@ mod tests {
     fn nothing_concluded_or_no_area_gives_no_value() {
         assert_eq!(defuzzify(Method::Cog, Accumulation::Max, (0.0, 1.0), &[]), None);
         let outside = linear(&[(4.0, 0.0), (5.0, 1.0)]);
-        let one = [Activated { term: &outside, activation: Activation::Min, degree: 1.0 }];
+        let one = [ActiveOutput { term: &outside, activation: Activation::Min, degree: 1.0 }];
         for &method in Method::ALL {
             assert_eq!(defuzzify(method, Accumulation::Bsum, (0.0, 1.0), &one), None, "{method:?}");
         }

@@ -44,7 +44,7 @@ pub struct OutputVariable {
     pub default: Option<f64>,
 }
 
-/// What must hold for a rule to fire. Numbers are indices of the block's inputs and of their terms.
+/// The condition of a rule. Numbers are indices of the block's inputs and of their terms.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "named as in the language")]
 pub enum Condition {
@@ -63,7 +63,7 @@ pub enum Condition {
     Or(Vec<Condition>),
 }
 
-/// What a rule says when it fires. Numbers are indices of the block's outputs and of their terms.
+/// The conclusion of a rule. Numbers are indices of the block's outputs and of their terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "named as in the language")]
 pub struct Conclusion {

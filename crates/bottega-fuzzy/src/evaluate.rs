@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::{
-    aggregate::{Activated, Aggregate, aggregate, defuzzify},
+    aggregate::{ActiveOutput, Aggregate, aggregate, defuzzify},
     block::{Condition, FunctionBlock, RuleBlock},
     operators::Accumulation,
 };
@@ -59,7 +59,7 @@ impl Outputs {
     }
 }
 
-/// How much a rule had to say.
+/// A rule that fired, and its weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiredRule {
     /// The rule's label.
@@ -182,15 +182,15 @@ impl FunctionBlock {
     }
 
     /// What the rules that fired conclude of an output, and how that is joined.
-    fn activated(&self, index: usize, degrees: &[f64]) -> (Accumulation, Vec<Activated<'_>>) {
+    fn activated(&self, index: usize, degrees: &[f64]) -> (Accumulation, Vec<ActiveOutput<'_>>) {
         let output = &self.outputs[index];
         let accumulation = self.accumulation_of(index);
-        let mut activated: Vec<Activated<'_>> = Vec::new();
+        let mut activated: Vec<ActiveOutput<'_>> = Vec::new();
         let rules = self.rule_blocks.iter().flat_map(|block| block.rules.iter().map(move |rule| (block, rule)));
         for ((block, rule), &degree) in rules.zip(degrees).filter(|(_, degree)| **degree > 0.0) {
             for conclusion in rule.conclusions.iter().filter(|conclusion| conclusion.output == index) {
                 let term = &output.terms[conclusion.term].membership;
-                add(accumulation, Activated { term, activation: block.activation, degree }, &mut activated);
+                add(accumulation, ActiveOutput { term, activation: block.activation, degree }, &mut activated);
             }
         }
         (accumulation, activated)
@@ -207,9 +207,9 @@ impl FunctionBlock {
 }
 
 /// Adds a conclusion. Under MAX, of two on the same function the stronger one covers the other.
-fn add<'a>(accumulation: Accumulation, one: Activated<'a>, activated: &mut Vec<Activated<'a>>) {
+fn add<'a>(accumulation: Accumulation, one: ActiveOutput<'a>, activated: &mut Vec<ActiveOutput<'a>>) {
     use crate::membership::Membership;
-    let same = |other: &&mut Activated<'a>| {
+    let same = |other: &&mut ActiveOutput<'a>| {
         std::ptr::eq(other.term, one.term)
             && other.activation == one.activation
             && accumulation == Accumulation::Max

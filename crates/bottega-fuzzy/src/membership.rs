@@ -1,6 +1,6 @@
 //! Membership functions.
 
-/// How much a value belongs to a term.
+/// The membership of a value in a term.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Membership {
     /// 1 at one place, 0 elsewhere.

@@ -1,6 +1,6 @@
 //! The operators that a rule block chooses from (IEC 61131-7, tables of AND, OR, ACT, ACCU and METHOD).
 
-/// How degrees are joined by AND: a triangular norm.
+/// The AND of degrees: a triangular norm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum And {
     /// min(a, b)
@@ -12,7 +12,7 @@ pub enum And {
     Bdif,
 }
 
-/// How degrees are joined by OR: a triangular conorm.
+/// The OR of degrees: a triangular conorm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Or {
     /// max(a, b)
@@ -24,7 +24,7 @@ pub enum Or {
     Bsum,
 }
 
-/// How the degree of a rule acts on the term it concludes.
+/// The effect of a rule's degree on the term it concludes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Activation {
     /// Cuts it off: min(w, μ)
@@ -34,7 +34,7 @@ pub enum Activation {
     Prod,
 }
 
-/// How the conclusions of all rules on one output are joined.
+/// The union of the conclusions of all rules on one output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accumulation {
     /// The greatest at each place.
@@ -46,7 +46,7 @@ pub enum Accumulation {
     Nsum,
 }
 
-/// How one number is made of the joined conclusions.
+/// The method that makes one number of the joined conclusions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// The center of gravity.

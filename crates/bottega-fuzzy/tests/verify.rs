@@ -1,4 +1,4 @@
-//! What verification of a rule base tells, and what it does not.
+//! Verification of rule bases: what it tells, and what it does not.
 
 use bottega_fuzzy::{Limits, parse_document};
 

@@ -1,4 +1,4 @@
-//! Which devices there are, and which of them is meant.
+//! The list of adapters, and the choice of one by name.
 
 use std::sync::LazyLock;
 

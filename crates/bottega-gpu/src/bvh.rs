@@ -21,7 +21,7 @@ const INNER: u8 = NODE_INNER as u8;
 
 /// A tree as it is uploaded.
 #[derive(Debug)]
-pub(crate) struct Tree {
+pub(crate) struct DeviceTree {
     /// The root first; there is always one.
     pub(crate) nodes: Vec<Node>,
     /// The order in which leaves name the shapes.
@@ -31,8 +31,8 @@ pub(crate) struct Tree {
 }
 
 /// Widens a binary tree whose leaves have at most [`LEAF_MAX`](crate::shared::geometry::LEAF_MAX) shapes.
-pub(crate) fn widen(binary: &BinaryTree) -> Tree {
-    let mut tree = Tree { nodes: vec![Node::zeroed()], order: Vec::with_capacity(binary.items.len()), depth: 1 };
+pub(crate) fn widen(binary: &BinaryTree) -> DeviceTree {
+    let mut tree = DeviceTree { nodes: vec![Node::zeroed()], order: Vec::with_capacity(binary.items.len()), depth: 1 };
     // The binary node of each node, and its depth. Children come after all that was there before, so a queue keeps them together.
     let mut sources = vec![(0, 1)];
     let mut next = 0;
@@ -145,7 +145,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// Walks the tree; checks that boxes enclose what is below, and returns all shapes that leaves name.
-    fn walk(tree: &Tree, bounds: &[Aabb]) -> Vec<u32> {
+    fn walk(tree: &DeviceTree, bounds: &[Aabb]) -> Vec<u32> {
         let everywhere = Aabb { min: Vec3::splat(-3e38), max: Vec3::splat(3e38) };
         let (mut seen, mut todo) = (Vec::new(), vec![(0, 1, everywhere)]);
         while let Some((index, depth, outer)) = todo.pop() {
@@ -184,7 +184,7 @@ mod tests {
         seen
     }
 
-    fn check(bounds: &[Aabb]) -> Tree {
+    fn check(bounds: &[Aabb]) -> DeviceTree {
         let shapes: Vec<_> = bounds.iter().map(|&bounds| Shape::Within(bounds)).collect();
         let tree = widen(&BinaryTree::build(&shapes, LEAF_MAX as usize, 1));
         assert_eq!(walk(&tree, bounds), (0..bounds.len() as u32).collect::<Vec<_>>());

@@ -15,7 +15,7 @@ const UPLOAD_BYTES: usize = 64 << 20;
 
 /// What the driver said out of turn.
 #[derive(Debug, Default)]
-struct Faults {
+struct DriverMessages {
     refused: Mutex<Option<String>>,
     lost: Mutex<Option<String>>,
 }
@@ -33,7 +33,7 @@ fn noted(slot: &Mutex<Option<String>>) -> Option<String> {
 pub(crate) struct Context {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
-    faults: Arc<Faults>,
+    faults: Arc<DriverMessages>,
     timeout: Duration,
 }
 
@@ -68,7 +68,7 @@ impl Context {
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|source| GpuError::Device { adapter: info.name.clone(), source })?;
-        let faults = Arc::new(Faults::default());
+        let faults = Arc::new(DriverMessages::default());
         let (refusals, losses) = (Arc::clone(&faults), Arc::clone(&faults));
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&refusals.refused, error.to_string())));
         device.set_device_lost_callback(move |reason, message| note(&losses.lost, format!("{reason:?}: {message}")));

@@ -61,7 +61,7 @@ fn direction_scale(ray: &Ray) -> f32 {
 
 /// Buffers of a batch, as large as the largest so far.
 #[derive(Debug)]
-struct Batch {
+struct RayBuffers {
     capacity: usize,
     rays: Buffer,
     answers: Buffer,
@@ -78,7 +78,7 @@ pub(crate) struct Device {
     nodes: Buffer,
     shapes: Buffer,
     params: Buffer,
-    batch: Option<Batch>,
+    batch: Option<RayBuffers>,
     staging: Vec<DeviceRay>,
 }
 
@@ -155,7 +155,7 @@ impl Device {
         self.context.read(submission, &batch.readback, bytes, read)
     }
 
-    fn dispatch(&self, encoder: &mut wgpu::CommandEncoder, query: Query, batch: &Batch, rays: usize) {
+    fn dispatch(&self, encoder: &mut wgpu::CommandEncoder, query: Query, batch: &RayBuffers, rays: usize) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(match query {
             Query::Intersect => &self.intersect,
@@ -200,7 +200,7 @@ impl Device {
         let readback = make("readback", answer_bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
         let bound = [(0, &self.nodes), (1, &self.shapes), (2, &rays), (3, &answers), (4, &self.params)];
         let bindings = self.context.bind("batch", &self.layout, &bound);
-        self.batch = Some(Batch { capacity, rays, answers, readback, bindings });
+        self.batch = Some(RayBuffers { capacity, rays, answers, readback, bindings });
     }
 
     /// Takes the device away, as a driver does that resets it.

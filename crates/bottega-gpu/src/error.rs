@@ -1,4 +1,4 @@
-//! What can go wrong with a device.
+//! The errors of devices.
 
 /// Why a GPU cannot be had, or did not do its work.
 #[derive(Debug, thiserror::Error)]

@@ -3,7 +3,7 @@
 use bottega_kernels::{Aabb, BinaryTree, Hit, InstanceGeometry, MeshGeometry, Shape as Outline, SphereGeometry};
 use glam::Vec3;
 
-use crate::bvh::{self, Tree};
+use crate::bvh::{self, DeviceTree};
 use crate::error::GpuError;
 use crate::shared::geometry::{LEAF_MAX, Node, Shape};
 
@@ -64,7 +64,7 @@ impl Geometry {
         }
         shapes.retain(Shape::is_bounded);
         let outlines: Vec<_> = shapes.iter().map(Shape::outline).collect();
-        let Tree { nodes, order, depth } = bvh::widen(&BinaryTree::build(&outlines, LEAF_MAX as usize, 0));
+        let DeviceTree { nodes, order, depth } = bvh::widen(&BinaryTree::build(&outlines, LEAF_MAX as usize, 0));
         let bytes = (size_of_val(&*nodes) as u64).max((order.len() * size_of::<Shape>()) as u64);
         if bytes > limit {
             return Err(GpuError::TooLarge { what: "the scene's tree", bytes, limit, adapter: adapter.to_owned() });

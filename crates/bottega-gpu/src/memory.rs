@@ -1,4 +1,4 @@
-//! How much memory an adapter has, and has free: Vulkan knows, and wgpu does not pass it on.
+//! The memory of an adapter, all of it and what is free: Vulkan knows, and wgpu does not pass it on.
 //!
 //! Unsafe: Vulkan's functions are called past wgpu. Only questions are asked, of a handle that wgpu holds meanwhile.
 #![allow(unsafe_code)]

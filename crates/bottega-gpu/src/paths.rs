@@ -32,7 +32,7 @@ use scene::PathScene;
 pub use shelf::EncodedScene;
 use shelf::SceneShelf;
 use tracer::Tracer;
-use worker::{Message, Worker};
+use worker::{Message, PathWorker};
 
 /// An adapter that may be opened, and what it says of itself.
 #[derive(Clone, Debug)]
@@ -141,7 +141,7 @@ impl GpuPaths {
             move || Tracer::new(&adapter.adapter, &adapter.info, &options)
         };
         let shelf = Arc::new(SceneShelf::default());
-        let worker = Worker::new(Arc::clone(&shelf), Box::new(make))?;
+        let worker = PathWorker::new(Arc::clone(&shelf), Box::new(make))?;
         let (messages, inbox) = channel();
         let name = format!("gpu {}", adapter.info.name.replace('\0', " "));
         let spawned = thread::Builder::new().name(name).spawn(move || worker.run(&inbox));

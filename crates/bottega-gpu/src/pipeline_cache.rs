@@ -18,11 +18,11 @@ const BYTES_MAX: u64 = 256 << 20;
 /// The kernels that a driver has compiled.
 #[derive(Debug)]
 pub(crate) struct PipelineCache {
-    kept: Option<Kept>,
+    kept: Option<KeptKernels>,
 }
 
 #[derive(Debug)]
-struct Kept {
+struct KeptKernels {
     file: PathBuf,
     cache: wgpu::PipelineCache,
     digest: Option<blake3::Hash>,
@@ -36,7 +36,7 @@ pub(crate) fn features(adapter: &Adapter) -> Features {
 impl PipelineCache {
     /// What is kept in `folder` for such an adapter; without a folder, or where the driver cannot, nothing is.
     pub(crate) fn open(context: &Context, adapter: &Adapter, folder: Option<&Path>) -> Self {
-        Self { kept: folder.and_then(|folder| Kept::open(context, adapter, folder)) }
+        Self { kept: folder.and_then(|folder| KeptKernels::open(context, adapter, folder)) }
     }
 
     /// For those who make pipelines.
@@ -57,7 +57,7 @@ impl PipelineCache {
     }
 }
 
-impl Kept {
+impl KeptKernels {
     fn open(context: &Context, adapter: &Adapter, folder: &Path) -> Option<Self> {
         if !context.device.features().contains(Features::PIPELINE_CACHE) {
             return None;

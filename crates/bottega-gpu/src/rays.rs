@@ -14,7 +14,7 @@ use crate::device::{Device, TILE_MAX};
 use crate::error::GpuError;
 use crate::geometry::Geometry;
 
-/// How a GPU is used.
+/// The options of a GPU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GpuOptions {
     /// Part of the name of the adapter that is wanted. `None`: the best GPU, never a software adapter.
@@ -148,13 +148,13 @@ impl<W: RayWork> Resource<W> for GpuRays {
 
     fn perform(&mut self, work: W) -> Result<W::Output, Failed<W>> {
         let outcome = match work.query() {
-            Some(RayQuery::Intersect(rays)) => self.intersect(rays).map(Answer::Hits),
-            Some(RayQuery::Occluded(rays)) => self.occluded(rays).map(Answer::Occlusion),
+            Some(RayQuery::Intersect(rays)) => self.intersect(rays).map(RayReply::Hits),
+            Some(RayQuery::Occluded(rays)) => self.occluded(rays).map(RayReply::Occlusion),
             None => return Err(Failed { work, reason: "not a batch of rays".to_owned() }),
         };
         match outcome {
-            Ok(Answer::Hits(hits)) => Ok(work.hits(hits)),
-            Ok(Answer::Occlusion(occluded)) => Ok(work.occlusion(occluded)),
+            Ok(RayReply::Hits(hits)) => Ok(work.hits(hits)),
+            Ok(RayReply::Occlusion(occluded)) => Ok(work.occlusion(occluded)),
             Err(error) => Err(Failed { work, reason: error.to_string() }),
         }
     }
@@ -164,7 +164,7 @@ impl<W: RayWork> Resource<W> for GpuRays {
     }
 }
 
-enum Answer {
+enum RayReply {
     Hits(Vec<Hit>),
     Occlusion(Vec<bool>),
 }

@@ -1,5 +1,5 @@
-//! What a unit costs beyond its work: `cargo bench -p bottega-hra`. Numbers of submitting threads may be named behind `--`; each is
-//! measured with as many lanes, and with as many as there are processors, which is how a program has them.
+//! The overhead of a unit beyond its work: `cargo bench -p bottega-hra`. Numbers of submitting threads may be named behind `--`;
+//! each is measured with as many lanes, and with as many as there are processors, which is how a program has them.
 #![allow(clippy::print_stdout, reason = "prints what it measures")]
 
 use std::collections::BTreeSet;

@@ -1,4 +1,4 @@
-//! How a stranger adds a board: a made-up one that squares numbers in packets, behind a link, with little memory.
+//! An example of a board that a stranger adds: it squares numbers in packets, behind a link, with little memory.
 //!
 //! `cargo run -p bottega-hra --example board > board.svg` has it work beside two lanes of the processor, tells on
 //! standard error what each did, and draws the time lines. `docs/hra.md` explains the steps.

@@ -1,6 +1,6 @@
-//! What a resource is at.
+//! The activities of a resource.
 
-/// What a resource is at.
+/// The activity of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activity {
     /// Waits for work.

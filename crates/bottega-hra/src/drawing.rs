@@ -1,4 +1,4 @@
-//! What resources and the work bin were at, as a drawing.
+//! A drawing of the activities of resources and of the work bin.
 
 use std::fmt::Write;
 

@@ -1,4 +1,4 @@
-//! What can be asked of a resource: the primitives, sets of them, and names of data.
+//! Primitives, sets of them, and names of data.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What each resource did with its time.
+//! The report of a resource: what it did with its time.
 
 use std::time::Duration;
 

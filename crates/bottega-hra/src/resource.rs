@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::{DataId, Failed, PrimitiveSet, Work};
 
-/// How far a resource is from the memory of this process.
+/// The distance of a resource from the memory of this process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link {
     /// Time that one byte needs, one way.
@@ -25,7 +25,7 @@ impl Link {
     }
 }
 
-/// What a resource is and can do.
+/// The description of a resource: what it is and can do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResourceDescriptor {
     /// The name that users see.

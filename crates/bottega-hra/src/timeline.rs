@@ -1,4 +1,4 @@
-//! What resources and the work bin were at, as data.
+//! The timeline of resources and of the work bin, as data.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! What the allocator promises, one promise a test.
+//! The promises of the allocator, one a test.
 
 mod support;
 

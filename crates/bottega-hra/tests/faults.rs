@@ -1,4 +1,4 @@
-//! What goes wrong with resources costs time, and never an answer.
+//! Faults of resources: they cost time, and never an answer.
 
 mod support;
 
@@ -66,7 +66,7 @@ fn an_allocator_with_a_resource_that_hangs_can_be_dropped() {
 }
 
 /// A far device that answers so many units, and nothing at all after them: no packet, no wish to recover, no end.
-struct Dead {
+struct DeadResource {
     answers: usize,
     gate: Gate,
     kept: Vec<Packet<support::Job>>,
@@ -74,7 +74,7 @@ struct Dead {
     given_up: Arc<AtomicU64>,
 }
 
-impl WindowedResource<support::Job> for Dead {
+impl WindowedResource<support::Job> for DeadResource {
     fn descriptor(&self) -> ResourceDescriptor {
         let link = Link { latency: Duration::from_micros(10), bandwidth: 1e9 };
         ResourceDescriptor { name: "dead".into(), primitives: PrimitiveSet::ALL, memory_bytes: None, link }
@@ -96,7 +96,7 @@ impl WindowedResource<support::Job> for Dead {
     }
 }
 
-impl Drop for Dead {
+impl Drop for DeadResource {
     fn drop(&mut self) {
         self.gate.pass();
     }
@@ -110,7 +110,7 @@ fn nobody_waits_for_a_device_that_hangs_for_ever_neither_for_the_last_units_nor_
             let patience = Duration::from_secs(3600);
             let window = Window { patience, ..Window::default() };
             let given_up = Arc::default();
-            let dead = Dead { answers, gate: gate.clone(), kept: Vec::new(), given_up: Arc::clone(&given_up) };
+            let dead = DeadResource { answers, gate: gate.clone(), kept: Vec::new(), given_up: Arc::clone(&given_up) };
             let near = custom("near", PrimitiveSet::ALL, |job| {
                 thread::sleep(Duration::from_micros(50));
                 Ok(double(job))
@@ -137,7 +137,7 @@ fn nobody_waits_for_a_device_that_hangs_for_ever_neither_for_the_last_units_nor_
 fn a_device_that_hangs_when_it_is_torn_down_is_waited_for_a_moment_only() {
     within_reason(|| {
         let gate = Gate::default();
-        let dead = Dead { answers: usize::MAX, gate: gate.clone(), kept: Vec::new(), given_up: Arc::default() };
+        let dead = DeadResource { answers: usize::MAX, gate: gate.clone(), kept: Vec::new(), given_up: Arc::default() };
         let hra = Hra::with_lanes(quick(), vec![Lane::Windowed(Box::new(dead), Window::default())]);
         let client = hra.client();
         client.submit(unit(1, PixelBlock)).unwrap();
@@ -253,12 +253,12 @@ fn data_goes_when_its_place_is_needed_and_what_never_fits_is_done_elsewhere() {
 }
 
 /// Has memory for so many units at once.
-struct Cramped {
+struct CrampedResource {
     units_max: usize,
     largest: Arc<AtomicU64>,
 }
 
-impl WindowedResource<support::Job> for Cramped {
+impl WindowedResource<support::Job> for CrampedResource {
     fn descriptor(&self) -> ResourceDescriptor {
         let link = Link { latency: Duration::from_millis(1), bandwidth: 1e9 };
         ResourceDescriptor { name: "cramped".into(), primitives: PrimitiveSet::ALL, memory_bytes: None, link }
@@ -277,7 +277,7 @@ impl WindowedResource<support::Job> for Cramped {
 fn a_resource_without_memory_for_so_much_gets_less_at_once() {
     within_reason(|| {
         let largest = Arc::default();
-        let cramped = Cramped { units_max: 3, largest: Arc::clone(&largest) };
+        let cramped = CrampedResource { units_max: 3, largest: Arc::clone(&largest) };
         let lane = Lane::Windowed(Box::new(cramped), Window::default());
         let hra = Hra::with_lanes(quick(), vec![lane]);
         let client = hra.client();

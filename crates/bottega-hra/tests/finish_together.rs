@@ -1,8 +1,8 @@
-//! In virtual time: any mix of resources does as much as the sum of what each does alone.
+//! Mixed resources in virtual time: any mix does as much as the sum of what each does alone.
 
 use std::time::Duration;
 
-use bottega_hra::simulate::{Load, Model, Outcome, Random, simulate};
+use bottega_hra::simulate::{DayOutcome, Load, LoadRandom, Model, simulate};
 use bottega_hra::{CostBook, HraConfig, Link, Primitive, Time};
 
 /// Items of a unit.
@@ -10,7 +10,7 @@ const SIZE: u64 = 100;
 /// How long a batch should take: some hundred units of the slowest resource.
 const SECONDS: f64 = 10.0;
 
-fn run(models: &[Model], load: &Load, seed: u64) -> Outcome {
+fn run(models: &[Model], load: &Load, seed: u64) -> DayOutcome {
     let config = HraConfig { max_delay_bound: Duration::from_secs(3600), ..HraConfig::default() };
     let outcome = simulate(config, models, load, &CostBook::new(""), seed);
     assert_eq!((outcome.lost(), outcome.doubled, outcome.overfull), (0, 0, false));
@@ -18,7 +18,7 @@ fn run(models: &[Model], load: &Load, seed: u64) -> Outcome {
     outcome
 }
 
-fn seconds(outcome: &Outcome) -> f64 {
+fn seconds(outcome: &DayOutcome) -> f64 {
     outcome.end.since(Time::ZERO).as_secs_f64()
 }
 
@@ -27,7 +27,7 @@ fn count(name: &str, default: u64) -> u64 {
 }
 
 /// Two to eight resources, the slowest up to 100 times slower than the fastest, latencies up to 50 ms.
-fn mix(random: &mut Random) -> Vec<Model> {
+fn mix(random: &mut LoadRandom) -> Vec<Model> {
     let count = 2 + random.below(7);
     (0..count)
         .map(|index| {
@@ -68,7 +68,7 @@ fn any_mix_reaches_95_percent_of_the_sum() {
     let mixes = count("BOTTEGA_HRA_MIXES", 200);
     let (mut worst, mut total) = ((f64::INFINITY, 0), 0.0);
     for seed in 0..mixes {
-        let models = mix(&mut Random::new(seed));
+        let models = mix(&mut LoadRandom::new(seed));
         let alone: f64 = models.iter().map(|model| rate_alone(model, seed)).sum();
         let ideal: f64 = models.iter().map(ideal_rate).sum();
         let units = (SECONDS * ideal) as usize;
@@ -126,7 +126,7 @@ fn partial_resources_take_their_part_of_mixed_work() {
     let (mut worst, mut total) = ((f64::INFINITY, 0), 0.0);
     // 115: the first answer comes sooner than the way was thought to take.
     for seed in (0..mixes).chain([115]) {
-        let mut random = Random::new(1_000_000 + seed);
+        let mut random = LoadRandom::new(1_000_000 + seed);
         let mut models = mix(&mut random);
         for (index, model) in models.iter_mut().enumerate() {
             let base = model.time_per_item[0].unwrap_or(1.0);

@@ -2,17 +2,17 @@
 
 use std::time::Duration;
 
-use bottega_hra::simulate::{Answered, Arrival, Faults, Load, Model, Random, simulate};
+use bottega_hra::simulate::{AnsweredUnit, Arrival, Faults, Load, LoadRandom, Model, simulate};
 use bottega_hra::{CostBook, DataId, HraConfig, Link, Primitive, Time, UnitError, Window};
 
 const DAY: f64 = 86_400.0;
 
-fn seconds(random: &mut Random, from: f64, to: f64) -> Duration {
+fn seconds(random: &mut LoadRandom, from: f64, to: f64) -> Duration {
     Duration::from_secs_f64(random.by_magnitude(from, to))
 }
 
 /// Resources of which all but the first fail in every way that there is.
-fn models(random: &mut Random) -> Vec<Model> {
+fn models(random: &mut LoadRandom) -> Vec<Model> {
     let mut models = vec![Model::near("sound", random.by_magnitude(1e8, 1e9))];
     for index in 0..1 + random.below(5) {
         let ns_per_item = random.by_magnitude(1e7, 1e9);
@@ -44,7 +44,7 @@ fn models(random: &mut Random) -> Vec<Model> {
 }
 
 /// Work that comes in waves all day, some of it urgent, some of it soon of no use.
-fn load(random: &mut Random, units: usize) -> Load {
+fn load(random: &mut LoadRandom, units: usize) -> Load {
     let mut load = Load::default();
     let mut at = 0.0;
     while load.arrivals.len() < units {
@@ -71,7 +71,7 @@ fn load(random: &mut Random, units: usize) -> Load {
     load
 }
 
-fn check(answer: &Answered, arrival: &Arrival, config: &HraConfig) {
+fn check(answer: &AnsweredUnit, arrival: &Arrival, config: &HraConfig) {
     let expires = answer.submitted.after(arrival.validity);
     match &answer.outcome {
         Some(Ok(())) => assert!(answer.at < expires, "an output that nobody wants any more: {answer:?}"),
@@ -87,7 +87,7 @@ fn a_day_of_faults_loses_nothing_and_does_nothing_twice() {
     let seeds: u64 = std::env::var("BOTTEGA_HRA_SEEDS").ok().and_then(|text| text.parse().ok()).unwrap_or(200);
     let (mut done, mut failed, mut expired, mut cancelled, mut incidents) = (0, 0, 0, 0, 0);
     for seed in 0..seeds {
-        let mut random = Random::new(seed);
+        let mut random = LoadRandom::new(seed);
         let models = models(&mut random);
         let load = load(&mut random, 2_000);
         let config = HraConfig {
@@ -120,7 +120,7 @@ fn a_day_of_faults_loses_nothing_and_does_nothing_twice() {
 #[test]
 fn no_unit_waits_longer_than_its_maximum_delay() {
     for seed in 0..100 {
-        let mut random = Random::new(seed);
+        let mut random = LoadRandom::new(seed);
         let models: Vec<Model> = (0..1 + random.below(6))
             .map(|index| Model { noise: 0.1, ..Model::near(format!("{index}"), random.by_magnitude(1e5, 1e6)) })
             .collect();

@@ -1,6 +1,6 @@
 //! False colors: numbers as colors in which equal steps look equal.
 
-/// Which colors.
+/// The colors of a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMap {
     /// Black, purple, orange, pale yellow: for errors and cost.

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3, Mat3};
 
-/// How colors of a file whose white is not D65 become ours.
+/// The adaptation of a file's colors whose white is not D65.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum WhitePoint {
     /// Its white becomes our white: what is neutral there is neutral here, as OpenEXR's `AcesInputFile` has it.

@@ -1,4 +1,4 @@
-//! What can go wrong with a picture.
+//! The errors of pictures.
 
 use std::path::{Path, PathBuf};
 

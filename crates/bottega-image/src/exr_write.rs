@@ -54,7 +54,7 @@ pub enum ExrCompression {
     Piz,
 }
 
-/// How an EXR file is laid out.
+/// The layout of an EXR file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExrOptions {
     /// Width of the floats.

@@ -1,4 +1,4 @@
-//! Which values a pixel holds, and where.
+//! The layout of a pixel: which values it holds, and where.
 
 use std::{ops::Range, sync::Arc};
 

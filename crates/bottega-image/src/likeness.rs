@@ -1,4 +1,4 @@
-//! Whether two tiles may be the same picture, painted by engines of which no two give the same bits.
+//! Likeness of two tiles that engines painted of which no two give the same bits.
 
 use crate::{Layout, Tile};
 

@@ -1,9 +1,9 @@
-//! What the header of a picture may announce: one set of limits for all readers of pictures.
+//! Limits on the header of a picture: one set for all readers of pictures.
 //!
 //! A header of some bytes can name a picture of gigabytes. So every reader asks here, with what the header says and with the
 //! size of the file, before it allocates anything by it.
 
-/// What readers of pictures accept.
+/// The limits of readers of pictures.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadLimits {
     /// The most pixels, compared with the header before anything is allocated.
@@ -17,7 +17,7 @@ impl Default for ReadLimits {
     }
 }
 
-/// How far the values of a picture are packed.
+/// The packing of a picture's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
     /// As they are.

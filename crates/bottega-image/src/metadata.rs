@@ -1,4 +1,4 @@
-//! What a picture file says of itself.
+//! The metadata of a picture file.
 
 use std::collections::BTreeMap;
 

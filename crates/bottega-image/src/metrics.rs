@@ -1,4 +1,4 @@
-//! How far two pictures are apart.
+//! Metrics: how far two pictures are apart.
 
 mod convolve;
 mod flip;

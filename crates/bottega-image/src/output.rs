@@ -1,4 +1,4 @@
-//! Where pictures are written: formats, the check before the work, and files that appear whole or not at all.
+//! Output files of pictures: formats, the check before the work, and files that appear whole or not at all.
 //!
 //! A name that is a symbolic link stays one: what it leads to is replaced. What is no file on a disk, such as a FIFO, is
 //! written into.

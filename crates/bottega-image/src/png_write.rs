@@ -9,7 +9,7 @@ use crate::{
     tone::{exposure_factor, quantize},
 };
 
-/// How a film becomes a PNG file.
+/// The options of a PNG file made of a film.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PngOptions {
     /// Stops by which the picture is made brighter; 0 leaves it.

@@ -1,4 +1,4 @@
-//! What is seen of a picture while it is painted.
+//! The preview of a picture while it is painted.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 

@@ -1,4 +1,4 @@
-//! What the readers of all formats need to know, and what they make.
+//! The source of a picture, as the readers of all formats need it, and what they make.
 
 use std::{
     io::{Seek, SeekFrom},

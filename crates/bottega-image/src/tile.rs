@@ -2,7 +2,7 @@
 
 use crate::{Aov, Layout, Rect};
 
-/// What one sample of a pixel contributes. Non-finite values are the caller's fault: see [`Tile::add`].
+/// The values of one sample of a pixel. Non-finite values are the caller's fault: see [`Tile::add`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleValues {
     /// Radiance, linear Rec. 709 RGB.

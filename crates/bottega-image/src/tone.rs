@@ -1,6 +1,6 @@
-//! From scene-referred radiance to what a display shows: exposure, tone mapping, encoding.
+//! The way from scene-referred radiance to a display: exposure, tone mapping, encoding.
 
-/// How radiance without bound becomes values from 0 to 1.
+/// The tone mapping of radiance without bound to values from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ToneMap {
     /// A film-like curve in a slightly desaturated base, in the manner of Sobotka's AgX: bright saturated light turns
@@ -13,7 +13,7 @@ pub enum ToneMap {
     Linear,
 }
 
-/// How linear display values become numbers in a file.
+/// The encoding of linear display values as numbers in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoding {
     /// The curve of IEC 61966-2-1: what displays and viewers expect.

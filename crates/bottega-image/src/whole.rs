@@ -7,7 +7,7 @@ use std::{io::Cursor, path::Path};
 
 use crate::{
     ImageError, Picture, WhitePoint,
-    exr_read::{self, Described, ExrWindow, WantedChannels},
+    exr_read::{self, ColorHeader, ExrWindow, WantedChannels},
     limits::{Packing, ReadLimits, check_announced},
     radiance_read,
     source::{PictureSource, guarded},
@@ -22,7 +22,7 @@ fn is_exr(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
 }
 
-/// What the header of a file announces; nothing was allocated by it.
+/// The header of a file; nothing was allocated by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WholeHeader {
     /// Columns of the picture.
@@ -58,7 +58,7 @@ impl WholeHeader {
         Ok(Self { width, height, has_alpha: false })
     }
 
-    fn of(source: &PictureSource<'_>, described: &Described) -> Result<Self, ImageError> {
+    fn of(source: &PictureSource<'_>, described: &ColorHeader) -> Result<Self, ImageError> {
         let placing = Placing::of(described.window());
         let (width, height) = placing.size;
         source.check_size(u64::from(width), u64::from(height))?;

@@ -1,4 +1,4 @@
-//! What is written is read back; what other programs wrote is read; what is broken is refused.
+//! Files: what is written is read back; what other programs wrote is read; what is broken is refused.
 
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
 //! Geometry in, hits out.
 
-use crate::build::{self, Built, refit};
+use crate::build::{self, BuiltTree, refit};
 #[cfg(target_arch = "x86_64")]
 use crate::traverse::avx2::{self, Avx2};
 use crate::traverse::portable::Portable;
@@ -50,7 +50,7 @@ impl Accel {
         spheres: &[SphereGeometry],
         options: &BuildOptions,
     ) -> Result<Self, BuildError> {
-        let Built { tree, bounds, triangles } = build::build(meshes, instances, spheres, options)?;
+        let BuiltTree { tree, bounds, triangles } = build::build(meshes, instances, spheres, options)?;
         let topology = refit::topology(meshes, instances);
         Ok(Self { tree, bounds, triangles, topology, precision: options.precision, isa: Isa::detect() })
     }

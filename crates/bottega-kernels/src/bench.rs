@@ -1,4 +1,4 @@
-//! How many rays a second: standard scenes, standard rays, and a fair clock.
+//! Rays a second: standard scenes, standard rays, and a fair clock.
 //!
 //! Kernels are timed interleaved, one repetition of each in turn, and medians are reported: on a busy machine only
 //! ratios of the same run mean anything. Anything that implements [`RayKernel`] can take part, so that a benchmark may
@@ -22,13 +22,13 @@ use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
 /// This crate's own kernel.
-pub struct Own {
+pub struct BottegaKernel {
     name: String,
     accel: Accel,
     build_time: Duration,
 }
 
-impl Own {
+impl BottegaKernel {
     /// Builds over a scene.
     pub fn build(name: &str, scene: &BenchScene, options: &BuildOptions) -> Result<Self, BuildError> {
         let instance = InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY };
@@ -43,7 +43,7 @@ impl Own {
     }
 }
 
-impl RayKernel for Own {
+impl RayKernel for BottegaKernel {
     fn name(&self) -> String {
         self.name.clone()
     }
@@ -224,8 +224,8 @@ pub fn table(scene: &BenchScene, rows: &[Row]) -> String {
     out
 }
 
-/// What [`run`] found.
-pub struct Report {
+/// The ray rates that [`run`] measured.
+pub struct RayRates {
     /// Each scene with a row a kernel.
     pub scenes: Vec<(BenchScene, Vec<Row>)>,
     /// Why Embree is not among the kernels, if it is not, and what to do about it.
@@ -234,15 +234,16 @@ pub struct Report {
 
 /// The benchmark on built-in scenes, robust and fast, beside Embree where it is found (feature `embree`): what `bench rays` of the
 /// command line shows. `side` × `side` primary rays a scene.
-pub fn run(scenes: Vec<BenchScene>, side: u32, repetitions: usize, threads: usize) -> Result<Report, BuildError> {
+pub fn run(scenes: Vec<BenchScene>, side: u32, repetitions: usize, threads: usize) -> Result<RayRates, BuildError> {
     #[cfg(feature = "embree")]
     let embree = embree::Embree::find();
     #[cfg(not(feature = "embree"))]
     let embree = Err::<(), _>("built without the feature `embree`".to_owned());
-    let mut report = Report { scenes: Vec::new(), without_embree: embree.as_ref().err().cloned() };
+    let mut report = RayRates { scenes: Vec::new(), without_embree: embree.as_ref().err().cloned() };
     for scene in scenes {
-        let build =
-            |name, precision| Own::build(name, &scene, &BuildOptions { threads, precision, ..BuildOptions::default() });
+        let build = |name, precision| {
+            BottegaKernel::build(name, &scene, &BuildOptions { threads, precision, ..BuildOptions::default() })
+        };
         let (robust, fast) = (build("robust", Precision::Robust)?, build("fast", Precision::Fast)?);
         let rays = RaySets::new(&robust.accel, &scene, side);
         #[cfg_attr(not(feature = "embree"), expect(unused_mut, reason = "only Embree is added"))]

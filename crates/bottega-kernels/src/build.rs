@@ -1,4 +1,4 @@
-//! From geometry to tree, in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
+//! The build of a tree in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
 //!
 //! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. A build holds some 80
 //! bytes a triangle at its peak, the result included (a quarter more where many are cut): 32 for the item and 13 for the binary
@@ -35,7 +35,7 @@ const BINARY_LEAF: usize = 6;
 const SPLIT_BUDGET: usize = 4;
 
 /// A finished tree with what the outside asks about it.
-pub(crate) struct Built {
+pub(crate) struct BuiltTree {
     pub(crate) tree: SceneTrees,
     pub(crate) bounds: Aabb,
     pub(crate) triangles: usize,
@@ -47,7 +47,7 @@ pub(crate) fn build(
     instances: &[InstanceGeometry],
     spheres: &[SphereGeometry],
     options: &BuildOptions,
-) -> Result<Built, BuildError> {
+) -> Result<BuiltTree, BuildError> {
     with_threads(options.threads, |parallel| {
         instance::validate(meshes, instances, spheres)?;
         TreeBuilder { meshes, instances, options, parallel, tree: empty_tree() }.build(spheres)
@@ -79,14 +79,14 @@ struct TreeBuilder<'a> {
 }
 
 impl TreeBuilder<'_> {
-    fn build(mut self, spheres: &[SphereGeometry]) -> Result<Built, BuildError> {
+    fn build(mut self, spheres: &[SphereGeometry]) -> Result<BuiltTree, BuildError> {
         let inverses = self.choose_shared();
         let flat: Vec<usize> = (0..self.instances.len()).filter(|&i| inverses[i].is_none()).collect();
         let parts = [self.instance_tree(&inverses)?, self.world_triangles(&flat)?, self.sphere_tree(spheres)?];
         let bounds = parts.iter().fold(Aabb::EMPTY, |b, part| b.union(&part.1));
         self.tree.root = self.join(&parts);
         let triangles = self.instances.iter().map(|i| self.meshes[i.mesh as usize].triangles.len()).sum();
-        Ok(Built { tree: self.tree, bounds, triangles })
+        Ok(BuiltTree { tree: self.tree, bounds, triangles })
     }
 
     /// For each instance the map into its mesh's own space, or `None` where it is flattened into the world.

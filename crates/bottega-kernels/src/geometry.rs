@@ -29,7 +29,7 @@ pub struct InstanceGeometry {
     pub world_from_object: Affine3A,
 }
 
-/// How exact the tests along a ray are.
+/// The precision of the tests along a ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
     /// Watertight: no ray slips between two triangles that share an edge or a vertex.
@@ -39,7 +39,7 @@ pub enum Precision {
     Fast,
 }
 
-/// How an [`Accel`](crate::Accel) is built.
+/// The options of building an [`Accel`](crate::Accel).
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
     /// Threads to build with; 0 for as many as the machine has. The result does not depend on it.

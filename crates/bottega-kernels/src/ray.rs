@@ -1,4 +1,4 @@
-//! What goes into a query and what comes out.
+//! Rays and hits: the input and output of a query.
 
 use glam::Vec3;
 
@@ -31,7 +31,7 @@ impl Ray {
     }
 }
 
-/// Where a ray meets a surface. On a triangle the point is `(1 − u − v) p0 + u p1 + v p2`; on a sphere `u` and `v` are 0.
+/// The point where a ray meets a surface. On a triangle it is `(1 − u − v) p0 + u p1 + v p2`; on a sphere `u` and `v` are 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {

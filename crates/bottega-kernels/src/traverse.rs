@@ -1,4 +1,4 @@
-//! How a ray walks through the tree. Written once, over [`lanes::Lanes`]; compiled for each vector unit.
+//! The traversal of the tree by a ray. Written once, over [`lanes::Lanes`]; compiled for each vector unit.
 //!
 //! Robust mode, two halves. The *triangle* test is that of Woop, Benthin and Wald 2013, "Watertight Ray/Triangle
 //! Intersection" (JCGT 2(1)): vertices are sheared into a space where the ray is the z axis; the sign of each edge
@@ -27,7 +27,7 @@ use crate::{Hit, Ray};
 use lanes::{LaneJob, Lanes};
 use setup::Wide;
 use stack::{Stack, Storage};
-use triangle::Struck;
+use triangle::BlockHits;
 
 /// What is asked along a ray; the traversal is compiled for each.
 pub(crate) trait Query {
@@ -85,7 +85,7 @@ impl<const ANY: bool> Query for CountedQuery<'_, ANY> {
 const WORLD: u32 = u32::MAX;
 
 /// The best hit so far.
-struct Best {
+struct NearestHit {
     t: f32,
     /// [`WORLD`], or the instance with a tree of its own, or the sphere with its bit.
     space: u32,
@@ -102,7 +102,7 @@ struct Best {
 /// No triangle has this number.
 const NOTHING: u32 = u32::MAX;
 
-impl Best {
+impl NearestHit {
     #[inline(always)]
     fn barycentric(&self) -> (f32, f32) {
         let lane = self.lane % WIDTH;
@@ -135,7 +135,7 @@ struct OddJob<'a, S, Q, const ROBUST: bool> {
     leaf: Child,
     entry: f32,
     query: &'a mut Q,
-    best: &'a mut Best,
+    best: &'a mut NearestHit,
 }
 
 impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for OddJob<'_, S, Q, ROBUST> {
@@ -159,7 +159,7 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &SceneTree
         return Hit::NONE;
     }
     let [u, v, det] = [[0.0; WIDTH]; 3];
-    let mut best = Best { t: ray.t_max, space: WORLD, id: NOTHING, lane: 0, u, v, det };
+    let mut best = NearestHit { t: ray.t_max, space: WORLD, id: NOTHING, lane: 0, u, v, det };
     let found =
         Walk::<S, ROBUST> { s, tree, ray, t_min, space: WORLD }.walk::<Q, true>(tree.root, t_min, query, &mut best);
     if !found {
@@ -187,7 +187,7 @@ struct Walk<'a, S, const ROBUST: bool> {
 impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     /// Walks the tree below `root`, which the ray enters at `floor`. Returns whether `best` was improved.
     #[inline(always)]
-    fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut Best) -> bool {
+    fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let s = self.s;
         let Some(wide) = Wide::<S, ROBUST>::new(s, self.ray, floor, self.t_min) else { return false };
         let mut storage = Storage::new();
@@ -301,11 +301,11 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         wide: &Wide<S, ROBUST>,
         limit: S::F,
         query: &mut Q,
-        best: &mut Best,
+        best: &mut NearestHit,
     ) -> bool {
         let s = self.s;
         let block = self.tree.block(leaf);
-        let Some(Struck { t, u, v, det, mut bits }) = wide.triangles(s, block, limit) else { return false };
+        let Some(BlockHits { t, u, v, det, mut bits }) = wide.triangles(s, block, limit) else { return false };
         if Q::BLIND {
             return true;
         }
@@ -339,7 +339,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         found
     }
 
-    fn sphere<Q: Query>(&self, index: usize, entry: f32, query: &mut Q, best: &mut Best) -> bool {
+    fn sphere<Q: Query>(&self, index: usize, entry: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let sphere = &self.tree.spheres[index];
         let space = Hit::SPHERE | index as u32;
         for t in sphere::roots(sphere, self.ray) {
@@ -363,7 +363,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
 
     /// Walks the tree of a mesh in its own space. `t` is the same there, as the direction is not normalized.
     #[inline(always)]
-    fn instance<Q: Query>(&self, placed: &PlacedTree, entry: f32, query: &mut Q, best: &mut Best) -> bool {
+    fn instance<Q: Query>(&self, placed: &PlacedTree, entry: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let ([ox, oy, oz], [dx, dy, dz]) = (self.ray.origin.to_array(), self.ray.direction.to_array());
         let m = &placed.object_from_world;
         let origin = m.map(|r| r[0] * ox + r[1] * oy + r[2] * oz + r[3]);

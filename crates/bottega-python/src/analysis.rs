@@ -1,4 +1,4 @@
-//! What the Analyst makes of a scene.
+//! The Analyst's view of a scene.
 
 use bottega::{
     Error, Request,

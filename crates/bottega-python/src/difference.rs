@@ -1,4 +1,4 @@
-//! How two pictures differ.
+//! The difference of two pictures.
 
 use bottega::difference::Difference;
 use numpy::{IntoPyArray, ndarray::Array2};

@@ -1,4 +1,4 @@
-//! How long it takes to find the 50 nearest of a million photons, beside `kiddo`.
+//! The time to find the 50 nearest of a million photons, beside `kiddo`.
 //!
 //! `cargo bench -p bottega-render --bench photon_gather`
 //!
@@ -39,12 +39,12 @@ impl Numbers {
 }
 
 /// Questions to be answered; the sum of all distances is what comes of it.
-struct Ours<'a> {
+struct OwnMap<'a> {
     map: &'a PhotonMap,
     questions: &'a [Vec3],
 }
 
-impl Task for Ours<'_> {
+impl Task for OwnMap<'_> {
     type Output = f64;
 
     #[inline(always)]
@@ -75,7 +75,7 @@ fn main() {
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         let start = Instant::now();
-        let sum = black_box(compiled::run(Ours { map: &map, questions: &questions }));
+        let sum = black_box(compiled::run(OwnMap { map: &map, questions: &questions }));
         ours.push(start.elapsed().as_secs_f64());
         let start = Instant::now();
         let mut expected = 0.0;

@@ -59,7 +59,7 @@ pub struct CameraRays {
     lens_shift: Vec2,
     /// Two over the picture's size in pixels.
     double_pixel: Vec2,
-    kind: Kind,
+    kind: ProjectionKind,
     lens_radius: f32,
     focus_distance: f32,
     cone: RayCone,
@@ -68,7 +68,7 @@ pub struct CameraRays {
 
 /// How directions and places belong together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum ProjectionKind {
     Perspective,
     Parallel,
     Panorama(Panorama),
@@ -79,9 +79,9 @@ impl CameraRays {
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let size = Vec2::new(width.max(1) as f32, height.max(1) as f32);
         let (mut half_height, kind) = match camera.projection {
-            Projection::Perspective { vertical_fov } => (math::tan(0.5 * vertical_fov), Kind::Perspective),
-            Projection::Orthographic { height } => (0.5 * height, Kind::Parallel),
-            Projection::Panorama(panorama) => (0.0, Kind::Panorama(panorama)),
+            Projection::Perspective { vertical_fov } => (math::tan(0.5 * vertical_fov), ProjectionKind::Perspective),
+            Projection::Orthographic { height } => (0.5 * height, ProjectionKind::Parallel),
+            Projection::Panorama(panorama) => (0.0, ProjectionKind::Panorama(panorama)),
         };
         // Width over height of what is seen, which is not that of the picture where pixels are not square.
         let shown = size.x / size.y * camera.pixel_aspect;
@@ -92,10 +92,10 @@ impl CameraRays {
         let pixel = 2.0 * half_height / size.y;
         let beam = pixel * BEAM;
         let cone = match kind {
-            Kind::Perspective => RayCone { width: 0.0, spread: beam },
-            Kind::Parallel => RayCone { width: beam, spread: 0.0 },
+            ProjectionKind::Perspective => RayCone { width: 0.0, spread: beam },
+            ProjectionKind::Parallel => RayCone { width: beam, spread: 0.0 },
             // The square root of the mean solid angle of a pixel.
-            Kind::Panorama(_) => RayCone { width: 0.0, spread: (4.0 * PI / (size.x * size.y)).sqrt() * BEAM },
+            ProjectionKind::Panorama(_) => RayCone { width: 0.0, spread: (4.0 * PI / (size.x * size.y)).sqrt() * BEAM },
         };
         Self {
             world_from_camera: camera.world_from_camera,
@@ -103,10 +103,10 @@ impl CameraRays {
             lens_shift: camera.lens_shift,
             double_pixel: 2.0 / size,
             kind,
-            lens_radius: if matches!(kind, Kind::Panorama(_)) { 0.0 } else { camera.lens_radius },
+            lens_radius: if matches!(kind, ProjectionKind::Panorama(_)) { 0.0 } else { camera.lens_radius },
             focus_distance: camera.focus_distance,
             cone,
-            clip: if matches!(kind, Kind::Panorama(_)) { Clip::NONE } else { camera.clip },
+            clip: if matches!(kind, ProjectionKind::Panorama(_)) { Clip::NONE } else { camera.clip },
         }
     }
 
@@ -119,10 +119,10 @@ impl CameraRays {
             shift: self.lens_shift,
             double_pixel: self.double_pixel,
             kind: match self.kind {
-                Kind::Perspective => code::CAMERA_PERSPECTIVE,
-                Kind::Parallel => code::CAMERA_PARALLEL,
-                Kind::Panorama(Panorama::Equirectangular) => code::CAMERA_EQUIRECTANGULAR,
-                Kind::Panorama(Panorama::EqualArea) => code::CAMERA_EQUAL_AREA,
+                ProjectionKind::Perspective => code::CAMERA_PERSPECTIVE,
+                ProjectionKind::Parallel => code::CAMERA_PARALLEL,
+                ProjectionKind::Panorama(Panorama::Equirectangular) => code::CAMERA_EQUIRECTANGULAR,
+                ProjectionKind::Panorama(Panorama::EqualArea) => code::CAMERA_EQUAL_AREA,
             },
             lens_radius: self.lens_radius,
             focus: self.focus_distance,
@@ -142,9 +142,9 @@ impl CameraRays {
         let offset = place * self.double_pixel - 1.0;
         let film = (Vec2::new(offset.x, -offset.y) - self.lens_shift) * self.half_extent;
         let (mut origin, mut direction) = match self.kind {
-            Kind::Perspective => (Vec3::ZERO, film.extend(-1.0)),
-            Kind::Parallel => (film.extend(0.0), Vec3::NEG_Z),
-            Kind::Panorama(panorama) => (Vec3::ZERO, around(panorama, 0.5 * place * self.double_pixel)),
+            ProjectionKind::Perspective => (Vec3::ZERO, film.extend(-1.0)),
+            ProjectionKind::Parallel => (film.extend(0.0), Vec3::NEG_Z),
+            ProjectionKind::Panorama(panorama) => (Vec3::ZERO, around(panorama, 0.5 * place * self.double_pixel)),
         };
         if self.lens_radius > 0.0 {
             // All rays of one place meet in the plane in focus.

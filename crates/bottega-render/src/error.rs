@@ -1,4 +1,4 @@
-//! What can go wrong before or while painting.
+//! The errors before and while painting.
 
 /// Why a scene cannot be prepared, or a picture not be painted.
 #[derive(Debug, thiserror::Error)]

@@ -66,11 +66,11 @@ static BLACKMAN_HARRIS: LazyLock<Table> = LazyLock::new(|| table(Filter::Blackma
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
     radius: f32,
-    shape: Shape,
+    shape: FilterShape,
 }
 
 #[derive(Clone, Debug)]
-enum Shape {
+enum FilterShape {
     Uniform,
     Shared(&'static Table),
     Own(Box<Table>),
@@ -83,16 +83,16 @@ impl FilterSampler {
         let radius = radius(filter);
         let sound = radius > 0.0 && radius.is_finite();
         let shape = match filter {
-            Filter::Box { .. } if sound => Shape::Uniform,
-            Filter::Tent { .. } if sound => Shape::Shared(&TENT),
-            Filter::BlackmanHarris { .. } if sound => Shape::Shared(&BLACKMAN_HARRIS),
+            Filter::Box { .. } if sound => FilterShape::Uniform,
+            Filter::Tent { .. } if sound => FilterShape::Shared(&TENT),
+            Filter::BlackmanHarris { .. } if sound => FilterShape::Shared(&BLACKMAN_HARRIS),
             Filter::Gaussian { sigma, .. } if sound && sigma > 0.0 => {
-                Shape::Own(Box::new(table(Filter::Gaussian { radius: 1.0, sigma: sigma / radius })))
+                FilterShape::Own(Box::new(table(Filter::Gaussian { radius: 1.0, sigma: sigma / radius })))
             }
             Filter::Mitchell { b, c, .. } if sound && (0.0..=1.0).contains(&b) && (0.0..=1.0).contains(&c) => {
-                Shape::Own(Box::new(table(Filter::Mitchell { radius: 1.0, b, c })))
+                FilterShape::Own(Box::new(table(Filter::Mitchell { radius: 1.0, b, c })))
             }
-            _ => return Self { radius: 0.5, shape: Shape::Uniform },
+            _ => return Self { radius: 0.5, shape: FilterShape::Uniform },
         };
         Self { radius, shape }
     }
@@ -101,13 +101,13 @@ impl FilterSampler {
     pub(crate) fn write(&self, words: &mut Words) {
         let radius = self.radius;
         let table = match &self.shape {
-            Shape::Uniform => {
+            FilterShape::Uniform => {
                 let uniform = FilterRecord { radius, quantiles: NONE, factor: 1.0, sign_change: f32::MAX };
                 words.record(&uniform);
                 return;
             }
-            Shape::Shared(table) => table,
-            Shape::Own(table) => &**table,
+            FilterShape::Shared(table) => table,
+            FilterShape::Own(table) => &**table,
         };
         let (factor, sign_change) = (table.excess, table.sign_change.min(f32::MAX));
         let quantiles = words.place() + FilterRecord::WORDS;
@@ -120,9 +120,9 @@ impl FilterSampler {
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
         let table = match &self.shape {
-            Shape::Uniform => return (u.map(|u| self.radius * (2.0 * u - 1.0)), 1.0),
-            Shape::Shared(table) => table,
-            Shape::Own(table) => &**table,
+            FilterShape::Uniform => return (u.map(|u| self.radius * (2.0 * u - 1.0)), 1.0),
+            FilterShape::Shared(table) => table,
+            FilterShape::Own(table) => &**table,
         };
         let mut factor = 1.0;
         let offset = u.map(|u| {

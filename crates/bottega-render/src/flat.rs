@@ -23,7 +23,7 @@ pub use layout::{
     SpotLightRecord, SurfaceLightRecord, TableRecord, TreeNodeRecord, code, header,
 };
 pub use picture::{FlatPicture, sobol_table};
-pub use record::{Place, Portable, Record, place_of, places};
+pub use record::{FieldPlace, Portable, Record, place_of, places};
 pub(crate) use words::Words;
 
 /// Constants of light transport that shaders share: where they are declared, they say what they are.
@@ -46,7 +46,7 @@ pub struct FlatScene {
     pub has_opacity: bool,
 }
 
-/// What is in a scene that its flat form cannot say.
+/// The part of a scene that its flat form cannot say.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotFlat {
     /// A surface that the camera sees through from behind.

@@ -1,4 +1,4 @@
-//! What the integrator knows of a point on a surface: from the kernel's hit to the shading record.
+//! Interactions: a point on a surface, from the kernel's hit to the shading record.
 
 mod mesh;
 mod relief;
@@ -15,7 +15,7 @@ pub(crate) use mesh::{request_triangle, request_vertices};
 use relief::{bumped_normal, mapped_normal};
 
 use crate::{
-    bsdf::{Lifted, anisotropy_at},
+    bsdf::{LiftedNormal, anisotropy_at},
     camera::RayCone,
     mapping::{Spot, TexturePlace},
     sampling::orthonormal_basis,
@@ -49,7 +49,7 @@ pub(crate) struct Interaction {
     /// Normal of the clear coat in the shading frame, on the side of `wo`.
     pub(crate) coat_normal: Vec3,
     /// How a relief turned the frame, where that takes something from the light.
-    pub(crate) lifted: Option<Lifted>,
+    pub(crate) lifted: Option<LiftedNormal>,
     /// Back along the ray, unit length.
     pub(crate) wo: Vec3,
     /// Whether `wo` is on the front side.
@@ -113,7 +113,7 @@ impl Interaction {
         let pole = sphere.world_from_object * Vec3::Y;
         let equator = sphere.world_from_object * Vec3::X;
         let along = pole.cross(ng);
-        let sides = Sides {
+        let sides = UvFrame {
             tangent: |_| (along.normalize_or(equator), 1.0),
             derivatives: |_| {
                 // u goes once around the axis, v from pole to pole; at these nothing goes along u.
@@ -180,7 +180,7 @@ impl Interaction {
                 point.p_outside = p + instance.world_from_object.transform_vector3(lift);
             }
         }
-        let sides = Sides {
+        let sides = UvFrame {
             tangent: |uv_set| {
                 let (tangent, sign) = tangent_at(mesh, triangle, u, v, uv_set);
                 (instance.world_from_object.transform_vector3(tangent), sign)
@@ -202,7 +202,7 @@ impl Interaction {
         material: &Material,
         known: &PreparedMaterial,
         ns: Vec3,
-        sides: &Sides<T, D>,
+        sides: &UvFrame<T, D>,
     ) where
         T: Fn(u8) -> (Vec3, f32),
         D: Fn(u8) -> Option<[Vec3; 2]>,
@@ -248,7 +248,7 @@ impl Interaction {
         } else {
             self.turn_frame(tangent);
         }
-        self.lifted = lifted_by_mitsuba.map(|(without, shadows)| Lifted::new(self.to_local(without), shadows));
+        self.lifted = lifted_by_mitsuba.map(|(without, shadows)| LiftedNormal::new(self.to_local(without), shadows));
     }
 
     /// Makes the shading frame around `normal`, which a relief lifted off `ns`. Returns the normal without relief on the
@@ -341,7 +341,7 @@ impl Interaction {
 }
 
 /// How texture coordinates lie on a surface, for each set of them.
-struct Sides<T, D> {
+struct UvFrame<T, D> {
     /// The tangent of increasing u, and the sign of its bitangent.
     tangent: T,
     /// How the point moves with u and with v; `None` where they do not tell.
@@ -388,7 +388,7 @@ pub const ASKS_AS_SHADOW: u32 = 1 << 31;
 
 /// What a ray that asks whether surfaces are there looks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Asks {
+pub(crate) enum SurfaceQuery {
     /// The first surface that a path from the camera meets.
     Camera,
     /// The surface that a path meets next.
@@ -397,7 +397,7 @@ pub(crate) enum Asks {
     Shadow,
 }
 
-impl Asks {
+impl SurfaceQuery {
     /// What a path asks for that has had so many vertices.
     #[inline(always)]
     pub(crate) fn of_vertex(self, vertices: u32) -> Self {
@@ -427,8 +427,14 @@ pub(crate) fn shines(surfaces: &Surfaces, hit: &Hit) -> bool {
 
 /// Whether a candidate hit is there. `chance` is asked for a number in [0, 1) where the surface is half transparent, and told
 /// the number of the surface: equal ones must get equal answers.
-pub(crate) fn is_there(surfaces: &Surfaces, ray: &Ray, hit: &Hit, asks: Asks, chance: impl FnOnce(u64) -> f32) -> bool {
-    if asks == Asks::Camera && surfaces.culls_backs() && is_culled(surfaces.scene(), ray, hit) {
+pub(crate) fn is_there(
+    surfaces: &Surfaces,
+    ray: &Ray,
+    hit: &Hit,
+    asks: SurfaceQuery,
+    chance: impl FnOnce(u64) -> f32,
+) -> bool {
+    if asks == SurfaceQuery::Camera && surfaces.culls_backs() && is_culled(surfaces.scene(), ray, hit) {
         return false;
     }
     let (opacity, is_left) = opacity_of(surfaces, ray, hit);

@@ -6,7 +6,7 @@ use bottega_kernels::math;
 use bottega_scene::{Mapping, MappingKind, Scene, TextureMap, Uvs};
 use glam::{Mat3, Vec2, Vec3};
 
-/// Where a point is in the world, and how wide it is seen: what mappings ask.
+/// A point in the world, and how wide it is seen: the input of mappings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spot {
     /// World space.
@@ -105,7 +105,7 @@ mod tests {
 
     use super::*;
     use crate::camera::RayCone;
-    use crate::interaction::{Asks, Interaction, is_there};
+    use crate::interaction::{Interaction, SurfaceQuery, is_there};
     use crate::{PrepareOptions, PreparedScene};
 
     const KINDS: [MappingKind; 4] =
@@ -242,7 +242,7 @@ mod tests {
             let ray = Ray::new(origin, -2.0 * axis * origin.dot(axis).signum());
             let hit = prepared.accel().intersect(&ray);
             assert!(!hit.is_none());
-            assert_eq!(is_there(&prepared, &ray, &hit, Asks::Path, |_| 0.5), there, "{kind:?} {origin}");
+            assert_eq!(is_there(&prepared, &ray, &hit, SurfaceQuery::Path, |_| 0.5), there, "{kind:?} {origin}");
         }
     }
 

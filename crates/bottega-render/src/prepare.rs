@@ -22,7 +22,7 @@ use crate::{
     surfaces::{Surfaces, used_materials},
 };
 
-/// How a scene is prepared.
+/// The options of preparing a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PrepareOptions {
     /// Threads to build with; 0: as many as the machine has. The result does not depend on it.

@@ -1,4 +1,4 @@
-//! What is found out of a scene before a picture of it: guides, photon maps, lighting agents.
+//! The prepass of a picture: guides, photon maps, lighting agents.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 

@@ -1,4 +1,4 @@
-//! What is painted, and how hard.
+//! The settings of a picture.
 
 use crate::filter::Filter;
 
@@ -13,7 +13,7 @@ pub struct View {
     pub height: u32,
 }
 
-/// Which strategies find direct light. All have the same mean; that is what the others are for: to test it.
+/// The strategies that find direct light. All have the same mean; that is what the others are for: to test it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DirectLight {
     /// Light sampling and BSDF sampling, combined by the power heuristic (Veach 1997, §9.2.4).
@@ -25,7 +25,7 @@ pub enum DirectLight {
     BsdfSampling,
 }
 
-/// What lighting agents are asked for on a path.
+/// The use of lighting agents on a path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AgentUse {
     /// Whether a light is seen, as far as they know: fewer shadow rays.
@@ -163,7 +163,7 @@ impl Default for AgentSettings {
     }
 }
 
-/// How much a photon counts at its distance d from the middle of a disc of radius r.
+/// The weight of a photon at its distance d from the middle of a disc of radius r.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum PhotonFilter {
     /// 2 (1 − d²/r²).

@@ -6,7 +6,7 @@ use bottega_hra::{HraClient, WorkUnit};
 
 use crate::{
     RenderError, RenderOutput, RenderWork,
-    photon::bytes::{Reader, Told, Writer},
+    photon::bytes::{ByteForm, Reader, Writer},
 };
 
 /// Units of work from which on they are shared out.
@@ -47,7 +47,7 @@ impl<'a> Hands<'a> {
     /// Has units of work done. Returns what came of each, in order.
     ///
     /// - `answer`: takes it out of an output; `None`: it is the answer to something else.
-    pub(crate) fn run<T: Told>(
+    pub(crate) fn run<T: ByteForm>(
         &self,
         works: Vec<RenderWork>,
         answer: impl Fn(RenderOutput) -> Option<T>,
@@ -77,7 +77,7 @@ impl<'a> Hands<'a> {
 }
 
 /// What others have told of so many units of work.
-fn found<T: Told>(bytes: &[u8], count: usize) -> Option<Vec<T>> {
+fn found<T: ByteForm>(bytes: &[u8], count: usize) -> Option<Vec<T>> {
     let mut from = Reader(bytes);
     let found = (0..count).map(|_| T::read(&mut from)).collect::<Option<Vec<T>>>()?;
     from.0.is_empty().then_some(found)

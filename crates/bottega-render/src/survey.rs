@@ -17,7 +17,7 @@ use crate::{
     bsdf::LobeFlags,
     camera::RayCone,
     integrator::PathIntegrator,
-    interaction::{Asks, Interaction, is_there},
+    interaction::{Interaction, SurfaceQuery, is_there},
     sampler::{DimensionSet, PixelSampler},
     shading::bsdf_at,
     sharing::run,
@@ -192,7 +192,7 @@ fn follow(scene: &PreparedScene, chain: Chain, hit: &Hit) -> Option<(Chain, f32)
     let point = Interaction::new(scene, hit, chain.origin, chain.direction, cone);
     let ray = chain.ray();
     let chain = Chain { reach: f32::INFINITY, ..chain };
-    if !is_there(scene, &ray, hit, Asks::Path.of_vertex(chain.step), |surface| chain.sampler.hashed(surface)) {
+    if !is_there(scene, &ray, hit, SurfaceQuery::Path.of_vertex(chain.step), |surface| chain.sampler.hashed(surface)) {
         let origin = point.ray_origin(chain.direction);
         return Some((Chain { origin, cone, step, ..chain }, 0.0));
     }

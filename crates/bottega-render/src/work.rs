@@ -1,4 +1,4 @@
-//! What the renderer asks of the Hardware Resource Allocator, and what a processor does for it.
+//! The units of work that the renderer asks of the Hardware Resource Allocator, and what a processor does for each.
 
 use std::{fmt, ops::Range, sync::Arc};
 
@@ -8,9 +8,9 @@ use bottega_kernels::{Hit, Ray};
 
 use crate::{
     PathSettings, PreparedScene, Prepass, RenderError, View, WaveWork,
-    ala::{Agent, AgentWork, Sensed, SensorWork},
+    ala::{Agent, AgentWork, SensorReadings, SensorWork},
     integrator::{Integrator, Wanted, Wave},
-    photon::{IrradiancePlaces, IrradianceWork, PhotonWork, Traced},
+    photon::{IrradiancePlaces, IrradianceWork, PhotonWork, TracedPhotons},
     survey::{SurveyPixel, probe},
 };
 
@@ -82,7 +82,7 @@ pub struct ProbeWork {
     pub sample_count: u32,
 }
 
-/// What came of a [`RenderWork`], of the same kind.
+/// The output of a [`RenderWork`], of the same kind.
 #[derive(Clone, Debug)]
 pub enum RenderOutput {
     /// One a ray.
@@ -96,18 +96,18 @@ pub enum RenderOutput {
     /// One a pixel, row-major.
     Probe(Vec<SurveyPixel>),
     /// Where they arrived, in the order of their indices.
-    Photons(Traced),
+    Photons(TracedPhotons),
     /// One a point.
     Irradiance(IrradiancePlaces),
     /// Where they were stored, in the order of their identities.
     Agents(Vec<Agent>),
     /// What they found out, in the same order.
-    Sensors(Sensed),
+    Sensors(SensorReadings),
     /// The picture asked for cannot be painted.
     Refused(Arc<RenderError>),
 }
 
-/// What came of a [`BlockWork`].
+/// The output of a [`BlockWork`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockOutput {
     /// The sums, with the samples added.

@@ -4,7 +4,7 @@ use glam::{Affine3A, Vec2, Vec3};
 
 use crate::MediumId;
 
-/// How a camera projects the scene onto its picture.
+/// The projection of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
     /// A pinhole, or a thin lens where [`Camera::lens_radius`] is above 0.

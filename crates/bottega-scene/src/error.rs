@@ -1,4 +1,4 @@
-//! What can go wrong between a path and a scene, and what is worth telling though it did not.
+//! The errors between a path and a scene, and warnings that are worth telling.
 
 use std::fmt;
 use std::path::PathBuf;

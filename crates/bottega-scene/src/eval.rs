@@ -1,4 +1,4 @@
-//! What the textures of a scene say at a point of a surface.
+//! The evaluation of textures at a point of a surface.
 
 use glam::{Vec2, Vec4};
 

@@ -16,7 +16,7 @@ pub struct Grid {
     blend: Blend,
 }
 
-/// What is between the centres of a grid's cells.
+/// The values between the centers of a grid's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
     /// A cell has the same value everywhere.

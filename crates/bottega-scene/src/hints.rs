@@ -1,4 +1,4 @@
-//! What a scene file says about itself and about how it is rendered.
+//! Hints of a scene file about itself and about how it is rendered.
 
 use serde::Deserialize;
 
@@ -85,7 +85,7 @@ impl Default for FilmFilter {
     }
 }
 
-/// What a scene file says of itself.
+/// The metadata of a scene file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Metadata {
     /// Name of the format.

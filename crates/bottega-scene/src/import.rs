@@ -1,4 +1,4 @@
-//! What an importer is given, and what it makes.
+//! The input and output of an importer.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! How a file wants light to be found.
+//! The integrator that a file asks for.
 
 /// The integrator that a file names.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub enum Follows {
     Photons(PhotonHints),
 }
 
-/// What a file says of photons.
+/// The hints of a file about photons.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PhotonHints {
     /// Photons that leave the lights in each pass.

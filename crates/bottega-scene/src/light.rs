@@ -72,7 +72,7 @@ pub enum LightKind {
     },
 }
 
-/// How the intensity of a spot falls off from full, at the inner angle, to nothing, at the outer one.
+/// The falloff of a spot's intensity from full, at the inner angle, to nothing, at the outer one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SpotFalloff {
     /// As the square of the linear interpolation of the cosine (KHR_lights_punctual).
@@ -84,7 +84,7 @@ pub enum SpotFalloff {
     SmoothCosine,
 }
 
-/// How directions are laid out on an environment's picture.
+/// The layout of directions on an environment's picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EnvironmentMapping {
     /// Latitude and longitude: the upper edge is +y, the centre column −z, u grows towards +x.
@@ -107,7 +107,7 @@ pub struct Portal {
     pub edges: [Vec3; 2],
 }
 
-/// What is seen where there is no surface.
+/// The environment, which is seen where there is no surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
     /// The picture; `None`: 1 everywhere.

@@ -1,4 +1,4 @@
-//! From a path to a scene.
+//! The loading of a scene from a path.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use glam::{DVec3, Mat3, Quat};
 use crate::budget::MemoryBudget;
 use crate::error::Warnings;
 use crate::file::{hash, read_file};
-use crate::image::{Decoded, Encoding, PictureFault, PictureHeader, too_large};
+use crate::image::{DecodedImage, Encoding, PictureFault, PictureHeader, too_large};
 use crate::import::{ImportRequest, Imported};
 use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
@@ -144,7 +144,7 @@ fn add_environment(
         PictureFault::Unreadable { problem } => unreadable(problem),
     })?;
     budget.take(path, "", header.memory_bytes())?;
-    let mut decoded = Decoded::read(&bytes, header).map_err(unreadable)?;
+    let mut decoded = DecodedImage::read(&bytes, header).map_err(unreadable)?;
     for note in decoded.take_notes() {
         warnings.add("", format!("the picture `{}`: {note}", path.display()));
     }

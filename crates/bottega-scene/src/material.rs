@@ -1,8 +1,8 @@
-//! What a surface is made of: how it scatters, what it emits, where it is absent, and what it bounds.
+//! Materials: how a surface scatters, what it emits, where it is absent, and what it bounds.
 
 use crate::{ColorParam, Layered, MediumId, ScalarParam, Spectrum, Surface, TextureMap};
 
-/// How opacity is read.
+/// The reading of opacity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
@@ -46,7 +46,7 @@ impl Sides {
     }
 }
 
-/// What scatters on the back of a surface.
+/// The scattering on the back of a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Back {
     /// The same as on the front: two equal sides of an opaque or thin surface, two sides of one boundary of a solid.
@@ -67,7 +67,7 @@ pub struct Relief {
     pub rule: ReliefRule,
 }
 
-/// What is known of a relief.
+/// The source of a relief.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReliefSource {
     /// A tangent-space normal map, and the factor of its x and y (glTF).
@@ -76,7 +76,7 @@ pub enum ReliefSource {
     Heights(ScalarParam),
 }
 
-/// What becomes of directions that the normal of a relief and the surface without it do not see from the same side.
+/// The rule for directions that the normal of a relief and the surface without it do not see from the same side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReliefRule {
     /// A normal turned away from who looks is bent until it is seen.

@@ -1,4 +1,4 @@
-//! What fills space.
+//! Media that fill space.
 
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ pub struct Medium {
     pub variation: Option<Arc<Variation>>,
 }
 
-/// How the coefficients of a medium vary in space: they are multiplied by values of grids.
+/// The variation of a medium's coefficients in space: they are multiplied by values of grids.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variation {
     /// What multiplies absorption and scattering.
@@ -38,7 +38,7 @@ pub struct Variation {
     pub grid_from_world: Affine3A,
 }
 
-/// What multiplies the coefficients of a medium.
+/// The density that multiplies the coefficients of a medium.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Density {
     /// Absorption and scattering alike.

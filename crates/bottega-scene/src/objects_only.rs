@@ -27,7 +27,7 @@ pub fn from_json<'de, T: Deserialize<'de>>(json: &'de [u8]) -> serde_json::Resul
 macro_rules! forward {
     ($($method:ident($($argument:ident: $type:ty),*);)*) => {
         $(fn $method<V: Visitor<'de>>(self, $($argument: $type,)* visitor: V) -> Result<V::Value, D::Error> {
-            self.0.$method($($argument,)* Passed::<V, false>(visitor))
+            self.0.$method($($argument,)* ForwardedVisitor::<V, false>(visitor))
         })*
     };
 }
@@ -54,7 +54,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for ObjectsOnly<D> {
         fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, D::Error> {
-        self.0.deserialize_struct(name, fields, Passed::<V, true>(visitor))
+        self.0.deserialize_struct(name, fields, ForwardedVisitor::<V, true>(visitor))
     }
 
     fn is_human_readable(&self) -> bool {
@@ -63,7 +63,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for ObjectsOnly<D> {
 }
 
 /// A visitor, which gets what is within a value through [`ObjectsOnly`].
-struct Passed<V, const IS_STRUCT: bool>(V);
+struct ForwardedVisitor<V, const IS_STRUCT: bool>(V);
 
 macro_rules! visit {
     ($($method:ident: $type:ty;)*) => {
@@ -73,7 +73,7 @@ macro_rules! visit {
     };
 }
 
-impl<'de, V: Visitor<'de>, const IS_STRUCT: bool> Visitor<'de> for Passed<V, IS_STRUCT> {
+impl<'de, V: Visitor<'de>, const IS_STRUCT: bool> Visitor<'de> for ForwardedVisitor<V, IS_STRUCT> {
     type Value = V::Value;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -107,20 +107,20 @@ impl<'de, V: Visitor<'de>, const IS_STRUCT: bool> Visitor<'de> for Passed<V, IS_
         if IS_STRUCT {
             return Err(Error::invalid_type(Unexpected::Seq, &"an object"));
         }
-        self.0.visit_seq(Within(list))
+        self.0.visit_seq(InnerAccess(list))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, members: A) -> Result<V::Value, A::Error> {
-        self.0.visit_map(Within(members))
+        self.0.visit_map(InnerAccess(members))
     }
 
     fn visit_enum<A: EnumAccess<'de>>(self, variant: A) -> Result<V::Value, A::Error> {
-        self.0.visit_enum(Within(variant))
+        self.0.visit_enum(InnerAccess(variant))
     }
 }
 
 /// What is within a value.
-struct Within<A>(A);
+struct InnerAccess<A>(A);
 
 /// Something within a value that is about to be read.
 struct Inner<S>(S);
@@ -133,7 +133,7 @@ impl<'de, S: DeserializeSeed<'de>> DeserializeSeed<'de> for Inner<S> {
     }
 }
 
-impl<'de, A: SeqAccess<'de>> SeqAccess<'de> for Within<A> {
+impl<'de, A: SeqAccess<'de>> SeqAccess<'de> for InnerAccess<A> {
     type Error = A::Error;
 
     fn next_element_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<Option<S::Value>, A::Error> {
@@ -145,7 +145,7 @@ impl<'de, A: SeqAccess<'de>> SeqAccess<'de> for Within<A> {
     }
 }
 
-impl<'de, A: MapAccess<'de>> MapAccess<'de> for Within<A> {
+impl<'de, A: MapAccess<'de>> MapAccess<'de> for InnerAccess<A> {
     type Error = A::Error;
 
     fn next_key_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<Option<S::Value>, A::Error> {
@@ -161,17 +161,17 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Within<A> {
     }
 }
 
-impl<'de, A: EnumAccess<'de>> EnumAccess<'de> for Within<A> {
+impl<'de, A: EnumAccess<'de>> EnumAccess<'de> for InnerAccess<A> {
     type Error = A::Error;
-    type Variant = Within<A::Variant>;
+    type Variant = InnerAccess<A::Variant>;
 
     fn variant_seed<S: DeserializeSeed<'de>>(self, seed: S) -> Result<(S::Value, Self::Variant), A::Error> {
         let (value, variant) = self.0.variant_seed(Inner(seed))?;
-        Ok((value, Within(variant)))
+        Ok((value, InnerAccess(variant)))
     }
 }
 
-impl<'de, A: VariantAccess<'de>> VariantAccess<'de> for Within<A> {
+impl<'de, A: VariantAccess<'de>> VariantAccess<'de> for InnerAccess<A> {
     type Error = A::Error;
 
     fn unit_variant(self) -> Result<(), A::Error> {
@@ -183,7 +183,7 @@ impl<'de, A: VariantAccess<'de>> VariantAccess<'de> for Within<A> {
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, length: usize, visitor: V) -> Result<V::Value, A::Error> {
-        self.0.tuple_variant(length, Passed::<V, false>(visitor))
+        self.0.tuple_variant(length, ForwardedVisitor::<V, false>(visitor))
     }
 
     fn struct_variant<V: Visitor<'de>>(
@@ -191,7 +191,7 @@ impl<'de, A: VariantAccess<'de>> VariantAccess<'de> for Within<A> {
         fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, A::Error> {
-        self.0.struct_variant(fields, Passed::<V, true>(visitor))
+        self.0.struct_variant(fields, ForwardedVisitor::<V, true>(visitor))
     }
 }
 

@@ -1,8 +1,8 @@
-//! What a caller asks of a scene beyond its file.
+//! Options of a scene beyond its file.
 
 use std::path::PathBuf;
 
-/// What is wanted of a scene beyond its file, and how much it may take.
+/// The options of loading a scene beyond its file, and the limits of what it may take.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
     /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that becomes the environment, whatever the file says.

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::{LightKind, Loaded, Metadata, Projection, Scene};
 
-/// What a scene is made of.
+/// The summary of a scene's parts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneSummary {
     /// What the file says of itself.

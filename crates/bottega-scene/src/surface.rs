@@ -1,8 +1,8 @@
-//! How surfaces scatter: a closed set, which holds what the file formats have.
+//! Surfaces: a closed set of ways to scatter, which holds what the file formats have.
 
 use crate::{Channel, ColorParam, ScalarParam, Spectrum, TextureMap};
 
-/// How a surface scatters.
+/// The scattering of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
     /// Nothing scatters; the surface only parts two media (Mitsuba `null`, pbrt `interface`).
@@ -59,7 +59,7 @@ pub enum Distribution {
     Beckmann,
 }
 
-/// How likely a facet that is seen from one direction is also seen from another.
+/// The probability that a facet which is seen from one direction is also seen from another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shadowing {
     /// By their heights: what is seen from one side is more often seen from the other (pbrt).
@@ -69,7 +69,7 @@ pub enum Shadowing {
     Separable,
 }
 
-/// What a roughness stands for.
+/// The meaning of a roughness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RoughnessScale {
     /// The α of the distribution itself.
@@ -130,7 +130,7 @@ impl Dielectric {
     }
 }
 
-/// What becomes of light that a [`Plastic`]'s boundary throws back to the base.
+/// The fate of light that a [`Plastic`]'s boundary throws back to the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum InnerReflection {
     /// It comes back white, again and again.
@@ -158,7 +158,7 @@ pub struct Plastic {
     pub facets: Facets,
 }
 
-/// What lies below a coat.
+/// The base below a coat.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "it lies in a box as it is")]
 pub enum CoatedBase {
@@ -220,7 +220,7 @@ pub struct Principled {
     pub thin: bool,
 }
 
-/// How the highlights of [`Layered`] are stretched (KHR_materials_anisotropy).
+/// The stretch of highlights of [`Layered`] (KHR_materials_anisotropy).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Anisotropy {
     /// In [0, 1].

@@ -6,7 +6,7 @@ use glam::{Affine2, Affine3A};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ImageId(pub u32);
 
-/// What lies outside [0, 1) in texture coordinates.
+/// The values outside [0, 1) in texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Wrap {
     /// The picture again.
@@ -43,7 +43,7 @@ pub struct Mapping {
     pub mapping_from_world: Affine3A,
 }
 
-/// How texture coordinates lie in space; v runs downwards.
+/// The kind of texture coordinates in space; v runs downwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MappingKind {
     /// u = x, v = 1 − y.
@@ -56,7 +56,7 @@ pub enum MappingKind {
     Cells,
 }
 
-/// How a picture is laid on a surface.
+/// The mapping of a picture onto a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureMap {
     /// The picture.

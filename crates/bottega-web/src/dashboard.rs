@@ -9,7 +9,7 @@ use std::{
 use bottega::{Event, StopSwitch};
 use bottega_cluster::{
     job::{LogLine, unix_seconds},
-    machine::Standing,
+    machine::PresenceState,
     names::host_name,
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,
@@ -229,8 +229,8 @@ impl ShownFarm for PaintedJob {
         });
         Ok(vec![MachineStatus {
             name: host_name(),
-            state: Standing::Active.word(),
-            ordered: Standing::Active.word(),
+            state: PresenceState::Active.word(),
+            ordered: PresenceState::Active.word(),
             threads: state.threads,
             job: Some(NUMBER).filter(|_| !state.view.is_over),
             version: bottega_cluster::build::build().identity().to_owned(),
@@ -254,7 +254,7 @@ impl ShownFarm for PaintedJob {
         }
     }
 
-    fn tell(&self, _machine: &str, _standing: Standing) -> Result<(), Problem> {
+    fn tell(&self, _machine: &str, _standing: PresenceState) -> Result<(), Problem> {
         Err(no_farm())
     }
 

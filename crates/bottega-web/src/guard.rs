@@ -1,5 +1,5 @@
-//! What every request passes before it is answered: whom it names, where it comes from, what its token lets it do, how often it
-//! asks.
+//! The guard that every request passes before it is answered: whom it names, where it comes from, what its token lets it do, how
+//! often it asks.
 
 use std::{sync::Arc, time::Instant};
 

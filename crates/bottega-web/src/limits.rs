@@ -1,4 +1,4 @@
-//! How much one may ask, and how long it may take.
+//! Limits of requests: how many, how large, and how long they may take.
 
 use std::{
     collections::HashMap,

@@ -19,7 +19,7 @@ use bottega_cluster::{
     job_board::Presence,
     job_preview::JobPreview,
     jobs,
-    machine::{MachineOrder, Standing},
+    machine::{MachineOrder, PresenceState},
     names::host_name,
     society::Society,
     uploads::{Submission, UploadOffer, UploadState},
@@ -43,12 +43,12 @@ const PREVIEW_EVERY: Duration = Duration::from_millis(700);
 pub struct LinkedFarm {
     board: JobBoard,
     cache: Cache,
-    live: Arc<Mutex<HashMap<u32, Followed>>>,
+    live: Arc<Mutex<HashMap<u32, FollowedJob>>>,
     previews: Mutex<HashMap<u64, Arc<Mutex<FreshPreview>>>>,
 }
 
 /// A job that somebody watches.
-struct Followed {
+struct FollowedJob {
     work: u64,
     live: Arc<LiveJob>,
 }
@@ -218,7 +218,7 @@ impl ShownFarm for LinkedFarm {
             return Ok(Arc::clone(&job.live));
         }
         let live = Arc::new(LiveJob::default());
-        followed.insert(number, Followed { work, live: Arc::clone(&live) });
+        followed.insert(number, FollowedJob { work, live: Arc::clone(&live) });
         let (board, told, all) = (self.board.clone(), Arc::clone(&live), Arc::clone(&self.live));
         // This thread and the table have it.
         let is_wanted = move |live: &Arc<LiveJob>| {
@@ -290,7 +290,7 @@ impl ShownFarm for LinkedFarm {
         Ok(())
     }
 
-    fn tell(&self, machine: &str, standing: Standing) -> Result<(), Problem> {
+    fn tell(&self, machine: &str, standing: PresenceState) -> Result<(), Problem> {
         let seats = self.board.presences();
         let seat = seats.iter().find(|seat| seat.name == machine);
         let seat =

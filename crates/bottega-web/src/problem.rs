@@ -1,4 +1,4 @@
-//! What went wrong, as clients are told: RFC 9457, `application/problem+json`.
+//! Problems as clients are told: RFC 9457, `application/problem+json`.
 
 use axum::{
     http::{HeaderValue, StatusCode, header},

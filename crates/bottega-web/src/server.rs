@@ -42,7 +42,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Threads that ask the farm.
 const THREADS_MAX: usize = 32;
 
-/// How a door is opened.
+/// The options of a door.
 pub struct DoorOptions {
     /// Where to listen. Beyond this machine it speaks TLS alone.
     pub address: SocketAddr,

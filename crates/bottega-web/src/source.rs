@@ -1,11 +1,11 @@
-//! What a door shows and steers: a farm, or the picture of one process. Both answer the same questions.
+//! The source behind a door: a farm, or the picture of one process. Both answer the same questions.
 
 use std::sync::Arc;
 
 use bottega::events::{AgentEvent, Event};
 use bottega_cluster::{
     job::LogLine,
-    machine::Standing,
+    machine::PresenceState,
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,
 };
@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::{live::LiveJob, problem::Problem};
 
-/// What is done to a job.
+/// An order to a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JobOrder {
     /// Nobody paints it until it is resumed.
@@ -38,7 +38,7 @@ pub struct JobAgents {
     pub auction: AuctionSum,
 }
 
-/// What all rounds of an auction came to.
+/// The sum of all rounds of an auction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct AuctionSum {
     /// How many there were.
@@ -170,7 +170,7 @@ pub trait ShownFarm: Send + Sync + 'static {
     ///
     /// # Errors
     /// It is not there, or takes no orders.
-    fn tell(&self, machine: &str, standing: Standing) -> Result<(), Problem>;
+    fn tell(&self, machine: &str, standing: PresenceState) -> Result<(), Problem>;
 
     /// Takes note of a file that a client is about to send.
     ///

@@ -1,4 +1,4 @@
-//! What all requests to a door share.
+//! The state that all requests to a door share.
 
 use std::{net::IpAddr, sync::Arc, time::Duration};
 

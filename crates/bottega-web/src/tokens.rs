@@ -1,4 +1,4 @@
-//! Who may look on, and who may steer: by a token in the URL that was printed, which becomes a cookie, or as a bearer.
+//! Tokens: who may look on, and who may steer, by a token in the URL that was printed, which becomes a cookie, or as a bearer.
 
 use axum::http::{HeaderMap, header};
 

@@ -1,4 +1,4 @@
-//! What noise is left in a finished picture is removed.
+//! Denoising of a finished picture.
 
 use std::{
     ops::ControlFlow,

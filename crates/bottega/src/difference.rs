@@ -1,4 +1,4 @@
-//! How two pictures differ, in figures.
+//! The difference of two pictures, in figures.
 
 use bottega_image::{FlipOptions, Picture, flip, mae, rel_mse, rel_mse_trimmed, rmse};
 use serde::Serialize;
@@ -11,7 +11,7 @@ const TRIMMED: f64 = 1e-3;
 /// FLIP above which a pixel is seen to be wrong.
 const VISIBLE: f32 = 0.1;
 
-/// How a picture differs from a reference.
+/// The difference of a picture from a reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
     /// Root of the mean squared error.

@@ -1,4 +1,4 @@
-//! What can go wrong between a request and its picture.
+//! The errors between a request and its picture.
 
 use std::{ops::Range, path::PathBuf, sync::Arc};
 

@@ -1,5 +1,5 @@
-//! What happens while a picture is painted, as it crosses the process boundary. Version 1: fields and kinds may be added, none
-//! changes its meaning.
+//! The events of a picture while it is painted, as they cross the process boundary. Version 1: fields and kinds may be added,
+//! none changes its meaning.
 
 use bottega_farm::{AgentRow, AuctionTally, Forecast, RoundSummary, ZoneRow, ZoneState};
 use bottega_image::Rect;
@@ -264,7 +264,7 @@ pub struct ZoneEvent {
     pub error: Option<f64>,
 }
 
-/// What a zone is painted with.
+/// The settings that a zone is painted with.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ZoneChoice {
     /// Recursion level: bounces of light.
@@ -321,7 +321,7 @@ pub struct RoundEvent {
     pub credit_decided: bool,
 }
 
-/// What all rounds of an auction came to.
+/// The sum of all rounds of an auction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AuctionEvent {
     /// How many there were.
@@ -365,7 +365,7 @@ pub struct EngineShare {
     pub zones: u64,
 }
 
-/// What the lighting agents of a picture were like, what they cost, and what they were asked on this machine.
+/// The lighting agents of a picture: their properties, their cost, and the questions they were asked on this machine.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LightingAgents {
     /// Agents that the lights cast.
@@ -398,7 +398,7 @@ pub struct LightingAgents {
     pub irradiance_interpolated: u64,
 }
 
-/// How far a job is.
+/// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Progress {
     /// Zones painted.

@@ -1,4 +1,4 @@
-//! Which frames an animation has, and how their pictures are called.
+//! The frames of an animation, and the names of their pictures.
 
 mod list;
 mod name;

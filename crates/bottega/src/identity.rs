@@ -1,4 +1,4 @@
-//! Which build of the program this is. Pictures are the same bits for the same sources, compiled in the same way, alone: a
+//! The identity of this build. Pictures are the same bits for the same sources, compiled in the same way, alone: a
 //! version's number says too little.
 //!
 //! What is compared is `NUMBER+SOURCES.SETTINGS`: the digest of the sources, and that of what of the settings of a build may change

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bottega_farm::{JobSettings, Journal, JournalWriter, Kept, ZoneStore};
+use bottega_farm::{JobSettings, Journal, JournalContents, JournalWriter, ZoneStore};
 
 use crate::{
     error::Error,
@@ -17,14 +17,14 @@ use crate::{
     settings::{directions, filter, guide_agents},
 };
 
-/// Where a work is kept, and what is kept of it already.
+/// The journal of a work: its place, and what it holds already.
 pub struct PictureJournal {
     /// The journal.
     pub path: PathBuf,
     /// Writes into it.
     pub store: Box<dyn ZoneStore>,
     /// What was in it.
-    pub kept: Option<Kept>,
+    pub kept: Option<JournalContents>,
 }
 
 /// The journal of a picture: it is there while the picture is unfinished.

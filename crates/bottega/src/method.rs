@@ -1,4 +1,4 @@
-//! Which of our integrators paints a picture: the one that the user asks for, else one that finds the light which the integrator
+//! The integrator of a picture: the one that the user asks for, else one that finds the light which the integrator
 //! of the scene file finds.
 
 use bottega_render::PhotonSettings;
@@ -10,7 +10,7 @@ use crate::{
     settings::{agent_photons, photon_settings},
 };
 
-/// How a picture is painted.
+/// The method that paints a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
     /// Which integrator.

@@ -36,12 +36,12 @@ pub(crate) struct LivePreview {
     preview: Preview,
     file: Option<PathBuf>,
     watcher: Option<Arc<dyn Watcher>>,
-    state: Mutex<State>,
+    state: Mutex<PreviewState>,
     woken: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct PreviewState {
     is_begun: bool,
     has_changed: bool,
     has_ended: bool,
@@ -97,7 +97,7 @@ impl LivePreview {
     pub(crate) fn keep_fresh(&self, mut renewed: impl FnMut(u32)) -> Result<(), ImageError> {
         let mut number = 0;
         loop {
-            let wait = |state: &mut State| !(state.is_begun && state.has_changed || state.has_ended);
+            let wait = |state: &mut PreviewState| !(state.is_begun && state.has_changed || state.has_ended);
             let mut state = self.woken.wait_while(self.state(), wait).unwrap_or_else(PoisonError::into_inner);
             if !(state.is_begun && state.has_changed) {
                 return Ok(());
@@ -125,7 +125,7 @@ impl LivePreview {
         Ok(())
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, PreviewState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,4 +1,4 @@
-//! Where rules come from: files, or what comes with the program. What is wrong in a text is shown in it.
+//! Rules from files or from the program. What is wrong in a text is shown in it.
 
 use std::{
     fs::File,
@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bottega_engines::external::{Entry, shipped_rules};
+use bottega_engines::external::{ShelfEntry, shipped_rules};
 use bottega_farm::{EngineChoice, Expert, ExpertError, PAPER_RULES, PAPER_RULES_NAME, Technique};
 use bottega_fuzzy::{Aggregate, Document, Explanation, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
 use serde_json::{Map, Value, json};
@@ -91,7 +91,7 @@ impl RulesText {
     }
 
     /// The rules of an engine of other people; `None`: it has none of its own.
-    pub fn of_engine(entry: &Entry) -> Result<Option<Self>, Error> {
+    pub fn of_engine(entry: &ShelfEntry) -> Result<Option<Self>, Error> {
         match entry.rules() {
             None => Ok(None),
             Some((path, Some(text))) => Ok(Some(Self { name: path, text: text.to_owned() })),

@@ -1,4 +1,4 @@
-//! Where this program keeps what it has learnt from one run to the next.
+//! The state folder: what this program has learnt from one run to the next.
 
 use std::{env, path::PathBuf};
 

@@ -1,4 +1,4 @@
-//! How people read values.
+//! Values as people read them.
 
 use std::{path::Path, time::Duration};
 

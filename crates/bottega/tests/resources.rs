@@ -1,4 +1,4 @@
-//! What processors and devices do for pictures: rays as units, scenes that stay on a device, what the user is told of it.
+//! Processors and devices at work for pictures: rays as units, scenes that stay on a device, what the user is told of it.
 
 use std::{
     path::{Path, PathBuf},

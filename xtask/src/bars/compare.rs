@@ -1,4 +1,4 @@
-//! Whether two sets of pictures are of one distribution, and whether edges of zones show.
+//! A comparison of two sets of pictures: whether they are of one distribution, and whether edges of zones show.
 
 use anyhow::{Result, ensure};
 use bottega_image::{FlipOptions, Picture, Rect, flip, luminance};

@@ -5,10 +5,10 @@ use std::{any::Any, marker::PhantomData};
 use super::local::Mailbox;
 use crate::{Action, ActionOf, BoxedMachine, Event, EventOf, StateMachine, Time, gateway::PlainContent};
 
-/// What some agent of a node can have done, or hears of it. Only that agent and its performer know what it is.
+/// An effect or report of some agent of a node. Only that agent and its performer know what it is.
 pub type Anything = Box<dyn Any + Send>;
 
-/// What lives on a node: agents whose effects and reports are their own.
+/// An agent of a node, with effects and reports of its own.
 pub type NodeMachine = BoxedMachine<PlainContent, String, Anything, Anything>;
 
 /// What an agent made alike says, if it is of its type, which it always is.

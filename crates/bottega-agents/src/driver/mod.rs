@@ -1,4 +1,4 @@
-//! What turns state machines into running agents.
+//! Drivers: they run state machines as agents.
 
 mod alarm;
 mod asker;

@@ -15,7 +15,7 @@ use super::{
 use crate::{
     AclMessage, AgentId, Event, Key, StateMachine, StoreReply, StoreRequest, Ticket, Time,
     bus::{BLOBS_MAX, Blob, BlobId, Bus},
-    store::{Addressed, MemoryStore},
+    store::{AddressedStore, MemoryStore},
 };
 
 /// After so long without a sign of life an agent counts as gone.
@@ -27,7 +27,7 @@ pub const PLANNED_MAX: usize = 1 << 22;
 /// How long a cut holds back what must arrive in order, before it is tried again.
 pub(super) const RETRY_AFTER: Duration = Duration::from_millis(50);
 
-/// What goes wrong, and how often. [`Faults::NONE`] is a fast and faithful network.
+/// The faults of a network, and how often each happens. [`Faults::NONE`] is a fast and faithful network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Faults {
     /// The shortest time a message takes.
@@ -94,7 +94,7 @@ pub(super) struct Network<M: StateMachine> {
     pub(super) cut_off: BTreeSet<NodeId>,
     presence_watchers: BTreeSet<NodeId>,
     seen_present: BTreeSet<NodeId>,
-    replies: Vec<Addressed<M::Value, NodeId>>,
+    replies: Vec<AddressedStore<M::Value, NodeId>>,
     pub(super) trace: Option<Vec<String>>,
     /// Messages sent, by receiver.
     pub(super) message_count: u64,
@@ -255,8 +255,8 @@ impl<M: StateMachine> Network<M> {
     }
 
     /// Sends what the store says; `request`: to whom it is the answer.
-    fn send_replies(&mut self, request: RequestId, mut replies: Vec<Addressed<M::Value, NodeId>>, may_lose: bool) {
-        for Addressed { to, ticket, reply } in replies.drain(..) {
+    fn send_replies(&mut self, request: RequestId, mut replies: Vec<AddressedStore<M::Value, NodeId>>, may_lose: bool) {
+        for AddressedStore { to, ticket, reply } in replies.drain(..) {
             let Some(to) = self.life(to) else { continue };
             // An answer may be lost, a report of a watch is sent again by the store until it arrives.
             if matches!(reply, StoreReply::Changed(_) | StoreReply::CaughtUp) {

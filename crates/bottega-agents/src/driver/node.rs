@@ -54,10 +54,10 @@ const OTHER_WAIT: Duration = Duration::from_millis(300);
 /// How the gateway hears of the transport.
 type GatewayReports = Reports<ChannelReport>;
 
-/// How one who passes is put into a line for those who watch.
+/// A passing message as a line for those who watch.
 pub type TraceLine = fn(&Passage, Calendar) -> String;
 
-/// What a node is asked to be.
+/// The configuration of a node.
 pub struct NodeConfig {
     /// The name of the platform: what stands behind `@` in the names of its agents.
     pub name: String,

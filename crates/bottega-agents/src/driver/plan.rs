@@ -1,4 +1,4 @@
-//! What is planned in a simulation, in the order in which it happens.
+//! The plan of a simulation: events in the order in which they happen.
 
 use std::{
     cmp::Reverse,
@@ -67,7 +67,7 @@ pub(super) enum Happening<M: StateMachine> {
 
 /// The small ones themselves; where the others are kept, for they are large, and queues move what they hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum What {
+enum EventKind {
     Kept(u32),
     Report(Life),
     Timer(NodeId),
@@ -75,33 +75,33 @@ enum What {
 
 /// Something planned. What happens at one time happens in the order of planning.
 #[derive(Clone, Copy, Debug)]
-struct Planned {
+struct PlannedEvent {
     at: Time,
     sequence: u64,
-    what: What,
+    what: EventKind,
 }
 
-impl Planned {
+impl PlannedEvent {
     fn order(&self) -> (Time, u64) {
         (self.at, self.sequence)
     }
 }
 
-impl PartialEq for Planned {
+impl PartialEq for PlannedEvent {
     fn eq(&self, other: &Self) -> bool {
         self.order() == other.order()
     }
 }
 
-impl Eq for Planned {}
+impl Eq for PlannedEvent {}
 
-impl PartialOrd for Planned {
+impl PartialOrd for PlannedEvent {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Planned {
+impl Ord for PlannedEvent {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.order().cmp(&other.order())
     }
@@ -120,9 +120,9 @@ struct OpenRequest {
 /// What is planned and when it happens.
 pub(super) struct EventPlan<M: StateMachine> {
     /// Each in order. Times that lie equally far ahead, of messages or of heartbeats, come in order by themselves.
-    lanes: [VecDeque<Planned>; LANES],
+    lanes: [VecDeque<PlannedEvent>; LANES],
     /// What fits into no lane.
-    heap: BinaryHeap<Reverse<Planned>>,
+    heap: BinaryHeap<Reverse<PlannedEvent>>,
     kept: Vec<Option<Happening<M>>>,
     free: Vec<u32>,
     /// They all wait equally long, so the first asked is the first to end. The first one is always open.
@@ -160,13 +160,13 @@ impl<M: StateMachine> EventPlan<M> {
     pub(super) fn push(&mut self, at: Time, what: Happening<M>) {
         self.sequence += 1;
         let what = match what {
-            Happening::Report { to } => What::Report(to),
-            Happening::Timer { of } => What::Timer(of),
-            what => What::Kept(self.keep(what)),
+            Happening::Report { to } => EventKind::Report(to),
+            Happening::Timer { of } => EventKind::Timer(of),
+            what => EventKind::Kept(self.keep(what)),
         };
-        let planned = Planned { at, sequence: self.sequence, what };
+        let planned = PlannedEvent { at, sequence: self.sequence, what };
         // Of the lanes that it fits behind the one whose end is nearest.
-        let end = |lane: &VecDeque<Planned>| lane.back().map(|last| last.at);
+        let end = |lane: &VecDeque<PlannedEvent>| lane.back().map(|last| last.at);
         let fits = (0..LANES).filter(|&lane| end(&self.lanes[lane]).is_none_or(|end| end <= at));
         match fits.max_by_key(|&lane| end(&self.lanes[lane])) {
             Some(lane) => self.lanes[lane].push_back(planned),
@@ -217,7 +217,7 @@ impl<M: StateMachine> EventPlan<M> {
             }
         };
         for (lane, planned) in self.lanes.iter().enumerate() {
-            see(planned.front().map(Planned::order), NextSource::Lane(lane));
+            see(planned.front().map(PlannedEvent::order), NextSource::Lane(lane));
         }
         see(self.heap.peek().map(|Reverse(planned)| planned.order()), NextSource::Heap);
         see(self.requests.front().map(|request| (request.at, request.sequence)), NextSource::Request);
@@ -242,9 +242,9 @@ impl<M: StateMachine> EventPlan<M> {
             }
         };
         let what = match planned.what {
-            What::Report(to) => Happening::Report { to },
-            What::Timer(of) => Happening::Timer { of },
-            What::Kept(place) => {
+            EventKind::Report(to) => Happening::Report { to },
+            EventKind::Timer(of) => Happening::Timer { of },
+            EventKind::Kept(place) => {
                 self.free.push(place);
                 self.kept[place as usize].take()?
             }

@@ -19,7 +19,7 @@ use crate::{
     store::MemoryStore,
 };
 
-/// What answers the effects of agents in a simulation.
+/// The world of a simulation, which answers the effects of agents.
 pub trait World<M: StateMachine> {
     /// Begins an effect of `agent`; appends what will be reported of it, and after how long. Reports to an agent that
     /// crashes in between are lost.

@@ -12,7 +12,7 @@ use std::{collections::BTreeMap, path::Path};
 pub use error::FileStoreError;
 use log::{LogNews, LogRecord, RecordLog};
 
-use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::Addressed};
+use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::AddressedStore};
 
 /// The longest name of an entry, in bytes.
 pub const KEY_BYTES_MAX: usize = 1 << 12;
@@ -65,7 +65,7 @@ where
         self.log.bytes()
     }
 
-    fn take_over(&mut self, news: LogNews, replies: &mut Vec<Addressed<V, W>>) {
+    fn take_over(&mut self, news: LogNews, replies: &mut Vec<AddressedStore<V, W>>) {
         let before = if news.anew { std::mem::take(&mut self.entries) } else { BTreeMap::new() };
         if news.anew {
             self.live_bytes = 0;
@@ -103,11 +103,11 @@ where
         self.live_bytes -= before.as_ref().map_or(0, bytes);
     }
 
-    fn tell(&self, entry: &Entry<V>, replies: &mut Vec<Addressed<V, W>>) {
+    fn tell(&self, entry: &Entry<V>, replies: &mut Vec<AddressedStore<V, W>>) {
         for (prefix, ticket, who) in &self.watches {
             if entry.key.starts_with(prefix) {
                 let reply = StoreReply::Changed(entry.clone());
-                replies.push(Addressed { to: who.clone(), ticket: *ticket, reply });
+                replies.push(AddressedStore { to: who.clone(), ticket: *ticket, reply });
             }
         }
     }
@@ -115,7 +115,7 @@ where
     /// Runs `change` while no other process writes, after all that others have written was taken over.
     fn alone<T>(
         &mut self,
-        replies: &mut Vec<Addressed<V, W>>,
+        replies: &mut Vec<AddressedStore<V, W>>,
         change: impl FnOnce(&mut Self) -> Result<T, FileStoreError>,
     ) -> Result<T, FileStoreError> {
         self.log.lock()?;
@@ -175,7 +175,7 @@ where
     V: Clone + From<String> + AsRef<str>,
     W: Clone + PartialEq,
 {
-    fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<Addressed<V, W>>) {
+    fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<AddressedStore<V, W>>) {
         let (key, value, expected) = match request {
             StoreRequest::Put { key, value } => (key, value, None),
             StoreRequest::CompareAndSet { key, expected_revision, value } => (key, value, Some(expected_revision)),
@@ -183,12 +183,12 @@ where
             StoreRequest::Get { key } => {
                 self.poll(replies);
                 let entry = self.entries.get(&key).cloned();
-                replies.push(Addressed { to: from, ticket, reply: StoreReply::Got { key, entry } });
+                replies.push(AddressedStore { to: from, ticket, reply: StoreReply::Got { key, entry } });
                 return;
             }
             StoreRequest::Watch { prefix } => {
                 self.poll(replies);
-                let say = |reply| Addressed { to: from.clone(), ticket, reply };
+                let say = |reply| AddressedStore { to: from.clone(), ticket, reply };
                 let held = self.entries.iter().filter(|(key, _)| key.starts_with(&prefix));
                 replies.extend(held.map(|(_, entry)| say(StoreReply::Changed(entry.clone()))));
                 replies.push(say(StoreReply::CaughtUp));
@@ -200,13 +200,13 @@ where
         match self.alone(replies, |store| store.write(&key, value, expected)) {
             Ok(StoreWrite::Done(entry)) => {
                 let reply = StoreReply::Written { key, revision: entry.revision };
-                replies.push(Addressed { to: from, ticket, reply });
+                replies.push(AddressedStore { to: from, ticket, reply });
                 self.tell(&entry, replies);
             }
             Ok(StoreWrite::Conflict(entry)) => {
-                replies.push(Addressed { to: from, ticket, reply: StoreReply::Conflict { key, entry } });
+                replies.push(AddressedStore { to: from, ticket, reply: StoreReply::Conflict { key, entry } });
             }
-            Err(_) => replies.push(Addressed { to: from, ticket, reply: StoreReply::Unavailable }),
+            Err(_) => replies.push(AddressedStore { to: from, ticket, reply: StoreReply::Unavailable }),
         }
     }
 
@@ -214,7 +214,7 @@ where
         self.watches.retain(|(_, _, other)| other != who);
     }
 
-    fn poll(&mut self, replies: &mut Vec<Addressed<V, W>>) {
+    fn poll(&mut self, replies: &mut Vec<AddressedStore<V, W>>) {
         // What cannot be read now may be later; who writes is told.
         if let Ok(news) = self.log.news(false) {
             self.take_over(news, replies);

@@ -1,4 +1,4 @@
-//! In which form strangers are written to who have not asked anything.
+//! The wire forms for strangers who have not asked anything yet.
 
 use std::collections::{BTreeMap, VecDeque};
 

@@ -1,4 +1,4 @@
-//! From strangers to agents.
+//! Messages from strangers to agents.
 
 use super::{
     CarriesForeign, Gateway, GatewayActions, Way, is_answer,

@@ -78,7 +78,7 @@ impl CarriesForeign for PlainContent {
     }
 }
 
-/// What a gateway has its transport do.
+/// An effect of a gateway on its transport.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ChannelEffect {
     /// Bring this to another platform. If that fails, say so by [`ChannelReport::Failed`].
@@ -87,7 +87,7 @@ pub enum ChannelEffect {
     Passed(Passage),
 }
 
-/// What the transport tells a gateway.
+/// A report of the transport to a gateway.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ChannelReport {
     /// A message came.
@@ -101,7 +101,7 @@ pub enum ChannelReport {
     },
 }
 
-/// Which way a message went.
+/// The way that a message went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// To an agent of this platform.
@@ -142,7 +142,7 @@ pub struct Passage {
     pub message: Arc<WireMessage>,
 }
 
-/// What a gateway must know of its platform.
+/// The configuration of a gateway.
 #[derive(Clone, Debug)]
 pub struct GatewayConfig {
     /// Its own name.

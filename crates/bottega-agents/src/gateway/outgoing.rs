@@ -1,4 +1,4 @@
-//! From agents to strangers.
+//! Messages from agents to strangers.
 
 use super::{
     CarriesForeign, Gateway, GatewayActions, Way,

@@ -13,7 +13,7 @@ use super::{
         PlatformDescription, RefuseReason, ServiceEntry, largest,
     },
     ontology::AMS_DESCRIPTION,
-    service::{Change, Functions, NoResult, Said, Step, Todo},
+    service::{Change, Functions, NoResult, Said, ServiceOutbox, Step},
     signature::name_of_request,
 };
 use crate::{AclMessage, AgentId, Key, Performative, Revision, Time};
@@ -29,7 +29,7 @@ pub const HTTP_TRANSPORT: &str = "fipa.mts.mtp.http.std";
 /// When what was not written is tried again.
 const LOOK_AGAIN_AFTER: Duration = Duration::from_secs(2);
 
-/// Who an AMS is, and of what.
+/// The configuration of an AMS: its name and its platform.
 #[derive(Clone, Debug)]
 pub struct AmsConfig {
     /// Its own name.
@@ -64,7 +64,7 @@ pub struct Ams {
     /// What waits until the pages are known.
     is_ready: bool,
     /// What this process has to write, by key.
-    errands: BTreeMap<String, Errand>,
+    errands: BTreeMap<String, AmsTask>,
     /// Those that are being written, by mark.
     written: BTreeMap<u64, String>,
     next_mark: u64,
@@ -74,7 +74,7 @@ pub struct Ams {
 
 /// What an AMS has to write by itself: until it is so.
 #[derive(Clone, Debug, PartialEq)]
-enum Errand {
+enum AmsTask {
     /// An agent lives here.
     Enter(AgentId),
     /// It has gone from here.
@@ -225,14 +225,14 @@ impl Ams {
         PlatformDescription { name: self.config.platform.clone(), services }
     }
 
-    fn tell(&self, agent: &AgentId, request: LifeCycleRequest, todo: &mut Todo) {
+    fn tell(&self, agent: &AgentId, request: LifeCycleRequest, todo: &mut ServiceOutbox) {
         let content = ManagementContent::LifeCycle(request);
         let message = AclMessage::new(Performative::Request, self.config.id.clone(), agent.clone(), content);
         todo.send.push(Said { ontology: ONTOLOGY, protocol: "fipa-request", ..message });
     }
 
     /// Tells a resident what its entry wants of it now, compared with before.
-    fn hold_to(&self, agent: &AgentId, before: Option<&AmsEntry>, after: &AmsEntry, todo: &mut Todo) {
+    fn hold_to(&self, agent: &AgentId, before: Option<&AmsEntry>, after: &AmsEntry, todo: &mut ServiceOutbox) {
         let was = before.map_or(LifeCycleState::Active, AmsEntry::state);
         match (was, after.state()) {
             (LifeCycleState::Suspended, LifeCycleState::Suspended) => {}
@@ -248,13 +248,13 @@ impl Ams {
         }
     }
 
-    fn run(&mut self, key: String, errand: Errand, now: Time) {
+    fn run(&mut self, key: String, errand: AmsTask, now: Time) {
         self.errands.insert(key, errand);
         self.look_at = Some(now);
     }
 
     /// Writes what is not yet so. What was not written is tried again.
-    fn look_after_errands(&mut self, now: Time, todo: &mut Todo) {
+    fn look_after_errands(&mut self, now: Time, todo: &mut ServiceOutbox) {
         if !self.is_ready || self.look_at.is_none_or(|at| now < at) {
             return;
         }
@@ -281,10 +281,10 @@ impl Ams {
     }
 
     /// What an entry must say for an errand. `None`: it is so already, or none of its business any more.
-    fn wanted(&self, key: &str, errand: &Errand) -> Option<String> {
+    fn wanted(&self, key: &str, errand: &AmsTask) -> Option<String> {
         let entry = key.strip_prefix(AGENT).and_then(|name| self.agents.get(name));
         match errand {
-            Errand::Enter(agent) => {
+            AmsTask::Enter(agent) => {
                 if !self.residents.contains(agent) || entry.is_none() && self.agents.len() >= AGENTS_MAX {
                     return None;
                 }
@@ -294,16 +294,16 @@ impl Ams {
                 Some(AmsEntry::of(description).print())
             }
             // By now it may live elsewhere.
-            Errand::TakeOut => entry.filter(|entry| entry.is_gone() || self.is_here(entry)).map(|_| String::new()),
-            Errand::Bury => entry.filter(|entry| entry.is_gone()).map(|_| String::new()),
-            Errand::Serve => {
+            AmsTask::TakeOut => entry.filter(|entry| entry.is_gone() || self.is_here(entry)).map(|_| String::new()),
+            AmsTask::Bury => entry.filter(|entry| entry.is_gone()).map(|_| String::new()),
+            AmsTask::Serve => {
                 let address = key.strip_prefix(NODE).unwrap_or_default();
                 (!self.nodes.contains(address)).then(|| "true".to_owned())
             }
         }
     }
 
-    fn learn_agent(&mut self, now: Time, name: &str, text: &str, todo: &mut Todo) {
+    fn learn_agent(&mut self, now: Time, name: &str, text: &str, todo: &mut ServiceOutbox) {
         let Some(entry) = AmsEntry::parse(text) else {
             self.agents.remove(name);
             return;
@@ -316,7 +316,7 @@ impl Ams {
         }
         if entry.is_gone() && !before.is_some_and(|before| before.is_gone()) {
             // All processes have been told by this entry; one of them takes it out.
-            self.run(format!("{AGENT}{name}"), Errand::Bury, now);
+            self.run(format!("{AGENT}{name}"), AmsTask::Bury, now);
         }
         self.agents.insert(name.to_owned(), entry);
     }
@@ -330,7 +330,7 @@ fn index(agent: &AgentId) -> String {
 impl Functions for Ams {
     const PREFIXES: &'static [&'static str] = &["ams/"];
 
-    fn learn(&mut self, now: Time, key: &str, _revision: Revision, text: &str, todo: &mut Todo) {
+    fn learn(&mut self, now: Time, key: &str, _revision: Revision, text: &str, todo: &mut ServiceOutbox) {
         if let Some(name) = key.strip_prefix(AGENT) {
             self.learn_agent(now, name, text, todo);
         } else if let Some(address) = key.strip_prefix(NODE) {
@@ -342,7 +342,13 @@ impl Functions for Ams {
         }
     }
 
-    fn perform(&mut self, _now: Time, request: &Said, function: &Function, _: &mut Todo) -> Result<Step, NoResult> {
+    fn perform(
+        &mut self,
+        _now: Time,
+        request: &Said,
+        function: &Function,
+        _: &mut ServiceOutbox,
+    ) -> Result<Step, NoResult> {
         let asker = &request.sender;
         match function {
             Function::RegisterAgent(description) => self.register(request, description),
@@ -381,24 +387,24 @@ impl Functions for Ams {
         Some(Self::key(agent).into())
     }
 
-    fn hear(&mut self, _now: Time, message: &Said, _todo: &mut Todo) -> bool {
+    fn hear(&mut self, _now: Time, message: &Said, _todo: &mut ServiceOutbox) -> bool {
         // Agents say that they have done what they were told.
         matches!(message.content, ManagementContent::LifeCycleDone(_))
     }
 
-    fn presence(&mut self, now: Time, agent: &AgentId, present: bool, todo: &mut Todo) {
+    fn presence(&mut self, now: Time, agent: &AgentId, present: bool, todo: &mut ServiceOutbox) {
         if present {
             self.residents.insert(agent.clone());
             if self.is_ready {
                 self.begin_resident(now, agent, todo);
             }
         } else if self.residents.remove(agent) && self.is_entered(agent) {
-            self.run(Self::key(agent), Errand::TakeOut, now);
+            self.run(Self::key(agent), AmsTask::TakeOut, now);
         }
         self.look_after_errands(now, todo);
     }
 
-    fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut Todo) {
+    fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut ServiceOutbox) {
         let Some(key) = self.written.remove(&mark) else { return };
         if made {
             self.errands.remove(&key);
@@ -409,10 +415,10 @@ impl Functions for Ams {
         self.look_after_errands(now, todo);
     }
 
-    fn tick(&mut self, now: Time, todo: &mut Todo) {
+    fn tick(&mut self, now: Time, todo: &mut ServiceOutbox) {
         if !std::mem::replace(&mut self.is_ready, true) {
             for address in self.config.addresses.clone() {
-                self.run(Self::node_key(&address), Errand::Serve, now);
+                self.run(Self::node_key(&address), AmsTask::Serve, now);
             }
             for agent in self.residents.clone() {
                 self.begin_resident(now, &agent, todo);
@@ -428,12 +434,12 @@ impl Functions for Ams {
 
 impl Ams {
     /// An agent has come to life here: what its entry wanted before a restart, it wants still.
-    fn begin_resident(&mut self, now: Time, agent: &AgentId, todo: &mut Todo) {
+    fn begin_resident(&mut self, now: Time, agent: &AgentId, todo: &mut ServiceOutbox) {
         if let Some(entry) = self.entry(agent) {
             self.hold_to(agent, None, entry, todo);
         }
         if self.is_entered(agent) {
-            self.run(Self::key(agent), Errand::Enter(agent.clone()), now);
+            self.run(Self::key(agent), AmsTask::Enter(agent.clone()), now);
         }
     }
 

@@ -56,7 +56,7 @@ impl AmsEntry {
     }
 }
 
-/// What an entry of the white pages says, for those who find ways by them.
+/// The white pages, for those who find ways by them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AmsPages<'a> {
     /// Of an agent.

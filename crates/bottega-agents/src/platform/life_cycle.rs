@@ -1,6 +1,6 @@
 //! The life cycle of an agent (FIPA00023, section 5).
 
-/// Where an agent stands in its life.
+/// The state of an agent's life cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[allow(missing_docs, reason = "the words of the standard")]
 pub enum LifeCycleState {

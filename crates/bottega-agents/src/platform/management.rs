@@ -1,4 +1,4 @@
-//! What is said about agents and services: the ontology `fipa-agent-management` (FIPA00023), as types.
+//! The ontology `fipa-agent-management` (FIPA00023) as types.
 
 use std::borrow::Cow;
 
@@ -56,7 +56,7 @@ pub enum ManagementContent {
     },
 }
 
-/// What a platform service can do.
+/// A function of a platform service.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Function {
     /// AMS: enter an agent.
@@ -90,7 +90,7 @@ pub enum Function {
     SupplyBasicService(ServiceEntry),
 }
 
-/// What a function results in.
+/// The outcome of a function.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// It is done and there is nothing to tell.
@@ -139,7 +139,7 @@ impl LifeCycleRequest {
     }
 }
 
-/// What the AMS asks of an agent: the operations that every agent has.
+/// A request of the AMS to an agent: the operations that every agent has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LifeCycleRequest {
     /// Do nothing until resumed; messages are kept.
@@ -163,7 +163,7 @@ pub struct AmsAgentDescription {
     pub state: Option<LifeCycleState>,
 }
 
-/// What an agent offers. In a template, what is absent or empty does not matter.
+/// The offer of an agent. In a template, what is absent or empty does not matter.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DfAgentDescription {
     /// Who.
@@ -210,7 +210,7 @@ pub struct Property {
     pub value: Term,
 }
 
-/// How far and how much to search.
+/// The limits of a search: how deep, and how many results.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SearchConstraints {
     /// How many hops to other directories; 0 and absent: this one alone.
@@ -298,7 +298,7 @@ pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> 
     RefuseReason::bad_value(object, largest.map_or("name", |(parameter, _)| parameter))
 }
 
-/// What went wrong.
+/// The reason of a failure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FailureReason {
     /// It is there already.

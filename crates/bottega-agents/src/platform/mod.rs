@@ -28,6 +28,6 @@ pub use management::{
     SearchConstraints, ServiceDescription, ServiceEntry,
 };
 pub use ontology::{Unread, print_content, print_content_of, read_content};
-pub use service::{Change, ENTRY_BYTES_MAX, Functions, NoResult, Said, Service, Step, Todo};
+pub use service::{Change, ENTRY_BYTES_MAX, Functions, NoResult, Said, Service, ServiceOutbox, Step};
 pub use standard_agent::{KEPT_MESSAGES_MAX, StandardAgent};
 pub use start::{BASIC_SERVICES_MAX, StartService};

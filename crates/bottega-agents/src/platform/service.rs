@@ -1,4 +1,4 @@
-//! What the platform's services have in common: a request comes, the store is asked to change, an answer goes.
+//! The frame of the platform's services: a request comes, the store is asked to change, an answer goes.
 //!
 //! What a service knows is a mirror of entries of the store, which it watches. A change is a compare-and-set against
 //! the revision that it knows: of two replicas that decide at the same time one loses, looks again, and decides anew.
@@ -61,7 +61,7 @@ pub struct Change {
     pub text: String,
 }
 
-/// How far a function came.
+/// The step that a function has reached.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// It is done, and nothing changes.
@@ -72,16 +72,16 @@ pub enum Step {
     Later,
 }
 
-/// What a service wants besides its answers.
+/// The messages and changes that a service wants besides its answers.
 #[derive(Debug, Default)]
-pub struct Todo {
+pub struct ServiceOutbox {
     /// Messages.
     pub send: Vec<Said>,
     /// Changes of its own, each under a mark by which [`Functions::settled`] tells of it.
     pub writes: Vec<(u64, Change)>,
 }
 
-/// What a service does, without the talk around it.
+/// The functions of a service, without the talk around it.
 pub trait Functions {
     /// How the names of the entries begin that it mirrors.
     const PREFIXES: &'static [&'static str];
@@ -89,14 +89,20 @@ pub trait Functions {
     const ENTRY_BYTES_MAX: usize = ENTRY_BYTES_MAX;
 
     /// Takes over what an entry holds now, and by which write; no text: there is no such entry any more.
-    fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut Todo);
+    fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut ServiceOutbox);
 
     /// Decides on a function as the sender of `request` wants it. May be asked again for the same request, when the
     /// pages have changed in between.
     ///
     /// # Errors
     /// It is refused or fails. In both cases nothing has changed.
-    fn perform(&mut self, now: Time, request: &Said, function: &Function, todo: &mut Todo) -> Result<Step, NoResult>;
+    fn perform(
+        &mut self,
+        now: Time,
+        request: &Said,
+        function: &Function,
+        todo: &mut ServiceOutbox,
+    ) -> Result<Step, NoResult>;
 
     /// Why a function is refused whose entry is longer than [`Self::ENTRY_BYTES_MAX`].
     fn too_large(&self, function: &Function) -> RefuseReason;
@@ -107,18 +113,18 @@ pub trait Functions {
     }
 
     /// Takes a message that is no request. `false`: it means nothing here.
-    fn hear(&mut self, _now: Time, _message: &Said, _todo: &mut Todo) -> bool {
+    fn hear(&mut self, _now: Time, _message: &Said, _todo: &mut ServiceOutbox) -> bool {
         false
     }
 
     /// An agent came to this platform's process, or is gone from it.
-    fn presence(&mut self, _now: Time, _agent: &AgentId, _present: bool, _todo: &mut Todo) {}
+    fn presence(&mut self, _now: Time, _agent: &AgentId, _present: bool, _todo: &mut ServiceOutbox) {}
 
     /// A change of its own was made, or was not since the entry is another by now.
-    fn settled(&mut self, _now: Time, _mark: u64, _made: bool, _todo: &mut Todo) {}
+    fn settled(&mut self, _now: Time, _mark: u64, _made: bool, _todo: &mut ServiceOutbox) {}
 
     /// Does what is due. First called when all pages are known.
-    fn tick(&mut self, _now: Time, _todo: &mut Todo) {}
+    fn tick(&mut self, _now: Time, _todo: &mut ServiceOutbox) {}
 
     /// When [`Self::tick`] has something to do.
     fn next_deadline(&self) -> Option<Time> {
@@ -210,7 +216,7 @@ where
         }
     }
 
-    fn hear(&mut self, now: Time, message: Said, todo: &mut Todo, actions: &mut Vec<Action<C, V, E>>) {
+    fn hear(&mut self, now: Time, message: Said, todo: &mut ServiceOutbox, actions: &mut Vec<Action<C, V, E>>) {
         let function = match &message.content {
             ManagementContent::Action(function) if message.performative == Performative::Request => function.clone(),
             _ => {
@@ -230,7 +236,7 @@ where
         function: &Function,
         tries: u32,
         looked: bool,
-        todo: &mut Todo,
+        todo: &mut ServiceOutbox,
         actions: &mut Vec<Action<C, V, E>>,
     ) {
         let step = if tries > TRIES_MAX || self.open.len() >= OPEN_MAX {
@@ -276,7 +282,7 @@ where
     }
 
     /// Takes over an entry as the store has just said that it is.
-    fn learn_now(&mut self, now: Time, key: Key, entry: Option<Entry<V>>, todo: &mut Todo) {
+    fn learn_now(&mut self, now: Time, key: Key, entry: Option<Entry<V>>, todo: &mut ServiceOutbox) {
         match entry {
             Some(entry) => {
                 self.learn(now, &key, entry.revision, entry.value.as_ref(), todo);
@@ -291,7 +297,7 @@ where
     }
 
     /// Takes over an entry, unless a later one is known.
-    fn learn(&mut self, now: Time, key: &Key, revision: Revision, text: &str, todo: &mut Todo) {
+    fn learn(&mut self, now: Time, key: &Key, revision: Revision, text: &str, todo: &mut ServiceOutbox) {
         if self.revisions.get(key).is_some_and(|known| *known >= revision) {
             return;
         }
@@ -308,7 +314,7 @@ where
         now: Time,
         ticket: Ticket,
         reply: StoreReply<V>,
-        todo: &mut Todo,
+        todo: &mut ServiceOutbox,
         actions: &mut Vec<Action<C, V, E>>,
     ) {
         match reply {
@@ -357,7 +363,7 @@ where
         }
     }
 
-    fn give_up(&mut self, now: Time, ticket: Ticket, todo: &mut Todo) {
+    fn give_up(&mut self, now: Time, ticket: Ticket, todo: &mut ServiceOutbox) {
         let Some(open) = self.open.remove(&ticket) else { return };
         match open.cause {
             Cause::Request { request, .. } | Cause::Look { request, .. } => {
@@ -398,7 +404,13 @@ where
         Some(message.reply(P::NotUnderstood, self.id.clone(), ManagementContent::NotUnderstood(reason)))
     }
 
-    fn message(&mut self, now: Time, message: AclMessage<C>, todo: &mut Todo, actions: &mut Vec<Action<C, V, E>>) {
+    fn message(
+        &mut self,
+        now: Time,
+        message: AclMessage<C>,
+        todo: &mut ServiceOutbox,
+        actions: &mut Vec<Action<C, V, E>>,
+    ) {
         let Some(content) = message.content.management().cloned() else {
             // Its content cannot be looked at; the answer says the same whatever it is.
             let nothing = message.map(|_| ManagementContent::Cancel);
@@ -420,7 +432,7 @@ where
         }
     }
 
-    fn look_at_the_clock(&mut self, now: Time, todo: &mut Todo, actions: &mut Vec<Action<C, V, E>>) {
+    fn look_at_the_clock(&mut self, now: Time, todo: &mut ServiceOutbox, actions: &mut Vec<Action<C, V, E>>) {
         if !self.is_ready() && self.watch_again <= now {
             self.watch(now, actions);
         }
@@ -450,7 +462,7 @@ where
     type Completion = R;
 
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>) {
-        let mut todo = Todo::default();
+        let mut todo = ServiceOutbox::default();
         match event {
             Event::Start => {
                 self.watch(now, actions);

@@ -1,4 +1,4 @@
-//! What every agent can do: be suspended, resumed and ended by the AMS.
+//! The life of any agent: the AMS suspends, resumes and ends it.
 
 use std::collections::VecDeque;
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{
     management::{FailureReason, Function, Outcome, RefuseReason, ServiceEntry, largest},
     ontology::{SERVICE_ENTRY, read_service_entry, service_entry},
-    service::{Change, Functions, NoResult, Said, Step, Todo},
+    service::{Change, Functions, NoResult, Said, ServiceOutbox, Step},
     signature::{name_of_request, signed, written_by},
 };
 use crate::{Revision, Time, sl};
@@ -61,7 +61,7 @@ impl StartService {
 impl Functions for StartService {
     const PREFIXES: &'static [&'static str] = &[PREFIX];
 
-    fn learn(&mut self, _now: Time, key: &str, _revision: Revision, text: &str, _todo: &mut Todo) {
+    fn learn(&mut self, _now: Time, key: &str, _revision: Revision, text: &str, _todo: &mut ServiceOutbox) {
         let Some(id) = key.strip_prefix(PREFIX) else { return };
         let read = |term| Some((read_service_entry(&term).ok()?, written_by(SERVICE_ENTRY, &term)));
         match sl::parse_term(text).ok().and_then(read) {
@@ -70,7 +70,13 @@ impl Functions for StartService {
         }
     }
 
-    fn perform(&mut self, _now: Time, request: &Said, function: &Function, _: &mut Todo) -> Result<Step, NoResult> {
+    fn perform(
+        &mut self,
+        _now: Time,
+        request: &Said,
+        function: &Function,
+        _: &mut ServiceOutbox,
+    ) -> Result<Step, NoResult> {
         match function {
             Function::GetServiceRoot => {
                 let all = self.own.iter().chain(self.supplied.values().map(|(entry, _)| entry));

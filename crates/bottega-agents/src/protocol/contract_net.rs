@@ -30,7 +30,7 @@ pub struct Call<C> {
     pub reply_by: Time,
 }
 
-/// What somebody offers.
+/// A proposal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal<C> {
     /// Who.
@@ -39,7 +39,7 @@ pub struct Proposal<C> {
     pub content: C,
 }
 
-/// How an awarded task ended.
+/// The end of an awarded task.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome<C> {
     /// It is done, with this to say of it.
@@ -50,7 +50,7 @@ pub enum Outcome<C> {
     Lost,
 }
 
-/// What an initiator has to tell.
+/// News of an initiator.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InitiatorNews<C> {
     /// Nobody else can propose any more: call [`ContractNetInitiator::award`]. There may be no proposal.
@@ -256,7 +256,7 @@ impl<C: Clone> ContractNetInitiator<C> {
     }
 }
 
-/// What a responder has to tell.
+/// News of a responder.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ResponderNews<C> {
     /// Answer by [`ContractNetResponder::propose`] or [`ContractNetResponder::refuse`] before its `reply_by`.

@@ -3,7 +3,7 @@
 use super::OutOfSequence;
 use crate::{AclMessage, AgentId, Performative, Time};
 
-/// How a request ended.
+/// The end of a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer<C> {
     /// It was done; or here is the result.

@@ -13,7 +13,7 @@ pub const SUBSCRIBERS_MAX: usize = 4096;
 #[error("there are {SUBSCRIBERS_MAX} subscribers already")]
 pub struct TooManySubscribers;
 
-/// What came of a message.
+/// The news of a message.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SubscribeNews<C> {
     /// Somebody wants to be told of what the content names. Accept by [`Subscriptions::accept`] or refuse.

@@ -1,6 +1,6 @@
 //! Why a text is no message or envelope.
 
-/// What is wrong with a text that came over a wire, or with what shall be sent.
+/// A fault in a text that came over a wire, or in one that shall be sent.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
     /// More than is taken.

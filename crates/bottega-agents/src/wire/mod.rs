@@ -1,4 +1,4 @@
-//! What crosses the border of the platform: messages and envelopes as text, in the forms of FIPA.
+//! Messages and envelopes as text, in the forms of FIPA: everything that crosses the border of the platform.
 //!
 //! [`WireMessage`] is a message as strangers see it, all in text; within a platform it is the typed
 //! [`AclMessage`](crate::AclMessage). Every reader bounds what it takes and answers nonsense with a [`WireError`].

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use bottega_agents::{
     AclMessage, Action, AgentId, Event, Performative, StateMachine, StoreRequest, Time,
     platform::{FailureReason, Function, Functions, ManagementContent as M, Outcome, RefuseReason, Service},
-    store::{Addressed, MemoryStore},
+    store::{AddressedStore, MemoryStore},
 };
 
 pub(crate) type Vocabulary<F> = Service<F, M, String, (), ()>;
@@ -55,7 +55,9 @@ impl<F: Functions> Desk<F> {
                         let mut replies = Vec::new();
                         self.store.handle((), ticket, request, &mut replies);
                         events.extend(
-                            replies.into_iter().map(|Addressed { ticket, reply, .. }| Event::Store { ticket, reply }),
+                            replies
+                                .into_iter()
+                                .map(|AddressedStore { ticket, reply, .. }| Event::Store { ticket, reply }),
                         );
                     }
                     Action::WatchPresence => {}

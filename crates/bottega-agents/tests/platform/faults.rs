@@ -1,4 +1,4 @@
-//! What once went wrong in bad weather.
+//! Faults that bad weather once uncovered.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What lies between processes: connections that take time, fail before or after the message was taken, and take it twice.
+//! Simulated connections: they take time, fail before or after the message was taken, and take it twice.
 
 use std::{
     collections::{BTreeMap, VecDeque},

@@ -41,7 +41,7 @@ const MORE: f64 = 3.0;
 /// How near samples are compared, as a share of the radius of the scene.
 const LUDD_RADIUS: f32 = 0.05;
 
-/// What is painted, and with how many photons and agents.
+/// The scene of the measurement, and its numbers of photons and agents.
 #[derive(Clone, Debug)]
 pub struct AlaOptions {
     /// The scene.

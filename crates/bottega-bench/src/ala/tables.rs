@@ -1,4 +1,4 @@
-//! What was measured, for people and for programs.
+//! Tables of the measured figures, for people and for programs.
 
 use std::fmt::Write;
 

@@ -6,8 +6,8 @@ use std::{
 };
 
 use bottega_engines::{
-    CancelSwitch, Leaning, RenderEngine, TaskProgress, Tunables, ZoneTask,
-    external::{EngineFault, ExternalEngine, ExternalOptions, Located, SceneRequest, Session},
+    CancelSwitch, EnginePreference, RenderEngine, TaskProgress, Tunables, ZoneTask,
+    external::{EngineFault, ExternalEngine, ExternalOptions, LocatedEngine, SceneRequest, Session},
 };
 use bottega_image::{AovSet, Film, Layout, Rect, Tile};
 
@@ -24,7 +24,7 @@ impl EngineTrial {
     ///
     /// # Errors
     /// The engine cannot open the scene.
-    pub fn begin(located: &Arc<Located>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
+    pub fn begin(located: &Arc<LocatedEngine>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
         let session = Session::open(located, request)?;
         let (width, height) = request.size.unwrap_or_default();
         let options = ExternalOptions {
@@ -57,7 +57,7 @@ impl EngineTrial {
                 samples: 0..samples,
                 // As the scene says.
                 tunables: Tunables { max_depth: 0, light_samples: 0 },
-                leaning: Leaning::default(),
+                leaning: EnginePreference::default(),
                 tile: None::<Tile>,
                 parts: None,
                 cancel: CancelSwitch::default(),

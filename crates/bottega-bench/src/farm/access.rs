@@ -1,4 +1,4 @@
-//! How agents reach the server: each over a link of its own.
+//! Connections of agents to the server: each has a link of its own.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub enum ServerAccess {
 }
 
 /// Makes the links of a process.
-pub(super) enum ServerLinks {
+pub(crate) enum ServerLinks {
     /// They share a thread.
     Started(Entry, Arc<NatsThread>),
     /// Each has its own.
@@ -26,7 +26,7 @@ pub(super) enum ServerLinks {
 }
 
 impl ServerLinks {
-    pub(super) fn new(access: ServerAccess) -> Result<Self, Error> {
+    pub(crate) fn new(access: ServerAccess) -> Result<Self, Error> {
         Ok(match access {
             ServerAccess::Started(entry) => {
                 let thread = NatsThread::start().map_err(|source| {
@@ -40,7 +40,7 @@ impl ServerLinks {
     }
 
     /// The link of an agent.
-    pub(super) fn link(&self, work: u64, agent: u32) -> Result<Link, Error> {
+    pub(crate) fn link(&self, work: u64, agent: u32) -> Result<Link, Error> {
         let work = WorkId(work);
         match self {
             Self::Started(entry, thread) => {

@@ -1,4 +1,4 @@
-//! What a run comes to.
+//! The figures of a run.
 
 use std::ops::RangeInclusive;
 

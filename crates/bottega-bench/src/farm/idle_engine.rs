@@ -6,7 +6,9 @@ use std::{
     time::Duration,
 };
 
-use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, SurveyPixel, Tunables, ZoneTask};
+use bottega_engines::{
+    EngineDescription, EngineError, Painted, RenderEngine, Survey, SurveyPixel, Tunables, ZoneCallback, ZoneTask,
+};
 use bottega_farm::JobSettings;
 use bottega_image::{AovSet, Layout, Rect, SampleValues, Tile};
 
@@ -15,11 +17,9 @@ const SAMPLES: u32 = 16;
 /// Pixels along a side of a zone.
 const ZONE_SIDE: u32 = 8;
 
-type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
-
 /// One processor that waits instead of painting. All samples are the same.
 pub(super) struct IdleEngine {
-    tasks: Mutex<mpsc::Sender<(ZoneTask, Done)>>,
+    tasks: Mutex<mpsc::Sender<(ZoneTask, ZoneCallback)>>,
 }
 
 impl IdleEngine {
@@ -30,7 +30,7 @@ impl IdleEngine {
     /// The operating system gives no thread.
     pub(super) fn new(zone_time: Duration, agent: u32) -> std::io::Result<Self> {
         let zone_time = zone_time.div_f64(speed_of(agent));
-        let (tasks, given) = mpsc::channel::<(ZoneTask, Done)>();
+        let (tasks, given) = mpsc::channel::<(ZoneTask, ZoneCallback)>();
         // It ends when nobody can give it anything any more.
         thread::Builder::new().name("engine".to_owned()).spawn(move || {
             for (task, done) in given {
@@ -108,7 +108,7 @@ impl RenderEngine for IdleEngine {
         Ok(Survey { width, height, pixels: vec![pixel; width as usize * height as usize], zones_max: None })
     }
 
-    fn start(&self, task: ZoneTask, done: Done) {
+    fn start(&self, task: ZoneTask, done: ZoneCallback) {
         // The thread lives as long as somebody can ask it.
         _ = self.tasks.lock().unwrap_or_else(PoisonError::into_inner).send((task, done));
     }

@@ -19,16 +19,16 @@ pub use self::{
     access::ServerAccess,
     part::{AgentShare, PartCommand, PartOptions, run_part},
 };
+pub(crate) use self::{access::ServerLinks, watch::unix_micros};
 use self::{
-    access::ServerLinks,
     figures::{FarmRun, Figures},
     idle_engine::IdleEngine,
-    part::PartProcess,
+    part::PartReport,
     watch::MasterWatch,
 };
-use crate::{Error, Report, write_error};
+use crate::{Error, Report, part_process::PartProcess, write_error};
 
-/// How many agents paint how much.
+/// The number of agents and the amount of work.
 #[derive(Clone, Debug)]
 pub struct FarmOptions {
     /// Agents, at least 1.
@@ -109,7 +109,7 @@ fn run(
         let share = AgentShare { work, first: 1 + first, count: end - first };
         let FarmOptions { zones, zone_time, .. } = *options;
         let part = PartOptions { share, zones, zone_time, access: access.clone() };
-        parts.push(PartProcess::start(&part, command)?);
+        parts.push(PartProcess::start(command(&part))?);
     }
     parts.iter_mut().try_for_each(PartProcess::until_ready)?;
     let engine = Arc::new(IdleEngine::new(options.zone_time, 0).map_err(Error::Thread)?);
@@ -117,7 +117,8 @@ fn run(
     let settings = idle_engine::settings(options.zones);
     let painted = lead(&settings, engine, Arc::clone(&watch) as _, stop, None, None, Some(link.clone()));
     let report = painted.map_err(bottega::Error::Job);
-    let told = report.is_ok().then(|| parts.iter_mut().map(PartProcess::report).collect::<Result<Vec<_>, _>>());
+    let told =
+        report.is_ok().then(|| parts.iter_mut().map(PartProcess::report::<PartReport>).collect::<Result<Vec<_>, _>>());
     link.forget();
     let (report, told) = (report?, told.transpose()?.unwrap_or_default());
     check(&report)?;
@@ -162,10 +163,10 @@ fn check(report: &JobReport) -> Result<(), Error> {
 }
 
 /// A folder for the server, which goes with this.
-struct Folder(PathBuf);
+pub(crate) struct Folder(pub(crate) PathBuf);
 
 impl Folder {
-    fn new() -> Result<Self, Error> {
+    pub(crate) fn new() -> Result<Self, Error> {
         let path = env::temp_dir().join(format!("bottega-bench-{}", process::id()));
         fs::create_dir_all(&path).map_err(|source| write_error(&path, source))?;
         Ok(Self(path))

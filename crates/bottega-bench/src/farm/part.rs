@@ -2,8 +2,8 @@
 
 use std::{
     fmt,
-    io::{self, BufRead, BufReader, Read, Write},
-    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+    io::{self, Write},
+    process::Command,
     str::FromStr,
     sync::Arc,
     thread,
@@ -18,14 +18,15 @@ use super::{
     idle_engine::{self, IdleEngine},
     watch::{AgentWatch, Wait},
 };
-use crate::Error;
+use crate::{
+    Error,
+    part_process::{end_with_parent, say, say_ready},
+};
 
-/// What a process says when all its agents are linked.
-const READY: &str = "ready";
 /// The stack of a thread that waits.
 const STACK_BYTES: usize = 256 << 10;
 
-/// What a process with some of the agents is told.
+/// The orders of a process with some of the agents.
 #[derive(Clone, Debug)]
 pub struct PartOptions {
     /// Which agents.
@@ -91,7 +92,7 @@ pub fn run_part(options: &PartOptions, output: &mut dyn Write) -> Result<(), Err
     let links = ServerLinks::new(options.access.clone())?;
     let settings = idle_engine::settings(options.zones);
     let links = (0..share.count).map(|i| links.link(share.work, share.first + i)).collect::<Result<Vec<_>, _>>()?;
-    say(output, READY)?;
+    say_ready(output)?;
     let stops: Vec<StopSwitch> = links.iter().map(|_| StopSwitch::new()).collect();
     end_with_parent(stops.clone())?;
     let mut agents = Vec::new();
@@ -113,11 +114,6 @@ pub fn run_part(options: &PartOptions, output: &mut dyn Write) -> Result<(), Err
     say(output, &serde_json::to_string(&report).unwrap_or_default())
 }
 
-/// Says something to the process with the Master. When that is gone, so is the work.
-fn say(output: &mut dyn Write, line: &str) -> Result<(), Error> {
-    output.write_all(format!("{line}\n").as_bytes()).and_then(|()| output.flush()).map_err(|_| Error::MasterGone)
-}
-
 /// One agent, as a machine that has joined has it.
 fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: &Link) -> Result<PartReport, JobError> {
     let watch = Arc::new(AgentWatch::default());
@@ -130,59 +126,6 @@ fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: &Li
         messages: traffic.messages_in + traffic.messages_out,
         bytes: traffic.bytes_in + traffic.bytes_out,
     })
-}
-
-/// Whoever started this process holds the other end of its input.
-fn end_with_parent(stops: Vec<StopSwitch>) -> Result<(), Error> {
-    let watch = move || {
-        _ = io::stdin().lock().read_to_end(&mut Vec::new());
-        stops.iter().for_each(StopSwitch::request);
-    };
-    thread::Builder::new().spawn(watch).map(drop).map_err(Error::Thread)
-}
-
-/// Such a process, as seen from the one that has started it.
-pub(super) struct PartProcess {
-    child: Child,
-    /// While it is open the process lives.
-    input: Option<ChildStdin>,
-    output: BufReader<ChildStdout>,
-}
-
-impl PartProcess {
-    pub(super) fn start(options: &PartOptions, command: PartCommand<'_>) -> Result<Self, Error> {
-        let mut command = command(options).map_err(Error::Process)?;
-        command.stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = command.spawn().map_err(Error::Process)?;
-        let (input, output) = (child.stdin.take(), child.stdout.take());
-        let output = output.ok_or_else(|| Error::Process(io::Error::other("it has no output")))?;
-        Ok(Self { child, input, output: BufReader::new(output) })
-    }
-
-    /// Waits until all its agents are linked.
-    pub(super) fn until_ready(&mut self) -> Result<(), Error> {
-        (self.hear()?.trim() == READY).then_some(()).ok_or(Error::PartEnded)
-    }
-
-    /// What it has seen, now that the work is done. An agent that the Master has not come to know is let go by this too.
-    pub(super) fn report(&mut self) -> Result<PartReport, Error> {
-        self.input = None;
-        serde_json::from_str(&self.hear()?).map_err(|_| Error::PartEnded)
-    }
-
-    fn hear(&mut self) -> Result<String, Error> {
-        let mut line = String::new();
-        self.output.read_line(&mut line).map_err(|_| Error::PartEnded)?;
-        Ok(line)
-    }
-}
-
-impl Drop for PartProcess {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        _ = self.child.kill();
-        _ = self.child.wait();
-    }
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What is seen of the awards: when they were made, and what agents waited for them.
+//! A watch over awards: when they were made, and how long agents waited for them.
 
 use std::{
     collections::{BTreeSet, VecDeque},
@@ -24,10 +24,10 @@ const BIDS_MAX: usize = 64;
 
 /// Sees one agent wait for awards.
 #[derive(Default)]
-pub(super) struct AgentWatch(Mutex<Waits>);
+pub(super) struct AgentWatch(Mutex<WaitTimes>);
 
 #[derive(Default)]
-struct Waits {
+struct WaitTimes {
     /// When it had room for another zone.
     rooms: VecDeque<Time>,
     /// The orders that it has reported.
@@ -39,7 +39,7 @@ struct Waits {
 }
 
 impl AgentWatch {
-    fn lock(&self) -> MutexGuard<'_, Waits> {
+    fn lock(&self) -> MutexGuard<'_, WaitTimes> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -129,7 +129,7 @@ fn micros(time: Duration) -> u64 {
     u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
 }
 
-pub(super) fn unix_micros() -> u64 {
+pub(crate) fn unix_micros() -> u64 {
     // A clock that stands before 1970 has been set by nobody.
     micros(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())
 }

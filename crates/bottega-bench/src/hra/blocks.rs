@@ -9,7 +9,7 @@ use bottega_image::{AovSet, Layout};
 use bottega_render::{AgentUse, Filter, PathSettings, View};
 
 use super::{
-    options::{HraOptions, RUNS_MIN, Way},
+    options::{HraOptions, RUNS_MIN, WorkDivision},
     ray_scene::{BOUNCES_MAX, RayScene, SIDE},
     report::{BlockColumn, BlockRow, Occupation, occupation},
 };
@@ -24,9 +24,9 @@ const SAMPLES_MAX: u32 = 1 << 18;
 
 /// Paints with the processors, with the GPU, and with both; each way so many samples that all take the same time.
 pub(super) fn measure(options: &HraOptions, scene: &RayScene) -> Result<BlockRow, Error> {
-    let mut ways = vec![Way::Cpu];
+    let mut ways = vec![WorkDivision::Cpu];
     if options.gpu.is_some() {
-        ways.extend([Way::CpuAndGpu, Way::Gpu]);
+        ways.extend([WorkDivision::CpuAndGpu, WorkDivision::Gpu]);
     }
     let mut columns = Vec::new();
     for way in ways {
@@ -55,14 +55,14 @@ pub(super) fn measure(options: &HraOptions, scene: &RayScene) -> Result<BlockRow
 }
 
 /// One run. The scene is on its devices before the clock is started.
-fn once(options: &HraOptions, scene: &RayScene, way: Way, samples: u32) -> Result<(f64, Occupation), Error> {
+fn once(options: &HraOptions, scene: &RayScene, way: WorkDivision, samples: u32) -> Result<(f64, Occupation), Error> {
     let processors = usize::from(options.processors);
     let threads = match way {
-        Way::Gpu => 0,
-        Way::CpuAndGpu => beside_gpus(processors, 1),
-        Way::Direct | Way::Cpu => processors,
+        WorkDivision::Gpu => 0,
+        WorkDivision::CpuAndGpu => beside_gpus(processors, 1),
+        WorkDivision::Direct | WorkDivision::Cpu => processors,
     };
-    let gpu = options.gpu.as_deref().filter(|_| way != Way::Cpu);
+    let gpu = options.gpu.as_deref().filter(|_| way != WorkDivision::Cpu);
     let lanes = gpu.map(|name| painter(name, &scene.prepared)).transpose()?.into_iter().collect();
     // Devices know nothing of guides and lighting agents: neither do the processors here, or they would first learn.
     let settings = PathSettings {

@@ -21,7 +21,7 @@ use bottega_scene::Scene;
 
 pub use self::{options::HraOptions, report::HraBenchReport};
 use self::{
-    options::{RUNS_MIN, Way},
+    options::{RUNS_MIN, WorkDivision},
     ray_scene::RayScene,
     report::{RayColumn, RayRow, occupation},
     walk::{Caller, WalkResult, walk},
@@ -59,9 +59,9 @@ fn measure_rays(options: &HraOptions, scene: &RayScene) -> Result<RayRow, Error>
     let pilot = walk(scene, &Caller::Direct, PILOT_PATHS, options.batch, usize::from(options.processors))?;
     let rays_wanted = paper::RAYS * options.scale;
     let paths = (rays_wanted * PILOT_PATHS as f64 / pilot.rays as f64).ceil() as u64;
-    let mut ways = vec![Way::Direct, Way::Cpu];
+    let mut ways = vec![WorkDivision::Direct, WorkDivision::Cpu];
     if options.gpu.is_some() {
-        ways.extend([Way::CpuAndGpu, Way::Gpu]);
+        ways.extend([WorkDivision::CpuAndGpu, WorkDivision::Gpu]);
     }
     let column = |way| RayColumn { way, seconds: Vec::new(), resources: Vec::new() };
     let mut columns: Vec<RayColumn> = ways.into_iter().map(column).collect();
@@ -88,20 +88,21 @@ fn measure_rays(options: &HraOptions, scene: &RayScene) -> Result<RayRow, Error>
 fn once(
     options: &HraOptions,
     scene: &RayScene,
-    way: Way,
+    way: WorkDivision,
     paths: u64,
 ) -> Result<(WalkResult, f64, Option<HraReport>), Error> {
     let loops = usize::from(options.processors);
     let mut resources: Vec<Box<dyn Resource<RenderWork>>> = Vec::new();
-    if matches!(way, Way::Cpu | Way::CpuAndGpu) {
+    if matches!(way, WorkDivision::Cpu | WorkDivision::CpuAndGpu) {
         resources.extend(VirtualCpu::lanes(loops, RenderWork::perform));
     }
-    if matches!(way, Way::Gpu | Way::CpuAndGpu) {
+    if matches!(way, WorkDivision::Gpu | WorkDivision::CpuAndGpu) {
         resources.extend(gpu(options.gpu.as_deref(), scene.prepared.scene())?);
     }
     let spans_kept = if options.output.is_some() { SPANS_KEPT } else { 0 };
-    let hra = (way != Way::Direct).then(|| Hra::new(HraConfig { spans_kept, ..HraConfig::default() }, resources));
-    let gpus = usize::from(matches!(way, Way::Gpu | Way::CpuAndGpu));
+    let hra =
+        (way != WorkDivision::Direct).then(|| Hra::new(HraConfig { spans_kept, ..HraConfig::default() }, resources));
+    let gpus = usize::from(matches!(way, WorkDivision::Gpu | WorkDivision::CpuAndGpu));
     let caller = hra.as_ref().map_or(Caller::Direct, |hra| Caller::Allocator(hra, gpus));
     let begun = Instant::now();
     let found = walk(scene, &caller, paths, options.batch, loops)?;
@@ -117,17 +118,17 @@ fn gpu(name: Option<&str>, scene: &Scene) -> Result<Option<Box<dyn Resource<Rend
 }
 
 /// All ways find the same light.
-fn check(way: Way, found: &WalkResult, known: &WalkResult) -> Result<(), Error> {
+fn check(way: WorkDivision, found: &WalkResult, known: &WalkResult) -> Result<(), Error> {
     let is_same = match way {
-        Way::Direct | Way::Cpu => found == known,
-        Way::CpuAndGpu | Way::Gpu => (found.light() / known.light() - 1.0).abs() <= GPU_DIFFERENCE,
+        WorkDivision::Direct | WorkDivision::Cpu => found == known,
+        WorkDivision::CpuAndGpu | WorkDivision::Gpu => (found.light() / known.light() - 1.0).abs() <= GPU_DIFFERENCE,
     };
     let other = || Error::OtherLight { way: way.name(), found: found.light(), known: known.light() };
     if is_same { Ok(()) } else { Err(other()) }
 }
 
 /// Draws what each resource did when.
-fn draw(options: &HraOptions, scene: &RayScene, way: Way, report: &HraReport) -> Result<(), Error> {
+fn draw(options: &HraOptions, scene: &RayScene, way: WorkDivision, report: &HraReport) -> Result<(), Error> {
     let Some(folder) = &options.output else { return Ok(()) };
     let path = folder.join(format!("{}-{}.svg", scene.name, way.key()));
     write_file(&path, &timeline_svg(report, None))

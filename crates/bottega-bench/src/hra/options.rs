@@ -1,11 +1,11 @@
-//! What is measured, and who does the work.
+//! Options of the measurement: what is measured, and who does the work.
 
 use std::path::PathBuf;
 
 /// Runs of a way: the best and the worst do not count.
 pub(super) const RUNS_MIN: u16 = 3;
 
-/// How much is measured, and with what.
+/// The size and the resources of the measurement.
 #[derive(Clone, Debug)]
 pub struct HraOptions {
     /// Rays, as a share of the paper's 100,000,000.
@@ -24,14 +24,14 @@ pub struct HraOptions {
 
 /// Who does the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Way {
+pub(super) enum WorkDivision {
     Direct,
     Cpu,
     CpuAndGpu,
     Gpu,
 }
 
-impl Way {
+impl WorkDivision {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Direct => "CPU without HRA",

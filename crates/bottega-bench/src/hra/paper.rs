@@ -1,4 +1,4 @@
-//! What the paper measured (Pereira et al., tables 1 and 2).
+//! The figures of the paper (Pereira et al., tables 1 and 2).
 
 /// Seconds of one scene on one of the paper's machines: without the allocator, with it, with it and a GPU.
 pub(super) struct PaperRow {

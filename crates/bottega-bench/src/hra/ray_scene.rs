@@ -36,7 +36,7 @@ pub(super) struct PathState {
 }
 
 /// What follows from a hit.
-pub(super) struct Step {
+pub(super) struct PathStep {
     /// Towards the light, with what it gives where nothing is in between.
     pub(super) shadow: Option<(Ray, f32)>,
     /// Where the path goes on.
@@ -68,9 +68,9 @@ impl RayScene {
     }
 
     /// What a path does where its ray hit; nothing where it hit nothing.
-    pub(super) fn step(&self, path: PathState, ray: &Ray, hit: &Hit) -> Step {
+    pub(super) fn step(&self, path: PathState, ray: &Ray, hit: &Hit) -> PathStep {
         if hit.is_none() {
-            return Step { shadow: None, next: None };
+            return PathStep { shadow: None, next: None };
         }
         let [a, b, c] = self.geometry.triangles[hit.primitive as usize].map(|i| self.geometry.positions[i as usize]);
         let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
@@ -84,7 +84,7 @@ impl RayScene {
             let next = PathState { bounce: path.bounce + 1, ..path };
             (next, Ray::new(at, cosine(normal, numbers.get(3), numbers.get(4))))
         });
-        Step { shadow, next }
+        PathStep { shadow, next }
     }
 
     /// A ray to a point of the light, which is dark behind; lengths along it are shares of the way.

@@ -2,7 +2,7 @@
 
 use bottega_hra::{HraReport, ResourceReport};
 
-use super::options::Way;
+use super::options::WorkDivision;
 
 /// Resources of an allocator: name, share of time with work, units.
 pub(super) type Occupation = Vec<(String, f64, u64)>;
@@ -29,7 +29,7 @@ pub(super) struct RayRow {
 
 /// One way to do them.
 pub(super) struct RayColumn {
-    pub(super) way: Way,
+    pub(super) way: WorkDivision,
     /// Of all runs, in their order.
     pub(super) seconds: Vec<f64>,
     /// Of the last run.
@@ -37,9 +37,14 @@ pub(super) struct RayColumn {
 }
 
 impl RayColumn {
-    /// Without the best and the worst.
+    /// Without the best and the worst: the paper's *average − max − min*.
     pub(super) fn average(&self) -> f64 {
         average(&self.seconds)
+    }
+
+    /// Seconds from the best run to the worst.
+    pub(super) fn range(&self) -> f64 {
+        range(&self.seconds)
     }
 }
 
@@ -52,7 +57,7 @@ pub(super) struct BlockRow {
 
 /// One way to paint them.
 pub(super) struct BlockColumn {
-    pub(super) way: Way,
+    pub(super) way: WorkDivision,
     /// Of all runs, in their order.
     pub(super) samples_per_second: Vec<f64>,
     /// Of the last run.
@@ -64,13 +69,18 @@ impl BlockColumn {
     pub(super) fn average(&self) -> f64 {
         average(&self.samples_per_second)
     }
+
+    /// From the worst run to the best.
+    pub(super) fn range(&self) -> f64 {
+        range(&self.samples_per_second)
+    }
 }
 
 impl BlockRow {
     /// What both together do, of the sum of what each does alone.
     pub(super) fn share_of_sum(&self) -> Option<f64> {
         let rate = |way| self.columns.iter().find(|column| column.way == way).map(BlockColumn::average);
-        Some(rate(Way::CpuAndGpu)? / (rate(Way::Cpu)? + rate(Way::Gpu)?))
+        Some(rate(WorkDivision::CpuAndGpu)? / (rate(WorkDivision::Cpu)? + rate(WorkDivision::Gpu)?))
     }
 }
 
@@ -82,6 +92,14 @@ fn average(values: &[f64]) -> f64 {
     kept.iter().sum::<f64>() / kept.len() as f64
 }
 
+/// The greatest less the least.
+fn range(values: &[f64]) -> f64 {
+    let (least, greatest) = values
+        .iter()
+        .fold((f64::INFINITY, 0.0_f64), |(least, greatest), value| (least.min(*value), greatest.max(*value)));
+    (greatest - least).max(0.0)
+}
+
 /// What each resource did.
 pub(super) fn occupation(report: &HraReport) -> Occupation {
     let share = |resource: &ResourceReport| {
@@ -89,4 +107,15 @@ pub(super) fn occupation(report: &HraReport) -> Occupation {
         (resource.descriptor.name.clone(), busy, resource.units)
     };
     report.resources.iter().map(share).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_and_the_worst_are_in_the_range_and_not_in_the_average() {
+        let runs = [3.0, 1.0, 9.0, 2.0, 4.0];
+        assert_eq!((average(&runs), range(&runs)), (3.0, 8.0));
+    }
 }

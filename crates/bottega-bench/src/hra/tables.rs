@@ -6,7 +6,7 @@ use bottega_image::{Canvas, srgb_from_linear};
 use serde_json::{Value, json};
 
 use super::{
-    options::Way,
+    options::WorkDivision,
     paper,
     ray_scene::{BOUNCES_MAX, SIDE},
     report::{BlockColumn, BlockRow, HraBenchReport, RayColumn, RayRow},
@@ -27,8 +27,10 @@ impl Report for HraBenchReport {
 fn as_text(report: &HraBenchReport) -> String {
     let HraBenchReport { processors, is_kept, batch, rows, blocks } = report;
     let kept = if *is_kept { "kept to" } else { "NOT KEPT to (this system does not do that):" };
-    let mut text =
-        format!("{kept} {processors} of the processors; batches of {batch} paths, at most {BOUNCES_MAX} bounces\n");
+    let mut text = format!(
+        "{kept} {processors} of the processors; batches of {batch} paths, at most {BOUNCES_MAX} bounces\n\
+         averages are without the best and the worst run, as the paper's; max - min is of all runs\n"
+    );
     for row in rows {
         _ = writeln!(text, "\nscene {}: {}; {} paths, {} rays", row.scene, row.kind, row.paths, row.rays);
         let direct = row.columns.first().map_or(1.0, RayColumn::average);
@@ -37,9 +39,10 @@ fn as_text(report: &HraBenchReport) -> String {
             let mrays = row.rays as f64 / average / 1e6;
             _ = writeln!(
                 text,
-                "  {:<17} {average:9.3} s  {:6.1} %  {mrays:7.2} Mrays/s{}",
+                "  {:<17} {average:9.3} s  {:6.1} %  {mrays:7.2} Mrays/s  max - min {:.3} s{}",
                 column.way.name(),
                 100.0 * average / direct,
+                column.range(),
                 occupied(&column.resources)
             );
         }
@@ -51,7 +54,13 @@ fn as_text(report: &HraBenchReport) -> String {
         _ = writeln!(text, "\npictures of scene {}: {}; samples of blocks of pixels", row.scene, row.kind);
         for column in &row.columns {
             let rate = column.average() / 1e6;
-            _ = writeln!(text, "  {:<17} {rate:9.2} Msamples/s{}", column.way.name(), occupied(&column.resources));
+            _ = writeln!(
+                text,
+                "  {:<17} {rate:9.2} Msamples/s  max - min {:.2}{}",
+                column.way.name(),
+                column.range() / 1e6,
+                occupied(&column.resources)
+            );
         }
         if let Some(share) = row.share_of_sum() {
             _ = writeln!(text, "  CPU+GPU reach {:.1} % of the sum of what each does alone", 100.0 * share);
@@ -80,7 +89,7 @@ fn occupied(resources: &[(String, f64, u64)]) -> String {
 /// What both together do, of the sum of what each does alone.
 fn share_of_sum(row: &RayRow) -> Option<f64> {
     let rate = |way| row.columns.iter().find(|column| column.way == way).map(|column| column.average().recip());
-    Some(rate(Way::CpuAndGpu)? / (rate(Way::Cpu)? + rate(Way::Gpu)?))
+    Some(rate(WorkDivision::CpuAndGpu)? / (rate(WorkDivision::Cpu)? + rate(WorkDivision::Gpu)?))
 }
 
 fn as_json(report: &HraBenchReport) -> Value {
@@ -89,6 +98,7 @@ fn as_json(report: &HraBenchReport) -> Value {
             "way": column.way.key(),
             "seconds": column.seconds,
             "average_seconds": column.average(),
+            "range_seconds": column.range(),
             "relative_index": column.average() / direct,
             "resources": resources(&column.resources),
         })
@@ -106,6 +116,7 @@ fn as_json(report: &HraBenchReport) -> Value {
             "way": it.way.key(),
             "samples_per_second": it.samples_per_second,
             "average_samples_per_second": it.average(),
+            "range_samples_per_second": it.range(),
             "resources": resources(&it.resources),
         })
     };

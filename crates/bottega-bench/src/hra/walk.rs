@@ -13,7 +13,7 @@ use bottega_hra::{Hra, HraClient, WorkUnit};
 use bottega_kernels::{Hit, Ray};
 use bottega_render::{RenderOutput, RenderWork};
 
-use super::ray_scene::{PathState, RayScene, SIDE, Step};
+use super::ray_scene::{PathState, PathStep, RayScene, SIDE};
 use crate::Error;
 
 /// Batches that one loop has under way: there are as many loops as processors, so that each of these follows rays or makes some.
@@ -66,7 +66,7 @@ pub(super) fn walk(
     loops: usize,
 ) -> Result<WalkResult, Error> {
     let next = AtomicU64::new(0);
-    let source = Source { scene, paths, batch: u64::from(batch), next: &next };
+    let source = PathSource { scene, paths, batch: u64::from(batch), next: &next };
     thread::scope(|scope| {
         let start = |_| {
             let client = match caller {
@@ -90,25 +90,25 @@ pub(super) fn walk(
 
 /// Where batches come from.
 #[derive(Clone, Copy)]
-struct Source<'a> {
+struct PathSource<'a> {
     scene: &'a RayScene,
     paths: u64,
     batch: u64,
     next: &'a AtomicU64,
 }
 
-impl<'a> Source<'a> {
-    fn batch(&self) -> Option<Batch<'a>> {
+impl<'a> PathSource<'a> {
+    fn batch(&self) -> Option<PathBatch<'a>> {
         let first = self.next.fetch_add(self.batch, Ordering::Relaxed);
         let end = (first + self.batch).min(self.paths);
         let (paths, rays): (_, Vec<_>) = (first..end).map(|n| self.scene.path(n)).unzip();
         let rays = Arc::new(rays);
-        (first < end).then_some(Batch { scene: self.scene, paths, rays, next: Vec::new(), shadows: Vec::new() })
+        (first < end).then_some(PathBatch { scene: self.scene, paths, rays, next: Vec::new(), shadows: Vec::new() })
     }
 }
 
 /// Paths that are followed together.
-struct Batch<'a> {
+struct PathBatch<'a> {
     scene: &'a RayScene,
     paths: Vec<PathState>,
     /// Of each path the ray that is asked for.
@@ -118,7 +118,7 @@ struct Batch<'a> {
     shadows: Vec<(u32, f32)>,
 }
 
-impl Batch<'_> {
+impl PathBatch<'_> {
     /// What is asked first.
     fn ask(&mut self) -> RenderWork {
         // The rays are needed again when their hits are known.
@@ -144,7 +144,7 @@ impl Batch<'_> {
         found.rays += hits.len() as u64;
         let mut rays = Vec::with_capacity(hits.len());
         for ((path, ray), hit) in self.paths.iter().zip(self.rays.iter()).zip(hits) {
-            let Step { shadow, next } = self.scene.step(*path, ray, hit);
+            let PathStep { shadow, next } = self.scene.step(*path, ray, hit);
             if let Some((ray, light)) = shadow {
                 rays.push(ray);
                 self.shadows.push((path.pixel, light));
@@ -164,7 +164,7 @@ impl Batch<'_> {
     }
 }
 
-fn in_place(source: Source<'_>) -> Result<WalkResult, Error> {
+fn in_place(source: PathSource<'_>) -> Result<WalkResult, Error> {
     let mut found = WalkResult::new();
     while let Some(mut batch) = source.batch() {
         let mut work = Some(batch.ask());
@@ -175,11 +175,15 @@ fn in_place(source: Source<'_>) -> Result<WalkResult, Error> {
     Ok(found)
 }
 
-fn by_allocator<'a>(source: Source<'a>, client: &HraClient<RenderWork>, batches: usize) -> Result<WalkResult, Error> {
+fn by_allocator<'a>(
+    source: PathSource<'a>,
+    client: &HraClient<RenderWork>,
+    batches: usize,
+) -> Result<WalkResult, Error> {
     let mut found = WalkResult::new();
     let mut under_way = BTreeMap::new();
     let mut number = 0;
-    let mut begin = |under_way: &mut BTreeMap<u64, Batch<'a>>| {
+    let mut begin = |under_way: &mut BTreeMap<u64, PathBatch<'a>>| {
         let Some(mut batch) = source.batch() else { return Ok(()) };
         number += 1;
         client.submit(WorkUnit::new(batch.ask(), number))?;

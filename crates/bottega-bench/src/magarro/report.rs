@@ -23,6 +23,10 @@ impl Ways {
             Self::Papers => "papers",
         }
     }
+
+    pub(super) fn named(name: &str) -> Option<Self> {
+        [Self::Ours, Self::PapersRules, Self::Papers].into_iter().find(|ways| ways.name() == name)
+    }
 }
 
 /// Times of one way to paint, in seconds, by number of agents.
@@ -35,6 +39,8 @@ pub(super) struct MagarroRow {
     pub(super) measured: f64,
     /// Wall time of the look at the scene within it.
     pub(super) survey: f64,
+    /// Two agents in two processes of one thread each, if that was measured.
+    pub(super) pair: Option<f64>,
     /// Replayed, by [`AGENTS`].
     pub(super) replayed: [f64; 4],
     pub(super) zones: usize,

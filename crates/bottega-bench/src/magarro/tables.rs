@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::{
     paper::{self, AGENTS},
     report::{MagarroReport, MagarroRow, PictureError},
+    second_agent::REPLAY_OFF_MAX,
 };
 use crate::Report;
 
@@ -19,30 +20,33 @@ impl Report for MagarroReport {
     }
 }
 
-/// Minutes and seconds as the paper writes them, with tenths.
+/// Minutes and seconds as the paper writes them, with tenths; seconds alone below a minute.
 fn clock(seconds: f64) -> String {
-    format!("{}:{:04.1}", (seconds / 60.0) as u64, seconds % 60.0)
+    if seconds < 59.95 {
+        format!("{seconds:.1} s")
+    } else {
+        format!("{}:{:04.1}", (seconds / 60.0) as u64, seconds % 60.0)
+    }
 }
 
-/// Time of one agent, measured; of more, replayed.
+/// Time of one agent, measured; of two, measured where it could be; of more, replayed.
 pub(super) fn times(row: &MagarroRow) -> [f64; 4] {
-    let mut times = row.replayed;
-    times[0] = row.measured;
-    times
+    let [_, replayed, four, eight] = row.replayed;
+    [row.measured, row.pair.unwrap_or(replayed), four, eight]
 }
 
 fn as_text(report: &MagarroReport) -> String {
     let MagarroReport { width, height, samples, light_samples, max_depth, .. } = report;
     let mut text = format!(
         "{width}x{height}, {samples} samples a pixel, {light_samples} light samples a bounce, {max_depth} bounces\n\
-         times are minutes:seconds; m: measured with one agent on one thread, r: replayed from what the zones took\n\n"
+         times are minutes:seconds; m: measured, an agent is a process with one thread; r: replayed from what the zones took\n\n"
     );
     text += "Table 1: partition, optimization n             (the paper)\n";
     text += "agents        level 1      level 2      level 3    level 1  level 2  level 3\n";
     for (index, agents) in AGENTS.iter().enumerate() {
         text += &format!("{agents:<7}");
         for row in &report.levels {
-            text += &format!("{:>11} {}", clock(times(row)[index]), kind(index));
+            text += &format!("{:>11} {}", clock(times(row)[index]), kind(row, index));
         }
         for row in paper::TABLE_1 {
             text += &format!("{:>9}", clock(row[index]));
@@ -60,7 +64,7 @@ fn as_text(report: &MagarroReport) -> String {
     for (index, agents) in AGENTS.iter().enumerate() {
         text += &format!("{agents:<7}");
         for row in &columns {
-            text += &format!("{:>9} {}", clock(times(row)[index]), kind(index));
+            text += &format!("{:>9} {}", clock(times(row)[index]), kind(row, index));
         }
         text += "\npaper  ";
         text += &if index == 0 { format!("{:>9}  ", clock(paper::UNOPTIMIZED)) } else { format!("{:>11}", "–  ") };
@@ -83,7 +87,7 @@ fn as_text(report: &MagarroReport) -> String {
         100.0 * (report.off.measured / report.whole.measured - 1.0)
     );
     text += &format!(
-        "all as in the paper, level 3, n: {}; 8 agents over 1: {:.2}\n\n",
+        "all as in the paper, level 3, n: {}; 8 agents over 1: {:.2}\n",
         AGENTS
             .iter()
             .zip(times(&report.paper))
@@ -92,7 +96,8 @@ fn as_text(report: &MagarroReport) -> String {
             .join("  "),
         speedup(&report.paper)
     );
-    text += "against off    RMSE       difference   FLIP mean\n";
+    text += &validation(report);
+    text += "\nagainst off    RMSE       difference   FLIP mean\n";
     text += &differences(report);
     let (difference, paper_noise) = paper::DIFFERENCE;
     text + &format!("the paper                {difference:>6} % of vb, of which noise about {paper_noise} %\n")
@@ -111,8 +116,25 @@ fn differences(report: &MagarroReport) -> String {
     rows.filter_map(line).collect()
 }
 
-fn kind(index: usize) -> &'static str {
-    if index == 0 { "m" } else { "r" }
+/// Whether a time was measured or replayed.
+fn kind(row: &MagarroRow, index: usize) -> &'static str {
+    if index == 0 || index == 1 && row.pair.is_some() { "m" } else { "r" }
+}
+
+/// Replayed times of two agents over measured ones.
+fn validation(report: &MagarroReport) -> String {
+    let rows = report.levels.iter().chain([&report.off, &report.paper]).chain(&report.optimizations);
+    let off: Vec<f64> = rows.filter_map(|row| Some(row.replayed[1] / row.pair?)).collect();
+    if off.is_empty() {
+        return "two agents were not measured: the replay is not checked\n".to_owned();
+    }
+    let within = off.iter().filter(|ratio| (*ratio - 1.0).abs() <= REPLAY_OFF_MAX).count();
+    format!(
+        "replayed over measured, 2 agents: {}; {within} of {} within {:.0} %\n",
+        ratios(off.iter().copied()),
+        off.len(),
+        100.0 * REPLAY_OFF_MAX
+    )
 }
 
 fn name(optimization: Optimization) -> &'static str {
@@ -145,7 +167,7 @@ fn as_json(report: &MagarroReport) -> Value {
         json!({
             "level": row.level as u8, "optimize": name(row.optimization), "ways": row.ways.name(),
             "zones": row.zones, "agents": AGENTS, "measured_seconds_1_agent": row.measured,
-            "survey_seconds": row.survey, "replayed_seconds": row.replayed, "speedup_8_agents": speedup(row),
+            "survey_seconds": row.survey, "measured_seconds_2_agents": row.pair, "replayed_seconds": row.replayed, "speedup_8_agents": speedup(row),
             "error": error(row.error),
         })
     };
@@ -180,7 +202,17 @@ mod tests {
     fn row(level: Level, optimization: Optimization, measured: f64) -> MagarroRow {
         let replayed = [measured, measured / 2.0, measured / 4.0, measured / 7.5];
         let error = Some(PictureError { rmse: 0.01, percent: 1.5, flip: 0.02 });
-        MagarroRow { level, optimization, ways: Ways::Ours, measured, survey: 0.1, replayed, zones: 64, error }
+        MagarroRow {
+            level,
+            optimization,
+            ways: Ways::Ours,
+            measured,
+            survey: 0.1,
+            pair: Some(measured / 1.9),
+            replayed,
+            zones: 64,
+            error,
+        }
     }
 
     fn report() -> MagarroReport {
@@ -212,7 +244,8 @@ mod tests {
         assert!(text.contains("off over optimized, 1 agent: 2.04"), "{text}");
         assert!(text.contains("with the paper's set of rules: 2.04") && text.contains("paper's vb"), "{text}");
         assert!(text.contains("partition costs +2.0 %"), "{text}");
-        assert!(text.contains("0:50.0 m") && text.contains("0:06.7 r"), "{text}");
+        assert!(text.contains("50.0 s m") && text.contains("6.7 s r") && text.contains("1:42.0 m"), "{text}");
+        assert!(text.contains("26.3 s m") && text.contains("10 of 10 within 5 %"), "{text}");
         let json = as_json(&report());
         assert_eq!(json["table_2"].as_array().map(Vec::len), Some(5));
         assert_eq!(json["table_1"][2]["measured_seconds_1_agent"], json!(50.0));

@@ -20,7 +20,7 @@ const CLIPPED: f64 = 0.005;
 /// - `levels`: the analyses of the levels from 1 up.
 /// - `chosen`: that of which the zones' costs are shown.
 pub(super) fn all(
-    drawn: &mut Drawn<'_>,
+    drawn: &mut PictureFolder<'_>,
     subject: &AnalyzedScene,
     levels: &[Analysis],
     chosen: &Analysis,
@@ -53,13 +53,13 @@ pub(super) fn all(
 }
 
 /// The pictures of a folder.
-pub(super) struct Drawn<'a> {
+pub(super) struct PictureFolder<'a> {
     pub(super) folder: &'a Path,
     /// The name of each file and what it shows.
     pub(super) files: Vec<(String, String)>,
 }
 
-impl Drawn<'_> {
+impl PictureFolder<'_> {
     pub(super) fn put(&mut self, name: &str, canvas: &Canvas, meaning: &str) -> Result<(), CliError> {
         let name = format!("{name}.png");
         canvas.write_png(self.folder.join(&name))?;

@@ -10,7 +10,7 @@ use bottega_render::{
 };
 use serde_json::{Value, json};
 
-use super::draw::Drawn;
+use super::draw::PictureFolder;
 use crate::{cli::AnalyzeArgs, error::CliError};
 
 /// The sets that are compared, with names for files and for people.
@@ -29,22 +29,26 @@ const SIZE: [f64; 2] = [560.0, 280.0];
 const MARGIN: f64 = 48.0;
 
 /// δ of one set all over the picture.
-struct Found {
+struct LuddField {
     name: &'static str,
     label: &'static str,
     ludd: Ludd,
 }
 
 /// Draws a map of δ for each set, and their histogram. Adds the files, and returns what is to be told.
-pub(super) fn all(args: &AnalyzeArgs, subject: &AnalyzedScene, drawn: &mut Drawn<'_>) -> Result<Value, CliError> {
-    let found: Vec<Found> = SETS
+pub(super) fn all(
+    args: &AnalyzeArgs,
+    subject: &AnalyzedScene,
+    drawn: &mut PictureFolder<'_>,
+) -> Result<Value, CliError> {
+    let found: Vec<LuddField> = SETS
         .iter()
-        .map(|&(set, name, label)| Ok(Found { name, label, ludd: sampled(args, subject, set)? }))
+        .map(|&(set, name, label)| Ok(LuddField { name, label, ludd: sampled(args, subject, set)? }))
         .collect::<Result<_, CliError>>()?;
     let white = white(&found);
     let criteria = args.ludd.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     let (width, height) = (subject.frame().width(), subject.frame().height());
-    for Found { name, label, ludd } in &found {
+    for LuddField { name, label, ludd } in &found {
         let values: Vec<f32> =
             ludd.pixels.iter().map(|pixel| pixel.as_ref().and_then(Density::all).unwrap_or(f32::NAN)).collect();
         let canvas = Canvas::heat_map(width, height, &values, white, ColorMap::Viridis);
@@ -87,7 +91,7 @@ fn quantile(sorted: &[f32], share: f64) -> Option<f32> {
 }
 
 /// The density of the brightest color, the same for all sets, and greater than 0.
-fn white(found: &[Found]) -> f32 {
+fn white(found: &[LuddField]) -> f32 {
     let most = found.iter().filter_map(|it| quantile(&sorted(&it.ludd.pixels, Density::all), 1.0 - CLIPPED));
     Some(most.fold(0.0, f32::max)).filter(|&white| white > 0.0).unwrap_or(1.0)
 }
@@ -96,7 +100,7 @@ fn mean(values: &[f32]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64)
 }
 
-fn told(found: &Found, criteria: &[Criterion]) -> Value {
+fn told(found: &LuddField, criteria: &[Criterion]) -> Value {
     let pixels = &found.ludd.pixels;
     let all = sorted(pixels, Density::all);
     let by_criterion = criteria.iter().map(|&criterion| {
@@ -119,7 +123,7 @@ fn told(found: &Found, criteria: &[Criterion]) -> Value {
 }
 
 /// Share of the pixels by density, a line a set.
-fn histogram(found: &[Found], criteria: &str, white: f32) -> String {
+fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
     let bars: Vec<[f64; BARS]> = found.iter().map(|it| bars(&sorted(&it.ludd.pixels, Density::all), white)).collect();
     let top = bars.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
     let [width, height] = SIZE;

@@ -1,10 +1,12 @@
-//! How well the time of zones is predicted.
+//! The check of predicted zone times against measured ones.
 
 use std::{ops::Range, sync::mpsc};
 
 use bottega::analysis::{AnalyzedScene, LEVELS};
 use bottega_bench::clock::processor_seconds;
-use bottega_engines::{CancelSwitch, EngineError, Leaning, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask};
+use bottega_engines::{
+    CancelSwitch, EngineError, EnginePreference, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask,
+};
 use bottega_farm::{Choice, Goal, ImportanceFunction, Level, Prediction};
 use bottega_image::{Rect, Tile};
 use serde_json::{Value, json};
@@ -188,7 +190,7 @@ fn paint(
         rect,
         samples,
         tunables: subject.settings.tunables,
-        leaning: Leaning::default(),
+        leaning: EnginePreference::default(),
         tile,
         parts: None,
         cancel,

@@ -77,7 +77,7 @@ pub(super) fn run(args: &FarmBenchArgs) -> Result<ExitCode, CliError> {
         return Ok(ExitCode::SUCCESS);
     }
     let server = match &args.farm {
-        Some(farm) => ServerChoice::Farm(Box::new(farm.clone()), args.login.credentials()),
+        Some(farm) => ServerChoice::Farm(Box::new(farm.clone()), args.login.credentials(Some(farm))),
         None => ServerChoice::Started(args.server.clone()),
     };
     let FarmBenchArgs { agents, zones, zone_time, processes, .. } = *args;
@@ -98,7 +98,8 @@ impl FarmBenchArgs {
         let farm: Option<FarmAddress> = self.farm.clone().or_else(told);
         let farm =
             farm.ok_or_else(|| CliError::usage("no farm is named", "run `bottega bench farm` without --share"))?;
-        Ok(ServerAccess::Farm(Box::new(farm), self.login.credentials()))
+        let credentials = self.login.credentials(Some(&farm));
+        Ok(ServerAccess::Farm(Box::new(farm), credentials))
     }
 }
 

@@ -1,4 +1,4 @@
-//! What all benches do alike.
+//! The result of a bench, as all benches print it.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! What the command line takes about engines.
+//! Options about engines.
 
 use std::path::PathBuf;
 

@@ -8,7 +8,7 @@ use bottega::{
     text::shown,
 };
 use bottega_bench::engines::EngineTrial;
-use bottega_engines::external::{Located, SceneRequest, Session, manifest::Determinism};
+use bottega_engines::external::{LocatedEngine, SceneRequest, Session, manifest::Determinism};
 use bottega_image::{ExrOptions, Metadata, Picture, Rect, rel_mse, seams, write_exr};
 
 use super::args::TryArgs;
@@ -52,7 +52,7 @@ pub(super) fn run(args: &TryArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn request(args: &TryArgs, engine: &Located) -> Result<SceneRequest, CliError> {
+fn request(args: &TryArgs, engine: &LocatedEngine) -> Result<SceneRequest, CliError> {
     Ok(SceneRequest {
         scene: absolute(&args.scene)?,
         size: args.size.map(|size| (size.width, size.height)),
@@ -80,7 +80,7 @@ fn compare(
     other: &Picture,
     windows: &Picture,
     parts: &[Rect],
-    engine: &Located,
+    engine: &LocatedEngine,
 ) -> Result<(), CliError> {
     let equal = whole.data.iter().zip(&windows.data).filter(|(a, b)| a == b).count();
     println!("equal     {equal} of {} pixels have the same bits", whole.data.len());

@@ -14,8 +14,8 @@ use bottega::{
     text::duration,
 };
 use bottega_engines::external::{
-    EngineFault, Entry, Located, Probe, Quarantine, install_hint, is_fenced_in, is_shut_in, is_weighed,
-    manifest::{Determinism, Kind, Manifest},
+    EngineFault, LocatedEngine, Probe, Quarantine, ShelfEntry, install_hint, is_fenced_in, is_shut_in, is_weighed,
+    manifest::{Determinism, EngineKind, Manifest},
     quarantine,
 };
 use serde_json::json;
@@ -78,11 +78,11 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
 }
 
 /// Looks for engines, all at the same time. One that paints by a worker is there when that has answered.
-fn looked_at<'a>(entries: &[&'a Entry]) -> Vec<(&'a Entry, Result<Arc<Located>, EngineFault>)> {
-    let look = |entry: &Entry| {
-        let found = Arc::new(Located::find(entry)?);
+fn looked_at<'a>(entries: &[&'a ShelfEntry]) -> Vec<(&'a ShelfEntry, Result<Arc<LocatedEngine>, EngineFault>)> {
+    let look = |entry: &ShelfEntry| {
+        let found = Arc::new(LocatedEngine::find(entry)?);
         // One that is not used here is not started either.
-        if entry.manifest.kind == Kind::Worker && quarantine(&found).is_none() {
+        if entry.manifest.kind == EngineKind::Worker && quarantine(&found).is_none() {
             Probe::start(&found)?;
         }
         Ok(found)
@@ -143,7 +143,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
     let path = Path::new(&args.name);
     let entry = if path.extension().is_some_and(|extension| extension == "toml") {
         let text = fs::read_to_string(path).map_err(|source| CliError::read(path.to_owned(), source))?;
-        Entry::from_file(path, &text).map_err(|error| bottega::Error::Manifest(Box::new(error)))?
+        ShelfEntry::from_file(path, &text).map_err(|error| bottega::Error::Manifest(Box::new(error)))?
     } else {
         entry(&args.folders, &args.name)?
     };
@@ -158,7 +158,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
     };
     println!("windows   {windows}");
     let failed = |source| bottega::Error::External { engine: manifest.name.clone(), source };
-    let located = Located::find(&entry).map_err(failed)?;
+    let located = LocatedEngine::find(&entry).map_err(failed)?;
     println!("found     {}, version {}", located.program.display(), located.version);
     if let Some(why) = quarantine(&located) {
         return Err(CliError::failed(
@@ -166,7 +166,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
             "a new version of it, or of its manifest, is used again by itself",
         ));
     }
-    if manifest.kind == Kind::Worker {
+    if manifest.kind == EngineKind::Worker {
         let Probe { seconds } = Probe::start(&located.into()).map_err(failed)?;
         println!("worker    ready after {seconds:.2} s");
     }

@@ -2,10 +2,10 @@
 
 use std::{path::PathBuf, process::Command};
 
-use bottega_cluster::{Credentials, FarmAddress, JobBoard, link};
+use bottega_cluster::{Credentials, FarmAddress, FarmLink, JobBoard, link};
 use clap::{Args, ValueHint};
 
-use crate::error::CliError;
+use crate::{config, error::CliError};
 
 /// Who one is to servers of others.
 #[derive(Clone, Debug, Default, Args)]
@@ -29,13 +29,21 @@ pub(crate) struct LoginArgs {
 }
 
 impl LoginArgs {
-    pub(crate) fn credentials(&self) -> Credentials {
-        Credentials {
+    /// What the options say; where they say nothing, and no farm is named, what the configuration file says.
+    pub(crate) fn credentials(&self, farm: Option<&FarmAddress>) -> Credentials {
+        let said = Credentials {
             creds: self.creds.clone(),
             nkey: self.nkey.clone(),
             tls_ca: self.tls_ca.clone(),
             tls_own: self.tls_cert.clone().zip(self.tls_key.clone()),
-        }
+        };
+        if said == Credentials::default() && farm.is_none() { config::farm_credentials() } else { said }
+    }
+
+    /// Links up with a farm: the one that is named, that of the configuration file, or the one of this machine.
+    pub(crate) fn link(&self, farm: Option<&FarmAddress>) -> Result<FarmLink, CliError> {
+        let credentials = self.credentials(farm);
+        Ok(link(farm.cloned().or_else(config::farm_address).as_ref(), &credentials)?)
     }
 
     /// Has another process of this program log in as this one does.
@@ -76,7 +84,7 @@ impl FarmArgs {
 
     /// Links up with the farm.
     pub(super) fn board(&self) -> Result<JobBoard, CliError> {
-        Ok(JobBoard { uplink: link(self.farm.as_ref(), &self.login.credentials())?.uplink })
+        Ok(JobBoard { uplink: self.login.link(self.farm.as_ref())?.uplink })
     }
 }
 

@@ -7,7 +7,7 @@ use bottega_cluster::{
     Job, JobBoard, JobState,
     job::unix_seconds,
     jobs::{fetch, known, remove, set_priority, steer},
-    machine::Standing,
+    machine::PresenceState,
     refusals::RefusalWatch,
     room::{MAKE_ROOM, bytes_said},
     society::Society,
@@ -116,7 +116,8 @@ fn list(board: &JobBoard, as_json: bool) {
     }
     let idle = |standing| seats.iter().filter(|seat| seat.job.is_none() && seat.standing == standing).count();
     if !as_json {
-        for (standing, what) in [(Standing::Active, "wait for work"), (Standing::Suspended, "are suspended")] {
+        for (standing, what) in [(PresenceState::Active, "wait for work"), (PresenceState::Suspended, "are suspended")]
+        {
             match idle(standing) {
                 0 => {}
                 count => println!("{count} machines {what}"),

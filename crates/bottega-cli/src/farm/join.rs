@@ -9,7 +9,7 @@ use bottega::{
     rules::{experts, rule_texts},
 };
 use bottega_cluster::{
-    FarmAddress, link,
+    FarmAddress,
     worker::{self, JoinOptions, WorkerDevices, WorkerMessage},
 };
 use clap::{Args, ValueHint};
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     for note in experts(rules.clone())?.1 {
         println!("{note}");
     }
-    let link = link(args.farm.as_ref(), &args.login.credentials())?;
+    let link = args.login.link(args.farm.as_ref())?;
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
     let how = if link.uplink.is_guest() { "as a guest: " } else { "" };

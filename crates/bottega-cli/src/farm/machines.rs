@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use bottega_cluster::{
     JobBoard,
     job_board::Presence,
-    machine::{MachineOrder, Standing},
+    machine::{MachineOrder, PresenceState},
     names::host_name,
     view::MachineView,
 };
@@ -50,9 +50,9 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
         }
         MachinesCommand::Show { name } => return learnt::show(name.as_deref(), &args.farm),
         MachinesCommand::Forget { name } => return learnt::forget(name.as_deref(), &args.farm),
-        MachinesCommand::Suspend { name } => (name, Standing::Suspended),
-        MachinesCommand::Resume { name } => (name, Standing::Active),
-        MachinesCommand::Terminate { name } => (name, Standing::Terminated),
+        MachinesCommand::Suspend { name } => (name, PresenceState::Suspended),
+        MachinesCommand::Resume { name } => (name, PresenceState::Active),
+        MachinesCommand::Terminate { name } => (name, PresenceState::Terminated),
     };
     let board = args.farm.board()?;
     let there = board.present();

@@ -1,4 +1,4 @@
-//! What `bottega platform` takes.
+//! Options of `bottega platform`.
 
 use std::{net::SocketAddr, path::PathBuf, time::Duration};
 

@@ -2,7 +2,7 @@
 
 use bottega_image::{Svg, svg_text};
 
-use super::passed::Passed;
+use super::passed::PassedMessage;
 
 /// Sizes in pixels.
 const LEFT: f64 = 110.0;
@@ -13,7 +13,7 @@ const ROW_HEIGHT: f64 = 26.0;
 const NAME_MAX: usize = 32;
 
 /// One message as text.
-pub(super) fn row(passed: &Passed, conversation: usize) -> String {
+pub(super) fn row(passed: &PassedMessage, conversation: usize) -> String {
     let arrow = match passed.way.as_str() {
         "dropped" => "x",
         "lost" => "?",
@@ -34,7 +34,7 @@ fn cut(text: &str, most: usize) -> String {
 }
 
 /// The drawing of all messages: agents in the order in which they speak, conversations told apart by colour.
-pub(super) fn svg(messages: &[Passed]) -> String {
+pub(super) fn svg(messages: &[PassedMessage]) -> String {
     let mut agents: Vec<&str> = Vec::new();
     let mut conversations: Vec<&str> = Vec::new();
     for message in messages {
@@ -70,7 +70,7 @@ pub(super) fn svg(messages: &[Passed]) -> String {
     svg.finish()
 }
 
-fn arrow(svg: &mut Svg, message: &Passed, conversation: usize, [from, to]: [f64; 2], y: f64) {
+fn arrow(svg: &mut Svg, message: &PassedMessage, conversation: usize, [from, to]: [f64; 2], y: f64) {
     // Hues a golden angle apart are easily told from each other.
     let hue = (conversation as f64 * 137.508).rem_euclid(360.0);
     let reached = matches!(message.way.as_str(), "in" | "out");
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn a_diagram_has_a_line_for_each_agent_and_an_arrow_for_each_message() {
-        let passed = |from: &str, to: &str, way: &str| Passed {
+        let passed = |from: &str, to: &str, way: &str| PassedMessage {
             at: "20261121T101500123Z".into(),
             way: way.into(),
             act: "request".into(),

@@ -8,7 +8,7 @@ const CONTENT_MAX: usize = 400;
 
 /// A message that passed, as a line of JSON.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Passed {
+pub(crate) struct PassedMessage {
     /// When, as FIPA writes it, UTC.
     pub(crate) at: String,
     /// `in`, `out`, `dropped`, `lost`.
@@ -21,7 +21,7 @@ pub(crate) struct Passed {
     pub(crate) content: String,
 }
 
-impl Passed {
+impl PassedMessage {
     /// `hh:mm:ss.mmm` of the moment.
     pub(crate) fn clock(&self) -> String {
         let part = |range: std::ops::Range<usize>| self.at.get(range).unwrap_or("");
@@ -33,7 +33,7 @@ impl Passed {
 pub(crate) fn line(passage: &Passage, calendar: Calendar) -> String {
     let message = &passage.message;
     let text = |value: &Option<String>| value.clone().unwrap_or_default();
-    let passed = Passed {
+    let passed = PassedMessage {
         at: calendar.date(passage.time).as_str().to_owned(),
         way: passage.way.word().to_owned(),
         act: message.performative.word().to_owned(),

@@ -13,7 +13,7 @@ use bottega_agents::{
 use serde_json::json;
 
 use bottega_cluster::{
-    JobBoard, link,
+    JobBoard,
     platform::{self, FarmPlatform, PlatformOptions},
 };
 
@@ -39,10 +39,10 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
     options.validate()?;
     let served = match &args.farm {
         Some(farm) => {
-            let board = JobBoard { uplink: link(farm.as_ref(), &args.login.credentials())?.uplink };
-            Served::Farm(FarmPlatform::serve(board.clone(), &options)?, board)
+            let board = JobBoard { uplink: args.login.link(farm.as_ref())?.uplink };
+            ServedPages::Farm(FarmPlatform::serve(board.clone(), &options)?, board)
         }
-        None => Served::Alone(alone(options, store(args)?)?),
+        None => ServedPages::Alone(alone(options, store(args)?)?),
     };
     // Whoever wants to end it must be heard from the first line on.
     let (interrupt, interrupted) = mpsc::channel();
@@ -56,21 +56,21 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
     // The sender lives as long as the program.
     _ = interrupted.recv();
     match served {
-        Served::Farm(platform, _) => platform.stop(),
-        Served::Alone(node) => node.stop(),
+        ServedPages::Farm(platform, _) => platform.stop(),
+        ServedPages::Alone(node) => node.stop(),
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// What is served.
-enum Served {
+enum ServedPages {
     /// The platform of a farm.
     Farm(FarmPlatform, JobBoard),
     /// One of its own.
     Alone(Node),
 }
 
-impl Served {
+impl ServedPages {
     fn node(&self) -> &Node {
         match self {
             Self::Farm(platform, _) => platform.node(),
@@ -121,11 +121,11 @@ fn store(args: &ServeArgs) -> Result<Box<dyn EntryStore<String, usize> + Send>, 
     }
 }
 
-fn tell(args: &ServeArgs, served: &Served) {
+fn tell(args: &ServeArgs, served: &ServedPages) {
     let node = served.node();
     let farm = match served {
-        Served::Farm(platform, board) => Some((platform, board)),
-        Served::Alone(_) => None,
+        ServedPages::Farm(platform, board) => Some((platform, board)),
+        ServedPages::Alone(_) => None,
     };
     if args.json {
         let ids = [node.ams(), node.df(), node.start_service()].map(ToString::to_string);

@@ -10,7 +10,7 @@ use std::{
 
 use bottega_agents::driver::http::server::TRACE_PATH;
 
-use super::{args::TraceArgs, diagram, passed::Passed};
+use super::{args::TraceArgs, diagram, passed::PassedMessage};
 use crate::error::CliError;
 
 /// The most messages of a diagram; older ones go.
@@ -60,7 +60,7 @@ struct Watch<'a> {
     args: &'a TraceArgs,
     /// Conversations by name, numbered as they come.
     numbers: BTreeMap<String, usize>,
-    kept: Vec<Passed>,
+    kept: Vec<PassedMessage>,
     /// When the diagram was last written; the number of messages in it.
     drawn: Option<(Instant, u64)>,
     count: u64,
@@ -68,7 +68,7 @@ struct Watch<'a> {
 
 impl Watch<'_> {
     fn take(&mut self, line: &str) {
-        let Ok(passed) = serde_json::from_str::<Passed>(line) else {
+        let Ok(passed) = serde_json::from_str::<PassedMessage>(line) else {
             // The platform has something to say itself.
             eprintln!("{line}");
             return;

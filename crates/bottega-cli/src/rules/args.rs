@@ -1,4 +1,4 @@
-//! What `bottega rules` takes.
+//! Options of `bottega rules`.
 
 use std::path::PathBuf;
 

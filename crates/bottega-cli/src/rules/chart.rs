@@ -22,7 +22,7 @@ pub(super) const FONT_NAME: &str = "sans-serif";
 pub(super) type Area<B> = DrawingArea<B, Shift>;
 
 /// What drawing can end with.
-pub(super) type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
+pub(super) type DrawResult<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
 /// Something that can be drawn.
 pub(super) trait Figure {
@@ -30,7 +30,7 @@ pub(super) trait Figure {
     fn size(&self) -> (u32, u32);
 
     /// Draws it on a white area of that size.
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B>;
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult<B>;
 }
 
 #[derive(Clone, Copy)]

@@ -1,4 +1,4 @@
-//! What `bottega simulate` takes.
+//! Options of `bottega simulate`.
 
 use std::{path::PathBuf, time::Duration};
 

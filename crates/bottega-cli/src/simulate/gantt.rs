@@ -1,6 +1,6 @@
-//! Who painted what when, as SVG: a row for each agent, or, for many, how busy groups of them were.
+//! A Gantt chart of a simulation as SVG: a row for each agent, or, for many, how busy groups of them were.
 
-use bottega_farm::simulate::{Outcome, Span, SpanKind};
+use bottega_farm::simulate::{SimulationOutcome, Span, SpanKind};
 use bottega_image::{Svg, svg_text};
 
 /// More agents than this are drawn in groups.
@@ -20,7 +20,7 @@ const BOTTOM: f64 = 40.0;
 const NUMBER_WIDTH: f64 = 8.0;
 
 /// The drawing of a run.
-pub(crate) fn svg(outcome: &Outcome) -> String {
+pub(crate) fn svg(outcome: &SimulationOutcome) -> String {
     let many = outcome.agents.len() > ROWS_MAX;
     let height = if many {
         GROUP_HEIGHT * GROUPS.min(outcome.agents.len()) as f64
@@ -57,7 +57,7 @@ fn rect(svg: &mut Svg, [x, y, width, height]: [f64; 4], fill: &str, title: &str)
 }
 
 /// Time, and where the work was whole.
-fn axis(svg: &mut Svg, outcome: &Outcome, end: f64, scale: f64, height: f64) {
+fn axis(svg: &mut Svg, outcome: &SimulationOutcome, end: f64, scale: f64, height: f64) {
     let bottom = TOP + height;
     let step = nice_step(end / 8.0);
     let mut at = 0.0;
@@ -94,7 +94,7 @@ fn nice_step(wanted: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|digit| digit * power).find(|step| *step >= wanted).unwrap_or(10.0 * power)
 }
 
-fn rows(svg: &mut Svg, outcome: &Outcome, scale: f64) {
+fn rows(svg: &mut Svg, outcome: &SimulationOutcome, scale: f64) {
     for (index, agent) in outcome.agents.iter().enumerate() {
         let top = TOP + ROW_HEIGHT * index as f64;
         let place = [LEFT - 6.0, top + 0.65 * ROW_HEIGHT];
@@ -148,7 +148,7 @@ fn title(span: &Span) -> String {
 }
 
 /// How busy groups of agents were in each of many moments.
-fn groups(svg: &mut Svg, outcome: &Outcome, end: f64) {
+fn groups(svg: &mut Svg, outcome: &SimulationOutcome, end: f64) {
     let agents = outcome.agents.len();
     let groups = GROUPS.min(agents);
     let group_of = |agent: usize| agent * groups / agents;
@@ -206,13 +206,13 @@ fn groups(svg: &mut Svg, outcome: &Outcome, end: f64) {
 mod tests {
     use std::sync::Arc;
 
-    use bottega_farm::simulate::{Crew, Plan, SyntheticSpread, Workpiece, simulate};
+    use bottega_farm::simulate::{CrewSpec, Plan, SyntheticSpread, Workpiece, simulate};
 
     use super::*;
 
-    fn drawing(zones: usize, agents: usize) -> (Outcome, String) {
+    fn drawing(zones: usize, agents: usize) -> (SimulationOutcome, String) {
         let piece = Arc::new(Workpiece::synthetic(zones, &SyntheticSpread::default(), 1).expect("zones"));
-        let outcome = simulate(&piece, &Plan::calm(Crew::equal(agents), 1)).expect("a run");
+        let outcome = simulate(&piece, &Plan::calm(CrewSpec::equal(agents), 1)).expect("a run");
         let svg = svg(&outcome);
         (outcome, svg)
     }

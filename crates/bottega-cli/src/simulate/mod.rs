@@ -19,7 +19,7 @@ use bottega::{
 };
 use bottega_agents::driver::Faults;
 use bottega_farm::AuctionTally;
-use bottega_farm::simulate::{Crew, Outcome, Plan, Record, SyntheticSpread, Workpiece, simulate};
+use bottega_farm::simulate::{CrewSpec, Plan, Record, SimulationOutcome, SyntheticSpread, Workpiece, simulate};
 use serde_json::{Value, json};
 
 use self::args::SimulateArgs;
@@ -107,21 +107,21 @@ fn workpiece(args: &SimulateArgs, record: Option<&Record>) -> Result<Workpiece, 
 }
 
 /// Who paints: as asked for; else as in the record; else one agent.
-fn crew(args: &SimulateArgs, record: Option<&Record>) -> Result<Crew, CliError> {
+fn crew(args: &SimulateArgs, record: Option<&Record>) -> Result<CrewSpec, CliError> {
     if args.agents.is_empty() {
-        let crew = record.map(|record| Crew::sharing(record.agents, record.processors as u32));
-        return Ok(crew.unwrap_or_else(|| Crew::equal(1)));
+        let crew = record.map(|record| CrewSpec::sharing(record.agents, record.processors as u32));
+        return Ok(crew.unwrap_or_else(|| CrewSpec::equal(1)));
     }
     let mut words = Vec::new();
     for spec in &args.agents {
         let path = Path::new(spec);
         words.push(if path.is_file() { read_text(path)? } else { spec.clone() });
     }
-    let mut crew: Crew = words.join("\n").parse().map_err(|error: bottega_farm::simulate::CrewError| {
+    let mut crew: CrewSpec = words.join("\n").parse().map_err(|error: bottega_farm::simulate::CrewError| {
         CliError::usage(error.to_string(), "see `bottega simulate --help` for what --agents takes")
     })?;
     if let Some(processors) = args.shared {
-        let shared = Crew::sharing(crew.agents.len(), processors);
+        let shared = CrewSpec::sharing(crew.agents.len(), processors);
         crew.machines = shared.machines;
         crew.agents.iter_mut().for_each(|agent| agent.machine = 0);
     }
@@ -129,12 +129,12 @@ fn crew(args: &SimulateArgs, record: Option<&Record>) -> Result<Crew, CliError> 
 }
 
 /// By how much of itself a measured time is missed.
-fn difference(outcome: &Outcome, measured: Duration) -> f64 {
+fn difference(outcome: &SimulationOutcome, measured: Duration) -> f64 {
     outcome.makespan.as_secs_f64() / measured.as_secs_f64().max(1e-12) - 1.0
 }
 
-fn as_text(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> String {
-    let Outcome { makespan, least, longest_zone, work, zones, messages, .. } = outcome;
+fn as_text(outcome: &SimulationOutcome, took: Duration, measured: Option<Duration>) -> String {
+    let SimulationOutcome { makespan, least, longest_zone, work, zones, messages, .. } = outcome;
     let agents = &outcome.agents;
     let mut text = format!(
         "{} zones, {} of processor time; {} agents\n\
@@ -215,12 +215,12 @@ fn as_text(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Str
 }
 
 /// Of each agent the share of its processors' time that it was busy.
-fn busy_shares(outcome: &Outcome) -> Vec<f64> {
+fn busy_shares(outcome: &SimulationOutcome) -> Vec<f64> {
     let all = outcome.makespan.as_secs_f64().max(1e-12);
     outcome.agents.iter().map(|agent| (agent.busy.as_secs_f64() / (all * agent.lanes.max(1e-12))).min(1.0)).collect()
 }
 
-fn as_json(outcome: &Outcome, took: Duration, measured: Option<Duration>) -> Value {
+fn as_json(outcome: &SimulationOutcome, took: Duration, measured: Option<Duration>) -> Value {
     let agents: Vec<Value> = outcome
         .agents
         .iter()

@@ -12,7 +12,7 @@ use super::{
 };
 
 /// A platform that shows a farm.
-struct Shown<'a> {
+struct ShownPage<'a> {
     farm: &'a Farm,
     _process: Process,
     at: SocketAddr,
@@ -21,7 +21,7 @@ struct Shown<'a> {
     number: Cell<u32>,
 }
 
-impl<'a> Shown<'a> {
+impl<'a> ShownPage<'a> {
     fn start(farm: &'a Farm, more: &[&str]) -> Self {
         let arguments = ["platform", "serve", "--name", "shop", "--listen", "127.0.0.1:0", "--farm", "--json"];
         let process = farm.spawn(&[&arguments, more].concat(), "platform.log");
@@ -144,7 +144,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
     let one = name_of(&farm, &[]);
     let mut second = farm.join("two");
     let two = name_of(&farm, std::slice::from_ref(&one));
-    let shown = Shown::start(&farm, &["--trust", "boss@jade"]);
+    let shown = ShownPage::start(&farm, &["--trust", "boss@jade"]);
     farm.until("both machines are in the pages", || {
         shown.renderers().len() == 2 && shown.state(&one).is_some() && shown.state(&two).is_some()
     });
@@ -195,7 +195,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
 fn strangers_ask_for_jobs_are_told_how_they_get_on_and_change_them_if_they_may() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
-    let shown = Shown::start(&farm, &["--trust", "boss@jade"]);
+    let shown = ShownPage::start(&farm, &["--trust", "boss@jade"]);
     assert!(farm.render("a.exr", &["--detach"]).wait(), "{}", farm.logs());
     farm.until("the platform knows of it", || {
         is(&shown.asks("probe", "jobs", "(list-jobs)"), P::Inform).contains(":number 1 :state active")

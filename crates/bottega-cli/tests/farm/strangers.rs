@@ -136,14 +136,14 @@ fn plain(folder: &Path, width: u32, height: u32, value: f32) -> Vec<u8> {
 }
 
 /// A request or an award, as the JADE agent sees it.
-struct Seen {
+struct ObservedZone {
     zone: String,
     order: String,
     deliver: String,
     size: (u32, u32),
 }
 
-impl Seen {
+impl ObservedZone {
     fn of(message: &WireMessage) -> Self {
         let number = |key: &str| value(message, key).parse::<u32>().expect("a number");
         Self {
@@ -201,7 +201,7 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
             P::AcceptProposal => break message,
             // The first samples of a zone.
             _ => {
-                let seen = Seen::of(&message);
+                let seen = ObservedZone::of(&message);
                 let (width, height) = seen.size;
                 assert_eq!(put(&seen.deliver, &plain(&farm.path("."), width, height, 0.5)), "201");
                 stranger.say("INFORM", master, &message.conversation_id.expect("a conversation"), &seen.done());
@@ -209,7 +209,7 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
         }
     };
     assert!(is_rejected);
-    let (seen, conversation) = (Seen::of(&award), award.conversation_id.clone().expect("a conversation"));
+    let (seen, conversation) = (ObservedZone::of(&award), award.conversation_id.clone().expect("a conversation"));
     let (width, height) = seen.size;
     // Wrong sizes, what is no picture, another key, too much, and to say that it is done before it is.
     assert_eq!(put(&seen.deliver, &plain(&farm.path("."), width + 1, height, 0.5)), "422");
@@ -257,7 +257,7 @@ fn a_stranger_that_paints_something_else_is_found_out() {
             P::Inform if is(&message, P::Inform).starts_with("((done") => break,
             P::Inform => {}
             _ => {
-                let seen = Seen::of(&message);
+                let seen = ObservedZone::of(&message);
                 put(&seen.deliver, &plain(&farm.path("."), seen.size.0, seen.size.1, 9.0));
                 let conversation = message.conversation_id.expect("a conversation");
                 stranger.say("INFORM", "master-1@bottega", &conversation, &seen.done());

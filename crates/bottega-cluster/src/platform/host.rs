@@ -1,5 +1,5 @@
-//! Which process of a farm has the agents of its platform: one says so, again and again, and another takes them when it falls
-//! silent.
+//! The process of a farm that hosts the agents of its platform: one says so, again and again, and another takes them when it
+//! falls silent.
 
 use std::{
     thread,
@@ -16,7 +16,7 @@ const SILENT_AFTER: Duration = Duration::from_millis(2500);
 /// How often is looked whether one says so.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// Who has the agents of a platform.
+/// The process that hosts the agents of a platform.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PlatformHost {
     /// A number that no other process has.

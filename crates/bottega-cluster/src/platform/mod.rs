@@ -40,7 +40,7 @@ pub const NAME: &str = "bottega";
 /// Where it listens where nobody says.
 pub const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 7779);
 
-/// How a platform is served.
+/// The options of a served platform.
 #[derive(Clone)]
 pub struct PlatformOptions {
     /// Its name: what stands behind `@` in the names of its agents.

@@ -1,4 +1,4 @@
-//! How agents of a farm hear strangers and answer them, in SL.
+//! The talk of a farm's agents with strangers, in SL.
 
 use std::{sync::Arc, time::Duration};
 

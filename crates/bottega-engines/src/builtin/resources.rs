@@ -6,7 +6,7 @@ use bottega_render::RenderWork;
 /// Spans of activity that are kept for each resource: a drawing shows no more.
 const SPANS_KEPT: usize = 2048;
 
-/// Who paints beside the processors.
+/// The devices that paint beside the processors.
 #[derive(Default)]
 pub struct Devices {
     /// Each is told of all work of an allocator that also has the processors.

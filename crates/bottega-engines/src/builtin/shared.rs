@@ -1,4 +1,4 @@
-//! What all zones of a picture have in common.
+//! The part of a picture that all its zones share.
 
 use std::sync::{
     Arc, OnceLock,
@@ -13,7 +13,7 @@ pub(crate) const NAME: &str = "builtin";
 /// What a sample of a pixel may take before any was measured.
 pub(super) const SAMPLE_NS_GUESSED: u64 = 2_000;
 
-/// Where and how the built-in engine paints.
+/// The options of the built-in engine.
 #[derive(Clone, Debug)]
 pub struct BuiltinOptions {
     /// Which camera, at which size.

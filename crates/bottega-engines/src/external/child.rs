@@ -85,10 +85,10 @@ impl Log {
 
 /// A child at work. Dropping it ends it, and everything that it has started.
 #[derive(Debug)]
-pub(super) struct Guarded {
+pub(super) struct GuardedChild {
     child: Child,
     // Let go after the child has ended.
-    _keeper: fence::Keeper,
+    _keeper: fence::ChildGuard,
     stdin: Option<ChildStdin>,
     lines: Receiver<Option<String>>,
     log: Arc<Log>,
@@ -100,7 +100,7 @@ pub(super) struct Guarded {
 
 /// What came of looking at a child.
 #[derive(Debug)]
-pub(super) enum Word {
+pub(super) enum ChildOutput {
     /// A line on its standard output.
     Line(String),
     /// It said nothing for a moment.
@@ -109,7 +109,7 @@ pub(super) enum Word {
     End,
 }
 
-impl Guarded {
+impl GuardedChild {
     /// Starts a program in its scratch folder, in a process group of its own.
     pub(super) fn spawn(program: &Program<'_>) -> Result<Self, EngineFault> {
         let mark = mark();
@@ -159,12 +159,12 @@ impl Guarded {
     }
 
     /// What it says next, or that it says nothing; looks at its limits meanwhile.
-    pub(super) fn listen(&mut self) -> Result<Word, EngineFault> {
+    pub(super) fn listen(&mut self) -> Result<ChildOutput, EngineFault> {
         let word = match self.lines.recv_timeout(LOOK_EVERY) {
-            Ok(Some(line)) => Word::Line(line),
+            Ok(Some(line)) => ChildOutput::Line(line),
             Ok(None) => return Err(EngineFault::Flood { kib: LINE_MAX >> 10, what: "one line" }),
-            Err(RecvTimeoutError::Timeout) => Word::Silence,
-            Err(RecvTimeoutError::Disconnected) => Word::End,
+            Err(RecvTimeoutError::Timeout) => ChildOutput::Silence,
+            Err(RecvTimeoutError::Disconnected) => ChildOutput::End,
         };
         self.check_limits()?;
         Ok(word)
@@ -179,7 +179,7 @@ impl Guarded {
             return Ok(());
         }
         self.weighed = Instant::now();
-        let tree = tree::Tree::of(self.child.id());
+        let tree = tree::ProcessTree::of(self.child.id());
         if memory_mib > 0 && tree.resident_bytes > memory_mib << 20 {
             return Err(EngineFault::Memory { mib: memory_mib });
         }
@@ -235,7 +235,7 @@ impl Guarded {
     }
 }
 
-impl Drop for Guarded {
+impl Drop for GuardedChild {
     fn drop(&mut self) {
         self.end();
     }

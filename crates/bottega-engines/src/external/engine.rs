@@ -16,13 +16,13 @@ use bottega_kernels::SplitMix64;
 
 use super::{
     error::EngineFault,
-    locate::Located,
+    locate::LocatedEngine,
     manifest::Determinism,
     picture, quarantine,
     session::{SceneRequest, Session, WindowRequest},
     tiny,
 };
-use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneCallback, ZoneTask};
 
 /// After so many failures in a row it is not used any more.
 const FAILURES_MAX: u32 = 3;
@@ -38,7 +38,7 @@ const BLACK: f32 = 1e-6;
 /// Looks at a scene in so many columns and rows.
 pub type Surveyor = Box<dyn Fn(u32, u32) -> Option<Survey> + Send + Sync>;
 
-/// What an engine is to paint, and how.
+/// The options of an external engine: what it paints, and how.
 pub struct ExternalOptions {
     /// The scene. Its size is that of the picture.
     pub request: SceneRequest,
@@ -61,15 +61,14 @@ pub struct ExternalOptions {
 }
 
 /// A survey, and what windows cost if that is known.
-type Looked = (Survey, Option<tiny::Pace>);
-type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
+type Looked = (Survey, Option<tiny::WindowCost>);
 type TileWatcher = Box<dyn Fn(&Tile) + Send + Sync>;
 type FaultWatcher = Box<dyn Fn(&str) + Send + Sync>;
 
 enum Work {
-    Zone(ZoneTask, Done),
-    Survey(u32, u32, Option<tiny::Pace>, mpsc::Sender<Result<Looked, EngineFault>>),
-    Pace(bool, mpsc::Sender<Result<Option<tiny::Pace>, EngineFault>>),
+    Zone(ZoneTask, ZoneCallback),
+    Survey(u32, u32, Option<tiny::WindowCost>, mpsc::Sender<Result<Looked, EngineFault>>),
+    Pace(bool, mpsc::Sender<Result<Option<tiny::WindowCost>, EngineFault>>),
 }
 
 #[derive(Default)]
@@ -85,10 +84,10 @@ struct Health {
     last: String,
 }
 
-struct Shared {
-    located: Arc<Located>,
+struct EngineState {
+    located: Arc<LocatedEngine>,
     options: ExternalOptions,
-    wanted: picture::Wanted,
+    wanted: picture::ExtraChannels,
     lanes: usize,
     queue: Mutex<Queue>,
     woken: Condvar,
@@ -106,7 +105,7 @@ struct Shared {
 
 /// An engine of other people, with a scene, on this machine.
 pub struct ExternalEngine {
-    shared: Arc<Shared>,
+    shared: Arc<EngineState>,
     lanes: Vec<JoinHandle<()>>,
 }
 
@@ -115,11 +114,11 @@ impl ExternalEngine {
     ///
     /// # Errors
     /// The system gives no thread.
-    pub fn new(located: Arc<Located>, options: ExternalOptions, session: Session) -> Result<Self, EngineFault> {
+    pub fn new(located: Arc<LocatedEngine>, options: ExternalOptions, session: Session) -> Result<Self, EngineFault> {
         let lane_count = if located.manifest().cost.parallel { options.request.threads.max(1) } else { 1 };
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(EngineState {
             located,
-            wanted: picture::Wanted::of(&options.layout),
+            wanted: picture::ExtraChannels::of(&options.layout),
             options,
             lanes: lane_count,
             queue: Mutex::default(),
@@ -137,7 +136,7 @@ impl ExternalEngine {
         sessions.resize_with(lane_count, || None);
         let mut engine = Self { shared: Arc::clone(&shared), lanes: Vec::new() };
         for session in sessions {
-            let mut lane = Lane { shared: Arc::clone(&shared), session };
+            let mut lane = EngineProcess { shared: Arc::clone(&shared), session };
             let thread = thread::Builder::new().name("engine".to_owned()).spawn(move || lane.run());
             engine.lanes.push(thread.map_err(|source| EngineFault::Start { program: "a thread".to_owned(), source })?);
         }
@@ -183,7 +182,7 @@ impl ExternalEngine {
     /// What windows cost, and samples.
     ///
     /// - `will_look`: a look at the scene will tell it, if the engine has told what windows cost.
-    fn pace(&self, will_look: bool) -> Option<tiny::Pace> {
+    fn pace(&self, will_look: bool) -> Option<tiny::WindowCost> {
         let (sender, answer) = mpsc::channel();
         self.shared.submit(Work::Pace(will_look, sender));
         let pace = answer.recv().unwrap_or(Err(EngineFault::Cancelled));
@@ -228,7 +227,7 @@ impl RenderEngine for ExternalEngine {
         Ok(survey)
     }
 
-    fn start(&self, task: ZoneTask, done: Done) {
+    fn start(&self, task: ZoneTask, done: ZoneCallback) {
         self.shared.begun.get_or_init(Instant::now);
         self.shared.submit(Work::Zone(task, done));
     }
@@ -255,7 +254,7 @@ impl Drop for ExternalEngine {
     }
 }
 
-impl Shared {
+impl EngineState {
     fn name(&self) -> String {
         self.located.manifest().name.clone()
     }
@@ -342,12 +341,12 @@ fn unpainted(task: ZoneTask, layout: &Layout) -> Painted {
 }
 
 /// One process of the engine, and the thread that drives it.
-struct Lane {
-    shared: Arc<Shared>,
+struct EngineProcess {
+    shared: Arc<EngineState>,
     session: Option<Session>,
 }
 
-impl Lane {
+impl EngineProcess {
     fn run(&mut self) {
         while let Some(work) = self.shared.next() {
             match work {
@@ -421,17 +420,17 @@ impl Lane {
         }
     }
 
-    fn pace(&mut self, will_look: bool) -> Result<Option<tiny::Pace>, EngineFault> {
+    fn pace(&mut self, will_look: bool) -> Result<Option<tiny::WindowCost>, EngineFault> {
         let (width, height) = self.shared.options.request.size.unwrap_or((1, 1));
         let window = self.look(width, height, 1);
         let session = self.session()?;
         if will_look && session.opened().window_seconds().is_some() {
             return Ok(None);
         }
-        tiny::Pace::measure(session, &window).map(Some)
+        tiny::WindowCost::measure(session, &window).map(Some)
     }
 
-    fn survey(&mut self, width: u32, height: u32, pace: Option<tiny::Pace>) -> Result<Looked, EngineFault> {
+    fn survey(&mut self, width: u32, height: u32, pace: Option<tiny::WindowCost>) -> Result<Looked, EngineFault> {
         let (request, located) = (self.request(), Arc::clone(&self.shared.located));
         let window = self.look(width, height, tiny::SAMPLES);
         let samples = self.shared.options.samples;

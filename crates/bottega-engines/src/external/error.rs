@@ -1,4 +1,4 @@
-//! What can go wrong with an engine of other people.
+//! The errors of other people's engines.
 
 use std::{io, path::PathBuf};
 

@@ -7,11 +7,11 @@ use std::{
 };
 
 use super::{
-    child::{Guarded, Program, Word},
+    child::{ChildOutput, GuardedChild, Program},
     error::EngineFault,
-    manifest::{Argument, Limits, Manifest, Values, Version, Way},
+    manifest::{Argument, Limits, Manifest, SearchStep, Values, Version},
     scratch::Scratch,
-    shelf::Entry,
+    shelf::ShelfEntry,
 };
 
 /// Names the Python of all workers: a program, or the folder of a virtual environment.
@@ -23,9 +23,9 @@ const CHECK_TIME: Duration = Duration::from_secs(90);
 
 /// An engine that is here.
 #[derive(Clone, Debug)]
-pub struct Located {
+pub struct LocatedEngine {
     /// What is known of it.
-    pub entry: Entry,
+    pub entry: ShelfEntry,
     /// The program.
     pub program: PathBuf,
     /// Its version.
@@ -34,12 +34,12 @@ pub struct Located {
     way: usize,
 }
 
-impl Located {
+impl LocatedEngine {
     /// Looks for the engine, by all ways of its manifest.
     ///
     /// # Errors
     /// It is not here, or in no version that is known to work: with what was tried, and how it is installed.
-    pub fn find(entry: &Entry) -> Result<Self, EngineFault> {
+    pub fn find(entry: &ShelfEntry) -> Result<Self, EngineFault> {
         let manifest = &entry.manifest;
         let scratch = Scratch::new()?;
         let mut tried = Vec::new();
@@ -81,13 +81,13 @@ impl Located {
         format!("{} {}, manifest {hash:016x}", self.manifest().name, self.version)
     }
 
-    pub(super) fn way(&self) -> &Way {
+    pub(super) fn way(&self) -> &SearchStep {
         &self.entry.manifest.find[self.way]
     }
 }
 
 /// The programs that a way may mean, first those that the user names: for this way, then for all workers in Python.
-fn candidates(way: &Way) -> Vec<PathBuf> {
+fn candidates(way: &SearchStep) -> Vec<PathBuf> {
     let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let is_python = way.programs.iter().any(|name| name == "python3");
     let python = is_python.then(|| set(PYTHON)).flatten().map(|named| python_of(&named));
@@ -113,7 +113,7 @@ fn python_of(named: &Path) -> PathBuf {
 }
 
 /// How the module is had that a worker in Python says is missing.
-pub(super) fn module_hint(engine: &Located, said: &str) -> Option<String> {
+pub(super) fn module_hint(engine: &LocatedEngine, said: &str) -> Option<String> {
     let (_, rest) = said.split_once("No module named ")?;
     let name: String = rest
         .trim_start_matches(['\'', '"'])
@@ -124,7 +124,7 @@ pub(super) fn module_hint(engine: &Located, said: &str) -> Option<String> {
 }
 
 /// Asks a program for its version.
-fn ask(way: &Way, program: &Path, scratch: &Path) -> Result<Version, String> {
+fn ask(way: &SearchStep, program: &Path, scratch: &Path) -> Result<Version, String> {
     let values: Values = [("program", program.display().to_string())].into();
     let line = Argument::fill_all(&way.check, &values);
     let heard = run(&line, scratch, way, &[], CHECK_TIME);
@@ -141,24 +141,24 @@ fn ask(way: &Way, program: &Path, scratch: &Path) -> Result<Version, String> {
 pub(super) fn run(
     line: &[String],
     scratch: &Path,
-    way: &Way,
+    way: &SearchStep,
     reads: &[PathBuf],
     time: Duration,
 ) -> Result<(String, bool), EngineFault> {
     let begun = Instant::now();
-    let Way { environment, inherit, writes, .. } = way;
+    let SearchStep { environment, inherit, writes, .. } = way;
     let program = Program { line, scratch, environment, inherit, writes, reads, limits: Limits::default() };
-    let mut child = Guarded::spawn(&program)?;
+    let mut child = GuardedChild::spawn(&program)?;
     child.close_stdin();
     loop {
         match child.listen()? {
-            Word::End if let Some(ended_well) = child.outcome() => {
+            ChildOutput::End if let Some(ended_well) = child.outcome() => {
                 // What it said last may still be on its way.
                 std::thread::sleep(Duration::from_millis(20));
                 return Ok((child.log().text(), ended_well));
             }
-            Word::End => std::thread::sleep(Duration::from_millis(5)),
-            Word::Line(_) | Word::Silence => {}
+            ChildOutput::End => std::thread::sleep(Duration::from_millis(5)),
+            ChildOutput::Line(_) | ChildOutput::Silence => {}
         }
         if begun.elapsed() > time {
             let log = child.log().text();
@@ -199,7 +199,7 @@ mod tests {
     fn a_missing_module_is_named_in_the_hint() {
         let entry = crate::external::Shelf::open(&[]).get("mitsuba").cloned().unwrap();
         let version = Version::parse("1.0").unwrap();
-        let engine = Located { entry, program: "/v/bin/python3".into(), version, way: 0 };
+        let engine = LocatedEngine { entry, program: "/v/bin/python3".into(), version, way: 0 };
         let hint = |said: &str| module_hint(&engine, said);
         let numpy = Some("to install it: /v/bin/python3 -m pip install numpy".to_owned());
         assert_eq!(hint("ModuleNotFoundError: No module named 'numpy'"), numpy);

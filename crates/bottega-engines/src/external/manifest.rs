@@ -25,17 +25,17 @@ const BYTES_MAX: usize = 1 << 20;
 /// The longest name of an engine.
 const NAME_MAX: usize = 40;
 
-/// How an engine is driven.
+/// The way an engine is driven.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum EngineKind {
     /// One process that keeps the scene and paints window after window, told by lines of JSON.
     Worker,
     /// One process a window, told by its command line.
     Command,
 }
 
-/// How far the pixels of a window are those of the whole frame.
+/// The degree to which the pixels of a window are those of the whole frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Determinism {
@@ -47,7 +47,7 @@ pub enum Determinism {
     Statistics,
 }
 
-/// Who tells which files a scene refers to.
+/// The source of the list of files that a scene refers to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Refers {
@@ -60,7 +60,7 @@ pub enum Refers {
     None,
 }
 
-/// Who makes the survey of a scene.
+/// The maker of the survey of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Importance {
@@ -74,7 +74,7 @@ pub enum Importance {
 /// One way to find the engine on a machine.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Way {
+pub struct SearchStep {
     /// Environment variable that names the program.
     pub variable: Option<String>,
     /// Programs to look for, in this order.
@@ -97,7 +97,7 @@ pub struct Way {
     pub writes: Vec<String>,
 }
 
-/// Which files the engine takes.
+/// The scene files that the engine takes.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFiles {
@@ -142,10 +142,10 @@ pub enum ColorSpace {
     Srgb,
 }
 
-/// Which part of the frame a picture of the engine shows.
+/// The part of the frame that a picture of the engine shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Shows {
+pub enum FramePart {
     /// All of it; the window is cut out.
     #[default]
     Frame,
@@ -153,7 +153,7 @@ pub enum Shows {
     Window,
 }
 
-/// Where the first row of a picture is.
+/// The place of the first row of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FirstRow {
@@ -164,7 +164,7 @@ pub enum FirstRow {
     Bottom,
 }
 
-/// How pixels come out.
+/// The form of pixels in a picture of the engine.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pixels {
@@ -172,7 +172,7 @@ pub struct Pixels {
     pub color_space: ColorSpace,
     /// What part of the frame they are (`kind = "command"`; workers say so themselves).
     #[serde(default)]
-    pub window: Shows,
+    pub window: FramePart,
     /// Where their first row is.
     #[serde(default)]
     pub first_row: FirstRow,
@@ -180,7 +180,7 @@ pub struct Pixels {
     pub filter: Option<String>,
 }
 
-/// What painting costs beside the samples: from this zones are made large enough.
+/// The cost of painting beside the samples: zones are made large enough by it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cost {
@@ -192,7 +192,7 @@ pub struct Cost {
     pub parallel: bool,
 }
 
-/// What the engine's processes may take. 0: no limit.
+/// Limits of the engine's processes. 0: no limit.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
@@ -231,7 +231,7 @@ pub fn limit(seconds: f64) -> Option<Duration> {
     Duration::try_from_secs_f64(seconds).ok().filter(|time| !time.is_zero())
 }
 
-/// How an engine of one process a window is told what to paint.
+/// The command line of an engine of one process a window.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Invocation {
@@ -244,7 +244,7 @@ pub struct Invocation {
     pub size: Vec<Argument>,
 }
 
-/// How it tells its progress in its log.
+/// The form of progress in the engine's log.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProgressText {
@@ -252,7 +252,7 @@ pub struct ProgressText {
     pub pattern: Pattern,
 }
 
-/// How it tells errors in its log.
+/// The form of errors in the engine's log.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorText {
@@ -261,7 +261,7 @@ pub struct ErrorText {
     pub patterns: Vec<Pattern>,
 }
 
-/// What it knows of time.
+/// The engine's use of time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Animation {
@@ -269,7 +269,7 @@ pub struct Animation {
     pub frames: bool,
 }
 
-/// What is known of an engine.
+/// The manifest of an engine: all that is known of it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
@@ -280,7 +280,7 @@ pub struct Manifest {
     /// What people call it.
     pub title: String,
     /// How it is driven.
-    pub kind: Kind,
+    pub kind: EngineKind,
     /// A line about it.
     pub about: Option<String>,
     /// Scripts that belong to it, beside the manifest.
@@ -294,7 +294,7 @@ pub struct Manifest {
     /// Whether another seed gives other noise, so that passes add up.
     pub seeds: bool,
     /// Ways to find it.
-    pub find: Vec<Way>,
+    pub find: Vec<SearchStep>,
     /// Versions that are known to work.
     #[serde(default)]
     pub versions: Versions,
@@ -420,16 +420,16 @@ impl Manifest {
             return Err(("cost", "seconds must be from 0 to 1e6".to_owned()));
         }
         match (self.kind, &self.command) {
-            (Kind::Worker, Some(_)) => Err(("command", "a worker has none: it stands in [[find]]".to_owned())),
-            (Kind::Worker, None) if self.find.iter().any(|way| way.command.is_empty()) => {
+            (EngineKind::Worker, Some(_)) => Err(("command", "a worker has none: it stands in [[find]]".to_owned())),
+            (EngineKind::Worker, None) if self.find.iter().any(|way| way.command.is_empty()) => {
                 Err(("find", "each needs `command`: how the worker is started".to_owned()))
             }
-            (Kind::Worker, None) => Ok(()),
-            (Kind::Command, None) => Err(("kind", "`command` needs the table [command]".to_owned())),
-            (Kind::Command, Some(_)) if self.scene.refers == Refers::Worker => {
+            (EngineKind::Worker, None) => Ok(()),
+            (EngineKind::Command, None) => Err(("kind", "`command` needs the table [command]".to_owned())),
+            (EngineKind::Command, Some(_)) if self.scene.refers == Refers::Worker => {
                 Err(("refers", "there is no worker to ask: `scan` or `none`".to_owned()))
             }
-            (Kind::Command, Some(command)) => command.check(),
+            (EngineKind::Command, Some(command)) => command.check(),
         }
     }
 

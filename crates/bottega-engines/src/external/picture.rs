@@ -1,4 +1,4 @@
-//! What an engine wrote: looked at before it counts, cut to the window, and added to the zone's sums.
+//! The pictures that an engine writes: checked before they count, cut to the window, and added to the zone's sums.
 
 use bottega_image::{ImageFile, Layout, Picture, Planes, ReadLimits, Rect, Tile, luminance, read_channels};
 
@@ -11,13 +11,13 @@ const LARGEST: f32 = 1e30;
 
 /// Which channels of a file are wanted beside the color, and where their values go in a pixel.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Wanted {
+pub(super) struct ExtraChannels {
     /// Alpha, then the layers' channels.
     names: Vec<String>,
     offsets: Vec<usize>,
 }
 
-impl Wanted {
+impl ExtraChannels {
     pub(super) fn of(layout: &Layout) -> Self {
         let aovs = layout.aovs().iter().filter(|aov| !aov.channels().is_empty());
         let aovs = aovs.filter_map(|aov| Some((layout.offset(aov)?, aov.full_names())));
@@ -33,7 +33,7 @@ impl Wanted {
 
 /// A window that was painted and looked at.
 #[derive(Debug)]
-pub(super) struct Window {
+pub(super) struct PaintedWindow {
     pub(super) picture: Picture,
     /// Alpha and the layers: where a value goes in a pixel, and the values.
     planes: Vec<(usize, Vec<f32>)>,
@@ -42,12 +42,16 @@ pub(super) struct Window {
 }
 
 /// Reads the color that an engine wrote and cuts out the window.
-pub(super) fn read(written: &Written, window: Rect) -> Result<Window, EngineFault> {
-    read_wanted(written, window, &Wanted::default())
+pub(super) fn read(written: &Written, window: Rect) -> Result<PaintedWindow, EngineFault> {
+    read_wanted(written, window, &ExtraChannels::default())
 }
 
 /// Reads the color and further channels that an engine wrote and cuts out the window.
-pub(super) fn read_wanted(written: &Written, window: Rect, wanted: &Wanted) -> Result<Window, EngineFault> {
+pub(super) fn read_wanted(
+    written: &Written,
+    window: Rect,
+    wanted: &ExtraChannels,
+) -> Result<PaintedWindow, EngineFault> {
     let (mut picture, planes) = load(written, window, &wanted.names)?;
     let Rect { x0, y0, .. } = written.shows;
     let cut = Rect::new(window.x0 - x0, window.y0 - y0, window.x1 - x0, window.y1 - y0);
@@ -84,7 +88,7 @@ pub(super) fn read_wanted(written: &Written, window: Rect, wanted: &Wanted) -> R
     }
     // Read, and of no more use: a long picture must not fill the disk.
     let _ = std::fs::remove_file(&written.file);
-    Ok(Window { picture, planes: kept, dropped })
+    Ok(PaintedWindow { picture, planes: kept, dropped })
 }
 
 /// All that is wanted of a file of the size that was told.
@@ -105,7 +109,7 @@ fn load(written: &Written, window: Rect, names: &[String]) -> Result<(Picture, P
     Ok((picture, planes))
 }
 
-impl Window {
+impl PaintedWindow {
     /// Whether every pixel is black.
     pub(super) fn is_black(&self) -> bool {
         self.picture.data.iter().all(|pixel| *pixel == [0.0; 3])

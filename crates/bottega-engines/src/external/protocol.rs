@@ -1,4 +1,4 @@
-//! What is said to a worker, and what it answers: JSON, an object a line.
+//! The protocol with a worker: JSON, an object a line.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -41,13 +41,13 @@ pub(super) enum Request<'a> {
 
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Answer {
+pub(super) enum WorkerReply {
     Ready(Ready),
     Opened(Opened),
     Files(Files),
-    Progress(Progress),
+    Progress(ProgressReport),
     Painted(PaintedFile),
-    Failed(Failed),
+    Failed(WorkerFailure),
 }
 
 #[derive(Debug, PartialEq, Deserialize)]
@@ -56,7 +56,7 @@ pub(super) struct Ready {
     pub(super) protocol: u32,
 }
 
-/// What a worker says of a scene.
+/// The description of a scene by a worker.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Opened {
     /// Width of the frame.
@@ -130,7 +130,7 @@ pub struct OpenedLayer {
     pub shared: bool,
 }
 
-/// What several passes come to.
+/// The combination of several passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CombineWord {
@@ -152,7 +152,7 @@ pub struct Files {
 }
 
 #[derive(Debug, PartialEq, Deserialize)]
-pub(super) struct Progress {
+pub(super) struct ProgressReport {
     pub(super) id: u64,
     pub(super) share: f64,
 }
@@ -170,7 +170,7 @@ pub(super) struct PaintedFile {
     pub(super) once: f64,
 }
 
-impl Answer {
+impl WorkerReply {
     /// Understands a line.
     pub(super) fn parse(line: &str) -> serde_json::Result<Self> {
         from_json(line.as_bytes())
@@ -178,7 +178,7 @@ impl Answer {
 }
 
 #[derive(Debug, PartialEq, Deserialize)]
-pub(super) struct Failed {
+pub(super) struct WorkerFailure {
     pub(super) reason: String,
     #[serde(default)]
     pub(super) fatal: bool,
@@ -207,24 +207,24 @@ mod tests {
 
     #[test]
     fn answers_are_read() {
-        let answer: Answer = serde_json::from_str(
+        let answer: WorkerReply = serde_json::from_str(
             r#"{"painted":{"id":7,"file":"/s/7.exr","window":[0,0,8,8],"samples":64,"seconds":1.25,"once":0.5}}"#,
         )
         .expect("an answer");
         let (file, window) = ("/s/7.exr".into(), [0, 0, 8, 8]);
         let painted = PaintedFile { id: 7, file, window, samples: Some(64), once: 0.5 };
-        assert_eq!(answer, Answer::Painted(painted));
-        let answer: Answer =
+        assert_eq!(answer, WorkerReply::Painted(painted));
+        let answer: WorkerReply =
             serde_json::from_str(r#"{"failed":{"id":null,"reason":"no","fatal":true}}"#).expect("an answer");
-        assert_eq!(answer, Answer::Failed(Failed { reason: "no".into(), fatal: true }));
-        assert!(serde_json::from_str::<Answer>(r#"{"painted":{"id":-1}}"#).is_err());
+        assert_eq!(answer, WorkerReply::Failed(WorkerFailure { reason: "no".into(), fatal: true }));
+        assert!(serde_json::from_str::<WorkerReply>(r#"{"painted":{"id":-1}}"#).is_err());
         // Members by their order are no answer.
-        assert!(Answer::parse(r#"{"failed":{"reason":"no","fatal":true}}"#).is_ok());
-        assert!(Answer::parse(r#"{"failed":["no",true]}"#).is_err());
+        assert!(WorkerReply::parse(r#"{"failed":{"reason":"no","fatal":true}}"#).is_ok());
+        assert!(WorkerReply::parse(r#"{"failed":["no",true]}"#).is_err());
         let answer = serde_json::from_str(
             r#"{"opened":{"width":8,"height":8,"filter":{"kind":"gaussian","radius":2,"sigma":0.5},"layers":[{"name":"id","channels":["Y"],"combine":"pick"}]}}"#,
         );
-        let Ok(Answer::Opened(opened)) = answer else { panic!("{answer:?}") };
+        let Ok(WorkerReply::Opened(opened)) = answer else { panic!("{answer:?}") };
         let layer = Layer { name: "id".to_owned(), channels: vec!["Y".to_owned()], combine: Combine::Pick };
         assert_eq!(opened.layers().collect::<Vec<_>>(), [layer]);
         let filter = FilmFilter::Gaussian { radius: 2.0, sigma: 0.5 };

@@ -12,7 +12,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{error::EngineFault, locate::Located};
+use super::{error::EngineFault, locate::LocatedEngine};
 
 /// No file of ours is larger.
 const BYTES_MAX: u64 = 1 << 16;
@@ -53,7 +53,7 @@ fn file_of(folder: &Path, name: &str) -> PathBuf {
 }
 
 /// From now on this version of the engine is not used here.
-pub(super) fn put(engine: &Located, failures: u32, last: &str) {
+pub(super) fn put(engine: &LocatedEngine, failures: u32, last: &str) {
     let name = &engine.manifest().name;
     let reason = last.chars().take(REASON_MAX).collect();
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
@@ -75,7 +75,7 @@ fn write(path: &Path, found: &Quarantine) -> io::Result<()> {
 }
 
 /// Why this version of an engine is not used here; `None`: it is.
-pub fn quarantine(engine: &Located) -> Option<Quarantine> {
+pub fn quarantine(engine: &LocatedEngine) -> Option<Quarantine> {
     let name = &engine.manifest().name;
     let kept = FOLDER.get().and_then(|folder| {
         let path = file_of(folder, name);
@@ -107,7 +107,7 @@ fn read(path: &Path) -> Result<Option<Quarantine>, String> {
 }
 
 /// Refuses an engine that is not used here any more.
-pub(super) fn check(engine: &Located) -> Result<(), EngineFault> {
+pub(super) fn check(engine: &LocatedEngine) -> Result<(), EngineFault> {
     match quarantine(engine) {
         Some(Quarantine { failures, reason, .. }) => {
             let name = Some(engine.manifest().name.clone());

@@ -1,4 +1,4 @@
-//! Which files a scene refers to, so that they can be carried to other machines.
+//! The files that a scene refers to, so that they can be carried to other machines.
 
 use std::{
     collections::BTreeSet,
@@ -9,7 +9,7 @@ use std::{
 
 use super::{
     error::EngineFault,
-    locate::Located,
+    locate::LocatedEngine,
     manifest::{Refers, SceneFiles},
     session::{Files, ask_files},
 };
@@ -19,7 +19,7 @@ const FILES_MAX: usize = 4096;
 /// The largest text that is scanned.
 const TEXT_MAX: u64 = 64 << 20;
 
-impl Located {
+impl LocatedEngine {
     /// The files that a scene refers to, itself left out.
     ///
     /// - `outside`: files and folders that the engine may read beside the scene's folder, see

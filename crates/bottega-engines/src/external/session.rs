@@ -10,12 +10,12 @@ use std::{
 };
 
 pub use super::protocol::{CameraView, CombineWord, Files, Opened, OpenedLayer};
-use super::{error::EngineFault, locate::Located, manifest::Kind, quarantine};
+use super::{error::EngineFault, locate::LocatedEngine, manifest::EngineKind, quarantine};
 use command::CommandLine;
 pub use request::SceneRequest;
 use request::reads;
 pub(super) use request::{WindowRequest, Written};
-use worker::Worker;
+use worker::WorkerSession;
 
 /// An engine with a scene.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ pub struct Session {
 
 #[derive(Debug)]
 enum Driver {
-    Worker(Box<Worker>),
+    Worker(Box<WorkerSession>),
     Command(Box<CommandLine>),
 }
 
@@ -35,15 +35,15 @@ impl Session {
     ///
     /// # Errors
     /// The engine does not start, or refuses the scene.
-    pub fn open(engine: &Arc<Located>, request: &SceneRequest) -> Result<Self, EngineFault> {
+    pub fn open(engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<Self, EngineFault> {
         quarantine::check(engine)?;
         match engine.manifest().kind {
-            Kind::Worker => {
-                let mut worker = Worker::start(engine, request.reads())?;
+            EngineKind::Worker => {
+                let mut worker = WorkerSession::start(engine, request.reads())?;
                 let opened = worker.open(request)?;
                 Ok(Self { driver: Driver::Worker(Box::new(worker)), opened })
             }
-            Kind::Command => {
+            EngineKind::Command => {
                 let (line, opened) = CommandLine::open(engine, request)?;
                 Ok(Self { driver: Driver::Command(Box::new(line)), opened })
             }
@@ -54,7 +54,7 @@ impl Session {
     ///
     /// # Errors
     /// The engine refuses it.
-    pub fn reopen(&mut self, engine: &Arc<Located>, request: &SceneRequest) -> Result<(), EngineFault> {
+    pub fn reopen(&mut self, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<(), EngineFault> {
         match &mut self.driver {
             // It sees no other files than those of the scene for which it was started.
             Driver::Worker(worker) if worker.reads() == request.reads() => self.opened = worker.open(request)?,
@@ -85,8 +85,8 @@ impl Session {
 /// The engine does not start, or cannot tell.
 ///
 /// - `outside`: see [`SceneRequest`].
-pub(super) fn ask_files(engine: &Arc<Located>, scene: &Path, outside: &[PathBuf]) -> Result<Files, EngineFault> {
-    Worker::start(engine, reads(scene, outside))?.files(scene)
+pub(super) fn ask_files(engine: &Arc<LocatedEngine>, scene: &Path, outside: &[PathBuf]) -> Result<Files, EngineFault> {
+    WorkerSession::start(engine, reads(scene, outside))?.files(scene)
 }
 
 /// A worker that was started to see whether it answers.
@@ -101,9 +101,9 @@ impl Probe {
     ///
     /// # Errors
     /// It does not start, or does not keep to the protocol.
-    pub fn start(engine: &Arc<Located>) -> Result<Self, EngineFault> {
+    pub fn start(engine: &Arc<LocatedEngine>) -> Result<Self, EngineFault> {
         let begun = std::time::Instant::now();
-        Worker::start(engine, Vec::new())?;
+        WorkerSession::start(engine, Vec::new())?;
         Ok(Self { seconds: begun.elapsed().as_secs_f64() })
     }
 }

@@ -15,7 +15,7 @@ use super::{
 
 /// A manifest and the files beside it.
 #[derive(Clone, Debug)]
-pub struct Entry {
+pub struct ShelfEntry {
     /// What it says.
     pub manifest: Arc<Manifest>,
     /// Where it lies; `None`: in this program.
@@ -27,7 +27,7 @@ pub struct Entry {
 /// The manifests by name; a later folder's take the place of those before.
 #[derive(Clone, Debug, Default)]
 pub struct Shelf {
-    entries: BTreeMap<String, Entry>,
+    entries: BTreeMap<String, ShelfEntry>,
     /// Manifests that could not be read. They are nobody's business until their engine is asked for.
     pub broken: Vec<ManifestError>,
 }
@@ -64,7 +64,7 @@ impl Shelf {
     fn add(&mut self, path: &Path, text: &str, folder: Option<PathBuf>) {
         match Manifest::parse(path, text) {
             Ok(manifest) => {
-                let entry = Entry { manifest: Arc::new(manifest), folder, text: text.into() };
+                let entry = ShelfEntry { manifest: Arc::new(manifest), folder, text: text.into() };
                 self.entries.insert(entry.manifest.name.clone(), entry);
             }
             Err(error) => self.broken.push(error),
@@ -72,12 +72,12 @@ impl Shelf {
     }
 
     /// The manifest of this name.
-    pub fn get(&self, name: &str) -> Option<&Entry> {
+    pub fn get(&self, name: &str) -> Option<&ShelfEntry> {
         self.entries.get(name)
     }
 
     /// All of them, by name.
-    pub fn iter(&self) -> impl Iterator<Item = &Entry> {
+    pub fn iter(&self) -> impl Iterator<Item = &ShelfEntry> {
         self.entries.values()
     }
 
@@ -87,7 +87,7 @@ impl Shelf {
     }
 }
 
-impl Entry {
+impl ShelfEntry {
     /// The manifest of a file that lies in no folder of manifests.
     ///
     /// # Errors

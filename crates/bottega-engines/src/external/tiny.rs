@@ -43,9 +43,9 @@ const TELLING_SHARE: f64 = 0.3;
 pub(super) fn survey(
     session: &mut Session,
     whole: &WindowRequest,
-    pace: Option<Pace>,
+    pace: Option<WindowCost>,
     samples: u64,
-) -> Result<(Survey, Option<Pace>), EngineFault> {
+) -> Result<(Survey, Option<WindowCost>), EngineFault> {
     let frame = whole.window;
     let told = session.opened().window_seconds();
     let begun = Instant::now();
@@ -53,7 +53,7 @@ pub(super) fn survey(
     let took = begun.elapsed().as_secs_f64() - written.once.max(0.0);
     let picture = picture::read(&written, frame)?.picture;
     let seen = frame.area() * u64::from(whole.samples);
-    let pace = pace.or(told.map(|window| Pace { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
+    let pace = pace.or(told.map(|window| WindowCost { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
     let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(samples));
     // Where windows are that dear their times would come too late, and tell nothing.
     let probes_fit = pace.is_none_or(|pace| pace.window * f64::from(PROBES * PROBES) < time.as_secs_f64());
@@ -113,14 +113,14 @@ fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result
 
 /// What windows cost, and their samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pace {
+pub(super) struct WindowCost {
     /// A window beside its samples, in seconds.
     pub(super) window: f64,
     /// A sample of a pixel, in seconds.
     pub(super) sample: f64,
 }
 
-impl Pace {
+impl WindowCost {
     /// Takes the time of windows of the frame that the session has open.
     pub(super) fn measure(session: &mut Session, whole: &WindowRequest) -> Result<Self, EngineFault> {
         let (frame, told) = (whole.window, session.opened().window_seconds());
@@ -193,17 +193,17 @@ mod tests {
 
     #[test]
     fn dear_windows_make_few_zones() {
-        let pace = Pace { window: 0.1, sample: 1e-6 };
+        let pace = WindowCost { window: 0.1, sample: 1e-6 };
         // 62.5 s of samples bear 0.625 s of windows.
         assert_eq!(pace.zones_max(62_500_000, 2.0), 3);
         assert_eq!(pace.zones_max(62_500_000, 1.0), 6);
         assert_eq!(pace.zones_max(1, 1.0), 1);
-        assert_eq!(Pace { window: 0.0, sample: 1.0 }.zones_max(u64::MAX, 2.0), 1 << 20);
+        assert_eq!(WindowCost { window: 0.0, sample: 1.0 }.zones_max(u64::MAX, 2.0), 1 << 20);
     }
 
     #[test]
     fn looking_takes_a_hundredth_of_painting() {
-        let pace = Pace { window: 0.1, sample: 1e-6 };
+        let pace = WindowCost { window: 0.1, sample: 1e-6 };
         assert_eq!(pace.probe_time(30_000_000), Duration::from_millis(300));
         assert_eq!(pace.probe_time(u64::MAX), PROBE_TIME);
     }

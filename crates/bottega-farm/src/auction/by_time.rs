@@ -3,7 +3,7 @@
 use super::{
     member::MemberId,
     round::{Candidate, Lot},
-    terms::{Award, Standing},
+    terms::{Award, BidderStanding},
 };
 use crate::Offer;
 
@@ -22,19 +22,19 @@ pub(super) struct ByTime<'a> {
     /// Not given away, largest first.
     open: Vec<Lot>,
     bidders: Vec<Candidate>,
-    standing: &'a Standing<'a>,
+    standing: &'a BidderStanding<'a>,
     /// When the work as a whole should end, in seconds from now.
     end: f64,
 }
 
 /// What a bidder gets.
-enum Gets {
+enum AwardShare {
     All(usize),
     Part(usize, f64),
 }
 
 impl<'a> ByTime<'a> {
-    pub(super) fn new(offers: &[Offer], mut bidders: Vec<Candidate>, standing: &'a Standing<'a>) -> Self {
+    pub(super) fn new(offers: &[Offer], mut bidders: Vec<Candidate>, standing: &'a BidderStanding<'a>) -> Self {
         bidders.retain(|bidder| bidder.room > 0);
         let end = standing.field.end(standing.now, standing.open) * (1.0 + SLACK);
         Self { open: Lot::all(offers), bidders, standing, end }
@@ -48,8 +48,8 @@ impl<'a> ByTime<'a> {
                 continue;
             };
             let (place, share) = match gets {
-                Gets::All(place) => (place, None),
-                Gets::Part(place, share) => (place, Some(share)),
+                AwardShare::All(place) => (place, None),
+                AwardShare::Part(place, share) => (place, Some(share)),
             };
             let offer = self.open.remove(place);
             let bidder = &mut self.bidders[index];
@@ -74,14 +74,14 @@ impl<'a> ByTime<'a> {
         })
     }
 
-    fn best_for(&self, index: usize) -> Option<Gets> {
+    fn best_for(&self, index: usize) -> Option<AwardShare> {
         let bidder = &self.bidders[index];
         let left = self.end - bidder.ready(&self.open);
         let takes_all = self.standing.can_cut.is_none() || left < 4.0 * PIECE_TIME_MIN;
         let wanted = if takes_all { left } else { left * SHARE_OF_REST };
         let bids = |lot: &Lot| bidder.bids_for(lot);
         if let Some(place) = self.open.iter().position(|lot| bids(lot) && bidder.own(lot) <= wanted) {
-            return Some(Gets::All(place));
+            return Some(AwardShare::All(place));
         }
         // All are larger. The largest that can be cut gives it what it can do in time.
         let can_cut = |lot: &Lot| {
@@ -90,13 +90,13 @@ impl<'a> ByTime<'a> {
             bids(lot) && is_worth_it && self.standing.can_cut.is_some_and(|can_cut| can_cut(lot.zone))
         };
         if let Some(place) = self.open.iter().position(can_cut) {
-            return Some(Gets::Part(place, wanted / bidder.own(&self.open[place])));
+            return Some(AwardShare::Part(place, wanted / bidder.own(&self.open[place])));
         }
         let in_time = |lot: &Lot| bidder.finish(lot).is_some_and(|finish| finish <= self.end);
         if let Some(place) = self.open.iter().position(in_time) {
-            return Some(Gets::All(place));
+            return Some(AwardShare::All(place));
         }
-        (0..self.open.len().min(LEFT_MAX)).find(|&place| self.nobody_sooner(index, place)).map(Gets::All)
+        (0..self.open.len().min(LEFT_MAX)).find(|&place| self.nobody_sooner(index, place)).map(AwardShare::All)
     }
 
     /// Whether none of all agents would have finished a zone before this one, behind all that it has in hand and has won.

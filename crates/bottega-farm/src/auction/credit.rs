@@ -1,4 +1,4 @@
-//! How far an agent's promises held.
+//! Credit: how far an agent's promises held.
 //!
 //! Source: MAGarRO, section 3.4, "Auctioning": what is added to an agent's credit is proportional to T_est − T.
 

@@ -1,4 +1,4 @@
-//! How fast and how soon free all agents are: what decides when the work can end.
+//! The field of all agents, their paces and when each is free: it decides when the work can end.
 
 use std::{
     cell::{Cell, RefCell},
@@ -20,12 +20,12 @@ pub struct Field {
     /// The same agents by speed, while somebody asks for it.
     classes: RefCell<Classes>,
     /// The end that was computed last.
-    known: Cell<Known>,
+    known: Cell<ExpectedEnd>,
 }
 
 /// When all the work will be done, and what it was computed from.
 #[derive(Clone, Copy, Debug, Default)]
-struct Known {
+struct ExpectedEnd {
     at: f64,
     open: f64,
     end: f64,
@@ -171,14 +171,14 @@ impl Field {
     /// - `now`: in seconds.
     /// - `open`: reference-machine seconds of all that nobody has in hand.
     pub fn end(&self, now: f64, open: f64) -> f64 {
-        let Known { at, open: open_then, end, uses } = self.known.get();
+        let ExpectedEnd { at, open: open_then, end, uses } = self.known.get();
         let (passed, taken) = (now - at, open_then - open);
         if uses > 0 && passed >= 0.0 && passed < USES_TIME * end && taken.abs() <= USES_TIME * open_then {
-            self.known.set(Known { uses: uses - 1, ..self.known.get() });
+            self.known.set(ExpectedEnd { uses: uses - 1, ..self.known.get() });
             return end - passed;
         }
         let end = self.compute_end(now, open);
-        self.known.set(Known { at: now, open, end, uses: self.paces.len() / USES_SHARE });
+        self.known.set(ExpectedEnd { at: now, open, end, uses: self.paces.len() / USES_SHARE });
         end
     }
 

@@ -1,4 +1,4 @@
-//! Who takes part.
+//! A participant of the auction.
 
 /// An agent's number on the list of its Master, which it keeps for good.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -1,4 +1,4 @@
-//! What the rounds of an auction came to.
+//! The tally of an auction's rounds.
 
 use serde::{Deserialize, Serialize};
 

@@ -3,7 +3,7 @@
 use super::{field::Field, member::MemberId};
 use crate::{Bid, ZoneId};
 
-/// How a zone's winner is found.
+/// The rule that finds a zone's winner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AuctionRule {
     /// The most complex open zone goes to the bidder with the most credit.
@@ -24,7 +24,7 @@ impl AuctionRule {
     }
 }
 
-/// What a bidder said.
+/// The proposal of a bidder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
     /// Zones that it has room for.
@@ -59,8 +59,8 @@ pub struct Award {
     pub share: Option<f64>,
 }
 
-/// What is known when a round ends.
-pub struct Standing<'a> {
+/// The knowledge at the end of a round.
+pub struct BidderStanding<'a> {
     /// All agents of the Master, also those that do not bid now.
     pub field: &'a Field,
     /// When the round ends, in seconds.
@@ -71,7 +71,7 @@ pub struct Standing<'a> {
     pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
 }
 
-/// What a round came to.
+/// The decision of a round.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decision {
     /// Who gets what.

@@ -1,4 +1,4 @@
-//! What a zone's row says of those who painted it, where they are not trusted.
+//! Trust in a zone's row: who painted it, where they are not trusted.
 
 use bottega_agents::AgentId;
 

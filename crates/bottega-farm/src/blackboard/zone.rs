@@ -13,7 +13,7 @@ use crate::{
 /// A zone is given up after so many agents have failed on it.
 pub const ATTEMPTS_MAX: u32 = 5;
 
-/// What is known of a zone.
+/// The row of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZoneRow {
     /// IdWork.
@@ -72,7 +72,7 @@ pub struct Cut {
     pub piece: Rect,
 }
 
-/// Who else may report a zone.
+/// Another agent that may report a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rival {
     /// The agent that had it before.
@@ -84,7 +84,7 @@ pub struct Rival {
 /// The least side of a piece, in pixels.
 const PIECE_SIDE_MIN: u32 = 8;
 
-/// How far a zone is. It goes forward only, but for zones that are taken back from an agent.
+/// The state of a zone. It goes forward only, but for zones that are taken back from an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ZoneState {
     /// Nobody has seen it.
@@ -101,7 +101,7 @@ pub enum ZoneState {
     Failed,
 }
 
-/// What an agent made of a step of a zone.
+/// The verdict of an agent on a step of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vote {
     /// Who.

@@ -6,12 +6,12 @@ use bottega_agents::{AgentId, Bus, LocalBus, LocalPlatform, Performative, driver
 use bottega_engines::RenderEngine;
 
 use super::{
-    easel::Easel,
+    easel::Composer,
     link::Link,
     observer::Observer,
     populate::add_render_agents,
     settings::{JobError, JobSettings},
-    shared::{End, Seen, Shared},
+    shared::{End, ObservedAgent, Shared},
     stop::StopSwitch,
 };
 use crate::{FarmAgent, FarmContent, contents::message, protocol};
@@ -33,12 +33,12 @@ pub fn assist(
 ) -> Result<bool, JobError> {
     settings.work()?;
     let (here, master) = (link.name.clone(), link.master());
-    let easel = Easel::new(settings, BTreeMap::new(), None);
+    let easel = Composer::new(settings, BTreeMap::new(), None);
     let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, Some(link)));
     let platform = LocalPlatform::linked(1, shared.uplink())?;
     let bus = platform.bus();
     let add = |id: &AgentId, agent: FarmAgent| {
-        let seen = Seen { agent, shared: Arc::clone(&shared) };
+        let seen = ObservedAgent { agent, shared: Arc::clone(&shared) };
         let performer = last_of(&shared);
         platform.add(id, seen, performer).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
@@ -66,7 +66,7 @@ pub fn assist(
 }
 
 /// The agents say goodbye: what they had in hand is given to others at once.
-fn leave(mut bus: LocalBus<Seen>, agents: usize, here: &str, master: &AgentId) {
+fn leave(mut bus: LocalBus<ObservedAgent>, agents: usize, here: &str, master: &AgentId) {
     for i in 0..agents {
         let id = AgentId::new(format!("render-{}@{here}", i + 1));
         let to = vec![master.clone()];
@@ -75,7 +75,7 @@ fn leave(mut bus: LocalBus<Seen>, agents: usize, here: &str, master: &AgentId) {
 }
 
 /// Carries out the effects of one agent. When all agents are gone, the work is over here.
-fn last_of(shared: &Arc<Shared>) -> Performer<Seen> {
+fn last_of(shared: &Arc<Shared>) -> Performer<ObservedAgent> {
     struct Present(Arc<Shared>);
     impl Drop for Present {
         fn drop(&mut self) {

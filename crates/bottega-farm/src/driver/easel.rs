@@ -1,4 +1,4 @@
-//! Where the pixels are: tiles under way, the film, and what is kept of both.
+//! The pixels of a job: tiles under way, the film, and what is kept of both.
 
 use std::{collections::BTreeMap, io, time::Duration};
 
@@ -12,7 +12,7 @@ use super::{
 use crate::{AgentRow, Mask, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest};
 
 /// Tiles, film and store of one job.
-pub(super) struct Easel {
+pub(super) struct Composer {
     film: Film,
     layout: Layout,
     samples_wanted: u32,
@@ -25,7 +25,7 @@ pub(super) struct Easel {
     times: Times,
 }
 
-impl Easel {
+impl Composer {
     pub(super) fn new(settings: &JobSettings, kept: BTreeMap<ZoneId, Tile>, store: Option<Box<dyn ZoneStore>>) -> Self {
         let tiles: BTreeMap<_, _> = kept.into_iter().map(|(zone, tile)| (zone, (digest(&tile), tile))).collect();
         // Whoever resumes appends to the journal that holds these.

@@ -1,4 +1,4 @@
-//! What agents want done in the world, and where it is done.
+//! Effects that agents ask for, and where each is carried out.
 
 use std::sync::Arc;
 

@@ -18,12 +18,12 @@ pub(super) struct Fetchers(Arc<Inner>);
 
 #[derive(Default)]
 struct Inner {
-    state: Mutex<State>,
+    state: Mutex<FetchState>,
     changed: Condvar,
 }
 
 #[derive(Default)]
-struct State {
+struct FetchState {
     jobs: VecDeque<Job>,
     threads: usize,
     idle: usize,
@@ -31,7 +31,7 @@ struct State {
 }
 
 impl Inner {
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, FetchState> {
         // No job runs under the lock.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -25,7 +25,7 @@ const LANES: usize = 4;
 const TOLD_AFTER: [u32; 3] = [20, 240, 2400];
 const BETWEEN_TRIES: Duration = Duration::from_millis(250);
 
-/// What joins this process to the others that paint a work.
+/// The link of this process to the others that paint a work.
 #[derive(Clone)]
 pub struct Link {
     /// The link itself.

@@ -1,4 +1,4 @@
-//! What this machine does before zones are painted: how fast it is, the look at the scene, what all zones need.
+//! The preparation of this machine: its benchmark, the survey of the scene, what all zones need.
 
 use std::{
     sync::{Arc, OnceLock},

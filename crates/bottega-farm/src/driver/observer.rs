@@ -1,4 +1,4 @@
-//! Who watches a job.
+//! Observers of a job.
 
 use std::sync::Arc;
 

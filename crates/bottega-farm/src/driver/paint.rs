@@ -14,7 +14,7 @@ use crate::{ErrorUse, FarmCompletion, PaintOrder, PaintResult, ResultRef, ZoneId
 const PASS: Duration = crate::STEP_MAX;
 
 /// A zone at work in the engine.
-struct Sitting {
+struct ZonePainting {
     order: PaintOrder,
     /// Samples of one pass.
     pass: u32,
@@ -89,7 +89,7 @@ impl Shared {
             // Whoever cancelled all orders may not have seen this one.
             cancel.cancel();
         }
-        let sitting = Sitting {
+        let sitting = ZonePainting {
             cancel,
             progress,
             // An engine that says nothing of how long it takes has windows that cost something themselves.
@@ -127,7 +127,7 @@ impl Shared {
     }
 }
 
-impl Sitting {
+impl ZonePainting {
     /// Starts the next pass.
     fn go_on(mut self, start: u32, mut tile: Option<Tile>) {
         let shared = Arc::clone(&self.shared);

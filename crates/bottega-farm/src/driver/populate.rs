@@ -11,7 +11,7 @@ use bottega_agents::{AgentId, LocalPlatform, driver::Performer};
 use super::{
     link::Link,
     settings::{JobError, JobSettings},
-    shared::{End, FarmMailbox, Seen, Shared},
+    shared::{End, FarmMailbox, ObservedAgent, Shared},
 };
 use crate::{
     Analyst, AnalystConfig, FarmAgent, GoalRules, Master, MasterConfig, PartitionSettings, RenderAgent,
@@ -24,14 +24,14 @@ const AGENTS_EXPECTED: usize = 8;
 
 /// Brings all agents to life. Returns the Master's mailbox.
 pub(super) fn populate(
-    platform: &LocalPlatform<Seen>,
+    platform: &LocalPlatform<ObservedAgent>,
     settings: &JobSettings,
     work: WorkSettings,
     kept: Option<(WorkRow, Vec<ZoneRow>)>,
     shared: &Arc<Shared>,
 ) -> Result<FarmMailbox, JobError> {
     let add = |id: &AgentId, agent: FarmAgent| {
-        let seen = Seen { agent, shared: Arc::clone(shared) };
+        let seen = ObservedAgent { agent, shared: Arc::clone(shared) };
         platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
     let link = shared.link.as_ref();
@@ -117,7 +117,7 @@ pub(super) fn add_render_agents(
 }
 
 /// Carries out the effects of one agent. When it goes without the job having ended, the job has: an agent has panicked.
-fn performer(id: &AgentId, shared: &Arc<Shared>) -> Performer<Seen> {
+fn performer(id: &AgentId, shared: &Arc<Shared>) -> Performer<ObservedAgent> {
     struct Notice(Arc<Shared>, bool);
     impl Drop for Notice {
         fn drop(&mut self) {

@@ -1,4 +1,4 @@
-//! How far a job is, as honest as can be known.
+//! The progress of a job, as honest as it can be known.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -9,7 +9,7 @@ use crate::{AgentRow, ZoneId, ZoneRow, ZoneState};
 /// When so much of the cost is done, the time that is left is told by how long that took alone.
 const SHARE_SEEN: f64 = 0.1;
 
-/// How far a job is.
+/// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
     /// Zones painted or given up.
@@ -29,7 +29,7 @@ pub struct Progress {
     pub left: Option<Duration>,
 }
 
-/// Where the time of a job went.
+/// The time of a job, by what it was spent on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
     /// Wall time from beginning to end.

@@ -1,4 +1,4 @@
-//! What is asked of a job, and why it may give no picture.
+//! The settings of a job, and the reasons why it may give no picture.
 
 use std::{collections::BTreeMap, sync::Arc, thread};
 
@@ -14,7 +14,7 @@ use crate::{
 pub const AGENTS_MAX: usize = 1 << 10;
 /// Agents that must make the same of a zone, at most.
 pub const VERIFY_MAX: u32 = 16;
-/// What is to be painted, and how.
+/// The settings of a job: what is painted, and how.
 #[derive(Clone, Debug)]
 pub struct JobSettings {
     /// Width of the whole picture, in pixels.

@@ -1,4 +1,4 @@
-//! What the threads of a job share: the engine, the easel, and how far all is.
+//! The state that the threads of a job share: the engine, the easel, the progress.
 
 use std::{
     collections::BTreeMap,
@@ -10,7 +10,7 @@ use bottega_agents::{Mailbox, Revision, StateMachine, Time, Uplink};
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 
 use super::{
-    easel::Easel, fetchers::Fetchers, learner::Learner, link::Link, observer::Observer, settings::JobSettings,
+    easel::Composer, fetchers::Fetchers, learner::Learner, link::Link, observer::Observer, settings::JobSettings,
     stop::StopSwitch,
 };
 use crate::{
@@ -36,7 +36,7 @@ pub(super) enum End {
 pub(super) struct Shared {
     pub(super) engine: Arc<dyn RenderEngine>,
     pub(super) observer: Arc<dyn Observer>,
-    pub(super) easel: Mutex<Easel>,
+    pub(super) easel: Mutex<Composer>,
     pub(super) state: Mutex<State>,
     pub(super) changed: Condvar,
     pub(super) stop: StopSwitch,
@@ -68,7 +68,7 @@ pub(super) struct State {
     pub(super) dismissed: usize,
 }
 
-pub(super) type FarmMailbox = Mailbox<Seen>;
+pub(super) type FarmMailbox = Mailbox<ObservedAgent>;
 
 /// Whether the engine has made what all zones need.
 #[derive(Default)]
@@ -81,12 +81,12 @@ pub(super) enum Preparation {
 }
 
 /// What an agent of the farm does, with all its messages seen by the observer.
-pub(super) struct Seen {
+pub(super) struct ObservedAgent {
     pub(super) agent: FarmAgent,
     pub(super) shared: Arc<Shared>,
 }
 
-impl StateMachine for Seen {
+impl StateMachine for ObservedAgent {
     type Content = FarmContent;
     type Value = FarmValue;
     type Effect = FarmEffect;
@@ -117,7 +117,7 @@ impl StateMachine for Seen {
 impl Shared {
     pub(super) fn new(
         settings: &JobSettings,
-        easel: Easel,
+        easel: Composer,
         engine: Arc<dyn RenderEngine>,
         observer: Arc<dyn Observer>,
         stop: &StopSwitch,
@@ -144,7 +144,7 @@ impl Shared {
         }
     }
 
-    pub(super) fn uplink(&self) -> Option<Arc<dyn Uplink<Seen>>> {
+    pub(super) fn uplink(&self) -> Option<Arc<dyn Uplink<ObservedAgent>>> {
         self.link.as_ref().map(|link| Arc::clone(&link.uplink) as _)
     }
 
@@ -156,7 +156,7 @@ impl Shared {
         self.learner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn easel(&self) -> MutexGuard<'_, Easel> {
+    pub(super) fn easel(&self) -> MutexGuard<'_, Composer> {
         self.easel.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

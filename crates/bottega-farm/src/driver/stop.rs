@@ -1,13 +1,13 @@
-//! How a user ends a job early.
+//! The switch by which a user ends a job early.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Ends a job early, from any thread: a signal handler's, say. What is painted is kept.
 #[derive(Clone, Default)]
-pub struct StopSwitch(Arc<Mutex<State>>);
+pub struct StopSwitch(Arc<Mutex<SwitchState>>);
 
 #[derive(Default)]
-struct State {
+struct SwitchState {
     requested: bool,
     hook: Option<Box<dyn FnMut() + Send>>,
 }
@@ -18,7 +18,7 @@ impl StopSwitch {
         Self::default()
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, SwitchState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

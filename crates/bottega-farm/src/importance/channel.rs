@@ -1,4 +1,4 @@
-//! What the survey knows of a place, one quantity at a time.
+//! Channels of the survey: one quantity of a place at a time.
 
 use std::{fmt, str::FromStr};
 

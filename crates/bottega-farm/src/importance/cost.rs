@@ -8,7 +8,7 @@ use super::{
 };
 
 /// A part of a sample's time.
-struct Term {
+struct CostTerm {
     /// The channel that it belongs to.
     channel: Channel,
     /// What is counted.
@@ -19,23 +19,23 @@ struct Term {
 
 /// The terms, fitted by least squares: `docs/decisions.md` has the fit, and how well it predicts scenes that were left out. What
 /// the fit found to be worth nothing beside these (a sample as such, a vertex beside its rays) is not here.
-const TERMS: [Term; 4] = [
-    Term { channel: Channel::Steps, count: |pixel| pixel.steps, weight: 50.0 },
-    Term { channel: Channel::Shadow, count: |pixel| pixel.shadow_rays, weight: 476.0 },
-    Term { channel: Channel::Material, count: |pixel| pixel.layered, weight: 151.0 },
-    Term { channel: Channel::Material, count: |pixel| pixel.lookups, weight: 711.0 },
+const TERMS: [CostTerm; 4] = [
+    CostTerm { channel: Channel::Steps, count: |pixel| pixel.steps, weight: 50.0 },
+    CostTerm { channel: Channel::Shadow, count: |pixel| pixel.shadow_rays, weight: 476.0 },
+    CostTerm { channel: Channel::Material, count: |pixel| pixel.layered, weight: 151.0 },
+    CostTerm { channel: Channel::Material, count: |pixel| pixel.lookups, weight: 711.0 },
 ];
 
 /// The predicted time of a sample of each cell, row-major, smoothed over 3 × 3 cells. A channel that is off counts
 /// everywhere as its mean.
 pub(super) fn predicted(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     let cells = survey.pixels.len();
-    let mean = |term: &Term| {
+    let mean = |term: &CostTerm| {
         survey.pixels.iter().map(|pixel| f64::from(sane((term.count)(pixel)))).sum::<f64>() / cells as f64
     };
     let means: [f32; TERMS.len()] = std::array::from_fn(|i| mean(&TERMS[i]) as f32);
     smoothed(survey, |pixel| {
-        let counted = |(term, mean): (&Term, &f32)| {
+        let counted = |(term, mean): (&CostTerm, &f32)| {
             let count = if channels.contains(term.channel) { sane((term.count)(pixel)) } else { *mean };
             term.weight * count
         };

@@ -1,4 +1,4 @@
-//! Where the eye goes first, from colours alone.
+//! Saliency: where the eye goes first, from colors alone.
 //!
 //! Source: Itti, Koch and Niebur 1998, *A Model of Saliency-Based Visual Attention for Rapid Scene Analysis*. A survey is
 //! about as coarse as the paper's pyramid of a 640 × 480 picture is at scale 2; so its own size stands for scale 2, and the

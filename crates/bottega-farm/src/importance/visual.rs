@@ -1,4 +1,4 @@
-//! How much an error would be seen.
+//! Visibility of errors: how much of an error a viewer sees.
 //!
 //! No formula of the literature joins these quantities; the mean of what each of them says is what can be said without
 //! measuring eyes. Sources of the parts: Itti, Koch and Niebur 1998 (saliency); Ferwerda, Pattanaik, Shirley and Greenberg

@@ -57,7 +57,7 @@ impl Master {
             let agent = Some(self.roster.name(agent).clone());
             let row = ZoneRow { state: ZoneState::Profiling, agent, ..row.clone() };
             let conversation = self.number();
-            self.write(now, row, Then::Order(conversation), actions);
+            self.write(now, row, RowFollowUp::Order(conversation), actions);
         }
     }
 
@@ -206,7 +206,7 @@ impl Master {
         };
         let bidders = proposals.into_iter().filter_map(bidder).collect();
         let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| self.can_cut(zone);
-        let standing = Standing {
+        let standing = BidderStanding {
             field: self.roster.field(),
             now: now.elapsed().as_secs_f64(),
             open: self.ledger.waiting_time().as_secs_f64(),
@@ -226,7 +226,7 @@ impl Master {
         };
         let agent = Some(self.roster.name(award.agent).clone());
         let row = ZoneRow { state: ZoneState::Awarded, agent, ..row };
-        self.write(now, row, Then::Order(conversation), actions);
+        self.write(now, row, RowFollowUp::Order(conversation), actions);
     }
 
     fn compose(&mut self, actions: &mut Vec<FarmAction>) {

@@ -1,4 +1,4 @@
-//! How far the picture is put together.
+//! The state of the composition of a picture.
 
 use std::collections::{BTreeMap, BTreeSet};
 

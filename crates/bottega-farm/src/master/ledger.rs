@@ -1,4 +1,4 @@
-//! What the rows of the Blackboard mean for the Master, kept in step with them so that no event costs a look at all.
+//! The Master's sums over the rows of the Blackboard, kept in step so that no event costs a look at all of them.
 
 use std::{cmp::Reverse, collections::BTreeSet, ops::Bound, time::Duration};
 
@@ -14,7 +14,7 @@ pub(super) type Holders = [Option<MemberId>; 2];
 pub(super) struct Ledger {
     rule: AuctionRule,
     /// As they are counted now.
-    zones: NumberMap<Counted>,
+    zones: NumberMap<CountedZone>,
     /// Nobody has seen them; the most complex first.
     unseen: BTreeSet<(Reverse<u64>, ZoneId)>,
     /// T_est of these.
@@ -36,7 +36,7 @@ pub(super) struct Ledger {
 
 /// What is remembered of a zone: as much as is needed to count it off again.
 #[derive(Clone, Debug, PartialEq)]
-struct Counted {
+struct CountedZone {
     state: ZoneState,
     waiting: bool,
     complexity: f64,
@@ -64,7 +64,7 @@ impl Ledger {
         order_time: Option<Duration>,
         changed: &mut Vec<MemberId>,
     ) {
-        let counted = Counted {
+        let counted = CountedZone {
             state: row.state,
             waiting: row.is_waiting(),
             complexity: row.complexity,
@@ -104,7 +104,7 @@ impl Ledger {
         self.zones.insert(row.zone.0, counted);
     }
 
-    fn uncount(&mut self, zone: ZoneId, before: &Counted, changed: &mut Vec<MemberId>) {
+    fn uncount(&mut self, zone: ZoneId, before: &CountedZone, changed: &mut Vec<MemberId>) {
         match before.state {
             ZoneState::Open | ZoneState::Profiled if before.voted => {
                 self.comparisons.remove(&before.rank(zone));
@@ -207,7 +207,7 @@ impl Ledger {
     }
 }
 
-impl Counted {
+impl CountedZone {
     fn rank(&self, zone: ZoneId) -> (Reverse<u64>, ZoneId) {
         (Reverse(self.complexity.max(0.0).to_bits()), zone)
     }

@@ -1,4 +1,4 @@
-//! What is known of the pixels of zones that several agents have painted.
+//! The pixels of zones that several agents have painted.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,4 @@
-//! What agents say to the Master, how it knows that they live, and what it does when they do not.
+//! The Master's agents: what they say, how it knows that they live, and what it does when they do not.
 
 use super::*;
 
@@ -128,7 +128,7 @@ impl Master {
                 _ if how == Departure::Goodbye => row.reopened(row.attempt),
                 _ => row.taken_back(),
             };
-            self.write(now, row, Then::TakenBack, actions);
+            self.write(now, row, RowFollowUp::TakenBack, actions);
         }
     }
 
@@ -158,7 +158,7 @@ impl Master {
                 // Its order is older than the row, so it cannot be given again.
                 None => {
                     let row = row.taken_back();
-                    self.write(now, row, Then::TakenBack, actions);
+                    self.write(now, row, RowFollowUp::TakenBack, actions);
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! Whether the orders of an agent go on: an engine may hang while its agent says that it lives.
+//! The watch over orders: an engine may hang while its agent says that it lives.
 
 use super::{watched::LongestOrder, *};
 use crate::{Holding, STEP_MAX};
@@ -46,7 +46,7 @@ impl Master {
         tracing::warn!(zone = zone.0, agent = %name, "an order hangs: {reason}");
         self.withdraw(zone, vec![(name.clone(), fence)], actions);
         if let Some(row) = self.failed(zone, &name) {
-            self.write(now, row, Then::TakenBack, actions);
+            self.write(now, row, RowFollowUp::TakenBack, actions);
         }
         self.strike(now, &name, (zone, fence), &reason, actions);
     }

@@ -41,7 +41,7 @@ impl Master {
                 true => ZoneRow { goal: Some(goal), time_estimated, ..row.clone() },
                 false => ZoneRow { state: ZoneState::Done, ..row.clone() },
             };
-            self.write(now, row, Then::TakenBack, actions);
+            self.write(now, row, RowFollowUp::TakenBack, actions);
         }
     }
 

@@ -1,4 +1,4 @@
-//! What becomes of the reports of agents and of the film.
+//! The results of agents and of the film.
 
 use super::*;
 use crate::{BAND_MAX, Goal, Vote};
@@ -67,7 +67,7 @@ impl Master {
         match after {
             Ok((row, verdict)) => {
                 self.pass_painted += row.time_measured.unwrap_or_default();
-                let then = Then::Receive { confirmation: Box::new(received()), well: true, taken };
+                let then = RowFollowUp::Receive { confirmation: Box::new(received()), well: true, taken };
                 self.forget_likeness(&row);
                 self.write(now, row, then, actions);
                 self.pronounce(now, zone, &verdict, actions);
@@ -78,10 +78,10 @@ impl Master {
                 if report.outcome.is_ok() {
                     self.answer(message, Performative::Disconfirm, refuse(reason), actions);
                     if let Some(row) = after {
-                        self.write(now, row, Then::TakenBack, actions);
+                        self.write(now, row, RowFollowUp::TakenBack, actions);
                     }
                 } else if let Some(row) = after {
-                    let then = Then::Receive { confirmation: Box::new(received()), well: false, taken };
+                    let then = RowFollowUp::Receive { confirmation: Box::new(received()), well: false, taken };
                     self.write(now, row, then, actions);
                 } else {
                     actions.push(FarmAction::Send(received()));
@@ -186,7 +186,7 @@ impl Master {
             let attempt = row.attempt + 1;
             let state = if attempt < crate::ATTEMPTS_MAX { ZoneState::Open } else { ZoneState::Failed };
             let row = ZoneRow { state, attempt, result: None, time_measured: None, ..row.clone() };
-            self.write(now, row, Then::TakenBack, actions);
+            self.write(now, row, RowFollowUp::TakenBack, actions);
         }
     }
 }

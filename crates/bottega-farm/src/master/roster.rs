@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, time::Duration};
 use bottega_agents::{AgentId, Revision, Time};
 use rustc_hash::FxHashMap;
 
-use super::watched::{LongestOrder, Watched};
+use super::watched::{LongestOrder, WatchedZones};
 use crate::{AgentRow, Holding, MemberId, ZoneId, auction::Field};
 
 /// Agents that a Master takes at most.
@@ -52,7 +52,7 @@ pub(super) struct Member {
     /// When it last reported on an order.
     reported: Time,
     /// Its orders, as it tells of them.
-    watched: Watched,
+    watched: WatchedZones,
     /// The orders that it has failed on since it last painted something.
     pub(super) failed: Vec<(ZoneId, Revision)>,
     /// Where it stands in the orders.
@@ -337,7 +337,7 @@ impl Roster {
         }
     }
 
-    /// Takes how far the orders of an agent are: see [`Watched::see`].
+    /// Takes how far the orders of an agent are: see [`WatchedZones::see`].
     pub(super) fn watch(&mut self, now: Time, id: MemberId, hands: &[Holding]) -> Option<LongestOrder> {
         self.members[id.index()].as_mut()?.watched.see(now, hands)
     }
@@ -467,7 +467,7 @@ impl Member {
             load: Duration::ZERO,
             ready: now,
             reported: now,
-            watched: Watched::default(),
+            watched: WatchedZones::default(),
             failed: Vec::new(),
             places: Places::default(),
         }

@@ -1,4 +1,4 @@
-//! What the Master reads of the Blackboard, and what it writes there.
+//! The Master's reads and writes of the Blackboard.
 
 use bottega_agents::Entry;
 
@@ -137,7 +137,13 @@ impl Master {
     }
 
     /// Writes a zone's row only if it is still as it was seen. There is one write for a zone at a time.
-    pub(super) fn write(&mut self, now: Time, row: impl Into<Arc<ZoneRow>>, then: Then, actions: &mut Vec<FarmAction>) {
+    pub(super) fn write(
+        &mut self,
+        now: Time,
+        row: impl Into<Arc<ZoneRow>>,
+        then: RowFollowUp,
+        actions: &mut Vec<FarmAction>,
+    ) {
         let row = row.into();
         let (zone, expected_revision) = (row.zone, self.board.revision(row.zone));
         let ticket = Ticket(self.number());
@@ -176,8 +182,8 @@ impl Master {
 
     fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
         match write.then {
-            Then::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
-            Then::Receive { confirmation, well, taken } => {
+            RowFollowUp::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
+            RowFollowUp::Receive { confirmation, well, taken } => {
                 let name = confirmation.receivers.first().cloned();
                 let agent = name.as_ref().and_then(|agent| self.roster.find(agent));
                 actions.push(FarmAction::Send(*confirmation));
@@ -191,7 +197,7 @@ impl Master {
                     self.help_out(now, agent, actions);
                 }
             }
-            Then::TakenBack => {}
+            RowFollowUp::TakenBack => {}
         }
     }
 

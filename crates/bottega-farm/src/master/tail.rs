@@ -44,7 +44,7 @@ impl Master {
         while let Some(piece) = self.due.pop() {
             let Some(&zone) = self.owed.get(&piece).filter(|_| !self.writes.contains_key(&piece)) else { continue };
             if let Some(row) = self.board.zone(zone).and_then(|(_, row)| row.offcut()) {
-                self.write(now, row, Then::TakenBack, actions);
+                self.write(now, row, RowFollowUp::TakenBack, actions);
             }
         }
     }
@@ -91,7 +91,7 @@ impl Master {
         tracing::info!(zone = row.zone.0, agent = %name, "takes a zone over");
         let row = ZoneRow { agent: Some(name.clone()), rival, ..row.clone() };
         let conversation = self.number();
-        self.write(now, row, Then::Order(conversation), actions);
+        self.write(now, row, RowFollowUp::Order(conversation), actions);
     }
 
     /// The same for all who have nothing to do.

@@ -78,7 +78,7 @@ impl Master {
         let Some(row) = self.roster.get(agent).map(|member| member.row.clone()) else { return };
         for (zone, row) in self.forgiven(agent) {
             if !self.writes.contains_key(&zone) {
-                self.write(now, row, Then::TakenBack, actions);
+                self.write(now, row, RowFollowUp::TakenBack, actions);
             }
         }
         let failures = row.failures.max(FAILURES_MAX);

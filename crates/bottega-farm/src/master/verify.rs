@@ -156,7 +156,7 @@ impl Master {
                 let votes = row.votes.iter().filter(|vote| !self.is_wrong(&vote.agent)).cloned().collect();
                 ZoneRow { votes, ..row.clone() }
             };
-            self.write(now, row, Then::TakenBack, actions);
+            self.write(now, row, RowFollowUp::TakenBack, actions);
         }
     }
 
@@ -173,7 +173,7 @@ impl Master {
             let state = if row.state == ZoneState::Open { ZoneState::Profiling } else { ZoneState::Awarded };
             let row = ZoneRow { state, agent, ..row.clone() };
             let conversation = self.number();
-            self.write(now, row, Then::Order(conversation), actions);
+            self.write(now, row, RowFollowUp::Order(conversation), actions);
         }
     }
 

@@ -8,7 +8,7 @@ use crate::Holding;
 
 /// The orders of an agent, and when each last went on.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Watched {
+pub(super) struct WatchedZones {
     /// The one that it has had longest first.
     orders: Vec<(Holding, Time)>,
     /// Since when that is the first.
@@ -25,7 +25,7 @@ pub(super) struct LongestOrder {
     pub(super) lasts: Duration,
 }
 
-impl Watched {
+impl WatchedZones {
     /// Takes how far the orders of an agent are. Returns the one that it has had longest; the others may wait for their turn.
     pub(super) fn see(&mut self, now: Time, hands: &[Holding]) -> Option<LongestOrder> {
         let is_same = |a: &Holding, b: &Holding| (a.zone, a.fence) == (b.zone, b.fence);
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn only_the_order_that_an_agent_has_had_longest_must_go_on() {
-        let mut watched = Watched::default();
+        let mut watched = WatchedZones::default();
         assert_eq!(watched.see(at(0), &[]), None);
         watched.see(at(0), &[hold(1, 0)]);
         watched.see(at(10), &[hold(1, 5), hold(2, 1)]);
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn of_orders_that_come_together_the_one_that_was_given_first_has_been_there_longest() {
-        let mut watched = Watched::default();
+        let mut watched = WatchedZones::default();
         assert_eq!(watched.see(at(0), &[hold(3, 1), hold(2, 1)]).unwrap().order, hold(2, 1));
     }
 }

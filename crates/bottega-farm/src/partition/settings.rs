@@ -1,10 +1,10 @@
-//! How a picture is to be cut.
+//! Settings of the partition.
 
 use std::str::FromStr;
 
 use bottega_image::Rect;
 
-/// How far the partition is carried.
+/// The level to which the partition is carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Level {
     /// No partition: the whole frame is one zone.
@@ -56,7 +56,7 @@ pub enum Balance {
     Ratio,
 }
 
-/// What the user may say of zones: the parameters of the paper's levels.
+/// The limits of zones that the user may set: the parameters of the paper's levels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZoneLimits {
     /// The least width and height of a zone, in pixels. Only a frame that is itself smaller has smaller zones.
@@ -76,7 +76,7 @@ impl Default for ZoneLimits {
     }
 }
 
-/// What the Analyst aims at.
+/// The aims of the Analyst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartitionSettings {
     /// How far to go.

@@ -8,7 +8,7 @@ use crate::{Choice, Expert, FarmAction, FarmEffect, Order, PaintOrder, RelativeP
 
 /// A zone in hand.
 #[derive(Clone, Debug)]
-pub(super) struct Hand {
+pub(super) struct ZoneInHand {
     pub(super) order: Order,
     pub(super) choice: Choice,
     /// Whether T_est is of these settings, but for the number of samples.
@@ -24,7 +24,7 @@ pub(super) struct Hand {
     pub(super) conversation: u64,
 }
 
-impl Hand {
+impl ZoneInHand {
     /// T_est of what is to be painted of it: where nobody has seen it, of its first samples.
     pub(super) fn time(&self, expert: &Expert) -> Option<Duration> {
         let (row, settings) = (&self.order.row, &self.order.work.settings);

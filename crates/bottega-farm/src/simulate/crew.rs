@@ -1,4 +1,4 @@
-//! Who paints in a simulation: agents, their machines, and what befalls them.
+//! The agents of a simulation, their machines, and their faults.
 
 use std::{str::FromStr, time::Duration};
 
@@ -13,7 +13,7 @@ const SECONDS_MAX: f64 = 1e7;
 
 /// The agents of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Crew {
+pub struct CrewSpec {
     /// The machines.
     pub machines: Vec<MachineSpec>,
     /// The agents; their names are `agent-0`, `agent-1` and so on.
@@ -51,7 +51,7 @@ pub struct Incident {
     pub kind: IncidentKind,
 }
 
-/// What befalls an agent.
+/// The kind of an incident of an agent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IncidentKind {
     /// It dies without a word and does not come back.
@@ -100,7 +100,7 @@ pub enum CrewError {
     },
 }
 
-impl Crew {
+impl CrewSpec {
     /// So many agents of speed 1, each with a processor of its own.
     pub fn equal(count: usize) -> Self {
         let mut crew = Self::default();
@@ -219,7 +219,7 @@ fn speed_changes(machine: &MachineSpec, mut marks: Vec<MachineMark>) -> Vec<(f64
     changes
 }
 
-impl FromStr for Crew {
+impl FromStr for CrewSpec {
     type Err = CrewError;
 
     /// Reads words that are parted by commas, white space or line ends; `#` begins a remark that goes to the end of the line.
@@ -268,7 +268,7 @@ fn group(word: &str) -> Result<(usize, MachineSpec), &'static str> {
     Ok((count, MachineSpec { processors, speed }))
 }
 
-impl Crew {
+impl CrewSpec {
     /// Reads `agent-N@WHAT=TIME[:FACTOR]`.
     fn befall(&mut self, word: &str) -> Result<(), CrewError> {
         let wrong = |problem| CrewError::Item { item: word.to_owned(), problem };
@@ -326,15 +326,15 @@ mod tests {
 
     #[test]
     fn a_specification_says_who_and_what_befalls_them() {
-        let crew: Crew =
+        let crew: CrewSpec =
             "2x1.0, 1x0.25:4 # the old one\nagent-2@join=5s,agent-0@fail=1500ms agent-1@slow=10s:4".parse().unwrap();
         assert_eq!(crew.agents.len(), 3);
         assert_eq!(crew.machines[2], MachineSpec { processors: 4, speed: 0.25 });
         assert_eq!(crew.agents[2].joins, Duration::from_secs(5));
         assert_eq!(crew.incidents[0], Incident { at: Duration::from_millis(1500), agent: 0, kind: IncidentKind::Fail });
         assert_eq!(crew.incidents[1].kind, IncidentKind::Slow(4.0));
-        assert_eq!("8".parse(), Ok(Crew::equal(8)));
-        let crew: Crew = "2,agent-0@hang=1s,agent-1@lie=2s:0.5,agent-1@break=3s".parse().unwrap();
+        assert_eq!("8".parse(), Ok(CrewSpec::equal(8)));
+        let crew: CrewSpec = "2,agent-0@hang=1s,agent-1@lie=2s:0.5,agent-1@break=3s".parse().unwrap();
         let kinds: Vec<IncidentKind> = crew.incidents.iter().map(|incident| incident.kind).collect();
         assert_eq!(kinds, [IncidentKind::Hang, IncidentKind::Lie(0.5), IncidentKind::Break(1.0)]);
     }
@@ -356,28 +356,28 @@ mod tests {
             ("2,agent-1@slow=1s:0", "slower"),
             ("2,agent-1@lie=1s:2", "share"),
         ] {
-            let error = text.parse::<Crew>().unwrap_err().to_string();
+            let error = text.parse::<CrewSpec>().unwrap_err().to_string();
             assert!(error.contains(names), "{text}: {error}");
         }
     }
 
     #[test]
     fn the_least_time_counts_who_is_there() {
-        let crew = Crew::equal(2);
+        let crew = CrewSpec::equal(2);
         assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(6)));
-        let crew: Crew = "2,agent-1@join=5s".parse().unwrap();
+        let crew: CrewSpec = "2,agent-1@join=5s".parse().unwrap();
         assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(8)));
-        let crew: Crew = "2,agent-1@fail=3s,agent-0@slow=5s:2".parse().unwrap();
+        let crew: CrewSpec = "2,agent-1@fail=3s,agent-0@slow=5s:2".parse().unwrap();
         // 4 until 3 s, 2 until 5 s, and half a second's worth a second from there.
         assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(13)));
-        let crew: Crew = "1,agent-0@fail=3s".parse().unwrap();
+        let crew: CrewSpec = "1,agent-0@fail=3s".parse().unwrap();
         assert_eq!(crew.least_time(Duration::ZERO, 10.0), None);
-        assert_eq!(Crew::sharing(3, 2).least_time(Duration::ZERO, 10.0), Some(Duration::from_secs(5)));
+        assert_eq!(CrewSpec::sharing(3, 2).least_time(Duration::ZERO, 10.0), Some(Duration::from_secs(5)));
     }
 
     #[test]
     fn some_fail_by_share_and_seed() {
-        let mut crew = Crew::equal(100);
+        let mut crew = CrewSpec::equal(100);
         crew.fail_some(0.05, Duration::from_secs(10), 7);
         assert_eq!(crew.incidents.len(), 5);
         let mut agents: Vec<usize> = crew.incidents.iter().map(|incident| incident.agent).collect();

@@ -1,4 +1,4 @@
-//! What must hold after every simulated run, whatever went wrong in it.
+//! Invariants that must hold after every simulated run, whatever went wrong in it.
 
 use bottega_agents::{AgentId, driver::Simulator};
 use bottega_image::Rect;

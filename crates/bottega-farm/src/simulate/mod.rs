@@ -1,7 +1,7 @@
 //! The farm in virtual time: what N agents would have made of a work, with the very machines of state that paint it.
 //!
 //! A [`Workpiece`] says what zones cost: as a real run measured them (a [`Record`], made by a [`Recorder`]), or by a
-//! distribution. A [`Crew`] says who paints, how fast, and what befalls them. [`simulate`] runs Master and Render Agents
+//! distribution. A [`CrewSpec`] says who paints, how fast, and what befalls them. [`simulate`] runs Master and Render Agents
 //! over them and tells how long it took, beside the least that it can take, and checks afterwards that nothing was lost,
 //! painted twice or taken from one who had no right to it any more.
 
@@ -25,7 +25,7 @@ use bottega_agents::{
 
 use self::studio::{Seat, SimulatedFarm};
 pub use self::{
-    crew::{AgentSpec, CREW_MAX, Crew, CrewError, Incident, IncidentKind, MachineSpec},
+    crew::{AgentSpec, CREW_MAX, CrewError, CrewSpec, Incident, IncidentKind, MachineSpec},
     record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedZone},
     recorder::Recorder,
     studio::{SPANS_MAX, Span, SpanKind},
@@ -39,12 +39,12 @@ use crate::{
 /// How long the platform is watched after the end, until everybody has gone home.
 const AFTERWARDS: Duration = Duration::from_secs(20);
 
-/// Who paints, over which network, by which rules.
+/// The plan of a simulation: who paints, over which network, by which rules.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Who paints.
-    pub crew: Crew,
-    /// What goes wrong on the network. Agents that it kills come back; those of [`Crew::incidents`] do not.
+    pub crew: CrewSpec,
+    /// What goes wrong on the network. Agents that it kills come back; those of [`CrewSpec::incidents`] do not.
     pub faults: Faults,
     /// Whether it may kill the Master.
     pub master_may_crash: bool,
@@ -81,7 +81,7 @@ pub struct Plan {
 
 impl Plan {
     /// A crew on a fast and faithful network. The end of the work is shared where agents have machines of their own.
-    pub fn calm(crew: Crew, seed: u64) -> Self {
+    pub fn calm(crew: CrewSpec, seed: u64) -> Self {
         Self {
             shares_tail: crew.machines.len() >= crew.agents.len(),
             crew,
@@ -104,9 +104,9 @@ impl Plan {
     }
 }
 
-/// What came of a simulation.
+/// The outcome of a simulation.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct SimulationOutcome {
     /// When the picture was whole, from the start of the platform.
     pub makespan: Duration,
     /// The least time in which so much can be painted by those who are there, survey first; `None`: they cannot.
@@ -139,7 +139,7 @@ pub struct Outcome {
     pub trace: String,
 }
 
-/// What became of an agent.
+/// The outcome of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentOutcome {
     /// Its name.
@@ -160,7 +160,7 @@ pub struct AgentOutcome {
     pub power: RelativePower,
 }
 
-impl Outcome {
+impl SimulationOutcome {
     /// How far the promises of the agents held, for [`Plan::credits`] of the next work.
     pub fn credits(&self) -> BTreeMap<String, Credit> {
         self.agents.iter().map(|agent| (agent.name.clone(), agent.credit)).collect()
@@ -213,7 +213,7 @@ pub enum SimulationError {
 ///
 /// # Errors
 /// When it does not end, or ends in a state that must not be.
-pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<Outcome, SimulationError> {
+pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome, SimulationError> {
     let mut play = Play::new(piece, plan)?;
     let work: f64 = piece.zone_seconds().sum();
     let least = plan.crew.least_time(piece.survey, work);
@@ -237,7 +237,7 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<Outcome, Simulati
     let longest = piece.zone_seconds().fold(0.0, f64::max) / fastest;
     let trace = play.simulator.trace();
     let studio = play.simulator.world_mut();
-    Ok(Outcome {
+    Ok(SimulationOutcome {
         makespan: end.elapsed(),
         least,
         longest_zone: piece.survey + Duration::from_secs_f64(longest),
@@ -290,7 +290,7 @@ struct Play<'a> {
 
 impl<'a> Play<'a> {
     fn new(piece: &'a Arc<Workpiece>, plan: &'a Plan) -> Result<Self, SimulationError> {
-        let Crew { machines, agents, incidents } = &plan.crew;
+        let CrewSpec { machines, agents, incidents } = &plan.crew;
         if agents.is_empty() {
             return Err(SimulationError::NoAgents);
         }

@@ -1,4 +1,4 @@
-//! What a real run measured: zones, what each cost, and where within it.
+//! The record of a real run: zones, what each cost, and where within it.
 
 use std::time::Duration;
 
@@ -145,7 +145,7 @@ impl CostGrid {
 /// The version of a record in JSON that is written and read.
 pub(super) const VERSION: u64 = 1;
 
-/// What a record cannot be.
+/// A fault of a record.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordError {
     /// It is no JSON of this form.

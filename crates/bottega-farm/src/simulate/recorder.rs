@@ -7,7 +7,7 @@ use std::{
 };
 
 use bottega_agents::{AgentId, Time};
-use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Sharing, Survey, ZoneTask};
+use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Sharing, Survey, ZoneCallback, ZoneTask};
 use bottega_image::Rect;
 
 use super::record::{CostGrid, Record, RecordError, RecordedZone};
@@ -150,7 +150,7 @@ impl RenderEngine for Recorder {
         self.engine.survey(width, height)
     }
 
-    fn start(&self, task: ZoneTask, done: Box<dyn FnOnce(Result<Painted, EngineError>) + Send>) {
+    fn start(&self, task: ZoneTask, done: ZoneCallback) {
         let log = Arc::clone(&self.log);
         let (rect, first_sample) = (task.rect, task.samples.start);
         let samples = task.samples.end.saturating_sub(first_sample);

@@ -42,7 +42,7 @@ pub struct Span {
     pub kind: SpanKind,
 }
 
-/// What an agent did.
+/// The occupation of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpanKind {
     /// It painted the first samples of a zone.

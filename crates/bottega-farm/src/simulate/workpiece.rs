@@ -1,9 +1,9 @@
-//! What is painted in a simulation: zones, and what they cost.
+//! The work of a simulation: zones, and what they cost.
 
 use std::time::Duration;
 
 use bottega_agents::driver::Random;
-use bottega_engines::{Leaning, Tunables};
+use bottega_engines::{EnginePreference, Tunables};
 use bottega_image::Rect;
 
 use super::record::{CELL_SIDE, Record, RecordedZone};
@@ -64,7 +64,7 @@ struct SyntheticCost {
     painting: f32,
 }
 
-/// How the costs of a synthetic work are spread. All are standard deviations of the logarithm.
+/// The spread of the costs of a synthetic work. All are standard deviations of the logarithm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticSpread {
     /// Of the costs of zones. Their mean is [`Self::mean_seconds`].
@@ -238,7 +238,7 @@ impl Workpiece {
                     rect: zone.rect,
                     samples: 0..samples,
                     tunables: self.work.settings.tunables,
-                    leaning: Leaning::default(),
+                    leaning: EnginePreference::default(),
                     from: None,
                     error_use: ErrorUse::None,
                     samples_max: samples,

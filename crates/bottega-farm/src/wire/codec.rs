@@ -8,7 +8,7 @@ use crate::{
     contents::{LANGUAGE, ONTOLOGY, protocol},
 };
 
-/// How the farm writes its messages and rows.
+/// The codec of the farm's messages and rows.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FarmCodec;
 

@@ -1,4 +1,4 @@
-//! What is written is read again, and nothing else is.
+//! Round trips: what is written is read again, and nothing else is.
 
 use std::{sync::Arc, time::Duration};
 

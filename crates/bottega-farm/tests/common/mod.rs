@@ -13,16 +13,14 @@ use std::{
 };
 
 use bottega_engines::{
-    CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, Tunables, ZoneTask,
+    CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, Tunables, ZoneCallback, ZoneTask,
 };
 use bottega_image::{AovSet, Layout, SampleValues, Tile};
 
 pub(crate) use survey::{survey, tunables};
 
-type Done = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
-
 struct Shared {
-    queue: Mutex<(VecDeque<(ZoneTask, Done)>, bool)>,
+    queue: Mutex<(VecDeque<(ZoneTask, ZoneCallback)>, bool)>,
     filled: Condvar,
     /// Tasks that still shall fail.
     failures: AtomicUsize,
@@ -180,7 +178,7 @@ impl RenderEngine for FakeEngine {
         Ok(survey(width, height))
     }
 
-    fn start(&self, task: ZoneTask, done: Done) {
+    fn start(&self, task: ZoneTask, done: ZoneCallback) {
         self.shared.queue.lock().unwrap().0.push_back((task, done));
         self.shared.filled.notify_one();
     }

@@ -1,4 +1,4 @@
-//! What a fake engine sees of its scene.
+//! The survey of a fake engine.
 
 use bottega_engines::{Survey, SurveyPixel, Tunables};
 

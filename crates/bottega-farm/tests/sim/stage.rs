@@ -24,7 +24,7 @@ use crate::survey::{survey, tunables};
 
 /// What the film of the present Master holds.
 #[derive(Debug, Default)]
-pub(crate) struct Seen {
+pub(crate) struct ObservedAgent {
     pub(crate) zones: BTreeMap<ZoneId, ZoneRow>,
     pub(crate) composed: BTreeSet<ZoneId>,
     pub(crate) finished: Option<Vec<ZoneId>>,
@@ -42,7 +42,7 @@ pub(crate) struct Studio {
     pub(crate) failures: f64,
     /// From when on which agent is how many times slower.
     pub(crate) slows: Option<(Time, AgentId, f64)>,
-    pub(crate) seen: Rc<RefCell<Seen>>,
+    pub(crate) seen: Rc<RefCell<ObservedAgent>>,
     /// What is painted when, by order.
     pub(crate) sittings: BTreeMap<(AgentId, ZoneId, Revision), (Time, Time)>,
     /// Reference-machine time painted, whether it was of use or not.
@@ -186,7 +186,7 @@ impl Scene {
 
 pub(crate) struct Play {
     pub(crate) simulator: Simulator<FarmAgent, Studio>,
-    pub(crate) seen: Rc<RefCell<Seen>>,
+    pub(crate) seen: Rc<RefCell<ObservedAgent>>,
     pub(crate) lower_bound: Duration,
 }
 
@@ -202,7 +202,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
     let frame = Rect::of_size(640, 480);
     let (master, analyst) = (AgentId::new("master"), AgentId::new("analyst"));
     let agents: Vec<AgentId> = (0..scene.powers.len()).map(|i| AgentId::new(format!("agent-{i}"))).collect();
-    let seen = Rc::new(RefCell::new(Seen::default()));
+    let seen = Rc::new(RefCell::new(ObservedAgent::default()));
     let studio = Studio {
         power: agents.iter().cloned().zip(scene.powers.iter().copied()).collect(),
         free: BTreeMap::new(),

@@ -1,4 +1,4 @@
-//! What can be wrong with a text, and where.
+//! The errors of a text, each with its place.
 
 use std::fmt;
 

@@ -12,7 +12,7 @@ use crate::{
     operators::{Accumulation, Method},
 };
 
-/// What a text holds.
+/// The document of a text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Document {
     /// Its function blocks.

@@ -1,4 +1,4 @@
-//! Where the parts of a function block stand in its text: what a block itself does not need to know.
+//! The places of a function block's parts in its text, which a block itself does not need to know.
 
 use super::error::Position;
 

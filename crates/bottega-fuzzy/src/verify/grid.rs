@@ -1,4 +1,4 @@
-//! Where the inputs are looked at, so that whatever holds of their terms is seen.
+//! The grid of inputs that a verification looks at, so that whatever holds of their terms is seen.
 //!
 //! Every term is linear between the points of all terms of its input. An axis takes each of those points, some places
 //! between each two, and one beyond either end. Whether degrees joined by MIN, MAX, PROD or ASUM are 0 is the same all

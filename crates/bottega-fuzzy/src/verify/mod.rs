@@ -14,7 +14,7 @@ pub use warning::{DeadReason, Hole, Warning, WarningKind};
 
 use crate::{
     Document, FunctionBlock, Position,
-    aggregate::{Activated, Aggregate, aggregate},
+    aggregate::{ActiveOutput, Aggregate, aggregate},
     block::{OutputVariable, Rule, RuleBlock},
     fcl::Places,
     membership::Membership,
@@ -226,7 +226,7 @@ fn holds_within(membership: &Membership, (low, high): (f64, f64)) -> bool {
 
 /// Whether rules that conclude a term are heard.
 fn has_area(membership: &Membership, output: &OutputVariable) -> bool {
-    let one = Activated { term: membership, activation: Activation::Min, degree: 1.0 };
+    let one = ActiveOutput { term: membership, activation: Activation::Min, degree: 1.0 };
     match aggregate(Accumulation::Max, output.declared_range(), &[one]) {
         Aggregate::Singletons(_) => true,
         Aggregate::Linear(corners) => {

@@ -1,4 +1,4 @@
-//! What is allowed and most likely not meant.
+//! Warnings: what is allowed and most likely not meant.
 
 use std::fmt::{self, Display, Formatter};
 

@@ -1,4 +1,4 @@
-//! What a scene's surfaces use of the shaders: what they do not use is not compiled, and takes no registers.
+//! The shader features that a scene's surfaces use: what they do not use is not compiled, and takes no registers.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! What is written of a scene's materials, while it is written.
+//! The writer of a scene's materials.
 
 use bottega_render::flat::Portable;
 use bottega_scene::{Channel, ColorParam, ScalarParam, Scene, TextureMap};

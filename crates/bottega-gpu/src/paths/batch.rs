@@ -15,14 +15,14 @@ pub(super) const PATHS_MAX: u64 = 1 << 31;
 
 /// What blocks must share to be painted together.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Kind {
+pub(super) struct BatchKind {
     pub(super) data: DataId,
     pub(super) view: View,
     pub(super) settings: Arc<PathSettings>,
     pub(super) layout: Layout,
 }
 
-impl Kind {
+impl BatchKind {
     pub(super) fn of(block: &BlockWork) -> Self {
         Self {
             data: block.scene.data_id(),
@@ -45,16 +45,16 @@ pub(super) fn path_count(block: &BlockWork) -> u64 {
 
 /// Blocks of one kind, put down for the kernels.
 #[derive(Debug)]
-pub(super) struct Batch {
+pub(super) struct BlockBatch {
     pub(super) params: BatchParams,
     pub(super) words: Vec<u32>,
     pub(super) path_count: u32,
     stride: usize,
 }
 
-impl Batch {
+impl BlockBatch {
     /// - `blocks`: all of that kind, with fewer than [`PATHS_MAX`] paths.
-    pub(super) fn new(prepared: &PreparedScene, kind: &Kind, blocks: &[&BlockWork]) -> Result<Self, GpuError> {
+    pub(super) fn new(prepared: &PreparedScene, kind: &BatchKind, blocks: &[&BlockWork]) -> Result<Self, GpuError> {
         let picture = FlatPicture::new(prepared, kind.view, kind.settings.filter)
             .map_err(|error| GpuError::Invalid(error.to_string()))?;
         let mut words = sobol_table();

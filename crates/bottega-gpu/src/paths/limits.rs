@@ -1,4 +1,4 @@
-//! Which work paths are not followed for.
+//! Limits of paths on a device: the work that they are not followed for.
 
 use bottega_image::Aov;
 use bottega_render::BlockWork;

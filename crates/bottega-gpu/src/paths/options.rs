@@ -1,9 +1,9 @@
-//! How paths are followed.
+//! Options of paths.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How a GPU paints.
+/// The options of a GPU that paints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathOptions {
     /// Part of the name of the adapter that is wanted. `None`: the best GPU, never a software adapter.

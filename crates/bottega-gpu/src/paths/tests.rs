@@ -17,12 +17,12 @@ use super::kernels::{Variant, camera_source, plan_source, shading_source, traver
 use super::options::PathOptions;
 use super::shelf::SceneShelf;
 use super::tracer::Tracer;
-use super::worker::Worker;
+use super::worker::PathWorker;
 use crate::adapters;
 use crate::material::Features;
 
 /// A worker on llvmpipe, or on whatever there is.
-fn worker(scene: &Arc<PreparedScene>, paths: u64) -> Option<Worker> {
+fn worker(scene: &Arc<PreparedScene>, paths: u64) -> Option<PathWorker> {
     let there = adapters();
     let software = there.iter().find(|adapter| adapter.name.contains("llvmpipe"));
     let Some(wanted) = std::env::var("BOTTEGA_GPU").ok().or(software.or(there.first()).map(|it| it.name.clone()))
@@ -35,7 +35,7 @@ fn worker(scene: &Arc<PreparedScene>, paths: u64) -> Option<Worker> {
     shelf.put(&adapter.encode(scene).unwrap());
     let options = PathOptions { paths, timeout: std::time::Duration::from_secs(120), ..PathOptions::default() };
     let open = move || Tracer::new(&adapter.adapter, &adapter.info, &options);
-    Some(Worker::new(shelf, Box::new(open)).unwrap())
+    Some(PathWorker::new(shelf, Box::new(open)).unwrap())
 }
 
 fn layout() -> Layout {
@@ -63,7 +63,7 @@ fn view() -> View {
 }
 
 fn paint(
-    worker: &mut Worker,
+    worker: &mut PathWorker,
     scene: &Arc<PreparedScene>,
     settings: PathSettings,
     samples: std::ops::Range<u32>,

@@ -6,7 +6,7 @@ use bottega_hra::DataId;
 use bottega_kernels::{Hit, Ray};
 use wgpu::{Adapter, BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline, SubmissionIndex};
 
-use super::batch::Batch;
+use super::batch::BlockBatch;
 use super::kernels::{Kernels, Layouts, STORAGE_BUFFERS, Variant};
 use super::options::PathOptions;
 use super::resident::ResidentScenes;
@@ -170,7 +170,7 @@ impl Tracer {
     }
 
     /// Puts a batch of a scene that was admitted on the device. At most two at a time, which are finished in their order.
-    pub(super) fn start(&mut self, id: DataId, batch: &Batch) -> Result<Flight, GpuError> {
+    pub(super) fn start(&mut self, id: DataId, batch: &BlockBatch) -> Result<Flight, GpuError> {
         self.context.check()?;
         let kernels = Arc::clone(&self.scenes.get(id).ok_or_else(not_there)?.kernels);
         let capacity = self.capacity(batch.params.light_samples).min(u64::from(batch.path_count)) as u32;

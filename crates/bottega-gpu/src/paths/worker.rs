@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use bottega_hra::{DataId, Failed, Reply, Work as _};
 use bottega_render::{BlockWork, RenderOutput, RenderWork};
 
-use super::batch::{Batch, Kind, PATHS_MAX, path_count};
+use super::batch::{BatchKind, BlockBatch, PATHS_MAX, path_count};
 use super::kernels::Variant;
 use super::limits::{PIXELS_MAX, UNKNOWN_SCENE, refusal};
 use super::shelf::SceneShelf;
@@ -29,12 +29,12 @@ pub(super) enum Message {
     End,
 }
 
-type Outcome = Result<RenderOutput, Failed<RenderWork>>;
+type BlockResult = Result<RenderOutput, Failed<RenderWork>>;
 /// Opens the device.
 type Open = Box<dyn Fn() -> Result<Tracer, GpuError> + Send>;
 
 /// See the [module](self).
-pub(super) struct Worker {
+pub(super) struct PathWorker {
     shelf: Arc<SceneShelf>,
     open: Open,
     /// None after it failed, until it is made anew.
@@ -52,8 +52,8 @@ struct Unit {
 }
 
 /// Units of one packet: what is known of their outcomes, and what the device has not ended.
-struct Begun {
-    outcomes: Vec<Option<Outcome>>,
+struct StartedBatch {
+    outcomes: Vec<Option<BlockResult>>,
     /// Whether the device has not the memory for the scene: then all of it goes back.
     out_of_memory: bool,
     flight: Option<BatchFlight>,
@@ -64,13 +64,13 @@ struct Begun {
 /// A batch on the device.
 struct BatchFlight {
     units: Vec<Unit>,
-    batch: Batch,
+    batch: BlockBatch,
     flight: Flight,
     device_number: u64,
     begun: Instant,
 }
 
-impl Worker {
+impl PathWorker {
     /// # Errors
     /// The device cannot be had.
     pub(super) fn new(shelf: Arc<SceneShelf>, open: Open) -> Result<Self, GpuError> {
@@ -81,7 +81,7 @@ impl Worker {
     /// Works until nobody sends messages any more. Each packet is a batch, so that the allocator sees what packets of its sizes
     /// take; and the next one is on the device before the last one is read.
     pub(super) fn run(mut self, inbox: &Receiver<Message>) {
-        let mut before: Option<(Begun, Reply<RenderWork>)> = None;
+        let mut before: Option<(StartedBatch, Reply<RenderWork>)> = None;
         loop {
             let message = if before.is_some() { inbox.try_recv().ok() } else { inbox.recv().ok() };
             let begun = match message {
@@ -118,7 +118,7 @@ impl Worker {
         }
     }
 
-    fn answer(&mut self, begun: Begun, reply: Reply<RenderWork>) {
+    fn answer(&mut self, begun: StartedBatch, reply: Reply<RenderWork>) {
         let is_out_of_memory = begun.out_of_memory;
         let (outcomes, busy) = self.end(begun);
         if is_out_of_memory {
@@ -147,15 +147,15 @@ impl Worker {
 
     /// The outcome of each unit, in their order.
     #[cfg(test)]
-    pub(super) fn perform(&mut self, works: Vec<RenderWork>) -> Vec<Outcome> {
+    pub(super) fn perform(&mut self, works: Vec<RenderWork>) -> Vec<BlockResult> {
         let begun = self.begin(works);
         self.end(begun).0
     }
 
     /// Puts the units of a packet on the device. All but the last batch of them, if there is more than one, is waited for.
-    fn begin(&mut self, works: Vec<RenderWork>) -> Begun {
+    fn begin(&mut self, works: Vec<RenderWork>) -> StartedBatch {
         let start = Instant::now();
-        let mut begun = Begun { outcomes: Vec::new(), out_of_memory: false, flight: None, busy: Duration::ZERO };
+        let mut begun = StartedBatch { outcomes: Vec::new(), out_of_memory: false, flight: None, busy: Duration::ZERO };
         if let Err(error) = self.admit(&works) {
             begun.out_of_memory = matches!(error, GpuError::OutOfMemory { .. });
             if !begun.out_of_memory {
@@ -165,7 +165,7 @@ impl Worker {
             begun.outcomes = works.into_iter().map(failed).collect();
             return begun;
         }
-        let mut groups: Vec<(Kind, Vec<Unit>)> = Vec::new();
+        let mut groups: Vec<(BatchKind, Vec<Unit>)> = Vec::new();
         for (place, work) in works.into_iter().enumerate() {
             begun.outcomes.push(None);
             let block = match work {
@@ -190,7 +190,7 @@ impl Worker {
                 begun.outcomes[place] = Some(Err(Failed { work: RenderWork::Block(block), reason }));
                 continue;
             }
-            let kind = Kind::of(&block);
+            let kind = BatchKind::of(&block);
             let unit = Unit { place, block };
             match groups.iter_mut().find(|(other, _)| *other == kind) {
                 Some((_, units)) => units.push(unit),
@@ -219,13 +219,13 @@ impl Worker {
     }
 
     /// Waits for the rest; also tells how long the device was at work on it.
-    fn end(&mut self, mut begun: Begun) -> (Vec<Outcome>, Duration) {
+    fn end(&mut self, mut begun: StartedBatch) -> (Vec<BlockResult>, Duration) {
         self.land(&mut begun);
         (begun.outcomes.into_iter().flatten().collect(), begun.busy)
     }
 
     /// Waits for the batch that is on the device.
-    fn land(&mut self, begun: &mut Begun) {
+    fn land(&mut self, begun: &mut StartedBatch) {
         let Some(BatchFlight { units, batch, flight, device_number, begun: since }) = begun.flight.take() else {
             return;
         };
@@ -250,10 +250,10 @@ impl Worker {
     }
 
     /// Begins a batch of units of one kind.
-    fn start(&mut self, kind: &Kind, units: &[Unit]) -> Result<(Batch, Flight), GpuError> {
+    fn start(&mut self, kind: &BatchKind, units: &[Unit]) -> Result<(BlockBatch, Flight), GpuError> {
         let Some(first) = units.first() else { return Err(GpuError::Invalid("a batch without units".to_owned())) };
         let scene = Arc::clone(&first.block.scene);
-        let batch = Batch::new(&scene, kind, &units.iter().map(|unit| &unit.block).collect::<Vec<_>>())?;
+        let batch = BlockBatch::new(&scene, kind, &units.iter().map(|unit| &unit.block).collect::<Vec<_>>())?;
         let flight = self.tracer()?.start(kind.data, &batch)?;
         Ok((batch, flight))
     }
@@ -266,7 +266,7 @@ impl Worker {
 
     /// Answers a batch of rays.
     #[expect(clippy::result_large_err, reason = "work that failed is given back whole, once a batch")]
-    fn follow(&mut self, work: RenderWork) -> Outcome {
+    fn follow(&mut self, work: RenderWork) -> BlockResult {
         let answer = match &work {
             RenderWork::Rays { scene, .. } | RenderWork::Occlusion { scene, .. }
                 if self.shelf.get(scene.data_id()).is_none() =>
@@ -311,7 +311,7 @@ impl Worker {
 }
 
 /// What was not painted goes back to whoever asked.
-fn give_back(units: Vec<Unit>, error: &GpuError, outcomes: &mut [Option<Outcome>]) {
+fn give_back(units: Vec<Unit>, error: &GpuError, outcomes: &mut [Option<BlockResult>]) {
     for Unit { place, block } in units {
         outcomes[place] = Some(Err(Failed { work: RenderWork::Block(block), reason: error.to_string() }));
     }

@@ -1,9 +1,9 @@
-//! How shared things are declared.
+//! The declaration of types and constants that Rust and WGSL share.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-use bottega_render::flat::{Place, Record};
+use bottega_render::flat::{FieldPlace, Record};
 
 /// A value of a constant.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,7 +80,7 @@ pub(super) use constants;
 #[derive(Debug)]
 pub(crate) struct Layout {
     prefix: &'static str,
-    fields: &'static [Place],
+    fields: &'static [FieldPlace],
     /// Words by which places are counted.
     unit: u32,
     /// Words of the whole.
@@ -110,30 +110,30 @@ impl Layout {
 }
 
 /// A type that both languages have.
-pub(crate) trait Shared {
+pub(crate) trait SharedType {
     /// What shaders call it.
     const NAME: &'static str;
 }
 
-impl Shared for u32 {
+impl SharedType for u32 {
     const NAME: &'static str = "u32";
 }
 
-impl Shared for f32 {
+impl SharedType for f32 {
     const NAME: &'static str = "f32";
 }
 
-impl Shared for [u32; 2] {
+impl SharedType for [u32; 2] {
     const NAME: &'static str = "vec2<u32>";
 }
 
-impl Shared for glam::Vec3 {
+impl SharedType for glam::Vec3 {
     const NAME: &'static str = "vec3<f32>";
 }
 
 /// A struct of both languages.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Declared {
+pub(crate) struct DeclaredType {
     pub(crate) name: &'static str,
     pub(crate) fields: &'static [DeclaredField],
     /// In bytes.
@@ -151,7 +151,7 @@ pub(crate) struct DeclaredField {
     pub(crate) offset: usize,
 }
 
-impl Declared {
+impl DeclaredType {
     pub(crate) fn wgsl(&self) -> String {
         let mut text = format!("struct {} {{\n", self.name);
         for DeclaredField { name, type_name, .. } in self.fields {
@@ -172,11 +172,11 @@ macro_rules! buffer_struct {
         pub(crate) struct $name { $( $(#[$field_attribute])* pub(crate) $field: $type ),* }
 
         impl $name {
-            pub(in crate::shared) const DECLARED: $crate::shared::declare::Declared = $crate::shared::declare::Declared {
+            pub(in crate::shared) const DECLARED: $crate::shared::declare::DeclaredType = $crate::shared::declare::DeclaredType {
                 name: stringify!($name),
                 fields: &[$( $crate::shared::declare::DeclaredField {
                     name: stringify!($field),
-                    type_name: <$type as $crate::shared::declare::Shared>::NAME,
+                    type_name: <$type as $crate::shared::declare::SharedType>::NAME,
                     #[cfg(test)]
                     offset: ::std::mem::offset_of!($name, $field),
                 } ),*],

@@ -55,7 +55,7 @@ fn structs() -> impl Iterator<Item = String> {
 
 #[cfg(test)]
 mod tests {
-    use super::declare::{Declared, Value};
+    use super::declare::{DeclaredType, Value};
     use super::*;
     use wgpu::naga;
 
@@ -97,7 +97,7 @@ mod tests {
     #[test]
     fn a_shader_finds_the_fields_of_structs_where_rust_has_them() {
         let module = parsed();
-        let check = |declared: Declared| {
+        let check = |declared: DeclaredType| {
             let mut types = module.types.iter().map(|(_, it)| it);
             let found = types.find(|it| it.name.as_deref() == Some(declared.name)).expect(declared.name);
             let naga::TypeInner::Struct { members, span } = &found.inner else {

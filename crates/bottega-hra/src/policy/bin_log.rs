@@ -1,4 +1,4 @@
-//! How full the work bin was over time, in bounded memory.
+//! The log of the work bin: how full it was over time, in bounded memory.
 
 use std::time::Duration;
 

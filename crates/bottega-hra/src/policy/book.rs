@@ -1,4 +1,4 @@
-//! What primitives cost on resources, kept from one run to the next. Text in, text out; files are the caller's.
+//! The book of costs of primitives on resources, kept from one run to the next. Text in, text out; files are the caller's.
 
 use std::collections::BTreeMap;
 

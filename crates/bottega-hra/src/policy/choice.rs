@@ -1,4 +1,4 @@
-//! What a resource gets when it asks for work.
+//! The choice of work for a resource that asks for some.
 
 use std::time::Duration;
 

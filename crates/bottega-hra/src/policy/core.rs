@@ -11,7 +11,7 @@ use super::flow::Flow;
 use super::incident::{Fault, Incidents};
 use super::lane::{Flight, Health, LaneState, Launch};
 use super::length::BinLength;
-use super::plan::Planned;
+use super::plan::PlannedPacket;
 use super::roster::Capabilities;
 use super::time::Time;
 use super::unit::{Chunk, Unit};
@@ -27,7 +27,7 @@ pub(crate) struct Core<T> {
     bin_log: BinLog,
     pub(super) demand: Demand,
     pub(super) incidents: Incidents,
-    pub(super) planned: Option<Planned>,
+    pub(super) planned: Option<PlannedPacket>,
     pub(super) closed: bool,
     /// Resources that wait to be woken.
     pub(super) dozing: usize,
@@ -59,7 +59,7 @@ pub(crate) struct Packet<T> {
 }
 
 /// What else is to be done after an event.
-pub(crate) struct Out<T> {
+pub(crate) struct FollowUps<T> {
     /// These should ask for work.
     pub(crate) wake: Vec<ResourceId>,
     /// These are too old to be of use.
@@ -74,7 +74,7 @@ pub(crate) struct Out<T> {
     pub(crate) doubtful: Vec<(ResourceId, u64)>,
 }
 
-impl<T> Default for Out<T> {
+impl<T> Default for FollowUps<T> {
     fn default() -> Self {
         Self { wake: Vec::new(), expired: Vec::new(), orphans: Vec::new(), overdue: Vec::new(), doubtful: Vec::new() }
     }
@@ -82,7 +82,7 @@ impl<T> Default for Out<T> {
 
 /// How a packet ended.
 #[derive(Debug, Default)]
-pub(crate) struct Landing {
+pub(crate) struct PacketLanding {
     /// Units done, and their items.
     pub(crate) done: usize,
     pub(crate) done_items: u64,
@@ -95,7 +95,7 @@ pub(crate) struct Landing {
 
 /// What became of a packet that landed.
 #[derive(Debug)]
-pub(crate) struct Landed {
+pub(crate) struct LandedPacket {
     /// Time that it took of the resource.
     pub(crate) busy: Duration,
     /// What the resource must throw out to get memory.
@@ -170,7 +170,7 @@ impl<T> Core<T> {
     }
 
     /// Takes in units. After the end, and where nobody can do them, they come back as orphans.
-    pub(crate) fn submit(&mut self, now: Time, mut chunk: Chunk<T>, out: &mut Out<T>) {
+    pub(crate) fn submit(&mut self, now: Time, mut chunk: Chunk<T>, out: &mut FollowUps<T>) {
         let Some(front) = chunk.front() else { return };
         let (primitive, size, data) = (front.primitive, front.size, front.data);
         self.length.may_wait(front.late.since(front.submitted));
@@ -204,7 +204,7 @@ impl<T> Core<T> {
     // ---- The resources' side.
 
     /// A resource asks what to do.
-    pub(crate) fn next(&mut self, now: Time, id: ResourceId, out: &mut Out<T>) -> Next<T> {
+    pub(crate) fn next(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) -> Next<T> {
         self.bin.take_expired(now, &mut out.expired);
         let lane = &mut self.lanes[id.index()];
         self.dozing -= usize::from(std::mem::take(&mut lane.dozes));
@@ -291,21 +291,21 @@ impl<T> Core<T> {
         now: Time,
         id: ResourceId,
         sequence: u64,
-        landing: Landing,
-        out: &mut Out<T>,
-    ) -> Option<Landed> {
+        landing: PacketLanding,
+        out: &mut FollowUps<T>,
+    ) -> Option<LandedPacket> {
         let lane = &mut self.lanes[id.index()];
         let Some(mut flight) = lane.land(sequence) else {
             self.returned(now, id);
             return None;
         };
-        let Landing { done, done_items, failed, fault, busy } = landing;
+        let PacketLanding { done, done_items, failed, fault, busy } = landing;
         lane.account.units += done as u64;
         if done > 0 {
             lane.goes_on(now, sequence);
         }
         let sent_units = flight.units;
-        let mut landed = Landed { busy: busy.unwrap_or(Duration::ZERO), evicted: Vec::new(), blamed: true };
+        let mut landed = LandedPacket { busy: busy.unwrap_or(Duration::ZERO), evicted: Vec::new(), blamed: true };
         if done > 0 && failed == 0 {
             (flight.units, flight.items) = (done, done_items);
             landed.busy = lane.learn(now, &flight, busy);
@@ -354,7 +354,7 @@ impl<T> Core<T> {
     // ---- Time.
 
     /// Looks at what time alone brings: units that expire, packets that are overdue.
-    pub(crate) fn tick(&mut self, now: Time, out: &mut Out<T>) {
+    pub(crate) fn tick(&mut self, now: Time, out: &mut FollowUps<T>) {
         self.bin.take_expired(now, &mut out.expired);
         for (lane, id) in self.lanes.iter().zip(0..) {
             let overdue = lane.flights.iter().filter(|(_, flight)| flight.deadline <= now);

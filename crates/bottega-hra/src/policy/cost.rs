@@ -1,4 +1,4 @@
-//! What a primitive costs on a resource, learnt from what was measured.
+//! The cost of a primitive on a resource, learnt from measurements.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! How much work is still to come, as far as that can be known.
+//! The demand: how much work is still to come, as far as that can be known.
 
 use std::time::Duration;
 

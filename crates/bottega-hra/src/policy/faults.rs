@@ -1,6 +1,6 @@
-//! What follows when a resource fails: a pause, a try, and in the end its retirement.
+//! Faults of a resource and what follows: a pause, a try, and in the end its retirement.
 
-use super::core::{Core, Out};
+use super::core::{Core, FollowUps};
 use super::incident::Fault;
 use super::lane::Health;
 use super::time::Time;
@@ -22,7 +22,7 @@ pub(crate) enum GiveUp {
 
 impl<T> Core<T> {
     /// A resource failed: it is left alone for a while, or for ever.
-    pub(super) fn fail(&mut self, now: Time, id: ResourceId, fault: Fault, reason: &str, out: &mut Out<T>) {
+    pub(super) fn fail(&mut self, now: Time, id: ResourceId, fault: Fault, reason: &str, out: &mut FollowUps<T>) {
         self.incidents.note(now, id, fault, reason);
         let lane = &mut self.lanes[id.index()];
         if let Some(flow) = &mut lane.flow {
@@ -41,7 +41,7 @@ impl<T> Core<T> {
     }
 
     /// A packet has no answer, and its units are to be done elsewhere.
-    pub(crate) fn hung(&mut self, now: Time, id: ResourceId, sequence: u64, out: &mut Out<T>) {
+    pub(crate) fn hung(&mut self, now: Time, id: ResourceId, sequence: u64, out: &mut FollowUps<T>) {
         let lane = &mut self.lanes[id.index()];
         let Some(flight) = lane.land(sequence) else { return };
         if lane.health == Health::Retired {
@@ -74,7 +74,7 @@ impl<T> Core<T> {
     }
 
     /// The resource was asked to recover: did it?
-    pub(crate) fn recovered(&mut self, now: Time, id: ResourceId, outcome: Result<(), String>, out: &mut Out<T>) {
+    pub(crate) fn recovered(&mut self, now: Time, id: ResourceId, outcome: Result<(), String>, out: &mut FollowUps<T>) {
         let lane = &mut self.lanes[id.index()];
         if lane.health != Health::Recovering {
             return;
@@ -93,7 +93,7 @@ impl<T> Core<T> {
     }
 
     /// Gives a resource up for good. What nobody else can do becomes an orphan.
-    pub(crate) fn retire(&mut self, now: Time, id: ResourceId, out: &mut Out<T>) {
+    pub(crate) fn retire(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) {
         self.incidents.note(now, id, Fault::Retired, "too many failures in a row, or it could not be started");
         let lane = &mut self.lanes[id.index()];
         lane.health = Health::Retired;
@@ -119,7 +119,7 @@ impl<T> Core<T> {
         id: ResourceId,
         mut unit: Unit<T>,
         blamed: bool,
-        out: &mut Out<T>,
+        out: &mut FollowUps<T>,
     ) -> Option<(Unit<T>, GiveUp)> {
         if blamed {
             unit.meta.attempts += 1;
@@ -153,7 +153,7 @@ impl<T> Core<T> {
         None
     }
 
-    pub(super) fn wake(&mut self, id: ResourceId, out: &mut Out<T>) {
+    pub(super) fn wake(&mut self, id: ResourceId, out: &mut FollowUps<T>) {
         if std::mem::take(&mut self.lanes[id.index()].dozes) {
             self.dozing -= 1;
             self.called += 1;
@@ -163,7 +163,7 @@ impl<T> Core<T> {
     }
 
     /// Whatever a resource that is gone may have been woken for, others must look.
-    fn wake_all_if_waiting(&mut self, out: &mut Out<T>) {
+    fn wake_all_if_waiting(&mut self, out: &mut FollowUps<T>) {
         if self.bin.len() > 0 {
             for id in 0..self.lanes.len() as u32 {
                 self.wake(ResourceId(id), out);

@@ -46,7 +46,7 @@ const FLOOR_VALID: Duration = Duration::from_secs(30);
 
 /// The least round trip, and of what.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Floor {
+pub(crate) struct PaceFloor {
     pub(crate) round_trip_ns: f64,
     pub(crate) primitive: Primitive,
     pub(crate) size: u64,
@@ -63,7 +63,7 @@ pub(crate) struct Flow {
     /// Packets that slow start allows.
     grown: usize,
     largest_answered: usize,
-    floor: Option<Floor>,
+    floor: Option<PaceFloor>,
     last_answer: Time,
     /// When the packet that was answered last was sent.
     last_sent: Time,
@@ -94,7 +94,7 @@ impl Flow {
         }
     }
 
-    pub(crate) fn floor(&self) -> Option<Floor> {
+    pub(crate) fn floor(&self) -> Option<PaceFloor> {
         self.floor
     }
 
@@ -125,7 +125,7 @@ impl Flow {
         if self.packets >= self.packets_max.min(self.grown) || self.is_floor_old(now) {
             return false;
         }
-        let round_trip = |floor: Floor| floor.round_trip_ns.max(latency_ns + self.large_ns);
+        let round_trip = |floor: PaceFloor| floor.round_trip_ns.max(latency_ns + self.large_ns);
         self.packets < 2 || self.floor.is_none_or(|floor| self.work_ns < GAIN * round_trip(floor))
     }
 
@@ -178,7 +178,7 @@ impl Flow {
         let round_trip_ns = now.since(sent).as_nanos() as f64;
         let old = self.is_floor_old(now);
         if self.floor.is_none_or(|floor| old || round_trip_ns <= floor.round_trip_ns) {
-            self.floor = Some(Floor { round_trip_ns, primitive: of.0, size: of.1, at: now });
+            self.floor = Some(PaceFloor { round_trip_ns, primitive: of.0, size: of.1, at: now });
         } else if let Some(floor) = &mut self.floor {
             floor.at = if round_trip_ns < 1.1 * floor.round_trip_ns { now } else { floor.at };
         }

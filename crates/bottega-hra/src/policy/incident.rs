@@ -1,4 +1,4 @@
-//! What went wrong with resources, for the user to be told.
+//! Incidents with resources, for the user.
 
 use std::collections::VecDeque;
 use std::fmt;

@@ -1,4 +1,4 @@
-//! What is known of one resource: its health, what it has in hand, what it costs and holds.
+//! The state of one resource: its health, what it has in hand, what it costs and holds.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! Which unit a resource gets, and whether it gets any.
+//! Placement: which unit a resource gets, and whether it gets any.
 //!
 //! In turn: a unit that failed elsewhere; the one that is late for longest; the highest priority. Among the primitives
 //! of one priority the fluid [`plan`] says who does which, by comparative advantage. A resource
@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use super::bin::BinHead;
 use super::choice::{ASK_AGAIN_MIN, LaneChoice};
-use super::core::{Core, Out};
+use super::core::{Core, FollowUps};
 use super::lane::{Health, LaneState};
-use super::plan::{self, ByPrimitive, Planned, ResourceKind};
+use super::plan::{self, ByPrimitive, PlannedPacket, ResourceKind};
 use super::time::Time;
 use super::unit::Data;
 use crate::{Primitive, ResourceId};
@@ -132,7 +132,8 @@ impl<T> Core<T> {
         let valid = Duration::try_from_secs_f64(plan.time_ns * 1e-9 * PLAN_VALID).unwrap_or(Duration::MAX);
         let valid = valid.min(now.since(self.demand.first()).mul_f64(PLAN_VALID_OF_PAST));
         let owed = self.planned.take().map_or_else(|| vec![[0.0; Primitive::COUNT]; self.lanes.len()], |old| old.owed);
-        self.planned = Some(Planned { plan, valid_until: now.after(valid.max(PLAN_VALID_MIN)), live, rows, owed });
+        self.planned =
+            Some(PlannedPacket { plan, valid_until: now.after(valid.max(PLAN_VALID_MIN)), live, rows, owed });
     }
 
     /// The kinds of resources, and of which each is: those that can do the same about equally fast. What is not known of one is taken from the others. `None`: of some primitive nothing is known at all.
@@ -290,7 +291,13 @@ impl<T> Core<T> {
     }
 
     /// Wakes resources for so many units: as many as will take all of them, less those that are on their way here anyway.
-    pub(super) fn call(&mut self, now: Time, unit: (Primitive, u64, Option<Data>), count: usize, out: &mut Out<T>) {
+    pub(super) fn call(
+        &mut self,
+        now: Time,
+        unit: (Primitive, u64, Option<Data>),
+        count: usize,
+        out: &mut FollowUps<T>,
+    ) {
         if self.dozing == 0 {
             return;
         }
@@ -308,7 +315,7 @@ impl<T> Core<T> {
     }
 
     /// Wakes resources for what is left when one has taken its packet.
-    pub(super) fn call_for_rest(&mut self, now: Time, out: &mut Out<T>) {
+    pub(super) fn call_for_rest(&mut self, now: Time, out: &mut FollowUps<T>) {
         for primitive in Primitive::ALL {
             if self.dozing == 0 {
                 return;

@@ -1,4 +1,4 @@
-//! Who does which primitive, so that all end together: the fluid plan, and what is found from it.
+//! The fluid plan: who does which primitive, so that all end together, and what is found from it.
 //!
 //! Work is taken for a fluid: a resource of kind r needs t(r, p) for an item of primitive p, n(r) of the kind are there,
 //! and b(p) items wait. Sought are times x(r, p) with Σₚ x(r, p) ≤ n(r), such that λ = minₚ Σᵣ x(r, p) / (t(r, p) · b(p))
@@ -234,7 +234,7 @@ pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
 }
 
 /// A plan, and how far it was followed.
-pub(super) struct Planned {
+pub(super) struct PlannedPacket {
     pub(super) plan: FluidPlan,
     pub(super) valid_until: Time,
     pub(super) live: ByPrimitive<bool>,

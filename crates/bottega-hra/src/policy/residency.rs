@@ -1,4 +1,4 @@
-//! What data is in a resource's memory, and what goes when there is no room.
+//! Residency: which data is in a resource's memory, and what goes when there is no room.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Who is there, and who can do what.
+//! The roster of resources and of what each can do.
 
 use super::unit::{Data, Meta};
 use crate::{Primitive, PrimitiveSet, ResourceDescriptor, ResourceId};

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::core::{Core, Landing, Next, Out};
+use super::core::{Core, FollowUps, Next, PacketLanding};
 use super::faults::GiveUp;
 use super::incident::Fault;
 use super::time::Time;
@@ -43,16 +43,16 @@ fn meta(primitive: Primitive, priority: i32, delay_ms: u64) -> Meta {
 }
 
 fn submit(core: &mut Core<u64>, load: u64, meta: Meta) {
-    core.submit(Time::ZERO, Chunk::new(Unit { meta, load }, false), &mut Out::default());
+    core.submit(Time::ZERO, Chunk::new(Unit { meta, load }, false), &mut FollowUps::default());
 }
 
 /// Has `id` do one packet in no time; returns its units.
 fn serve(core: &mut Core<u64>, id: ResourceId, now: Time) -> Vec<u64> {
-    let mut out = Out::default();
+    let mut out = FollowUps::default();
     let Next::Packet(packet) = core.next(now, id, &mut out) else { return Vec::new() };
     let loads: Vec<u64> = packet.units.iter().map(|unit| unit.load).collect();
     let busy = Some(Duration::from_millis(1));
-    let landing = Landing { done: loads.len(), done_items: loads.len() as u64, busy, ..Landing::default() };
+    let landing = PacketLanding { done: loads.len(), done_items: loads.len() as u64, busy, ..PacketLanding::default() };
     core.landed(now, id, packet.sequence, landing, &mut out).expect("it was under way");
     loads
 }
@@ -105,12 +105,13 @@ fn a_partial_resource_takes_only_what_it_can_do() {
 #[test]
 fn a_failed_unit_returns_to_the_resource_that_failed_only_when_all_others_failed_too() {
     let mut core = core(&[PrimitiveSet::ALL, PrimitiveSet::ALL]);
-    let mut out = Out::default();
+    let mut out = FollowUps::default();
     let unit = Unit { meta: meta(Intersect, 0, 1_000), load: 0 };
     assert!(core.give_back(Time::ZERO, A, unit, true, &mut out).is_none());
     assert!(serve(&mut core, A, Time::ZERO).is_empty());
     let Next::Packet(packet) = core.next(Time::ZERO, B, &mut out) else { panic!("the other resource may try") };
-    let landing = Landing { failed: 1, fault: Some((Fault::Refused, "no".to_owned())), ..Landing::default() };
+    let landing =
+        PacketLanding { failed: 1, fault: Some((Fault::Refused, "no".to_owned())), ..PacketLanding::default() };
     core.landed(Time::ZERO, B, packet.sequence, landing, &mut out);
     let unit = packet.units.into_iter().next().expect("a unit");
     assert!(core.give_back(Time::ZERO, B, unit.clone(), true, &mut out).is_none());
@@ -150,7 +151,7 @@ fn who_declines_a_unit_wakes_who_is_sooner() {
     }
     let resources = vec![near("a", PrimitiveSet::ALL, None), near("b", PrimitiveSet::ALL, None)];
     let mut core = Core::new(HraConfig::default(), resources, &book);
-    let mut out = Out::default();
+    let mut out = FollowUps::default();
     assert!(matches!(core.next(Time::ZERO, A, &mut out), Next::Wait(None)));
     assert!(matches!(core.next(Time::ZERO, B, &mut out), Next::Wait(None)));
     submit(&mut core, 0, meta(Intersect, 0, 60_000)); // Wakes the fast one, which has not asked yet.
@@ -167,7 +168,7 @@ fn dozing(unit_ns: f64) -> Core<u64> {
     let resources = vec![near("a", PrimitiveSet::ALL, None), near("b", PrimitiveSet::ALL, None)];
     let mut core = Core::new(HraConfig::default(), resources, &book);
     for id in [A, B] {
-        assert!(matches!(core.next(Time::ZERO, id, &mut Out::default()), Next::Wait(None)));
+        assert!(matches!(core.next(Time::ZERO, id, &mut FollowUps::default()), Next::Wait(None)));
     }
     core
 }
@@ -176,7 +177,7 @@ fn dozing(unit_ns: f64) -> Core<u64> {
 fn submit_many(core: &mut Core<u64>, count: u64) -> Vec<ResourceId> {
     let mut chunk = Chunk::new(Unit { meta: meta(Intersect, 0, 60_000), load: 0 }, false);
     (1..count).for_each(|load| chunk.push(Unit { meta: meta(Intersect, 0, 60_000), load }));
-    let mut out = Out::default();
+    let mut out = FollowUps::default();
     core.submit(Time::ZERO, chunk, &mut out);
     out.wake
 }
@@ -193,7 +194,7 @@ fn small_units_wake_a_resource_a_packet_and_who_takes_one_has_the_rest_fetched()
     assert_eq!(submit_many(&mut core, 100), [A]);
     assert!(!core.listens(), "one is on its way, and will see what comes meanwhile");
     assert_eq!(submit_many(&mut core, 100), []);
-    let mut out = Out::default();
+    let mut out = FollowUps::default();
     assert!(matches!(core.next(Time::ZERO, A, &mut out), Next::Packet(_)));
     assert_eq!(out.wake, [B], "the first packet was small, for nobody knew better");
 }
@@ -202,7 +203,7 @@ fn small_units_wake_a_resource_a_packet_and_who_takes_one_has_the_rest_fetched()
 fn who_was_woken_and_takes_something_else_has_others_woken_for_what_it_leaves() {
     let mut core = dozing(1e7);
     assert_eq!(submit_many(&mut core, 1), [A]);
-    let mut out = Out::default();
+    let mut out = FollowUps::default();
     core.submit(Time::ZERO, Chunk::new(Unit { meta: meta(Intersect, 9, 60_000), load: 7 }, false), &mut out);
     assert_eq!(out.wake, [], "the one on its way may do it");
     let Next::Packet(packet) = core.next(Time::ZERO, A, &mut out) else { panic!("there is work") };
@@ -219,7 +220,7 @@ fn window(latency_ms: u64, ns_per_item: f64) -> (f64, f64) {
     let ideal = 8_000.0 * 10.0 * ns_per_item * 1e-9;
     // Little's law the other way round: what is under way is the rate times the time that a unit is under way.
     let answers = outcome.answers.iter().flatten();
-    let away = |answer: &crate::simulate::Answered| {
+    let away = |answer: &crate::simulate::AnsweredUnit| {
         answer.at.since(answer.submitted.after(answer.waited.unwrap_or_default())).as_secs_f64()
     };
     let under_way = answers.map(away).sum::<f64>() / outcome.end.since(Time::ZERO).as_secs_f64();

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::model::Model;
-use super::random::Random;
+use super::random::LoadRandom;
 use crate::policy::incident::Fault;
 use crate::policy::time::Time;
 use crate::{DataId, Primitive};
@@ -26,9 +26,9 @@ pub(super) struct Fate {
     pub(super) fault: Option<Fault>,
 }
 
-pub(super) struct Device {
+pub(super) struct SimulatedDevice {
     model: Model,
-    random: Random,
+    random: LoadRandom,
     link_free: Time,
     free: Time,
     /// Down until then.
@@ -40,9 +40,9 @@ pub(super) struct Device {
     pub(super) overfull: bool,
 }
 
-impl Device {
+impl SimulatedDevice {
     pub(super) fn new(model: Model, seed: u64) -> Self {
-        let (held, random) = (BTreeMap::new(), Random::new(seed));
+        let (held, random) = (BTreeMap::new(), LoadRandom::new(seed));
         let (link_free, free) = (Time::ZERO, Time::ZERO);
         Self { model, random, link_free, free, down_until: None, generation: 0, held, overfull: false }
     }

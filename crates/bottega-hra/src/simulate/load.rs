@@ -1,4 +1,4 @@
-//! What is submitted, and when.
+//! The load of a simulation: units, and when they are submitted.
 
 use std::time::Duration;
 

@@ -12,5 +12,5 @@ mod world;
 
 pub use load::{Arrival, Load};
 pub use model::{Faults, Model};
-pub use random::Random;
-pub use world::{Answered, Outcome, simulate};
+pub use random::LoadRandom;
+pub use world::{AnsweredUnit, DayOutcome, simulate};

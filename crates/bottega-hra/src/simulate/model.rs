@@ -1,4 +1,4 @@
-//! What a modelled resource is like.
+//! The model of a resource.
 
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ pub struct Model {
     pub faults: Faults,
 }
 
-/// What goes wrong with a resource, by packet.
+/// The faults of a resource, by packet.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Faults {
     /// Probability that it stops answering, this packet and all others, until it is made to recover.

@@ -4,9 +4,9 @@ use bottega_kernels::SplitMix64;
 
 /// Loads and faults from a seed.
 #[derive(Clone, Debug)]
-pub struct Random(SplitMix64);
+pub struct LoadRandom(SplitMix64);
 
-impl Random {
+impl LoadRandom {
     /// A sequence that depends on `seed` alone.
     pub fn new(seed: u64) -> Self {
         Self(SplitMix64::new(seed))

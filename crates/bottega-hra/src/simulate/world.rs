@@ -4,10 +4,10 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
 use std::time::Duration;
 
-use super::device::{Device, Fate, Parcel};
+use super::device::{Fate, Parcel, SimulatedDevice};
 use super::load::{Arrival, Load};
 use super::model::Model;
-use crate::policy::core::{Core, Landing, Next, Out, Packet};
+use crate::policy::core::{Core, FollowUps, Next, Packet, PacketLanding};
 use crate::policy::faults::GiveUp;
 use crate::policy::incident::Fault;
 use crate::policy::ledger::Ledger;
@@ -15,9 +15,9 @@ use crate::policy::time::Time;
 use crate::policy::unit::{Chunk, Data, Meta, Unit};
 use crate::{CostBook, HraConfig, HraReport, ResourceId, UnitError};
 
-/// What became of a unit.
+/// A unit and its answer.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Answered {
+pub struct AnsweredUnit {
     /// Done, or why not. `None`: cancelled.
     pub outcome: Option<Result<(), UnitError>>,
     /// When that was known.
@@ -30,11 +30,11 @@ pub struct Answered {
     pub resource: Option<ResourceId>,
 }
 
-/// What came of a run.
+/// The outcome of a run.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct DayOutcome {
     /// One a unit, in the order of the load. `None`: it was lost, which must not be.
-    pub answers: Vec<Option<Answered>>,
+    pub answers: Vec<Option<AnsweredUnit>>,
     /// Units that were answered more than once, which must not be.
     pub doubled: usize,
     /// Whether a resource was ever made to hold more than its memory, which must not be.
@@ -47,7 +47,7 @@ pub struct Outcome {
     pub report: HraReport,
 }
 
-impl Outcome {
+impl DayOutcome {
     /// Units that were done.
     pub fn done(&self) -> usize {
         self.answers.iter().flatten().filter(|answer| answer.outcome == Some(Ok(()))).count()
@@ -62,7 +62,7 @@ impl Outcome {
 /// Runs a load until all of it is answered. Equal arguments give equal outcomes.
 ///
 /// Every unit can be tried again, as one with a [`Work::backup`](crate::Work::backup).
-pub fn simulate(config: HraConfig, models: &[Model], load: &Load, costs: &CostBook, seed: u64) -> Outcome {
+pub fn simulate(config: HraConfig, models: &[Model], load: &Load, costs: &CostBook, seed: u64) -> DayOutcome {
     let mut world = VirtualWorld::new(config, models, load, costs, seed);
     world.run();
     world.outcome()
@@ -86,12 +86,12 @@ enum WorldEvent {
 
 struct VirtualWorld<'a> {
     core: Core<usize>,
-    devices: Vec<Device>,
+    devices: Vec<SimulatedDevice>,
     ledgers: Vec<Ledger<usize>>,
     load: &'a [Arrival],
     /// Units that wait for room in the bin.
     outside: VecDeque<(usize, bool)>,
-    answers: Vec<Option<Answered>>,
+    answers: Vec<Option<AnsweredUnit>>,
     first_waits: Vec<Option<Duration>>,
     submitted: Vec<Time>,
     doubled: usize,
@@ -114,7 +114,7 @@ impl<'a> VirtualWorld<'a> {
         let seeds = (0..models.len() as u64).map(|lane| seed.wrapping_mul(1_000_003).wrapping_add(lane));
         let mut world = Self {
             core: Core::new(config, described, costs),
-            devices: models.iter().cloned().zip(seeds).map(|(model, seed)| Device::new(model, seed)).collect(),
+            devices: models.iter().cloned().zip(seeds).map(|(model, seed)| SimulatedDevice::new(model, seed)).collect(),
             ledgers: models.iter().map(|_| Ledger::new()).collect(),
             load: &load.arrivals,
             outside: VecDeque::new(),
@@ -156,12 +156,12 @@ impl<'a> VirtualWorld<'a> {
         }
     }
 
-    fn outcome(mut self) -> Outcome {
+    fn outcome(mut self) -> DayOutcome {
         let report = {
             let waiting = self.core.waiting();
             HraReport::of(&mut self.core, self.end, waiting)
         };
-        Outcome {
+        DayOutcome {
             answers: self.answers,
             doubled: self.doubled,
             overfull: self.devices.iter().any(|device| device.overfull),
@@ -198,14 +198,14 @@ impl<'a> VirtualWorld<'a> {
         }
     }
 
-    fn with_core<R>(&mut self, decide: impl FnOnce(&mut Core<usize>, Time, &mut Out<usize>) -> R) -> R {
-        let mut out = Out::default();
+    fn with_core<R>(&mut self, decide: impl FnOnce(&mut Core<usize>, Time, &mut FollowUps<usize>) -> R) -> R {
+        let mut out = FollowUps::default();
         let decided = decide(&mut self.core, self.now, &mut out);
         self.follow(out);
         decided
     }
 
-    fn follow(&mut self, out: Out<usize>) {
+    fn follow(&mut self, out: FollowUps<usize>) {
         self.to_ask.extend(out.wake);
         for unit in out.expired {
             self.answer(unit.load, Some(Err(UnitError::Expired)), None);
@@ -352,10 +352,10 @@ impl<'a> VirtualWorld<'a> {
         let fault = self.fates[id.index()].remove(&sequence).flatten();
         self.to_ask.push_back(id);
         let Some(units) = self.ledgers[id.index()].settle(sequence) else {
-            self.with_core(|core, now, out| core.landed(now, id, sequence, Landing::default(), out));
+            self.with_core(|core, now, out| core.landed(now, id, sequence, PacketLanding::default(), out));
             return;
         };
-        let mut landing = Landing::default();
+        let mut landing = PacketLanding::default();
         match fault {
             None => {
                 landing.done = units.len();
@@ -399,6 +399,6 @@ impl<'a> VirtualWorld<'a> {
         let (at, submitted, waited) = (self.now, self.submitted[index], self.first_waits[index]);
         self.end = at;
         self.doubled += usize::from(self.answers[index].is_some());
-        self.answers[index] = Some(Answered { outcome, at, submitted, waited, resource });
+        self.answers[index] = Some(AnsweredUnit { outcome, at, submitted, waited, resource });
     }
 }

@@ -1,4 +1,4 @@
-//! When the watch wakes next.
+//! The alarm: when the watch wakes next.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 

@@ -1,4 +1,4 @@
-//! Who the clients are, so that a unit need only bear a number.
+//! The clients by number, so that a unit need only bear a number.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};

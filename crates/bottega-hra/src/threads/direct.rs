@@ -71,7 +71,7 @@ fn serve<W: Work>(
         drop(attempts);
         shared.set_end(id, LaneEnd::AtWork);
         return shared.with_core(|core, now, out| {
-            core.landed(now, id, sequence, crate::policy::core::Landing::default(), out);
+            core.landed(now, id, sequence, crate::policy::core::PacketLanding::default(), out);
             core.next(now, id, out)
         });
     };
@@ -170,9 +170,9 @@ mod tests {
     use crate::{Primitive, VirtualCpu};
 
     /// Lasts at least so long.
-    struct Nap(Duration);
+    struct SleepFor(Duration);
 
-    impl Work for Nap {
+    impl Work for SleepFor {
         type Output = ();
         fn primitive(&self) -> Primitive {
             Primitive::PixelBlock
@@ -182,12 +182,12 @@ mod tests {
         }
     }
 
-    fn naps(micros: impl Iterator<Item = u64>) -> (Vec<(Attempt<Nap>, Duration)>, Duration) {
-        let mut lanes = VirtualCpu::lanes(1, |nap: Nap| {
+    fn naps(micros: impl Iterator<Item = u64>) -> (Vec<(Attempt<SleepFor>, Duration)>, Duration) {
+        let mut lanes = VirtualCpu::lanes(1, |nap: SleepFor| {
             let start = Instant::now();
             while start.elapsed() < nap.0 {}
         });
-        perform(&mut *lanes[0], micros.map(|micros| Nap(Duration::from_micros(micros))).collect())
+        perform(&mut *lanes[0], micros.map(|micros| SleepFor(Duration::from_micros(micros))).collect())
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Where units wait until somebody looks into the bin: many small queues, each with a lock of its own.
+//! Inlets of the bin, where units wait until somebody looks into it: many small queues, each with a lock of its own.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};

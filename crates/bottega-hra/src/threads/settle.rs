@@ -1,11 +1,11 @@
-//! What becomes of units: an answer, or another try.
+//! The settlement of units: an answer, or another try.
 
 use std::time::Duration;
 
 use super::clients::{ClientId, Clients};
 use super::shared::{AllocatorState, LaneEnd, UnitPayload};
 use super::sync::lock;
-use crate::policy::core::{Core, Landed, Landing, Out};
+use crate::policy::core::{Core, FollowUps, LandedPacket, PacketLanding};
 use crate::policy::faults::GiveUp;
 use crate::policy::incident::Fault;
 use crate::policy::time::Time;
@@ -25,14 +25,14 @@ pub(crate) enum Attempt<W: Work> {
 }
 
 /// A packet that is back, and how.
-pub(crate) struct Settled<W: Work> {
-    pub(crate) landing: Landing,
-    undone: Vec<Undone<W>>,
+pub(crate) struct SettledWork<W: Work> {
+    pub(crate) landing: PacketLanding,
+    undone: Vec<UnfinishedWork<W>>,
     mail: Mail<W>,
 }
 
 /// A unit that was not done; it can be done again if it has its work.
-struct Undone<W: Work> {
+struct UnfinishedWork<W: Work> {
     unit: Unit<UnitPayload<W>>,
     /// Why, if it was tried.
     failed: Option<String>,
@@ -75,9 +75,9 @@ impl<W: Work> AllocatorState<W> {
         units: Vec<Unit<UnitPayload<W>>>,
         attempts: impl IntoIterator<Item = (Attempt<W>, Duration)>,
         sent: Time,
-    ) -> Settled<W> {
+    ) -> SettledWork<W> {
         let now = self.now();
-        let mut settled = Settled { landing: Landing::default(), undone: Vec::new(), mail: Mail(Vec::new()) };
+        let mut settled = SettledWork { landing: PacketLanding::default(), undone: Vec::new(), mail: Mail(Vec::new()) };
         let mut attempts = attempts.into_iter();
         let mut more = units.len();
         for mut unit in units {
@@ -100,13 +100,13 @@ impl<W: Work> AllocatorState<W> {
                 }
                 Attempt::Untouched(work) => {
                     unit.load.work = Some(work);
-                    settled.undone.push(Undone { unit, failed: None });
+                    settled.undone.push(UnfinishedWork { unit, failed: None });
                 }
                 Attempt::Failed { fault, reason, work } => {
                     settled.landing.failed += 1;
                     settled.landing.fault.get_or_insert_with(|| (fault, reason.clone()));
                     unit.load.work = work.or(unit.load.work);
-                    settled.undone.push(Undone { unit, failed: Some(reason) });
+                    settled.undone.push(UnfinishedWork { unit, failed: Some(reason) });
                 }
             }
         }
@@ -119,10 +119,10 @@ impl<W: Work> AllocatorState<W> {
         &self,
         id: ResourceId,
         sequence: u64,
-        settled: Settled<W>,
-        then: impl FnOnce(&mut Core<UnitPayload<W>>, Time, &mut Out<UnitPayload<W>>) -> R,
-    ) -> (Option<Landed>, R) {
-        let Settled { landing, undone, mail } = settled;
+        settled: SettledWork<W>,
+        then: impl FnOnce(&mut Core<UnitPayload<W>>, Time, &mut FollowUps<UnitPayload<W>>) -> R,
+    ) -> (Option<LandedPacket>, R) {
+        let SettledWork { landing, undone, mail } = settled;
         let mut answers = Vec::new();
         let (landed, then) = self.with_core(|core, now, out| {
             let landed = core.landed(now, id, sequence, landing, out);
@@ -142,12 +142,12 @@ impl<W: Work> AllocatorState<W> {
         core: &mut Core<UnitPayload<W>>,
         now: Time,
         id: ResourceId,
-        undone: Vec<Undone<W>>,
+        undone: Vec<UnfinishedWork<W>>,
         blamed: bool,
-        out: &mut Out<UnitPayload<W>>,
+        out: &mut FollowUps<UnitPayload<W>>,
     ) -> Vec<AbandonedUnit<W>> {
         let mut answers = Vec::new();
-        for Undone { unit, failed } in undone {
+        for UnfinishedWork { unit, failed } in undone {
             let blamed = blamed && failed.is_some();
             let reason = failed.unwrap_or_default();
             if unit.load.work.is_none() {
@@ -215,7 +215,7 @@ impl<W: Work> AllocatorState<W> {
         let undone: Vec<_> = units
             .into_iter()
             .flatten()
-            .map(|unit| Undone { unit, failed: Some("no answer in time".to_owned()) })
+            .map(|unit| UnfinishedWork { unit, failed: Some("no answer in time".to_owned()) })
             .collect();
         let mut answers = Vec::new();
         self.with_core(|core, now, out| {

@@ -1,4 +1,4 @@
-//! What submitters, lanes and the watch share, and the one way to the policy.
+//! The state that submitters, lanes and the watch share, and the one way to the policy.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex};
@@ -9,7 +9,7 @@ use super::clients::{ClientId, Clients};
 use super::inlets::Inlets;
 use super::room::Room;
 use super::sync::{Post, lock, wait};
-use crate::policy::core::{Core, Out};
+use crate::policy::core::{Core, FollowUps};
 use crate::policy::incident::Fault;
 use crate::policy::ledger::Ledger;
 use crate::policy::time::Time;
@@ -100,9 +100,9 @@ impl<W: Work> AllocatorState<W> {
     /// Has the policy take in what was submitted and decide something; then does what follows from it.
     pub(crate) fn with_core<R>(
         &self,
-        decide: impl FnOnce(&mut Core<UnitPayload<W>>, Time, &mut Out<UnitPayload<W>>) -> R,
+        decide: impl FnOnce(&mut Core<UnitPayload<W>>, Time, &mut FollowUps<UnitPayload<W>>) -> R,
     ) -> R {
-        let mut out = Out::default();
+        let mut out = FollowUps::default();
         let mut core = lock(&self.core);
         let now = self.now();
         let mut counted = core.waiting() + self.take_in(&mut core, now, &mut out);
@@ -125,7 +125,7 @@ impl<W: Work> AllocatorState<W> {
     }
 
     /// Empties the inlets. Returns how many units came.
-    fn take_in(&self, core: &mut Core<UnitPayload<W>>, now: Time, out: &mut Out<UnitPayload<W>>) -> usize {
+    fn take_in(&self, core: &mut Core<UnitPayload<W>>, now: Time, out: &mut FollowUps<UnitPayload<W>>) -> usize {
         let mut units = 0;
         self.inlets.drain(|chunk| {
             units += chunk.len();
@@ -155,7 +155,7 @@ impl<W: Work> AllocatorState<W> {
         }
     }
 
-    fn follow(&self, out: Out<UnitPayload<W>>) {
+    fn follow(&self, out: FollowUps<UnitPayload<W>>) {
         for id in out.wake {
             self.lanes[id.index()].post.wake();
         }

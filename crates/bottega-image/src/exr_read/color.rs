@@ -1,4 +1,4 @@
-//! Which channels of an OpenEXR file are its color.
+//! The color of an OpenEXR file: which of its channels hold it.
 
 use exr::meta::header::Header;
 
@@ -174,10 +174,10 @@ mod tests {
     use super::*;
 
     /// The name of a part, and those of its channels.
-    type Part<'a> = (&'a str, &'a [&'a str]);
+    type ColorPart<'a> = (&'a str, &'a [&'a str]);
 
-    fn headers(parts: &[Part<'_>]) -> Vec<Header> {
-        let header = |(name, channels): &Part<'_>| {
+    fn headers(parts: &[ColorPart<'_>]) -> Vec<Header> {
+        let header = |(name, channels): &ColorPart<'_>| {
             let list: SmallVec<[ChannelDescription; 5]> =
                 channels.iter().map(|name| ChannelDescription::named(*name, SampleType::F32)).collect();
             Header::new(Text::from(*name), (2_usize, 2_usize), list)
@@ -186,7 +186,7 @@ mod tests {
     }
 
     /// Part and names of the channels that are taken.
-    fn taken(parts: &[Part<'_>]) -> Option<(usize, String, Option<String>)> {
+    fn taken(parts: &[ColorPart<'_>]) -> Option<(usize, String, Option<String>)> {
         let headers = headers(parts);
         let color = find_color(&headers)?;
         let list = &headers[color.part].channels.list;
@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn the_picture_itself_is_found_among_layers() {
-        let cases: [(&[Part<'_>], usize, &str, bool); 14] = [
+        let cases: [(&[ColorPart<'_>], usize, &str, bool); 14] = [
             (&[("", &["A", "B", "G", "R"])], 0, "R G B A", false),
             (&[("", &[".B", ".G", ".R"])], 0, ".R .G .B", false),
             (&[("", &["b", "g", "r"])], 0, "r g b", false),

@@ -53,13 +53,13 @@ pub(crate) struct Read {
 }
 
 /// What the header of a file tells of its color.
-pub(crate) struct Described {
+pub(crate) struct ColorHeader {
     color: Color,
     /// Columns and rows of the data window, its upper left corner, and columns and rows of the display window.
     window: ExrWindow,
 }
 
-impl Described {
+impl ColorHeader {
     pub(crate) fn has_alpha(&self) -> bool {
         self.color.alpha.is_some()
     }
@@ -90,14 +90,14 @@ impl ExrWindow {
 }
 
 /// Chooses the color of a file and checks its size; allocates nothing by it.
-pub(crate) fn describe<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) -> Result<Described, ImageError> {
+pub(crate) fn describe<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) -> Result<ColorHeader, ImageError> {
     let bytes_of_file = file_bytes(source, &mut input)?;
     let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
     let headers = reader.headers();
     let color = choose(source, headers)?;
     headers.iter().try_for_each(|header| check_header(source, header, bytes_of_file))?;
     let window = ExrWindow::of(&headers[color.part]);
-    Ok(Described { color, window })
+    Ok(ColorHeader { color, window })
 }
 
 fn choose(source: &PictureSource<'_>, headers: &[Header]) -> Result<Color, ImageError> {
@@ -153,11 +153,11 @@ pub(crate) fn read<R: BufRead + Seek>(
     let targets = targets(&headers, &color, wanted);
     let window = ExrWindow::of(header);
     let count = header.layer_size.0 * header.layer_size.1;
-    let plane = |to: To| targets.iter().any(|target| target.to == to).then(|| vec![0.0; count]);
+    let plane = |to: ChannelTarget| targets.iter().any(|target| target.to == to).then(|| vec![0.0; count]);
     let mut canvas = Canvas {
         picture: Picture::new(window.size.0, window.size.1),
-        planes: (0..wanted.names.len()).map(|index| plane(To::Plane(index))).collect(),
-        alpha: plane(To::Alpha),
+        planes: (0..wanted.names.len()).map(|index| plane(ChannelTarget::Plane(index))).collect(),
+        alpha: plane(ChannelTarget::Alpha),
     };
     read_blocks(source, reader, &headers, &targets, &mut canvas)?;
     conversion.apply(&mut canvas.picture.data);
@@ -186,13 +186,14 @@ fn conversion(header: &Header, color: &Color, white_point: WhitePoint, notes: &m
 fn targets(headers: &[Header], color: &Color, wanted: WantedChannels<'_>) -> Vec<Target> {
     let (part, size) = (color.part, headers[color.part].layer_size);
     let components = color.channels.iter().enumerate();
-    let mut targets: Vec<Target> = components.map(|(i, &channel)| Target { part, channel, to: To::Color(i) }).collect();
+    let mut targets: Vec<Target> =
+        components.map(|(i, &channel)| Target { part, channel, to: ChannelTarget::Color(i) }).collect();
     let alpha = color.alpha.filter(|_| wanted.alpha);
-    targets.extend(alpha.map(|channel| Target { part, channel, to: To::Alpha }));
+    targets.extend(alpha.map(|channel| Target { part, channel, to: ChannelTarget::Alpha }));
     let more = wanted.names.iter().enumerate();
     targets.extend(more.filter_map(|(i, name)| {
         let (part, channel) = find_channel(headers, color.part, name)?;
-        (headers[part].layer_size == size).then_some(Target { part, channel, to: To::Plane(i) })
+        (headers[part].layer_size == size).then_some(Target { part, channel, to: ChannelTarget::Plane(i) })
     }));
     targets
 }
@@ -235,11 +236,11 @@ fn read_blocks<R: BufRead + Seek>(
 struct Target {
     part: usize,
     channel: usize,
-    to: To,
+    to: ChannelTarget,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum To {
+enum ChannelTarget {
     /// A component of the picture.
     Color(usize),
     Alpha,
@@ -339,15 +340,15 @@ fn copy_block(block: &UncompressedBlock, header: &Header, wanted: &[&Target], ca
         for ((range, sample_type), to) in &lines {
             let bytes = &bytes[range.clone()];
             match *to {
-                To::Color(component) => {
+                ChannelTarget::Color(component) => {
                     let pixels = &mut canvas.picture.data[start..start + width];
                     decode(bytes, *sample_type, pixels.iter_mut().map(|pixel| &mut pixel[component]));
                 }
-                To::Alpha => {
+                ChannelTarget::Alpha => {
                     let plane = canvas.alpha.as_mut()?;
                     decode(bytes, *sample_type, plane[start..start + width].iter_mut());
                 }
-                To::Plane(index) => {
+                ChannelTarget::Plane(index) => {
                     let plane = canvas.planes[index].as_mut()?;
                     decode(bytes, *sample_type, plane[start..start + width].iter_mut());
                 }

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use super::{check_sizes, convolve::FloatPlane};
 use crate::{ImageError, Picture, ToneMap, luminance, tone::displayed};
 
-/// How the pictures are looked at.
+/// The viewing conditions of the pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum FlipView {
     /// HDR-FLIP: at every exposure from that which shows the brightest light to that which shows the darker half, and

@@ -1,4 +1,4 @@
-//! Whether two pictures are of the same distribution: the statistical yardstick of picture tests.
+//! The statistical yardstick of picture tests: whether two pictures are of the same distribution.
 
 use crate::{Film, Layout, picture::luminance};
 

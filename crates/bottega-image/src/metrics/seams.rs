@@ -1,4 +1,4 @@
-//! Whether the edges of zones can be seen in a picture.
+//! Seams: whether the edges of zones can be seen in a picture.
 
 use super::{check_sizes, moments::two_sided_p};
 use crate::{ImageError, Picture, Rect, luminance};

@@ -68,7 +68,7 @@ impl RtcRay {
 }
 
 /// The functions that are used, which stay valid as long as the library is held.
-struct Functions {
+struct EmbreeFunctions {
     new_device: unsafe extern "C" fn(*const c_char) -> Handle,
     release_device: unsafe extern "C" fn(Handle),
     device_error: unsafe extern "C" fn(Handle) -> c_int,
@@ -89,7 +89,7 @@ struct Functions {
     _library: Library,
 }
 
-impl Functions {
+impl EmbreeFunctions {
     fn load(path: &Path) -> Result<Self, libloading::Error> {
         // SAFETY: loading runs the library's initializers: whoever names a library trusts it. The types of the functions are
         // those of Embree's headers.
@@ -126,9 +126,9 @@ impl Functions {
 
 /// The library, loaded.
 #[derive(Clone)]
-pub struct Embree(Arc<Functions>);
+pub struct Embree(Arc<EmbreeFunctions>);
 
-/// How Embree builds and tests.
+/// The settings of Embree's build and tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setting {
     /// `RTC_BUILD_QUALITY_MEDIUM`, its default: binned.
@@ -160,17 +160,17 @@ impl Embree {
         let named = std::env::var_os(VARIABLE).map(PathBuf::from);
         let path = named.or_else(in_site_packages).ok_or_else(|| format!("Embree 4 was not found: {hint}"))?;
         let load = |error| format!("{} cannot be loaded ({error}): {hint}", path.display());
-        Functions::load(&path).map(|functions| Self(Arc::new(functions))).map_err(load)
+        EmbreeFunctions::load(&path).map(|functions| Self(Arc::new(functions))).map_err(load)
     }
 
     /// Builds over a scene with so many threads.
-    pub fn build(&self, scene: &BenchScene, setting: Setting, threads: usize) -> Result<Peer, String> {
+    pub fn build(&self, scene: &BenchScene, setting: Setting, threads: usize) -> Result<EmbreeScene, String> {
         let f = &*self.0;
         let config = CString::new(format!("threads={threads},isa=avx2")).unwrap_or_default();
         let quality = if setting == Setting::Medium { 1 } else { 2 };
         let (positions, triangles) = (&scene.positions, &scene.triangles);
         // SAFETY: the calls are in the order that Embree's manual asks for, each handle is released once (scene and device when
-        // the `Peer` is dropped); the buffers that Embree makes hold `count` elements of 12 bytes.
+        // the `EmbreeScene` is dropped); the buffers that Embree makes hold `count` elements of 12 bytes.
         let peer = unsafe {
             let device = (f.new_device)(config.as_ptr());
             if device.is_null() {
@@ -180,7 +180,7 @@ impl Embree {
             (f.monitor)(device, Some(count_bytes), std::ptr::from_ref(&*bytes).cast_mut().cast());
             let handle = (f.new_scene)(device);
             let mut peer =
-                Peer { embree: self.clone(), device, scene: handle, setting, bytes, build_time: Duration::ZERO };
+                EmbreeScene { embree: self.clone(), device, scene: handle, setting, bytes, build_time: Duration::ZERO };
             (f.scene_quality)(handle, quality);
             (f.scene_flags)(handle, if setting == Setting::Robust { ROBUST } else { 0 });
             let geometry = (f.new_geometry)(device, TRIANGLES);
@@ -230,7 +230,7 @@ unsafe extern "C" fn count_bytes(counter: Handle, bytes: isize, _post: bool) -> 
 }
 
 /// A scene of Embree.
-pub struct Peer {
+pub struct EmbreeScene {
     embree: Embree,
     device: Handle,
     scene: Handle,
@@ -239,7 +239,7 @@ pub struct Peer {
     build_time: Duration,
 }
 
-impl Drop for Peer {
+impl Drop for EmbreeScene {
     fn drop(&mut self) {
         // SAFETY: both handles are valid and used no more.
         unsafe {
@@ -249,7 +249,7 @@ impl Drop for Peer {
     }
 }
 
-impl RayKernel for Peer {
+impl RayKernel for EmbreeScene {
     fn name(&self) -> String {
         self.setting.name().to_owned()
     }

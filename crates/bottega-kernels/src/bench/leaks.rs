@@ -6,7 +6,7 @@ use crate::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Ray
 use glam::{Affine3A, Quat, Vec3};
 use rayon::prelude::*;
 
-/// What came of the rays in one mesh.
+/// The leaks of rays in one mesh.
 #[derive(Clone, Debug)]
 pub struct Leaks {
     /// Shape, size and place of the mesh.

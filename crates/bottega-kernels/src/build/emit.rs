@@ -85,7 +85,7 @@ fn plan_alone(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: 
 }
 
 /// Where a tree has gone.
-pub(super) struct Emitted<'a> {
+pub(super) struct EmittedTree<'a> {
     pub(super) root: Child,
     pub(super) bounds: Aabb,
     /// For each leaf the range of items, and its lines, as many as were asked for.
@@ -104,9 +104,9 @@ pub(super) fn nodes<'a>(
     parallel: bool,
     leaf_lines: usize,
     leaf: impl Fn(usize, &Binary) -> Child + Sync,
-) -> Result<Emitted<'a>, BuildError> {
+) -> Result<EmittedTree<'a>, BuildError> {
     let Some(top) = binary.first() else {
-        return Ok(Emitted { root: Child::EMPTY, bounds: Aabb::EMPTY, leaves: Vec::new(), lines: &mut [] });
+        return Ok(EmittedTree { root: Child::EMPTY, bounds: Aabb::EMPTY, leaves: Vec::new(), lines: &mut [] });
     };
     let plan = if choices[0].is_leaf() {
         EmitPlan { nodes: Vec::new(), leaves: vec![0] }
@@ -151,7 +151,7 @@ pub(super) fn nodes<'a>(
     } else {
         plan.leaves.iter().map(range).collect()
     };
-    Ok(Emitted { root, bounds: top.bounds, leaves, lines })
+    Ok(EmittedTree { root, bounds: top.bounds, leaves, lines })
 }
 
 /// The places of boxes in the order of their centers along the axis on which these lie farthest apart.

@@ -1,4 +1,4 @@
-//! What trees are built of: boxes with numbers, eight lanes each.
+//! The items of a tree: boxes with numbers, eight lanes each.
 
 use crate::Aabb;
 use crate::traverse::lanes::Lanes;

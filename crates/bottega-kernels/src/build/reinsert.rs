@@ -225,7 +225,7 @@ pub(super) fn optimize(binary: &[Binary], ids: &[u32], parallel: bool) -> Option
 }
 
 /// A subtree that has moved as it is.
-struct Moved {
+struct MovedNode {
     /// Its first node before.
     from: u32,
     /// Its nodes, and the first of them now.
@@ -240,7 +240,7 @@ struct Moved {
 #[derive(Default)]
 struct SubtreeOrder {
     inner: Vec<(u32, Binary)>,
-    moved: Vec<Moved>,
+    moved: Vec<MovedNode>,
 }
 
 impl Links {
@@ -249,7 +249,7 @@ impl Links {
         let SubtreeOrder { inner, moved } = self.order(binary);
         let (mut nodes, mut order) = (Vec::new(), Vec::new());
         let pieces = pieces(&moved, &mut nodes, &mut order, (binary.len(), ids.len()), parallel);
-        let copy = |(moved, nodes, order): (&Moved, &mut [Binary], &mut [u32])| {
+        let copy = |(moved, nodes, order): (&MovedNode, &mut [Binary], &mut [u32])| {
             let (from, old) = (moved.from as usize, binary[moved.from as usize].first);
             for (node, old_node) in nodes.iter_mut().zip(&binary[from..]) {
                 *node = Binary { first: old_node.first - old + moved.first, ..*old_node };
@@ -287,7 +287,7 @@ impl Links {
                 let subtree = subtree(binary, from as usize);
                 let nodes = next..next + subtree.len() as u32;
                 next = nodes.end;
-                order.moved.push(Moved { from, nodes, first, depth });
+                order.moved.push(MovedNode { from, nodes, first, depth });
                 first += subtree[0].count;
             } else {
                 stack.push((children[1], depth + 1, Some(order.inner.len())));
@@ -304,12 +304,12 @@ impl Links {
 ///
 /// - `nodes`, `items`: made as long as `lengths` say.
 fn pieces<'a>(
-    moved: &'a [Moved],
+    moved: &'a [MovedNode],
     nodes: &'a mut Vec<Binary>,
     items: &'a mut Vec<u32>,
     lengths: (usize, usize),
     parallel: bool,
-) -> Vec<(&'a Moved, &'a mut [Binary], &'a mut [u32])> {
+) -> Vec<(&'a MovedNode, &'a mut [Binary], &'a mut [u32])> {
     const NOTHING: Binary = Binary { bounds: Aabb::EMPTY, first: 0, count: 0, second: 0 };
     if parallel {
         // Memory is had from the system by touching it, which takes as long as what is written there.

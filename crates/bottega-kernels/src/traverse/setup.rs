@@ -1,10 +1,10 @@
-//! What is computed once a ray: scales and shifts of the slab tests, and the shear of the triangle test.
+//! The setup of a ray: scales and shifts of the slab tests, and the shear of the triangle test.
 //!
 //! All of it in lanes from the beginning, each a broadcast of what is read from the ray: numbers that were put together in
 //! memory and read back as vectors cost a cheap ray a tenth of its time.
 
 use super::lanes::{LaneRow, Lanes};
-use super::triangle::{Struck, WideRay};
+use super::triangle::{BlockHits, WideRay};
 use crate::Ray;
 use crate::tree::{TriangleBlock, WIDTH};
 
@@ -163,7 +163,7 @@ impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
 
     /// See [`WideRay`].
     #[inline(always)]
-    pub(crate) fn triangles(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<Struck<S>> {
+    pub(crate) fn triangles(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<BlockHits<S>> {
         if ROBUST { self.triangle.test_sheared(s, block, t_max) } else { self.triangle.test_edges(s, block, t_max) }
     }
 }

@@ -20,7 +20,7 @@ pub(crate) struct WideRay<S: Lanes> {
 }
 
 /// What a block gave.
-pub(crate) struct Struck<S: Lanes> {
+pub(crate) struct BlockHits<S: Lanes> {
     /// Parameters; meaningless where there is no hit.
     pub(crate) t: S::F,
     /// Barycentric coordinates of vertices 1 and 2 times `det`.
@@ -63,7 +63,7 @@ impl<S: Lanes> WideRay<S> {
 
     /// The watertight test: see the head of the parent module. `None`: no hit.
     #[inline(always)]
-    pub(crate) fn test_sheared(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<Struck<S>> {
+    pub(crate) fn test_sheared(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<BlockHits<S>> {
         let (ax, ay, az) = self.sheared(s, &block.p[0]);
         let (bx, by, bz) = self.sheared(s, &block.p[1]);
         let (cx, cy, cz) = self.sheared(s, &block.p[2]);
@@ -94,7 +94,7 @@ impl<S: Lanes> WideRay<S> {
 
     /// The test by Möller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection"; not watertight.
     #[inline(always)]
-    pub(crate) fn test_edges(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<Struck<S>> {
+    pub(crate) fn test_edges(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<BlockHits<S>> {
         let (p0, e1, e2) = (load3(s, &block.p[0]), load3(s, &block.p[1]), load3(s, &block.p[2]));
         let from_p0 = [s.sub(self.origin[0], p0[0]), s.sub(self.origin[1], p0[1]), s.sub(self.origin[2], p0[2])];
         let h = cross(s, &self.direction, &e2);
@@ -118,7 +118,7 @@ impl<S: Lanes> WideRay<S> {
         distance: S::F,
         [u, v, det]: [S::F; 3],
         t_max: S::F,
-    ) -> Option<Struck<S>> {
+    ) -> Option<BlockHits<S>> {
         // Not a number where infinity meets a `det` of 0: then, too, there is no hit.
         let early = s.le(distance, s.mul(det, s.mul(t_max, s.splat(MORE))));
         let late = s.lt(s.mul(det, self.early), distance);
@@ -128,7 +128,7 @@ impl<S: Lanes> WideRay<S> {
         }
         let t = s.div(distance, det);
         let valid = s.and(valid, s.and(s.lt(self.t_min, t), s.le(t, t_max)));
-        Some(Struck { t, u, v, det, bits: s.bits(valid) }).filter(|struck| struck.bits != 0)
+        Some(BlockHits { t, u, v, det, bits: s.bits(valid) }).filter(|struck| struck.bits != 0)
     }
 }
 

@@ -7,8 +7,8 @@ use glam::Vec3;
 
 use crate::{
     camera::RayCone,
-    interaction::{Asks, Interaction, is_there},
-    lights::{Emission, EmissionPlan, Emitted},
+    interaction::{Interaction, SurfaceQuery, is_there},
+    lights::{Emission, EmissionPlan, EmittedPhoton},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
     shading::{BLEND, bsdf_at, is_broad, is_matte},
@@ -77,7 +77,7 @@ impl Casting<'_> {
         let sampler = PixelSampler::new(self.seed ^ AGENT_SEED, 0, 0, index);
         let [u, v] = sampler.two_quads(DimensionSet::CAMERA, DimensionSet::light(0));
         let Some(start) = self.sources.cast(self.prepared, self.plan, u, v) else { return };
-        let Emitted { mut origin, direction, light, .. } = start;
+        let EmittedPhoton { mut origin, direction, light, .. } = start;
         let (mut distance, mut gap, mut clone) = (0.0, 0.0, 0);
         for _ in 0..CROSSINGS_MAX {
             let hit = meets(self.prepared, &Ray::new(origin, direction));
@@ -118,7 +118,7 @@ impl Casting<'_> {
 /// What an agent or a sensor meets: surfaces that are more than half there.
 pub(super) fn meets(prepared: &PreparedScene, ray: &Ray) -> Hit {
     if prepared.has_opacity() {
-        prepared.accel().intersect_filtered(ray, |hit| is_there(prepared, ray, hit, Asks::Path, |_| OPAQUE))
+        prepared.accel().intersect_filtered(ray, |hit| is_there(prepared, ray, hit, SurfaceQuery::Path, |_| OPAQUE))
     } else {
         prepared.accel().intersect(ray)
     }

@@ -7,7 +7,7 @@ use super::{
     map::{Agents, Indirect},
     paper::Fitted,
     report::{AgentReport, Tallies, Tally},
-    sensing::{Discovery, Sensed},
+    sensing::{Discovery, SensorReadings},
     visibility::Visibility,
 };
 use crate::{
@@ -15,12 +15,12 @@ use crate::{
     extent::Extent,
     photon::{
         IrradianceMap, IrradiancePlaces,
-        bytes::{Reader, Told, Writer},
-        cache::{IrradianceCache, Record},
+        bytes::{ByteForm, Reader, Writer},
+        cache::{IrradianceCache, IrradianceRecord},
     },
 };
 
-impl Told for Vec<Agent> {
+impl ByteForm for Vec<Agent> {
     fn write(&self, to: &mut Writer) {
         to.number(self.len() as u32);
         for Agent { p, normal, to_light, light, distance, gap, cast, clone, is_matte, is_glossy } in self {
@@ -46,7 +46,7 @@ impl Told for Vec<Agent> {
     }
 }
 
-impl Told for Sensed {
+impl ByteForm for SensorReadings {
     fn write(&self, to: &mut Writer) {
         to.number(self.discoveries.len() as u32);
         let numbers = self.discoveries.iter().flat_map(|&Discovery { lit, shaded, lost }| [lit, shaded, lost]);
@@ -63,8 +63,8 @@ impl Told for Sensed {
         let mut discovery = || Some(Discovery { lit: from.number()?, shaded: from.number()?, lost: from.number()? });
         let discoveries = (0..count).map(|_| discovery()).collect::<Option<_>>()?;
         let irradiance = IrradiancePlaces::read(from)?;
-        let count = from.count(Record::BYTES_MIN)?;
-        let records = (0..count).map(|_| Record::read(from)).collect::<Option<_>>()?;
+        let count = from.count(IrradianceRecord::BYTES_MIN)?;
+        let records = (0..count).map(|_| IrradianceRecord::read(from)).collect::<Option<_>>()?;
         let sensors = [from.long()?, from.long()?, from.long()?, from.long()?];
         Some(Self { discoveries, irradiance, records, sensors })
     }

@@ -6,7 +6,7 @@ use super::{
     map::Agents,
     network::Network,
     sense::joined,
-    sensing::{AGENTS, Errand},
+    sensing::{AGENTS, SensingTask},
     swarm::Swarm,
     units::{AgentWork, SensorWork},
 };
@@ -43,7 +43,7 @@ pub(crate) fn cast_agents(
         let (swarm, network) = (Arc::clone(&swarm), Arc::clone(&network));
         RenderWork::Sensors(Box::new(SensorWork { scene, photons, seed, passes, swarm, network, errand }))
     };
-    let run = |errands: Vec<Errand>| {
+    let run = |errands: Vec<SensingTask>| {
         let answer = |output| if let RenderOutput::Sensors(part) = output { Some(part) } else { None };
         hands.run(errands.into_iter().map(work).collect(), answer).map(joined)
     };

@@ -23,7 +23,7 @@ const SEEN: usize = 8;
 /// Photons from which the irradiance at a photon is estimated.
 const GATHERED: usize = 60;
 
-/// What samples may differ in: k of equation 1.
+/// A criterion by which samples differ: k of equation 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Criterion {
     /// Normal of the surface.
@@ -45,7 +45,7 @@ pub struct UnknownCriterion(String);
 
 /// Samples of one map that are compared by some criteria.
 #[derive(Debug)]
-struct Layer {
+struct MapSamples {
     map: PhotonMap,
     /// By number in the map. Scalars stand in the first coordinate.
     values: Vec<(Criterion, Vec<Vec3>)>,
@@ -54,7 +54,7 @@ struct Layer {
 /// Samples whose density of useful data is asked for.
 #[derive(Debug)]
 pub struct Samples {
-    layers: Vec<Layer>,
+    layers: Vec<MapSamples>,
     /// Radius of the local sphere.
     radius: f32,
 }
@@ -77,7 +77,7 @@ pub struct Ludd {
     pub sample_count: u64,
 }
 
-/// Which samples.
+/// A set of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SampleSet {
     /// All photons.
@@ -295,7 +295,7 @@ fn layer(
     seen: Option<&PhotonMap>,
     power: impl Fn(&Photon) -> f32 + Sync,
     irradiance: impl Fn(&Photon, &mut Nearest) -> f32 + Sync,
-) -> Layer {
+) -> MapSamples {
     let scalar = |value: f32| Vec3::new(value, 0.0, 0.0);
     let value = |criterion: Criterion, number: u32, found: &mut [Nearest; 2]| {
         let photon = map.photon(number);
@@ -316,10 +316,10 @@ fn layer(
         (criterion, values.collect())
     };
     let values = criteria.iter().map(|&criterion| all(criterion)).collect();
-    Layer { map, values }
+    MapSamples { map, values }
 }
 
-fn of_agents(agents: &Agents, criteria: &[Criterion], seen: Option<&PhotonMap>) -> Vec<Layer> {
+fn of_agents(agents: &Agents, criteria: &[Criterion], seen: Option<&PhotonMap>) -> Vec<MapSamples> {
     let (by_sensors, by_agents): (Vec<_>, Vec<_>) =
         criteria.iter().copied().partition(|&criterion| criterion == Criterion::Irradiance);
     let [places, sensors] = agents.maps();

@@ -1,4 +1,4 @@
-//! What a swarm knows, and the oracle that is asked while the picture is painted (§4.4).
+//! The map of a swarm, and the oracle that is asked while the picture is painted (§4.4).
 
 use std::sync::Arc;
 
@@ -8,14 +8,14 @@ use glam::Vec3;
 use super::{
     paper,
     report::{AgentReport, Tallies, Tally},
-    visibility::{Answer, Visibility},
+    visibility::{ShadowVerdict, Visibility},
 };
 use crate::{
     AgentSettings,
     extent::Extent,
     photon::{
         ByBounces, Nearest, Photon, PhotonMap,
-        cache::{Estimate, IrradianceCache, Record, Surroundings},
+        cache::{Estimate, IrradianceCache, IrradianceRecord, Surroundings},
     },
     prepare::PreparedScene,
 };
@@ -58,7 +58,7 @@ impl Agents {
         extent: Extent,
         settings: AgentSettings,
         visibility: Arc<Visibility>,
-        answers: &[Answer],
+        answers: &[ShadowVerdict],
     ) -> Self {
         let bounds = prepared.accel().bounds();
         let size = bounds.max - bounds.min;
@@ -72,16 +72,16 @@ impl Agents {
         settings: AgentSettings,
         visibility: Arc<Visibility>,
         indirect: Indirect,
-        answers: &[Answer],
+        answers: &[ShadowVerdict],
     ) -> Self {
-        let count = |answer: Answer| answers.iter().filter(|&&it| it == answer).count() as u64;
-        let answers = [count(Answer::Lit), count(Answer::Shaded), count(Answer::Trace)];
+        let count = |answer: ShadowVerdict| answers.iter().filter(|&&it| it == answer).count() as u64;
+        let answers = [count(ShadowVerdict::Lit), count(ShadowVerdict::Shaded), count(ShadowVerdict::Trace)];
         let report = AgentReport { answers, ..AgentReport::default() };
         Self { settings, visibility, indirect, report, tallies: Tallies::default() }
     }
 
     /// The same with what was measured since, in its order, as far as there is room.
-    pub(super) fn with_records(&self, mut records: Vec<Record>) -> Self {
+    pub(super) fn with_records(&self, mut records: Vec<IrradianceRecord>) -> Self {
         let mut more = Self {
             settings: self.settings,
             visibility: Arc::clone(&self.visibility),

@@ -25,5 +25,5 @@ pub(crate) use cast::cast_agents;
 pub use ludd::{Criterion, Density, Ludd, SampleSet, Samples, UnknownCriterion, useful_data_density};
 pub(crate) use map::Agents;
 pub use report::{AgentReport, Tally};
-pub use sensing::Sensed;
+pub use sensing::SensorReadings;
 pub use units::{AgentWork, SensorWork};

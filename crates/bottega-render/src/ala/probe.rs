@@ -1,4 +1,4 @@
-//! What any sensor of an agent does: it goes to a place near by, and looks for the light.
+//! A sensor's probe: it goes to a place near by, and looks for the light.
 
 use bottega_kernels::{Ray, math};
 use glam::Vec3;
@@ -27,7 +27,7 @@ const PARTS: u32 = 64;
 
 /// The kinds of sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum SensorKind {
     Geometry,
     Proximity,
     Penumbra,
@@ -46,7 +46,7 @@ pub(super) struct Probe<'a> {
 
 impl Probe<'_> {
     /// The surface where a sensor goes; `None` where there is none that faces the same way.
-    pub(super) fn place(&self, kind: Kind, number: u32, distance: f32, normal: Vec3) -> Option<Interaction> {
+    pub(super) fn place(&self, kind: SensorKind, number: u32, distance: f32, normal: Vec3) -> Option<Interaction> {
         let height = (SLOPE * distance).max(HEIGHT_MIN * self.reach);
         let origin = self.beside(kind, number, distance, normal) + normal * height;
         let ray = Ray { t_max: 2.0 * height, ..Ray::new(origin, -normal) };
@@ -59,14 +59,14 @@ impl Probe<'_> {
     }
 
     /// A place on the plane of the agent, in a direction of the sensor's own.
-    pub(super) fn beside(&self, kind: Kind, number: u32, distance: f32, normal: Vec3) -> Vec3 {
+    pub(super) fn beside(&self, kind: SensorKind, number: u32, distance: f32, normal: Vec3) -> Vec3 {
         let (sin, cos) = math::sin_cos_of_turns(self.numbers(kind, 0, number)[0]);
         let (s, t) = orthonormal_basis(normal);
         self.agent.p + (s * cos + t * sin) * distance
     }
 
     /// The numbers of a sensor: those of all sensors of a kind are stratified.
-    pub(super) fn numbers(&self, kind: Kind, what: u32, number: u32) -> Quad {
+    pub(super) fn numbers(&self, kind: SensorKind, what: u32, number: u32) -> Quad {
         let set = DimensionSet::scattering(2 * kind as u32 + what);
         self.sampler(0, 0).split_quad(set, number % PARTS, PARTS)
     }
@@ -85,7 +85,7 @@ impl Probe<'_> {
     /// - `most`: no more surfaces are counted.
     pub(super) fn surfaces_to_light(&self, point: &Interaction, number: u32, most: u32) -> Option<(u32, f32)> {
         let lights = self.prepared.lights();
-        let [u, v, ..] = self.numbers(Kind::Penumbra, 1, number);
+        let [u, v, ..] = self.numbers(SensorKind::Penumbra, 1, number);
         let sample = lights.sample_place(self.prepared, self.agent.light, point.p_outside, [u, v])?;
         let mut count = 1;
         if sample.wi.dot(side(point)) <= 0.0 {

@@ -1,11 +1,11 @@
-//! What agents did, in figures.
+//! The figures of agents.
 
 use std::{
     sync::atomic::{AtomicU64, Ordering},
     time::Duration,
 };
 
-/// What a swarm is like, what it cost, and what it was asked.
+/// The report of a swarm: its properties, its cost, and the questions it was asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AgentReport {
     /// Agents that were sent out.
@@ -32,7 +32,7 @@ pub struct AgentReport {
     pub tally: Tally,
 }
 
-/// What the oracle was asked and what came of it.
+/// The tally of the oracle's questions and answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Shadow rays that were traced, and that were not.

@@ -15,7 +15,7 @@ use super::{
     network::Network,
     own, paper,
     report::{AgentReport, Tally},
-    sensing::{AGENTS, Errand, Run, SENSING, Sensed, Sensing},
+    sensing::{AGENTS, Run, SENSING, Sensing, SensingTask, SensorReadings},
     swarm::Swarm,
     visibility::Visibility,
 };
@@ -29,15 +29,15 @@ use crate::{
 };
 
 impl Task for Sensing<'_> {
-    type Output = Sensed;
+    type Output = SensorReadings;
 
     #[inline(always)]
-    fn run(self) -> Sensed {
+    fn run(self) -> SensorReadings {
         let part_of = |part: &Range<u32>| part.start as usize..part.end as usize;
         match &self.errand {
-            Errand::Dig(indices) => paper::dig(&self, indices.clone()),
-            Errand::Look { who, part, numbers } => own::look(&self, &who[part_of(part)], numbers.clone()),
-            Errand::Measure { who, part, others } => own::measure(&self, &who[part_of(part)], others),
+            SensingTask::Dig(indices) => paper::dig(&self, indices.clone()),
+            SensingTask::Look { who, part, numbers } => own::look(&self, &who[part_of(part)], numbers.clone()),
+            SensingTask::Measure { who, part, others } => own::measure(&self, &who[part_of(part)], others),
         }
     }
 }
@@ -72,7 +72,7 @@ impl Agents {
         let swarm = Swarm::new(plan.sources.source_count(), plan.extent(), agents, &settings);
         let casting = begun.elapsed();
         let network = Network::new(&swarm);
-        let run = |errands: Vec<Errand>| {
+        let run = |errands: Vec<SensingTask>| {
             let sense =
                 |errand| compiled::run(Sensing { integrator, maps, swarm: &swarm, network: &network, seed, errand });
             Ok(joined(errands.into_par_iter().map(sense).collect()))
@@ -94,7 +94,7 @@ impl Agents {
         settings: AgentSettings,
         swarm: &Swarm,
         network: &Network,
-        mut run: impl FnMut(Vec<Errand>) -> Result<Sensed, RenderError>,
+        mut run: impl FnMut(Vec<SensingTask>) -> Result<SensorReadings, RenderError>,
         times: [Duration; 2],
     ) -> Result<Self, RenderError> {
         let begun = Instant::now();
@@ -125,7 +125,7 @@ impl Agents {
         network: &Network,
         run: &mut Run<'_>,
     ) -> Result<(Self, [u64; 4]), RenderError> {
-        let sensed = run(parts(swarm.len() as u32, SENSING).map(Errand::Dig).collect())?;
+        let sensed = run(parts(swarm.len() as u32, SENSING).map(SensingTask::Dig).collect())?;
         let answers = paper::answers(network, &sensed.discoveries);
         let (sensors, object_distance) = (IrradianceMap::new(sensed.irradiance), swarm.object_distance);
         let indirect = Indirect::Fitted(paper::Fitted { sensors, object_distance });
@@ -135,8 +135,8 @@ impl Agents {
 }
 
 /// Joins parts in their order.
-pub(super) fn joined(parts: Vec<Sensed>) -> Sensed {
-    parts.into_iter().fold(Sensed::default(), |mut all, part| {
+pub(super) fn joined(parts: Vec<SensorReadings>) -> SensorReadings {
+    parts.into_iter().fold(SensorReadings::default(), |mut all, part| {
         all.append(part);
         all
     })

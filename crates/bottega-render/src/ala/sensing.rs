@@ -1,4 +1,4 @@
-//! What agents are sent out to find, and what they bring back.
+//! The sensing of agents: what they are sent out to find, and what they bring back.
 
 use std::{ops::Range, sync::Arc};
 
@@ -6,7 +6,7 @@ use super::{agent::Agent, map::Agents, network::Network, probe::Probe, swarm::Sw
 use crate::{
     RenderError,
     integrator::PhotonIntegrator,
-    photon::{IrradiancePlaces, PhotonMaps, cache::Record},
+    photon::{IrradiancePlaces, PhotonMaps, cache::IrradianceRecord},
     prepare::PreparedScene,
 };
 
@@ -18,7 +18,7 @@ pub(super) const SENSING: u32 = 512;
 pub(super) const MEASURING: u32 = 16;
 
 /// Does errands, and joins what was found in their order.
-pub(super) type Run<'a> = dyn FnMut(Vec<Errand>) -> Result<Sensed, RenderError> + 'a;
+pub(super) type Run<'a> = dyn FnMut(Vec<SensingTask>) -> Result<SensorReadings, RenderError> + 'a;
 
 /// An agent, and the side of its surface that it would measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub(crate) struct Candidate {
 
 /// What some agents are to do.
 #[derive(Clone)]
-pub(crate) enum Errand {
+pub(crate) enum SensingTask {
     /// To dig as the gold miners of the paper: all four kinds of sensors.
     Dig(Range<u32>),
     /// To look for the light: agents from a list, each by the sensors with these numbers.
@@ -39,7 +39,7 @@ pub(crate) enum Errand {
     Measure { who: Arc<[Candidate]>, part: Range<u32>, others: Arc<Agents> },
 }
 
-impl Errand {
+impl SensingTask {
     /// Which of its agents go.
     pub(super) fn agents(&self) -> Range<u32> {
         match self {
@@ -55,18 +55,18 @@ pub(crate) struct Sensing<'a> {
     pub(crate) swarm: &'a Swarm,
     pub(crate) network: &'a Network,
     pub(crate) seed: u64,
-    pub(crate) errand: Errand,
+    pub(crate) errand: SensingTask,
 }
 
-/// What agents found out, in the order of the errand.
+/// The readings of agents, in the order of the task.
 #[derive(Clone, Debug, Default)]
-pub struct Sensed {
+pub struct SensorReadings {
     /// Of each agent.
     pub(super) discoveries: Vec<Discovery>,
     /// Irradiance sensors of the paper: the indirect irradiance.
     pub(super) irradiance: IrradiancePlaces,
     /// Our own irradiance sensors.
-    pub(super) records: Vec<Record>,
+    pub(super) records: Vec<IrradianceRecord>,
     /// Sensors by kind: geometry, proximity, penumbra, irradiance.
     pub(super) sensors: [u64; 4],
 }
@@ -81,7 +81,7 @@ pub(super) struct Discovery {
     pub(super) lost: u32,
 }
 
-impl Sensed {
+impl SensorReadings {
     /// Adds what the agents that follow found out.
     pub(super) fn append(&mut self, mut later: Self) {
         self.discoveries.append(&mut later.discoveries);

@@ -7,7 +7,7 @@ use bottega_kernels::compiled;
 use super::{
     agent::{Agent, Casting},
     network::Network,
-    sensing::{Errand, Sensed, Sensing},
+    sensing::{Sensing, SensingTask, SensorReadings},
     swarm::Swarm,
 };
 use crate::{
@@ -42,7 +42,7 @@ pub struct SensorWork {
     pub(crate) swarm: Arc<Swarm>,
     pub(crate) network: Arc<Network>,
     /// By whom, and what for.
-    pub(crate) errand: Errand,
+    pub(crate) errand: SensingTask,
 }
 
 impl AgentWork {
@@ -64,7 +64,7 @@ impl SensorWork {
     ///
     /// # Errors
     /// The scene has no camera, or media.
-    pub fn perform(self) -> Result<Sensed, RenderError> {
+    pub fn perform(self) -> Result<SensorReadings, RenderError> {
         let Self { scene, photons, seed, passes, swarm, network, errand } = self;
         let settings = sensing_settings(&photons, seed);
         let integrator = PhotonIntegrator::sensing(&scene, &settings, photons, Arc::clone(&passes))?;

@@ -1,4 +1,4 @@
-//! Whether lights are seen, as agents answer it: the shadow half of the oracle (§4.4).
+//! The visibility of lights as agents answer it: the shadow half of the oracle (§4.4).
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::photon::{
 
 /// What an agent answers who is asked whether a shadow ray is to be traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Answer {
+pub(super) enum ShadowVerdict {
     /// Yes.
     Trace,
     /// No: its light is seen.
@@ -39,7 +39,7 @@ pub(super) struct Visibility {
 
 impl Visibility {
     /// - `answers`: by index of the agent.
-    pub(super) fn new(swarm: &Swarm, network: &Network, answers: &[Answer]) -> Self {
+    pub(super) fn new(swarm: &Swarm, network: &Network, answers: &[ShadowVerdict]) -> Self {
         let numbers = 0..swarm.len() as u32;
         let reach: Vec<f32> = numbers.map(|number| network.reach(swarm.by_number(number).0)).collect();
         let tag = |index: u32| swarm.agents[index as usize].light << 2 | answers[index as usize] as u32;
@@ -50,7 +50,7 @@ impl Visibility {
         let mut farthest: BTreeMap<u32, f32> = BTreeMap::new();
         for (photon, &reach) in places.iter().zip(&reach) {
             let tag = photon.mark().tag();
-            if tag & ANSWER != Answer::Trace as u32 {
+            if tag & ANSWER != ShadowVerdict::Trace as u32 {
                 let most = farthest.entry(tag >> 2).or_default();
                 *most = most.max(reach);
             }
@@ -75,8 +75,8 @@ impl Visibility {
             return None;
         }
         match self.places.mark(number).tag() & ANSWER {
-            tag if tag == Answer::Lit as u32 => Some(true),
-            tag if tag == Answer::Shaded as u32 => Some(false),
+            tag if tag == ShadowVerdict::Lit as u32 => Some(true),
+            tag if tag == ShadowVerdict::Shaded as u32 => Some(false),
             _ => None,
         }
     }
@@ -105,8 +105,8 @@ impl Visibility {
     /// and a half in between.
     pub(super) fn lit_share(agent: &Photon) -> f32 {
         match agent.mark().tag() & ANSWER {
-            tag if tag == Answer::Lit as u32 => 1.0,
-            tag if tag == Answer::Shaded as u32 => 0.0,
+            tag if tag == ShadowVerdict::Lit as u32 => 1.0,
+            tag if tag == ShadowVerdict::Shaded as u32 => 0.0,
             _ => 0.5,
         }
     }

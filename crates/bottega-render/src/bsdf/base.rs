@@ -2,7 +2,7 @@
 
 use bottega_scene::Spectrum;
 
-use super::diffuse::{Coupled, Cover};
+use super::diffuse::{CoupledDiffuse, Cover};
 use super::film::Film;
 use super::fresnel::{DielectricFresnel, IOR_STEP_MIN};
 use super::ggx::Ggx;
@@ -24,15 +24,15 @@ pub(super) struct Base {
     index: Index,
     /// What lies over the diffuse base.
     cover: Cover,
-    diffuse: Coupled,
+    diffuse: CoupledDiffuse,
     /// What of the diffuse light leaves on the other side.
-    diffuse_through: Coupled,
+    diffuse_through: CoupledDiffuse,
     /// Scattered more than once between facets that only reflect (or of a thin sheet).
-    multiple: Coupled,
-    multiple_through: Coupled,
+    multiple: CoupledDiffuse,
+    multiple_through: CoupledDiffuse,
     /// Scattered more than once between the facets of a solid's boundary.
-    boundary: Coupled,
-    boundary_through: Coupled,
+    boundary: CoupledDiffuse,
+    boundary_through: CoupledDiffuse,
     /// Which tables the cosine lobes look into.
     uses: Uses,
 }
@@ -111,19 +111,20 @@ impl Base {
             rough: Rough::new(roughness),
             index: Index::new(ior.max(1.0)),
             cover: Cover::default(),
-            diffuse: Coupled::BLACK,
-            diffuse_through: Coupled::BLACK,
-            multiple: Coupled::BLACK,
-            multiple_through: Coupled::BLACK,
-            boundary: Coupled::BLACK,
-            boundary_through: Coupled::BLACK,
+            diffuse: CoupledDiffuse::BLACK,
+            diffuse_through: CoupledDiffuse::BLACK,
+            multiple: CoupledDiffuse::BLACK,
+            multiple_through: CoupledDiffuse::BLACK,
+            boundary: CoupledDiffuse::BLACK,
+            boundary_through: CoupledDiffuse::BLACK,
             uses: Uses::default(),
         };
         // A solid's other side is not matte.
         let beyond = if through == Through::Solid { 0.0 } else { p.diffuse_transmission };
         base.balance(p.base_color, opaque * (1.0 - beyond), transmitting, opaque * beyond);
         if beyond > 0.0 {
-            base.diffuse_through = Coupled::new(p.diffuse_transmission_color * (opaque * beyond), base.cover_mean());
+            base.diffuse_through =
+                CoupledDiffuse::new(p.diffuse_transmission_color * (opaque * beyond), base.cover_mean());
         }
         base.uses = base.used();
         base
@@ -154,17 +155,17 @@ impl Base {
             }
             self.cover = Cover::new(&fresnel, dielectric.max_element());
         }
-        self.diffuse = Coupled::new(base_color * opaque, self.cover_mean());
+        self.diffuse = CoupledDiffuse::new(base_color * opaque, self.cover_mean());
         match self.interface.through {
             Through::Nothing => {}
             Through::Thin => {
                 multiple += transmitting * fresnel_mean;
                 let through = transmitting * (1.0 - fresnel_mean.max_element()) * base_color;
-                self.multiple_through = Coupled::new(through, single_mean);
+                self.multiple_through = CoupledDiffuse::new(through, single_mean);
             }
             Through::Solid => self.balance_boundary(base_color, transmitting),
         }
-        self.multiple = Coupled::new(multiple, single_mean);
+        self.multiple = CoupledDiffuse::new(multiple, single_mean);
     }
 
     /// Mean share of the light that the cover keeps from the diffuse base.
@@ -186,8 +187,8 @@ impl Base {
         // The tables hold for full strength and a white tint; elsewhere less is given back.
         let tint = (fresnel.f0 / fresnel.f0_exact.max(1e-9)).min_element().min(1.0);
         let weight = transmitting * fresnel.specular * tint;
-        self.boundary = Coupled::new(Spectrum::splat(weight * (1.0 - crossed)), near);
-        self.boundary_through = Coupled::new(base_color * (weight * crossed), far);
+        self.boundary = CoupledDiffuse::new(Spectrum::splat(weight * (1.0 - crossed)), near);
+        self.boundary_through = CoupledDiffuse::new(base_color * (weight * crossed), far);
     }
 
     fn used(&self) -> Uses {

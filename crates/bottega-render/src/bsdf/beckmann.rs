@@ -18,7 +18,7 @@ pub(super) struct Beckmann {
 }
 
 /// A direction in the space where α is 1.
-struct Stretched {
+struct StretchedDirection {
     direction: Vec3,
     /// By how much it got longer.
     length: f32,
@@ -53,13 +53,13 @@ impl Beckmann {
         s.length * area_below(&s, s.direction.z / s.sin.max(1e-9))
     }
 
-    fn stretched(&self, w: Vec3) -> Stretched {
+    fn stretched(&self, w: Vec3) -> StretchedDirection {
         let [ax, ay] = self.alpha;
         let v = Vec3::new(ax * w.x, ay * w.y, w.z);
         let length = v.length();
         let direction = v / length;
         let sin = (direction.x * direction.x + direction.y * direction.y).sqrt();
-        Stretched { direction, length, sin }
+        StretchedDirection { direction, length, sin }
     }
 
     /// A facet's normal, as likely as `wo` (wo.z > 0) sees it.
@@ -85,12 +85,12 @@ impl Beckmann {
 }
 
 /// ∫ from −∞ to x of (cos θ − t sin θ) e^(−t²) / √π dt.
-fn area_below(s: &Stretched, x: f32) -> f32 {
+fn area_below(s: &StretchedDirection, x: f32) -> f32 {
     0.5 * s.direction.z * (1.0 + erf(x)) + s.sin * HALF_RSQRT_PI * math::exp(-x * x)
 }
 
 /// The slope along the direction, visible with the probability `u` or less. It is below cot θ.
-fn visible_slope(s: &Stretched, u: f32) -> f32 {
+fn visible_slope(s: &StretchedDirection, u: f32) -> f32 {
     let cot = s.direction.z / s.sin;
     let target = u * area_below(s, cot);
     let (mut low, mut high) = (-1.0f32, erf(cot));

@@ -7,7 +7,7 @@ use super::LobeFlags;
 use super::frame::Frame;
 use super::fresnel;
 use super::ggx::Ggx;
-use super::interface::Drawn;
+use super::interface::BoundarySample;
 use super::tables::{Index, Mu, Rough, Tables};
 
 /// Index of refraction of the coat (KHR_materials_clearcoat).
@@ -63,7 +63,7 @@ impl Coat {
     }
 
     /// `None`: the light goes on between the facets.
-    pub(super) fn sample(&self, wo: Vec3, u: [f32; 2]) -> Option<Drawn> {
+    pub(super) fn sample(&self, wo: Vec3, u: [f32; 2]) -> Option<BoundarySample> {
         let o = self.in_coat(wo);
         if o.z <= 0.0 {
             return None;
@@ -76,7 +76,7 @@ impl Coat {
         (i.z > 0.0 && wi.z > 0.0).then(|| {
             // f |cos θi|: a mirror's f has one over its own cosine.
             let weight = self.reflectance(o.z) * tilt(wo, o) * tilt(wi, i) * (wi.z / i.z);
-            Drawn {
+            BoundarySample {
                 wi,
                 flags: LobeFlags::REFLECTION.union(sharp),
                 eta: 1.0,

@@ -36,7 +36,7 @@ pub(super) enum Base {
 
 /// The layer between both.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Layer {
+pub(super) struct ClearLayer {
     /// In mean free paths.
     pub(super) thickness: f32,
     /// Single-scattering albedo; black: nothing scatters.
@@ -51,7 +51,13 @@ pub(super) struct Layer {
 ///
 /// - `eta`: index of refraction of the layer over that of the outside.
 /// - `cover`: of rough facets, with the layer's thickness.
-pub(super) fn matte_coated(eta: f32, color: Spectrum, facets: Microfacets, layer: &Layer, cover: Cover) -> Plastic {
+pub(super) fn matte_coated(
+    eta: f32,
+    color: Spectrum,
+    facets: Microfacets,
+    layer: &ClearLayer,
+    cover: Cover,
+) -> Plastic {
     // Of the events within, every other one is at the base.
     let bounces = layer.max_depth.div_ceil(2);
     let round = color * cover.back();
@@ -67,7 +73,7 @@ pub(super) fn matte_coated(eta: f32, color: Spectrum, facets: Microfacets, layer
 pub(super) struct Stack {
     eta: f32,
     facets: Microfacets,
-    layer: Layer,
+    layer: ClearLayer,
     base: Base,
     /// Facets on the outside whose reflections are about those of the base through the boundary.
     proxy: Microfacets,
@@ -77,7 +83,7 @@ pub(super) struct Stack {
 struct Chances(SplitMix64);
 
 impl Stack {
-    pub(super) fn new(eta: f32, facets: Microfacets, layer: Layer, base: Base) -> Self {
+    pub(super) fn new(eta: f32, facets: Microfacets, layer: ClearLayer, base: Base) -> Self {
         let below = if let Base::Metal(metal) = &base { metal.alpha() } else { [1.0; 2] };
         let above = facets.alpha();
         // Slopes below look η times as steep from outside, and each crossing of a rough boundary adds its own bend.
@@ -187,7 +193,7 @@ impl Stack {
 
     /// An estimate of f of all light that entered the layer and left it, but for light that was mirrored alone.
     fn walk(&self, wo: Vec3, wi: Vec3) -> Spectrum {
-        let Layer { thickness, albedo, g, max_depth } = self.layer;
+        let ClearLayer { thickness, albedo, g, max_depth } = self.layer;
         let scatters = albedo != Spectrum::ZERO;
         let mut chances = Chances::new(wo, wi);
         let Some((mut w, entered)) = self.enter(wo, chances.pair()) else { return Spectrum::ZERO };
@@ -308,7 +314,7 @@ impl Stack {
     ///
     /// - `u`: decides on the first facet, or below a smooth boundary on the first direction from the base.
     fn walk_out(&self, wo: Vec3, u: [f32; 2], mut chances: Chances) -> Option<(Vec3, Spectrum)> {
-        let Layer { thickness, albedo, g, max_depth } = self.layer;
+        let ClearLayer { thickness, albedo, g, max_depth } = self.layer;
         let scatters = albedo != Spectrum::ZERO;
         let rough_top = !self.facets.is_smooth();
         let mut first = (!rough_top).then_some(u);

@@ -1,5 +1,5 @@
-//! What a rough dielectric boundary lets through to a matte base, and keeps in: curves that are integrated once for each
-//! boundary that a scene has.
+//! The cover of a matte base: what a rough dielectric boundary lets through and keeps in, as curves that are integrated once for
+//! each boundary that a scene has.
 
 use std::collections::BTreeMap;
 use std::sync::{OnceLock, PoisonError, RwLock};
@@ -21,7 +21,7 @@ const THICKNESS_STEPS: f32 = 64.0;
 
 /// Curves of one boundary at one roughness, below which lies a clear layer that may absorb.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Curve {
+pub(super) struct CoverCurve {
     /// Share of the light at each node that reaches the base.
     through: [f32; COSINES],
     /// Share of the light that leaves the base evenly and comes back to it.
@@ -40,7 +40,7 @@ pub(super) enum Mean {
 /// A boundary with a roughness between two nodes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cover {
-    curves: [&'static Curve; 2],
+    curves: [&'static CoverCurve; 2],
     fraction: f32,
 }
 
@@ -80,7 +80,7 @@ impl Cover {
         };
         let (index, fraction) = place(alpha);
         let family = family(boundary);
-        let curve = |index: usize| -> &'static Curve { family[index].get_or_init(|| boundary.curve(index)) };
+        let curve = |index: usize| -> &'static CoverCurve { family[index].get_or_init(|| boundary.curve(index)) };
         Self { curves: [curve(index), curve(index + 1)], fraction }
     }
 
@@ -89,7 +89,7 @@ impl Cover {
         self.curves.map(|curve| std::array::from_fn(|i| if i < COSINES { curve.through[i] } else { curve.back }))
     }
 
-    fn mix(&self, value: impl Fn(&Curve) -> f32) -> f32 {
+    fn mix(&self, value: impl Fn(&CoverCurve) -> f32) -> f32 {
         let [a, b] = self.curves.map(value);
         a + (b - a) * self.fraction
     }
@@ -121,7 +121,7 @@ pub(super) fn alpha_of(index: usize) -> f32 {
     root * root
 }
 
-type Family = [OnceLock<Curve>; ROUGHNESS];
+type Family = [OnceLock<CoverCurve>; ROUGHNESS];
 
 /// The curves of a boundary by roughness; they stay for the life of the process, some 13 kB for each boundary.
 fn family(boundary: Boundary) -> &'static Family {
@@ -134,7 +134,7 @@ fn family(boundary: Boundary) -> &'static Family {
 }
 
 impl Boundary {
-    fn curve(&self, index: usize) -> Curve {
+    fn curve(&self, index: usize) -> CoverCurve {
         let distribution = if self.is_beckmann { Distribution::Beckmann } else { Distribution::Ggx };
         let shadowing = if self.is_separable { Shadowing::Separable } else { Shadowing::Correlated };
         let facets = Microfacets::new(distribution, shadowing, [alpha_of(index); 2]);
@@ -159,7 +159,7 @@ impl Boundary {
             }
             Mean::Nodes => (0..COSINES).map(|j| 2.0 * node(j) * kept(node(j))).sum::<f32>() / COSINES as f32,
         };
-        Curve {
+        CoverCurve {
             through: std::array::from_fn(|j| {
                 share(&facets, node(j), eta, |wo, h| {
                     let wi = fresnel::refract(wo, h, eta).filter(|wi| wi.z < 0.0)?;

@@ -8,7 +8,7 @@ use super::fresnel::DielectricFresnel;
 
 /// One term color · g(μo) g(μi) / (π (1 − E̅)), g = 1 − E: with colour 1 it reflects exactly what E leaves over.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Coupled {
+pub(super) struct CoupledDiffuse {
     /// What is reflected of the light that E leaves over.
     pub(super) color: Spectrum,
     /// 1 / (π (1 − E̅)).
@@ -17,7 +17,7 @@ pub(super) struct Coupled {
     pub(super) is_grazing: bool,
 }
 
-impl Coupled {
+impl CoupledDiffuse {
     pub(super) const BLACK: Self = Self { color: Spectrum::ZERO, scale: 0.0, is_grazing: false };
 
     /// `mean`: E̅, the mean of E over the cosine-weighted hemisphere where the light leaves.

@@ -1,4 +1,4 @@
-//! How much of the light a boundary reflects.
+//! Fresnel reflectance of a boundary.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;

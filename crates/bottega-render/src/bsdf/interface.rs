@@ -51,7 +51,7 @@ struct Split {
 }
 
 /// A direction and, for a smooth boundary, all that there is to say about it.
-pub(super) struct Drawn {
+pub(super) struct BoundarySample {
     pub(super) wi: Vec3,
     pub(super) flags: LobeFlags,
     pub(super) eta: f32,
@@ -223,14 +223,14 @@ impl Interface {
         u: [f32; 2],
         mode: TransportMode,
         carried: Spectrum,
-    ) -> Option<Drawn> {
+    ) -> Option<BoundarySample> {
         let smooth = self.ggx.is_smooth();
         let h = if smooth { Vec3::Z } else { self.ggx.sample_visible_normal(wo, u) };
         let split = self.split(wo.dot(h), carried);
         let sharp = if smooth { LobeFlags::DELTA } else { LobeFlags::GLOSSY };
         if u_way < split.reflection {
             let wi = fresnel::reflect(wo, h);
-            return (wi.z > 0.0).then(|| Drawn {
+            return (wi.z > 0.0).then(|| BoundarySample {
                 wi,
                 flags: LobeFlags::REFLECTION.union(sharp),
                 eta: 1.0,
@@ -249,7 +249,7 @@ impl Interface {
             Through::Thin => fresnel::reflect(wo, h) * Vec3::new(1.0, 1.0, -1.0),
             Through::Solid => fresnel::refract(wo, h, eta)?,
         };
-        (wi.z < 0.0).then(|| Drawn {
+        (wi.z < 0.0).then(|| BoundarySample {
             wi,
             flags: LobeFlags::TRANSMISSION.union(sharp),
             eta,

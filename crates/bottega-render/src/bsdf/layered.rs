@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::base::{Base, Rest};
 use super::coat::Coat;
 use super::fresnel::mean;
-use super::interface::{Drawn, Interface, Through};
+use super::interface::{BoundarySample, Interface, Through};
 use super::sheen::Sheen;
 use super::tables::Mu;
 use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, warp};
@@ -151,20 +151,21 @@ impl LayeredAt<'_> {
         let Self { layers, mode, wo, carried, profile, chances } = self;
         let base = &layers.base;
         let (lobe, chance, u_rest) = choose(chances, u_lobe)?;
-        let reflected = |wi, flags| Drawn { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
+        let reflected =
+            |wi, flags| BoundarySample { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
         let drawn = match lobe {
             Lobe::Interface => base.interface.sample(*wo, u_rest, u, *mode, *carried)?,
             Lobe::Cosine => reflected(warp::cosine_hemisphere(u), LobeFlags::DIFFUSE),
             Lobe::Uniform => reflected(warp::uniform_hemisphere(u), LobeFlags::DIFFUSE),
             Lobe::Coat => layers.coat.as_ref()?.sample(*wo, u)?,
-            Lobe::CosineThrough => Drawn {
+            Lobe::CosineThrough => BoundarySample {
                 wi: -warp::cosine_hemisphere(u),
                 flags: LobeFlags::TRANSMISSION.union(LobeFlags::DIFFUSE),
                 eta: base.interface.eta(),
                 delta: None,
             },
         };
-        let Drawn { wi, flags, eta, delta } = drawn;
+        let BoundarySample { wi, flags, eta, delta } = drawn;
         if wi.z == 0.0 {
             return None;
         }

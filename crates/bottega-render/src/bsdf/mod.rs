@@ -59,7 +59,7 @@ pub(crate) use surface::anisotropy_at;
 pub use surface::{SurfacePoint, scattering};
 
 pub use crate::mapping::Spot;
-pub use unevenness::Lifted;
+pub use unevenness::LiftedNormal;
 
 /// What is transported from wi to wo, against the direction of the walk or along it. They differ by η² in a
 /// transmission, because radiance grows where light is squeezed into a denser medium.
@@ -82,7 +82,7 @@ impl TransportMode {
     }
 }
 
-/// What kind of lobe a sample came from.
+/// The kind of lobe that a sample came from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LobeFlags(u8);
 

@@ -34,7 +34,7 @@ pub(super) enum Through {
 }
 
 /// [`Plastic`] seen from one direction.
-struct Seen {
+struct PlasticView {
     through: f32,
     /// Probability of the boundary.
     chance: f32,
@@ -81,13 +81,13 @@ impl Plastic {
         }
     }
 
-    fn seen(&self, wo: Vec3) -> Seen {
+    fn seen(&self, wo: Vec3) -> PlasticView {
         let through = self.through(wo.z);
         // The base scatters about as much of the light as comes back through the boundary.
         let mirrored = mean(self.specular) * fresnel::dielectric(wo.z, self.eta);
         let diffuse = mean(self.base) * through * MEAN_THROUGH;
         let sum = mirrored + diffuse;
-        Seen { through, chance: if sum > 0.0 { mirrored / sum } else { 1.0 } }
+        PlasticView { through, chance: if sum > 0.0 { mirrored / sum } else { 1.0 } }
     }
 }
 
@@ -134,7 +134,7 @@ impl Scatter for Plastic {
     }
 
     fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], mode: TransportMode) -> Option<BsdfSample> {
-        let Seen { chance, .. } = self.seen(wo);
+        let PlasticView { chance, .. } = self.seen(wo);
         let (mirrors, _) = split(u_lobe, chance);
         if !mirrors {
             let lobe = LobeFlags::REFLECTION.union(LobeFlags::DIFFUSE);

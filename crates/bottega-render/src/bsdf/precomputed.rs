@@ -1,4 +1,4 @@
-//! What scattering looks up, for devices that scatter by themselves.
+//! The tables of scattering, for devices that scatter by themselves.
 
 use bottega_scene::{Distribution, Shadowing};
 

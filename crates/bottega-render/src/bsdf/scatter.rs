@@ -1,4 +1,4 @@
-//! What every kind of scattering answers.
+//! The trait of every kind of scattering.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;

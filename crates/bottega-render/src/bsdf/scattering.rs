@@ -12,19 +12,19 @@ use super::matte::{RoughMatte, Translucent};
 use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledSheet};
 use super::scatter::{Lobes, Scatter};
-use super::{BsdfSample, Lifted, LobeFlags, SurfaceParams, TransportMode, warp};
+use super::{BsdfSample, LiftedNormal, LobeFlags, SurfaceParams, TransportMode, warp};
 
 /// The scattering at one point. See the [module](super) for the frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
     mode: TransportMode,
-    kind: Kind,
-    lifted: Option<Lifted>,
+    kind: BsdfKind,
+    lifted: Option<LiftedNormal>,
 }
 
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a box would allocate at every textured point")]
-enum Kind {
+enum BsdfKind {
     /// Nothing is scattered.
     Black,
     /// f = color / π, not black.
@@ -86,7 +86,7 @@ impl Scatter for Other {
 #[derive(Clone, Copy)]
 pub struct BsdfAt<'a> {
     kind: KindAt<'a>,
-    lifted: Option<&'a Lifted>,
+    lifted: Option<&'a LiftedNormal>,
 }
 
 #[derive(Clone, Copy)]
@@ -107,34 +107,34 @@ impl Bsdf {
         }
         let layers = Layered::new(&p);
         let kind = match layers.as_smooth_boundary() {
-            _ if layers.is_black() => Kind::Black,
-            Some(boundary) => Kind::Smooth(boundary),
-            None => Kind::Layered(layers),
+            _ if layers.is_black() => BsdfKind::Black,
+            Some(boundary) => BsdfKind::Smooth(boundary),
+            None => BsdfKind::Layered(layers),
         };
         Self::of(kind)
     }
 
-    const fn of(kind: Kind) -> Self {
+    const fn of(kind: BsdfKind) -> Self {
         Self { mode: TransportMode::Radiance, kind, lifted: None }
     }
 
     /// What scatters nothing.
     pub(super) fn black() -> Self {
-        Self::of(Kind::Black)
+        Self::of(BsdfKind::Black)
     }
 
     /// Lambert's surface; `color` is in [0, 1].
     pub(super) fn lambert(color: Spectrum) -> Self {
-        Self::of(if color == Spectrum::ZERO { Kind::Black } else { Kind::Lambert(color) })
+        Self::of(if color == Spectrum::ZERO { BsdfKind::Black } else { BsdfKind::Lambert(color) })
     }
 
     /// `None`: black.
     pub(super) fn other(other: Option<Other>) -> Self {
-        Self::of(other.map_or(Kind::Black, Kind::Other))
+        Self::of(other.map_or(BsdfKind::Black, BsdfKind::Other))
     }
 
     /// The same where a relief turned the frame.
-    pub(super) fn with_lifted(self, lifted: Option<Lifted>) -> Self {
+    pub(super) fn with_lifted(self, lifted: Option<LiftedNormal>) -> Self {
         Self { lifted, ..self }
     }
 
@@ -157,11 +157,11 @@ impl Bsdf {
             return BsdfAt { kind: KindAt::Nothing, lifted: None };
         }
         let kind = match &self.kind {
-            Kind::Lambert(color) => KindAt::Lambert(*color),
-            Kind::Smooth(boundary) => KindAt::Smooth(boundary, wo, self.mode, carried),
-            Kind::Layered(layers) => layers.at(wo, self.mode, carried).map_or(KindAt::Nothing, KindAt::Layered),
-            Kind::Other(other) => KindAt::Other(other, wo, self.mode),
-            Kind::Black => KindAt::Nothing,
+            BsdfKind::Lambert(color) => KindAt::Lambert(*color),
+            BsdfKind::Smooth(boundary) => KindAt::Smooth(boundary, wo, self.mode, carried),
+            BsdfKind::Layered(layers) => layers.at(wo, self.mode, carried).map_or(KindAt::Nothing, KindAt::Layered),
+            BsdfKind::Other(other) => KindAt::Other(other, wo, self.mode),
+            BsdfKind::Black => KindAt::Nothing,
         };
         BsdfAt { kind, lifted: self.lifted.as_ref() }
     }
@@ -189,7 +189,7 @@ impl Bsdf {
     /// Share of the light arriving along `wo` that a smooth sheet lets straight through; 0 of anything else.
     pub(crate) fn straight(&self, wo: Vec3) -> Spectrum {
         match &self.kind {
-            Kind::Other(Other::Dielectric(dielectric)) if is_above(wo) => dielectric.straight(wo),
+            BsdfKind::Other(Other::Dielectric(dielectric)) if is_above(wo) => dielectric.straight(wo),
             _ => Spectrum::ZERO,
         }
     }
@@ -202,53 +202,53 @@ impl Bsdf {
             return Spectrum::ZERO;
         }
         match &self.kind {
-            Kind::Lambert(color) => *color,
-            Kind::Smooth(boundary) => boundary.smooth_albedo(wo.z),
-            Kind::Layered(layers) => layers.albedo(wo),
-            Kind::Other(other) => other.albedo(wo),
-            Kind::Black => Spectrum::ZERO,
+            BsdfKind::Lambert(color) => *color,
+            BsdfKind::Smooth(boundary) => boundary.smooth_albedo(wo.z),
+            BsdfKind::Layered(layers) => layers.albedo(wo),
+            BsdfKind::Other(other) => other.albedo(wo),
+            BsdfKind::Black => Spectrum::ZERO,
         }
     }
 
     /// Whether nothing is scattered at all.
     pub fn is_black(&self) -> bool {
-        matches!(self.kind, Kind::Black)
+        matches!(self.kind, BsdfKind::Black)
     }
 
     /// Whether light can go to the other side.
     pub fn is_transmissive(&self) -> bool {
         match &self.kind {
-            Kind::Lambert(_) | Kind::Black => false,
-            Kind::Smooth(boundary) => boundary.through != Through::Nothing,
-            Kind::Layered(layers) => layers.is_transmissive(),
-            Kind::Other(other) => other.lobes().is_transmissive,
+            BsdfKind::Lambert(_) | BsdfKind::Black => false,
+            BsdfKind::Smooth(boundary) => boundary.through != Through::Nothing,
+            BsdfKind::Layered(layers) => layers.is_transmissive(),
+            BsdfKind::Other(other) => other.lobes().is_transmissive,
         }
     }
 
     /// Whether it is more than a single lobe of one colour or a bare smooth boundary: dearer to evaluate.
     #[inline(always)]
     pub(crate) fn is_layered(&self) -> bool {
-        matches!(self.kind, Kind::Layered(_) | Kind::Other(_))
+        matches!(self.kind, BsdfKind::Layered(_) | BsdfKind::Other(_))
     }
 
     /// Whether all light goes into single directions, so that connecting to a light is of no use.
     #[inline(always)]
     pub fn is_delta_only(&self) -> bool {
         match &self.kind {
-            Kind::Lambert(_) | Kind::Black => false,
-            Kind::Smooth(_) => true,
-            Kind::Layered(layers) => !layers.has_non_delta(),
-            Kind::Other(other) => !other.lobes().has_non_delta,
+            BsdfKind::Lambert(_) | BsdfKind::Black => false,
+            BsdfKind::Smooth(_) => true,
+            BsdfKind::Layered(layers) => !layers.has_non_delta(),
+            BsdfKind::Other(other) => !other.lobes().has_non_delta,
         }
     }
 
     /// Whether some light is spread over solid angles: what `eval` and `pdf` tell of.
     pub fn has_non_delta(&self) -> bool {
         match &self.kind {
-            Kind::Lambert(_) => true,
-            Kind::Smooth(_) | Kind::Black => false,
-            Kind::Layered(layers) => layers.has_non_delta(),
-            Kind::Other(other) => other.lobes().has_non_delta,
+            BsdfKind::Lambert(_) => true,
+            BsdfKind::Smooth(_) | BsdfKind::Black => false,
+            BsdfKind::Layered(layers) => layers.has_non_delta(),
+            BsdfKind::Other(other) => other.lobes().has_non_delta,
         }
     }
 
@@ -256,10 +256,10 @@ impl Bsdf {
     /// ones.
     pub fn roughness(&self) -> f32 {
         match &self.kind {
-            Kind::Lambert(_) | Kind::Black => 1.0,
-            Kind::Smooth(boundary) => boundary.ggx.alpha().sqrt(),
-            Kind::Layered(layers) => layers.roughness(),
-            Kind::Other(other) => other.lobes().roughness,
+            BsdfKind::Lambert(_) | BsdfKind::Black => 1.0,
+            BsdfKind::Smooth(boundary) => boundary.ggx.alpha().sqrt(),
+            BsdfKind::Layered(layers) => layers.roughness(),
+            BsdfKind::Other(other) => other.lobes().roughness,
         }
     }
 }
@@ -338,7 +338,7 @@ mod tests {
     use super::*;
 
     fn layered(params: &SurfaceParams) -> Bsdf {
-        Bsdf::of(Kind::Layered(Layered::new(&params.clamped())))
+        Bsdf::of(BsdfKind::Layered(Layered::new(&params.clamped())))
     }
 
     fn close(a: f32, b: f32) -> bool {
@@ -361,7 +361,7 @@ mod tests {
         let sheet = SurfaceParams { thin: true, base_color: Spectrum::new(0.9, 0.5, 0.2), ..glass };
         for params in [lambert, mirror, glass, SurfaceParams { front: false, ..glass }, sheet] {
             let (short, long) = (Bsdf::new(&params), layered(&params));
-            assert!(!matches!(short.kind, Kind::Layered(_)));
+            assert!(!matches!(short.kind, BsdfKind::Layered(_)));
             assert_eq!(short.is_black(), long.is_black());
             assert_eq!(short.is_transmissive(), long.is_transmissive());
             assert_eq!(short.is_delta_only(), long.is_delta_only());
@@ -396,7 +396,7 @@ mod tests {
             SurfaceParams { transmission: 0.5, ..glass },
             SurfaceParams { roughness: 0.1, ..glass },
         ] {
-            assert!(matches!(Bsdf::new(&params).kind, Kind::Layered(_)), "{params:?}");
+            assert!(matches!(Bsdf::new(&params).kind, BsdfKind::Layered(_)), "{params:?}");
         }
     }
 }

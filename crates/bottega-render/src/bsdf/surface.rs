@@ -1,4 +1,4 @@
-//! From a scene's material to the scattering at one point of it.
+//! The scattering at one point, made of a scene's material.
 
 use bottega_kernels::math;
 use bottega_scene::{
@@ -7,7 +7,7 @@ use bottega_scene::{
 };
 use glam::{Vec2, Vec3, Vec4};
 
-use super::coated::{Base, Layer, Stack, matte_coated};
+use super::coated::{Base, ClearLayer, Stack, matte_coated};
 use super::conductor::Conductor;
 use super::cover::Mean;
 use super::dielectric::Dielectric;
@@ -17,10 +17,10 @@ use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledParams, PrincipledSheet};
 use super::scatter::split;
 use super::scattering::Other;
-use super::{Bsdf, Lifted, SurfaceParams};
+use super::{Bsdf, LiftedNormal, SurfaceParams};
 use crate::mapping::{Spot, TexturePlace};
 
-/// What the lookup of a material needs to know of a point on a surface.
+/// A point on a surface, as the lookup of a material needs it.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
     /// Both sets of texture coordinates of the surface.
@@ -36,7 +36,7 @@ pub struct SurfacePoint {
     /// Normal of the coat in the local frame, above the surface; +z: that of the base.
     pub coat_normal: Vec3,
     /// How a relief turned the frame, where that takes something from the light.
-    pub lifted: Option<Lifted>,
+    pub lifted: Option<LiftedNormal>,
     /// A number in [0, 1) that chooses between blended surfaces.
     pub chance: f32,
 }
@@ -189,7 +189,7 @@ fn of_diffuse(scene: &Scene, diffuse: &Diffuse, point: &SurfacePoint) -> Bsdf {
 fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> Other {
     let eta = sound_eta(coated.eta);
     let facets = point.facets(scene, &coated.facets);
-    let layer = Layer {
+    let layer = ClearLayer {
         thickness: within_range(point.scalar(scene, &coated.thickness), 0.0, 100.0),
         albedo: point.share(scene, &coated.albedo),
         g: point.scalar(scene, &coated.g).clamp(-0.99, 0.99),

@@ -1,4 +1,4 @@
-//! How much of the light a rough layer sends on: the tables that keep the layers' books balanced.
+//! Tables of the albedo of rough layers, which keep the layers' books balanced.
 //!
 //! They are integrated once, when the first material is met, with fixed nodes in a fixed order, so that every run has
 //! the same bits. All are functions of the cosine μ to the normal (nodes even in √μ, where they bend most) and of the
@@ -28,7 +28,7 @@ const R_MAX: f32 = (fresnel::IOR_MAX - 1.0) / (fresnel::IOR_MAX + 1.0);
 
 /// Values by μ for one roughness (and index), and their mean 2 ∫ v μ dμ.
 #[derive(Clone, Copy)]
-struct Curve {
+struct AlbedoCurve {
     at: [f32; MU],
     mean: f32,
 }
@@ -36,16 +36,16 @@ struct Curve {
 /// Directional albedos by μ, roughness and index of refraction.
 pub(super) struct Tables {
     /// Reflection with F = 1, scattered once.
-    single: Vec<Curve>,
+    single: Vec<AlbedoCurve>,
     /// Reflection with F = Schlick's weight.
-    schlick: Vec<Curve>,
+    schlick: Vec<AlbedoCurve>,
     /// Reflection with F = s, the rise of the exact Fresnel term (see `DielectricFresnel`), from outside; by index.
-    rise: Vec<Curve>,
+    rise: Vec<AlbedoCurve>,
     /// Reflection and transmission together through the boundary of a solid, scattered once: from outside and from
     /// within; by index.
-    boundary: [Vec<Curve>; 2],
+    boundary: [Vec<AlbedoCurve>; 2],
     /// Sheen of colour 1, in its own roughness.
-    sheen: Vec<Curve>,
+    sheen: Vec<AlbedoCurve>,
 }
 
 impl fmt::Debug for Tables {
@@ -57,12 +57,12 @@ impl fmt::Debug for Tables {
 
 /// Two neighbouring nodes, and how near the second one is.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct TablePosition {
     index: u32,
     fraction: f32,
 }
 
-impl Place {
+impl TablePosition {
     fn new(position: f32, nodes: usize) -> Self {
         let position = position.clamp(0.0, (nodes - 1) as f32);
         let index = (position as u32).min(nodes as u32 - 2);
@@ -77,17 +77,17 @@ impl Place {
 
 /// A place on the axis of cosines.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mu(Place);
+pub(super) struct Mu(TablePosition);
 
 impl Mu {
     pub(super) fn new(cos: f32) -> Self {
-        Self(Place::new(cos.max(0.0).sqrt() * (MU - 1) as f32, MU))
+        Self(TablePosition::new(cos.max(0.0).sqrt() * (MU - 1) as f32, MU))
     }
 }
 
 /// A place on the axis of roughness.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rough(Place);
+pub(super) struct Rough(TablePosition);
 
 impl Rough {
     pub(super) fn new(roughness: f32) -> Self {
@@ -96,23 +96,23 @@ impl Rough {
 
     /// `position`: along the axis, in [0, 1].
     pub(super) fn at(position: f32) -> Self {
-        Self(Place::new(position * (ROUGHNESS - 1) as f32, ROUGHNESS))
+        Self(TablePosition::new(position * (ROUGHNESS - 1) as f32, ROUGHNESS))
     }
 }
 
 /// A place on the axis of indices of refraction (n ≥ 1).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Index(Place);
+pub(super) struct Index(TablePosition);
 
 impl Index {
     pub(super) fn new(ior: f32) -> Self {
         let root = ((ior - 1.0) / (ior + 1.0) / R_MAX).max(0.0).sqrt();
-        Self(Place::new(root * (INDEX - 1) as f32, INDEX))
+        Self(TablePosition::new(root * (INDEX - 1) as f32, INDEX))
     }
 }
 
 /// A value of a curve, or its mean.
-fn pick(curve: &Curve, mu: Option<Mu>) -> f32 {
+fn pick(curve: &AlbedoCurve, mu: Option<Mu>) -> f32 {
     mu.map_or(curve.mean, |mu| mu.0.mix(|i| curve.at[i]))
 }
 
@@ -180,7 +180,7 @@ fn node_ior(k: usize) -> f32 {
     (1.0 + r) / (1.0 - r)
 }
 
-impl Curve {
+impl AlbedoCurve {
     fn new(at: [f32; MU]) -> Self {
         // Between two nodes the value is linear in t = √μ, and 2 μ dμ = 4 t³ dt: two-point Gauss is exact enough
         // for a quartic over 31 pieces.
@@ -289,6 +289,6 @@ mod tests {
 
     #[test]
     fn the_mean_of_a_constant_is_the_constant() {
-        assert!((Curve::new([0.7; MU]).mean - 0.7).abs() < 1e-5);
+        assert!((AlbedoCurve::new([0.7; MU]).mean - 0.7).abs() < 1e-5);
     }
 }

@@ -376,7 +376,7 @@ record! {
 }
 
 record! {
-    /// What a picture begins with.
+    /// The head of a picture.
     pub struct PictureRecord {
         /// Camera.
         pub camera: CameraRecord,

@@ -13,12 +13,12 @@ pub trait Portable {
 /// A [`Portable`] that is made of named fields, one after the other; declared by [`record!`](crate::record).
 pub trait Record: Portable {
     /// Where its fields are, in their order.
-    const FIELDS: &'static [Place];
+    const FIELDS: &'static [FieldPlace];
 }
 
-/// Where a field of a record is.
+/// The place of a field in a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct FieldPlace {
     /// The field's name.
     pub name: &'static str,
     /// Words between the beginning of the record and the field.
@@ -26,11 +26,11 @@ pub struct Place {
 }
 
 /// Lays fields out one after the other.
-pub const fn places<const N: usize>(fields: [(&'static str, u32); N]) -> [Place; N] {
-    let mut places = [Place { name: "", first: 0 }; N];
+pub const fn places<const N: usize>(fields: [(&'static str, u32); N]) -> [FieldPlace; N] {
+    let mut places = [FieldPlace { name: "", first: 0 }; N];
     let (mut index, mut first) = (0, 0);
     while index < N {
-        places[index] = Place { name: fields[index].0, first };
+        places[index] = FieldPlace { name: fields[index].0, first };
         first += fields[index].1;
         index += 1;
     }
@@ -38,7 +38,7 @@ pub const fn places<const N: usize>(fields: [(&'static str, u32); N]) -> [Place;
 }
 
 /// The first word of a field. Evaluated by the compiler, an unknown name is an error of compilation.
-pub const fn place_of(fields: &[Place], name: &str) -> u32 {
+pub const fn place_of(fields: &[FieldPlace], name: &str) -> u32 {
     let mut index = 0;
     while index < fields.len() {
         if is_same(fields[index].name.as_bytes(), name.as_bytes()) {
@@ -84,7 +84,7 @@ macro_rules! record {
         $visible struct $name { $( $(#[$field_attribute])* $field_visible $field: $type ),* }
 
         impl $crate::flat::Record for $name {
-            const FIELDS: &'static [$crate::flat::Place] = &$crate::flat::places(
+            const FIELDS: &'static [$crate::flat::FieldPlace] = &$crate::flat::places(
                 [$( (stringify!($field), <$type as $crate::flat::Portable>::WORDS) ),*]);
         }
 

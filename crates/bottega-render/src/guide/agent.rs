@@ -1,4 +1,4 @@
-//! What lighting agents know beside directions: of each region which lights matter and are seen, and how much a path is
+//! The knowledge of lighting agents beside directions: of each region which lights matter and are seen, and how much a path is
 //! worth that comes there; of each part of the picture what it is worth to whoever looks at it.
 //!
 //! A path that comes to a region with throughput T goes on as q paths, q = T ∕ I · √(M ∕ C) ∕ √(V ∕ K): I is what its pixel
@@ -34,14 +34,14 @@ pub(super) const NUMBERS: usize = 3 + CHOICE_NUMBERS;
 
 /// What leaves a vertex of a path, by its greatest channel, and the work that it took.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Left {
+pub(super) struct DepartingLight {
     pub(super) brightness: f32,
     pub(super) work: f32,
 }
 
 impl Agent {
     /// `None`: too little was seen.
-    pub(super) fn new(left: impl Iterator<Item = Left> + Clone, lights: Option<Choice>) -> Option<Self> {
+    pub(super) fn new(left: impl Iterator<Item = DepartingLight> + Clone, lights: Option<Choice>) -> Option<Self> {
         let count = left.clone().count();
         if count < VERTICES_MIN {
             return None;
@@ -94,7 +94,7 @@ impl Agent {
 
 /// A path from the eye.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen {
+pub(super) struct EyePath {
     /// Where in the picture, in [0, 1)².
     pub(super) place: [f32; 2],
     /// Its greatest channel.
@@ -105,13 +105,13 @@ pub(super) struct Seen {
 
 /// What the parts of the picture are worth: 1 ∕ (I √(V ∕ K)), see the [module](self).
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Expected {
+pub(crate) struct PictureWorth {
     pub(super) columns: u32,
     pub(super) rows: u32,
     pub(super) worth: Vec<f32>,
 }
 
-impl Expected {
+impl PictureWorth {
     pub(super) fn part(&self, [x, y]: [f32; 2]) -> usize {
         let along = |place: f32, count: u32| ((place * count as f32) as u32).min(count.saturating_sub(1));
         (along(y, self.rows) * self.columns + along(x, self.columns)) as usize

@@ -6,9 +6,9 @@
 //! of these are known; of each node its plane and its link; of each region its share; of each agent what it knows; what each
 //! part of the picture is worth. Then, of each region, the cumulative weights of its cells, two bytes each.
 
-use super::agent::{Agent, Expected, NUMBERS};
+use super::agent::{Agent, NUMBERS, PictureWorth};
 use super::directions::{CELLS, Directions};
-use super::tree::{Guide, Lattice, Node, Region};
+use super::tree::{Guide, GuideNode, Lattice, Region};
 
 /// Bytes that are no guide.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -69,7 +69,8 @@ fn read(bytes: &[u8]) -> Option<Guide> {
     if all != bytes.len() {
         return None;
     }
-    let nodes = (0..nodes).map(|_| Some(Node::from_numbers([number()?, number()?]))).collect::<Option<Vec<_>>>()?;
+    let nodes =
+        (0..nodes).map(|_| Some(GuideNode::from_numbers([number()?, number()?]))).collect::<Option<Vec<_>>>()?;
     let shares = (0..regions).map(|_| number().map(f32::from_bits)).collect::<Option<Vec<_>>>()?;
     let agent = |_| {
         let mut numbers = [0; NUMBERS];
@@ -87,7 +88,7 @@ fn read(bytes: &[u8]) -> Option<Guide> {
         (0.0..=1.0).contains(&share).then_some(Region { share, directions })
     };
     let regions = shares.into_iter().zip(weights).map(region).collect::<Option<Vec<_>>>()?;
-    let expected = Expected::from_parts(columns, rows, worth)?;
+    let expected = PictureWorth::from_parts(columns, rows, worth)?;
     Some(Guide::from_parts(lattice, nodes, regions, agents, expected)?.going_by_worth(by_worth))
 }
 

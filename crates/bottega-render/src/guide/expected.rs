@@ -1,7 +1,7 @@
-//! What the parts of a picture are worth to whoever looks at it, from paths all over it.
+//! The worth of the parts of a picture to a viewer, from paths all over it.
 
 use super::{
-    agent::{Expected, Seen},
+    agent::{EyePath, PictureWorth},
     tree::Guide,
 };
 
@@ -16,9 +16,9 @@ const NOISE_MAX: f32 = 20.0;
 /// A light that differs from the mean of those next to it by more than this factor is taken for noise.
 const BRIGHTEST: f32 = 4.0;
 
-impl Expected {
+impl PictureWorth {
     /// From paths all over a picture of this size in pixels, and what was learnt from them.
-    pub(super) fn new(size: [u32; 2], paths: &[Seen], guide: &Guide) -> Self {
+    pub(super) fn new(size: [u32; 2], paths: &[EyePath], guide: &Guide) -> Self {
         let [width, height] = size.map(f64::from);
         let parts = (paths.len() / PATHS_PER_PART).max(1) as f64;
         let side = (width * height / parts).sqrt().max(SIDE_MIN);

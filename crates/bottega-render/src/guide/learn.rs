@@ -1,14 +1,14 @@
-//! From the vertices of paths to a guide.
+//! The learning of a guide from the vertices of paths.
 
 use std::{cmp::Ordering, ops::Range};
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::agent::{Agent, Left};
+use super::agent::{Agent, DepartingLight};
 use super::directions::{Directions, Pyramid, solid_angle};
-use super::tree::{FACES, Guide, LONE, Lattice, Node, Region, Tree};
-use crate::lights::{Asked, Lights};
+use super::tree::{FACES, Guide, GuideNode, LONE, Lattice, Region, Tree};
+use crate::lights::{Lights, RequestedLight};
 
 /// Vertices from which one region learns, at most.
 const VERTICES_PER_REGION: usize = 3000;
@@ -42,18 +42,18 @@ pub(super) struct Vertex {
     /// What was found in that direction before the next vertex, times the same.
     pub(super) emitted: f32,
     /// The direction taken; `None`: the path ended.
-    pub(super) taken: Option<Taken>,
+    pub(super) taken: Option<DirectionSample>,
     /// The greatest channel of what leaves for each unit of what the path carried there.
     pub(super) brightness: f32,
     /// Vertices from here to the end of the path, this one among them.
     pub(super) work: f32,
     /// The light that was asked for, if any.
-    pub(super) asked: Option<Asked>,
+    pub(super) asked: Option<RequestedLight>,
 }
 
 /// A direction taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Taken {
+pub(super) struct DirectionSample {
     /// Where on the square of directions it is.
     pub(super) cell: u16,
     /// What a density over the square is to be divided by for one per solid angle.
@@ -67,7 +67,7 @@ pub(super) struct Taken {
 /// A direction taken, and what it was worth: the mean square that it stands for, per solid angle.
 #[derive(Clone, Copy)]
 struct Sample {
-    taken: Taken,
+    taken: DirectionSample,
     square: f32,
     /// Whether it led to another vertex.
     has_next: bool,
@@ -75,18 +75,18 @@ struct Sample {
 
 /// A vertex where it is.
 #[derive(Clone, Copy)]
-struct Place {
+struct VertexPlace {
     p: Vec3,
     vertex: u32,
 }
 
 /// Space cut into regions.
-struct Grown {
-    nodes: Vec<Node>,
+struct RegionTree {
+    nodes: Vec<GuideNode>,
     /// Where the places of each node are among all of them.
     ranges: Vec<Range<usize>>,
     /// Region by region; within one in the order of the paths.
-    places: Vec<Place>,
+    places: Vec<VertexPlace>,
     lattice: Lattice,
 }
 
@@ -94,22 +94,22 @@ struct Grown {
 ///
 /// - `lights`: of the scene, if agents are wanted.
 pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
-    let mut of_face: [Vec<Place>; FACES] = Default::default();
+    let mut of_face: [Vec<VertexPlace>; FACES] = Default::default();
     for (vertex, index) in vertices.iter().zip(0..) {
-        of_face[usize::from(vertex.face)].push(Place { p: vertex.p, vertex: index });
+        of_face[usize::from(vertex.face)].push(VertexPlace { p: vertex.p, vertex: index });
     }
     let lattice = Lattice::over(&vertices.iter().map(|vertex| vertex.p).collect::<Vec<_>>());
-    let grown: Vec<Grown> = of_face.into_par_iter().map(|places| Grown::new(places, lattice)).collect();
+    let grown: Vec<RegionTree> = of_face.into_par_iter().map(|places| RegionTree::new(places, lattice)).collect();
     // What leaves a vertex is known from one path, and badly; what leaves its region, from many, but blurred.
     let mut leaving = vec![0.0; vertices.len()];
-    for region in grown.iter().flat_map(Grown::regions) {
-        let own = |place: &Place| vertices[place.vertex as usize].leaving;
+    for region in grown.iter().flat_map(RegionTree::regions) {
+        let own = |place: &VertexPlace| vertices[place.vertex as usize].leaving;
         let mean = region.iter().map(|place| f64::from(own(place))).sum::<f64>() / region.len() as f64;
         for place in region {
             leaving[place.vertex as usize] = 0.5 * (mean as f32 + own(place));
         }
     }
-    let sample = |place: &Place| {
+    let sample = |place: &VertexPlace| {
         let index = place.vertex as usize;
         let vertex = &vertices[index];
         let next = if vertex.has_next { leaving[index + 1] } else { 0.0 };
@@ -118,18 +118,18 @@ pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
         let square = found * found * taken.pdf;
         square.is_finite().then_some(Sample { taken, square, has_next: vertex.has_next })
     };
-    let agent = |places: &[Place]| {
+    let agent = |places: &[VertexPlace]| {
         let all = || places.iter().map(|place| &vertices[place.vertex as usize]);
-        let asked: Vec<Asked> = all().filter_map(|vertex| vertex.asked).collect();
-        let left = all().map(|vertex| Left { brightness: vertex.brightness, work: vertex.work });
+        let asked: Vec<RequestedLight> = all().filter_map(|vertex| vertex.asked).collect();
+        let left = all().map(|vertex| DepartingLight { brightness: vertex.brightness, work: vertex.work });
         Agent::new(left, lights?.learn(&asked))
     };
     Guide::new(lattice, grown.into_par_iter().map(|grown| grown.filled(sample, agent)).collect())
 }
 
-impl Grown {
+impl RegionTree {
     /// Cuts space until each part has few vertices.
-    fn new(places: Vec<Place>, lattice: Lattice) -> Self {
+    fn new(places: Vec<VertexPlace>, lattice: Lattice) -> Self {
         let mut grown = Self { nodes: Vec::new(), ranges: Vec::new(), places, lattice };
         if !grown.places.is_empty() {
             let all = 0..grown.places.len();
@@ -140,11 +140,11 @@ impl Grown {
     }
 
     fn push(&mut self, range: Range<usize>) {
-        self.nodes.push(Node::UNGUIDED);
+        self.nodes.push(GuideNode::UNGUIDED);
         self.ranges.push(range);
     }
 
-    fn split(&mut self, at: usize, range: Range<usize>, scratch: &mut Vec<Place>) {
+    fn split(&mut self, at: usize, range: Range<usize>, scratch: &mut Vec<VertexPlace>) {
         /// Of so many the middle one is taken for that of all.
         const MEDIAN_OF: usize = 511;
         let part = &mut self.places[range.clone()];
@@ -174,7 +174,7 @@ impl Grown {
         }
         part[before..].copy_from_slice(scratch);
         let (middle, first) = (range.start + before, self.nodes.len());
-        self.nodes[at] = Node::split(axis, plane, first);
+        self.nodes[at] = GuideNode::split(axis, plane, first);
         self.push(range.start..middle);
         self.push(middle..range.end);
         self.split(first, range.start..middle, scratch);
@@ -182,13 +182,17 @@ impl Grown {
     }
 
     /// The places of each leaf.
-    fn regions(&self) -> impl Iterator<Item = &[Place]> {
+    fn regions(&self) -> impl Iterator<Item = &[VertexPlace]> {
         let leaves = self.nodes.iter().zip(&self.ranges).filter(|(node, _)| node.as_split().is_none());
         leaves.map(|(_, range)| &self.places[range.clone()]).filter(|places| !places.is_empty())
     }
 
     /// Makes the regions, each from its own samples and from what is known around it.
-    fn filled(mut self, sample: impl Fn(&Place) -> Option<Sample>, agent: impl Fn(&[Place]) -> Option<Agent>) -> Tree {
+    fn filled(
+        mut self,
+        sample: impl Fn(&VertexPlace) -> Option<Sample>,
+        agent: impl Fn(&[VertexPlace]) -> Option<Agent>,
+    ) -> Tree {
         if self.nodes.is_empty() {
             return Tree::default();
         }
@@ -206,12 +210,12 @@ impl Grown {
             *range = counts[range.start]..counts[range.end];
         }
         let mut filling = Filling { agents, tree: Tree::default() };
-        self.fill(0, &samples, &Learnt::nothing(), &mut filling);
+        self.fill(0, &samples, &LearntRegion::nothing(), &mut filling);
         Tree { nodes: self.nodes, ..filling.tree }
     }
 
     /// `ranges` are those of the samples by now.
-    fn fill(&mut self, at: usize, samples: &[Sample], around: &Learnt, filling: &mut Filling) {
+    fn fill(&mut self, at: usize, samples: &[Sample], around: &LearntRegion, filling: &mut Filling) {
         let seen = &samples[self.ranges[at].clone()];
         // In the heap: trees may be deep.
         let here = Box::new(around.within(seen));
@@ -233,19 +237,19 @@ struct Filling {
 
 impl Filling {
     /// What stands for a node that is a leaf.
-    fn leaf(&mut self, at: usize, region: Option<Region>) -> Node {
+    fn leaf(&mut self, at: usize, region: Option<Region>) -> GuideNode {
         let (agent, tree) = (self.agents[at], &mut self.tree);
         match (region, agent) {
             (Some(region), agent) => {
                 tree.regions.push(region);
                 tree.agents.push(agent.unwrap_or_default());
-                Node::region(tree.regions.len() - 1)
+                GuideNode::region(tree.regions.len() - 1)
             }
             (None, Some(agent)) => {
                 tree.lone.push(agent);
-                Node::region(LONE + tree.lone.len() - 1)
+                GuideNode::region(LONE + tree.lone.len() - 1)
             }
-            (None, None) => Node::UNGUIDED,
+            (None, None) => GuideNode::UNGUIDED,
         }
     }
 }
@@ -255,12 +259,12 @@ fn bounds(places: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
 }
 
 /// What is known of a region from all samples, and from each half of them.
-struct Learnt {
+struct LearntRegion {
     whole: Pyramid,
     halves: [Pyramid; 2],
 }
 
-impl Learnt {
+impl LearntRegion {
     fn nothing() -> Self {
         Self { whole: Pyramid::uniform(), halves: [Pyramid::uniform(), Pyramid::uniform()] }
     }
@@ -287,7 +291,7 @@ fn directions(learnt: &Pyramid) -> Option<Directions> {
 }
 
 /// `None` where the BSDF is as good a guide.
-fn region(learnt: &Learnt, samples: &[Sample]) -> Option<Region> {
+fn region(learnt: &LearntRegion, samples: &[Sample]) -> Option<Region> {
     if samples.len() < SAMPLES_MIN {
         return None;
     }
@@ -332,7 +336,7 @@ pub(super) mod tests {
                 let (cell, cube) = place_of(w);
                 let pdf = 0.25 * std::f32::consts::FRAC_1_PI;
                 let emitted = if p.x < 0.0 && w.dot(to) > 0.9 { 1.0 / pdf } else { 0.01 };
-                let taken = Some(Taken { cell, cube, pdf, bsdf_pdf: pdf });
+                let taken = Some(DirectionSample { cell, cube, pdf, bsdf_pdf: pdf });
                 let dark = Vertex {
                     p,
                     face: 2,

@@ -1,4 +1,4 @@
-//! Where light comes from, learnt by paths that were traced ahead: a guide for the directions of those that count.
+//! The guide: directions that light comes from, learnt by paths that were traced ahead, for those that count.
 //!
 //! Lambert's cosine knows nothing of the mirror that throws a spot of light on a wall, or of the one bright corner of a
 //! room; where a path turns at random it finds them rarely, and each time with a great weight. The guide holds, for

@@ -4,12 +4,12 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::agent::{Expected, Seen};
+use super::agent::{EyePath, PictureWorth};
 use super::directions::place_of;
-use super::learn::{Taken, Vertex, learn};
+use super::learn::{DirectionSample, Vertex, learn};
 use super::tree::{Guide, face_of};
 use crate::{
-    lights::{Asked, Lights},
+    lights::{Lights, RequestedLight},
     luminance,
 };
 
@@ -26,23 +26,23 @@ const PATHS_PER_CHUNK: u32 = 512;
 /// The vertices of one path at which it could have gone elsewhere.
 #[derive(Debug, Default)]
 pub(crate) struct Trail {
-    steps: Vec<Step>,
+    steps: Vec<TrailStep>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Step {
+struct TrailStep {
     p: Vec3,
     normal: Vec3,
     /// What the path carried when it came, and had gathered.
     throughput: Spectrum,
     radiance: Spectrum,
-    went: Option<Went>,
-    asked: Option<Asked>,
+    went: Option<ScatterChoice>,
+    asked: Option<RequestedLight>,
 }
 
 /// Where a path went on.
 #[derive(Clone, Copy, Debug)]
-struct Went {
+struct ScatterChoice {
     wi: Vec3,
     bsdf_pdf: f32,
     pdf: f32,
@@ -54,12 +54,12 @@ impl Trail {
     /// A path comes to a point with a normal, carries `throughput` and has gathered `radiance`.
     pub(crate) fn come(&mut self, p: Vec3, normal: Vec3, throughput: Spectrum, radiance: Spectrum) {
         if self.steps.len() < VERTICES_MAX {
-            self.steps.push(Step { p, normal, throughput, radiance, went: None, asked: None });
+            self.steps.push(TrailStep { p, normal, throughput, radiance, went: None, asked: None });
         }
     }
 
     /// It asks for light at the point where it came last.
-    pub(crate) fn ask(&mut self, asked: Asked) {
+    pub(crate) fn ask(&mut self, asked: RequestedLight) {
         if let Some(step) = self.steps.last_mut() {
             step.asked.get_or_insert(asked);
         }
@@ -70,7 +70,7 @@ impl Trail {
         if let Some(step) = self.steps.last_mut()
             && step.went.is_none()
         {
-            step.went = Some(Went { wi, bsdf_pdf, pdf, radiance });
+            step.went = Some(ScatterChoice { wi, bsdf_pdf, pdf, radiance });
         }
     }
 
@@ -79,10 +79,11 @@ impl Trail {
         for (index, step) in self.steps.iter().enumerate() {
             let carried = luminance(step.throughput);
             let next = self.steps.get(index + 1);
-            let emitted = |went: Went| luminance(next.map_or(radiance, |next| next.radiance) - went.radiance) / carried;
-            let taken = |went: Went| {
+            let emitted =
+                |went: ScatterChoice| luminance(next.map_or(radiance, |next| next.radiance) - went.radiance) / carried;
+            let taken = |went: ScatterChoice| {
                 let (cell, cube) = place_of(went.wi);
-                Taken { cell, cube, pdf: went.pdf, bsdf_pdf: went.bsdf_pdf }
+                DirectionSample { cell, cube, pdf: went.pdf, bsdf_pdf: went.bsdf_pdf }
             };
             vertices.push(Vertex {
                 p: step.p,
@@ -142,7 +143,7 @@ pub(crate) fn train(
         if training.lights.is_none() {
             return guide;
         }
-        let expected = Expected::new(training.size, &seen, &guide);
+        let expected = PictureWorth::new(training.size, &seen, &guide);
         guide.expecting(expected)
     };
     match rayon::ThreadPoolBuilder::new().num_threads(training.threads).build() {
@@ -156,7 +157,7 @@ fn traced(
     paths: std::ops::Range<u32>,
     guide: Option<&Guide>,
     trace: &(impl Fn(Option<&Guide>, u32, &mut Trail) -> (Spectrum, [f32; 2]) + Sync),
-) -> Vec<(Vec<Vertex>, Vec<Seen>)> {
+) -> Vec<(Vec<Vertex>, Vec<EyePath>)> {
     let chunks = paths.len().div_ceil(PATHS_PER_CHUNK as usize) as u32;
     let of_chunk = |chunk: u32| {
         let first = paths.start + chunk * PATHS_PER_CHUNK;
@@ -164,7 +165,7 @@ fn traced(
         for path in first..paths.end.min(first + PATHS_PER_CHUNK) {
             let (radiance, place) = trace(guide, path, &mut trail);
             let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
-            seen.push(Seen { place, brightness: finite(radiance.max_element()), first });
+            seen.push(EyePath { place, brightness: finite(radiance.max_element()), first });
             trail.finish(radiance, &mut vertices);
         }
         (vertices, seen)

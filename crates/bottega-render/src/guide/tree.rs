@@ -4,7 +4,7 @@ use bottega_kernels::prefetch;
 use glam::Vec3;
 
 use super::{
-    agent::{Agent, Expected},
+    agent::{Agent, PictureWorth},
     directions::Directions,
 };
 
@@ -30,7 +30,7 @@ pub(super) fn face_of(normal: Vec3) -> usize {
 
 /// A place in a [`Tree`]: where to go on, or where one has come.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct GuideNode {
     plane: f32,
     /// The axis in the two high bits, below them the first child; [`LEAF`] there, and the region.
     link: u32,
@@ -41,7 +41,7 @@ const LEAF: u32 = 3 << LINK_BITS;
 const LINK_BITS: u32 = 30;
 const LINK_MASK: u32 = (1 << LINK_BITS) - 1;
 
-impl Node {
+impl GuideNode {
     /// A region where the BSDF is as good a guide.
     pub(super) const UNGUIDED: Self = Self { plane: 0.0, link: LEAF | LINK_MASK };
 
@@ -154,8 +154,8 @@ impl Lattice {
     }
 
     /// For each cell and each of some trees the deepest node of which all of the cell is: of those with numbers that an
-    /// [`Entry`] can hold. The root of a tree is the node of its number.
-    fn entries(&self, nodes: &[Node]) -> Vec<Entry> {
+    /// [`LatticeEntry`] can hold. The root of a tree is the node of its number.
+    fn entries(&self, nodes: &[GuideNode]) -> Vec<LatticeEntry> {
         let edge = |axis: usize, i: u32| match i {
             0 => f32::NEG_INFINITY,
             i if i == self.size[axis] => f32::INFINITY,
@@ -178,7 +178,8 @@ impl Lattice {
         };
         let [columns, rows, layers] = self.size;
         let cell = |i: u32| [i % columns, i / columns % rows, i / (columns * rows)];
-        let entry = |i: u32| Entry(std::array::from_fn(|root| if root < FACES { deepest(cell(i), root) } else { 0 }));
+        let entry =
+            |i: u32| LatticeEntry(std::array::from_fn(|root| if root < FACES { deepest(cell(i), root) } else { 0 }));
         (0..columns * rows * layers).map(entry).collect()
     }
 }
@@ -186,13 +187,13 @@ impl Lattice {
 /// Where to enter the trees from a cell of the lattice: numbers of nodes, one for each way that a surface may face.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
-struct Entry([u16; 8]);
+struct LatticeEntry([u16; 8]);
 
 /// All surfaces that face one way.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
     /// The root first; none where nothing is known. Leaves are regions by their number, or [lone](Self::lone).
-    pub(super) nodes: Vec<Node>,
+    pub(super) nodes: Vec<GuideNode>,
     pub(super) regions: Vec<Region>,
     /// Of the regions, if agents are wanted.
     pub(super) agents: Vec<Agent>,
@@ -236,13 +237,13 @@ impl Region {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Guide {
     lattice: Lattice,
-    entries: Vec<Entry>,
+    entries: Vec<LatticeEntry>,
     /// Of all trees: the roots first.
-    nodes: Vec<Node>,
+    nodes: Vec<GuideNode>,
     regions: Vec<Region>,
     /// Of the regions; then of leaves that have no directions. None if only directions were learnt.
     agents: Vec<Agent>,
-    expected: Expected,
+    expected: PictureWorth,
     /// Whether it pays to end and to split paths, and to leave out shadow rays, by what agents say.
     by_worth: bool,
 }
@@ -250,19 +251,19 @@ pub(crate) struct Guide {
 impl Guide {
     /// The trees of all ways to face in one; they are cut on the planes of the lattice where they can be.
     pub(super) fn new(lattice: Lattice, trees: Vec<Tree>) -> Self {
-        let mut nodes = vec![Node::UNGUIDED; FACES];
+        let mut nodes = vec![GuideNode::UNGUIDED; FACES];
         let mut regions = Vec::new();
         let region_count: usize = trees.iter().map(|tree| tree.regions.len()).sum();
         let (mut agents, mut lone) = (Vec::new(), Vec::new());
         for (root, tree) in trees.into_iter().enumerate() {
             // Only a root moves: all others keep their order, behind those of the trees before.
-            let moved = |node: Node| match node.as_split() {
-                Some((axis, plane, first)) => Node::split(axis, plane, first + nodes.len() - 1),
-                None if node.number() < tree.regions.len() => Node::region(node.number() + regions.len()),
+            let moved = |node: GuideNode| match node.as_split() {
+                Some((axis, plane, first)) => GuideNode::split(axis, plane, first + nodes.len() - 1),
+                None if node.number() < tree.regions.len() => GuideNode::region(node.number() + regions.len()),
                 None if node.number().wrapping_sub(LONE) < tree.lone.len() => {
-                    Node::region(node.number() - LONE + region_count + lone.len())
+                    GuideNode::region(node.number() - LONE + region_count + lone.len())
                 }
-                None => Node::UNGUIDED,
+                None => GuideNode::UNGUIDED,
             };
             let mut tree_nodes = tree.nodes.into_iter().map(moved).collect::<Vec<_>>().into_iter();
             if let Some(node) = tree_nodes.next() {
@@ -278,7 +279,7 @@ impl Guide {
     }
 
     /// With what the parts of the picture are worth.
-    pub(super) fn expecting(self, expected: Expected) -> Self {
+    pub(super) fn expecting(self, expected: PictureWorth) -> Self {
         Self { expected, ..self }
     }
 
@@ -293,24 +294,24 @@ impl Guide {
     }
 
     /// What it is made of.
-    pub(super) fn parts(&self) -> (Lattice, &[Node], &[Region], &[Agent]) {
+    pub(super) fn parts(&self) -> (Lattice, &[GuideNode], &[Region], &[Agent]) {
         (self.lattice, &self.nodes, &self.regions, &self.agents)
     }
 
     /// What the parts of the picture are worth.
-    pub(crate) fn expected(&self) -> &Expected {
+    pub(crate) fn expected(&self) -> &PictureWorth {
         &self.expected
     }
 
     /// The other way round. `None`: ways through the nodes would not end, or lead nowhere.
     pub(super) fn from_parts(
         lattice: Lattice,
-        nodes: Vec<Node>,
+        nodes: Vec<GuideNode>,
         regions: Vec<Region>,
         agents: Vec<Agent>,
-        expected: Expected,
+        expected: PictureWorth,
     ) -> Option<Self> {
-        let leads_on = |(number, node): (usize, &Node)| {
+        let leads_on = |(number, node): (usize, &GuideNode)| {
             node.as_split().is_none_or(|(_, _, first)| first > number && first + 1 < nodes.len())
         };
         let is_sound = (nodes.is_empty() || nodes.len() >= FACES) && nodes.iter().enumerate().all(leads_on);
@@ -341,7 +342,7 @@ impl Guide {
     /// The number of the leaf of such a point.
     #[inline(always)]
     pub(crate) fn leaf(&self, p: Vec3, normal: Vec3) -> Option<usize> {
-        let Entry(roots) = self.entries.get(self.lattice.cell(p))?;
+        let LatticeEntry(roots) = self.entries.get(self.lattice.cell(p))?;
         let mut node = *self.nodes.get(usize::from(roots[face_of(normal)]))?;
         while let Some((axis, plane, first)) = node.as_split() {
             node = *self.nodes.get(first + usize::from(p[axis] >= plane))?;

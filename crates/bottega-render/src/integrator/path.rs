@@ -23,7 +23,7 @@ use crate::{
     bsdf::Bsdf,
     camera::CameraRay,
     guide::{Guide, Trail},
-    interaction::{Asks, Interaction, is_there, shines},
+    interaction::{Interaction, SurfaceQuery, is_there, shines},
     lights::Receiver,
     sampler::{DimensionSet, PixelSampler, Quad},
     shading::{BLEND, DEPTH_SHIFT, bsdf_at, exp},
@@ -251,10 +251,10 @@ impl Path<'_> {
             }
         }
         if self.depth == 0 && self.integrator.hides_emitters {
-            let is_seen = |hit: &Hit| !shines(prepared, hit) && self.is_there(&ray, hit, Asks::Path);
+            let is_seen = |hit: &Hit| !shines(prepared, hit) && self.is_there(&ray, hit, SurfaceQuery::Path);
             prepared.accel().intersect_filtered(&ray, is_seen)
         } else if prepared.has_opacity() {
-            prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Path))
+            prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Path))
         } else {
             prepared.accel().intersect(&ray)
         }
@@ -263,7 +263,7 @@ impl Path<'_> {
     /// Whether a candidate hit is to be taken. It depends on the segment of the path and on the surface alone, so all
     /// candidates of one ray may be asked in any order and more than once.
     #[inline(always)]
-    fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
+    fn is_there(&self, ray: &Ray, hit: &Hit, asks: SurfaceQuery) -> bool {
         let asks = asks.of_vertex(self.depth);
         is_there(self.integrator.prepared, ray, hit, asks, |surface| {
             self.sampler.hashed(surface ^ u64::from(self.depth) << DEPTH_SHIFT)
@@ -282,7 +282,7 @@ impl Path<'_> {
         }
         self.record.values.cost += SHADOW_STEPS;
         if prepared.has_opacity() {
-            prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, Asks::Shadow))
+            prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, SurfaceQuery::Shadow))
         } else {
             prepared.accel().occluded(ray)
         }

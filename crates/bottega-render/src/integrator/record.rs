@@ -1,4 +1,4 @@
-//! What comes of a sample: its values, and what it took.
+//! The result of a sample: its values, and what it took.
 
 use bottega_image::SampleValues;
 use bottega_scene::Spectrum;

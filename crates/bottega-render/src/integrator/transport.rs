@@ -1,4 +1,4 @@
-//! What all integrators have in common: how light that is found in several ways is weighed, and how lights are looked for.
+//! The terms that all integrators share: weights of light that is found in several ways, and the search for lights.
 
 use bottega_kernels::Ray;
 use bottega_scene::Spectrum;

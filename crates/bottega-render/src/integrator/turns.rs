@@ -25,7 +25,7 @@ pub(crate) struct Painting<'a> {
 }
 
 /// A path under way.
-struct Lane<'a> {
+struct PathLane<'a> {
     path: Path<'a>,
     /// Which of the samples it is, and the factor with which it counts.
     sample: usize,
@@ -78,10 +78,10 @@ fn in_turn<const AGENTS: bool>(
         }
         (path, sample, factor)
     });
-    let mut lanes: Vec<Lane<'_>> = Vec::with_capacity(LANES);
+    let mut lanes: Vec<PathLane<'_>> = Vec::with_capacity(LANES);
     for (path, sample, factor) in waiting.by_ref().take(LANES) {
         let branches = if AGENTS { Vec::with_capacity(BRANCHES_MAX) } else { Vec::new() };
-        lanes.push(Lane { path, sample, factor, hit: Hit::NONE, branches });
+        lanes.push(PathLane { path, sample, factor, hit: Hit::NONE, branches });
     }
     while !lanes.is_empty() {
         for lane in &mut lanes {

@@ -25,17 +25,17 @@ use super::{
 use crate::{
     bsdf::BsdfAt,
     camera::CameraRay,
-    interaction::{Asks, Interaction},
+    interaction::{Interaction, SurfaceQuery},
     lights::{Receiver, Segment},
     media::{
         Filling, Homogeneous, Phase, channel_probabilities,
-        varying::{Carried, Line, Varying},
+        varying::{CarriedLight, Line, Varying},
     },
     sampler::{DimensionSet, PixelSampler},
     shading::{BLEND, DEPTH_SHIFT, bsdf_at},
 };
 use passage::{BOUNDARIES_MAX, STEPS, numbers};
-use state::{Along, Path, Previous};
+use state::{Path, Previous, SegmentPoint};
 
 /// Cost of a number that tracking takes, with the look at the grid that it is for, in traversal steps.
 const TRACKING_STEPS: f32 = 2.0;
@@ -86,7 +86,7 @@ impl Path<'_> {
         let prepared = self.prepared;
         let reach = std::mem::replace(&mut self.reach, f32::INFINITY);
         let ray = Ray { t_max: reach, ..Ray::new(self.origin, self.direction) };
-        let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Path));
+        let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Path));
         self.record.values.cost += STEPS;
         self.record.counts.media += u32::from(self.medium.is_some());
         self.segment += 1;
@@ -149,7 +149,7 @@ impl Path<'_> {
         if distance < segment.length {
             let pdf = medium.distance_pdf(channels, distance);
             self.throughput *= medium.transmittance(distance) * medium.scattering / pdf;
-            let along = Along { segment, distance, pdf };
+            let along = SegmentPoint { segment, distance, pdf };
             return Some(self.scatter_within(medium.phase, medium.albedo(), &segment, distance, Some(along)));
         }
         self.throughput *= transmittance / medium.survival(channels, segment.length);
@@ -160,9 +160,9 @@ impl Path<'_> {
     fn pass_varying(&mut self, medium: &Varying<'_>, segment: Segment, arriving: Spectrum) -> Option<bool> {
         let [u_kind, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
         let line = Line { origin: segment.origin, direction: segment.direction, length: segment.length };
-        let mut carried = Carried { throughput: self.throughput, radiance: self.radiance };
+        let mut carried = CarriedLight { throughput: self.throughput, radiance: self.radiance };
         let collision = medium.track(&line, &mut carried, [u_kind, u], numbers(self.sampler, &mut self.numbers_drawn));
-        Carried { throughput: self.throughput, radiance: self.radiance } = carried;
+        CarriedLight { throughput: self.throughput, radiance: self.radiance } = carried;
         let Some(collision) = collision else {
             self.radiance += self.throughput * arriving;
             return None;
@@ -182,7 +182,7 @@ impl Path<'_> {
         albedo: Spectrum,
         segment: &Segment,
         distance: f32,
-        along: Option<Along>,
+        along: Option<SegmentPoint>,
     ) -> bool {
         self.cone = self.cone.at(distance);
         let p = segment.origin + segment.direction * distance;

@@ -33,7 +33,7 @@ pub struct Wave {
     shadow_rays: Arc<Vec<Ray>>,
 }
 
-/// What was found of the rays of a wave.
+/// The answers to the rays of a wave.
 #[derive(Clone, Debug, Default)]
 pub struct WaveAnswers {
     /// For each of [`Wave::rays`].

@@ -1,4 +1,4 @@
-//! What a mesh says of a point of one of its triangles.
+//! The point of a triangle, as its mesh describes it.
 
 use bottega_kernels::{Hit, prefetch};
 use bottega_scene::Mesh;

@@ -115,7 +115,9 @@ fn a_sphere_is_there_where_its_texture_says() {
     for (x, is_met) in [(-0.5, false), (0.5, true)] {
         // Longer than a unit, as shadow rays are.
         let ray = Ray::new(Vec3::new(x, 0.0, 3.0), 2.0 * Vec3::NEG_Z);
-        let hit = prepared.accel().intersect_filtered(&ray, |hit| is_there(&prepared, &ray, hit, Asks::Path, |_| 0.5));
+        let hit = prepared
+            .accel()
+            .intersect_filtered(&ray, |hit| is_there(&prepared, &ray, hit, SurfaceQuery::Path, |_| 0.5));
         assert_eq!(hit.is_some(), is_met, "{x}");
     }
 }
@@ -144,9 +146,9 @@ fn the_camera_sees_through_backs_and_nothing_else_does() {
         ] {
             let ray = Ray::new(origin, direction);
             for (asks, passes) in [
-                (Asks::Path.of_vertex(0), culls_back && is_back),
-                (Asks::Path.of_vertex(1), false),
-                (Asks::Shadow, false),
+                (SurfaceQuery::Path.of_vertex(0), culls_back && is_back),
+                (SurfaceQuery::Path.of_vertex(1), false),
+                (SurfaceQuery::Shadow, false),
             ] {
                 let hit =
                     prepared.accel().intersect_filtered(&ray, |hit| is_there(&prepared, &ray, hit, asks, |_| 0.5));

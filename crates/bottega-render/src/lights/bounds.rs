@@ -1,4 +1,4 @@
-//! What a group of lights has in common: where it is, where it shines, how strongly.
+//! Bounds of a group of lights: where it is, where it shines, how strongly.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 

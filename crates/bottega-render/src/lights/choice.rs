@@ -1,4 +1,4 @@
-//! Which lights matter at a place, and which of them are seen from there: learnt from rays that asked.
+//! The choice among lights at a place: which matter and which are seen from there, learnt from shadow rays.
 //!
 //! The tree over lights knows distances, sizes and directions, and no walls. A choice knows, for some surfaces next to each
 //! other, how much of the light that was asked for came, by parts of the tree: a cut through it that goes deep where much
@@ -29,7 +29,7 @@ const ASKED_MIN: usize = 64;
 
 /// Light that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Asked {
+pub(crate) struct RequestedLight {
     /// The light of the tree; [`NO_LIGHT`]: one infinitely far away.
     pub(crate) light: u32,
     /// Luminance that it adds to what leaves the place, over its probability, if nothing is between.
@@ -60,16 +60,16 @@ pub(crate) const NUMBERS: usize = 2 + 3 * PARTS + PARTS + 1;
 
 /// A part of the tree while a cut is sought.
 #[derive(Clone, Copy)]
-struct Part {
+struct CutPart {
     node: u32,
     first: u32,
     end: u32,
-    tally: Tally,
+    tally: CutTally,
 }
 
 /// What was found of a part.
 #[derive(Clone, Copy, Default)]
-struct Tally {
+struct CutTally {
     /// How often it was asked.
     asked: u32,
     /// How often something would have been found, and how often it was seen.
@@ -80,8 +80,8 @@ struct Tally {
     halves: [f64; 2],
 }
 
-impl Tally {
-    fn add(&mut self, asked: &Asked, index: usize) {
+impl CutTally {
+    fn add(&mut self, asked: &RequestedLight, index: usize) {
         self.asked += 1;
         if asked.found > 0.0 {
             self.wanted += 1;
@@ -107,12 +107,12 @@ impl Tally {
 
 impl Choice {
     /// Learns from rays of one place. `None`: they are too few.
-    fn learn(tree: &LightTree, asked: &[Asked]) -> Option<Self> {
+    fn learn(tree: &LightTree, asked: &[RequestedLight]) -> Option<Self> {
         if asked.len() < ASKED_MIN {
             return None;
         }
         let tally = |is_of: &dyn Fn(u32) -> bool| {
-            let mut tally = Tally::default();
+            let mut tally = CutTally::default();
             for (index, asked) in asked.iter().enumerate().filter(|(_, asked)| is_of(asked.light)) {
                 tally.add(asked, index);
             }
@@ -122,9 +122,9 @@ impl Choice {
         Some(Self::from_parts(&parts, &tally(&|light| light == NO_LIGHT), asked.len()))
     }
 
-    fn from_parts(parts: &[Part], far: &Tally, count: usize) -> Self {
+    fn from_parts(parts: &[CutPart], far: &CutTally, count: usize) -> Self {
         let tallies = || parts.iter().map(|part| &part.tally).chain([far]);
-        let by = |square: &dyn Fn(&Tally) -> f64| -> Vec<f64> {
+        let by = |square: &dyn Fn(&CutTally) -> f64| -> Vec<f64> {
             let weights: Vec<f64> = tallies().map(|tally| tally.weight(square(tally))).collect();
             let sum: f64 = weights.iter().sum();
             weights.into_iter().map(|weight| if sum > 0.0 { weight / sum } else { 0.0 }).collect()
@@ -227,26 +227,29 @@ impl Choice {
 }
 
 /// A cut through the tree: parts in the order of their lights. What most comes from is opened, as long as there is room.
-fn cut(tree: &LightTree, tally: &impl Fn(u32, u32) -> Tally) -> Vec<Part> {
-    let mut parts: Vec<Part> =
-        tree.root().into_iter().map(|(node, first, end)| Part { node, first, end, tally: tally(first, end) }).collect();
+fn cut(tree: &LightTree, tally: &impl Fn(u32, u32) -> CutTally) -> Vec<CutPart> {
+    let mut parts: Vec<CutPart> = tree
+        .root()
+        .into_iter()
+        .map(|(node, first, end)| CutPart { node, first, end, tally: tally(first, end) })
+        .collect();
     loop {
-        let can_open = |part: &Part| {
+        let can_open = |part: &CutPart| {
             part.node != NO_LIGHT && tree.children(part.node, part.first).count() + parts.len() <= PARTS + 1
         };
         let weight = |place: usize| parts[place].tally.weight(parts[place].tally.square);
         let open = (0..parts.len()).filter(|&place| can_open(&parts[place]) && weight(place) > 0.0);
         let Some(place) = open.max_by(|&a, &b| weight(a).total_cmp(&weight(b)).then(b.cmp(&a))) else { return parts };
-        let Part { node, first, .. } = parts[place];
+        let CutPart { node, first, .. } = parts[place];
         let children =
-            tree.children(node, first).map(|(node, first, end)| Part { node, first, end, tally: tally(first, end) });
+            tree.children(node, first).map(|(node, first, end)| CutPart { node, first, end, tally: tally(first, end) });
         parts.splice(place..=place, children.collect::<Vec<_>>());
     }
 }
 
 impl Lights {
     /// Learns from rays of one place. `None`: they are too few.
-    pub(crate) fn learn(&self, asked: &[Asked]) -> Option<Choice> {
+    pub(crate) fn learn(&self, asked: &[RequestedLight]) -> Option<Choice> {
         Choice::learn(&self.tree, asked)
     }
 

@@ -33,7 +33,7 @@ const SPOT_STEPS: usize = 64;
 
 /// A photon that leaves a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Emitted {
+pub(crate) struct EmittedPhoton {
     /// World space, just off the light.
     pub(crate) origin: Vec3,
     /// Unit length.
@@ -68,7 +68,7 @@ impl Start {
 
 /// What emits photons in a scene.
 pub(crate) struct Emission {
-    sources: Vec<Source>,
+    sources: Vec<EmissionSource>,
     /// Sums of the sources' shares in the power, from 0 to 1.
     sums: Vec<f64>,
     /// All directions of the environment.
@@ -78,7 +78,7 @@ pub(crate) struct Emission {
     radius: f32,
 }
 
-enum Source {
+enum EmissionSource {
     /// A light with extent or a point light: its number in the tree.
     Near(u32),
     /// A light without extent: its number in the tree, its index in the scene, and how what it sends is spread over a
@@ -101,7 +101,7 @@ impl Emission {
             Self { sources: Vec::new(), sums: vec![0.0], environment: None, center, radius: radius * 1.001 };
         let mut powers = Vec::new();
         let disc = PI * emission.radius * emission.radius;
-        let mut push = |emission: &mut Self, source: Source, power: f32| {
+        let mut push = |emission: &mut Self, source: EmissionSource, power: f32| {
             if power > 0.0 && power.is_finite() {
                 emission.sources.push(source);
                 powers.push(f64::from(power));
@@ -109,8 +109,8 @@ impl Emission {
         };
         for (number, light) in prepared.lights().lights.iter().enumerate() {
             let (source, power) = match light {
-                Light::Surface(surface) => (Source::Near(number as u32), surface.power(scene)),
-                Light::Sphere(index) => (Source::Near(number as u32), place::power_of_sphere(scene, *index)),
+                Light::Surface(surface) => (EmissionSource::Near(number as u32), surface.power(scene)),
+                Light::Sphere(index) => (EmissionSource::Near(number as u32), place::power_of_sphere(scene, *index)),
                 Light::Punctual(index) => near_source(prepared, number as u32, *index),
             };
             push(&mut emission, source, power);
@@ -121,7 +121,7 @@ impl Emission {
         }
         for light in &scene.lights {
             if let SceneLight { kind: LightKind::Directional { direction, irradiance }, .. } = *light {
-                push(&mut emission, Source::Parallel(direction, irradiance), disc * luminance(irradiance));
+                push(&mut emission, EmissionSource::Parallel(direction, irradiance), disc * luminance(irradiance));
             }
         }
         if let Some(environment) = &scene.environment {
@@ -130,11 +130,11 @@ impl Emission {
             // The mean over all orientations is a quarter of the integral.
             let integral = 4.0 * light.illuminance(center);
             if environment.portals.is_empty() {
-                push(&mut emission, Source::Environment, integral * disc);
+                push(&mut emission, EmissionSource::Environment, integral * disc);
             }
             for portal in &environment.portals {
                 let area = portal.edges[0].cross(portal.edges[1]).length();
-                push(&mut emission, Source::Portal(*portal), 0.25 * integral * area);
+                push(&mut emission, EmissionSource::Portal(*portal), 0.25 * integral * area);
             }
             emission.environment = Some(light);
         }
@@ -193,17 +193,21 @@ impl Emission {
     }
 
     /// An estimate of the share of a source's power that may come to what is seen.
-    fn arriving(&self, prepared: &PreparedScene, extent: &Extent, source: &Source) -> f64 {
+    fn arriving(&self, prepared: &PreparedScene, extent: &Extent, source: &EmissionSource) -> f64 {
         let near = |p: Vec3| f64::from((extent.radius / p.distance(extent.center)).min(1.0)).powi(2);
         let scene = &**prepared.scene();
         match source {
-            Source::Near(number) | Source::Pictured(number, ..) => match &prepared.lights().lights[*number as usize] {
-                Light::Surface(surface) => near(surface.ball().0),
-                Light::Sphere(index) => near(scene.spheres[*index as usize].center),
-                Light::Punctual(index) => near(punctual::position(scene, *index)),
-            },
-            Source::Portal(portal) => near(portal.corner + 0.5 * (portal.edges[0] + portal.edges[1])),
-            Source::Parallel(..) | Source::Environment => f64::from(extent.radius / self.radius).powi(2),
+            EmissionSource::Near(number) | EmissionSource::Pictured(number, ..) => {
+                match &prepared.lights().lights[*number as usize] {
+                    Light::Surface(surface) => near(surface.ball().0),
+                    Light::Sphere(index) => near(scene.spheres[*index as usize].center),
+                    Light::Punctual(index) => near(punctual::position(scene, *index)),
+                }
+            }
+            EmissionSource::Portal(portal) => near(portal.corner + 0.5 * (portal.edges[0] + portal.edges[1])),
+            EmissionSource::Parallel(..) | EmissionSource::Environment => {
+                f64::from(extent.radius / self.radius).powi(2)
+            }
         }
     }
 
@@ -212,7 +216,13 @@ impl Emission {
     /// - `plan`: made by [`Self::plan`].
     /// - `u`: choice of the source (1), choice on it (1), place on it (2).
     /// - `v`: direction (2), whether that is aimed (1), spare (1).
-    pub(crate) fn emit(&self, prepared: &PreparedScene, plan: &EmissionPlan, u: Quad, v: Quad) -> Option<Emitted> {
+    pub(crate) fn emit(
+        &self,
+        prepared: &PreparedScene,
+        plan: &EmissionPlan,
+        u: Quad,
+        v: Quad,
+    ) -> Option<EmittedPhoton> {
         if self.is_empty() {
             return None;
         }
@@ -223,7 +233,7 @@ impl Emission {
         let power = power / pmf;
         let is_sound = power.is_finite() && power.cmpge(Vec3::ZERO).all() && power != Vec3::ZERO;
         let is_sound = is_sound && origin.is_finite() && direction.is_finite();
-        is_sound.then_some(Emitted { origin, direction, power, light: self.light_of(index) })
+        is_sound.then_some(EmittedPhoton { origin, direction, power, light: self.light_of(index) })
     }
 
     /// How many sources there are.
@@ -235,7 +245,13 @@ impl Emission {
     /// as it shines. `power` is what the place sends that way as a photon.
     ///
     /// - `u`, `v`: as for [`Self::emit`].
-    pub(crate) fn cast(&self, prepared: &PreparedScene, plan: &EmissionPlan, u: Quad, v: Quad) -> Option<Emitted> {
+    pub(crate) fn cast(
+        &self,
+        prepared: &PreparedScene,
+        plan: &EmissionPlan,
+        u: Quad,
+        v: Quad,
+    ) -> Option<EmittedPhoton> {
         let index = ((u[0] * self.sources.len() as f32) as usize).min(self.sources.len().checked_sub(1)?);
         let towards = [v[0], v[1]];
         let Start { origin, direction, power, .. } = self.leave(prepared, plan, index, u, towards)?;
@@ -247,14 +263,14 @@ impl Emission {
             None => uniform_sphere(towards),
         };
         let is_sound = origin.is_finite() && direction.is_finite();
-        is_sound.then_some(Emitted { origin, direction, power, light: self.light_of(index) })
+        is_sound.then_some(EmittedPhoton { origin, direction, power, light: self.light_of(index) })
     }
 
     /// The number of a source in the tree of lights.
     fn light_of(&self, index: usize) -> u32 {
         match &self.sources[index] {
-            Source::Near(number) | Source::Pictured(number, ..) => *number,
-            Source::Parallel(..) | Source::Environment | Source::Portal(_) => NO_LIGHT,
+            EmissionSource::Near(number) | EmissionSource::Pictured(number, ..) => *number,
+            EmissionSource::Parallel(..) | EmissionSource::Environment | EmissionSource::Portal(_) => NO_LIGHT,
         }
     }
 
@@ -269,7 +285,7 @@ impl Emission {
     ) -> Option<Start> {
         let place = [u[2], u[3]];
         Some(match &self.sources[index] {
-            Source::Near(number) => match &prepared.lights().lights[*number as usize] {
+            EmissionSource::Near(number) => match &prepared.lights().lights[*number as usize] {
                 Light::Surface(surface) => surface.emit(prepared.scene(), u[1], place, towards)?,
                 Light::Sphere(index) => place::emit_from_sphere(prepared.scene(), *index, u[1], place, towards)?,
                 Light::Punctual(index) => {
@@ -279,22 +295,22 @@ impl Emission {
                     Start { origin: position, direction, power: 4.0 * PI * intensity, spread: Spread::Everywhere }
                 }
             },
-            Source::Pictured(_, light, table) => {
+            EmissionSource::Pictured(_, light, table) => {
                 let (place, density) = table.sample(place);
                 let (origin, direction, power) =
                     punctual::emitted(prepared.scene(), *light, place.into()).filter(|_| density > 0.0)?;
                 Start::as_drawn(origin, direction, power / density)
             }
-            Source::Parallel(direction, irradiance) => {
+            EmissionSource::Parallel(direction, irradiance) => {
                 let (origin, disc) = plan.on_disc((self.center, self.radius), *direction, u[1], place);
                 Start::as_drawn(origin, *direction, *irradiance * disc)
             }
-            Source::Environment => {
+            EmissionSource::Environment => {
                 let (wi, radiance, pdf) = self.far(prepared, towards)?;
                 let (origin, disc) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
                 Start::as_drawn(origin, -wi, radiance * (disc / pdf))
             }
-            Source::Portal(portal) => self.through(prepared, portal, place, towards)?,
+            EmissionSource::Portal(portal) => self.through(prepared, portal, place, towards)?,
         })
     }
 
@@ -318,16 +334,16 @@ impl Emission {
 }
 
 /// A light without extent and its power.
-fn near_source(prepared: &PreparedScene, number: u32, index: u32) -> (Source, f32) {
+fn near_source(prepared: &PreparedScene, number: u32, index: u32) -> (EmissionSource, f32) {
     let scene = &**prepared.scene();
     let (columns, rows) = match scene.lights[index as usize].kind {
-        LightKind::Point { intensity, .. } => return (Source::Near(number), 4.0 * PI * luminance(intensity)),
+        LightKind::Point { intensity, .. } => return (EmissionSource::Near(number), 4.0 * PI * luminance(intensity)),
         LightKind::Spot { .. } => (SPOT_STEPS, 1),
         LightKind::Goniometric { image, .. } | LightKind::Projector { picture: TextureMap { image, .. }, .. } => {
             let (width, height) = scene.images[image.0 as usize].size();
             (width.clamp(1, SIDE_MAX) as usize, height.clamp(1, SIDE_MAX) as usize)
         }
-        LightKind::Directional { .. } => return (Source::Near(number), 0.0),
+        LightKind::Directional { .. } => return (EmissionSource::Near(number), 0.0),
     };
     let at = |column: usize, row: usize| {
         let place = Vec2::new((column as f32 + 0.5) / columns as f32, (row as f32 + 0.5) / rows as f32);
@@ -337,7 +353,7 @@ fn near_source(prepared: &PreparedScene, number: u32, index: u32) -> (Source, f3
     let mean = cells.iter().sum::<f32>() / cells.len() as f32;
     cells.iter_mut().for_each(|cell| *cell += FLOOR * mean);
     match Cells::new(&cells, columns, rows) {
-        Some(table) => (Source::Pictured(number, index, table), mean),
-        None => (Source::Near(number), 0.0),
+        Some(table) => (EmissionSource::Pictured(number, index, table), mean),
+        None => (EmissionSource::Near(number), 0.0),
     }
 }

@@ -34,13 +34,13 @@ use crate::{
     surfaces::{PreparedInstance, PreparedMaterial, Surfaces},
 };
 use bounds::LightBounds;
-pub(crate) use choice::{Asked, Choice, NUMBERS as CHOICE_NUMBERS};
-pub(crate) use emission::{Aim, Emission, EmissionPlan, Emitted};
+pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
+pub(crate) use emission::{Aim, Emission, EmissionPlan, EmittedPhoton};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
 pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
 pub use surface::SOLID_ANGLE_MIN;
-use surface::{Grid, Panel, Shape, SurfaceLight};
+use surface::{Grid, Panel, PanelShape, SurfaceLight};
 pub use tree::DISTANCE_SQUARED_MIN;
 use tree::LightTree;
 pub(crate) use tree::{Arc, Segment};
@@ -92,19 +92,19 @@ struct Parallel {
 struct TriangleLight {
     /// Where the parts of its panel begin in [`Lights::parts`].
     first_part: u32,
-    shape: Shape,
+    shape: PanelShape,
     is_second: bool,
     grid: Grid,
 }
 
 /// What [`Lights`] is made from, light by light.
 #[derive(Default)]
-struct Collected {
+struct CollectedLights {
     lights: Vec<Light>,
     bounds: Vec<LightBounds>,
 }
 
-impl Collected {
+impl CollectedLights {
     /// The number of the light among those collected; [`NO_LIGHT`] where it is dark.
     fn push(&mut self, light: Light, bounds: LightBounds) -> u32 {
         if !(bounds.intensity > 0.0 && bounds.intensity.is_finite()) {
@@ -129,7 +129,7 @@ impl Lights {
             .as_ref()
             .map(|environment| EnvironmentLight::new(scene, environment, compensate_environment));
         let mut lights = Self { environment, ..Self::default() };
-        let mut collected = Collected::default();
+        let mut collected = CollectedLights::default();
         for (light, index) in scene.lights.iter().zip(0..) {
             if let LightKind::Directional { direction, irradiance } = light.kind {
                 lights.parallel.push(Parallel {
@@ -156,7 +156,7 @@ impl Lights {
         lights
     }
 
-    fn add_instance(&mut self, scene: &Scene, instance: u32, collected: &mut Collected) {
+    fn add_instance(&mut self, scene: &Scene, instance: u32, collected: &mut CollectedLights) {
         let panels = Panel::of_instance(scene, instance);
         for panel in &panels {
             let grid = panel.grid(scene, panels.len());
@@ -179,7 +179,7 @@ impl Lights {
     }
 
     /// Builds the tree, and numbers all lights as it does.
-    fn hang(&mut self, collected: &Collected) {
+    fn hang(&mut self, collected: &CollectedLights) {
         let (tree, order) = LightTree::new(&collected.bounds);
         let mut number = vec![NO_LIGHT; order.len()];
         for (new, &old) in (0..).zip(&order) {

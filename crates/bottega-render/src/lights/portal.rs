@@ -7,7 +7,7 @@ use bottega_kernels::math;
 use bottega_scene::{Portal, Spectrum};
 use glam::{Mat3, Vec3};
 
-use super::window::{Window, WindowTable};
+use super::window::{UnitWindow, WindowTable};
 use crate::{luminance, sampler::Quad};
 
 /// Cells of a side of the table: windows are seen at angles, and pictures are as wide as the sphere.
@@ -122,7 +122,7 @@ impl Opening {
     }
 
     /// The part of the square that the window takes, seen from a point; `None`: it is seen from outside.
-    fn window(&self, from: Vec3) -> Option<Window> {
+    fn window(&self, from: Vec3) -> Option<UnitWindow> {
         let local = self.world_from_local.transpose() * (self.corner - from);
         if local.z <= 0.0 {
             return None;

@@ -43,19 +43,19 @@ pub(super) struct Panel {
     corner: Vec3,
     x: Vec3,
     y: Vec3,
-    pub(super) shape: Shape,
+    pub(super) shape: PanelShape,
 }
 
 /// What `x` and `y` span.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Shape {
+pub(super) enum PanelShape {
     /// The corner is vertex 0.
     Triangle,
     /// The corner is that vertex of the first triangle which the second one has not, and `opposite` the other way round.
     Rectangle { corner: u8, opposite: u8 },
 }
 
-impl Shape {
+impl PanelShape {
     /// The place along the sides at barycentric coordinates (of the second and third vertex) of one of its triangles.
     fn place_of(self, is_second: bool, (u, v): (f32, f32)) -> (f32, f32) {
         let Self::Rectangle { corner, opposite } = self else { return (u, v) };
@@ -75,11 +75,11 @@ pub(super) struct SurfaceLight {
     panel: Panel,
     material: u32,
     /// The part's corner along the panel's sides, and its size; a negative size turns a triangle about.
-    part: Part,
+    part: PanelPart,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Part {
+struct PanelPart {
     s: f32,
     t: f32,
     size: f32,
@@ -107,7 +107,7 @@ impl Panel {
 
     fn triangle(scene: &Scene, instance: u32, triangle: u32) -> Self {
         let [a, b, c] = corners(scene, instance, triangle);
-        Self { instance, triangle, corner: a, x: b - a, y: c - a, shape: Shape::Triangle }
+        Self { instance, triangle, corner: a, x: b - a, y: c - a, shape: PanelShape::Triangle }
     }
 
     /// The rectangle of a triangle and the next one, if they make one.
@@ -128,18 +128,18 @@ impl Panel {
         let is_rectangle = x.dot(y).abs() <= RECTANGLE_TOLERANCE * x.length() * y.length()
             && (world[corner] + x + y - fourth).length() <= RECTANGLE_TOLERANCE * size
             && x.cross(y) != Vec3::ZERO;
-        let shape = Shape::Rectangle { corner: corner as u8, opposite: opposite as u8 };
+        let shape = PanelShape::Rectangle { corner: corner as u8, opposite: opposite as u8 };
         is_rectangle.then_some(Self { instance, triangle, corner: world[corner], x, y, shape })
     }
 
     pub(super) fn triangle_count(&self) -> u32 {
-        if self.shape == Shape::Triangle { 1 } else { 2 }
+        if self.shape == PanelShape::Triangle { 1 } else { 2 }
     }
 
     /// The triangle and its barycentric coordinates (of the second and third vertex) at a place along the sides.
     #[inline(always)]
     fn triangle_at(&self, s: f32, t: f32) -> (u32, (f32, f32)) {
-        let Shape::Rectangle { corner, opposite } = self.shape else { return (self.triangle, (s, t)) };
+        let PanelShape::Rectangle { corner, opposite } = self.shape else { return (self.triangle, (s, t)) };
         let mut weights = [0.0; 3];
         let (triangle, from, along) = if s + t <= 1.0 {
             (0, corner, [1.0 - s - t, s, t])
@@ -179,7 +179,7 @@ impl Panel {
     }
 }
 
-impl Shape {
+impl PanelShape {
     /// See [`code::PANEL_TRIANGLE`].
     pub(super) fn code(self) -> u32 {
         match self {
@@ -197,16 +197,16 @@ impl Grid {
         self.0
     }
 
-    fn parts(self, shape: Shape) -> Vec<Part> {
+    fn parts(self, shape: PanelShape) -> Vec<PanelPart> {
         let size = 1.0 / self.0 as f32;
         let mut parts = Vec::new();
         for row in 0..self.0 {
-            let columns = if shape == Shape::Triangle { self.0 - row } else { self.0 };
+            let columns = if shape == PanelShape::Triangle { self.0 - row } else { self.0 };
             for column in 0..columns {
                 let (s, t) = (column as f32 * size, row as f32 * size);
-                parts.push(Part { s, t, size });
-                if shape == Shape::Triangle && column + 1 < columns {
-                    parts.push(Part { s: s + size, t: t + size, size: -size });
+                parts.push(PanelPart { s, t, size });
+                if shape == PanelShape::Triangle && column + 1 < columns {
+                    parts.push(PanelPart { s: s + size, t: t + size, size: -size });
                 }
             }
         }
@@ -215,11 +215,11 @@ impl Grid {
 
     /// The part at barycentric coordinates (of the second and third vertex) of the first triangle or of the second one, as
     /// [`Panel::lights`] numbers them.
-    pub(super) fn part_at(self, shape: Shape, is_second: bool, barycentric: (f32, f32)) -> u32 {
+    pub(super) fn part_at(self, shape: PanelShape, is_second: bool, barycentric: (f32, f32)) -> u32 {
         let (s, t) = shape.place_of(is_second, barycentric);
         let last = self.0 - 1;
         let cell = |x: f32| ((x * self.0 as f32) as u32).min(last);
-        if shape != Shape::Triangle {
+        if shape != PanelShape::Triangle {
             return cell(t) * self.0 + cell(s);
         }
         let row = cell(t);
@@ -281,7 +281,7 @@ impl SurfaceLight {
     }
 
     pub(super) fn is_rectangle(&self) -> bool {
-        self.panel.shape != Shape::Triangle
+        self.panel.shape != PanelShape::Triangle
     }
 
     /// Corner and sides of the part.

@@ -322,12 +322,12 @@ fn is_seen(light: u32) -> bool {
 }
 
 /// What rays found that asked for light at a place from which some lights are seen.
-fn asked(prepared: &PreparedScene, receiver: &Receiver, count: u32) -> Vec<Asked> {
+fn asked(prepared: &PreparedScene, receiver: &Receiver, count: u32) -> Vec<RequestedLight> {
     let one = |i: u32| {
         let mut next = numbers(20_000 + i);
         let sample = prepared.lights().sample(prepared, receiver, [next(), next(), next(), next()])?;
         let found = illuminance(receiver, &sample) as f32;
-        Some(Asked { light: sample.light, found, is_seen: found > 0.0 && is_seen(sample.light) })
+        Some(RequestedLight { light: sample.light, found, is_seen: found > 0.0 && is_seen(sample.light) })
     };
     (0..count).filter_map(one).collect()
 }

@@ -31,7 +31,7 @@ type Lanes = [f32; WIDTH];
 
 /// A node: what [`LightBounds`] says of each child, ready for use.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct LightNode {
     /// Middle of the box.
     center: [Lanes; 3],
     /// Half of its sides.
@@ -55,7 +55,7 @@ struct Node {
 /// A tree over lights, which are numbered in the order of its leaves.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LightTree {
-    nodes: Vec<Node>,
+    nodes: Vec<LightNode>,
     light_count: u32,
     /// Intensity of all lights together.
     intensity: f32,
@@ -68,7 +68,7 @@ pub(super) trait Importance {
 }
 
 /// What an [`Importance`] sees of a node.
-pub(super) struct Children<'a>(&'a Node);
+pub(super) struct Children<'a>(&'a LightNode);
 
 impl Importance for Receiver {
     #[inline(always)]
@@ -105,7 +105,7 @@ fn co(x: Vec4) -> Vec4 {
 /// Intensity over squared distance with bounds of both cosines (ibid., §4.2 and eq. 3). Without branches, for all children
 /// at once.
 #[inline(always)]
-fn facing<const ONE_SIDED: bool>(node: &Node, receiver: &Receiver) -> Lanes {
+fn facing<const ONE_SIDED: bool>(node: &LightNode, receiver: &Receiver) -> Lanes {
     let (p, n) = (receiver.p, receiver.n);
     let lanes = Vec4::from_array;
     let (x, y, z) = (lanes(node.center[0]) - p.x, lanes(node.center[1]) - p.y, lanes(node.center[2]) - p.z);
@@ -276,7 +276,7 @@ impl LightTree {
     fn descend<'a>(
         &'a self,
         receiver: &impl Importance,
-        mut node: &'a Node,
+        mut node: &'a LightNode,
         mut first_light: u32,
         mut u: f32,
     ) -> Option<(u32, f32)> {
@@ -483,7 +483,7 @@ fn split_costs(leaves: &[(LightBounds, u32)], centers: &Aabb, axis: usize) -> Ve
 /// Appends a wide node for the binary node `index`, and all below it; returns its index.
 ///
 /// - `first_light`: the number of the first light below it; afterwards: of the first one after.
-fn collapse(binary: &[Binary], index: u32, intensity: f32, first_light: &mut u32, nodes: &mut Vec<Node>) -> u32 {
+fn collapse(binary: &[Binary], index: u32, intensity: f32, first_light: &mut u32, nodes: &mut Vec<LightNode>) -> u32 {
     let mut children = vec![index];
     // Open what spreads most, until there is no room.
     while children.len() < WIDTH {
@@ -495,7 +495,7 @@ fn collapse(binary: &[Binary], index: u32, intensity: f32, first_light: &mut u32
         children.splice(widest..=widest, [opened + 1, second]);
     }
     let place = nodes.len();
-    nodes.push(Node::EMPTY);
+    nodes.push(LightNode::EMPTY);
     for (lane, &child) in children.iter().enumerate() {
         let binary_child = &binary[child as usize];
         nodes[place].set(lane, &binary_child.bounds, intensity);
@@ -512,7 +512,7 @@ fn collapse(binary: &[Binary], index: u32, intensity: f32, first_light: &mut u32
     place as u32
 }
 
-impl Node {
+impl LightNode {
     fn record(&self) -> TreeNodeRecord {
         let ([center_x, center_y, center_z], [half_x, half_y, half_z]) = (self.center, self.half);
         let [axis_x, axis_y, axis_z] = self.axis;

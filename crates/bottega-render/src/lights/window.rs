@@ -4,7 +4,7 @@
 //! (Bitterli, Novák and Jarosz 2015, *Portal-Masked Environment Map Sampling*, §4).
 
 /// Lower and upper corner of a part of the unit square.
-pub(super) type Window = [[f64; 2]; 2];
+pub(super) type UnitWindow = [[f64; 2]; 2];
 
 /// Constant in each cell of a grid.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ impl WindowTable {
     }
 
     /// The integral over a window.
-    pub(super) fn integral(&self, [low, high]: Window) -> f64 {
+    pub(super) fn integral(&self, [low, high]: UnitWindow) -> f64 {
         let sum = self.sum(high[0], high[1]) - self.sum(low[0], high[1]) - self.sum(high[0], low[1])
             + self.sum(low[0], low[1]);
         sum.max(0.0)
@@ -61,7 +61,7 @@ impl WindowTable {
     }
 
     /// A place in a window, by the density value ∕ [`integral`](Self::integral). `None`: the window is empty or dark.
-    pub(super) fn sample(&self, window: Window, u: [f32; 2]) -> Option<[f64; 2]> {
+    pub(super) fn sample(&self, window: UnitWindow, u: [f32; 2]) -> Option<[f64; 2]> {
         let [low, high] = window;
         let x = invert(self.columns, [low[0], high[0]], u[0], |x| self.integral([low, [x, high[1]]]))?;
         // Within one column of cells all places have the same density along y.

@@ -1,4 +1,4 @@
-//! Where light goes that a medium scatters.
+//! Phase functions.
 
 use std::f32::consts::PI;
 

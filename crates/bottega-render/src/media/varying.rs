@@ -60,7 +60,7 @@ pub(crate) struct Collision {
 
 /// What a path carries through a medium.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Carried {
+pub(crate) struct CarriedLight {
     pub(crate) throughput: Spectrum,
     pub(crate) radiance: Spectrum,
 }
@@ -153,7 +153,7 @@ impl<'a> Varying<'a> {
     pub(crate) fn track(
         &self,
         line: &Line,
-        carried: &mut Carried,
+        carried: &mut CarriedLight,
         first: [f32; 2],
         mut number: impl FnMut() -> f32,
     ) -> Option<Collision> {
@@ -289,7 +289,7 @@ mod tests {
                     sampler.hashed(count)
                 };
                 through += varying.transmittance(&line, &mut number) / COUNT as f32;
-                let mut carried = Carried { throughput: Spectrum::ONE, radiance: Spectrum::ZERO };
+                let mut carried = CarriedLight { throughput: Spectrum::ONE, radiance: Spectrum::ZERO };
                 let first = [number(), number()];
                 if varying.track(&line, &mut carried, first, &mut number).is_none() {
                     passed += carried.throughput / COUNT as f32;

@@ -21,7 +21,7 @@ pub(crate) const CELLS: usize = CELL_RINGS * CELL_SECTORS;
 
 /// What a ray found.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Look {
+pub(crate) struct GatherSample {
     pub(crate) radiance: Spectrum,
     /// Infinite where it met nothing.
     pub(crate) distance: f32,
@@ -29,11 +29,11 @@ pub(crate) struct Look {
 
 /// Mean radiance from each cell of the hemisphere above a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Around([u32; CELLS]);
+pub(crate) struct CellsAround([u32; CELLS]);
 
-impl Around {
+impl CellsAround {
     /// From what the rays of a record found.
-    pub(crate) fn new(looks: &[Look]) -> Self {
+    pub(crate) fn new(looks: &[GatherSample]) -> Self {
         let mean = |cell: usize| {
             let (ring, sector) = (cell / CELL_SECTORS * RINGS_JOINED, cell % CELL_SECTORS * SECTORS_JOINED);
             let rings = (ring..ring + RINGS_JOINED).map(|ring| ring * SECTORS + sector);
@@ -85,8 +85,8 @@ mod tests {
     use super::{super::cache::direction, *};
     use crate::photon::cache::RAYS;
 
-    fn looks(n: Vec3, radiance: impl Fn(Vec3) -> Spectrum) -> Vec<Look> {
-        (0..RAYS).map(|i| Look { radiance: radiance(direction(n, i, [0.5, 0.5])), distance: 1.0 }).collect()
+    fn looks(n: Vec3, radiance: impl Fn(Vec3) -> Spectrum) -> Vec<GatherSample> {
+        (0..RAYS).map(|i| GatherSample { radiance: radiance(direction(n, i, [0.5, 0.5])), distance: 1.0 }).collect()
     }
 
     const NORMALS: [Vec3; 3] = [Vec3::Y, Vec3::NEG_Z, Vec3::new(0.6, 0.0, -0.8)];
@@ -95,9 +95,9 @@ mod tests {
     fn every_ray_falls_into_the_cell_that_it_was_counted_for() {
         for n in NORMALS {
             for ray in 0..RAYS as usize {
-                let mut found = vec![Look::default(); RAYS as usize];
+                let mut found = vec![GatherSample::default(); RAYS as usize];
                 found[ray].radiance = Vec3::new(8.0, 4.0, 0.0);
-                let around = Around::new(&found);
+                let around = CellsAround::new(&found);
                 for u in [[0.01, 0.01], [0.5, 0.5], [0.99, 0.99]] {
                     let w = direction(n, ray as u32, u);
                     assert!((around.from(n, w) - Vec3::new(1.0, 0.5, 0.0)).length() < 0.01, "{n} {ray} {u:?}");
@@ -112,7 +112,7 @@ mod tests {
             // ∫ (1 + w·x) cos dω = π (1 + 2∕3 n·x): what comes from the side cancels.
             let light = |w: Vec3| Vec3::new(1.0 + w.x, 2.0, 0.0);
             let expected = PI * Vec3::new(1.0 + 2.0 / 3.0 * n.x, 2.0, 0.0);
-            let found = Around::new(&looks(n, light)).irradiance();
+            let found = CellsAround::new(&looks(n, light)).irradiance();
             assert!((found - expected).abs().max_element() < 0.02 * PI, "{n}: {found} {expected}");
         }
     }
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn what_is_read_about_a_direction_is_what_comes_from_there() {
         let n = Vec3::Y;
-        let around = Around::new(&looks(n, |w| Vec3::splat(if w.x > 0.0 { 3.0 } else { 1.0 })));
+        let around = CellsAround::new(&looks(n, |w| Vec3::splat(if w.x > 0.0 { 3.0 } else { 1.0 })));
         assert!((around.from(n, Vec3::new(0.8, 0.6, 0.0)) - 3.0).length() < 0.02);
         assert!((around.from(n, Vec3::new(-0.8, 0.6, 0.0)) - 1.0).length() < 0.01);
         // Below the horizon: what comes from just above it.

@@ -4,7 +4,7 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{
-    bytes::{Reader, Told, Writer},
+    bytes::{ByteForm, Reader, Writer},
     map::{Nearest, PhotonMap},
     record::{Photon, of_shared_exponent, shared_exponent},
 };
@@ -83,7 +83,7 @@ impl IrradiancePlaces {
     }
 }
 
-impl Told for IrradiancePlaces {
+impl ByteForm for IrradiancePlaces {
     fn write(&self, to: &mut Writer) {
         to.photons(&self.places);
         to.numbers(&self.lists);

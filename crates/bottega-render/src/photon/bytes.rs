@@ -16,7 +16,7 @@ pub(crate) struct Writer(pub(crate) Vec<u8>);
 pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
 
 /// What can be told to others.
-pub(crate) trait Told: Sized {
+pub(crate) trait ByteForm: Sized {
     fn write(&self, to: &mut Writer);
 
     /// `None`: it is nothing of the kind.

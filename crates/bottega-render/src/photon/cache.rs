@@ -10,7 +10,7 @@ mod surroundings;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-pub(crate) use super::around::Look;
+pub(crate) use super::around::GatherSample;
 use super::{
     bounces::{BOUNCES_KEPT, ByBounces},
     bytes::{Reader, Writer},
@@ -18,7 +18,7 @@ use super::{
 };
 use crate::luminance;
 use record::EFFORT_MAX;
-pub(crate) use record::{Measurement, RAYS, Record, direction};
+pub(crate) use record::{IrradianceRecord, Measurement, RAYS, direction};
 use surroundings::Speakers;
 pub(crate) use surroundings::Surroundings;
 
@@ -43,9 +43,9 @@ pub(crate) struct Estimate {
 /// Records, found by place.
 #[derive(Clone, Debug)]
 pub(crate) struct IrradianceCache {
-    records: Vec<Record>,
+    records: Vec<IrradianceRecord>,
     /// Each with eight children, which follow one another; 0: none.
-    nodes: Vec<Node>,
+    nodes: Vec<CacheNode>,
     low: Vec3,
     side: f32,
     /// Greatest error, as a share (Ward's a).
@@ -58,7 +58,7 @@ pub(crate) struct IrradianceCache {
 }
 
 #[derive(Clone, Debug, Default)]
-struct Node {
+struct CacheNode {
     first_child: u32,
     records: Vec<u32>,
 }
@@ -70,7 +70,7 @@ impl IrradianceCache {
     pub(crate) fn new(low: Vec3, side: f32, tolerance: f32) -> Self {
         Self {
             records: Vec::new(),
-            nodes: vec![Node::default()],
+            nodes: vec![CacheNode::default()],
             low,
             side,
             tolerance,
@@ -149,7 +149,7 @@ impl IrradianceCache {
         p: Vec3,
         n: Vec3,
         bounces: u32,
-        mut is_asked: impl FnMut(&'a Record, f32) -> bool,
+        mut is_asked: impl FnMut(&'a IrradianceRecord, f32) -> bool,
     ) -> Option<Estimate> {
         let (mut sum, mut weights, mut squares) = (Spectrum::ZERO, 0.0, 0.0);
         let (mut weights_squared, mut noise) = (0.0, 0.0);
@@ -188,7 +188,7 @@ impl IrradianceCache {
     /// say nothing of each other.
     ///
     /// - `error`: greatest relative difference that is borne.
-    pub(crate) fn add_within(&mut self, mut record: Record, error: f32) {
+    pub(crate) fn add_within(&mut self, mut record: IrradianceRecord, error: f32) {
         let mut near = Vec::new();
         self.visit_numbers(record.p, |number| near.push(number));
         let faint = self.faint();
@@ -219,7 +219,7 @@ impl IrradianceCache {
 
     /// Adds a record. No radius may be greater than that of a neighbour and the way to it: what is near to something is not
     /// far from it a little farther on.
-    pub(crate) fn add(&mut self, mut record: Record) {
+    pub(crate) fn add(&mut self, mut record: IrradianceRecord) {
         let mut near = Vec::new();
         self.visit_numbers(record.p, |number| near.push(number));
         for &number in &near {
@@ -249,16 +249,16 @@ impl IrradianceCache {
     /// One that is [settled](Self::settled).
     pub(crate) fn read(tolerance: f32, from: &mut Reader<'_>) -> Option<Self> {
         let (low, side) = (from.vector()?, from.value()?);
-        let count = from.count(Record::BYTES_MIN)?;
+        let count = from.count(IrradianceRecord::BYTES_MIN)?;
         let mut cache = Self::new(low, side.max(0.0), tolerance);
         for _ in 0..count {
-            cache.put(Record::read(from)?);
+            cache.put(IrradianceRecord::read(from)?);
         }
         Some(cache)
     }
 
     /// Puts a record where it reaches.
-    fn put(&mut self, record: Record) {
+    fn put(&mut self, record: IrradianceRecord) {
         let number = self.records.len() as u32;
         self.brightness += luminance(record.irradiance);
         self.list_bytes += record.list_bytes();
@@ -279,7 +279,7 @@ impl IrradianceCache {
         }
         if self.nodes[node].first_child == 0 {
             self.nodes[node].first_child = self.nodes.len() as u32;
-            self.nodes.extend(std::iter::repeat_n(Node::default(), 8));
+            self.nodes.extend(std::iter::repeat_n(CacheNode::default(), 8));
         }
         let first = self.nodes[node].first_child as usize;
         let half = 0.5 * side;
@@ -289,7 +289,7 @@ impl IrradianceCache {
         }
     }
 
-    fn visit<'a>(&'a self, p: Vec3, mut look: impl FnMut(&'a Record)) {
+    fn visit<'a>(&'a self, p: Vec3, mut look: impl FnMut(&'a IrradianceRecord)) {
         self.visit_numbers(p, |number| look(&self.records[number as usize]));
     }
 
@@ -315,19 +315,19 @@ mod tests {
     use super::*;
 
     /// Irradiance at a place by as many rays as a record has, of a scene that is known in all directions.
-    fn record(p: Vec3, n: Vec3, scene: &impl Fn(Vec3, Vec3) -> Look) -> Record {
+    fn record(p: Vec3, n: Vec3, scene: &impl Fn(Vec3, Vec3) -> GatherSample) -> IrradianceRecord {
         let looks = (0..RAYS).map(|i| scene(p, direction(n, i, [0.5, 0.5]))).collect();
-        Record::new(p, n, &Measurement::new(looks, 1), [1e-3, 10.0])
+        IrradianceRecord::new(p, n, &Measurement::new(looks, 1), [1e-3, 10.0])
     }
 
     /// A wide plane above that grows brighter to one side.
-    fn ceiling(p: Vec3, w: Vec3) -> Look {
+    fn ceiling(p: Vec3, w: Vec3) -> GatherSample {
         if w.y <= 1e-3 {
-            return Look { radiance: Vec3::ZERO, distance: f32::INFINITY };
+            return GatherSample { radiance: Vec3::ZERO, distance: f32::INFINITY };
         }
         let distance = (2.0 - p.y) / w.y;
         let hit = p + w * distance;
-        Look { radiance: Vec3::new(1.0, (0.5 * hit.x).tanh() + 1.5, 2.0), distance }
+        GatherSample { radiance: Vec3::new(1.0, (0.5 * hit.x).tanh() + 1.5, 2.0), distance }
     }
 
     #[test]
@@ -375,7 +375,7 @@ mod tests {
         let known = record(Vec3::ZERO, Vec3::Y, &ceiling).with_bounces(&light);
         let mut to = Writer::default();
         known.write(&mut to);
-        let known = Record::read(&mut Reader(&to.0)).unwrap();
+        let known = IrradianceRecord::read(&mut Reader(&to.0)).unwrap();
         let mut cache = IrradianceCache::new(Vec3::splat(-4.0), 8.0, 0.2);
         cache.add(known);
         let all = cache.at(Vec3::ZERO, Vec3::Y, u32::MAX).unwrap();
@@ -393,7 +393,7 @@ mod tests {
     #[test]
     fn neighbours_clamp_one_another() {
         let mut cache = IrradianceCache::new(Vec3::splat(-4.0), 8.0, 0.5);
-        let near = |p: Vec3, radius: f32| Record { radius, ..record(p, Vec3::Y, &ceiling) };
+        let near = |p: Vec3, radius: f32| IrradianceRecord { radius, ..record(p, Vec3::Y, &ceiling) };
         cache.add(near(Vec3::ZERO, 2.0));
         cache.add(near(Vec3::X * 0.1, 0.05));
         assert!((cache.records[0].radius - 0.15).abs() < 1e-6, "{}", cache.records[0].radius);

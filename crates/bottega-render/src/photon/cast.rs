@@ -8,7 +8,7 @@ use super::{
     bounces::IrradianceMap,
     irradiance::irradiance_count,
     maps::{PhotonMaps, joined, photon_counts},
-    trace::Traced,
+    trace::TracedPhotons,
     units::{IrradianceWork, PhotonWork},
 };
 use crate::{
@@ -73,7 +73,7 @@ fn maps(
         let works = parts(count, PHOTONS).map(work).map(|work| RenderWork::Photons(Box::new(work))).collect();
         let found =
             hands.run(works, |output| if let RenderOutput::Photons(part) = output { Some(part) } else { None })?;
-        Ok::<_, RenderError>(found.into_iter().fold(Traced::default(), |mut all, part| {
+        Ok::<_, RenderError>(found.into_iter().fold(TracedPhotons::default(), |mut all, part| {
             all.append(part);
             all
         }))

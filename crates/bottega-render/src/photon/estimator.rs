@@ -1,4 +1,4 @@
-//! How much light photons bring to a point near them.
+//! The estimator of light that photons bring to a point near them.
 
 use std::f32::consts::PI;
 
@@ -17,7 +17,7 @@ pub(super) const FLATNESS: f32 = 0.25;
 
 /// What a photon brings to a point near it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Arrived {
+pub(crate) struct PhotonContribution {
     /// Back along the way that it came.
     pub(crate) to_light: Vec3,
     /// Whether it arrived on the side of the normal.
@@ -78,8 +78,9 @@ impl Estimator {
         found: &mut Nearest,
         mut add: impl FnMut(u32, Spectrum),
     ) {
-        let on_this_side = |arrived: &Arrived| if arrived.is_before { Spectrum::ONE } else { Spectrum::ZERO };
-        let on_this_side = |arrived: &Arrived| add(arrived.bounces, arrived.light * on_this_side(arrived));
+        let on_this_side =
+            |arrived: &PhotonContribution| if arrived.is_before { Spectrum::ONE } else { Spectrum::ZERO };
+        let on_this_side = |arrived: &PhotonContribution| add(arrived.bounces, arrived.light * on_this_side(arrived));
         self.gather(map, photon.p, photon.mark().normal(), self.reach_at(photon.p), found, on_this_side);
     }
 
@@ -95,7 +96,7 @@ impl Estimator {
         normal: Vec3,
         reach: f32,
         found: &mut Nearest,
-        mut take: impl FnMut(&Arrived),
+        mut take: impl FnMut(&PhotonContribution),
     ) {
         map.nearest(p, reach * reach, found);
         let radius_squared = if found.is_full() { found.farthest() } else { reach * reach };
@@ -119,7 +120,7 @@ impl Estimator {
         p: Vec3,
         normal: Vec3,
         reach: f32,
-        mut take: impl FnMut(&Arrived),
+        mut take: impl FnMut(&PhotonContribution),
     ) {
         let radius_squared = reach * reach;
         if radius_squared <= 0.0 {
@@ -134,7 +135,7 @@ impl Estimator {
     }
 
     #[inline(always)]
-    fn weighed(&self, map: &PhotonMap, index: u32, distance_squared: f32, disc: &Disc) -> Option<Arrived> {
+    fn weighed(&self, map: &PhotonMap, index: u32, distance_squared: f32, disc: &Disc) -> Option<PhotonContribution> {
         let Disc { p, normal, radius_squared, share } = *disc;
         let photon = map.photon(index);
         let off_plane = (photon.p - p).dot(normal);
@@ -151,7 +152,12 @@ impl Estimator {
             PhotonFilter::Cone => (1.0 - part.sqrt() / CONE) / (1.0 - 2.0 / (3.0 * CONE)),
         };
         let light = photon.mark().power() * (weight * share);
-        Some(Arrived { to_light: photon.mark().to_light(), is_before, bounces: photon.mark().bounces(), light })
+        Some(PhotonContribution {
+            to_light: photon.mark().to_light(),
+            is_before,
+            bounces: photon.mark().bounces(),
+            light,
+        })
     }
 }
 

@@ -1,4 +1,4 @@
-//! How wide that is what a camera sees: by it lengths of photons and agents are measured, not by the whole scene.
+//! The extent of what a camera sees: it measures lengths of photons and agents, not the whole scene.
 //!
 //! A room on a terrain, or a ball on a plain, is small beside the scene. Where it is a quarter of the scene or more, the scene
 //! itself is the measure.

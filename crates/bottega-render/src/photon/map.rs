@@ -19,7 +19,7 @@ pub const NEAREST_MAX: usize = 512;
 #[derive(Clone, Debug, Default)]
 pub struct PhotonMap {
     /// Inner nodes, the first one being number 1; the children of node i are 2i and 2i + 1.
-    nodes: Vec<Node>,
+    nodes: Vec<PhotonPlane>,
     /// Where photons are: x, y and z of each bucket; the empty places of the last one lie at infinity.
     places: Vec<[[f32; BUCKET]; 3]>,
     marks: Vec<Mark>,
@@ -29,7 +29,7 @@ pub struct PhotonMap {
 
 /// A plane across an axis.
 #[derive(Clone, Copy, Debug, Default)]
-struct Node {
+struct PhotonPlane {
     plane: f32,
     axis: u32,
 }
@@ -42,7 +42,7 @@ impl PhotonMap {
         if leaves == 0 {
             return Self::default();
         }
-        let mut nodes = vec![Node::default()];
+        let mut nodes = vec![PhotonPlane::default()];
         // One level after the other, from left to right: that is the order of the nodes' numbers.
         let mut level = vec![(photons.as_mut_slice(), leaves)];
         while level.iter().any(|&(_, leaves)| leaves > 1) {
@@ -73,15 +73,15 @@ impl PhotonMap {
         if !is_sound || photons.is_empty() {
             return is_sound.then(Self::default);
         }
-        let nodes = planes.into_iter().map(|(plane, axis)| Node { plane, axis });
-        let nodes = std::iter::once(Node::default()).chain(nodes).collect();
+        let nodes = planes.into_iter().map(|(plane, axis)| PhotonPlane { plane, axis });
+        let nodes = std::iter::once(PhotonPlane::default()).chain(nodes).collect();
         let (at, marks): (Vec<Vec3>, Vec<Mark>) =
             photons.into_iter().map(|(p, numbers)| (p, Mark::from_numbers(numbers))).unzip();
         Some(Self::laid_out(nodes, &at, marks))
     }
 
     /// - `at`: where each is, in the order of their numbers; one at least.
-    fn laid_out(nodes: Vec<Node>, at: &[Vec3], marks: Vec<Mark>) -> Self {
+    fn laid_out(nodes: Vec<PhotonPlane>, at: &[Vec3], marks: Vec<Mark>) -> Self {
         let leaves = at.len().div_ceil(BUCKET);
         let mut places = vec![[[f32::INFINITY; BUCKET]; 3]; leaves];
         for (i, p) in at.iter().enumerate() {
@@ -204,7 +204,7 @@ impl PhotonMap {
         let (mut number, mut off) = (1_usize, [0.0_f32; 3]);
         loop {
             while number < leaves {
-                let Node { plane, axis } = self.nodes[number];
+                let PhotonPlane { plane, axis } = self.nodes[number];
                 let axis = axis as usize;
                 let beyond = p[axis] - plane;
                 let near = 2 * number + usize::from(beyond >= 0.0);
@@ -259,10 +259,10 @@ fn left_leaves(leaves: usize) -> usize {
     full / 2 + (leaves - full).min(full / 2)
 }
 
-type Part<'a> = (&'a mut [Photon], usize);
+type PhotonRun<'a> = (&'a mut [Photon], usize);
 
 /// Cuts a node's photons across their longest side.
-fn split((photons, leaves): Part<'_>) -> (Option<Node>, Vec<Part<'_>>) {
+fn split((photons, leaves): PhotonRun<'_>) -> (Option<PhotonPlane>, Vec<PhotonRun<'_>>) {
     if leaves <= 1 {
         return (None, Vec::new());
     }
@@ -272,7 +272,7 @@ fn split((photons, leaves): Part<'_>) -> (Option<Node>, Vec<Part<'_>>) {
     let left = left_leaves(leaves);
     let middle = left * BUCKET;
     photons.select_nth_unstable_by(middle, |a, b| a.p[axis].total_cmp(&b.p[axis]));
-    let node = Node { plane: photons[middle].p[axis], axis: axis as u32 };
+    let node = PhotonPlane { plane: photons[middle].p[axis], axis: axis as u32 };
     let (first, second) = photons.split_at_mut(middle);
     (Some(node), vec![(first, left), (second, leaves - left)])
 }

@@ -13,7 +13,7 @@ use super::{
     plan::PhotonPlan,
     projection::SHARE,
     record::Photon,
-    trace::{Traced, Tracer, Tracing, is_alike, visibility_tag},
+    trace::{TracedPhotons, Tracer, Tracing, is_alike, visibility_tag},
 };
 use crate::{PhotonSettings, extent::Extent, prepare::PreparedScene};
 
@@ -120,13 +120,13 @@ pub(crate) fn photon_counts(prepared: &PreparedScene, plan: &PhotonPlan, setting
 }
 
 /// All photons of a pass, traced on the threads of the present pool.
-pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> Traced {
+pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> TracedPhotons {
     let batch = |number: u32| {
         let first = number * BATCH;
         compiled::run(Tracing { tracer, indices: first..count.min(first.saturating_add(BATCH)) })
     };
-    let parts: Vec<Traced> = (0..count.div_ceil(BATCH)).into_par_iter().map(batch).collect();
-    parts.into_iter().fold(Traced::default(), |mut all, part| {
+    let parts: Vec<TracedPhotons> = (0..count.div_ceil(BATCH)).into_par_iter().map(batch).collect();
+    parts.into_iter().fold(TracedPhotons::default(), |mut all, part| {
         all.append(part);
         all
     })
@@ -164,7 +164,7 @@ impl PhotonMaps {
         extent: Extent,
         settings: &PhotonSettings,
         pass: u32,
-        traced: Traced,
+        traced: TracedPhotons,
         caustics: Vec<Photon>,
     ) -> (Self, Option<PhotonMap>) {
         let estimator = Estimator::new(settings, extent);

@@ -1,4 +1,4 @@
-//! Where the photons and agents of a picture are sent, and by what lengths they are measured.
+//! The plan of a picture's photons and agents, and the lengths that measure them.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 

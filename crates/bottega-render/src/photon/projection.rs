@@ -1,4 +1,4 @@
-//! Where photons must leave the lights to come to mirrors and glass (Jensen 2001, §5.2, projection maps).
+//! Projection maps: directions in which photons must leave the lights to come to mirrors and glass (Jensen 2001, §5.2).
 //!
 //! Jensen's map tells of directions from a point. Here it tells of the numbers that a photon is emitted by: its source, its place
 //! on it, and its direction. So it serves sources of every kind. Cells in which trials found nothing are tried, too, less

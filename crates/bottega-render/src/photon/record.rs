@@ -19,7 +19,7 @@ pub struct Photon {
     mark: Mark,
 }
 
-/// What is known of a photon beside its place.
+/// The marks of a photon beside its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark {
     /// 10 bits each: where the direction is on the octahedron; 6 bits each: where the normal is.

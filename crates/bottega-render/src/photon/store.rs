@@ -1,4 +1,4 @@
-//! Where maps are kept, for all who paint the same.
+//! The store of maps, for all who paint the same.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -25,7 +25,7 @@ pub(crate) struct Passes {
     agents: OnceLock<Agents>,
 }
 
-/// What the maps of a picture take, in bytes.
+/// The memory of a picture's maps, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MapBytes {
     /// Photons of light that was brought together by mirrors and glass; with the indirect ones, where no rays are gathered.

@@ -7,15 +7,15 @@ use bottega_scene::{Spectrum, Surface};
 use glam::Vec3;
 
 use super::{
-    bytes::{Reader, Told, Writer},
+    bytes::{ByteForm, Reader, Writer},
     projection::Projection,
     record::Photon,
 };
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, TransportMode},
     camera::RayCone,
-    interaction::{Asks, Interaction, is_there, opacity_of},
-    lights::{Aim, Emission, EmissionPlan, Emitted},
+    interaction::{Interaction, SurfaceQuery, is_there, opacity_of},
+    lights::{Aim, Emission, EmissionPlan, EmittedPhoton},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler, Quad},
     shading::{BLEND, bsdf_at, exp},
@@ -57,7 +57,7 @@ pub(crate) struct Tracer<'a> {
 /// Photons where they arrived, in the order of their indices. Each carries what it stands for if it is the only one: divide
 /// by how many were emitted.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Traced {
+pub struct TracedPhotons {
     /// Straight from a light.
     pub direct: Vec<Photon>,
     /// From a light over mirrors and through glass alone.
@@ -69,7 +69,7 @@ pub struct Traced {
     pub(crate) visibility: Vec<Photon>,
 }
 
-impl Traced {
+impl TracedPhotons {
     /// Adds the photons of the indices that follow.
     pub fn append(&mut self, mut later: Self) {
         self.direct.append(&mut later.direct);
@@ -79,7 +79,7 @@ impl Traced {
     }
 }
 
-impl Told for Traced {
+impl ByteForm for TracedPhotons {
     fn write(&self, to: &mut Writer) {
         [&self.direct, &self.caustic, &self.indirect, &self.visibility].into_iter().for_each(|kind| to.photons(kind));
     }
@@ -97,11 +97,11 @@ pub(crate) struct Tracing<'a> {
 }
 
 impl Task for Tracing<'_> {
-    type Output = Traced;
+    type Output = TracedPhotons;
 
     #[inline(always)]
-    fn run(self) -> Traced {
-        let mut traced = Traced::default();
+    fn run(self) -> TracedPhotons {
+        let mut traced = TracedPhotons::default();
         for index in self.indices {
             self.tracer.trace(index, &mut traced);
         }
@@ -126,7 +126,7 @@ impl Tracer<'_> {
     }
 
     #[inline(always)]
-    pub(super) fn trace(&self, index: u32, traced: &mut Traced) {
+    pub(super) fn trace(&self, index: u32, traced: &mut TracedPhotons) {
         let sampler = self.sampler(index);
         let [u, v] = self.numbers(index);
         let (u, v, weight) = self.projection.map_or((u, v, 1.0), |projection| projection.sent(u, v));
@@ -134,7 +134,7 @@ impl Tracer<'_> {
         if self.with_shadows {
             self.leave_shadows(&emitted, traced);
         }
-        let Emitted { mut origin, mut direction, mut power, .. } = emitted;
+        let EmittedPhoton { mut origin, mut direction, mut power, .. } = emitted;
         power *= weight * self.strength;
         let mut absorption = Spectrum::ZERO;
         let (mut is_specular, mut is_direct) = (true, true);
@@ -211,7 +211,9 @@ impl Tracer<'_> {
             return self.prepared.accel().intersect(ray);
         }
         self.prepared.accel().intersect_filtered(ray, |hit| {
-            is_there(self.prepared, ray, hit, Asks::Path, |surface| sampler.hashed(surface ^ u64::from(depth) << 56))
+            is_there(self.prepared, ray, hit, SurfaceQuery::Path, |surface| {
+                sampler.hashed(surface ^ u64::from(depth) << 56)
+            })
         })
     }
 
@@ -225,7 +227,7 @@ impl Tracer<'_> {
     }
 
     /// Goes straight through all surfaces, and tells of each whether it is the first.
-    fn leave_shadows(&self, emitted: &Emitted, traced: &mut Traced) {
+    fn leave_shadows(&self, emitted: &EmittedPhoton, traced: &mut TracedPhotons) {
         let mut origin = emitted.origin;
         for number in 0..SHADOWS_MAX {
             let hit = self.prepared.accel().intersect(&Ray::new(origin, emitted.direction));

@@ -2,7 +2,7 @@
 
 use super::{
     projection::{CELLS, Projection, cell_of, ordered},
-    trace::{Traced, Tracer},
+    trace::{TracedPhotons, Tracer},
 };
 use crate::{
     lights::{Emission, EmissionPlan},
@@ -29,7 +29,7 @@ pub(super) fn try_out(prepared: &PreparedScene, emission: &Emission, plan: &Emis
         projection: None,
     };
     let mut found = vec![0.0; CELLS.iter().product()];
-    let (mut traced, mut sum) = (Traced::default(), 0.0);
+    let (mut traced, mut sum) = (TracedPhotons::default(), 0.0);
     for index in 0..TRIALS {
         traced.caustic.clear();
         let [u, v] = tracer.numbers(index);

@@ -10,7 +10,7 @@ use super::{
     irradiance::IrradianceAt,
     map::PhotonMap,
     maps::{caustic_tracer, tracer},
-    trace::{Traced, Tracing},
+    trace::{TracedPhotons, Tracing},
 };
 use crate::{PhotonSettings, PreparedScene, Prepass, View};
 
@@ -45,7 +45,7 @@ pub struct IrradianceWork {
 
 impl PhotonWork {
     /// Traces them on the calling thread.
-    pub fn perform(self) -> Traced {
+    pub fn perform(self) -> TracedPhotons {
         let Self { scene, prepass, settings, view, only_caustics, seed, indices } = self;
         let plan = prepass.photon_plan(&scene, view);
         let tracer = if only_caustics {

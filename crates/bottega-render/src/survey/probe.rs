@@ -1,4 +1,4 @@
-//! What a few paths see of a pixel.
+//! The probe of a pixel by a few paths.
 
 use bottega_image::Rect;
 use bottega_kernels::compiled;
@@ -10,7 +10,7 @@ use crate::{
     luminance,
 };
 
-/// What the fast pass saw in one pixel; means over its samples.
+/// The findings of the fast pass in one pixel; means over its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurveyPixel {
     /// Levels of recursion in mirror and transparent surfaces (the paper's importance function).

@@ -37,7 +37,7 @@ enum Base {
 }
 
 /// What is left of light, where it goes, and whether all that it met was smooth, or nearly.
-struct Left {
+struct LeavingLight {
     weight: f64,
     direction: DVec3,
     is_mirrored: bool,
@@ -115,11 +115,11 @@ impl Stack {
     }
 
     /// Follows light through the stack; `None`: nothing comes out.
-    fn follow(&self, o: DVec3, uniform: &mut Uniform) -> Option<Left> {
+    fn follow(&self, o: DVec3, uniform: &mut Uniform) -> Option<LeavingLight> {
         let (mut w, mut weight, entered) = self.boundary(o, self.eta, uniform)?;
         let mut is_mirrored = self.alpha < SHARP;
         if !entered {
-            return Some(Left { weight, direction: w, is_mirrored });
+            return Some(LeavingLight { weight, direction: w, is_mirrored });
         }
         // Depth below the boundary; w points along the light's way.
         let mut depth = 0.0;
@@ -139,7 +139,7 @@ impl Stack {
                 weight *= share;
                 w = DVec3::new(i.x, i.y, -i.z);
                 if left {
-                    return Some(Left { weight, direction: w, is_mirrored });
+                    return Some(LeavingLight { weight, direction: w, is_mirrored });
                 }
                 if events >= self.max_depth {
                     return None;

@@ -1,4 +1,4 @@
-//! What happens at the ends of the ranges: mirrors, grazing angles, senseless numbers.
+//! BSDFs at the ends of their ranges: mirrors, grazing angles, senseless numbers.
 
 use bottega_render::bsdf::{Bsdf, LobeFlags, SurfaceParams, TransportMode, fresnel};
 use bottega_scene::Spectrum;

@@ -65,7 +65,7 @@ impl Numbers {
 
 /// What a line meets first.
 #[derive(Clone, Copy)]
-enum Met {
+enum SurfaceMet {
     Wall(usize),
     Ball,
     Lamp,
@@ -102,16 +102,18 @@ impl Room {
         if hits { t } else { f64::INFINITY }
     }
 
-    fn meet(&self, origin: DVec3, direction: DVec3) -> (f64, Met) {
-        let mut first = (f64::INFINITY, Met::Wall(5));
+    fn meet(&self, origin: DVec3, direction: DVec3) -> (f64, SurfaceMet) {
+        let mut first = (f64::INFINITY, SurfaceMet::Wall(5));
         for axis in 0..3 {
             let ahead = direction[axis] > 0.0;
             let t = (if ahead { HIGH[axis] } else { LOW[axis] } - origin[axis]) / direction[axis];
             if t < first.0 {
-                first = (t.max(0.0), Met::Wall(2 * axis + usize::from(ahead)));
+                first = (t.max(0.0), SurfaceMet::Wall(2 * axis + usize::from(ahead)));
             }
         }
-        for (t, met) in [(Self::to_ball(origin, direction), Met::Ball), (self.to_lamp(origin, direction), Met::Lamp)] {
+        for (t, met) in
+            [(Self::to_ball(origin, direction), SurfaceMet::Ball), (self.to_lamp(origin, direction), SurfaceMet::Lamp)]
+        {
             if t < first.0 {
                 first = (t, met);
             }
@@ -159,8 +161,8 @@ impl Room {
                 continue;
             }
             match met {
-                Met::Lamp | Met::Wall(5) => return,
-                Met::Wall(wall) => {
+                SurfaceMet::Lamp | SurfaceMet::Wall(5) => return,
+                SurfaceMet::Wall(wall) => {
                     power *= WALLS[wall];
                     let n = DVec3::AXES[wall / 2] * if wall % 2 == 0 { 1.0 } else { -1.0 };
                     if let Some((pixel, weight, to_camera)) = self.seen(p) {
@@ -168,7 +170,7 @@ impl Room {
                     }
                     direction = numbers.about(n);
                 }
-                Met::Ball => {
+                SurfaceMet::Ball => {
                     let mut n = (p - BALL.0) / BALL.1;
                     let (mut eta, mut cos) = (1.0 / GLASS, -direction.dot(n));
                     if is_in_ball {

@@ -1,4 +1,4 @@
-//! Whether two pictures show the same, as far as their noise lets it be seen.
+//! A comparison of two pictures, as far as their noise lets it be seen.
 
 use std::{fmt, fs, path::Path};
 

@@ -104,7 +104,7 @@ const POSITION: &str = ".attributes.POSITION";
 const INDICES: &str = ".indices";
 
 /// Which accessor, or which part of compressed data, an attribute is.
-type Which = fn(&document::Attributes) -> Option<usize>;
+type AttributeChoice = fn(&document::Attributes) -> Option<usize>;
 
 struct PrimitiveReader<'s> {
     source: &'s GltfSource<'s>,
@@ -127,7 +127,7 @@ impl<'s> PrimitiveReader<'s> {
     }
 
     /// The numbers of an attribute. Those that are compressed come before those that are not.
-    fn find(&self, which: Which, member: &str) -> Result<Option<Accessor<'s>>, SceneError> {
+    fn find(&self, which: AttributeChoice, member: &str) -> Result<Option<Accessor<'s>>, SceneError> {
         let index = which(&self.primitive.attributes);
         if let Some((mesh, attributes)) = self.draco
             && let Some(number) = which(attributes)
@@ -212,7 +212,7 @@ impl<'s> PrimitiveReader<'s> {
     /// Empty where the primitive does not have it.
     fn attribute<const N: usize, T>(
         &self,
-        which: Which,
+        which: AttributeChoice,
         member: &str,
         make: impl Fn([f32; N]) -> T,
     ) -> Result<Vec<T>, SceneError> {
@@ -268,7 +268,7 @@ impl<'s> PrimitiveReader<'s> {
 
     /// Which joints move a vertex, and how much: up to two sets of four.
     fn influences(&self) -> Result<Vec<Vec<skin::Influence>>, SceneError> {
-        let sets: [(Which, Which, &str, &str); 2] = [
+        let sets: [(AttributeChoice, AttributeChoice, &str, &str); 2] = [
             (|a| a.joints0, |a| a.weights0, ".attributes.JOINTS_0", ".attributes.WEIGHTS_0"),
             (|a| a.joints1, |a| a.weights1, ".attributes.JOINTS_1", ".attributes.WEIGHTS_1"),
         ];

@@ -173,7 +173,7 @@ struct PlacedMeshes {
     shapes: Vec<Option<PlacedShape>>,
     /// Meshes in world space.
     flat: Vec<Mesh>,
-    instances: Vec<(Which, Affine3A)>,
+    instances: Vec<(InstancedMesh, Affine3A)>,
 }
 
 struct PlacedShape {
@@ -186,7 +186,7 @@ struct PlacedShape {
 }
 
 /// The mesh of an instance.
-enum Which {
+enum InstancedMesh {
     /// A shape, and whether it is mirrored.
     Shape(usize, bool),
     /// A flat one.
@@ -222,7 +222,7 @@ impl PlacedMeshes {
             if was_used != [true; 2] && shape.used == [true; 2] {
                 source.budget.take(source.path, "meshes", shape.mesh.memory_bytes())?;
             }
-            self.instances.push((Which::Shape(placement.shape, mirrors), world_from_object));
+            self.instances.push((InstancedMesh::Shape(placement.shape, mirrors), world_from_object));
             return Ok(None);
         }
         if world.matrix3 == DMat3::ZERO {
@@ -235,7 +235,7 @@ impl PlacedMeshes {
         source.budget.take(source.path, "meshes", shape.mesh.memory_bytes().saturating_mul(4))?;
         Ok(match flat::flattened(&shape.mesh, &world) {
             Ok(Some(mesh)) => {
-                self.instances.push((Which::Flat(self.flat.len()), Affine3A::IDENTITY));
+                self.instances.push((InstancedMesh::Flat(self.flat.len()), Affine3A::IDENTITY));
                 self.flat.push(mesh);
                 None
             }
@@ -263,10 +263,10 @@ impl PlacedMeshes {
         }
         let first_flat = meshes.len() as u32;
         meshes.extend(self.flat);
-        let instance = |(which, world_from_object): (Which, Affine3A)| {
+        let instance = |(which, world_from_object): (InstancedMesh, Affine3A)| {
             let mesh = match which {
-                Which::Shape(shape, mirrors) => numbers[shape][usize::from(mirrors)],
-                Which::Flat(number) => first_flat + number as u32,
+                InstancedMesh::Shape(shape, mirrors) => numbers[shape][usize::from(mirrors)],
+                InstancedMesh::Flat(number) => first_flat + number as u32,
             };
             Instance { mesh, world_from_object }
         };

@@ -1,4 +1,4 @@
-//! Where in a JSON text something stands.
+//! The path to a place in a JSON text.
 
 /// The path to the value that contains byte `offset`, such as `materials[2].alphaCutoff`. Empty at the top. The text
 /// must be valid JSON up to there.

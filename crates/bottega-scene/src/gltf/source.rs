@@ -1,4 +1,4 @@
-//! What all parts of the importer look at.
+//! The source that all parts of the importer look at.
 
 use std::path::Path;
 

@@ -11,7 +11,7 @@ use super::source::GltfSource;
 use super::uri::{Reference, resolve};
 use super::{document, shortened};
 use crate::error::Warnings;
-use crate::image::{Decoded, Encoding, PictureFault, PictureHeader, unreadable};
+use crate::image::{DecodedImage, Encoding, PictureFault, PictureHeader, unreadable};
 use crate::{Image, ImageId, Material, SceneError, Surface, TextureMap, Wrap};
 
 /// What a picture is used for. A picture with several uses is decoded once and kept once for each.
@@ -251,7 +251,7 @@ fn load_picture(
     uses: &[(Use, usize)],
 ) -> Result<(Vec<Image>, Vec<String>), String> {
     let bytes = bytes(source, index).map_err(|error| error.to_string())??;
-    let mut decoded = Decoded::read(&bytes, header)?;
+    let mut decoded = DecodedImage::read(&bytes, header)?;
     drop(bytes);
     let notes = decoded.take_notes();
     let name = name(source, index);
@@ -264,7 +264,7 @@ fn load_picture(
     Ok((images, notes))
 }
 
-fn make(decoded: Decoded, name: &str, picture: Use) -> Image {
+fn make(decoded: DecodedImage, name: &str, picture: Use) -> Image {
     match picture {
         Use::Color => decoded.into_image(name, Encoding::Srgb),
         Use::Data => decoded.into_image(name, Encoding::Linear),

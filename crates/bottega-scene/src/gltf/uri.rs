@@ -1,4 +1,4 @@
-//! What a document refers to: buffers and pictures, in files beside it or within itself.
+//! The URIs of a document: buffers and pictures, in files beside it or within itself.
 
 use std::borrow::Cow;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What files of integers say of their colours, and is left out: they count as sRGB, or as numbers.
+//! Color spaces that files of integers name, which are left out: they count as sRGB, or as numbers.
 
 use image::{ImageDecoder, ImageFormat};
 

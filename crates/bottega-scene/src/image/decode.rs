@@ -196,14 +196,14 @@ fn kept_bytes(color_type: ColorType) -> usize {
 
 /// A decoded picture that does not know yet whether its codes are sRGB.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Decoded {
+pub(crate) struct DecodedImage {
     width: u32,
     height: u32,
     texels: DecodedTexels,
     notes: Vec<String>,
 }
 
-impl Decoded {
+impl DecodedImage {
     /// Decodes the file whose header was read. An error says what is wrong with it.
     pub(crate) fn read(bytes: &[u8], header: PictureHeader) -> Result<Self, String> {
         let mut notes = Vec::new();
@@ -345,7 +345,7 @@ mod tests {
 
     fn read_image(file: &[u8], encoding: Encoding) -> Image {
         let header = PictureHeader::read(file, 1 << 20).unwrap();
-        let image = Decoded::read(file, header).unwrap().into_image("test", encoding);
+        let image = DecodedImage::read(file, header).unwrap().into_image("test", encoding);
         assert!(image.memory_bytes() <= header.memory_bytes() + 64, "{header:?}");
         image
     }
@@ -427,7 +427,7 @@ mod tests {
         let hdr = [b"#?RADIANCE\nEXPOSURE=1e-30\n\n-Y 1 +X 2\n".to_vec(), vec![9, 9, 9, 255, 9, 9, 9, 40]].concat();
         for (name, file) in [("exr", exr), ("pfm", pfm), ("tiff", encoded(&tiff, ImageFormat::Tiff)), ("hdr", hdr)] {
             let header = PictureHeader::read(&file, 1 << 20).unwrap();
-            let mut decoded = Decoded::read(&file, header).unwrap();
+            let mut decoded = DecodedImage::read(&file, header).unwrap();
             let notes = decoded.take_notes().join(" ");
             assert!(notes.contains("infinite"), "{name}: {notes}");
             let image = decoded.into_image(name, Encoding::Linear);

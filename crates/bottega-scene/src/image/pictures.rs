@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use bottega_image::WhitePoint;
 use rayon::prelude::*;
 
-use super::{Decoded, Encoding, Image, PictureFault, PictureHeader};
+use super::{DecodedImage, Encoding, Image, PictureFault, PictureHeader};
 use crate::error::Warnings;
 use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
@@ -36,7 +36,7 @@ enum PictureChange {
 }
 
 /// A picture with an edge of black texels around it.
-pub(crate) struct Framed {
+pub(crate) struct FramedTexture {
     pub(crate) id: ImageId,
     /// Columns and rows without the edge.
     pub(crate) size: (u32, u32),
@@ -101,12 +101,12 @@ impl<'a> Pictures<'a> {
         reference: &str,
         encoding: Encoding,
         place: &str,
-    ) -> Result<Option<Framed>, SceneError> {
+    ) -> Result<Option<FramedTexture>, SceneError> {
         let location = self.resources.locate(reference, place)?;
         let Ok(bytes) = self.resources.read(&location) else { return Ok(None) };
         let Ok(header) = PictureHeader::read(&bytes, self.pixels_max) else { return Ok(None) };
         let id = self.want_changed(location, encoding, PictureChange::Framed, place);
-        Ok(Some(Framed { id, size: header.size() }))
+        Ok(Some(FramedTexture { id, size: header.size() }))
     }
 
     /// Asks for one period of what an octahedral picture of a sphere is beyond its edges: itself, and beside and below it
@@ -155,7 +155,7 @@ impl<'a> Pictures<'a> {
         let decoded: Vec<Result<(Image, Vec<String>), String>> = (self.wanted.par_iter().zip(checked))
             .map(|(wanted, header)| {
                 let bytes = self.resources.read(&wanted.location).map_err(|error| unreadable(&error))?;
-                let mut decoded = Decoded::read(&bytes, header?.with_white_point(white_point))?;
+                let mut decoded = DecodedImage::read(&bytes, header?.with_white_point(white_point))?;
                 drop(bytes);
                 let notes = decoded.take_notes();
                 let image = decoded.into_image(&wanted.location.name, wanted.encoding);

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::srgb;
 
-/// How the 8-bit codes of a picture are to be read. Pictures of other formats are linear.
+/// The encoding of a picture's 8-bit codes. Pictures of other formats are linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// Colour channels by the transfer function of sRGB, alpha linear.

@@ -31,7 +31,7 @@ impl<'t> LineFault<'t> {
 
 /// What is wrong with a file, and its place there: line and column, counted from 1.
 #[derive(Debug)]
-pub(super) struct Located {
+pub(super) struct LocatedFault {
     pub(super) line: usize,
     pub(super) column: usize,
     pub(super) problem: String,
@@ -90,14 +90,14 @@ impl<'a> LineBlock<'a> {
 
 impl LineBlock<'_> {
     /// The place of a fault. `line`: what is told where its part is not of this text, being of lines that were joined.
-    pub(super) fn locate(self, line: usize, fault: LineFault<'_>) -> Located {
+    pub(super) fn locate(self, line: usize, fault: LineFault<'_>) -> LocatedFault {
         let LineFault { at, problem } = fault;
         let offset = at.as_ptr().addr().checked_sub(self.text.as_ptr().addr());
         let Some(before) = offset.and_then(|length| self.text.get(..length)) else {
-            return Located { line, column: 1, problem };
+            return LocatedFault { line, column: 1, problem };
         };
         let start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
-        Located { line: self.first_line + newline_count(before), column: column(&self.text[start..], at), problem }
+        LocatedFault { line: self.first_line + newline_count(before), column: column(&self.text[start..], at), problem }
     }
 
     /// Its lines, those that a backslash continues as one, without comments, which end with their line. `visit` gets the number
@@ -105,7 +105,7 @@ impl LineBlock<'_> {
     pub(super) fn for_each_statement(
         self,
         mut visit: impl for<'t> FnMut(usize, &'t [u8]) -> Result<(), LineFault<'t>>,
-    ) -> Result<(), Located> {
+    ) -> Result<(), LocatedFault> {
         let mut lines = self.lines();
         while let Some((number, line)) = lines.next() {
             if line.starts_with(b"#") {

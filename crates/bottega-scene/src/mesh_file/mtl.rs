@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::lines::{self, LineFault, Located, float, next_word};
+use super::lines::{self, LineFault, LocatedFault, float, next_word};
 use super::source::MeshSource;
 use crate::SceneError;
 use crate::budget::MemoryBudget;
@@ -105,7 +105,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
                 && file.notes.len() < NOTES_MAX
             {
                 let keyword = String::from_utf8_lossy(keyword);
-                let Located { line, column, problem } = block.locate(line, fault);
+                let LocatedFault { line, column, problem } = block.locate(line, fault);
                 file.notes.push((line, format!("column {column}: {problem}; `{}` is left out", shortened(&keyword))));
             }
             Ok(())

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bytemuck::Pod;
 
-use super::lines::Located;
+use super::lines::LocatedFault;
 use crate::SceneError;
 use crate::budget::MemoryBudget;
 
@@ -20,7 +20,7 @@ impl MeshSource<'_> {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }
 
-    pub(super) fn located(&self, Located { line, column, problem }: Located) -> SceneError {
+    pub(super) fn located(&self, LocatedFault { line, column, problem }: LocatedFault) -> SceneError {
         SceneError::Text { path: self.path.into(), line, column, problem }
     }
 

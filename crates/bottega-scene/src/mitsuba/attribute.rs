@@ -6,7 +6,7 @@
 use glam::{Affine2, Vec2, Vec3};
 
 use super::document::Object;
-use super::importer::{Awaited, Importer};
+use super::importer::{AwaitedTexture, Importer};
 use super::texture::Texture;
 use crate::mesh_file::ply::{self, Attribute};
 use crate::text::shortened;
@@ -25,7 +25,7 @@ impl Importer<'_> {
     /// - `is_number`: its luminance is wanted.
     pub(super) fn await_attribute(&mut self, name: &str, is_number: bool, scale: f32) -> Texture {
         let image = self.pictures.add(Image::from_linear_rgb(shortened(name), 1, 1, vec![[0.5; 3]]));
-        self.awaited.push(Awaited { name: name.into(), image, is_number });
+        self.awaited.push(AwaitedTexture { name: name.into(), image, is_number });
         let map = TextureMap {
             uv_set: 1,
             picture_from_uv: Affine2::from_scale(Vec2::splat(UNITS.recip())),
@@ -42,7 +42,7 @@ impl Importer<'_> {
         &mut self,
         object: &Object,
         mut mesh: Mesh,
-        awaited: &[Awaited],
+        awaited: &[AwaitedTexture],
     ) -> Result<Mesh, SceneError> {
         let mut file = None;
         if object.plugin == "ply" {

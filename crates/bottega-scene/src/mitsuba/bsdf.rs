@@ -3,7 +3,7 @@
 use super::color::{Role, Use};
 use super::document::{Class, Object, ObjectId};
 use super::importer::{Importer, MaterialKey};
-use super::shared::Needs;
+use super::shared::MeshNeeds;
 use super::value::Value;
 use crate::spectrum::{metal, mitsuba_ior};
 use crate::text::shortened;
@@ -15,7 +15,7 @@ use crate::{
 
 /// A bsdf, before there is an emitter.
 #[derive(Clone, Debug)]
-struct Lowered {
+struct LoweredBsdf {
     surface: Surface,
     back: Back,
     /// `None`: opaque.
@@ -23,7 +23,7 @@ struct Lowered {
     relief: Option<Relief>,
 }
 
-impl Lowered {
+impl LoweredBsdf {
     fn one_sided(surface: Surface) -> Self {
         let back = if surface.transmits() { Back::Same } else { Back::Black };
         Self { surface, back, opacity: None, relief: None }
@@ -41,7 +41,7 @@ impl Lowered {
 
 impl Importer<'_> {
     /// The material of a shape, made once for all shapes that share its parts.
-    pub(super) fn material(&mut self, key: MaterialKey) -> Result<(u32, Needs), SceneError> {
+    pub(super) fn material(&mut self, key: MaterialKey) -> Result<(u32, MeshNeeds), SceneError> {
         if let Some(&known) = self.materials.get(&key) {
             return Ok(known);
         }
@@ -51,8 +51,8 @@ impl Importer<'_> {
         let lowered = match bsdf {
             Some(bsdf) => self.bsdf(bsdf)?,
             // What only shines is black.
-            None if emitter.is_some() => Lowered::one_sided(Surface::matte(Spectrum::ZERO)),
-            None => Lowered::one_sided(Surface::matte(Spectrum::splat(0.5))),
+            None if emitter.is_some() => LoweredBsdf::one_sided(Surface::matte(Spectrum::ZERO)),
+            None => LoweredBsdf::one_sided(Surface::matte(Spectrum::splat(0.5))),
         };
         let emission = match emitter {
             Some(emitter) => self.area_radiance(emitter)?,
@@ -77,7 +77,7 @@ impl Importer<'_> {
         let tangents = material.needs_tangents();
         let uvs = tangents || !material.textures().is_empty();
         let (colors, face_colors) = (self.wants_vertex_colors, self.wants_face_colors);
-        let needs = Needs { uvs, tangents, colors, face_colors };
+        let needs = MeshNeeds { uvs, tangents, colors, face_colors };
         let made = (self.scene.push_material(material), needs);
         if self.awaited.is_empty() {
             self.materials.insert(key, made);
@@ -88,7 +88,7 @@ impl Importer<'_> {
         Ok(made)
     }
 
-    fn bsdf(&mut self, id: ObjectId) -> Result<Lowered, SceneError> {
+    fn bsdf(&mut self, id: ObjectId) -> Result<LoweredBsdf, SceneError> {
         let object = self.visit(id)?;
         Ok(match object.plugin.as_str() {
             "twosided" => self.two_sided(object)?,
@@ -115,7 +115,7 @@ impl Importer<'_> {
                 self.accept_all(object);
                 self.inner(object)?
             }
-            _ => Lowered::one_sided(self.surface(object)?),
+            _ => LoweredBsdf::one_sided(self.surface(object)?),
         })
     }
 
@@ -202,14 +202,14 @@ impl Importer<'_> {
     }
 
     /// The only bsdf within one.
-    fn inner(&mut self, object: &Object) -> Result<Lowered, SceneError> {
+    fn inner(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
         match self.inner_bsdfs(object).first() {
             Some(&id) => self.bsdf(id),
             None => Err(self.report.invalid(object.at, format!("the {} has no bsdf within", object.describe()))),
         }
     }
 
-    fn two_sided(&mut self, object: &Object) -> Result<Lowered, SceneError> {
+    fn two_sided(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
         let sides = self.inner_bsdfs(object);
         let mut front = self.inner(object)?;
         // The other side is this one seen in a mirror.
@@ -228,16 +228,16 @@ impl Importer<'_> {
             Some(other) if other.surface != front.surface => Back::Other(Box::new(other.surface)),
             _ => Back::Same,
         };
-        Ok(Lowered { back, ..front })
+        Ok(LoweredBsdf { back, ..front })
     }
 
-    fn mask(&mut self, object: &Object) -> Result<Lowered, SceneError> {
+    fn mask(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
         let inner = self.inner(object)?;
         let opacity = self.scalar(object, "opacity", 0.5)?;
         if inner.opacity.is_some() {
             self.report.warn(object.at, "of two masks within one another, the outer one counts");
         }
-        Ok(Lowered { opacity: Some(opacity), ..inner })
+        Ok(LoweredBsdf { opacity: Some(opacity), ..inner })
     }
 
     /// The texture within a bsdf, whatever its name.
@@ -267,9 +267,9 @@ impl Importer<'_> {
     fn with_relief(
         &mut self,
         object: &Object,
-        inner: Lowered,
+        inner: LoweredBsdf,
         source: Option<ReliefSource>,
-    ) -> Result<Lowered, SceneError> {
+    ) -> Result<LoweredBsdf, SceneError> {
         let turns = self.bad(object.boolean("flip_invalid_normals", true))?;
         let shadows = self.bad(object.boolean("use_shadowing_function", true))?;
         let Some(source) = source else {
@@ -280,10 +280,10 @@ impl Importer<'_> {
             self.report.warn(object.at, "of two reliefs within one another, the outer one counts");
         }
         let rule = ReliefRule::Mitsuba { turns, shadows, mirrored: false };
-        Ok(Lowered { relief: Some(Relief { source, rule }), ..inner })
+        Ok(LoweredBsdf { relief: Some(Relief { source, rule }), ..inner })
     }
 
-    fn blend(&mut self, object: &Object) -> Result<Lowered, SceneError> {
+    fn blend(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
         let inner = self.inner_bsdfs(object);
         let weight = self.scalar(object, "weight", 0.5)?;
         let &[first, second] = inner.as_slice() else {
@@ -294,7 +294,13 @@ impl Importer<'_> {
     }
 
     /// Two bsdfs side by side. `weight` is the share of the second.
-    fn blended(&mut self, object: &Object, weight: ScalarParam, first: Lowered, second: Lowered) -> Lowered {
+    fn blended(
+        &mut self,
+        object: &Object,
+        weight: ScalarParam,
+        first: LoweredBsdf,
+        second: LoweredBsdf,
+    ) -> LoweredBsdf {
         if first.opacity != second.opacity {
             self.report.warn(object.at, "a mask within a blend counts for all of it");
         }
@@ -310,7 +316,7 @@ impl Importer<'_> {
                 surfaces: Box::new([first.back_surface(), second.back_surface()]),
             })),
         };
-        Lowered {
+        LoweredBsdf {
             surface: Surface::Blend { weight, surfaces: Box::new([first.surface, second.surface]) },
             back,
             opacity: first.opacity.or(second.opacity),
@@ -319,7 +325,7 @@ impl Importer<'_> {
     }
 
     /// Of the old line: any number of bsdfs, whose weights may leave a rest that absorbs.
-    fn mixture(&mut self, object: &Object) -> Result<Lowered, SceneError> {
+    fn mixture(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
         let inner = self.inner_bsdfs(object);
         let text = self.bad(object.string("weights"))?.unwrap_or_default();
         let weights = super::value::numbers(text).map_err(|problem| self.report.invalid(object.at, problem))?;
@@ -334,7 +340,10 @@ impl Importer<'_> {
         }
         let rest = 1.0 - weights.iter().sum::<f64>();
         if rest > 1e-4 {
-            parts.push((Lowered { back: Back::Same, ..Lowered::one_sided(Surface::matte(Spectrum::ZERO)) }, rest));
+            parts.push((
+                LoweredBsdf { back: Back::Same, ..LoweredBsdf::one_sided(Surface::matte(Spectrum::ZERO)) },
+                rest,
+            ));
         }
         let mut parts = parts.into_iter();
         let Some((mut all, mut total)) = parts.next() else {

@@ -6,7 +6,7 @@ use glam::{DMat4, DVec3};
 
 use super::document::{Document, Object, ObjectId};
 use super::report::ImportReport;
-use super::shared::{Group, Needs, SharedMeshes};
+use super::shared::{Group, MeshNeeds, SharedMeshes};
 use super::slide::Slide;
 use super::xml::XmlPlace;
 use crate::hints::RenderHints;
@@ -36,7 +36,7 @@ pub(super) struct Importer<'a> {
     pub(super) manner: Manner,
     pub(super) conversions: usize,
     /// What was made of a bsdf with an emitter and media.
-    pub(super) materials: BTreeMap<MaterialKey, (u32, Needs)>,
+    pub(super) materials: BTreeMap<MaterialKey, (u32, MeshNeeds)>,
     pub(super) media: BTreeMap<ObjectId, MediumId>,
     pub(super) groups: BTreeMap<ObjectId, Group>,
     pub(super) shared: SharedMeshes,
@@ -49,9 +49,9 @@ pub(super) struct Importer<'a> {
     /// Whether the bsdf that is being made is one of several of its material.
     pub(super) is_blended: bool,
     /// Attributes of the mesh that textures of the material that is being made wait for.
-    pub(super) awaited: Vec<Awaited>,
+    pub(super) awaited: Vec<AwaitedTexture>,
     /// The same, by the material.
-    pub(super) awaited_by: BTreeMap<u32, Vec<Awaited>>,
+    pub(super) awaited_by: BTreeMap<u32, Vec<AwaitedTexture>>,
 }
 
 impl<'a> Importer<'a> {
@@ -154,7 +154,7 @@ pub(super) type MaterialKey = (Option<ObjectId>, Option<ObjectId>, Option<Medium
 
 /// A texture that waits for its mesh.
 #[derive(Clone, Debug)]
-pub(super) struct Awaited {
+pub(super) struct AwaitedTexture {
     pub(super) name: String,
     /// Its picture, which is 0.5 until the mesh is there.
     pub(super) image: ImageId,

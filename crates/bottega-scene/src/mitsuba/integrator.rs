@@ -1,4 +1,4 @@
-//! How light is found.
+//! Integrators of Mitsuba.
 
 use super::document::{Class, Object, ObjectId};
 use super::importer::{Importer, Manner};

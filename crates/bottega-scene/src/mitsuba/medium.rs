@@ -35,7 +35,7 @@ impl MediumField {
 }
 
 /// Coefficients per unit of length, and what multiplies them in space.
-struct Stuff {
+struct MediumContents {
     absorption: Spectrum,
     scattering: Spectrum,
     variation: Option<Variation>,
@@ -83,11 +83,15 @@ impl Importer<'_> {
     }
 
     /// What `sigma_s` and `sigma_a` say.
-    fn coefficients(&mut self, object: &Object) -> Result<Stuff, SceneError> {
+    fn coefficients(&mut self, object: &Object) -> Result<MediumContents, SceneError> {
         let scattering = self.field(object, "sigma_s", Role::Unbounded, Spectrum::ZERO)?;
         let absorption = self.field(object, "sigma_a", Role::Unbounded, Spectrum::ZERO)?;
         let ((MediumField::Grid(_, place), _) | (_, MediumField::Grid(_, place))) = (&scattering, &absorption) else {
-            return Ok(Stuff { absorption: absorption.mean(), scattering: scattering.mean(), variation: None });
+            return Ok(MediumContents {
+                absorption: absorption.mean(),
+                scattering: scattering.mean(),
+                variation: None,
+            });
         };
         let grid_from_world = *place;
         if matches!(&absorption, MediumField::Grid(_, place) if *place != grid_from_world) {
@@ -96,13 +100,22 @@ impl Importer<'_> {
         let ((scattering, scattering_grid), (absorption, absorption_grid)) =
             (scattering.into_factor_and_grid(), absorption.into_factor_and_grid());
         let density = Density::Each { absorption: absorption_grid, scattering: scattering_grid };
-        Ok(Stuff { absorption, scattering, variation: Some(Variation { density, emission: None, grid_from_world }) })
+        Ok(MediumContents {
+            absorption,
+            scattering,
+            variation: Some(Variation { density, emission: None, grid_from_world }),
+        })
     }
 
     /// What the extinction, of this name, and `albedo` say.
     ///
     /// - `is_boxed`: whether there is nothing beyond the box of the extinction.
-    fn extinction_and_albedo(&mut self, object: &Object, density: &str, is_boxed: bool) -> Result<Stuff, SceneError> {
+    fn extinction_and_albedo(
+        &mut self,
+        object: &Object,
+        density: &str,
+        is_boxed: bool,
+    ) -> Result<MediumContents, SceneError> {
         if let Some(name) = self.bad(object.string("material"))? {
             let message =
                 format!("the substance `{}` is not known; a gray fog stands for it", crate::text::shortened(name));
@@ -114,7 +127,7 @@ impl Importer<'_> {
         let mut coefficient = Spectrum::ONE;
         let of = |extinction: Spectrum, variation| {
             let scattering = extinction * mean_albedo;
-            Stuff { absorption: (extinction - scattering).max(Spectrum::ZERO), scattering, variation }
+            MediumContents { absorption: (extinction - scattering).max(Spectrum::ZERO), scattering, variation }
         };
         let (grid, grid_from_world) = match extinction {
             MediumField::Grid(grid, place) => (grid, place),

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::document::Object;
 use super::importer::Importer;
-use super::shared::Needs;
+use super::shared::MeshNeeds;
 use crate::mesh_file::{obj, ply, serialized};
 use crate::origin::{far_center, rounding};
 use crate::text::shortened;
@@ -91,7 +91,7 @@ impl Importer<'_> {
 }
 
 /// Moves a mesh, and makes the winding of its triangles say which side is the front. `None`: it would be out of reach.
-pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: Needs) -> Option<Mesh> {
+pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: MeshNeeds) -> Option<Mesh> {
     let linear = DMat3::from_mat4(*to_world);
     if *to_world != DMat4::IDENTITY {
         mesh.positions.par_iter_mut().for_each(|p| *p = to_world.transform_point3(p.as_dvec3()).as_vec3());

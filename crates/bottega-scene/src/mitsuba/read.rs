@@ -1,4 +1,4 @@
-//! From text to objects: files included, parameters put in, properties understood, references resolved.
+//! The reader from text to objects: files included, parameters put in, properties understood, references resolved.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -357,19 +357,19 @@ impl DocumentReader<'_, '_> {
 /// Whether objects contain themselves, by references.
 fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneError> {
     #[derive(Clone, Copy, PartialEq)]
-    enum State {
+    enum ReadState {
         New,
         Open,
         Done,
     }
-    let mut states = vec![State::New; objects.len()];
+    let mut states = vec![ReadState::New; objects.len()];
     // Levels below each object that is done.
     let mut depths = vec![0; objects.len()];
     for start in 0..objects.len() {
-        if states[start] != State::New {
+        if states[start] != ReadState::New {
             continue;
         }
-        states[start] = State::Open;
+        states[start] = ReadState::Open;
         // Object and its next child; no recursion, since references may chain as long as the file is.
         let mut path = vec![(start, 0)];
         while let Some((object, next)) = path.last_mut() {
@@ -381,17 +381,17 @@ fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneEr
                     let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
                     return Err(report.invalid(objects[object].at, problem));
                 }
-                states[object] = State::Done;
+                states[object] = ReadState::Done;
                 path.pop();
                 continue;
             };
             *next += 1;
             let target = child.object.0;
             match states[target] {
-                State::Done => {}
-                State::Open => return Err(report.invalid(child.at, "an object contains itself by this reference")),
-                State::New => {
-                    states[target] = State::Open;
+                ReadState::Done => {}
+                ReadState::Open => return Err(report.invalid(child.at, "an object contains itself by this reference")),
+                ReadState::New => {
+                    states[target] = ReadState::Open;
                     path.push((target, 0));
                 }
             }

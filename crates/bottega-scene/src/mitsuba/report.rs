@@ -1,4 +1,4 @@
-//! What is told of a scene file: errors and warnings that name file, line and column.
+//! Errors and warnings of a scene file, with file, line and column.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

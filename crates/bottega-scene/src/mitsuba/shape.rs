@@ -9,7 +9,7 @@ use super::document::{Class, Object, ObjectId};
 use super::importer::Importer;
 use super::mesh::{Normals, place};
 use super::sdf::{self, SdfGrid, SdfNormals};
-use super::shared::{Ball, Group, Needs, mesh_key};
+use super::shared::{Ball, Group, MeshNeeds, mesh_key};
 use super::solids;
 use super::volume::{self, Numbers};
 use super::xml::XmlPlace;
@@ -187,7 +187,7 @@ impl Importer<'_> {
     }
 
     /// The material of a shape by what stands within it.
-    fn shape_material(&mut self, object: &Object) -> Result<(u32, Needs), SceneError> {
+    fn shape_material(&mut self, object: &Object) -> Result<(u32, MeshNeeds), SceneError> {
         let (mut bsdf, mut emitter, mut interior, mut exterior) = (None, None, None, None);
         for child in &object.children {
             let inner = self.document.get(child.object);

@@ -1,4 +1,4 @@
-//! What several shapes show: meshes from the same file, and groups.
+//! Meshes that several shapes share: from the same file, and groups.
 
 use std::collections::BTreeMap;
 
@@ -57,7 +57,7 @@ pub(super) struct Ball {
     /// an instance does not count.
     pub(super) inward: bool,
     pub(super) material: u32,
-    pub(super) needs: Needs,
+    pub(super) needs: MeshNeeds,
 }
 
 /// What instances of a group place: nested groups are flattened.
@@ -70,7 +70,7 @@ pub(super) struct Group {
 
 /// What a material asks of its mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Needs {
+pub(super) struct MeshNeeds {
     pub(super) uvs: bool,
     pub(super) tangents: bool,
     /// Colours of its vertices.

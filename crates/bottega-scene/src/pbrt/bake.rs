@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::{Affine2, DVec3, Vec2, Vec4};
 
 use super::context::Context;
-use super::mapping::Laid;
+use super::mapping::PlacedMapping;
 use super::texture_tree::{PictureNode, TextureNode, constant};
 use super::token::PbrtPlace;
 use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
@@ -30,7 +30,7 @@ pub(super) struct Bake {
 #[derive(Clone, Debug, PartialEq)]
 enum BakeLayout {
     /// Two times two cells of a checkerboard of constants.
-    Cells(Laid),
+    Cells(PlacedMapping),
     /// What all its pictures cover in common.
     Picture(PictureNode),
     /// A square of texture coordinates with that edge.
@@ -80,7 +80,7 @@ impl Bake {
     /// The sets of texture coordinates by which its parts are laid, in the order of the tree.
     pub(super) fn uv_sets(&self) -> Vec<u8> {
         fn gather(node: &TextureNode, sets: &mut Vec<u8>) {
-            let mut add = |laid: &Laid| {
+            let mut add = |laid: &PlacedMapping| {
                 if !sets.contains(&laid.uv_set) {
                     sets.push(laid.uv_set);
                 }
@@ -160,7 +160,7 @@ fn layout(node: &Rc<TextureNode>) -> BakeLayout {
 
 /// Whether a tree repeats beyond a square with that edge as it is within.
 fn repeats_within(node: &TextureNode, edge: f32) -> bool {
-    let whole = |laid: &Laid, period: f32| {
+    let whole = |laid: &PlacedMapping, period: f32| {
         let scale = laid.picture_from_uv.matrix2;
         [scale.x_axis.x, scale.y_axis.y].iter().all(|scale| (edge * scale / period).fract() == 0.0)
     };
@@ -192,7 +192,7 @@ fn gather<'a>(node: &'a TextureNode, leaves: &mut Vec<&'a PictureNode>) -> bool 
 
 /// How many texels show all of a tree: of its pictures, or of the unit square where these may repeat.
 fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
-    let scale = |laid: &Laid| {
+    let scale = |laid: &PlacedMapping| {
         let scale = laid.picture_from_uv.matrix2;
         Vec2::new(scale.x_axis.x, scale.y_axis.y).abs()
     };
@@ -219,7 +219,7 @@ fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
 ///
 /// - `at`: texture coordinates; with `on_picture` those of the pictures themselves.
 fn value(node: &TextureNode, at: Vec2, on_picture: bool, pictures: &[Image]) -> DVec3 {
-    let place = |laid: &Laid| if on_picture { at } else { laid.picture_from_uv.transform_point2(at) };
+    let place = |laid: &PlacedMapping| if on_picture { at } else { laid.picture_from_uv.transform_point2(at) };
     match node {
         TextureNode::Constant(value) => *value,
         TextureNode::Picture(node) => picture_value(node, place(&node.laid), pictures),

@@ -1,4 +1,4 @@
-//! From what the file describes to the scene: shapes get their materials, files of meshes are read, objects are placed.
+//! The build of the scene from a file's descriptions: shapes get their materials, files of meshes are read, objects are placed.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,7 +10,7 @@ use super::film::Exposure;
 use super::light::{Emission, Lights, emission, mean_luminance};
 use super::material::Materials;
 use super::medium::Media;
-use super::place::{Joined, baked, sphere, with_own_corners};
+use super::place::{JoinedMeshes, baked, sphere, with_own_corners};
 use super::shape::geometry::Geometry;
 use super::shape::sphere_mesh;
 use super::texture::Textures;
@@ -213,7 +213,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             }
             materials.push((material, own));
         }
-        let mut joined = Joined::default();
+        let mut joined = JoinedMeshes::default();
         let mut parts = Vec::new();
         for (shape, (material, own)) in shapes.into_iter().zip(materials) {
             let at = shape.at;

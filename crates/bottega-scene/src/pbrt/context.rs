@@ -1,4 +1,4 @@
-//! What all parts of the importer share: the files that were read, and what there is to say about them.
+//! The context that all parts of the importer share: the files that were read, and what there is to say about them.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! What tells a file for pbrt-v3 from one for pbrt-v4.
+//! The dialects of pbrt: a file for pbrt-v3, or one for pbrt-v4.
 
 use super::params::UPGRADE;
 use super::token::{PbrtFault, PbrtPlace, Token};

@@ -1,4 +1,4 @@
-//! Where on a picture a point of a surface is.
+//! Texture mappings: the point of a picture at a point of a surface.
 
 use glam::{Affine2, Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
@@ -10,7 +10,7 @@ use crate::{Mapping, MappingKind, SURFACE_UV_SETS};
 
 /// How a texture is laid: what is applied to which coordinates (v downwards).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Laid {
+pub(super) struct PlacedMapping {
     /// As of [`TextureMap`](crate::TextureMap).
     pub(super) uv_set: u8,
     pub(super) picture_from_uv: Affine2,
@@ -28,7 +28,7 @@ pub(super) fn within_frame((width, height): (u32, u32)) -> Affine2 {
 
 impl Mappings {
     /// How a texture says that it is laid.
-    pub(super) fn laid(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<Laid> {
+    pub(super) fn laid(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<PlacedMapping> {
         let params = &texture.params;
         let space = match params.text("mapping")?.unwrap_or("uv") {
             "uv" => return on_surface(params),
@@ -47,11 +47,16 @@ impl Mappings {
     }
 
     /// How cells of space are laid, which no mapping but the transformation in force says.
-    pub(super) fn cells(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<Laid> {
+    pub(super) fn cells(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<PlacedMapping> {
         self.in_space(context, texture, MappingKind::Cells)
     }
 
-    fn in_space(&mut self, context: &mut Context<'_>, texture: &Entity, space: MappingKind) -> PbrtResult<Laid> {
+    fn in_space(
+        &mut self,
+        context: &mut Context<'_>,
+        texture: &Entity,
+        space: MappingKind,
+    ) -> PbrtResult<PlacedMapping> {
         let params = &texture.params;
         let texture_from_world = texture.ctm.inverse();
         let place = params.place_of("mapping");
@@ -71,11 +76,11 @@ impl Mappings {
         }
         let picture_from_uv = Affine2::from_translation(delta);
         match self.set_of(Mapping { kind: space, mapping_from_world }) {
-            Some(uv_set) => Ok(Laid { uv_set, picture_from_uv }),
+            Some(uv_set) => Ok(PlacedMapping { uv_set, picture_from_uv }),
             None => {
                 let message = "there are too many mappings: here the surface's own coordinates stand for it";
                 context.unsupported(place, message);
-                Ok(Laid { uv_set: 0, picture_from_uv })
+                Ok(PlacedMapping { uv_set: 0, picture_from_uv })
             }
         }
     }
@@ -104,7 +109,7 @@ impl Mappings {
     }
 }
 
-fn on_surface(params: &Params) -> PbrtResult<Laid> {
+fn on_surface(params: &Params) -> PbrtResult<PlacedMapping> {
     let scale = |name| params.float(name).map(|scale| scale.unwrap_or(1.0));
     let delta = |name| params.float(name).map(|delta| delta.unwrap_or(0.0));
     let (scale_u, scale_v, delta_u, delta_v) = (scale("uscale")?, scale("vscale")?, delta("udelta")?, delta("vdelta")?);
@@ -118,7 +123,7 @@ fn on_surface(params: &Params) -> PbrtResult<Laid> {
         (1.0 - scale_v - delta_v) as f32,
     ]);
     if mapping.is_finite() {
-        Ok(Laid { uv_set: 0, picture_from_uv: mapping })
+        Ok(PlacedMapping { uv_set: 0, picture_from_uv: mapping })
     } else {
         Err(params.at.fault("the mapping exceeds all bounds").into())
     }

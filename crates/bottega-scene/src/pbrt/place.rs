@@ -1,4 +1,4 @@
-//! Where shapes end up: spheres that stay spheres, and small meshes that are moved into the world and joined.
+//! The placement of shapes: spheres that stay spheres, and small meshes that are moved into the world and joined.
 
 use std::collections::BTreeMap;
 
@@ -94,11 +94,11 @@ pub(super) fn with_own_corners(mesh: &Mesh) -> Mesh {
 
 /// Small meshes, joined by material and by what their vertices have.
 #[derive(Default)]
-pub(super) struct Joined {
+pub(super) struct JoinedMeshes {
     meshes: BTreeMap<(u32, [bool; 3]), (Mesh, PbrtPlace)>,
 }
 
-impl Joined {
+impl JoinedMeshes {
     /// Returns a mesh that has become large.
     pub(super) fn add(&mut self, mesh: Mesh, at: PbrtPlace) -> Option<Mesh> {
         let key = (mesh.material, [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()]);

@@ -14,7 +14,7 @@ use super::params::Params;
 use super::texture_tree::{PictureNode, TextureNode, constant, parts};
 use super::token::PbrtPlace;
 use super::world::{Entity, PbrtWorld};
-use crate::image::{Encoding, Framed, Pictures};
+use crate::image::{Encoding, FramedTexture, Pictures};
 use crate::text::shortened;
 use crate::{
     Channel, ColorParam, Image, ImageId, Mapping, MappingKind, ScalarParam, SceneError, Spectrum, TextureMap, Wrap,
@@ -430,7 +430,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         let framed = if wrap == "black" { self.pictures.want_framed(file, encoding, &place)? } else { None };
         let mut laid = self.mappings.laid(context, entity)?;
         let picture = match framed {
-            Some(Framed { id: picture, size }) => {
+            Some(FramedTexture { id: picture, size }) => {
                 laid.picture_from_uv = within_frame(size) * laid.picture_from_uv;
                 picture
             }

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use glam::DVec3;
 
-use super::mapping::Laid;
+use super::mapping::PlacedMapping;
 use crate::{ImageId, Wrap};
 
 /// A texture.
@@ -17,9 +17,9 @@ pub(super) enum TextureNode {
     /// From the first to the second by the third.
     Mix(Rc<TextureNode>, Rc<TextureNode>, Rc<TextureNode>),
     /// The first where both coordinates are even, or both odd.
-    Checkerboard(Laid, Rc<TextureNode>, Rc<TextureNode>),
+    Checkerboard(PlacedMapping, Rc<TextureNode>, Rc<TextureNode>),
     /// The values at (0, 0), (0, 1), (1, 0) and (1, 1).
-    Bilinear(Laid, [DVec3; 4]),
+    Bilinear(PlacedMapping, [DVec3; 4]),
 }
 
 /// A picture laid on a surface.
@@ -29,7 +29,7 @@ pub(super) struct PictureNode {
     pub(super) picture: ImageId,
     /// Whether it stands for a number: pbrt takes alpha, or else the mean of the colours.
     pub(super) is_scalar: bool,
-    pub(super) laid: Laid,
+    pub(super) laid: PlacedMapping,
     pub(super) wrap: Wrap,
     pub(super) smooth: bool,
     pub(super) scale: f64,

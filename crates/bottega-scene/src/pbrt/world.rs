@@ -1,4 +1,4 @@
-//! What a file describes: everything that its directives name, before it becomes a scene.
+//! The world of a file: everything that its directives name, before it becomes a scene.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;

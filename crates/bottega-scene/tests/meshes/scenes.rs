@@ -1,4 +1,4 @@
-//! What a mesh file becomes as a scene.
+//! Mesh files as scenes.
 
 use std::path::PathBuf;
 

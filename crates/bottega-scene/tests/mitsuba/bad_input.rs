@@ -1,4 +1,4 @@
-//! What cannot be read is refused with file, line and column, without delay.
+//! Files that cannot be read: refused with file, line and column, without delay.
 
 use std::time::{Duration, Instant};
 

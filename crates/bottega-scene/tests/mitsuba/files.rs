@@ -1,4 +1,4 @@
-//! What scenes refer to, and the encodings of their text.
+//! Files that scenes refer to, and the encodings of their text.
 
 use bottega_scene::{LoadOptions, Loaded, Mesh, SceneError, Spectrum, Surface};
 use glam::{Vec2, Vec3};

@@ -1,4 +1,4 @@
-//! What shines.
+//! Lights.
 
 use bottega_scene::{EnvironmentMapping, LightKind, Sides, SpotFalloff, Wrap};
 use glam::{Vec2, Vec3};

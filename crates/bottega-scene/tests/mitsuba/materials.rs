@@ -1,4 +1,4 @@
-//! What surfaces are made of.
+//! Materials.
 
 use bottega_scene::{
     AlphaMode, Back, Distribution, Facets, InnerReflection, Material, ReliefRule, ReliefSource, Shadowing, Surface,

@@ -1,4 +1,4 @@
-//! Where surfaces are, and which side of them is the front.
+//! Shapes: where they are, and which side of them is the front.
 
 use std::f64::consts::PI;
 

@@ -25,7 +25,7 @@ use crate::{
 /// How urgent a job shall be.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Urgency {
+struct PriorityChange {
     /// 1 to 1000: machines are shared out in proportion.
     priority: u32,
 }
@@ -83,7 +83,7 @@ pub(super) fn routes() -> Vec<Route> {
             "put",
             "/api/jobs/{id}/priority",
             "Say how urgent it is.",
-            RouteBody::Json(schema::<Urgency>),
+            RouteBody::Json(schema::<PriorityChange>),
             shown,
             put(priority),
         ),
@@ -157,7 +157,7 @@ async fn cancel(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
 }
 
 async fn priority(State(door): AtDoor, Param(id): Param<u32>, request: Request) -> RouteResult {
-    let Urgency { priority } = json_body(request).await?;
+    let PriorityChange { priority } = json_body(request).await?;
     if !(1..=PRIORITY_MAX).contains(&priority) {
         let detail = format!("`priority` is {priority}");
         let remedy = format!("from 1 to {PRIORITY_MAX} is allowed");

@@ -4,7 +4,7 @@ use axum::{
     extract::State,
     routing::{get, post},
 };
-use bottega_cluster::machine::Standing;
+use bottega_cluster::machine::PresenceState;
 
 use crate::{
     limits::ANSWER_TIME,
@@ -29,9 +29,13 @@ pub(super) fn routes() -> Vec<Route> {
             get(list),
         ),
         Route::told("/api/machines/{name}", "A machine.", shown, get(show)),
-        steered("/api/machines/{name}/suspend", "Have it hand back what it paints, and rest.", Standing::Suspended),
-        steered("/api/machines/{name}/resume", "Have it paint again.", Standing::Active),
-        steered("/api/machines/{name}/terminate", "Have it leave the farm.", Standing::Terminated),
+        steered(
+            "/api/machines/{name}/suspend",
+            "Have it hand back what it paints, and rest.",
+            PresenceState::Suspended,
+        ),
+        steered("/api/machines/{name}/resume", "Have it paint again.", PresenceState::Active),
+        steered("/api/machines/{name}/terminate", "Have it leave the farm.", PresenceState::Terminated),
     ]
 }
 
@@ -43,7 +47,7 @@ async fn show(State(door): AtDoor, Param(name): Param<String>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| named(farm, &name)).await?))
 }
 
-async fn tell(door: &DoorState, name: String, standing: Standing) -> RouteResult {
+async fn tell(door: &DoorState, name: String, standing: PresenceState) -> RouteResult {
     let machine = door.ask(ANSWER_TIME, move |farm| {
         farm.tell(&name, standing)?;
         named(farm, &name)

@@ -1,4 +1,4 @@
-//! What the API tells and does, and that its document says the same.
+//! The API and its document, which say the same.
 
 use std::{
     collections::BTreeSet,

@@ -11,7 +11,7 @@ use std::{
 use bottega::events::{AgentEvent, Event, ZoneEvent};
 use bottega_cluster::{
     job::LogLine,
-    machine::Standing,
+    machine::PresenceState,
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,
     web_secrets::WebSecrets,
@@ -145,7 +145,7 @@ impl ShownFarm for FakeFarm {
         Ok(())
     }
 
-    fn tell(&self, machine: &str, standing: Standing) -> Result<(), Problem> {
+    fn tell(&self, machine: &str, standing: PresenceState) -> Result<(), Problem> {
         self.note(format!("{machine} {standing:?}"));
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Who paints on this machine: what the user asks for, and what comes of it.
+//! The choice of devices on this machine: what the user asks for, and what comes of it.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::{
     request::DeviceChoice,
 };
 
-/// Who will paint.
+/// The devices that will paint.
 pub struct DeviceSet {
     /// Processors; 0: none.
     pub threads: usize,

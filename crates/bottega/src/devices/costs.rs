@@ -1,4 +1,4 @@
-//! What work costs on the devices of this machine, kept from one run to the next.
+//! The cost of work on the devices of this machine, kept from one run to the next.
 
 use std::{fs, path::PathBuf};
 

@@ -1,4 +1,4 @@
-//! Who paints on this machine: processors and GPUs.
+//! The devices of this machine: processors and GPUs.
 
 mod choice;
 pub mod costs;

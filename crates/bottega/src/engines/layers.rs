@@ -1,4 +1,4 @@
-//! Which layers a picture by an engine of other people has.
+//! The layers of a picture by an engine of other people.
 
 use bottega_engines::external::Opened;
 use bottega_image::{Aov, AovSet, Layer, Layout, OutputFormat};

@@ -10,7 +10,7 @@ use std::{
     sync::Arc,
 };
 
-use bottega_engines::external::{self, Entry, Located, Shelf};
+use bottega_engines::external::{self, LocatedEngine, Shelf, ShelfEntry};
 
 pub use self::{
     painter::{ExternalPainter, Mix},
@@ -89,7 +89,7 @@ pub fn choice_rules(request: &Request) -> Result<Option<RulesText>, Error> {
 ///
 /// # Errors
 /// There is none of that name, or it is broken.
-pub fn entry(folders: &[PathBuf], name: &str) -> Result<Entry, Error> {
+pub fn entry(folders: &[PathBuf], name: &str) -> Result<ShelfEntry, Error> {
     let shelf = shelf(folders);
     // A broken one is not silently replaced by another of the same name.
     if let Some(broken) = shelf.broken(name) {
@@ -108,9 +108,9 @@ pub fn entry(folders: &[PathBuf], name: &str) -> Result<Entry, Error> {
 ///
 /// # Errors
 /// There is none of that name, or it is not installed.
-pub fn located(folders: &[PathBuf], name: &str) -> Result<Arc<Located>, Error> {
+pub fn located(folders: &[PathBuf], name: &str) -> Result<Arc<LocatedEngine>, Error> {
     let entry = entry(folders, name)?;
-    let found = Located::find(&entry).map(Arc::new);
+    let found = LocatedEngine::find(&entry).map(Arc::new);
     found.map_err(|source| Error::External { engine: name.to_owned(), source })
 }
 
@@ -119,7 +119,7 @@ pub fn located(folders: &[PathBuf], name: &str) -> Result<Arc<Located>, Error> {
 /// # Errors
 /// The engine has no option of that name.
 pub fn parameters(
-    engine: &Located,
+    engine: &LocatedEngine,
     options: &BTreeMap<String, String>,
 ) -> Result<BTreeMap<String, serde_json::Value>, Error> {
     let mut parameters = engine.manifest().parameters.clone();

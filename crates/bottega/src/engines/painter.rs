@@ -11,7 +11,7 @@ use std::{
 use bottega_engines::{
     BuiltinEngine, MixedEngine, RenderEngine, Survey, Tunables,
     external::{
-        CameraView, ExternalEngine, ExternalOptions, Located, Opened, SceneRequest, Session, Surveyor,
+        CameraView, ExternalEngine, ExternalOptions, LocatedEngine, Opened, SceneRequest, Session, Surveyor,
         manifest::Manifest,
     },
 };
@@ -40,7 +40,7 @@ const DEFAULT_SAMPLES: u32 = 64;
 /// An engine of other people with the picture that it is to paint.
 pub struct ExternalPainter {
     /// The engine as it is found on this machine.
-    pub located: Arc<Located>,
+    pub located: Arc<LocatedEngine>,
     /// The engine with the scene opened.
     pub engine: Arc<ExternalEngine>,
     /// Where our own engine paints, too.
@@ -116,7 +116,7 @@ impl ExternalPainter {
             surveyor: surveyor(asked, &located, &opened),
         };
         let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
-        let mix = own.map(|Own { engine: own, .. }| {
+        let mix = own.map(|OwnEngine { engine: own, .. }| {
             let (ours, others): (Arc<dyn RenderEngine>, Arc<dyn RenderEngine>) =
                 (Arc::clone(&own) as _, Arc::clone(&engine) as _);
             let mut both = vec![(ours, 1), (others, engine.lanes())];
@@ -208,7 +208,7 @@ impl ExternalPainter {
 }
 
 /// What the engine is told when it opens the scene.
-fn opening(asked: &Request, located: &Located, sent: Option<&Path>) -> Result<SceneRequest, Error> {
+fn opening(asked: &Request, located: &LocatedEngine, sent: Option<&Path>) -> Result<SceneRequest, Error> {
     let mut parameters = parameters(located, &asked.engine.options)?;
     let defines = &asked.scene.defines;
     if let (Some(define), false) = (parameters.get_mut("define"), defines.is_empty()) {
@@ -247,7 +247,7 @@ fn outside(asked: &Request, parameters: &BTreeMap<String, serde_json::Value>, se
     named.chain(all).collect()
 }
 
-fn unfit(located: &Located, option: &str) -> Error {
+fn unfit(located: &LocatedEngine, option: &str) -> Error {
     Error::usage(
         format!("{option} means nothing to {}", located.manifest().title),
         "it is for our own engine; other engines do as their scene says",
@@ -283,7 +283,7 @@ fn check(asked: &Request) -> Result<(), Error> {
 
 fn settings(
     asked: &Request,
-    located: &Located,
+    located: &LocatedEngine,
     opened: &Opened,
     experts: Vec<Expert>,
     layout: Layout,
@@ -348,7 +348,7 @@ fn layer_names(layout: &Layout) -> String {
 }
 
 /// Our own engine beside another one.
-struct Own {
+struct OwnEngine {
     engine: Arc<BuiltinEngine>,
     settings: JobSettings,
     /// Whether the scene says how far light goes.
@@ -356,7 +356,13 @@ struct Own {
 }
 
 /// Our own engine with the same picture: it reads size, samples, depth and filter from the same file.
-fn own(asked: &Request, opened: &Opened, title: &str, experts: Vec<Expert>, layout: Layout) -> Result<Own, Error> {
+fn own(
+    asked: &Request,
+    opened: &Opened,
+    title: &str,
+    experts: Vec<Expert>,
+    layout: Layout,
+) -> Result<OwnEngine, Error> {
     let asked = as_opened(asked, opened);
     let mut subject = LoadedScene::load(&asked)?;
     if subject.hints.is_sky_added {
@@ -376,7 +382,7 @@ fn own(asked: &Request, opened: &Opened, title: &str, experts: Vec<Expert>, layo
     subject.hints.filter = Some(filter);
     let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
     let (engine, _) = own_engine(&asked, &subject, &half)?;
-    Ok(Own { engine: Arc::new(engine), settings, has_depth: subject.hints.max_depth.is_some() })
+    Ok(OwnEngine { engine: Arc::new(engine), settings, has_depth: subject.hints.max_depth.is_some() })
 }
 
 /// An agent for each process that paints: more would only wait for one another.
@@ -385,7 +391,7 @@ fn agents_of(asked: &Request, engine: &ExternalEngine) -> usize {
 }
 
 /// Our own look at the scene, where the manifest says that we read the same format.
-fn surveyor(asked: &Request, located: &Located, opened: &Opened) -> Option<Surveyor> {
+fn surveyor(asked: &Request, located: &LocatedEngine, opened: &Opened) -> Option<Surveyor> {
     use bottega_engines::external::manifest::Importance;
     if located.manifest().scene.importance != Importance::Builtin {
         return None;

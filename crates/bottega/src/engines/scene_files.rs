@@ -1,4 +1,4 @@
-//! What a farm must be sent so that its machines can paint a scene with an engine.
+//! The scene files that a farm must be sent so that its machines can paint with an engine.
 
 use std::{
     collections::BTreeSet,

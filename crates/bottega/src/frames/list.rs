@@ -1,4 +1,4 @@
-//! Which frames of an animation are asked for.
+//! The list of frames of an animation that a request asks for.
 
 use std::{collections::BTreeSet, str::FromStr};
 

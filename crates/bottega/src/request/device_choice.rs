@@ -1,4 +1,4 @@
-//! Which devices a request names.
+//! The devices that a request names.
 
 use std::str::FromStr;
 
@@ -11,7 +11,7 @@ const PROCESSORS: &str = "cpu";
 /// The word for whatever is there.
 pub const AUTO: &str = "auto";
 
-/// Which devices are to paint.
+/// The devices that are to paint.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
     /// The processors, and the best GPU if there is one.

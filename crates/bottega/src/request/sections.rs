@@ -37,7 +37,7 @@ macro_rules! sections {
     };
 }
 
-/// Which scene file, and how it is read.
+/// The scene file, and how it is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneOptions {
@@ -86,7 +86,7 @@ impl SceneOptions {
     }
 }
 
-/// Where light from all around comes from.
+/// The light from all around.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EnvironmentLight {
@@ -98,7 +98,7 @@ pub enum EnvironmentLight {
     Sky,
 }
 
-/// How wide the bands are in which neighboring zones are blended. With optimization off there are none: zones agree to the last bit.
+/// The width of the bands in which neighboring zones are blended. With optimization off there are none: zones agree to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BandChoice {

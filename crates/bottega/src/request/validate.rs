@@ -1,4 +1,4 @@
-//! What a request may say: every field's limits, and what excludes what.
+//! The validation of a request: every field's limits, and what excludes what.
 
 use std::ops::RangeInclusive;
 

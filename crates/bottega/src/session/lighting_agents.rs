@@ -1,4 +1,4 @@
-//! What lighting agents did, for people, scripts and the picture's metadata.
+//! The work of lighting agents, for people, scripts and the picture's metadata.
 
 use bottega_image::Metadata;
 use bottega_render::ala::AgentReport;

@@ -17,7 +17,7 @@ use std::{
 use bottega_denoise::Denoiser;
 use bottega_engines::RenderEngine;
 use bottega_farm::{
-    JobError, JobReport, JobSettings, Kept, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
+    JobError, JobReport, JobSettings, JournalContents, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
 };
 use bottega_image::{Film, Metadata, Rect, check_writable};
 use bottega_scene::Scene;
@@ -39,7 +39,7 @@ use crate::{
     settings::{goal, job_settings, shared_goal, tone},
 };
 
-/// What a session does beside the picture. None of it changes a pixel.
+/// The options of a session beside the picture. None of them changes a pixel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SessionOptions {
     /// Go on with what an earlier session has left of this picture, beside its output.
@@ -82,7 +82,7 @@ pub struct Session {
     journal: Option<PictureJournal>,
 }
 
-/// What is needed to paint.
+/// The tools of painting.
 pub struct PaintingTools {
     /// The job.
     pub settings: JobSettings,
@@ -93,7 +93,7 @@ pub struct PaintingTools {
     /// Where the job is kept on this machine, too, and what was kept.
     pub store: Option<Box<dyn ZoneStore>>,
     /// What was kept of it.
-    pub kept: Option<Kept>,
+    pub kept: Option<JournalContents>,
 }
 
 impl Session {
@@ -394,7 +394,7 @@ impl Session {
     }
 
     /// From now on shows what is painted. What is kept of it is shown at once, amid what a look at the picture gives.
-    fn show(&self, reporter: &Arc<Reporter>, kept: Option<&Kept>) -> Result<(), Error> {
+    fn show(&self, reporter: &Arc<Reporter>, kept: Option<&JournalContents>) -> Result<(), Error> {
         let SessionOptions { preview, shows, .. } = &self.options;
         let watch_faults = |painter: &ExternalPainter| {
             let (teller, title) = (Arc::downgrade(reporter), painter.title());

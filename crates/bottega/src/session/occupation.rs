@@ -1,4 +1,4 @@
-//! What processors and devices were at while a picture was painted.
+//! The occupation of processors and devices while a picture was painted.
 
 use std::path::Path;
 

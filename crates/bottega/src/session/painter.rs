@@ -1,4 +1,4 @@
-//! Who paints a picture in this process: our own engine, or another one.
+//! The painter of a picture in this process: our own engine, or another one.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What is told while the work goes on: what the farm and the engine say becomes events.
+//! The reporter: makes events of what the farm and the engine say while the work goes on.
 
 use std::{
     collections::VecDeque,
@@ -29,27 +29,27 @@ const SHARE_SEEN: f64 = 0.1;
 /// Tells a watcher what happens.
 pub struct Reporter {
     watcher: Arc<dyn Watcher>,
-    pace: Mutex<Pace>,
+    pace: Mutex<WorkRate>,
     /// Of the auction, as they ended.
     rounds: Mutex<Vec<RoundSummary>>,
-    watch: OnceLock<Watch>,
-    show: OnceLock<Showing>,
+    watch: OnceLock<EngineWatch>,
+    show: OnceLock<PreviewOutput>,
 }
 
 /// Shows the picture while it is painted.
-struct Showing {
+struct PreviewOutput {
     show: Arc<LivePreview>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 /// Looks at the engine while zones are under way.
-struct Watch {
+struct EngineWatch {
     stop: mpsc::Sender<()>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 /// How the work goes on: the farm speaks when a zone is done, the engine is looked at in between.
-struct Pace {
+struct WorkRate {
     begun: Instant,
     /// The farm's last word.
     said: Option<Progress>,
@@ -67,8 +67,14 @@ impl Reporter {
     /// Tells `watcher`.
     pub fn new(watcher: Arc<dyn Watcher>) -> Self {
         let now = Instant::now();
-        let pace =
-            Mutex::new(Pace { begun: now, said: None, said_at: now, kept: 0, kept_cost: 0.0, marks: VecDeque::new() });
+        let pace = Mutex::new(WorkRate {
+            begun: now,
+            said: None,
+            said_at: now,
+            kept: 0,
+            kept_cost: 0.0,
+            marks: VecDeque::new(),
+        });
         Self { watcher, pace, rounds: Mutex::default(), watch: OnceLock::new(), show: OnceLock::new() }
     }
 
@@ -103,7 +109,7 @@ impl Reporter {
             }
         });
         // A second watch would tell everything twice; there is none.
-        let _ = self.watch.set(Watch { stop, thread: Mutex::new(Some(thread)) });
+        let _ = self.watch.set(EngineWatch { stop, thread: Mutex::new(Some(thread)) });
     }
 
     /// From now on keeps `show` fresh, and tells how long after the end of loading, `loaded`, it was.
@@ -119,7 +125,7 @@ impl Reporter {
             }
         });
         // As above.
-        let _ = self.show.set(Showing { show: Arc::clone(show), thread: Mutex::new(Some(thread)) });
+        let _ = self.show.set(PreviewOutput { show: Arc::clone(show), thread: Mutex::new(Some(thread)) });
     }
 
     fn tell_progress(&self, samples_done: u64) {
@@ -145,7 +151,7 @@ impl Reporter {
                 let _ = thread.join();
             }
         }
-        if let Some(Showing { show, thread }) = self.show.get() {
+        if let Some(PreviewOutput { show, thread }) = self.show.get() {
             show.end();
             if let Some(thread) = thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
                 let _ = thread.join();
@@ -162,12 +168,12 @@ impl Reporter {
         }
     }
 
-    fn pace(&self) -> MutexGuard<'_, Pace> {
+    fn pace(&self) -> MutexGuard<'_, WorkRate> {
         self.pace.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Pace {
+impl WorkRate {
     /// How far the work is now, and how many samples a second it has taken lately. The farm speaks when a zone is done;
     /// in between, what is left shrinks with the samples taken.
     fn present(&mut self, samples_done: u64) -> Option<(Progress, f64)> {

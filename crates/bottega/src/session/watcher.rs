@@ -1,4 +1,4 @@
-//! Who is told of the work.
+//! Watchers of the work.
 
 use bottega_agents::Time;
 use bottega_farm::FarmMessage;

@@ -1,4 +1,4 @@
-//! What paths learn beforehand.
+//! The settings of what paths learn beforehand.
 
 use bottega_render::AgentUse;
 

@@ -1,4 +1,4 @@
-//! Which layers our own engine makes beside the color.
+//! The layers that our own engine makes beside the color.
 
 use bottega_image::{Aov, AovSet};
 

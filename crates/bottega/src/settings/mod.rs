@@ -1,4 +1,4 @@
-//! What a request means to the engines and the farm, with the scene that it is of.
+//! The settings that a request means to the engines and the farm, with the scene that it is of.
 
 mod guiding;
 mod layers;

@@ -1,4 +1,4 @@
-//! How photons and lighting agents are used.
+//! The settings of photons and lighting agents.
 
 use bottega_render::{AgentSettings, Oracle, PhotonFilter, PhotonSettings};
 use bottega_scene::PhotonHints;

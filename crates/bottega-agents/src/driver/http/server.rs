@@ -34,7 +34,7 @@ const ANSWER_WAIT: Duration = Duration::from_secs(20);
 /// The path under which those on this machine can watch what passes.
 pub const TRACE_PATH: &str = "/trace";
 
-/// What a server serves.
+/// The service behind a server.
 pub struct Service {
     /// Takes a message that came. `false`: there is no room for it now.
     pub take: Box<dyn Fn(Letter) -> bool + Send + Sync>,

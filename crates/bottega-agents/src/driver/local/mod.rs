@@ -21,7 +21,7 @@ use state::{PlatformShared, PlatformState, Slot};
 use super::alarm::Alarm;
 use crate::{
     AgentId, Event, StateMachine, Time,
-    bus::{Beyond, carry_out},
+    bus::{OutsideAction, carry_out},
     entry_store::EntryStore,
     store::MemoryStore,
 };
@@ -260,8 +260,8 @@ where
             machine.handle(shared.now(), event, &mut actions);
             for action in actions.drain(..) {
                 match carry_out(&mut bus, &id, action) {
-                    Some(Beyond::Effect(effect)) => performer(effect, &mailbox),
-                    Some(Beyond::Stop) => stopped = true,
+                    Some(OutsideAction::Effect(effect)) => performer(effect, &mailbox),
+                    Some(OutsideAction::Stop) => stopped = true,
                     None => {}
                 }
             }

@@ -1,4 +1,4 @@
-//! What a platform of one process has in memory, its locks, and the ways in and out: mailboxes and the link to other
+//! The memory of a platform of one process, its locks, and the ways in and out: mailboxes and the link to other
 //! processes. These know each other, for what comes back over the link goes into a mailbox.
 
 use std::{
@@ -12,7 +12,7 @@ use crate::{
     AclMessage, AgentId, Event, EventOf, StateMachine, StoreRequest, Ticket, Time,
     bus::{Blob, BlobId},
     entry_store::EntryStore,
-    store::Addressed,
+    store::AddressedStore,
 };
 
 /// The most messages that wait in a mailbox; what comes on top is lost, as on any network.
@@ -76,7 +76,10 @@ impl<M: StateMachine> PlatformShared<M> {
     }
 
     /// Does something with the store and delivers what it says.
-    pub(super) fn with_store(&self, change: impl FnOnce(&mut Store<M::Value>, &mut Vec<Addressed<M::Value, usize>>)) {
+    pub(super) fn with_store(
+        &self,
+        change: impl FnOnce(&mut Store<M::Value>, &mut Vec<AddressedStore<M::Value, usize>>),
+    ) {
         // A store that panicked is as good as one that cannot be asked; its own invariants are its business.
         let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
         let mut replies = Vec::new();
@@ -85,7 +88,7 @@ impl<M: StateMachine> PlatformShared<M> {
             return;
         }
         let mut state = self.lock();
-        for Addressed { to, ticket, reply } in replies {
+        for AddressedStore { to, ticket, reply } in replies {
             state.deliver(to, Event::Store { ticket, reply });
         }
         drop(state);

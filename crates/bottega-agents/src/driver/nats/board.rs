@@ -1,4 +1,4 @@
-//! What everybody in a farm may read and change: which jobs there are, who leads them, who is there.
+//! The notices of a farm that everybody may read and change: its jobs, their leaders, who is present.
 
 use std::{
     collections::BTreeMap,
@@ -46,13 +46,13 @@ pub struct NoticeBoard {
 
 /// What was heard of the notices.
 struct KnownNotices {
-    notices: BTreeMap<String, Heard>,
+    notices: BTreeMap<String, ReceivedNote>,
     /// How often the server was reached, and when it was the last time.
     connects: u64,
     connected: Instant,
 }
 
-struct Heard {
+struct ReceivedNote {
     revision: u64,
     text: Arc<[u8]>,
     at: Instant,
@@ -172,7 +172,7 @@ impl NoticeBoard {
         }
     }
 
-    fn notice(&self, seen: &KnownNotices, name: &str, heard: &Heard) -> Notice {
+    fn notice(&self, seen: &KnownNotices, name: &str, heard: &ReceivedNote) -> Notice {
         let unchanged = heard.at.max(seen.connected).elapsed();
         Notice { name: name.to_owned(), revision: heard.revision, text: Arc::clone(&heard.text), unchanged }
     }
@@ -190,7 +190,7 @@ impl KnownNotices {
 
     fn hear(&mut self, name: &str, revision: u64, text: &[u8]) {
         if self.notices.get(name).is_none_or(|heard| heard.revision < revision) {
-            let heard = Heard { revision, text: text.into(), at: now() };
+            let heard = ReceivedNote { revision, text: text.into(), at: now() };
             self.notices.insert(name.to_owned(), heard);
         }
     }

@@ -1,4 +1,4 @@
-//! How one who knows the farm's word becomes a member with a key of its own.
+//! Enrolment: one who knows the farm's word becomes a member with a key of its own.
 
 use std::{sync::Arc, time::Duration};
 

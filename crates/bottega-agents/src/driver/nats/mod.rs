@@ -218,7 +218,7 @@ impl<K: Codec> NatsUplink<K> {
     }
 }
 
-/// What a server says of what it stores.
+/// The state of a server's storage, as it tells it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerState {
     /// It does not answer.
@@ -257,7 +257,7 @@ async fn post(client: Client, mut mail: mpsc::Receiver<(String, Vec<u8>)>) {
     }
 }
 
-/// What has gone over a link: everything, answers of the server too, without what the protocol of NATS adds.
+/// The traffic over a link: everything, answers of the server too, without what the protocol of NATS adds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Messages to the server.

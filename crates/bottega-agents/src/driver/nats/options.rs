@@ -1,4 +1,4 @@
-//! Where a farm is, and how one says who one is.
+//! The address of a farm, and the credentials of a client.
 
 use std::{path::PathBuf, time::Duration};
 
@@ -12,7 +12,7 @@ pub(super) const ANSWER_TIME: Duration = Duration::from_secs(2);
 /// How long is waited for the server at first.
 pub(super) const CONNECT_TIME: Duration = Duration::from_secs(5);
 
-/// Where a farm is.
+/// The address of a farm.
 #[derive(Clone, Debug, Default)]
 pub struct NatsOptions {
     /// Addresses of its servers: `nats://host:4222`.
@@ -29,7 +29,7 @@ pub struct NatsOptions {
     pub is_guest: bool,
 }
 
-/// Who one is to a server.
+/// The credentials for a server.
 #[derive(Clone, Debug, Default)]
 pub enum Login {
     /// Nobody asks.
@@ -45,7 +45,7 @@ pub enum Login {
     Credentials(PathBuf),
 }
 
-/// How a connection is kept from others.
+/// The encryption of a connection.
 #[derive(Clone, Debug, Default)]
 pub struct Tls {
     /// Nothing is said before it is.

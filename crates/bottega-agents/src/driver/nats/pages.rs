@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::board::{Notice, NoticeBoard};
-use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::Addressed};
+use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::AddressedStore};
 
 /// How the names of the notices begin.
 const FOLDER: &str = "page/";
@@ -24,7 +24,7 @@ struct PageWatch {
     told: BTreeMap<String, u64>,
 }
 
-type Replies = Vec<Addressed<String, usize>>;
+type Replies = Vec<AddressedStore<String, usize>>;
 
 impl NoticePages {
     /// The pages of the platform of this name.
@@ -85,8 +85,8 @@ impl NoticePages {
 }
 
 impl PageWatch {
-    fn say(&self, reply: StoreReply<String>) -> Addressed<String, usize> {
-        Addressed { to: self.who, ticket: self.ticket, reply }
+    fn say(&self, reply: StoreReply<String>) -> AddressedStore<String, usize> {
+        AddressedStore { to: self.who, ticket: self.ticket, reply }
     }
 
     fn tell(&mut self, entries: &[Entry<String>], replies: &mut Replies) {
@@ -131,7 +131,7 @@ impl EntryStore<String, usize> for NoticePages {
         if is_watch {
             self.tell(replies);
         }
-        replies.push(Addressed { to: from, ticket, reply });
+        replies.push(AddressedStore { to: from, ticket, reply });
         if !is_watch {
             self.tell(replies);
         }

@@ -1,4 +1,4 @@
-//! What a server is to allow whom.
+//! Rights on a server: which role may publish and read which subjects.
 //!
 //! Who only paints may say what its own agents say, that it is there, and what it has painted; it may read scenes and be
 //! told. It cannot speak as a Master, write rows, jobs or who leads, or touch streams.

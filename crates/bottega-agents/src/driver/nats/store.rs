@@ -78,7 +78,7 @@ pub(super) async fn open(
     }
 }
 
-/// What one is told who follows entries.
+/// A change of entries, for those who follow them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EntryNews<V> {
     /// An entry as it is, or is from now on.

@@ -1,4 +1,4 @@
-//! What is painted: small blobs, each written once and read once or twice, thousands a second.
+//! Painted tiles as small blobs, each written once and read once or twice, thousands a second.
 //!
 //! A tile lies in a stream, in parts of some hundred kilobytes; most have one. So one costs a message to write and one to read,
 //! where an object of the object store costs three and a consumer. The first part, which says how many there are, is written

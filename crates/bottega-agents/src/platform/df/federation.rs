@@ -13,7 +13,7 @@ use super::{
             SearchConstraints, ServiceDescription,
         },
         ontology::df_description,
-        service::{Said, Todo},
+        service::{Said, ServiceOutbox},
     },
     entry::{RESULTS_BYTES_MAX, RESULTS_MAX, index},
 };
@@ -68,7 +68,7 @@ struct Join {
 
 /// What is under way once this directory shall not stand in others any more.
 #[derive(Clone, Debug)]
-struct Leaving {
+struct PendingWithdrawal {
     /// Who is told when it is so; `None`: it was told.
     request: Option<Said>,
     until: Time,
@@ -80,7 +80,7 @@ pub(super) struct Federation {
     salt: u64,
     next: u64,
     joins: Vec<Join>,
-    leaving: Option<Leaving>,
+    leaving: Option<PendingWithdrawal>,
     /// By the conversation in which others are asked.
     searches: BTreeMap<u64, Search>,
     seen: BTreeMap<String, Time>,
@@ -111,7 +111,7 @@ impl Federation {
         found: &[DfAgentDescription],
         (template, constraints): (&DfAgentDescription, &SearchConstraints),
         others: &[AgentId],
-        todo: &mut Todo,
+        todo: &mut ServiceOutbox,
     ) -> bool {
         if others.is_empty() || self.searches.len() >= SEARCHES_MAX {
             return false;
@@ -154,7 +154,7 @@ impl Federation {
     }
 
     /// Takes what another directory answers.
-    pub(super) fn hear(&mut self, now: Time, message: &Said, todo: &mut Todo) -> bool {
+    pub(super) fn hear(&mut self, now: Time, message: &Said, todo: &mut ServiceOutbox) -> bool {
         use Performative as P;
         if !matches!(message.performative, P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood) {
             return false;
@@ -188,7 +188,7 @@ impl Federation {
     }
 
     /// A directory does not get what it was asked.
-    pub(super) fn unreachable(&mut self, other: &AgentId, todo: &mut Todo) {
+    pub(super) fn unreachable(&mut self, other: &AgentId, todo: &mut ServiceOutbox) {
         for join in self.joins.iter_mut().filter(|join| index(&join.other) == index(other)) {
             join.is_leaving = false;
         }
@@ -205,7 +205,7 @@ impl Federation {
         }
     }
 
-    fn answer(&mut self, conversation: u64, todo: &mut Todo) {
+    fn answer(&mut self, conversation: u64, todo: &mut ServiceOutbox) {
         let Some(search) = self.searches.remove(&conversation) else { return };
         let ManagementContent::Action(function) = &search.request.content else { return };
         let content = ManagementContent::Done(function.clone(), Outcome::Offers(search.found));
@@ -213,7 +213,7 @@ impl Federation {
     }
 
     /// Registers this directory with the others, again and again: they may have started anew, and leases end.
-    fn join(&mut self, now: Time, todo: &mut Todo) {
+    fn join(&mut self, now: Time, todo: &mut ServiceOutbox) {
         if self.leaving.is_some() {
             return;
         }
@@ -227,8 +227,8 @@ impl Federation {
     }
 
     /// Takes this directory out of the others, for good; `request` is answered when that is done, or takes too long.
-    pub(super) fn leave(&mut self, now: Time, request: &Said, todo: &mut Todo) {
-        self.leaving = Some(Leaving { request: Some(request.clone()), until: now + LEAVE_WAIT });
+    pub(super) fn leave(&mut self, now: Time, request: &Said, todo: &mut ServiceOutbox) {
+        self.leaving = Some(PendingWithdrawal { request: Some(request.clone()), until: now + LEAVE_WAIT });
         // One that was asked may have taken it in, whatever was heard of that.
         for join in self.joins.iter_mut().filter(|join| join.conversation != 0) {
             join.is_leaving = true;
@@ -238,7 +238,7 @@ impl Federation {
         self.tell_if_left(todo);
     }
 
-    fn tell_if_left(&mut self, todo: &mut Todo) {
+    fn tell_if_left(&mut self, todo: &mut ServiceOutbox) {
         if self.joins.iter().any(|join| join.is_leaving) {
             return;
         }
@@ -248,7 +248,7 @@ impl Federation {
         }
     }
 
-    pub(super) fn look_at_the_clock(&mut self, now: Time, todo: &mut Todo) {
+    pub(super) fn look_at_the_clock(&mut self, now: Time, todo: &mut ServiceOutbox) {
         self.join(now, todo);
         if self.leaving.as_ref().is_some_and(|leaving| leaving.until <= now) {
             self.joins.iter_mut().for_each(|join| join.is_leaving = false);
@@ -277,7 +277,7 @@ impl Federation {
 
 impl Join {
     /// Asks the other directory, in a conversation of its own.
-    fn ask(&mut self, me: &AgentId, next: &mut u64, function: Function, todo: &mut Todo) {
+    fn ask(&mut self, me: &AgentId, next: &mut u64, function: Function, todo: &mut ServiceOutbox) {
         self.conversation = *next;
         *next += 1;
         let content = ManagementContent::Action(function);

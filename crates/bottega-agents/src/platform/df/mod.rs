@@ -21,7 +21,7 @@ use super::{
         SearchConstraints,
     },
     ontology::{DF_DESCRIPTION, SERVICE_DESCRIPTION, df_description},
-    service::{Change, Functions, NoResult, Said, Step, Todo},
+    service::{Change, Functions, NoResult, Said, ServiceOutbox, Step},
     signature::signed,
 };
 use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
@@ -34,7 +34,7 @@ pub const DIRECTORY_BYTES_MAX: usize = 1 << 28;
 /// How long after a lease has ended its entry is taken out at the latest.
 const SWEEP_AFTER: Duration = Duration::from_secs(1);
 
-/// Who a directory is, and what it allows.
+/// The configuration of a directory: its name, and what it allows.
 #[derive(Clone, Debug)]
 pub struct DfConfig {
     /// Its own name.
@@ -51,7 +51,7 @@ pub struct DfConfig {
     pub salt: u64,
 }
 
-/// What agents offer. An agent may enter, change and take out only what it offers itself.
+/// The yellow pages: the offers of agents. An agent may enter, change and take out only what it offers itself.
 #[derive(Clone, Debug)]
 pub struct Df {
     config: DfConfig,
@@ -158,7 +158,7 @@ impl Df {
         request: &Said,
         template: &DfAgentDescription,
         constraints: &SearchConstraints,
-        todo: &mut Todo,
+        todo: &mut ServiceOutbox,
     ) -> Step {
         let most = constraints.results_max(RESULTS_MAX);
         if constraints.search_id.as_ref().is_some_and(|id| self.federation.has_seen(now, id)) {
@@ -190,7 +190,7 @@ impl Df {
         others.into_values().collect()
     }
 
-    fn sweep(&mut self, now: Time, todo: &mut Todo) {
+    fn sweep(&mut self, now: Time, todo: &mut ServiceOutbox) {
         for (name, entry) in &self.entries {
             if !holds(&entry.offer, now) && self.ending.insert(name.clone()) {
                 let change = Change { key: format!("{ENTRY}{name}").into(), text: String::new() };
@@ -239,7 +239,7 @@ impl Functions for Df {
     const PREFIXES: &'static [&'static str] = &["df/"];
     const ENTRY_BYTES_MAX: usize = DESCRIPTION_BYTES_MAX;
 
-    fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, _todo: &mut Todo) {
+    fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, _todo: &mut ServiceOutbox) {
         self.newest = self.newest.max(revision);
         let Some(name) = key.strip_prefix(ENTRY) else {
             let pages = Pages { entries: &self.entries, gone: &self.gone };
@@ -253,7 +253,13 @@ impl Functions for Df {
         }
     }
 
-    fn perform(&mut self, now: Time, request: &Said, function: &Function, todo: &mut Todo) -> Result<Step, NoResult> {
+    fn perform(
+        &mut self,
+        now: Time,
+        request: &Said,
+        function: &Function,
+        todo: &mut ServiceOutbox,
+    ) -> Result<Step, NoResult> {
         let asker = &request.sender;
         match function {
             Function::Register(description) => {
@@ -301,7 +307,7 @@ impl Functions for Df {
         }
     }
 
-    fn hear(&mut self, now: Time, message: &Said, todo: &mut Todo) -> bool {
+    fn hear(&mut self, now: Time, message: &Said, todo: &mut ServiceOutbox) -> bool {
         match (&message.content, message.performative) {
             (ManagementContent::Subscription(template, constraints), Performative::Subscribe) => {
                 let wish = (template.clone(), constraints.clone());
@@ -322,11 +328,11 @@ impl Functions for Df {
         }
     }
 
-    fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut Todo) {
+    fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut ServiceOutbox) {
         self.subscriptions.settled(now, mark, made, todo);
     }
 
-    fn tick(&mut self, now: Time, todo: &mut Todo) {
+    fn tick(&mut self, now: Time, todo: &mut ServiceOutbox) {
         self.subscriptions.pages_are_known(now, &Pages { entries: &self.entries, gone: &self.gone });
         self.subscriptions.tick(now, todo);
         if self.sweep_at.is_none_or(|at| at <= now) {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::{
     super::{
         management::{DfAgentDescription, ManagementContent, SearchConstraints},
-        service::{Said, Todo},
+        service::{Said, ServiceOutbox},
     },
     entry::{RESULTS_BYTES_MAX, RESULTS_MAX, index},
 };
@@ -28,14 +28,14 @@ pub(super) const TRY_AGAIN_AFTER: Duration = Duration::from_secs(5);
 /// Who cannot be reached for so long is forgotten.
 pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 
-pub(super) type Wish = (DfAgentDescription, SearchConstraints);
+pub(super) type SearchRequest = (DfAgentDescription, SearchConstraints);
 
 /// A subscription as it stands in the store.
 #[derive(Clone, Debug)]
 pub(super) struct SubscriptionState {
     /// The message that began it, of which the answers are made.
     pub(super) message: Said,
-    pub(super) wish: Wish,
+    pub(super) wish: SearchRequest,
     /// Who tells the subscriber.
     pub(super) teller: String,
     /// The newest revision when it began: what was gone by then is none of its business.
@@ -60,7 +60,7 @@ pub(super) struct SubscriptionNews {
 
 /// A subscriber that cannot be reached.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lost {
+pub(super) struct UnreachableSubscriber {
     pub(super) since: Time,
     pub(super) again: Time,
 }
@@ -70,7 +70,7 @@ pub(super) struct Subscription {
     pub(super) standing: SubscriptionState,
     /// What is not sure, one for each agent, in order of revision.
     pub(super) news: Vec<SubscriptionNews>,
-    pub(super) lost: Option<Lost>,
+    pub(super) lost: Option<UnreachableSubscriber>,
     /// A change of its entry is under way.
     pub(super) is_written: bool,
 }
@@ -88,7 +88,7 @@ impl Subscription {
     }
 
     /// Tells what was not told yet.
-    pub(super) fn tell(&mut self, now: Time, me: &AgentId, next_number: &mut u64, todo: &mut Todo) {
+    pub(super) fn tell(&mut self, now: Time, me: &AgentId, next_number: &mut u64, todo: &mut ServiceOutbox) {
         if self.lost.is_some_and(|lost| now < lost.again) {
             return;
         }

@@ -1,4 +1,4 @@
-//! Who wants to be told of offers.
+//! Subscriptions to the yellow pages: agents that want to hear of offers.
 //!
 //! A subscription is an entry of the store. It says which process tells the subscriber, up to which revision it has done so,
 //! and up to which it is sure that this arrived: when for a while nobody has said that it did not. Where the one who tells
@@ -13,10 +13,13 @@ use super::{
         ONTOLOGY,
         management::{DfAgentDescription, Function, ManagementContent, NotUnderstoodReason},
         ontology::{Object, agent_term, print_content, read_agent, read_content},
-        service::{Change, Said, Todo},
+        service::{Change, Said, ServiceOutbox},
     },
     entry::{DfEntry, index, is_for, largest_of},
-    subscription::{Lost, PATIENCE, Subscription, SubscriptionNews, SubscriptionState, TRY_AGAIN_AFTER, Wish},
+    subscription::{
+        PATIENCE, SearchRequest, Subscription, SubscriptionNews, SubscriptionState, TRY_AGAIN_AFTER,
+        UnreachableSubscriber,
+    },
 };
 use crate::{AclMessage, AgentId, Performative, Revision, Time, sl, sl::Term, wire::Calendar};
 
@@ -43,7 +46,7 @@ pub(super) struct Pages<'a> {
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "few at a time, for as long as the store takes")]
 enum Pending {
-    Begin { message: Said, wish: Wish, begun: Revision, tries: u32 },
+    Begin { message: Said, wish: SearchRequest, begun: Revision, tries: u32 },
     Move(String),
     End(Said),
 }
@@ -85,7 +88,7 @@ impl Subscriptions {
         format!("{PREFIX}{}/{}", index(&message.sender), message.conversation_id)
     }
 
-    fn write(&mut self, pending: Pending, key: &str, text: String, todo: &mut Todo) {
+    fn write(&mut self, pending: Pending, key: &str, text: String, todo: &mut ServiceOutbox) {
         let mark = self.next_mark;
         self.next_mark += 1;
         self.pending.insert(mark, pending);
@@ -95,7 +98,13 @@ impl Subscriptions {
     /// Begins a subscription; one whose wish is too large is refused.
     ///
     /// - `newest`: the last revision that is known.
-    pub(super) fn subscribe(&mut self, message: &Said, wish: Wish, newest: Revision, todo: &mut Todo) -> bool {
+    pub(super) fn subscribe(
+        &mut self,
+        message: &Said,
+        wish: SearchRequest,
+        newest: Revision,
+        todo: &mut ServiceOutbox,
+    ) -> bool {
         let key = Self::key(message);
         if self.by_key.len() + self.pending.len() >= SUBSCRIPTIONS_MAX && !self.by_key.contains_key(&key) {
             todo.send.push(self.failure(message, wish, "no room for more subscriptions"));
@@ -113,7 +122,7 @@ impl Subscriptions {
         true
     }
 
-    fn begin(&mut self, message: &Said, wish: Wish, begun: Revision, tries: u32, todo: &mut Todo) {
+    fn begin(&mut self, message: &Said, wish: SearchRequest, begun: Revision, tries: u32, todo: &mut ServiceOutbox) {
         let standing = SubscriptionState {
             message: message.clone(),
             wish: wish.clone(),
@@ -126,13 +135,13 @@ impl Subscriptions {
         self.write(Pending::Begin { message: message.clone(), wish, begun, tries }, &Self::key(message), text, todo);
     }
 
-    fn failure(&self, message: &Said, wish: Wish, why: &str) -> Said {
+    fn failure(&self, message: &Said, wish: SearchRequest, why: &str) -> Said {
         let reason = super::FailureReason::InternalError(why.to_owned());
         let content = ManagementContent::Failed(Function::Search(wish.0, wish.1), reason);
         message.reply(Performative::Failure, self.me.clone(), content)
     }
 
-    pub(super) fn cancel(&mut self, message: &Said, todo: &mut Todo) -> bool {
+    pub(super) fn cancel(&mut self, message: &Said, todo: &mut ServiceOutbox) -> bool {
         let key = Self::key(message);
         if self.by_key.contains_key(&key) {
             self.write(Pending::End(message.clone()), &key, String::new(), todo);
@@ -152,7 +161,7 @@ impl Subscriptions {
             if unsaid.peek().is_some() {
                 unsaid.for_each(|news| news.said = None);
                 let since = subscription.lost.map_or(now, |lost| lost.since);
-                subscription.lost = Some(Lost { since, again: now + TRY_AGAIN_AFTER });
+                subscription.lost = Some(UnreachableSubscriber { since, again: now + TRY_AGAIN_AFTER });
                 self.due = Some(now);
             }
         }
@@ -191,7 +200,7 @@ impl Subscriptions {
         }
     }
 
-    pub(super) fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut Todo) {
+    pub(super) fn settled(&mut self, now: Time, mark: u64, made: bool, todo: &mut ServiceOutbox) {
         self.due = Some(now);
         match self.pending.remove(&mark) {
             None => {}
@@ -219,7 +228,7 @@ impl Subscriptions {
     }
 
     /// Does what is due: tells, writes down what was told, takes over what nobody tells.
-    pub(super) fn tick(&mut self, now: Time, todo: &mut Todo) {
+    pub(super) fn tick(&mut self, now: Time, todo: &mut ServiceOutbox) {
         if self.due.is_none_or(|due| now < due) {
             return;
         }
@@ -255,10 +264,10 @@ impl Subscriptions {
     }
 
     /// Ends the subscription of one who cannot be reached. It will hardly hear this; the gateway ends the thread by it.
-    fn give_up(&mut self, now: Time, key: &str, todo: &mut Todo) {
+    fn give_up(&mut self, now: Time, key: &str, todo: &mut ServiceOutbox) {
         let Some(subscription) = self.by_key.get_mut(key) else { return };
         // In case that the store does not take it.
-        subscription.lost = Some(Lost { since: now, again: now + TRY_AGAIN_AFTER });
+        subscription.lost = Some(UnreachableSubscriber { since: now, again: now + TRY_AGAIN_AFTER });
         let SubscriptionState { message, wish, .. } = subscription.standing.clone();
         todo.send.push(self.failure(&message, wish, "you could not be reached"));
         todo.writes.push((NO_MARK, Change { key: key.into(), text: String::new() }));

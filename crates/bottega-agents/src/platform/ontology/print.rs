@@ -1,4 +1,4 @@
-//! From types to SL.
+//! The printer of the ontology: types to SL.
 
 use super::{
     super::management::{

@@ -1,4 +1,4 @@
-//! From SL to types.
+//! The reader of the ontology: SL to types.
 
 use std::borrow::Cow;
 

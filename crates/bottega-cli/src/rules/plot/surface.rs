@@ -6,7 +6,7 @@ use plotters::prelude::*;
 
 use super::{
     super::{
-        chart::{Area, Drawn, FONT_NAME, Figure},
+        chart::{Area, DrawResult, FONT_NAME, Figure},
         eval::unusable,
     },
     axes::{TEXT, TITLE, number, padded, tick_step},
@@ -109,7 +109,7 @@ impl Surface {
     }
 
     /// What colors mean.
-    fn draw_scale<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
+    fn draw_scale<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult<B> {
         let (low, high) = if self.range.0 <= self.range.1 { padded(self.range) } else { return Ok(()) };
         let mut chart = ChartBuilder::on(area)
             .margin_top(38)
@@ -154,7 +154,7 @@ impl Figure for Surface {
         Self::SIZE
     }
 
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult<B> {
         let (left, right) = area.split_horizontally(Self::SIZE.0 - 120);
         let title = if self.fixed.is_empty() { self.title.clone() } else { format!("{}, {}", self.title, self.fixed) };
         let [x, y] = &self.axes;

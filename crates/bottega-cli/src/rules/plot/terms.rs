@@ -7,7 +7,7 @@ use plotters::{
 };
 
 use super::{
-    super::chart::{Area, Drawn, FONT_NAME, Figure},
+    super::chart::{Area, DrawResult, FONT_NAME, Figure},
     axes::{TEXT, TITLE, number, padded, tick_step},
 };
 
@@ -79,7 +79,7 @@ impl Figure for Terms {
         (Self::PANEL.0 * Self::COLUMNS, Self::PANEL.1 * rows)
     }
 
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult<B> {
         let rows = self.panels.len().div_ceil(Self::COLUMNS as usize).max(1);
         let areas = area.split_evenly((rows, Self::COLUMNS as usize));
         self.panels.iter().zip(&areas).try_for_each(|(panel, area)| panel.draw(area))
@@ -87,7 +87,7 @@ impl Figure for Terms {
 }
 
 impl Panel {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult<B> {
         let (low, high) = padded(self.range);
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, (FONT_NAME, TITLE))

@@ -14,7 +14,7 @@ use super::{
         JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish, row_term,
     },
     page::{Ask, Page, request},
-    progress::Progress,
+    progress::JobSubscriptions,
     render_agent::{OWNERSHIP, Surroundings, described},
     talk::{self, Message},
     terms::{Unread, reason},
@@ -78,7 +78,7 @@ pub(super) struct JobsAgent {
     changing: BTreeMap<u64, (Message, Term)>,
     /// Who reads rows, of which zone.
     reading: BTreeMap<u64, (Message, Term, Option<u32>)>,
-    progress: Progress,
+    progress: JobSubscriptions,
     next_number: u64,
     /// When to look for entries of machines that have gone; `None`: it has been done.
     clean_at: Option<Time>,
@@ -107,7 +107,7 @@ impl JobsAgent {
             yellow,
             changing: BTreeMap::new(),
             reading: BTreeMap::new(),
-            progress: Progress::default(),
+            progress: JobSubscriptions::default(),
             next_number: 1,
             clean_at: None,
             search: None,

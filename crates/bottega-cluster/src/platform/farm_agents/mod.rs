@@ -121,7 +121,7 @@ pub(super) fn jobs_id(platform: &str) -> AgentId {
 }
 
 /// What agents want of the farm.
-enum Wish {
+enum SteeringWish {
     Give { machine: String, give: GiveOrder },
     Change(ChangeJob),
     ReadRows { ticket: u64, number: u32 },
@@ -130,7 +130,7 @@ enum Wish {
 
 /// The agents of a farm on a platform; nothing reaches them any more when this is dropped.
 pub(super) struct FarmAgents {
-    wishes: Sender<Wish>,
+    wishes: Sender<SteeringWish>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -162,8 +162,8 @@ impl FarmAgents {
         let wish = wishes.clone();
         let perform = move |effect| {
             let wanted = match effect {
-                JobsEffect::Change(change) => Wish::Change(change),
-                JobsEffect::ReadRows { ticket, number } => Wish::ReadRows { ticket, number },
+                JobsEffect::Change(change) => SteeringWish::Change(change),
+                JobsEffect::ReadRows { ticket, number } => SteeringWish::ReadRows { ticket, number },
             };
             // At the end of the link nobody listens.
             _ = wish.send(wanted);
@@ -195,7 +195,7 @@ impl FarmAgents {
 impl Drop for FarmAgents {
     fn drop(&mut self) {
         // One that has ended needs not be told.
-        _ = self.wishes.send(Wish::End);
+        _ = self.wishes.send(SteeringWish::End);
         if let Some(thread) = self.thread.take() {
             // A panic in there was reported by the thread itself.
             _ = thread.join();
@@ -222,11 +222,11 @@ struct Watch<F> {
     is_silent: bool,
     /// By name in small letters: so the platform tells agents apart. `None`: it cannot be an agent.
     machines: BTreeMap<String, Option<Known>>,
-    wishes: Sender<Wish>,
+    wishes: Sender<SteeringWish>,
 }
 
 impl<F: Farm> Watch<F> {
-    fn run(mut self, wished: &Receiver<Wish>) {
+    fn run(mut self, wished: &Receiver<SteeringWish>) {
         let mut look_at = Instant::now();
         loop {
             if look_at <= Instant::now() {
@@ -235,16 +235,16 @@ impl<F: Farm> Watch<F> {
                 self.look();
             }
             match wished.recv_timeout(look_at.saturating_duration_since(Instant::now())) {
-                Ok(Wish::End) | Err(RecvTimeoutError::Disconnected) => return self.farm.leave(),
+                Ok(SteeringWish::End) | Err(RecvTimeoutError::Disconnected) => return self.farm.leave(),
                 Err(RecvTimeoutError::Timeout) => {}
-                Ok(Wish::Change(ChangeJob { ticket, number, change })) => {
+                Ok(SteeringWish::Change(ChangeJob { ticket, number, change })) => {
                     let result = self.farm.change(number, change);
                     // Who hears that it is done shall see that it is done.
                     self.look();
                     self.jobs.tell(JobsReport::Changed { ticket, result });
                 }
-                Ok(Wish::ReadRows { ticket, number }) => self.read_rows(ticket, number),
-                Ok(Wish::Give { machine, give: GiveOrder { ticket, order } }) => {
+                Ok(SteeringWish::ReadRows { ticket, number }) => self.read_rows(ticket, number),
+                Ok(SteeringWish::Give { machine, give: GiveOrder { ticket, order } }) => {
                     let result = self.farm.give(&machine, &order);
                     self.look();
                     if let Some(Some(known)) = self.machines.get(&machine.to_lowercase()) {
@@ -332,7 +332,7 @@ impl<F: Farm> Watch<F> {
         let (wishes, machine) = (self.wishes.clone(), name.clone());
         let perform = move |give| {
             // At the end of the link nobody listens.
-            _ = wishes.send(Wish::Give { machine: machine.clone(), give });
+            _ = wishes.send(SteeringWish::Give { machine: machine.clone(), give });
         };
         self.node
             .add_worldly(&id, agent, perform)

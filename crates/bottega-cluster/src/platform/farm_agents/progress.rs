@@ -1,4 +1,4 @@
-//! Who wants to be told how a job gets on.
+//! Subscriptions to the progress of jobs.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -40,7 +40,7 @@ struct Subscription {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Progress {
+pub(super) struct JobSubscriptions {
     subscriptions: BTreeMap<Key, Subscription>,
 }
 
@@ -48,7 +48,7 @@ fn key(message: &Message) -> Key {
     (message.sender.name.to_lowercase(), message.conversation_id)
 }
 
-impl Progress {
+impl JobSubscriptions {
     /// Takes a subscriber in. Who subscribes again in the same conversation has its wish replaced.
     pub(super) fn subscribe(
         &mut self,

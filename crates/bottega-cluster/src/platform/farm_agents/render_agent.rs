@@ -26,7 +26,7 @@ use super::{
     terms::{Unread, reason},
 };
 use crate::{
-    machine::{MachineOrder, Standing},
+    machine::{MachineOrder, PresenceState},
     view::{JobView, MachineView},
 };
 
@@ -77,7 +77,7 @@ pub(super) enum MachineReport {
 struct Change {
     message: Message,
     asked: Term,
-    standing: Standing,
+    standing: PresenceState,
     until: Time,
 }
 
@@ -149,8 +149,8 @@ impl RenderAgent {
             None => self.white.want(None),
             Some(_) if !self.giving.is_empty() => {}
             // Until it has gone it is what it was.
-            Some(Standing::Terminated) if self.white.wanted().is_some() => {}
-            Some(Standing::Suspended) => self.white.want(Some(LifeCycleState::Suspended)),
+            Some(PresenceState::Terminated) if self.white.wanted().is_some() => {}
+            Some(PresenceState::Suspended) => self.white.want(Some(LifeCycleState::Suspended)),
             Some(_) => self.white.want(Some(LifeCycleState::Active)),
         }
     }
@@ -159,7 +159,7 @@ impl RenderAgent {
         self.machine.as_ref().is_some_and(|machine| machine.seat.takes_orders)
     }
 
-    fn give(&mut self, standing: Standing, by: String, change: Option<Change>, actions: &mut Actions) {
+    fn give(&mut self, standing: PresenceState, by: String, change: Option<Change>, actions: &mut Actions) {
         let ticket = self.number();
         self.giving.insert(ticket, change);
         actions.push(bottega_agents::Action::Effect(GiveOrder { ticket, order: MachineOrder { standing, by } }));
@@ -170,9 +170,9 @@ impl RenderAgent {
         let done = PlainContent::Management(ManagementContent::LifeCycleDone(wish));
         actions.push(talk::send(message.reply(Performative::Inform, self.id.clone(), done)));
         let standing = match wish {
-            LifeCycleRequest::Suspend => Standing::Suspended,
-            LifeCycleRequest::Resume => Standing::Active,
-            LifeCycleRequest::Quit | LifeCycleRequest::Destroy => Standing::Terminated,
+            LifeCycleRequest::Suspend => PresenceState::Suspended,
+            LifeCycleRequest::Resume => PresenceState::Active,
+            LifeCycleRequest::Quit | LifeCycleRequest::Destroy => PresenceState::Terminated,
         };
         // Whoever changed the entry may have changed all of it.
         self.white.changed(wish != LifeCycleRequest::Destroy);
@@ -188,9 +188,9 @@ impl RenderAgent {
                 self.give(standing, format!("{} of the platform", self.around.ams), None, actions);
             }
             match standing {
-                Standing::Active => self.white.want(Some(LifeCycleState::Active)),
-                Standing::Suspended => self.white.want(Some(LifeCycleState::Suspended)),
-                Standing::Terminated => {}
+                PresenceState::Active => self.white.want(Some(LifeCycleState::Active)),
+                PresenceState::Suspended => self.white.want(Some(LifeCycleState::Suspended)),
+                PresenceState::Terminated => {}
             }
         }
         self.want();
@@ -242,8 +242,8 @@ impl RenderAgent {
                 actions.push(talk::send(talk::result(message, &self.id, asked, machine)));
                 return Ok(());
             }
-            MachineFunction::Suspend => Standing::Suspended,
-            MachineFunction::Terminate => Standing::Terminated,
+            MachineFunction::Suspend => PresenceState::Suspended,
+            MachineFunction::Terminate => PresenceState::Terminated,
         };
         if !talk::is_trusted(&self.around.trusted, &message.sender) {
             return Err(Unread::Refused(reason("unauthorised", [])));
@@ -281,7 +281,7 @@ impl RenderAgent {
         for change in std::mem::take(&mut self.changes) {
             let Change { message, asked, .. } = &change;
             let is_so = match change.standing {
-                Standing::Terminated => standing.is_none(),
+                PresenceState::Terminated => standing.is_none(),
                 wanted => standing == Some(wanted),
             };
             if is_so {

@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     job_board::Presence,
-    machine::Standing,
+    machine::PresenceState,
     view::{FarmView, JobView, MachineView},
 };
 
@@ -52,7 +52,7 @@ fn of_management(from: &str, to: &str, act: P, content: ManagementContent) -> Me
 
 /// What came of an event; directories do at once what they are asked.
 #[derive(Debug)]
-struct Came<E> {
+struct ReceivedEnvelope<E> {
     /// What strangers are told: to whom, the act, the content.
     told: Vec<(String, P, String)>,
     /// What directories are asked: by whom, and for what.
@@ -60,7 +60,7 @@ struct Came<E> {
     effects: Vec<E>,
 }
 
-fn after<M>(machine: &mut M, now: Time, event: EventOf<M>) -> Came<M::Effect>
+fn after<M>(machine: &mut M, now: Time, event: EventOf<M>) -> ReceivedEnvelope<M::Effect>
 where
     M: StateMachine<Content = PlainContent>,
 {
@@ -71,7 +71,7 @@ where
         actions.extend(more);
     };
     handle(machine, event, &mut actions);
-    let mut came = Came { told: Vec::new(), asked: Vec::new(), effects: Vec::new() };
+    let mut came = ReceivedEnvelope { told: Vec::new(), asked: Vec::new(), effects: Vec::new() };
     while let Some(action) = actions.pop_front() {
         match action {
             Action::Effect(effect) => came.effects.push(effect),
@@ -104,7 +104,7 @@ fn is_answered(message: &Message, function: &Function) -> bool {
     message.sender != id("jobs@b") || matches!(function, Function::Register(_) | Function::Modify(_))
 }
 
-fn machine(standing: Standing, ordered: Standing) -> MachineView {
+fn machine(standing: PresenceState, ordered: PresenceState) -> MachineView {
     let seat = Presence { standing, ..Presence::new("m-1", 8, Some(3)) };
     MachineView { seat, ordered }
 }
@@ -132,18 +132,18 @@ const AID: &str = "(agent-identifier :name m-1@b)";
 
 #[test]
 fn what_the_ams_wants_of_a_machine_becomes_an_order_and_what_strangers_want_waits_until_it_is_resumed() {
-    let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
     let [GiveOrder { ticket, order }] = &came.effects[..] else { panic!("{came:?}") };
-    assert_eq!((order.standing, &*order.by), (Standing::Suspended, "ams@b of the platform"));
+    assert_eq!((order.standing, &*order.by), (PresenceState::Suspended, "ams@b of the platform"));
     // What was seen before the order was taken changes nothing in the white pages.
-    let came = after(&mut agent, millis(2000), seen(machine(Standing::Active, Standing::Active)));
+    let came = after(&mut agent, millis(2000), seen(machine(PresenceState::Active, PresenceState::Active)));
     assert!(came.asked.iter().all(|(_, function)| !resumes(function)), "{came:?}");
-    after(&mut agent, millis(2001), seen(machine(Standing::Active, Standing::Suspended)));
+    after(&mut agent, millis(2001), seen(machine(PresenceState::Active, PresenceState::Suspended)));
     after(&mut agent, millis(2002), Event::Completed(MachineReport::Given { ticket: *ticket, result: Ok(()) }));
     let came = after(&mut agent, millis(2003), to_machine("boss@jade", "(suspend-machine)"));
     assert!(came.told.is_empty() && came.effects.is_empty(), "{came:?}");
-    after(&mut agent, millis(2500), seen(machine(Standing::Suspended, Standing::Suspended)));
+    after(&mut agent, millis(2500), seen(machine(PresenceState::Suspended, PresenceState::Suspended)));
     let came = after(&mut agent, millis(3000), to_machine("probe@jade", "(describe-machine)"));
     let result = format!(
         "((result (action {AID} (describe-machine)) (machine :name m-1 :state suspended :threads 8 :job 3 :version \
@@ -152,7 +152,7 @@ fn what_the_ams_wants_of_a_machine_becomes_an_order_and_what_strangers_want_wait
     );
     assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)], "only painting is suspended");
     // Somebody resumes it in the farm: only the platform may say so.
-    let came = after(&mut agent, millis(4000), seen(machine(Standing::Suspended, Standing::Active)));
+    let came = after(&mut agent, millis(4000), seen(machine(PresenceState::Suspended, PresenceState::Active)));
     assert!(matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)), "{came:?}");
     let came = after(&mut agent, millis(4001), life_cycle(LifeCycleRequest::Resume));
     // What waited is done now.
@@ -167,7 +167,7 @@ fn resumes(function: &Function) -> bool {
 
 #[test]
 fn an_order_that_the_farm_does_not_take_is_undone_in_the_white_pages() {
-    let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
     let ticket = came.effects[0].ticket;
     let result = Err("nobody answers".to_owned());
@@ -184,7 +184,7 @@ fn an_order_that_the_farm_does_not_take_is_undone_in_the_white_pages() {
 
 #[test]
 fn a_stranger_has_a_machine_suspended_if_it_may_and_is_told_when_it_is_so() {
-    let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let action = format!("(action {AID} (suspend-machine))");
     let came = after(&mut agent, millis(1), to_machine("probe@jade", "(suspend-machine)"));
     assert_eq!(came.told, [("probe@jade".to_owned(), P::Refuse, format!("({action} (unauthorised))"))]);
@@ -194,12 +194,12 @@ fn a_stranger_has_a_machine_suspended_if_it_may_and_is_told_when_it_is_so() {
     assert_eq!(&*order.by, "Boss@jade");
     let came = after(&mut agent, millis(3), Event::Completed(MachineReport::Given { ticket: *ticket, result: Ok(()) }));
     assert!(came.told.is_empty(), "it paints yet: {came:?}");
-    let came = after(&mut agent, millis(4), seen(machine(Standing::Suspended, Standing::Suspended)));
+    let came = after(&mut agent, millis(4), seen(machine(PresenceState::Suspended, PresenceState::Suspended)));
     assert_eq!(came.told, [("Boss@jade".to_owned(), P::Inform, format!("((done {action}))"))]);
 
     // One that does not obey, and one that is gone in the middle.
     for (event, at) in [(Event::Deadline, 61_001), (Event::Completed(MachineReport::Gone), 5)] {
-        let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+        let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
         let came = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
         let ticket = came.effects[0].ticket;
         after(&mut agent, millis(2), Event::Completed(MachineReport::Given { ticket, result: Ok(()) }));
@@ -210,7 +210,7 @@ fn a_stranger_has_a_machine_suspended_if_it_may_and_is_told_when_it_is_so() {
 
 #[test]
 fn what_a_machine_does_not_do_is_refused() {
-    let mut fixed = machine(Standing::Active, Standing::Active);
+    let mut fixed = machine(PresenceState::Active, PresenceState::Active);
     fixed.seat.takes_orders = false;
     let mut agent = render_agent(fixed);
     let came = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
@@ -235,13 +235,13 @@ fn what_a_machine_does_not_do_is_refused() {
 
 #[test]
 fn a_machine_leaves_the_directories_when_its_seat_is_silent_and_comes_back() {
-    let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let came = after(&mut agent, millis(2000), Event::Completed(MachineReport::Gone));
     let out = |function: &Function| matches!(function, Function::DeregisterAgent(_) | Function::Deregister(_));
     assert!(came.asked.len() == 2 && came.asked.iter().all(|(_, function)| out(function)), "{came:?}");
     let came = after(&mut agent, millis(2500), to_machine("probe@jade", "(describe-machine)"));
     assert!(matches!(&came.told[..], [(_, P::Failure, _)]), "{came:?}");
-    let came = after(&mut agent, millis(9000), seen(machine(Standing::Active, Standing::Active)));
+    let came = after(&mut agent, millis(9000), seen(machine(PresenceState::Active, PresenceState::Active)));
     assert!(matches!(&came.asked[..2], [(_, Function::RegisterAgent(_)), (_, Function::Register(_))]), "{came:?}");
 }
 
@@ -266,7 +266,7 @@ fn job(number: u32, state: &'static str, done: f64) -> JobView {
 }
 
 fn farm(jobs: Vec<JobView>) -> Arc<FarmView> {
-    Arc::new(FarmView { jobs, machines: vec![machine(Standing::Active, Standing::Active)] })
+    Arc::new(FarmView { jobs, machines: vec![machine(PresenceState::Active, PresenceState::Active)] })
 }
 
 fn jobs_agent(jobs: Vec<JobView>) -> JobsAgent {
@@ -364,19 +364,19 @@ fn while_the_farm_does_not_answer_every_question_is_a_failure() {
     let came = after(&mut agent, millis(9001), to_jobs("boss@jade", "(list-machines)"));
     assert_eq!(came.told[0].1, P::Inform);
 
-    let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     after(&mut agent, millis(1000), Event::Completed(MachineReport::Silent));
     for function in ["(describe-machine)", "(suspend-machine)"] {
         let came = after(&mut agent, millis(3000), to_machine("boss@jade", function));
         assert!(matches!(&came.told[..], [(_, P::Failure, why)] if why.contains("for 2 s")), "{came:?}");
     }
-    after(&mut agent, millis(4000), seen(machine(Standing::Active, Standing::Active)));
+    after(&mut agent, millis(4000), seen(machine(PresenceState::Active, PresenceState::Active)));
     assert_eq!(after(&mut agent, millis(4001), to_machine("boss@jade", "(describe-machine)")).told[0].1, P::Inform);
 }
 
 const WISH: &str = "((iota ?x (result (action (agent-identifier :name jobs@b) (describe-job :job 2)) ?x)))";
 
-fn subscribe(agent: &mut JobsAgent, now: Time) -> Came<JobsEffect> {
+fn subscribe(agent: &mut JobsAgent, now: Time) -> ReceivedEnvelope<JobsEffect> {
     after(agent, now, Event::Message(says("probe@jade", "jobs@b", P::Subscribe, WISH)))
 }
 

@@ -1,4 +1,5 @@
-//! Where strangers fetch the files of a scene and deliver what they painted: HTTP, by URLs that only those know who were told.
+//! The HTTP desk where strangers fetch the files of a scene and deliver what they painted, by URLs that only those know who were
+//! told.
 
 use std::{
     collections::BTreeMap,
@@ -35,7 +36,7 @@ const LARGEST: f32 = 1e30;
 
 /// What is expected under a key.
 #[derive(Clone)]
-pub(super) struct Expected {
+pub(super) struct ExpectedDelivery {
     pub(super) order: Box<PaintOrder>,
     /// Where its samples go.
     pub(super) link: Link,
@@ -48,7 +49,7 @@ pub(super) struct Expected {
 struct Shelves {
     /// The files of scenes, by the secret name of the scene.
     models: Mutex<BTreeMap<String, Vec<PathBuf>>>,
-    expected: Mutex<BTreeMap<String, Expected>>,
+    expected: Mutex<BTreeMap<String, ExpectedDelivery>>,
 }
 
 /// The desk. It serves until the process ends.
@@ -110,7 +111,7 @@ impl Desk {
     }
 
     /// Waits for something under a key.
-    pub(super) fn expect(&self, key: String, expected: Expected) {
+    pub(super) fn expect(&self, key: String, expected: ExpectedDelivery) {
         lock(&self.shelves.expected).insert(key, expected);
     }
 
@@ -169,7 +170,7 @@ async fn deliver(State(shared): State<DeskState>, Path(key): Path<String>, body:
 struct Refusal(StatusCode, String);
 
 /// Reads a picture and keeps its samples where the Master finds them.
-fn take(bytes: &[u8], expected: &Expected) -> Result<(), Refusal> {
+fn take(bytes: &[u8], expected: &ExpectedDelivery) -> Result<(), Refusal> {
     let unfit = |why: String| Refusal(StatusCode::UNPROCESSABLE_ENTITY, why);
     let order = &expected.order;
     let away = |why| Refusal(StatusCode::SERVICE_UNAVAILABLE, why);

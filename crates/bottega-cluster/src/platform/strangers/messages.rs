@@ -1,4 +1,4 @@
-//! What a door says and hears, put into messages; its entry in the yellow pages; the keys of deliveries.
+//! Messages of the door to strangers; its entry in the yellow pages; the keys of deliveries.
 
 use std::sync::Arc;
 

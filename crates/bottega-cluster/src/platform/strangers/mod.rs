@@ -31,7 +31,7 @@ use bottega_agents::{
 use bottega_farm::{Expert, Link, Timing, Visitor, VisitorConfig, VisitorReport, WorkId};
 
 use self::{
-    desk::{Desk, Expected},
+    desk::{Desk, ExpectedDelivery},
     door::{DoorConfig, DoorEffect, DoorReport, MasterDoor},
     ontology::{Applicant, Model, ModelFile},
 };
@@ -231,7 +231,7 @@ impl Bridge {
                 let reports = self.reports.lock().unwrap_or_else(PoisonError::into_inner).clone();
                 let (Some(reports), name) = (reports, key.clone()) else { return };
                 let told = move |result| reports.tell(DoorReport::Delivered { key: name.clone(), result });
-                self.desk.expect(key, Expected { order, link: self.link.clone(), told: Arc::new(told) });
+                self.desk.expect(key, ExpectedDelivery { order, link: self.link.clone(), told: Arc::new(told) });
             }
             DoorEffect::Forget { key } => self.desk.forget(&key),
         }

@@ -28,7 +28,7 @@ struct Door {
 
 /// What came of an event.
 #[derive(Default)]
-struct Came {
+struct ReceivedEnvelope {
     /// Act and content.
     said: Vec<(P, String)>,
     conversations: Vec<u64>,
@@ -43,8 +43,8 @@ impl Door {
         Self { door: MasterDoor::new(DoorConfig { id, df, model, deliver, secret: 7 }), now: 0 }
     }
 
-    fn take(&mut self, event: Event<PlainContent, String, DoorReport>) -> Came {
-        let (mut actions, mut came) = (Vec::new(), Came::default());
+    fn take(&mut self, event: Event<PlainContent, String, DoorReport>) -> ReceivedEnvelope {
+        let (mut actions, mut came) = (Vec::new(), ReceivedEnvelope::default());
         self.door.handle(at(self.now), event, &mut actions);
         for action in actions {
             match action {
@@ -65,7 +65,7 @@ impl Door {
         came
     }
 
-    fn hears(&mut self, from: &str, act: P, conversation: u64, content: &str) -> Came {
+    fn hears(&mut self, from: &str, act: P, conversation: u64, content: &str) -> ReceivedEnvelope {
         let wire = WireMessage {
             content: Some(content.to_owned()),
             ontology: Some(ONTOLOGY.to_owned()),
@@ -80,7 +80,7 @@ impl Door {
         self.take(Event::Message(message))
     }
 
-    fn puts(&mut self, effect: VisitorEffect) -> Came {
+    fn puts(&mut self, effect: VisitorEffect) -> ReceivedEnvelope {
         self.take(Event::Completed(DoorReport::Visitor { agent: S.to_owned(), effect }))
     }
 
@@ -125,7 +125,7 @@ impl Door {
     }
 }
 
-fn report(came: &Came) -> Option<&VisitorReport> {
+fn report(came: &ReceivedEnvelope) -> Option<&VisitorReport> {
     came.effects.iter().find_map(|effect| match effect {
         DoorEffect::Tell { report, .. } => Some(report),
         _ => None,

@@ -1,4 +1,4 @@
-//! What of the disk a child may read and write. The kernel holds it to that, where it has Landlock.
+//! The fence around a child: which files it may read and write. The kernel enforces it where it has Landlock.
 //!
 //! Read: the system's own folders, where the engine is installed, and what the scene is made of. Written: the scratch
 //! folder alone, which is home and place of temporary files, too. Nothing else of the user's home can be opened.
@@ -69,7 +69,7 @@ impl Fence {
     /// That of a program.
     pub(super) fn of(program: &Program<'_>) -> Self {
         let home = env::var_os("HOME").map(PathBuf::from).filter(|home| home.is_absolute());
-        let place = Place { home: home.as_deref() };
+        let place = HomeFolder { home: home.as_deref() };
         let mut reads: Vec<PathBuf> = SYSTEM.iter().chain(OF_SSL).map(PathBuf::from).collect();
         reads.extend(settings());
         for (index, word) in program.line.iter().enumerate() {
@@ -125,11 +125,11 @@ fn is_for_all(_path: &Path) -> bool {
 }
 
 /// A machine with the home of its user, of which no more is shown than must be.
-struct Place<'a> {
+struct HomeFolder<'a> {
     home: Option<&'a Path>,
 }
 
-impl Place<'_> {
+impl HomeFolder<'_> {
     /// Whether others than one engine live in a folder: the user's home, what is above it, and where programs are
     /// installed for the user.
     fn is_shared(&self, folder: &Path) -> bool {
@@ -206,7 +206,7 @@ fn is_script(program: &Path) -> bool {
     fs::File::open(program).is_ok_and(|mut file| file.read_exact(&mut begin).is_ok()) && begin == *b"#!"
 }
 
-pub(super) use kernel::{Keeper, is_enforced, spawn};
+pub(super) use kernel::{ChildGuard, is_enforced, spawn};
 
 #[cfg(target_os = "linux")]
 mod kernel {
@@ -229,12 +229,12 @@ mod kernel {
 
     /// Lives as long as the child: the system ends the child with the thread that began it.
     #[derive(Debug)]
-    pub(in super::super) struct Keeper {
+    pub(in super::super) struct ChildGuard {
         _release: mpsc::Sender<()>,
     }
 
     /// Starts a program within its fence, on a thread that is fenced in, too.
-    pub(in super::super) fn spawn(mut command: Command, fence: Fence) -> io::Result<(Child, Keeper)> {
+    pub(in super::super) fn spawn(mut command: Command, fence: Fence) -> io::Result<(Child, ChildGuard)> {
         let (release, held) = mpsc::channel::<()>();
         let (tell, told) = mpsc::sync_channel(1);
         thread::Builder::new().name("engine".to_owned()).spawn(move || {
@@ -244,7 +244,7 @@ mod kernel {
             _ = held.recv();
         })?;
         let started = told.recv().map_err(io::Error::other)?;
-        Ok((started?, Keeper { _release: release }))
+        Ok((started?, ChildGuard { _release: release }))
     }
 
     fn restrict(fence: &Fence) -> Result<RulesetStatus, RulesetError> {
@@ -288,10 +288,10 @@ mod kernel {
     use super::Fence;
 
     #[derive(Debug)]
-    pub(in super::super) struct Keeper;
+    pub(in super::super) struct ChildGuard;
 
-    pub(in super::super) fn spawn(mut command: Command, _fence: Fence) -> io::Result<(Child, Keeper)> {
-        Ok((command.spawn()?, Keeper))
+    pub(in super::super) fn spawn(mut command: Command, _fence: Fence) -> io::Result<(Child, ChildGuard)> {
+        Ok((command.spawn()?, ChildGuard))
     }
 
     pub(in super::super) fn is_enforced() -> bool {

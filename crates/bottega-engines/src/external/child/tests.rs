@@ -2,11 +2,11 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use super::*;
 
-fn spawn(script: &str, limits: Limits) -> (tempfile::TempDir, Guarded) {
+fn spawn(script: &str, limits: Limits) -> (tempfile::TempDir, GuardedChild) {
     spawn_with(script, &[], limits)
 }
 
-fn spawn_with(script: &str, reads: &[PathBuf], limits: Limits) -> (tempfile::TempDir, Guarded) {
+fn spawn_with(script: &str, reads: &[PathBuf], limits: Limits) -> (tempfile::TempDir, GuardedChild) {
     let scratch = tempfile::tempdir().expect("a folder");
     let line = ["/bin/sh", "-c", script].map(str::to_owned);
     let (environment, inherit) = (BTreeMap::new(), []);
@@ -19,18 +19,18 @@ fn spawn_with(script: &str, reads: &[PathBuf], limits: Limits) -> (tempfile::Tem
         reads,
         limits,
     };
-    let child = Guarded::spawn(&program).expect("a shell");
+    let child = GuardedChild::spawn(&program).expect("a shell");
     (scratch, child)
 }
 
-fn listen_to_end(child: &mut Guarded) -> Result<Vec<String>, EngineFault> {
+fn listen_to_end(child: &mut GuardedChild) -> Result<Vec<String>, EngineFault> {
     let until = Instant::now() + Duration::from_secs(20);
     let mut lines = Vec::new();
     while Instant::now() < until {
         match child.listen()? {
-            Word::Line(line) => lines.push(line),
-            Word::End => return Ok(lines),
-            Word::Silence => {}
+            ChildOutput::Line(line) => lines.push(line),
+            ChildOutput::End => return Ok(lines),
+            ChildOutput::Silence => {}
         }
     }
     panic!("it neither speaks nor ends: {lines:?}");

@@ -5,7 +5,7 @@ pub(super) const MARK: &str = "BOTTEGA_ENGINE_CHILD";
 
 /// What a child and its children take. All 0 where the system does not tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Tree {
+pub(super) struct ProcessTree {
     pub(super) processes: usize,
     pub(super) resident_bytes: u64,
 }
@@ -24,8 +24,8 @@ fn listed(line: &str) -> Option<(u32, u32, u64)> {
 
 /// What a process takes with all below it, of processes with their parents and bytes.
 #[cfg(any(test, all(unix, not(target_os = "linux"))))]
-fn summed(all: &[(u32, u32, u64)], root: u32) -> Tree {
-    let mut tree = Tree::default();
+fn summed(all: &[(u32, u32, u64)], root: u32) -> ProcessTree {
+    let mut tree = ProcessTree::default();
     let mut next = vec![root];
     while let Some(id) = next.pop() {
         let Some((_, _, bytes)) = all.iter().find(|(other, ..)| *other == id) else { continue };
@@ -41,12 +41,12 @@ fn summed(all: &[(u32, u32, u64)], root: u32) -> Tree {
 
 #[cfg(not(target_os = "linux"))]
 mod system {
-    use super::Tree;
+    use super::ProcessTree;
 
-    impl Tree {
+    impl ProcessTree {
         /// Of the process `root` and all below it.
         #[cfg(unix)]
-        pub(in super::super) fn of(root: u32) -> Tree {
+        pub(in super::super) fn of(root: u32) -> ProcessTree {
             let told = std::process::Command::new("ps").args(["-axo", "pid=,ppid=,rss="]).output();
             let text = told.map(|told| String::from_utf8_lossy(&told.stdout).into_owned()).unwrap_or_default();
             let all: Vec<_> = text.lines().filter_map(super::listed).collect();
@@ -54,8 +54,8 @@ mod system {
         }
 
         #[cfg(not(unix))]
-        pub(in super::super) fn of(_root: u32) -> Tree {
-            Tree::default()
+        pub(in super::super) fn of(_root: u32) -> ProcessTree {
+            ProcessTree::default()
         }
     }
 
@@ -70,7 +70,7 @@ mod system {
 mod system {
     use std::{collections::BTreeMap, fs};
 
-    use super::{MARK, Tree};
+    use super::{MARK, ProcessTree};
 
     struct Stat {
         parent: u32,
@@ -91,11 +91,11 @@ mod system {
         Some(Stat { parent: number(1)? as u32, pages: number(21)? })
     }
 
-    impl Tree {
+    impl ProcessTree {
         /// Of the process `root` and all below it.
-        pub(in super::super) fn of(root: u32) -> Tree {
+        pub(in super::super) fn of(root: u32) -> ProcessTree {
             let all: BTreeMap<u32, Stat> = processes().filter_map(|id| Some((id, stat(id)?))).collect();
-            let mut tree = Tree::default();
+            let mut tree = ProcessTree::default();
             let mut next = vec![root];
             while let Some(id) = next.pop() {
                 let Some(found) = all.get(&id) else { continue };
@@ -139,8 +139,8 @@ mod tests {
                 .into_iter()
                 .filter_map(listed)
                 .collect();
-        assert_eq!(summed(&all, 70), Tree { processes: 3, resident_bytes: (1024 + 2048 + 4) << 10 });
-        assert_eq!(summed(&all, 9), Tree::default());
+        assert_eq!(summed(&all, 70), ProcessTree { processes: 3, resident_bytes: (1024 + 2048 + 4) << 10 });
+        assert_eq!(summed(&all, 9), ProcessTree::default());
         // A circle ends.
         assert!(summed(&[(5, 6, 1), (6, 5, 1)], 5).processes <= 3);
     }

@@ -4,7 +4,7 @@ use std::{cmp::Ordering, fmt};
 
 use serde::{Deserialize, Deserializer, de::Error};
 
-/// What a tunable may be.
+/// The range of a tunable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "RangeText")]
 pub struct Range {

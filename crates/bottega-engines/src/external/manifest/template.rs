@@ -34,15 +34,15 @@ const PLACEHOLDERS: &[&str] = &[
     "threads",
 ];
 
-/// What stands for the placeholders. One that is not in it has no value.
+/// The values of placeholders. One that is not in it has no value.
 pub type Values = BTreeMap<&'static str, String>;
 
 /// Text with placeholders such as `{x0}` or `{x0+1}`; `{{` and `}}` are braces.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Template(Vec<Part>);
+pub struct Template(Vec<TemplatePart>);
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Part {
+enum TemplatePart {
     Text(String),
     Value { name: &'static str, plus: i64 },
 }
@@ -53,7 +53,7 @@ pub struct Missing(pub &'static str);
 
 impl Template {
     fn parse(text: &str) -> Result<Self, String> {
-        let mut parts = vec![Part::Text(String::new())];
+        let mut parts = vec![TemplatePart::Text(String::new())];
         let mut rest = text;
         while let Some(at) = rest.find(['{', '}']) {
             push(&mut parts, &rest[..at]);
@@ -84,8 +84,8 @@ impl Template {
         let mut text = String::new();
         for part in &self.0 {
             match part {
-                Part::Text(plain) => text += plain,
-                Part::Value { name, plus } => {
+                TemplatePart::Text(plain) => text += plain,
+                TemplatePart::Value { name, plus } => {
                     let value = values.get(name).ok_or(Missing(name))?;
                     match value.parse::<i64>() {
                         Ok(number) if *plus != 0 => text += &number.saturating_add(*plus).to_string(),
@@ -98,18 +98,18 @@ impl Template {
     }
 
     fn uses(&self, wanted: &str) -> bool {
-        self.0.iter().any(|part| matches!(part, Part::Value { name, .. } if *name == wanted))
+        self.0.iter().any(|part| matches!(part, TemplatePart::Value { name, .. } if *name == wanted))
     }
 }
 
-fn push(parts: &mut Vec<Part>, text: &str) {
+fn push(parts: &mut Vec<TemplatePart>, text: &str) {
     match parts.last_mut() {
-        Some(Part::Text(last)) => last.push_str(text),
-        _ => parts.push(Part::Text(text.to_owned())),
+        Some(TemplatePart::Text(last)) => last.push_str(text),
+        _ => parts.push(TemplatePart::Text(text.to_owned())),
     }
 }
 
-fn placeholder(inner: &str) -> Result<Part, String> {
+fn placeholder(inner: &str) -> Result<TemplatePart, String> {
     let end = inner.find(['+', '-']).unwrap_or(inner.len());
     let (name, plus) = inner.split_at(end);
     let name = PLACEHOLDERS.iter().find(|known| **known == name);
@@ -117,7 +117,7 @@ fn placeholder(inner: &str) -> Result<Part, String> {
         name.ok_or_else(|| format!("there is no placeholder {{{inner}}}; there are {}", PLACEHOLDERS.join(", ")))?;
     let plus = if plus.is_empty() { Ok(0) } else { plus.parse::<i32>() };
     let plus = plus.map_err(|_| format!("{{{inner}}}: only a whole number may be added"))?;
-    Ok(Part::Value { name, plus: i64::from(plus) })
+    Ok(TemplatePart::Value { name, plus: i64::from(plus) })
 }
 
 /// An argument, or a group of them of which all are left out where one has no value.

@@ -78,8 +78,11 @@ fn few_values_that_are_no_numbers_are_black_and_many_are_a_fault() {
 fn passes_add_up_to_their_weighted_mean() {
     let rect = Rect::of_size(2, 1);
     let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
-    let pass =
-        |value: f32| Window { picture: Picture::from_fn(2, 1, |_, _| [value; 3]), planes: Vec::new(), dropped: 0 };
+    let pass = |value: f32| PaintedWindow {
+        picture: Picture::from_fn(2, 1, |_, _| [value; 3]),
+        planes: Vec::new(),
+        dropped: 0,
+    };
     pass(1.0).add_to(&mut tile, 4);
     pass(2.0).add_to(&mut tile, 12);
     let pixel = tile.pixel(1, 0);
@@ -115,7 +118,7 @@ fn written_layers(folder: &Path, more: f32) -> Written {
 fn layers_and_alpha_are_cut_like_the_color_and_averaged_where_that_means_something() {
     let folder = tempfile::tempdir().expect("a folder");
     let (layout, window) = (layered(), Rect::new(1, 1, 3, 3));
-    let wanted = Wanted::of(&layout);
+    let wanted = ExtraChannels::of(&layout);
     let mut tile = Tile::new(window, layout);
     for (more, samples) in [(4.0, 1), (0.0, 3)] {
         let pass = read_wanted(&written_layers(folder.path(), more), window, &wanted).expect("sound");
@@ -133,7 +136,7 @@ fn layers_and_alpha_are_cut_like_the_color_and_averaged_where_that_means_somethi
 fn a_layer_that_is_not_there_is_a_fault_and_one_that_is_no_number_is_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let (layout, rect) = (layered(), Rect::of_size(4, 3));
-    let wanted = Wanted::of(&layout);
+    let wanted = ExtraChannels::of(&layout);
     let plain = written(folder.path(), &numbered(4, 3), rect);
     let fault = read_wanted(&plain, rect, &wanted).expect_err("no layers");
     assert!(matches!(&fault, EngineFault::Layer { channel } if channel == "normal.X"), "{fault}");

@@ -11,11 +11,11 @@ use bottega_image::Rect;
 
 use super::request::{SceneRequest, WindowRequest, Written};
 use crate::external::{
-    child::{Guarded, Program, Word},
+    child::{ChildOutput, GuardedChild, Program},
     error::EngineFault,
-    locate::{Located, run},
+    locate::{LocatedEngine, run},
     log_tail,
-    manifest::{Argument, FirstRow, Invocation, Shows, Values, limit},
+    manifest::{Argument, FirstRow, FramePart, Invocation, Values, limit},
     protocol::Opened,
     scratch::Scratch,
 };
@@ -27,7 +27,7 @@ const SIDE_MAX: u32 = 1 << 20;
 
 #[derive(Debug)]
 pub(super) struct CommandLine {
-    engine: Arc<Located>,
+    engine: Arc<LocatedEngine>,
     scratch: Scratch,
     request: SceneRequest,
     size: (u32, u32),
@@ -36,7 +36,7 @@ pub(super) struct CommandLine {
 
 impl CommandLine {
     /// Makes ready for a scene. Nothing is started but for the question how large it is.
-    pub(super) fn open(engine: &Arc<Located>, request: &SceneRequest) -> Result<(Self, Opened), EngineFault> {
+    pub(super) fn open(engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<(Self, Opened), EngineFault> {
         let scratch = Scratch::new()?;
         engine.entry.unpack(scratch.path())?;
         let mut line =
@@ -138,15 +138,15 @@ impl CommandLine {
             reads: &reads,
             limits: manifest.limits,
         };
-        let mut child = Guarded::spawn(&program)?;
+        let mut child = GuardedChild::spawn(&program)?;
         child.close_stdin();
         let begun = Instant::now();
         let mut heard = (begun, 0);
         let ended_well = loop {
             match child.listen()? {
-                Word::End if let Some(ended_well) = child.outcome() => break ended_well,
-                Word::End => std::thread::sleep(Duration::from_millis(5)),
-                Word::Line(_) | Word::Silence => {}
+                ChildOutput::End if let Some(ended_well) = child.outcome() => break ended_well,
+                ChildOutput::End => std::thread::sleep(Duration::from_millis(5)),
+                ChildOutput::Line(_) | ChildOutput::Silence => {}
             }
             let written = child.log().written();
             if written != heard.1 {
@@ -173,8 +173,8 @@ impl CommandLine {
             return Err(EngineFault::NoPicture { log: log_tail(&engine, child.log()) });
         }
         let shows = match manifest.pixels.window {
-            Shows::Frame => Rect::of_size(self.size.0, self.size.1),
-            Shows::Window => request.window,
+            FramePart::Frame => Rect::of_size(self.size.0, self.size.1),
+            FramePart::Window => request.window,
         };
         let is_upside_down = manifest.pixels.first_row == FirstRow::Bottom;
         Ok(Written { file: output, shows, is_upside_down, samples: None, once: 0.0 })

@@ -1,4 +1,4 @@
-//! What an engine is asked for, and the picture that it answers with.
+//! A request to an engine, and the picture that answers it.
 
 use std::{
     collections::BTreeMap,

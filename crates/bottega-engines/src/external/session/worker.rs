@@ -14,12 +14,12 @@ use super::request::{SceneRequest, WindowRequest, Written};
 use crate::{
     CancelSwitch,
     external::{
-        child::{Guarded, Program, Word},
+        child::{ChildOutput, GuardedChild, Program},
         error::EngineFault,
-        locate::{Located, module_hint},
+        locate::{LocatedEngine, module_hint},
         log_tail,
         manifest::{Argument, Limits, Values, limit},
-        protocol::{Answer, Failed, Files, Opened, PaintedFile, Ready, Request, VERSION},
+        protocol::{Files, Opened, PaintedFile, Ready, Request, VERSION, WorkerFailure, WorkerReply},
         scratch::Scratch,
     },
 };
@@ -28,10 +28,10 @@ use crate::{
 const WRONG_LINES_MAX: u32 = 100;
 
 #[derive(Debug)]
-pub(super) struct Worker {
-    engine: Arc<Located>,
+pub(super) struct WorkerSession {
+    engine: Arc<LocatedEngine>,
     // Before the folder: the process ends first.
-    child: Guarded,
+    child: GuardedChild,
     scratch: Scratch,
     next_id: u64,
     frame: Option<i32>,
@@ -50,9 +50,9 @@ struct Patience<'a> {
     grace: Duration,
 }
 
-impl Worker {
+impl WorkerSession {
     /// - `reads`: files and folders that it may read beside the system's and where it is installed.
-    pub(super) fn start(engine: &Arc<Located>, reads: Vec<PathBuf>) -> Result<Self, EngineFault> {
+    pub(super) fn start(engine: &Arc<LocatedEngine>, reads: Vec<PathBuf>) -> Result<Self, EngineFault> {
         let scratch = Scratch::new()?;
         engine.entry.unpack(scratch.path())?;
         let manifest = engine.manifest();
@@ -73,20 +73,20 @@ impl Worker {
             reads: &reads,
             limits: manifest.limits,
         };
-        let child = Guarded::spawn(&program)?;
+        let child = GuardedChild::spawn(&program)?;
         let mut worker =
             Self { engine: Arc::clone(engine), child, scratch, next_id: 0, frame: None, reads, wrong_lines: 0 };
         let Limits { start_seconds, .. } = manifest.limits;
         let ready = worker.wait(&Patience::plain(start_seconds, "being ready"), &mut |_| {})?;
         match ready {
-            Answer::Ready(Ready { protocol: VERSION, version }) => {
+            WorkerReply::Ready(Ready { protocol: VERSION, version }) => {
                 tracing::debug!(engine = manifest.name, version, "a worker is ready");
                 Ok(worker)
             }
-            Answer::Ready(Ready { protocol, .. }) => {
+            WorkerReply::Ready(Ready { protocol, .. }) => {
                 Err(protocol_error(format!("it speaks version {protocol} of it, and {VERSION} is needed")))
             }
-            Answer::Failed(failed) => Err(worker.refusal(failed)),
+            WorkerReply::Failed(failed) => Err(worker.refusal(failed)),
             other => Err(out_of_turn(&other)),
         }
     }
@@ -111,17 +111,17 @@ impl Worker {
         })?;
         let seconds = self.engine.manifest().limits.open_seconds;
         match self.wait(&Patience::plain(seconds, "opening the scene"), &mut |_| {})? {
-            Answer::Opened(opened) if opened.width == 0 || opened.height == 0 => {
+            WorkerReply::Opened(opened) if opened.width == 0 || opened.height == 0 => {
                 Err(protocol_error(format!("the scene has {}x{} pixels", opened.width, opened.height)))
             }
-            Answer::Opened(Opened { filter: Some(filter), .. }) if !filter.is_sound() => {
+            WorkerReply::Opened(Opened { filter: Some(filter), .. }) if !filter.is_sound() => {
                 Err(protocol_error(format!("the scene's pixel filter is {filter:?}")))
             }
-            Answer::Opened(opened) => {
+            WorkerReply::Opened(opened) => {
                 Layout::with_layers(AovSet::NONE, opened.layers().collect()).map_err(EngineFault::Layers)?;
                 Ok(opened)
             }
-            Answer::Failed(failed) => Err(self.refusal(failed)),
+            WorkerReply::Failed(failed) => Err(self.refusal(failed)),
             other => Err(out_of_turn(&other)),
         }
     }
@@ -130,8 +130,8 @@ impl Worker {
         self.say(&Request::Files { scene })?;
         let seconds = self.engine.manifest().limits.open_seconds;
         match self.wait(&Patience::plain(seconds, "its list of files"), &mut |_| {})? {
-            Answer::Files(files) => Ok(files),
-            Answer::Failed(failed) => Err(self.refusal(failed)),
+            WorkerReply::Files(files) => Ok(files),
+            WorkerReply::Failed(failed) => Err(self.refusal(failed)),
             other => Err(out_of_turn(&other)),
         }
     }
@@ -165,8 +165,8 @@ impl Worker {
             }
         })?;
         let PaintedFile { file, window, samples, once, .. } = match answer {
-            Answer::Painted(painted) if painted.id == id => painted,
-            Answer::Failed(failed) => return Err(self.refusal(failed)),
+            WorkerReply::Painted(painted) if painted.id == id => painted,
+            WorkerReply::Failed(failed) => return Err(self.refusal(failed)),
             other => return Err(out_of_turn(&other)),
         };
         let [x0, y0, x1, y1] = window;
@@ -200,23 +200,23 @@ impl Worker {
         }
     }
 
-    fn wait(&mut self, patience: &Patience<'_>, told: &mut dyn FnMut((u64, f64))) -> Result<Answer, EngineFault> {
+    fn wait(&mut self, patience: &Patience<'_>, told: &mut dyn FnMut((u64, f64))) -> Result<WorkerReply, EngineFault> {
         let begun = Instant::now();
         let mut heard = (begun, self.child.log().written());
         let mut cancelled = None;
         loop {
             match self.child.listen()? {
-                Word::Line(line) => {
+                ChildOutput::Line(line) => {
                     heard.0 = Instant::now();
-                    match Answer::parse(&line) {
-                        Ok(Answer::Progress(progress)) => told((progress.id, progress.share)),
+                    match WorkerReply::parse(&line) {
+                        Ok(WorkerReply::Progress(progress)) => told((progress.id, progress.share)),
                         Ok(answer) => return Ok(answer),
                         Err(error) if line.starts_with('{') => self.wrong_line(&line, &error)?,
                         Err(_) => {}
                     }
                 }
-                Word::End => return Err(self.ended()),
-                Word::Silence => {}
+                ChildOutput::End => return Err(self.ended()),
+                ChildOutput::Silence => {}
             }
             let written = self.child.log().written();
             if written != heard.1 {
@@ -248,7 +248,7 @@ impl Worker {
     }
 
     /// What it says, with what can be done where it lacks a module.
-    fn refusal(&self, Failed { reason, fatal }: Failed) -> EngineFault {
+    fn refusal(&self, WorkerFailure { reason, fatal }: WorkerFailure) -> EngineFault {
         let reason = match module_hint(&self.engine, &reason) {
             Some(hint) => format!("{reason}; {hint}"),
             None => reason,
@@ -272,7 +272,7 @@ fn protocol_error(problem: String) -> EngineFault {
     EngineFault::Protocol { problem }
 }
 
-fn out_of_turn(answer: &Answer) -> EngineFault {
+fn out_of_turn(answer: &WorkerReply) -> EngineFault {
     let mut text = format!("{answer:?}");
     text.truncate(text.char_indices().nth(200).map_or(text.len(), |(at, _)| at));
     protocol_error(format!("it says out of turn: {text}"))

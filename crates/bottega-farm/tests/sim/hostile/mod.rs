@@ -180,7 +180,7 @@ fn frame() -> Rect {
 }
 
 /// What came of a siege.
-struct Aftermath {
+struct SiegeOutcome {
     took: Duration,
     zones: usize,
     failed: usize,
@@ -189,7 +189,7 @@ struct Aftermath {
 }
 
 /// Runs a work, and checks that it ends as it must.
-fn withstand(siege: &Siege, seed: u64) -> Aftermath {
+fn withstand(siege: &Siege, seed: u64) -> SiegeOutcome {
     let mut world = HostileWorld::default();
     world.power.extend(names("agent", siege.honest.len()).into_iter().zip(siege.honest.iter().copied()));
     world.power.extend(names("polite", siege.polite).into_iter().map(|id| (id, 1.0)));
@@ -214,7 +214,7 @@ fn withstand(siege: &Siege, seed: u64) -> Aftermath {
     assert_whole(&platform, siege, seed);
     let world = platform.world();
     let failed = world.finished.as_ref().map_or(0, Vec::len);
-    Aftermath { took, zones: world.zones.len(), failed, missing: world.missing, left_out: world.left_out.len() }
+    SiegeOutcome { took, zones: world.zones.len(), failed, missing: world.missing, left_out: world.left_out.len() }
 }
 
 /// All zones are in the film or given up, of pixels that were painted, and who is honest is still at work.

@@ -1,4 +1,4 @@
-//! When two numbers are the same but for rounding.
+//! A comparison of numbers that are the same but for rounding.
 
 /// Relative difference that is always allowed.
 const TOLERANCE: f32 = 1e-4;
@@ -30,14 +30,14 @@ pub(super) fn agree(a: &[f32], b: &[f32], nudged: impl FnOnce() -> Vec<Vec<f32>>
 
 /// How many of many cases agree.
 #[derive(Debug, Default)]
-pub(super) struct Tally {
+pub(super) struct CaseTally {
     pub(super) all: usize,
     /// Close only in view of how much depends on the last places.
     pub(super) conditioned: usize,
     pub(super) off: usize,
 }
 
-impl Tally {
+impl CaseTally {
     pub(super) fn count(&mut self, agrees: Match) {
         self.all += 1;
         self.conditioned += usize::from(agrees == Match::Conditioned);

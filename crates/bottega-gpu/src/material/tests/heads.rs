@@ -1,12 +1,12 @@
-//! What turns frames, and what a material says beside its scattering.
+//! Frames that are turned, and what a material says beside its scattering.
 
-use bottega_render::bsdf::{Lifted, SurfacePoint, scattering};
+use bottega_render::bsdf::{LiftedNormal, SurfacePoint, scattering};
 use bottega_scene::{
     Anisotropy, Layered, Material, Medium, MediumId, Relief, ReliefRule, ReliefSource, Scene, Sides, Spectrum, Surface,
 };
 use glam::{Vec2, Vec3};
 
-use super::compare::{RARELY, Tally, agree};
+use super::compare::{CaseTally, RARELY, agree};
 use super::device::Bench;
 use super::numbers::{Numbers, images};
 use crate::material::{EncodedMaterials, Features};
@@ -159,7 +159,7 @@ fn anisotropy_way(scene: &Scene, anisotropy: Option<&Anisotropy>, case: &Case) -
 
 /// The factor of a lifted normal, by a white matte surface.
 fn lifted_factor(normal: Vec3, shadows: bool, wi: Vec3) -> f32 {
-    let point = SurfacePoint { lifted: Some(Lifted::new(normal, shadows)), ..SurfacePoint::plain(true) };
+    let point = SurfacePoint { lifted: Some(LiftedNormal::new(normal, shadows)), ..SurfacePoint::plain(true) };
     let white = Material::matte(Spectrum::ONE);
     scattering(&Scene::default(), &white, &point).eval(Vec3::Z, wi).x * std::f32::consts::PI
 }
@@ -221,7 +221,7 @@ fn frames_and_heads_are_as_on_the_processor() {
         words
     });
     let answers = bench.run(&encoded, &words.collect::<Vec<_>>(), STRIDE, ANSWERS);
-    let (mut heads, mut factors) = (Tally::default(), Tally::default());
+    let (mut heads, mut factors) = (CaseTally::default(), CaseTally::default());
     for (case, found) in cases.iter().zip(answers.chunks(ANSWERS)) {
         let same = [&found[..14], &found[15..19]].concat();
         let nudged = || {

@@ -9,12 +9,12 @@ use bottega_scene::{
 use super::numbers::Numbers;
 
 /// A kind: its name, and one of it, whose textures are among so many pictures.
-pub(super) type Kind = (&'static str, fn(&mut Numbers, u32) -> Surface);
+pub(super) type SurfaceKind = (&'static str, fn(&mut Numbers, u32) -> Surface);
 
 /// The kind whose values and samples are random walks.
 pub(super) const WALKED: &str = "coat that is walked through";
 
-pub(super) const KINDS: &[Kind] = &[
+pub(super) const KINDS: &[SurfaceKind] = &[
     ("diffuse", |n, images| Surface::Diffuse(diffuse(n, images))),
     ("translucent", |n, images| Surface::DiffuseTransmission {
         reflectance: n.color_param(images),

@@ -1,4 +1,4 @@
-//! What devices have only in part, or not at all, and encodings at their edges.
+//! Materials that devices have only in part, or not at all, and encodings at their edges.
 
 use bottega_render::bsdf::{SurfacePoint, scattering};
 use bottega_scene::{

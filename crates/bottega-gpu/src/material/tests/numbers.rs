@@ -1,6 +1,6 @@
 //! Random numbers, directions, textures and points.
 
-use bottega_render::bsdf::{Lifted, Spot, SurfacePoint};
+use bottega_render::bsdf::{LiftedNormal, Spot, SurfacePoint};
 use bottega_scene::{Channel, ColorParam, Image, ImageId, ScalarParam, Spectrum, TextureMap, Wrap};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
@@ -98,7 +98,7 @@ impl Numbers {
             vertex_color: if self.chance(0.7) { Vec4::ONE } else { self.color().extend(self.next()) },
             front: self.chance(0.6),
             coat_normal: if self.chance(0.5) { Vec3::Z } else { (Vec3::Z + 0.4 * self.direction()).normalize() },
-            lifted: lifted.map(|(normal, shadows)| Lifted::new(normal, shadows)),
+            lifted: lifted.map(|(normal, shadows)| LiftedNormal::new(normal, shadows)),
             chance: self.next(),
         };
         (point, lifted)

@@ -4,9 +4,9 @@ use bottega_render::bsdf::{BsdfAt, SurfacePoint, scattering};
 use bottega_scene::{AlphaMode, Back, Material, Scene, Sides, Spectrum};
 use glam::Vec3;
 
-use super::compare::{Match, NUDGE, RARELY, Tally, agree};
+use super::compare::{CaseTally, Match, NUDGE, RARELY, agree};
 use super::device::Bench;
-use super::kinds::{KINDS, Kind, WALKED};
+use super::kinds::{KINDS, SurfaceKind, WALKED};
 use super::numbers::{Numbers, images};
 use crate::material::{EncodedMaterials, Features};
 
@@ -72,7 +72,7 @@ impl Case {
 }
 
 /// What is known of one case, in the order of the shader's answers.
-struct Answer {
+struct KnownCase {
     /// f and density.
     value: Vec<f32>,
     /// Where a sample goes; empty: nowhere.
@@ -86,7 +86,7 @@ struct Answer {
     rest: [f32; 2],
 }
 
-impl Answer {
+impl KnownCase {
     fn expected(scene: &Scene, case: &Case) -> Self {
         let material = &scene.materials[case.material as usize];
         let bsdf = scattering(scene, material, &case.point);
@@ -154,7 +154,7 @@ fn material(n: &mut Numbers, make: fn(&mut Numbers, u32) -> bottega_scene::Surfa
 const GPU_SLACK: f32 = 8.0;
 
 /// What is off; `None` without a device. The shader has what this kind asks for and no more.
-fn compare((name, make): Kind, seed: u64) -> Option<Vec<String>> {
+fn compare((name, make): SurfaceKind, seed: u64) -> Option<Vec<String>> {
     let mut n = Numbers(seed);
     let images = images(&mut n);
     let count = images.len() as u32;
@@ -177,14 +177,14 @@ fn compare((name, make): Kind, seed: u64) -> Option<Vec<String>> {
         "opacity",
         "emission",
     ];
-    let mut tallies: [Tally; 9] = Default::default();
+    let mut tallies: [CaseTally; 9] = Default::default();
     let mut shown = 0;
     for (case, numbers) in cases.iter().zip(answers.chunks(24)) {
-        let (expected, found) = (Answer::expected(&scene, case), Answer::of_device(numbers));
-        let mut near: Option<Vec<Answer>> = None;
-        let mut nudged = |part: &dyn Fn(&Answer) -> Vec<f32>| -> Vec<Vec<f32>> {
+        let (expected, found) = (KnownCase::expected(&scene, case), KnownCase::of_device(numbers));
+        let mut near: Option<Vec<KnownCase>> = None;
+        let mut nudged = |part: &dyn Fn(&KnownCase) -> Vec<f32>| -> Vec<Vec<f32>> {
             let near =
-                near.get_or_insert_with(|| (0..6).map(|_| Answer::expected(&scene, &case.nudged(&mut n))).collect());
+                near.get_or_insert_with(|| (0..6).map(|_| KnownCase::expected(&scene, &case.nudged(&mut n))).collect());
             near.iter().map(part).collect()
         };
         let material = &scene.materials[case.material as usize];
@@ -225,7 +225,7 @@ fn compare((name, make): Kind, seed: u64) -> Option<Vec<String>> {
     let walked = |label: &str| name == WALKED && label.contains("sample");
     let share =
         |label: &str| (if walked(label) { 0.03 } else { RARELY }) * if bench.is_software { 1.0 } else { GPU_SLACK };
-    let off = |(label, tally): (&&str, &Tally)| {
+    let off = |(label, tally): (&&str, &CaseTally)| {
         (!tally.is_sound(share(label))).then(|| format!("{name}, {label}: {tally:?}"))
     };
     let counts: Vec<_> = tallies.iter().map(|tally| (tally.conditioned, tally.off)).collect();
@@ -262,9 +262,9 @@ fn walks_through_coats_come_to_the_same_on_average() {
         let cases: Vec<_> = (0..SAMPLES).map(|_| case()).collect();
         let words: Vec<u32> = cases.iter().flat_map(Case::words).collect();
         let answers = bench.run(&encoded, &words, 32, 24);
-        let own = cases.iter().map(|case| Answer::expected(&scene, case));
-        let theirs = answers.chunks(24).map(Answer::of_device);
-        let weights = |answers: &mut dyn Iterator<Item = Answer>| -> Vec<f64> {
+        let own = cases.iter().map(|case| KnownCase::expected(&scene, case));
+        let theirs = answers.chunks(24).map(KnownCase::of_device);
+        let weights = |answers: &mut dyn Iterator<Item = KnownCase>| -> Vec<f64> {
             answers.map(|it| it.weight.iter().take(3).map(|&x| f64::from(x)).sum()).collect()
         };
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;

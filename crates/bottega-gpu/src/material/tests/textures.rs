@@ -3,7 +3,7 @@
 use bottega_scene::{ColorParam, Material, Scene};
 use glam::Vec2;
 
-use super::compare::{RARELY, Tally, agree};
+use super::compare::{CaseTally, RARELY, agree};
 use super::device::Bench;
 use super::numbers::{Numbers, images};
 use crate::material::{EncodedMaterials, Features};
@@ -55,7 +55,7 @@ fn pictures_are_looked_up_as_on_the_processor() {
     let words =
         cases.iter().flat_map(|&(map, uv, width)| [map as u32, uv.x.to_bits(), uv.y.to_bits(), width.to_bits()]);
     let answers = bench.run(&encoded, &words.collect::<Vec<_>>(), 4, 12);
-    let (mut values, mut slopes) = (Tally::default(), Tally::default());
+    let (mut values, mut slopes) = (CaseTally::default(), CaseTally::default());
     for (&(map, uv, footprint), found) in cases.iter().zip(answers.chunks(12)) {
         let map = &maps[map];
         let image = &scene.images[map.image.0 as usize];

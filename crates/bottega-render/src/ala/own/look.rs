@@ -1,13 +1,13 @@
-//! Whether a light is seen: by all that an agent and those next to it have seen, with the doubt that is left.
+//! The verdict whether a light is seen: by all that an agent and those next to it have seen, with the doubt that is left.
 
 use std::ops::Range;
 
 use super::super::{
     network::Network,
-    probe::Kind,
-    sensing::{Discovery, Sensed, Sensing},
+    probe::SensorKind,
+    sensing::{Discovery, Sensing, SensorReadings},
     swarm::{Swarm, is_told},
-    visibility::Answer,
+    visibility::ShadowVerdict,
 };
 
 /// Sensors of an agent in the first round, and all of them where it has doubtful neighbors.
@@ -22,8 +22,8 @@ const DOUBT: f32 = 0.02;
 /// Agents look for their lights from places around them.
 ///
 /// - `numbers`: of the sensors, which lie on a disc as far as the agent looks around.
-pub(in crate::ala) fn look(sensing: &Sensing<'_>, who: &[u32], numbers: Range<u32>) -> Sensed {
-    let mut sensed = Sensed::default();
+pub(in crate::ala) fn look(sensing: &Sensing<'_>, who: &[u32], numbers: Range<u32>) -> SensorReadings {
+    let mut sensed = SensorReadings::default();
     let count = numbers.len() as f32;
     for &index in who {
         let probe = sensing.probe(index);
@@ -32,9 +32,9 @@ pub(in crate::ala) fn look(sensing: &Sensing<'_>, who: &[u32], numbers: Range<u3
             let share = ((number - numbers.start) as f32 + 0.5) / count;
             let distance = probe.reach * share.sqrt();
             let seen = probe
-                .place(Kind::Penumbra, number, distance, probe.agent.normal)
+                .place(SensorKind::Penumbra, number, distance, probe.agent.normal)
                 .and_then(|point| probe.surfaces_to_light(&point, number, 1));
-            sensed.sensors[Kind::Penumbra as usize] += 1;
+            sensed.sensors[SensorKind::Penumbra as usize] += 1;
             match seen {
                 Some((surfaces, _)) => discovery.add(surfaces == 1),
                 None if distance <= NEAR * probe.reach => discovery.lost += 1,
@@ -83,7 +83,7 @@ pub(super) fn doubtful(network: &Network, discoveries: &[Discovery]) -> Vec<u32>
 
 /// What each answers: what all sensors of it, of its neighbors and of theirs agree on, if they are enough. Where a light is
 /// nearly hidden, most sensors do not see it: a ring of neighbors more keeps away from there.
-pub(super) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<Answer> {
+pub(super) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<ShadowVerdict> {
     let pooled = pooled(network, discoveries);
     let answer = |(own, index): (&Discovery, u32)| {
         // At an edge, shade may be narrower than what was looked at.
@@ -91,10 +91,10 @@ pub(super) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<Answe
         let doubt = 0.5 / (own.lit + own.shaded + 1) as f32;
         let around = || network.neighbors(index).map(|other| pooled[other as usize]);
         match (own.lit, own.shaded) {
-            _ if doubt > DOUBT || is_edge => Answer::Trace,
-            (_, 0) if around().all(|all| all.shaded == 0) => Answer::Lit,
-            (0, _) if around().all(|all| all.lit == 0) => Answer::Shaded,
-            _ => Answer::Trace,
+            _ if doubt > DOUBT || is_edge => ShadowVerdict::Trace,
+            (_, 0) if around().all(|all| all.shaded == 0) => ShadowVerdict::Lit,
+            (0, _) if around().all(|all| all.lit == 0) => ShadowVerdict::Shaded,
+            _ => ShadowVerdict::Trace,
         }
     };
     pooled.iter().zip(0..).map(answer).collect()

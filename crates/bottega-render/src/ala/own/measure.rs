@@ -2,14 +2,14 @@
 
 use super::super::{
     map::Agents,
-    probe::Kind,
-    sensing::{Candidate, Sensed, Sensing},
+    probe::SensorKind,
+    sensing::{Candidate, Sensing, SensorReadings},
 };
 use crate::integrator::{Hands, SensorPlace as Place};
 
 /// Some of the candidates measure what the others do not know.
-pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> Sensed {
-    let mut sensed = Sensed::default();
+pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> SensorReadings {
+    let mut sensed = SensorReadings::default();
     let mut hands = Hands::of_sensor(sensing.integrator);
     for &Candidate { index, is_back } in who {
         let probe = sensing.probe(index);
@@ -18,14 +18,14 @@ pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: 
         if others.knows(probe.agent.p, normal, is_directed) {
             continue;
         }
-        let Some(point) = probe.place(Kind::Irradiance, 0, 0.0, normal) else { continue };
+        let Some(point) = probe.place(SensorKind::Irradiance, 0, 0.0, normal) else { continue };
         let sampler = probe.sampler(u32::from(is_back), 1);
         let reach = others.reach_of_records(probe.agent.p, probe.reach);
         let effort = others.effort_at(probe.agent.p, normal);
         let place = Place { point, width: probe.reach, reach, effort, is_directed };
         let record = sensing.integrator.record(sensing.maps, place, sampler, others, &mut hands);
         sensed.records.push(record);
-        sensed.sensors[Kind::Irradiance as usize] += 1;
+        sensed.sensors[SensorKind::Irradiance as usize] += 1;
     }
     sensed
 }

@@ -7,9 +7,9 @@ use super::{
         agent::Agent,
         map::Agents,
         network::Network,
-        sensing::{Candidate, Discovery, Errand, MEASURING, Run, SENSING},
+        sensing::{Candidate, Discovery, MEASURING, Run, SENSING, SensingTask},
         swarm::Swarm,
-        visibility::{Answer, Visibility},
+        visibility::{ShadowVerdict, Visibility},
     },
     look::{self, ALL, FIRST},
 };
@@ -34,7 +34,7 @@ pub(in crate::ala) fn sense(
     let answers = if settings.decides_shadows && !prepared.has_opacity() {
         look_for_lights(swarm, network, &mut sensors, run)?
     } else {
-        vec![Answer::Trace; swarm.len()]
+        vec![ShadowVerdict::Trace; swarm.len()]
     };
     let visibility = Visibility::new(swarm, network, &answers);
     let mut agents = Arc::new(Agents::without_light(prepared, extent, settings, Arc::new(visibility), &answers));
@@ -43,7 +43,7 @@ pub(in crate::ala) fn sense(
         let (mut first, mut count) = (0, FIRST_ROUND);
         while first < all.len() && agents.has_room() {
             let who: Arc<[Candidate]> = all[first..all.len().min(first + count)].into();
-            let errand = |part| Errand::Measure { who: Arc::clone(&who), part, others: Arc::clone(&agents) };
+            let errand = |part| SensingTask::Measure { who: Arc::clone(&who), part, others: Arc::clone(&agents) };
             let mut found = run(parts(who.len() as u32, MEASURING).map(errand).collect())?;
             (first, count) = (first + count, 2 * count);
             if !found.records.is_empty() {
@@ -61,12 +61,12 @@ fn look_for_lights(
     network: &Network,
     sensors: &mut [u64; 4],
     run: &mut Run<'_>,
-) -> Result<Vec<Answer>, RenderError> {
+) -> Result<Vec<ShadowVerdict>, RenderError> {
     let mut discoveries: Vec<Discovery> = look::arrivals(swarm);
     let mut who: Vec<u32> = (0..swarm.len() as u32).filter(|&index| look::is_asked(swarm, index)).collect();
     for numbers in [0..FIRST, FIRST..ALL] {
         let round: Arc<[u32]> = who.into();
-        let errand = |part| Errand::Look { who: Arc::clone(&round), part, numbers: numbers.clone() };
+        let errand = |part| SensingTask::Look { who: Arc::clone(&round), part, numbers: numbers.clone() };
         let found = run(parts(round.len() as u32, SENSING).map(errand).collect())?;
         round.iter().zip(found.discoveries).for_each(|(&index, part)| discoveries[index as usize].join(part));
         sensors.iter_mut().zip(found.sensors).for_each(|(sum, part)| *sum += part);

@@ -1,6 +1,6 @@
 //! "Should I trace a shadow ray?" (§4.4).
 
-use super::super::{network::Network, sensing::Discovery, visibility::Answer};
+use super::super::{network::Network, sensing::Discovery, visibility::ShadowVerdict};
 
 /// Least number of penumbra sensors whose agreement counts.
 const PENUMBRA_MIN: u32 = 4;
@@ -14,7 +14,7 @@ impl Discovery {
 }
 
 /// What each agent answers: what its own sensors and the median of its neighbors' agree on.
-pub(in crate::ala) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<Answer> {
+pub(in crate::ala) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<ShadowVerdict> {
     let answer = |(own, index): (&Discovery, u32)| {
         let share = |other: u32| discoveries[other as usize].shaded_share();
         let mut shares: Vec<f32> = network.neighbors(index).filter_map(share).collect();
@@ -24,9 +24,9 @@ pub(in crate::ala) fn answers(network: &Network, discoveries: &[Discovery]) -> V
             count => Some(0.5 * (shares[(count - 1) / 2] + shares[count / 2])),
         };
         match (own.lit, own.shaded, median) {
-            (PENUMBRA_MIN.., 0, Some(0.0)) => Answer::Lit,
-            (0, PENUMBRA_MIN.., Some(1.0)) => Answer::Shaded,
-            _ => Answer::Trace,
+            (PENUMBRA_MIN.., 0, Some(0.0)) => ShadowVerdict::Lit,
+            (0, PENUMBRA_MIN.., Some(1.0)) => ShadowVerdict::Shaded,
+            _ => ShadowVerdict::Trace,
         }
     };
     discoveries.iter().zip(0..).map(answer).collect()

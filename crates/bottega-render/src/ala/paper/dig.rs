@@ -11,8 +11,8 @@ use glam::Vec3;
 use super::{
     super::{
         agent::meets,
-        probe::{Kind, Probe, SURFACES_MAX, side},
-        sensing::{Discovery, Sensed, Sensing},
+        probe::{Probe, SURFACES_MAX, SensorKind, side},
+        sensing::{Discovery, Sensing, SensorReadings},
         swarm::{NEAREST, is_told},
     },
     miner::{Miner, Tool},
@@ -47,8 +47,8 @@ const SAME_WAY: f32 = 0.9;
 /// Relative difference between irradiances that is interesting.
 const IRRADIANCE_GRADIENT: f32 = 0.12;
 /// Agents dig for gold, one after the other.
-pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> Sensed {
-    let mut sensed = Sensed::default();
+pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> SensorReadings {
+    let mut sensed = SensorReadings::default();
     let (mut found, mut hands) = (Nearest::new(2 * NEAREST), Hands::new(sensing.integrator).telling_bounces());
     for index in indices {
         let probe = sensing.probe(index);
@@ -66,7 +66,7 @@ struct Scout<'a, 'b> {
     index: u32,
     found: &'b mut Nearest,
     hands: &'b mut Hands,
-    sensed: &'b mut Sensed,
+    sensed: &'b mut SensorReadings,
 }
 
 impl Scout<'_, '_> {
@@ -85,7 +85,7 @@ impl Scout<'_, '_> {
 
     /// Lets the miner dig: `deploy` is given the number of a sensor and how far from the agent it goes, and returns its
     /// coefficient of interest.
-    fn dig(&mut self, kind: Kind, tool: Tool, mut deploy: impl FnMut(&mut Self, u32, f32) -> f32) {
+    fn dig(&mut self, kind: SensorKind, tool: Tool, mut deploy: impl FnMut(&mut Self, u32, f32) -> f32) {
         let mut miner = Miner::new(tool);
         while let Some((number, distance)) = miner.next() {
             let sigma = deploy(self, number, distance);
@@ -98,8 +98,9 @@ impl Scout<'_, '_> {
     fn sense_geometry(&mut self) -> f32 {
         let tool = Tool { few: 2, many: 6, most: 8, step: self.probe.reach / 8.0, excitement: TOIL };
         let (mut sum, mut count) = (0.0, 0.0_f32);
-        self.dig(Kind::Geometry, tool, |scout, number, distance| {
-            let Some(point) = scout.probe.place(Kind::Geometry, number, distance, scout.probe.agent.normal) else {
+        self.dig(SensorKind::Geometry, tool, |scout, number, distance| {
+            let Some(point) = scout.probe.place(SensorKind::Geometry, number, distance, scout.probe.agent.normal)
+            else {
                 return EDGE;
             };
             let gradient = scout.geometry_at(&point, number);
@@ -114,7 +115,7 @@ impl Scout<'_, '_> {
     fn geometry_at(&self, point: &Interaction, number: u32) -> f32 {
         let n = side(point);
         let inverse = |part: u32| {
-            let [u, v, ..] = self.probe.numbers(Kind::Geometry, 1, 3 * number + part);
+            let [u, v, ..] = self.probe.numbers(SensorKind::Geometry, 1, 3 * number + part);
             let w = uniform_sphere([u, v]);
             let w = if w.dot(n) < 0.0 { -w } else { w };
             let hit = meets(self.probe.prepared, &Ray::new(point.ray_origin(w), w));
@@ -127,9 +128,13 @@ impl Scout<'_, '_> {
     fn sense_proximity(&mut self) -> f32 {
         let tool = Tool { few: 1, many: 3, most: 4, step: self.probe.reach / 4.0, excitement: TOIL };
         let (mut sum, mut count) = (0.0, 0.0);
-        self.dig(Kind::Proximity, tool, |scout, number, distance| {
-            let value =
-                scout.proximity_at(scout.probe.beside(Kind::Proximity, number, distance, scout.probe.agent.normal));
+        self.dig(SensorKind::Proximity, tool, |scout, number, distance| {
+            let value = scout.proximity_at(scout.probe.beside(
+                SensorKind::Proximity,
+                number,
+                distance,
+                scout.probe.agent.normal,
+            ));
             let median = PROXIMITY_MEDIAN * scout.sensing.swarm.cast_by_light;
             let sigma = 0.25 * math::ln((value / median).max(1e-6)).abs() - 0.5;
             sum += sigma.clamp(-1.0, 1.0);
@@ -160,8 +165,9 @@ impl Scout<'_, '_> {
             return counts;
         }
         let tool = Tool { few: 4, many: 16, most: 24, step: self.probe.reach / 12.0, excitement };
-        self.dig(Kind::Penumbra, tool, |scout, number, distance| {
-            let Some(point) = scout.probe.place(Kind::Penumbra, number, distance, scout.probe.agent.normal) else {
+        self.dig(SensorKind::Penumbra, tool, |scout, number, distance| {
+            let Some(point) = scout.probe.place(SensorKind::Penumbra, number, distance, scout.probe.agent.normal)
+            else {
                 return 0.0;
             };
             let Some((value, is_lit)) = scout.penumbra_at(&point, number) else { return 0.0 };
@@ -198,8 +204,10 @@ impl Scout<'_, '_> {
         for normal in [agent.normal, -agent.normal] {
             let tool = Tool { few: 2, many: 6, most: 10, step: 0.4 * spacing, excitement: TOIL + excitement };
             let (mut sum, mut count) = (0.0, 0.0);
-            self.dig(Kind::Irradiance, tool, |scout, number, distance| {
-                let Some(point) = scout.probe.place(Kind::Irradiance, number, distance, normal) else { return -1.0 };
+            self.dig(SensorKind::Irradiance, tool, |scout, number, distance| {
+                let Some(point) = scout.probe.place(SensorKind::Irradiance, number, distance, normal) else {
+                    return -1.0;
+                };
                 let brightness = scout.irradiance_at(point, number, spacing);
                 sum += brightness;
                 count += 1.0;

@@ -1,6 +1,6 @@
 //! All tables from their cells.
 
-use super::{super::sheen, Cell, Curve, INDEX, MU, ROUGHNESS, Tables, node_mu};
+use super::{super::sheen, AlbedoCurve, Cell, INDEX, MU, ROUGHNESS, Tables, node_mu};
 
 impl Tables {
     pub(super) fn compute() -> Self {
@@ -10,15 +10,15 @@ impl Tables {
                 std::array::from_fn(|j| Cell::integrate(node_mu(j), root * root))
             })
             .collect();
-        let by_roughness = |value: &dyn Fn(&Cell) -> f32| -> Vec<Curve> {
-            cells.iter().map(|row| Curve::new(std::array::from_fn(|j| value(&row[j])))).collect()
+        let by_roughness = |value: &dyn Fn(&Cell) -> f32| -> Vec<AlbedoCurve> {
+            cells.iter().map(|row| AlbedoCurve::new(std::array::from_fn(|j| value(&row[j])))).collect()
         };
-        let by_index = |value: &dyn Fn(&Cell, usize) -> f32| -> Vec<Curve> {
+        let by_index = |value: &dyn Fn(&Cell, usize) -> f32| -> Vec<AlbedoCurve> {
             (0..INDEX).flat_map(|k| by_roughness(&|cell| value(cell, k))).collect()
         };
         let sheen = |i: usize| {
             let roughness = sheen::roughness_at(i as f32 / (ROUGHNESS - 1) as f32);
-            Curve::new(std::array::from_fn(|j| sheen::albedo_by_quadrature(node_mu(j), roughness)))
+            AlbedoCurve::new(std::array::from_fn(|j| sheen::albedo_by_quadrature(node_mu(j), roughness)))
         };
         Self {
             single: by_roughness(&|cell| cell.single),

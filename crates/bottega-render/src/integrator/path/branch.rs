@@ -1,4 +1,4 @@
-//! Where a path goes on as several, or as none.
+//! Branches: a path goes on as several, or as none.
 
 use std::ops::RangeInclusive;
 

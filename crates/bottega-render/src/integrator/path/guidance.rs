@@ -1,4 +1,4 @@
-//! What a guide and its agents say of a point where a path is scattered.
+//! Guidance: what a guide and its agents say of a point where a path is scattered.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;

@@ -60,7 +60,7 @@ impl<'a> PathIntegrator<'a> {
             let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
             let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
             let ray = integrator.camera.ray(Vec2::new(x, y) * size, [lens_u, lens_v]);
-            let path = Followed { integrator: &integrator, sampler, ray: &ray, guide, trail };
+            let path = FollowedPath { integrator: &integrator, sampler, ray: &ray, guide, trail };
             (compiled::run(path).values.radiance.into(), [x, y])
         });
         if !(agents.roulette || agents.shadows) {
@@ -73,7 +73,7 @@ impl<'a> PathIntegrator<'a> {
 }
 
 /// A path that leaves a trail.
-struct Followed<'a> {
+struct FollowedPath<'a> {
     integrator: &'a PathIntegrator<'a>,
     sampler: PixelSampler,
     ray: &'a CameraRay,
@@ -81,7 +81,7 @@ struct Followed<'a> {
     trail: &'a mut Trail,
 }
 
-impl Task for Followed<'_> {
+impl Task for FollowedPath<'_> {
     type Output = PathRecord;
 
     #[inline(always)]

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     interaction::Interaction,
-    lights::{Asked, LightSample, Receiver},
+    lights::{LightSample, Receiver, RequestedLight},
     luminance,
     sampler::{DimensionSet, Quad},
     settings::DirectLight,
@@ -152,7 +152,7 @@ impl Path<'_> {
             self.radiance += self.throughput * contribution;
         }
         if let Some(trail) = &mut self.trail {
-            trail.ask(Asked { light: light.light, found: luminance(contribution), is_seen });
+            trail.ask(RequestedLight { light: light.light, found: luminance(contribution), is_seen });
         }
     }
 

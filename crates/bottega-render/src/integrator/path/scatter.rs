@@ -1,4 +1,4 @@
-//! Where a path goes on.
+//! Scattering: the next direction of a path.
 
 use super::{
     super::transport::{SCATTERED_SPREAD, survives},

@@ -1,4 +1,4 @@
-//! What all paths of a picture have in common.
+//! The setup that all paths of a picture share.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Whether it pays to end and to split paths, and to leave out shadow rays, by what agents say they are worth: tried on a few
+//! The trial whether it pays to end and to split paths, and to leave out shadow rays, by what agents say they are worth: on a few
 //! pixels beforehand.
 //!
 //! What agents say is about independent paths. Those of a pixel are spread evenly, and where light is smooth that is worth
@@ -38,7 +38,7 @@ const PATH_WORK: f64 = 0.5;
 
 /// What one pixel showed, and what that took.
 #[derive(Clone, Copy, Default)]
-struct Tried {
+struct PixelTrial {
     radiance: Spectrum,
     work: f64,
 }
@@ -78,7 +78,7 @@ impl PathIntegrator<'_> {
         by_worth * GAIN_MIN < plain
     }
 
-    fn tried(&self, settings: &PathSettings, guide: &Arc<Guide>, pixels: &[(u32, u32)]) -> Vec<Tried> {
+    fn tried(&self, settings: &PathSettings, guide: &Arc<Guide>, pixels: &[(u32, u32)]) -> Vec<PixelTrial> {
         let integrator = PathIntegrator {
             settings,
             splits: settings.agents.roulette,
@@ -99,8 +99,8 @@ impl PathIntegrator<'_> {
     }
 }
 
-fn pixel(samples: &[PathRecord]) -> Tried {
-    samples.iter().fold(Tried::default(), |sum, record| Tried {
+fn pixel(samples: &[PathRecord]) -> PixelTrial {
+    samples.iter().fold(PixelTrial::default(), |sum, record| PixelTrial {
         radiance: sum.radiance + Spectrum::from(record.values.radiance) / samples.len() as f32,
         work: sum.work
             + PATH_WORK
@@ -110,6 +110,6 @@ fn pixel(samples: &[PathRecord]) -> Tried {
 }
 
 /// Squared difference of the same pixel painted twice, by what light is worth to it.
-fn error(a: Tried, b: Tried, worth: f32) -> f64 {
+fn error(a: PixelTrial, b: PixelTrial, worth: f32) -> f64 {
     f64::from((a.radiance - b.radiance).length_squared() * worth * worth)
 }

@@ -17,7 +17,7 @@ use crate::{
     ala::Agents,
     bsdf::Bsdf,
     camera::CameraRay,
-    interaction::{Asks, Interaction, is_there, shines},
+    interaction::{Interaction, SurfaceQuery, is_there, shines},
     lights::Receiver,
     photon::{
         BOUNCES_KEPT, ByBounces, PhotonMaps,
@@ -30,7 +30,7 @@ use crate::{
 
 pub(crate) use hands::Hands;
 pub(super) use spot::Spot;
-use walk::{Comes, Left, LightShare, Place, Walk, scatter, survives};
+use walk::{ArrivalKind, LightShare, Place, Remainder, Walk, scatter, survives};
 
 /// Bounces of a path that have numbers of their own before those of a gathering ray begin.
 const VERTICES: u32 = 64;
@@ -44,7 +44,7 @@ const SHADOW_STEPS: f32 = 8.0;
 
 /// What is known of the light in the scene.
 #[derive(Clone, Copy)]
-pub(crate) struct Known<'a> {
+pub(crate) struct KnownLight<'a> {
     pub(crate) maps: &'a PhotonMaps,
     pub(crate) cache: Option<&'a IrradianceCache>,
     /// Who is asked, if the picture is one of agents; nobody while these are still looking around.
@@ -105,11 +105,11 @@ impl<'a> Eye<'a> {
     #[inline(always)]
     pub(super) fn new(
         integrator: &'a PhotonIntegrator<'a>,
-        known: Known<'a>,
+        known: KnownLight<'a>,
         sampler: PixelSampler,
         hands: &'a mut Hands,
     ) -> Self {
-        let Known { maps, cache, agents } = known;
+        let KnownLight { maps, cache, agents } = known;
         Self {
             integrator,
             prepared: integrator.base.prepared(),
@@ -194,14 +194,14 @@ impl<'a> Eye<'a> {
         let mut surroundings = None;
         if bsdf.has_non_delta() {
             match self.meet(walk, &place, bsdf, hit.t, &mut surroundings) {
-                Left::Nothing => return false,
-                Left::Lamps => walk.is_short = true,
-                Left::Light => {}
+                Remainder::Nothing => return false,
+                Remainder::Lamps => walk.is_short = true,
+                Remainder::Light => {}
             }
         }
         let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
         // What is left for a path that comes to a surface from the camera is to go on over its mirrors.
-        let only_mirrors = bsdf.has_non_delta() && matches!(walk.comes, Comes::Camera);
+        let only_mirrors = bsdf.has_non_delta() && matches!(walk.comes, ArrivalKind::Camera);
         match place.bsdf.sample(u[0], [u[1], u[2]]) {
             Some(sample) if !only_mirrors || sample.is_delta() => {
                 if let Some(known) = surroundings.filter(|_| is_broad_sample(&sample)) {
@@ -224,14 +224,14 @@ impl<'a> Eye<'a> {
         bsdf: &Bsdf,
         distance: f32,
         surroundings: &mut Option<Surroundings<'a>>,
-    ) -> Left {
+    ) -> Remainder {
         let photons = &self.integrator.photons;
-        let is_first = matches!(walk.comes, Comes::Camera);
+        let is_first = matches!(walk.comes, ArrivalKind::Camera);
         let (is_gathered, has_agents) = (self.is_gathered(), photons.agents.is_some());
         if !is_first && !has_agents {
             let is_near = distance < NEAR * self.maps.irradiance_reach_at(place.point.p);
             if is_gathered && is_matte(bsdf) && !is_near && self.add_known(walk, place, bsdf) {
-                return Left::Nothing;
+                return Remainder::Nothing;
             }
         }
         let is_known = !is_first && has_agents && {
@@ -247,9 +247,9 @@ impl<'a> Eye<'a> {
         }
         if !is_first {
             return match (is_end, is_known) {
-                (true, _) => Left::Nothing,
-                (false, true) => Left::Lamps,
-                (false, false) => Left::Light,
+                (true, _) => Remainder::Nothing,
+                (false, true) => Remainder::Lamps,
+                (false, false) => Remainder::Light,
             };
         }
         let known = self.surroundings(walk, place, bsdf);
@@ -260,7 +260,7 @@ impl<'a> Eye<'a> {
         let is_short = is_cached || !is_gathered;
         let count = if is_short { 1 } else { photons.final_rays.max(1) };
         self.gather(walk, place, count, is_short, known.is_some());
-        Left::Light
+        Remainder::Light
     }
 
     /// Sends out rays that look for light, each of them to its end.
@@ -283,7 +283,7 @@ impl<'a> Eye<'a> {
 
     fn intersect(&self, ray: &Ray, vertex: u32) -> Hit {
         if self.prepared.has_opacity() {
-            self.prepared.accel().intersect_filtered(ray, |hit| self.is_there(ray, hit, vertex, Asks::Path))
+            self.prepared.accel().intersect_filtered(ray, |hit| self.is_there(ray, hit, vertex, SurfaceQuery::Path))
         } else {
             self.prepared.accel().intersect(ray)
         }
@@ -291,11 +291,11 @@ impl<'a> Eye<'a> {
 
     /// What a camera sees that does not see what shines.
     fn intersect_unlit(&self, ray: &Ray) -> Hit {
-        let is_seen = |hit: &Hit| !shines(self.prepared, hit) && self.is_there(ray, hit, 0, Asks::Path);
+        let is_seen = |hit: &Hit| !shines(self.prepared, hit) && self.is_there(ray, hit, 0, SurfaceQuery::Path);
         self.prepared.accel().intersect_filtered(ray, is_seen)
     }
 
-    fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32, asks: Asks) -> bool {
+    fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32, asks: SurfaceQuery) -> bool {
         let asks = asks.of_vertex(vertex);
         is_there(self.prepared, ray, hit, asks, |surface| {
             self.sampler.hashed(surface ^ u64::from(vertex) << 56 ^ u64::from(vertex) >> 8)
@@ -305,7 +305,7 @@ impl<'a> Eye<'a> {
     fn is_occluded(&mut self, ray: &Ray, vertex: u32) -> bool {
         self.record.counts.shadow_rays += 1;
         if self.prepared.has_opacity() {
-            self.prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, vertex, Asks::Shadow))
+            self.prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, vertex, SurfaceQuery::Shadow))
         } else {
             self.prepared.accel().occluded(ray)
         }

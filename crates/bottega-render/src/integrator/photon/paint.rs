@@ -7,7 +7,7 @@ use bottega_kernels::compiled::{self, Task};
 use super::{
     super::record::PathRecord,
     PhotonIntegrator,
-    eye::{Eye, Hands, Known},
+    eye::{Eye, Hands, KnownLight},
     place,
 };
 use crate::{ala::Agents, camera::CameraRay, photon::cache::IrradianceCache, sampler::PixelSampler};
@@ -56,7 +56,7 @@ impl PhotonIntegrator<'_> {
             let sampler = PixelSampler::new(self.base.settings().seed, x, y, index);
             let (ray, factor) = self.base.camera_ray(&sampler, x, y);
             let maps = self.passes.of_sample(self.base.prepared(), index);
-            let known = Known { maps, cache, agents };
+            let known = KnownLight { maps, cache, agents };
             let sample = Sample { integrator: self, known, sampler, ray, hands: &mut hands };
             records.push(compiled::run(sample).scaled(factor));
         }
@@ -69,7 +69,7 @@ impl PhotonIntegrator<'_> {
 /// One sample of a pixel.
 struct Sample<'a> {
     integrator: &'a PhotonIntegrator<'a>,
-    known: Known<'a>,
+    known: KnownLight<'a>,
     sampler: PixelSampler,
     ray: CameraRay,
     hands: &'a mut Hands,

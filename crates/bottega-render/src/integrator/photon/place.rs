@@ -1,4 +1,4 @@
-//! Where irradiance is kept: the first of two passes over the picture.
+//! The placement of irradiance records: the first of two passes over the picture.
 //!
 //! The order in which places are looked at depends on the picture alone, coarse before fine, and each batch knows only what
 //! the batches before have kept: so the records are the same however many threads compute them.
@@ -12,13 +12,13 @@ use rayon::prelude::*;
 
 use super::{
     PhotonIntegrator,
-    eye::{Eye, Hands, Known, Spot},
+    eye::{Eye, Hands, KnownLight, Spot},
 };
 use crate::{
     camera::BEAM,
     photon::{
         PhotonMaps,
-        cache::{IrradianceCache, Measurement, RAYS, Record, direction},
+        cache::{IrradianceCache, IrradianceRecord, Measurement, RAYS, direction},
     },
     sampler::{DimensionSet, PixelSampler},
 };
@@ -46,7 +46,7 @@ pub(super) fn records(integrator: &PhotonIntegrator<'_>, maps: &PhotonMaps) -> I
     let mut step = STEP_FIRST;
     while step >= STEP_LAST {
         for batch in pixels(integrator, step).chunks(BATCH) {
-            let found: Vec<Record> = batch
+            let found: Vec<IrradianceRecord> = batch
                 .par_iter()
                 .filter_map(|&(x, y)| compiled::run(Search { integrator, maps, cache: &cache, x, y }))
                 .collect();
@@ -79,15 +79,15 @@ struct Search<'a> {
 }
 
 impl Task for Search<'_> {
-    type Output = Option<Record>;
+    type Output = Option<IrradianceRecord>;
 
     #[inline(always)]
-    fn run(self) -> Option<Record> {
+    fn run(self) -> Option<IrradianceRecord> {
         let Self { integrator, maps, cache, x, y } = self;
         let sampler = PixelSampler::new(integrator.base.settings().seed ^ RECORD_SEED, x, y, 0);
         let (ray, _) = integrator.base.camera_ray(&sampler, x, y);
         let mut hands = Hands::new(integrator).telling_bounces();
-        let known = Known { maps, cache: None, agents: None };
+        let known = KnownLight { maps, cache: None, agents: None };
         let mut eye = Eye::new(integrator, known, sampler, &mut hands);
         let spot: Spot = eye.spot(&ray).filter(|spot| cache.at(spot.p(), spot.n(), u32::MAX).is_none())?;
         let n: Vec3 = spot.n();
@@ -99,6 +99,6 @@ impl Task for Search<'_> {
             .collect();
         let radius_max = SHARE_MAX * integrator.passes.plan().extent().length_at(spot.p());
         let reach = [PIXELS_MIN / BEAM * spot.width(), radius_max];
-        Some(Record::new(spot.p(), n, &Measurement::new(looks, 1), reach).with_bounces(hands.bounces()))
+        Some(IrradianceRecord::new(spot.p(), n, &Measurement::new(looks, 1), reach).with_bounces(hands.bounces()))
     }
 }

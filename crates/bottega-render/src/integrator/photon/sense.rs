@@ -1,4 +1,4 @@
-//! What an irradiance sensor of an agent measures.
+//! The irradiance sensor of an agent.
 
 use std::{f32::consts::PI, sync::Arc};
 
@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::{
     PhotonIntegrator,
-    eye::{Eye, Hands, Known, Spot},
+    eye::{Eye, Hands, KnownLight, Spot},
 };
 use crate::{
     PathSettings, PhotonSettings, PreparedScene, RenderError, View,
@@ -17,7 +17,7 @@ use crate::{
     interaction::Interaction,
     photon::{
         Passes, PhotonMaps, PhotonPlan,
-        cache::{self, Look, Measurement, Record},
+        cache::{self, GatherSample, IrradianceRecord, Measurement},
     },
     sampler::{DimensionSet, PixelSampler},
     sampling::orthonormal_basis,
@@ -94,7 +94,7 @@ impl<'a> PhotonIntegrator<'a> {
         let n: Vec3 = point.frame[2];
         let (s, t) = orthonormal_basis(n);
         let spot = Spot::new(point, width);
-        let known = Known { maps, cache: None, agents: None };
+        let known = KnownLight { maps, cache: None, agents: None };
         hands.clear_bounces();
         let mut eye = Eye::new(self, known, sampler, &mut *hands);
         let mut sum = Spectrum::ZERO;
@@ -120,10 +120,10 @@ impl<'a> PhotonIntegrator<'a> {
         sampler: PixelSampler,
         others: &Agents,
         hands: &mut Hands,
-    ) -> Record {
+    ) -> IrradianceRecord {
         let SensorPlace { point, width, reach, effort, is_directed } = place;
         let spot = Spot::new(point, width);
-        let known = Known { maps, cache: None, agents: Some(others) };
+        let known = KnownLight { maps, cache: None, agents: Some(others) };
         let n = spot.n();
         hands.clear_bounces();
         let mut eye = Eye::new(self, known, sampler, &mut *hands);
@@ -132,9 +132,9 @@ impl<'a> PhotonIntegrator<'a> {
             eye.look_from(&spot, cache::direction(n, index / effort, [u, v]), index)
         };
         // Who stopped where the first rays found nothing would take dim corners for dark ones.
-        let looks: Vec<Look> = (0..cache::RAYS * effort).map(look).collect();
+        let looks: Vec<GatherSample> = (0..cache::RAYS * effort).map(look).collect();
         let found = Measurement::new(looks, effort);
-        let record = Record::new(spot.p(), n, &found, reach).with_bounces(hands.bounces());
+        let record = IrradianceRecord::new(spot.p(), n, &found, reach).with_bounces(hands.bounces());
         if is_directed { record.with_directions(&found) } else { record }
     }
 }

@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::{
     super::transport::emitted_at,
-    state::{Along, Path},
+    state::{Path, SegmentPoint},
 };
 use crate::{
     bsdf::BsdfAt,
@@ -58,7 +58,7 @@ impl Path<'_> {
 
     /// The density with which a distance is drawn for a light, times the probability of that light, over the density with
     /// which the distance is drawn by extinction.
-    fn pdf_ratio(&self, along: &Along, light: u32) -> f32 {
+    fn pdf_ratio(&self, along: &SegmentPoint, light: u32) -> f32 {
         let lights = self.prepared.lights();
         let arc = lights.arc(self.prepared.scene(), &along.segment, light);
         lights.pmf_along(&along.segment, light) * arc.pdf(along.distance) / along.pdf
@@ -123,7 +123,13 @@ impl Path<'_> {
     /// Light that is scattered at a point in a medium, by looking for lights from there.
     ///
     /// - `along`: how the point was drawn, where there are several ways to find light there.
-    pub(super) fn add_light_at(&mut self, phase: Phase, direction: Vec3, receiver: &Receiver, along: Option<&Along>) {
+    pub(super) fn add_light_at(
+        &mut self,
+        phase: Phase,
+        direction: Vec3,
+        receiver: &Receiver,
+        along: Option<&SegmentPoint>,
+    ) {
         if !self.samples_lights() {
             return;
         }

@@ -1,4 +1,4 @@
-//! What is between two points: boundaries of media, panes, and the media themselves.
+//! The passage between two points: boundaries of media, panes, and the media themselves.
 
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{MediumId, Spectrum};
@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::{super::transport::SHADOW_MARGIN, state::Path};
 use crate::{
     camera::RayCone,
-    interaction::{Asks, Interaction, is_there, material_of},
+    interaction::{Interaction, SurfaceQuery, is_there, material_of},
     lights::LightSample,
     media::{Filling, varying::Line},
     sampler::PixelSampler,
@@ -23,9 +23,9 @@ const TRACKING: u64 = 0x7472_6163_6b69_6e67;
 
 impl Path<'_> {
     /// Whether a candidate hit is to be taken: see [`is_there`]. Boundaries that part media are.
-    pub(super) fn is_there(&self, ray: &Ray, hit: &Hit, asks: Asks) -> bool {
+    pub(super) fn is_there(&self, ray: &Ray, hit: &Hit, asks: SurfaceQuery) -> bool {
         let known = self.prepared.material(material_of(self.prepared, hit)).1;
-        if known.shines && asks == Asks::Path && self.depth == 0 && self.hides_emitters {
+        if known.shines && asks == SurfaceQuery::Path && self.depth == 0 && self.hides_emitters {
             return false;
         }
         let asks = asks.of_vertex(self.depth);
@@ -77,8 +77,8 @@ impl Path<'_> {
             };
             let ray = Ray { origin, t_min: 0.0, direction, t_max: length * (1.0 - SHADOW_MARGIN) };
             let hit = if prepared.has_boundaries() {
-                prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Shadow))
-            } else if prepared.accel().occluded_filtered(&ray, |hit| self.is_there(&ray, hit, Asks::Shadow)) {
+                prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Shadow))
+            } else if prepared.accel().occluded_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Shadow)) {
                 return;
             } else {
                 Hit::NONE

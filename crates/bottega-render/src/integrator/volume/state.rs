@@ -19,12 +19,12 @@ pub(super) struct Previous {
     /// Density per solid angle of the direction taken; `None`: light sampling could not have found what comes.
     pub(super) pdf: Option<f32>,
     /// Where that point is on a segment through a medium, if it is in one.
-    pub(super) along: Option<Along>,
+    pub(super) along: Option<SegmentPoint>,
 }
 
 /// A point of a segment through a medium.
 #[derive(Clone, Copy)]
-pub(super) struct Along {
+pub(super) struct SegmentPoint {
     pub(super) segment: Segment,
     pub(super) distance: f32,
     /// Density of the distance as drawn by extinction.

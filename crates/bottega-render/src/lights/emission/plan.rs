@@ -1,4 +1,4 @@
-//! Where photons are sent: to what a camera sees, and less and less often to what is farther from it.
+//! The plan of photons: to what a camera sees, and less and less often to what is farther from it.
 //!
 //! In a wide scene photons that go everywhere would hardly ever come to what is seen. Parallel light and light of the sky leave
 //! discs around it, each twice as wide as the one before; other sources are chosen also by what can come from them, and

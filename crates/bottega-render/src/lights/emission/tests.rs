@@ -138,7 +138,7 @@ fn kinds() -> Vec<(&'static str, Scene)> {
 }
 
 /// How far a ray goes within the sphere.
-fn chord(emitted: &Emitted) -> f32 {
+fn chord(emitted: &EmittedPhoton) -> f32 {
     let to_middle = MIDDLE - emitted.origin;
     let along = to_middle.dot(emitted.direction);
     let half = (RADIUS * RADIUS - (to_middle - emitted.direction * along).length_squared()).max(0.0).sqrt();

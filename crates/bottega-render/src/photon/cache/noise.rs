@@ -1,4 +1,4 @@
-//! How noisy records are to be expected to be.
+//! The noise to expect in records.
 //!
 //! Where light comes from a small bright place, a record whose rays missed it looks sure and is too dark, and one whose rays
 //! found it looks noisy and is too bright. Who went by the noise that each record has found itself would take the dark ones and
@@ -7,7 +7,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{EFFORT_MAX, IrradianceCache, Record};
+use super::{EFFORT_MAX, IrradianceCache, IrradianceRecord};
 use crate::{
     luminance,
     photon::{Nearest, Photon, PhotonMap, is_alike},
@@ -20,12 +20,12 @@ impl IrradianceCache {
     /// Lets each record be told by those nearest to it how noisy it is, on the threads of the present pool.
     ///
     /// - `new`: records that are not kept yet.
-    pub(crate) fn tell_noise(&mut self, new: &mut [Record]) {
-        let all: Vec<&Record> = self.records.iter().chain(&*new).collect();
-        let place = |(record, index): (&Record, u32)| Photon::tagged(record.p, record.n, record.n, index);
+    pub(crate) fn tell_noise(&mut self, new: &mut [IrradianceRecord]) {
+        let all: Vec<&IrradianceRecord> = self.records.iter().chain(&*new).collect();
+        let place = |(record, index): (&IrradianceRecord, u32)| Photon::tagged(record.p, record.n, record.n, index);
         let tree = PhotonMap::new(all.iter().copied().zip(0..).map(place).collect());
         let faint = self.faint();
-        let noise = |found: &mut Nearest, record: &&Record| {
+        let noise = |found: &mut Nearest, record: &&IrradianceRecord| {
             tree.nearest(record.p, f32::INFINITY, found);
             let near = found.iter().map(|(number, _)| all[tree.mark(number).tag() as usize]);
             let near = near.filter(|other| is_alike(other.n, record.n));
@@ -61,19 +61,19 @@ mod tests {
     use std::f32::consts::PI;
 
     use super::*;
-    use crate::photon::cache::{Look, Measurement, RAYS};
+    use crate::photon::cache::{GatherSample, Measurement, RAYS};
 
     /// Records along a line, of which every second one has found a small bright place.
     fn some_find_it(effort: u32) -> IrradianceCache {
         let mut cache = IrradianceCache::new(Vec3::splat(-1.0), 70.0, 0.3);
-        let mut records: Vec<Record> = (0..64)
+        let mut records: Vec<IrradianceRecord> = (0..64)
             .map(|i| {
                 let look = |ray: u32| {
                     let radiance = if i % 2 == 0 && ray == 40 { Vec3::splat(2.0 * RAYS as f32) } else { Vec3::ZERO };
-                    Look { radiance, distance: 1.0 }
+                    GatherSample { radiance, distance: 1.0 }
                 };
                 let found = Measurement::new((0..RAYS * effort).map(look).collect(), effort);
-                Record::new(Vec3::X * i as f32, Vec3::Y, &found, [1e-3, 10.0])
+                IrradianceRecord::new(Vec3::X * i as f32, Vec3::Y, &found, [1e-3, 10.0])
             })
             .collect();
         cache.tell_noise(&mut records);

@@ -1,4 +1,4 @@
-//! What is measured at one place: irradiance, how it changes, and how sure it is.
+//! The record of one place: irradiance, how it changes, and how sure it is.
 
 use std::{f32::consts::PI, sync::Arc};
 
@@ -7,7 +7,7 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::super::{
-    around::{Around, CELLS, Look, RINGS, SECTORS},
+    around::{CELLS, CellsAround, GatherSample, RINGS, SECTORS},
     bounces::{BOUNCES_KEPT, ByBounces, kept},
     bytes::{Reader, Writer},
 };
@@ -20,7 +20,7 @@ pub(crate) const EFFORT_MAX: u32 = 16;
 
 /// What is known at one place.
 #[derive(Clone, Debug)]
-pub(crate) struct Record {
+pub(crate) struct IrradianceRecord {
     pub(super) p: Vec3,
     pub(super) n: Vec3,
     pub(super) irradiance: Spectrum,
@@ -38,7 +38,7 @@ pub(crate) struct Record {
     /// Relative variance that is to be expected of it, as it and those around it tell together: see [`super::noise`].
     pub(super) noise: f32,
     /// Where the light comes from; on surfaces that do not send it to all sides alike.
-    pub(super) around: Option<Arc<Around>>,
+    pub(super) around: Option<Arc<CellsAround>>,
 }
 
 /// A share of red, green and blue, each in 65535ths.
@@ -47,7 +47,7 @@ pub(super) type Share = [u16; 3];
 /// What the rays of one place found, by cell of the hemisphere.
 #[derive(Clone, Debug)]
 pub(crate) struct Measurement {
-    cells: Vec<Look>,
+    cells: Vec<GatherSample>,
     effort: u32,
     /// Of the luminance of the irradiance.
     variance: f32,
@@ -56,7 +56,7 @@ pub(crate) struct Measurement {
 impl Measurement {
     /// - `rays`: in the directions of [`direction`], cell by cell.
     /// - `effort`: rays to a cell: 1 or an even number.
-    pub(crate) fn new(rays: Vec<Look>, effort: u32) -> Self {
+    pub(crate) fn new(rays: Vec<GatherSample>, effort: u32) -> Self {
         let cell = PI / RAYS as f32;
         if effort == 1 {
             // What cells next to each other differ by is noise, or too fine to be told from it.
@@ -66,25 +66,25 @@ impl Measurement {
             return Self { cells: rays, effort, variance: squares * cell * cell };
         }
         let cells = || rays.chunks_exact(effort as usize);
-        let difference = |cell: &[Look]| {
+        let difference = |cell: &[GatherSample]| {
             let (first, second) = cell.split_at(cell.len() / 2);
-            luminance(Look::mean(first).radiance) - luminance(Look::mean(second).radiance)
+            luminance(GatherSample::mean(first).radiance) - luminance(GatherSample::mean(second).radiance)
         };
         let squares = cells().map(|cell| 0.25 * difference(cell) * difference(cell)).sum::<f32>();
-        Self { cells: cells().map(Look::mean).collect(), effort, variance: squares * cell * cell }
+        Self { cells: cells().map(GatherSample::mean).collect(), effort, variance: squares * cell * cell }
     }
 
     /// One for each cell.
-    pub(crate) fn cells(&self) -> &[Look] {
+    pub(crate) fn cells(&self) -> &[GatherSample] {
         &self.cells
     }
 }
 
-impl Look {
+impl GatherSample {
     /// What some rays found together: the harmonic mean of their distances.
-    fn mean(looks: &[Look]) -> Self {
+    fn mean(looks: &[GatherSample]) -> Self {
         let count = looks.len() as f32;
-        let inverse: f32 = looks.iter().map(Look::inverse_distance).sum();
+        let inverse: f32 = looks.iter().map(GatherSample::inverse_distance).sum();
         let distance = if inverse > 0.0 { count / inverse } else { f32::INFINITY };
         Self { radiance: looks.iter().map(|look| look.radiance).sum::<Spectrum>() / count, distance }
     }
@@ -104,14 +104,14 @@ pub(crate) fn direction(n: Vec3, index: u32, u: [f32; 2]) -> Vec3 {
     (s * (sine * cos) + t * (sine * sin) + n * (1.0 - sine_squared).max(0.0).sqrt()).normalize()
 }
 
-impl Record {
+impl IrradianceRecord {
     /// - `reach`: least and greatest radius within which it may count.
     pub(crate) fn new(p: Vec3, n: Vec3, found: &Measurement, reach: [f32; 2]) -> Self {
         let looks = found.cells();
         let look = |ring: usize, sector: usize| &looks[ring * SECTORS + sector % SECTORS];
         let cell = PI / looks.len() as f32;
         let irradiance = looks.iter().map(|look| look.radiance).sum::<Spectrum>() * cell;
-        let inverse: f32 = looks.iter().map(Look::inverse_distance).sum::<f32>() / looks.len() as f32;
+        let inverse: f32 = looks.iter().map(GatherSample::inverse_distance).sum::<f32>() / looks.len() as f32;
         let radius = if inverse > 0.0 { 1.0 / inverse } else { f32::INFINITY };
         let (s, t) = orthonormal_basis(n);
         let around = |turns: f32| {
@@ -167,7 +167,7 @@ impl Record {
 
     /// The same with where the light comes from.
     pub(crate) fn with_directions(self, found: &Measurement) -> Self {
-        Self { around: Some(Arc::new(Around::new(found.cells()))), ..self }
+        Self { around: Some(Arc::new(CellsAround::new(found.cells()))), ..self }
     }
 
     /// The same with how often its light has been scattered.
@@ -205,7 +205,7 @@ impl Record {
 
     /// Bytes of its lists.
     pub(super) fn list_bytes(&self) -> usize {
-        size_of_val(&*self.shares) + if self.around.is_some() { size_of::<Around>() } else { 0 }
+        size_of_val(&*self.shares) + if self.around.is_some() { size_of::<CellsAround>() } else { 0 }
     }
 
     /// Bytes of one that knows no directions.
@@ -240,7 +240,7 @@ impl Record {
                 for number in &mut numbers {
                     *number = from.number()?;
                 }
-                Some(Arc::new(Around::from_numbers(numbers)))
+                Some(Arc::new(CellsAround::from_numbers(numbers)))
             }
             _ => return None,
         };

@@ -3,7 +3,7 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::Record;
+use super::IrradianceRecord;
 
 /// Most records that are asked where light comes from.
 const SPEAKERS: usize = 6;
@@ -11,20 +11,20 @@ const SPEAKERS: usize = 6;
 const SCALE_MAX: f32 = 4.0;
 /// Records that are heard about a place: those that count most.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Speakers<'a>([Option<(&'a Record, f32)>; SPEAKERS]);
+pub(super) struct Speakers<'a>([Option<(&'a IrradianceRecord, f32)>; SPEAKERS]);
 
 /// Records that speak for a place, by how much they count: indirect light there by direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surroundings<'a> {
-    records: [Option<(&'a Record, f32)>; SPEAKERS],
+    records: [Option<(&'a IrradianceRecord, f32)>; SPEAKERS],
     /// By how much their light is brought to the irradiance at the place.
     scale: Spectrum,
 }
 
 impl<'a> Speakers<'a> {
     /// Keeps a record if it counts more than one of those that are kept, in its place.
-    pub(super) fn hear(&mut self, record: &'a Record, weight: f32) {
-        let heaviness = |it: &Option<(&Record, f32)>| it.map_or(-1.0, |(_, weight)| weight);
+    pub(super) fn hear(&mut self, record: &'a IrradianceRecord, weight: f32) {
+        let heaviness = |it: &Option<(&IrradianceRecord, f32)>| it.map_or(-1.0, |(_, weight)| weight);
         let lightest = self.0.iter_mut().min_by(|a, b| heaviness(a).total_cmp(&heaviness(b)));
         if let Some(lightest) = lightest.filter(|it| heaviness(it) < weight) {
             *lightest = Some((record, weight));
@@ -48,7 +48,7 @@ impl Surroundings<'_> {
     /// Indirect radiance from about a unit direction.
     #[inline(always)]
     pub(crate) fn radiance(&self, w: Vec3) -> Spectrum {
-        let from = |&(record, weight): &(&Record, f32)| match &record.around {
+        let from = |&(record, weight): &(&IrradianceRecord, f32)| match &record.around {
             Some(around) => around.from(record.n, w) * weight,
             None => Spectrum::ZERO,
         };

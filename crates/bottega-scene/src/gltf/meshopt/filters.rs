@@ -1,4 +1,4 @@
-//! What is done to attributes after they were decoded: EXT_meshopt_compression, appendix B, and the filter for colours
+//! Filters of attributes after they were decoded: EXT_meshopt_compression, appendix B, and the filter for colours
 //! of KHR_meshopt_compression.
 
 use std::f32::consts::FRAC_1_SQRT_2;

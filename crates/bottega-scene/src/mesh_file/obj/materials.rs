@@ -1,4 +1,4 @@
-//! From MTL's materials to ours.
+//! Materials of MTL as ours.
 //!
 //! MTL describes highlights, not surfaces. Programs agree on little: a highlight of exponent `Ns` stands for microfacets
 //! with α² = 2 / (Ns + 2) (Walter et al. 2007, section 5.2); `illum` 4, 6, 7 and 9 stand for glass; 3, 5 and 8 for a

@@ -15,7 +15,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use file::Run;
-use parse::{Parsed, Statement};
+use parse::{ParsedLines, Statement};
 
 use super::source::MeshSource;
 use super::{finish, lines};
@@ -47,9 +47,9 @@ pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -
             let held = budget.hold(path, parsed.memory_bytes())?;
             Ok((parsed, held))
         })
-        .collect::<Vec<Result<(Parsed, HeldBytes<'a>), SceneError>>>();
+        .collect::<Vec<Result<(ParsedLines, HeldBytes<'a>), SceneError>>>();
     let parsed = parsed.into_iter().collect::<Result<Vec<_>, SceneError>>()?;
-    let (mut parsed, held): (Vec<Parsed>, Vec<HeldBytes<'a>>) = parsed.into_iter().unzip();
+    let (mut parsed, held): (Vec<ParsedLines>, Vec<HeldBytes<'a>>) = parsed.into_iter().unzip();
     resolve(source, &blocks, &mut parsed)?;
     let mut file = ObjFile::join(source, parsed, held);
     file.notes.splice(..0, guess);
@@ -62,7 +62,11 @@ pub(crate) fn recognizes(path: &Path) -> bool {
 }
 
 /// Makes all indices absolute, and checks that they are in range.
-fn resolve(source: MeshSource<'_>, blocks: &[lines::LineBlock<'_>], parsed: &mut [Parsed]) -> Result<(), SceneError> {
+fn resolve(
+    source: MeshSource<'_>,
+    blocks: &[lines::LineBlock<'_>],
+    parsed: &mut [ParsedLines],
+) -> Result<(), SceneError> {
     let mut next = [0usize; 3];
     let bases: Vec<[usize; 3]> = parsed
         .iter()
@@ -88,7 +92,7 @@ fn resolve(source: MeshSource<'_>, blocks: &[lines::LineBlock<'_>], parsed: &mut
 }
 
 impl<'a> ObjFile<'a> {
-    fn join(source: MeshSource<'a>, parsed: Vec<Parsed>, held: Vec<HeldBytes<'a>>) -> Self {
+    fn join(source: MeshSource<'a>, parsed: Vec<ParsedLines>, held: Vec<HeldBytes<'a>>) -> Self {
         let mut file = Self {
             source,
             positions: Vec::new(),
@@ -104,7 +108,7 @@ impl<'a> ObjFile<'a> {
             _held: held,
         };
         let has_colors = parsed.iter().any(|parsed| !parsed.colors.is_empty());
-        let total = |count: fn(&Parsed) -> usize| parsed.iter().map(count).sum::<usize>();
+        let total = |count: fn(&ParsedLines) -> usize| parsed.iter().map(count).sum::<usize>();
         file.positions.reserve_exact(total(|parsed| parsed.positions.len()));
         file.uvs.reserve_exact(total(|parsed| parsed.uvs.len()));
         file.normals.reserve_exact(total(|parsed| parsed.normals.len()));

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
-use super::super::lines::{LineBlock, LineFault, Located, float, integer, next_number, next_word};
+use super::super::lines::{LineBlock, LineFault, LocatedFault, float, integer, next_number, next_word};
 use super::file::{Corner, NONE};
 use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
@@ -18,7 +18,7 @@ const RELATIVE: u32 = 1 << 31;
 
 /// A piece of a file. Indices are absolute, or relative to the piece.
 #[derive(Default)]
-pub(super) struct Parsed {
+pub(super) struct ParsedLines {
     /// Zero where the file has none that can be used.
     pub(super) positions: Vec<Vec3>,
     /// Those of the positions that cannot be used.
@@ -44,7 +44,7 @@ pub(super) enum Statement {
 
 /// Statements that are damaged, by their kind: the first one and how many there are.
 #[derive(Default)]
-pub(super) struct LeftOut([Option<(Located, usize)>; KINDS.len()]);
+pub(super) struct LeftOut([Option<(LocatedFault, usize)>; KINDS.len()]);
 
 /// Kinds of damage, and what becomes of it.
 const KINDS: [&str; 5] = [
@@ -62,7 +62,7 @@ const NO_AREA: usize = 4;
 
 impl LeftOut {
     /// Counts one; its place is asked for if it is the first.
-    fn add(&mut self, kind: usize, locate: impl FnOnce() -> Located) {
+    fn add(&mut self, kind: usize, locate: impl FnOnce() -> LocatedFault) {
         match &mut self.0[kind] {
             Some((_, count)) => *count += 1,
             first => *first = Some((locate(), 1)),
@@ -82,8 +82,8 @@ impl LeftOut {
 
     /// Line and message of each kind.
     pub(super) fn notes(self) -> Vec<(usize, String)> {
-        let note = |(found, kind): (Option<(Located, usize)>, &str)| {
-            let (Located { line, column, problem }, count) = found?;
+        let note = |(found, kind): (Option<(LocatedFault, usize)>, &str)| {
+            let (LocatedFault { line, column, problem }, count) = found?;
             let others = match count - 1 {
                 0 => String::new(),
                 1 => " (and so is another one)".into(),
@@ -97,13 +97,13 @@ impl LeftOut {
 }
 
 /// Reads a piece. What is damaged in it is left out, unless the whole is no OBJ file.
-pub(super) fn parse(block: LineBlock<'_>) -> Result<Parsed, Located> {
+pub(super) fn parse(block: LineBlock<'_>) -> Result<ParsedLines, LocatedFault> {
     parse_watching(block, |_, _, _| ())
 }
 
 /// Tells where the corner of a triangle of a piece is, before any triangle was left out.
-fn locate_corner(block: LineBlock<'_>, [triangle, corner]: [usize; 2], problem: String) -> Located {
-    let mut found = Located { line: block.first_line, column: 1, problem };
+fn locate_corner(block: LineBlock<'_>, [triangle, corner]: [usize; 2], problem: String) -> LocatedFault {
+    let mut found = LocatedFault { line: block.first_line, column: 1, problem };
     // A piece that could be read once can be read again.
     let _same = parse_watching(block, |triangles, line, words| {
         if triangles.contains(&triangle) {
@@ -121,8 +121,11 @@ fn locate_corner(block: LineBlock<'_>, [triangle, corner]: [usize; 2], problem: 
 /// Reads a piece.
 ///
 /// - `watch`: is told the triangles of each face, its line, and its corners.
-fn parse_watching(block: LineBlock<'_>, mut watch: impl FnMut(Range<usize>, usize, &[u8])) -> Result<Parsed, Located> {
-    let mut parsed = Parsed::default();
+fn parse_watching(
+    block: LineBlock<'_>,
+    mut watch: impl FnMut(Range<usize>, usize, &[u8]),
+) -> Result<ParsedLines, LocatedFault> {
+    let mut parsed = ParsedLines::default();
     let mut unknown: Vec<Vec<u8>> = Vec::new();
     block.for_each_statement(|number, line| {
         let mut words = line;
@@ -187,7 +190,7 @@ fn few(words: &[u8], problem: String) -> LineFault<'_> {
     LineFault::new(words.trim_ascii_start(), problem)
 }
 
-impl Parsed {
+impl ParsedLines {
     /// Positions, texture coordinates, normals.
     pub(super) fn counts(&self) -> [usize; 3] {
         [self.positions.len(), self.uvs.len(), self.normals.len()]

@@ -1,4 +1,4 @@
-//! From corners with an index for each attribute to vertices with one index.
+//! Welding of corners that have an index for each attribute into vertices with one index.
 
 use glam::{Vec2, Vec3, Vec4};
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::super::lines::{self, LineBlock, LineFault, Located, float, integer, next_word};
+use super::super::lines::{self, LineBlock, LineFault, LocatedFault, float, integer, next_word};
 use super::super::source::MeshSource;
 use super::header::{Element, PlyHeader, WantedNumbers};
 use super::role::Role;
@@ -33,14 +33,15 @@ pub(super) fn read(source: MeshSource<'_>, header: &PlyHeader, bytes: &[u8]) -> 
     };
     let slices = Slices::of(&mut mesh).split(first_rows.iter().map(vertex_rows));
     let tasks: Vec<_> = blocks.into_iter().zip(first_rows).zip(slices).collect();
-    let decoded: Vec<Result<Vec<[u32; 3]>, Located>> = tasks
+    let decoded: Vec<Result<Vec<[u32; 3]>, LocatedFault>> = tasks
         .into_par_iter()
         .map(|((block, rows), vertices)| {
             let decoded = elements.decode(block, rows, vertices, header.vertex_count);
             decoded.map_err(|fault| block.locate(block.first_line, fault))
         })
         .collect();
-    let decoded = decoded.into_iter().collect::<Result<Vec<_>, Located>>().map_err(|fault| source.located(fault))?;
+    let decoded =
+        decoded.into_iter().collect::<Result<Vec<_>, LocatedFault>>().map_err(|fault| source.located(fault))?;
     let total: usize = decoded.iter().map(Vec::len).sum();
     source.budget.take(source.path, "", total * size_of::<[u32; 3]>())?;
     mesh.triangles.reserve_exact(total);

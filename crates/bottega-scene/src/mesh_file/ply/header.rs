@@ -1,6 +1,6 @@
-//! What a PLY file says of its elements.
+//! The header of a PLY file.
 
-use super::super::lines::{LineFault, Located, integer, next_word};
+use super::super::lines::{LineFault, LocatedFault, integer, next_word};
 use super::super::source::MeshSource;
 use super::role::Role;
 use crate::SceneError;
@@ -179,7 +179,7 @@ impl PlyHeader {
             number += 1;
             let mut words = line;
             let wrong = |problem: String, at: &[u8]| {
-                source.located(Located { line: number, column: column(line, at.trim_ascii_start()), problem })
+                source.located(LocatedFault { line: number, column: column(line, at.trim_ascii_start()), problem })
             };
             let keyword = next_word(&mut words);
             if number == 1 {
@@ -234,7 +234,7 @@ impl PlyHeader {
     fn check(&mut self, source: MeshSource<'_>, body_bytes: usize) -> Result<(), SceneError> {
         for element in &self.elements {
             // An element is announced at the start of its line.
-            let at_element = |problem: String| source.located(Located { line: element.line, column: 1, problem });
+            let at_element = |problem: String| source.located(LocatedFault { line: element.line, column: 1, problem });
             let announced = |problem: &str| at_element(format!("{} `{}` {problem}", element.count, element.name()));
             // A number in ascii takes a digit and a space.
             let row = match self.encoding {

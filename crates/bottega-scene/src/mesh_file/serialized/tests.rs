@@ -2,18 +2,18 @@ use std::io::Write;
 
 use super::*;
 
-struct Shape {
+struct MeshContents {
     flags: u32,
     vertices: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 
-fn square(flags: u32) -> Shape {
+fn square(flags: u32) -> MeshContents {
     let vertices = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-    Shape { flags, vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] }
+    MeshContents { flags, vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] }
 }
 
-impl Shape {
+impl MeshContents {
     /// The data before compression.
     fn data(&self, version: u16) -> Vec<u8> {
         let mut data = self.flags.to_le_bytes().to_vec();
@@ -97,7 +97,7 @@ fn truncated_and_lying_files_are_refused() {
     for length in 0..whole.len() {
         assert!(read_bytes(&whole[..length], 0).is_err(), "{length}");
     }
-    let refusal = |shape: &Shape, change: &dyn Fn(&mut Vec<u8>)| {
+    let refusal = |shape: &MeshContents, change: &dyn Fn(&mut Vec<u8>)| {
         let mut data = shape.data(4);
         change(&mut data);
         read_bytes(&file(4, &[data]), 0).unwrap_err().to_string()

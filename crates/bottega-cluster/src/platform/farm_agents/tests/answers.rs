@@ -1,10 +1,10 @@
-//! What a machine answers to strangers who ask it.
+//! Answers of a machine to strangers.
 
 use super::*;
 
 /// What a machine answers to a request with this language, ontology and content.
 fn said_to_a_request(language: Option<&str>, ontology: Option<&str>, content: Option<&str>) -> (P, String) {
-    let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let text = |text: Option<&str>| text.map(str::to_owned);
     let wire = WireMessage {
         content: text(content),
@@ -41,9 +41,9 @@ fn what_a_stranger_gets_wrong_is_answered_by_what_is_wrong() {
 
 #[test]
 fn a_machine_tells_what_it_paints_and_how_far_that_is() {
-    let mut agent = render_agent(machine(Standing::Active, Standing::Active));
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let paints = |done| {
-        let view = machine(Standing::Active, Standing::Active);
+        let view = machine(PresenceState::Active, PresenceState::Active);
         Event::Completed(MachineReport::Seen(view, Some(Box::new(job(3, "active", done)))))
     };
     for done in [0.25, 0.5] {

@@ -1,4 +1,4 @@
-//! What a thread works with.
+//! The buffers of a thread.
 
 use bottega_scene::Spectrum;
 

@@ -5,7 +5,7 @@ use bottega_scene::Spectrum;
 use super::{
     super::super::transport::{emitted_at, power_heuristic, shadow_ray},
     Eye,
-    walk::{Comes, LightShare, Place, Walk},
+    walk::{ArrivalKind, LightShare, Place, Walk},
 };
 use crate::{
     interaction::Interaction,
@@ -17,9 +17,11 @@ impl Eye<'_> {
     /// The weight of light that the path ran into.
     fn found(&self, walk: &Walk, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         match &walk.comes {
-            Comes::Camera | Comes::Mirrored { sharply: true } => 1.0,
-            Comes::Mirrored { sharply: false } => 0.0,
-            Comes::Spread(receiver, pdf) => power_heuristic(*pdf, self.light_samples() as f32 * light_pdf(receiver)),
+            ArrivalKind::Camera | ArrivalKind::Mirrored { sharply: true } => 1.0,
+            ArrivalKind::Mirrored { sharply: false } => 0.0,
+            ArrivalKind::Spread(receiver, pdf) => {
+                power_heuristic(*pdf, self.light_samples() as f32 * light_pdf(receiver))
+            }
         }
     }
 
@@ -29,8 +31,8 @@ impl Eye<'_> {
 
     pub(super) fn add_environment(&mut self, walk: &Walk) {
         let from = match &walk.comes {
-            Comes::Camera | Comes::Mirrored { .. } => walk.origin,
-            Comes::Spread(receiver, _) => receiver.p,
+            ArrivalKind::Camera | ArrivalKind::Mirrored { .. } => walk.origin,
+            ArrivalKind::Spread(receiver, _) => receiver.p,
         };
         let lights = self.prepared.lights();
         let radiance = lights.environment_radiance(self.prepared.scene(), from, walk.direction);

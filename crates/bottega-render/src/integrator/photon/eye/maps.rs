@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     bsdf::Bsdf,
-    photon::{Arrived, kept},
+    photon::{PhotonContribution, kept},
     shading::is_matte,
 };
 
@@ -40,7 +40,7 @@ impl Eye<'_> {
         let (prepared, most) = (self.prepared, self.bounces_left(walk));
         let Hands { found, by_bounces, .. } = &mut *self.hands;
         let mut sum = Spectrum::ZERO;
-        let take = |photon: &Arrived| {
+        let take = |photon: &PhotonContribution| {
             // It is scattered here once more.
             if photon.bounces >= most {
                 return;

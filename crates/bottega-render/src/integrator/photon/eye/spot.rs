@@ -1,4 +1,4 @@
-//! Where irradiance is kept, and what is seen from there.
+//! Spots where irradiance is kept, and what is seen from there.
 
 use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::{
     super::super::transport::SCATTERED_SPREAD,
     Eye, VERTICES,
-    walk::{Comes, Place, Walk, scatter},
+    walk::{ArrivalKind, Place, Walk, scatter},
 };
 use crate::{
     camera::{CameraRay, RayCone},
@@ -77,9 +77,9 @@ impl Eye<'_> {
     }
 
     /// Indirect light that comes to a place from a direction, what shines there itself left out.
-    pub(in crate::integrator) fn look_from(&mut self, spot: &Spot, direction: Vec3, index: u32) -> cache::Look {
+    pub(in crate::integrator) fn look_from(&mut self, spot: &Spot, direction: Vec3, index: u32) -> cache::GatherSample {
         let point = &spot.point;
-        let nothing = cache::Look { radiance: Spectrum::ZERO, distance: f32::INFINITY };
+        let nothing = cache::GatherSample { radiance: Spectrum::ZERO, distance: f32::INFINITY };
         if !point.is_reflection(direction) {
             return nothing;
         }
@@ -93,7 +93,7 @@ impl Eye<'_> {
         let mut walk = Walk {
             depth: 1,
             vertex: VERTICES * (2 + index),
-            comes: Comes::Mirrored { sharply: false },
+            comes: ArrivalKind::Mirrored { sharply: false },
             ..Walk::of_camera(&ray)
         };
         self.radiance = Spectrum::ZERO;
@@ -102,6 +102,6 @@ impl Eye<'_> {
             goes_on = self.step(&mut walk);
         }
         let radiance = if self.radiance.is_finite() { self.radiance } else { Spectrum::ZERO };
-        cache::Look { radiance, distance: hit.t }
+        cache::GatherSample { radiance, distance: hit.t }
     }
 }

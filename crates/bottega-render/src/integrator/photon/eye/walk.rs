@@ -14,7 +14,7 @@ use crate::{
 
 /// What is known of the light that a path may run into.
 #[derive(Clone, Copy)]
-pub(super) enum Comes {
+pub(super) enum ArrivalKind {
     /// From the camera, over mirrors and glass at most: all that shines is seen.
     Camera,
     /// From a point that spreads light, with the density of the direction: lights were sampled there, too.
@@ -41,7 +41,7 @@ pub(super) struct Walk {
     pub(super) depth: u32,
     /// Which numbers it takes: beyond all those of the path that it split from.
     pub(super) vertex: u32,
-    pub(super) comes: Comes,
+    pub(super) comes: ArrivalKind,
     /// Whether only what shines is looked for, at the next surface.
     pub(super) is_short: bool,
 }
@@ -59,7 +59,7 @@ impl Walk {
             squeezed: 1.0,
             depth: 0,
             vertex: 0,
-            comes: Comes::Camera,
+            comes: ArrivalKind::Camera,
             is_short: false,
         }
     }
@@ -67,7 +67,7 @@ impl Walk {
 
 /// What a path that comes to a surface has left to find.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Left {
+pub(super) enum Remainder {
     Nothing,
     /// What shines straight at the surface.
     Lamps,
@@ -115,12 +115,12 @@ pub(super) fn scatter(
         walk.squeezed *= sample.eta * sample.eta;
     }
     if sample.is_delta() {
-        if let Comes::Spread(_, pdf) = walk.comes {
-            walk.comes = Comes::Mirrored { sharply: is_sharp(prepared, pdf) };
+        if let ArrivalKind::Spread(_, pdf) = walk.comes {
+            walk.comes = ArrivalKind::Mirrored { sharply: is_sharp(prepared, pdf) };
         }
     } else {
         walk.cone.spread = walk.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
-        walk.comes = Comes::Spread(place.receiver, sample.pdf);
+        walk.comes = ArrivalKind::Spread(place.receiver, sample.pdf);
     }
     (walk.origin, walk.direction) = (point.ray_origin(wi), wi);
     walk.depth += 1;

@@ -1,0 +1,154 @@
+//! The short help: `-h` shows what is used most, on one screen; `--help` shows everything, in sections.
+
+use clap::{Arg, Command, builder::StyledStr};
+
+/// Commands that `bottega -h` describes, the most used first. The others it names.
+const COMMANDS: &[&str] = &["render", "info", "diff", "analyze", "up", "join", "jobs", "machines", "engines", "rules"];
+
+/// A command and its options that `-h` describes, the most used first, where all of them fill more than a screen. An empty text
+/// stands for the first sentence of the long one.
+type ShownOptions = (&'static str, &'static [(&'static str, &'static str)]);
+
+const OPTIONS: &[ShownOptions] = &[
+    (
+        "render",
+        &[
+            ("scene_file", "The scene: .glb, .gltf, .xml (Mitsuba), .pbrt, .obj, .ply"),
+            ("output", "The picture to write: .exr (linear light) or .png (tone-mapped)"),
+            ("size", ""),
+            ("spp", "Samples a pixel; default: the scene file's, or 64"),
+            ("error", "Paint until the estimated relative error is at most this, such as 0.05"),
+            ("time", "The best picture in so much time, such as 90s, 10m or 1.5h"),
+            ("optimize", "Have the agents' expert rules trade quality for time"),
+            ("denoise", "Remove what noise is left in the finished picture"),
+            ("camera", ""),
+            ("max_depth", "Bounces of light; default: the scene file's, or 16"),
+            ("env", "Light from all around: a picture, a radiance or the sky"),
+            ("exposure", ""),
+            ("farm", "Paint with all machines of a farm"),
+            ("engine", "Another renderer that is installed here"),
+            ("devices", "Who paints: auto, cpu, or names of GPUs"),
+            ("threads", "Processors to use; default: all"),
+            ("frames", "Frames of an animation, such as 1..24"),
+            ("resume", ""),
+            ("preview", "Show the picture in this file while it is painted"),
+            ("json", "Print JSON objects instead of text for people"),
+        ],
+    ),
+    (
+        "analyze",
+        &[
+            ("scene_file", ""),
+            ("output", ""),
+            ("size", ""),
+            ("importance", ""),
+            ("verify", ""),
+            ("ludd", ""),
+            ("json", ""),
+        ],
+    ),
+    (
+        "simulate",
+        &[
+            ("record", ""),
+            ("synthetic", ""),
+            ("agents", "Who paints: `8`, `4x1.0,4x0.25` (how many x how fast), `agent-3@fail=12s`, …"),
+            ("fail", ""),
+            ("auction", ""),
+            ("latency", ""),
+            ("loss", ""),
+            ("seed", ""),
+            ("output", ""),
+            ("validate", ""),
+            ("json", ""),
+        ],
+    ),
+];
+
+/// The program as this command line wants it: with short help if that is asked for.
+pub(crate) fn fitting(program: Command) -> Command {
+    let is_short = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "-h");
+    if is_short { shortened(program) } else { program }
+}
+
+/// The program with short help.
+fn shortened(program: Command) -> Command {
+    let others: Vec<String> = program
+        .get_subcommands()
+        .map(|command| command.get_name().to_owned())
+        .filter(|name| !COMMANDS.contains(&name.as_str()))
+        .collect();
+    let more = format!(
+        "More: {}\n`bottega --help` describes all, `bottega COMMAND -h` the options of one.\n\n\
+         Start with:\n  bottega render scene.glb -o picture.png",
+        others.join(", ")
+    );
+    let mut program = program.after_help(more);
+    for (order, name) in COMMANDS.iter().enumerate() {
+        program = program.mut_subcommand(name, |command| command.display_order(order));
+    }
+    for name in others {
+        program = program.mut_subcommand(name, |command| command.hide(true));
+    }
+    for (name, options) in OPTIONS {
+        program = program.mut_subcommand(name, |command| {
+            let more = format!("All options, in sections: bottega {name} --help");
+            command.after_help(more).mut_args(|option| shown(option, options))
+        });
+    }
+    program
+}
+
+/// An option as the short help has it: in one list, with a short text; or hidden.
+fn shown(option: Arg, options: &[(&str, &str)]) -> Arg {
+    let Some(order) = options.iter().position(|(name, _)| *name == option.get_id().as_str()) else {
+        return option.hide(true);
+    };
+    let text = option.get_help().map(StyledStr::to_string).unwrap_or_default();
+    let text = if options[order].1.is_empty() { first_sentence(&text) } else { options[order].1 }.to_owned();
+    let option = if option.is_positional() { option } else { option.help_heading(None::<&str>) };
+    option.help(text).display_order(order)
+}
+
+fn first_sentence(text: &str) -> &str {
+    let end = [". ", "; "].iter().filter_map(|end| text.find(end)).min().unwrap_or(text.len());
+    text[..end].trim_end_matches('.')
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+    use crate::cli::Cli;
+
+    /// Lines of a terminal as small as they come.
+    const SCREEN: usize = 32;
+
+    #[test]
+    fn the_short_help_fits_a_screen_and_names_what_exists() {
+        let mut program = shortened(Cli::command()).term_width(100);
+        let text = program.render_help().to_string();
+        assert!(text.lines().count() <= SCREEN, "{text}");
+        for command in Cli::command().get_subcommands() {
+            assert!(text.contains(command.get_name()), "{}: {text}", command.get_name());
+        }
+        program.build();
+        for (name, options) in OPTIONS {
+            let command = program.find_subcommand_mut(name).expect("it exists");
+            for (option, _) in *options {
+                assert!(command.get_arguments().any(|known| known.get_id() == option), "{name} has no {option}");
+            }
+            let mut command = command.clone().term_width(100);
+            let text = command.render_help().to_string();
+            assert!(text.lines().count() <= SCREEN, "{} lines: {text}", text.lines().count());
+        }
+    }
+
+    #[test]
+    fn the_first_sentence_ends_where_it_ends() {
+        assert_eq!(first_sentence("Samples a pixel; default: 64"), "Samples a pixel");
+        assert_eq!(first_sentence("A file such as a.png"), "A file such as a.png");
+        assert_eq!(first_sentence("One. Two."), "One");
+    }
+}
