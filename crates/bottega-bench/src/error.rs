@@ -95,6 +95,12 @@ pub enum Error {
         /// Pixels that are not painted once.
         pixels: usize,
     },
+    /// A picture was cut into too few zones, or painted in pieces, to compare anything.
+    #[error("a picture of {count} zones tells nothing of how well their times were known")]
+    TooFewZones {
+        /// All zones.
+        count: usize,
+    },
     /// An engine ended while it painted.
     #[error("the engine ended")]
     EngineEnded,
@@ -133,6 +139,7 @@ impl Error {
                 "it must hold SCENE.json, SCENE.xml, SCENE.scn, their meshes, and reference/ref_SCENE.exr"
             }
             Self::NoProcessorTime => "leave out --processor-time, and let the machine do nothing else meanwhile",
+            Self::TooFewZones { .. } => "paint larger pictures of more samples",
             Self::Build(_) | Self::Workpiece(_) | Self::EngineEnded | Self::StartRender(_) => {
                 "this is unexpected; report it"
             }

@@ -10,7 +10,7 @@ use std::{
 
 use bottega::{
     Watcher,
-    events::{AuctionEvent, Event, LightingAgents, Progress},
+    events::{AuctionEvent, Event, ForecastEvent, LightingAgents, Progress},
     text::duration,
 };
 use bottega_agents::{Performative, Time, platform::print_content, wire::Calendar};
@@ -219,6 +219,7 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
         Event::Fetched { output } => vec![format!("{output}: led to its end by another machine")],
         Event::Denoised { by, seconds } => vec![format!("denoised in {} by {by}", length(*seconds))],
         Event::Auction(auction) => vec![told_auction(auction)],
+        Event::Forecast(forecast) => vec![told_forecast(forecast)],
         Event::Finished { .. } => finished(event),
         Event::Interrupted { output, .. } => {
             vec![format!("stopped; {output} holds what is painted. Go on with the same command and --resume.")]
@@ -289,6 +290,17 @@ fn told_auction(auction: &AuctionEvent) -> String {
         *bidders as f64 / *rounds as f64,
         *bids as f64 / *rounds as f64,
     )
+}
+
+fn told_forecast(forecast: &ForecastEvent) -> String {
+    let ForecastEvent { zones, rank_correlation, median_error, jobs_learnt, .. } = forecast;
+    let ranks = rank_correlation.map_or(String::new(), |ranks| format!(", rank correlation {ranks:.2}"));
+    let from = match jobs_learnt {
+        0 => "from the survey alone".to_owned(),
+        1 => "learnt in 1 job".to_owned(),
+        jobs => format!("learnt in {jobs} jobs"),
+    };
+    format!("expected before painting, {from}: {zones} zones, median error {:.0} %{ranks}", 100.0 * median_error)
 }
 
 /// Who was at work for how much of the time, in one line.

@@ -16,6 +16,7 @@
 //! | jobs on the notices, who leads them; how they stand | [`job_board`], [`view`]; machines that leave a job out: [`refusals`] |
 //! | asking for a picture; for frames | [`client`], [`animation`] |
 //! | rows of a job, for people; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
+//! | what machines have learnt of how long zones take | `src/experience.rs` |
 //! | a machine as its seat shows it | `src/presence.rs` |
 //! | steering of jobs and machines | [`jobs`], [`machine`] |
 //! | a job as it looks while it is painted | [`job_preview`] |
@@ -41,6 +42,7 @@ pub mod client;
 pub mod directories;
 mod discovery;
 pub mod error;
+mod experience;
 pub mod job;
 pub mod job_board;
 pub mod job_preview;

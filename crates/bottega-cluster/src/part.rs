@@ -114,12 +114,14 @@ pub(crate) fn take_part(
     }
     let link =
         Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), job: Some(number), name: name.clone() };
-    let (settings, engine) = (&less(&tools.settings, prepared), Arc::clone(&tools.engine));
+    let settings = JobSettings { experience: board.own_experience(name), ..less(&tools.settings, prepared) };
+    let (settings, engine) = (&settings, Arc::clone(&tools.engine));
     if leads {
         let settings = &JobSettings { credits: board.credits(), ..settings.clone() };
         let (store, kept) = (tools.store.take(), tools.kept.take());
         let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
         let mut report = Box::new(report.map_err(Error::job)?);
+        board.keep_lessons(&report.lessons);
         report.times.total += prepared;
         report.times.preparation += prepared;
         return Ok(if report.stopped {

@@ -127,6 +127,6 @@ fn society_name(number: u32) -> String {
     format!("society/{number}")
 }
 
-fn credit_name(machine: &str) -> String {
+pub(crate) fn credit_name(machine: &str) -> String {
     format!("{CREDITS}{machine}")
 }

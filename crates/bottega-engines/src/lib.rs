@@ -27,7 +27,7 @@ pub mod external;
 mod mixed;
 
 pub use bottega_render::{
-    RenderError, Sharing,
+    RenderError, Sharing, SpeedProbe,
     survey::{Survey, SurveyPixel},
 };
 pub use builtin::{BuiltinEngine, BuiltinOptions, Devices, Resources};

@@ -38,6 +38,7 @@ fn work() -> WorkRow {
             optimization: Optimization::Normal,
         },
         zone_count: 380,
+        features: bottega_farm::TaskFeatures::default(),
         ranges: InputRanges {
             complexity_density: Interval { min: 0.31, max: 4.7 },
             neighbor_difference: Interval { min: 0.02, max: 1.9 },
@@ -57,6 +58,7 @@ fn painting() -> Painting {
         time_measured: Duration::from_nanos(3_721_554_210),
         goal: 192,
         time_left: Duration::ZERO,
+        busy: Duration::from_nanos(3_400_108_117),
         error: None,
     }
 }

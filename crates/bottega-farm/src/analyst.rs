@@ -7,10 +7,10 @@ use bottega_engines::Survey;
 use bottega_image::Rect;
 
 use crate::{
-    FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, ImportanceError, ImportanceFunction,
-    ImportanceMap, InputRanges, Partition, PartitionSettings, RegistrationConfig, WorkId, WorkKeys, WorkRow,
-    WorkSettings, ZoneRow, compare_and_set, contents::message, directory::ANALYST_SERVICES, protocol,
-    registrant::Registrant,
+    FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Foreknowledge, Goal, ImportanceError,
+    ImportanceFunction, ImportanceMap, InputRanges, Partition, PartitionSettings, RegistrationConfig, TaskOutlook,
+    WorkId, WorkKeys, WorkRow, WorkSettings, ZoneRow, compare_and_set, contents::message, directory::ANALYST_SERVICES,
+    importance::Outlook, protocol, registrant::Registrant,
 };
 
 /// Cells of the survey at most: a look, not a picture.
@@ -37,6 +37,8 @@ pub struct AnalystConfig {
     pub partition: PartitionSettings,
     /// Where it registers, if it does.
     pub registration: Option<RegistrationConfig>,
+    /// What this machine has learnt of how long zones take.
+    pub knowledge: Foreknowledge,
 }
 
 /// The size of the survey of a picture: its shape, a cell to 4 × 4 pixels, but at most 2¹⁴ cells.
@@ -61,17 +63,21 @@ pub struct Analysis {
     pub work: WorkRow,
     /// The rows of all zones, by id.
     pub rows: Vec<ZoneRow>,
+    /// What the survey says of each of them.
+    pub outlooks: Arc<[TaskOutlook]>,
 }
 
 /// Analyzes a picture.
 ///
 /// - `survey`: covers the whole picture.
+/// - `knowledge`: of how long zones take. Zones and their complexities do not depend on it, only T_est does.
 pub fn analyze(
     work: WorkId,
     settings: &WorkSettings,
     survey: &Survey,
     importance: ImportanceFunction,
     partition: &PartitionSettings,
+    knowledge: &Foreknowledge,
 ) -> Result<Analysis, ImportanceError> {
     let map = ImportanceMap::new(survey, settings.picture, settings.frame, importance)?;
     // Few dear zones, but none of the agents is without one.
@@ -79,14 +85,24 @@ pub fn analyze(
     let partition = Partition::new(&map, settings.frame, &partition.at_most(most));
     let partition = partition.along_grid(settings.goal.grid());
     let differences = partition.neighbor_differences(&map);
+    let outlook = Outlook::new(survey, settings.picture);
+    let features = outlook.of(&settings.frame).features;
+    let outlooks: Arc<[TaskOutlook]> = partition.iter().map(|(_, rect)| outlook.of(&rect)).collect();
+    // How many samples an error or a time will take is not known.
+    let is_countable = settings.goal == Goal::Samples;
+    let time = |zone| is_countable.then(|| knowledge.time(&features, zone, settings.samples));
     let rows: Vec<ZoneRow> = partition
         .iter()
         .zip(differences)
-        .map(|((zone, rect), difference)| ZoneRow::open(work, zone, rect, map.complexity(&rect), difference))
+        .zip(&*outlooks)
+        .map(|(((zone, rect), difference), outlook)| {
+            let row = ZoneRow::open(work, zone, rect, map.complexity(&rect), difference);
+            ZoneRow { time_estimated: time(outlook), ..row }
+        })
         .collect();
     let zone_count = rows.len() as u32;
-    let work = WorkRow { work, settings: *settings, zone_count, ranges: InputRanges::of(&rows) };
-    Ok(Analysis { map: Arc::new(map), partition: Arc::new(partition), work, rows })
+    let work = WorkRow { work, settings: *settings, zone_count, ranges: InputRanges::of(&rows), features };
+    Ok(Analysis { map: Arc::new(map), partition: Arc::new(partition), work, rows, outlooks })
 }
 
 /// The state machine of the Analyst. Its work is done when its rows are on the Blackboard. One that is registered stays, as long as
@@ -110,17 +126,17 @@ impl Analyst {
     }
 
     fn surveyed(&mut self, survey: Result<Arc<Survey>, String>, actions: &mut Vec<FarmAction>) {
-        let AnalystConfig { work, settings, importance, partition, .. } = &self.config;
+        let AnalystConfig { work, settings, importance, partition, knowledge, .. } = &self.config;
         let analysis = survey.and_then(|survey| {
-            analyze(*work, settings, &survey, *importance, partition).map_err(|error| error.to_string())
+            analyze(*work, settings, &survey, *importance, partition, knowledge).map_err(|error| error.to_string())
         });
         match analysis {
             Err(reason) => {
                 actions.push(FarmAction::Effect(FarmEffect::Abandon { reason }));
                 actions.push(FarmAction::Stop);
             }
-            Ok(Analysis { map, partition, work, rows }) => {
-                actions.push(FarmAction::Effect(FarmEffect::Analyzed { map, partition }));
+            Ok(Analysis { map, partition, work, rows, outlooks }) => {
+                actions.push(FarmAction::Effect(FarmEffect::Analyzed { map, partition, outlooks }));
                 self.work = Some(work);
                 let rows = rows.into_iter().map(|row| FarmValue::Zone(Arc::new(row)));
                 self.unwritten = rows.enumerate().map(|(i, row)| (Ticket(i as u64 + 1), row)).collect();
@@ -224,7 +240,11 @@ mod tests {
         let zones_of = |agents, zones_max| {
             let survey = Survey { width: 64, height: 32, pixels: pixels.clone(), zones_max };
             let partition = PartitionSettings::for_agents(Level::Balanced, agents, frame);
-            analyze(WorkId(1), &settings, &survey, ImportanceFunction::default(), &partition).unwrap().rows.len()
+            let knowledge = Foreknowledge::default();
+            analyze(WorkId(1), &settings, &survey, ImportanceFunction::default(), &partition, &knowledge)
+                .unwrap()
+                .rows
+                .len()
         };
         assert_eq!(zones_of(1, None), 16);
         assert_eq!(zones_of(1, Some(0)), 1);

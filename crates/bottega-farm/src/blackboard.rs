@@ -12,7 +12,7 @@ use bottega_agents::{AgentId, NumberMap, Revision};
 use rustc_hash::FxHashMap;
 
 pub use self::zone::{ATTEMPTS_MAX, Cut, Rival, Vote, ZoneRow, ZoneState};
-use crate::{Credit, RelativePower, WorkId, WorkSettings, ZoneId};
+use crate::{Credit, RelativePower, TaskFeatures, WorkId, WorkSettings, ZoneId};
 
 /// The interval in which an input of the rules lies in this work.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +70,8 @@ pub struct WorkRow {
     pub zone_count: u32,
     /// Over what the rules' inputs are laid out.
     pub ranges: InputRanges,
+    /// What kind of picture it is.
+    pub features: TaskFeatures,
 }
 
 /// The row of an agent.

@@ -8,6 +8,7 @@ mod assist;
 mod easel;
 mod effects;
 mod fetchers;
+mod learner;
 mod link;
 mod machine;
 mod observer;
@@ -18,7 +19,7 @@ mod settings;
 mod shared;
 mod stop;
 
-use std::{sync::Arc, time::Duration};
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use bottega_agents::LocalPlatform;
 use bottega_engines::RenderEngine;
@@ -27,6 +28,7 @@ use bottega_image::{Film, Rect};
 pub use self::{
     assist::assist,
     link::Link,
+    machine::benchmark,
     observer::Observer,
     progress::{Progress, Times},
     settings::{AGENTS_MAX, JobError, JobSettings, VERIFY_MAX},
@@ -37,7 +39,7 @@ use self::{
     populate::populate,
     shared::{End, Shared},
 };
-use crate::{FarmCompletion, Goal, JournalContents, WorkRow, ZoneId, ZoneRow, ZoneStore};
+use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, WorkRow, ZoneId, ZoneRow, ZoneStore};
 
 /// The report of a job.
 #[derive(Debug)]
@@ -54,6 +56,13 @@ pub struct JobReport {
     pub times: Times,
     /// Messages that agents sent.
     pub messages: u64,
+    /// How well the times of zones were known before anybody had seen them. `None`: too few were painted as a whole, or another
+    /// process had begun the work.
+    pub forecast: Option<Forecast>,
+    /// Jobs before from which this machine had learnt.
+    pub jobs_learnt: u64,
+    /// What each machine has learnt of how long zones take it, by its name.
+    pub lessons: BTreeMap<String, JobLesson>,
 }
 
 impl JobReport {
@@ -167,5 +176,8 @@ fn report(shared: &Shared, end: Option<End>, total: Duration) -> Result<JobRepor
         easel.compose_unfinished();
     }
     let times = Times { total, survey, preparation, ..easel.times() };
-    Ok(JobReport { film: easel.take_film(), stopped, failed, rows: easel.rows(), times, messages })
+    let learner = shared.learner();
+    let (forecast, lessons) = (learner.forecast(), learner.lessons(easel.samples_wanted()));
+    let (film, rows, jobs_learnt) = (easel.take_film(), easel.rows(), shared.knowledge.experience.jobs());
+    Ok(JobReport { film, stopped, failed, rows, times, messages, forecast, jobs_learnt, lessons })
 }

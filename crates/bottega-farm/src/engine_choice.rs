@@ -80,7 +80,13 @@ mod tests {
             tunables: Tunables { max_depth: 4, light_samples: 1 },
             optimization: Optimization::Off,
         };
-        let work = WorkRow { work: WorkId(1), settings, zone_count: rows.len() as u32, ranges: InputRanges::of(&rows) };
+        let work = WorkRow {
+            work: WorkId(1),
+            settings,
+            zone_count: rows.len() as u32,
+            ranges: InputRanges::of(&rows),
+            features: crate::TaskFeatures::default(),
+        };
         rows.iter().map(|row| rules.leaning(&work, row).get()).collect()
     }
 

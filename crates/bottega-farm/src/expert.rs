@@ -236,7 +236,13 @@ mod tests {
         let tunables = Tunables { max_depth: 10, light_samples: 4 };
         let goal = Goal::Samples;
         let settings = WorkSettings { picture: frame, frame, samples: 256, goal, tunables, optimization };
-        WorkRow { work: WorkId(1), settings, zone_count: rows.len() as u32, ranges: InputRanges::of(rows) }
+        WorkRow {
+            work: WorkId(1),
+            settings,
+            zone_count: rows.len() as u32,
+            ranges: InputRanges::of(rows),
+            features: crate::TaskFeatures::default(),
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 mod channel;
 mod cost;
+mod outlook;
 mod saliency;
 mod sums;
 mod visual;
@@ -16,6 +17,8 @@ use bottega_engines::Survey;
 use bottega_image::Rect;
 
 pub use self::channel::{Channel, ChannelSet, UnknownChannel};
+pub(crate) use self::outlook::Outlook;
+pub use self::outlook::{TaskFeatures, TaskOutlook};
 use self::sums::Sums;
 
 /// The least cost of a cell, as a share of the frame's mean: what a sample costs that leaves the scene at once.

@@ -232,7 +232,13 @@ mod tests {
         let rows: Vec<ZoneRow> = (0..2)
             .map(|i| ZoneRow::open(WorkId(1), ZoneId(i), rects[i as usize], 16.0, NeighborDifference::default()))
             .collect();
-        let work = WorkRow { work: WorkId(1), settings, zone_count: 2, ranges: InputRanges::of(&rows) };
+        let work = WorkRow {
+            work: WorkId(1),
+            settings,
+            zone_count: 2,
+            ranges: InputRanges::of(&rows),
+            features: crate::TaskFeatures::default(),
+        };
         let mut tile = Tile::new(rects[1], Layout::new(AovSet::NONE));
         tile.sums_mut().fill(2.5);
         let result = ResultRef { fence: Default::default(), samples: 4, digest: digest(&tile) };

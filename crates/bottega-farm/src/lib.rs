@@ -36,6 +36,7 @@
 //! | agents in this process; over several machines | `src/driver.rs`, `src/driver/`; `src/driver/link.rs`, `src/wire.rs`, `src/wire/` |
 //! | agents in virtual time; what must hold after each run | `src/simulate/`; `src/simulate/invariants.rs`, `src/simulate/film.rs` |
 //! | what a run took, written down | `src/simulate/recorder.rs` |
+//! | how long zones should take, by what was learnt in works before | `src/experience.rs`, `src/experience/`, `src/importance/outlook.rs`, `src/driver/learner.rs` |
 //! | how well times were predicted | `src/prediction.rs` |
 //! | what is kept for `--resume` | `src/journal.rs` |
 
@@ -50,6 +51,7 @@ mod contents;
 mod directory;
 mod driver;
 mod engine_choice;
+mod experience;
 mod expert;
 mod goals;
 mod ids;
@@ -90,18 +92,21 @@ pub use directory::{
 };
 pub use driver::{
     AGENTS_MAX, JobError, JobReport, JobSettings, Link, Observer, Progress, StopSwitch, Times, VERIFY_MAX, assist,
-    lead, run,
+    benchmark, lead, run,
 };
 pub use engine_choice::EngineChoice;
+pub use experience::{Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone};
 pub use expert::{BAND_MAX, BandWidth, Expert};
 pub use goals::GoalRules;
 pub use ids::{WorkId, ZoneId};
-pub use importance::{Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, UnknownChannel};
+pub use importance::{
+    Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, TaskFeatures, TaskOutlook, UnknownChannel,
+};
 pub use journal::{Journal, JournalContents, JournalError, JournalWriter, ZoneStore};
 pub use master::{Master, MasterConfig, Timing};
 pub use painting::{Painting, ResultRef};
 pub use partition::{Balance, Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel, ZoneLimits};
-pub use prediction::Prediction;
+pub use prediction::{Forecast, Prediction};
 pub use registrant::MasterSource;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, ErrorUse, Goal, Optimization, UnknownOptimization, WorkSettings};

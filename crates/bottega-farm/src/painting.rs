@@ -26,6 +26,8 @@ pub struct Painting {
     pub result: ResultRef,
     /// T, in reference-machine time.
     pub time_measured: Duration,
+    /// The same in the painter's own time.
+    pub busy: Duration,
     /// How many samples it should have next; not more than it has: it is finished, or the Master decides.
     pub goal: u32,
     /// T_est for the samples that are still missing, in reference-machine time; where none are, of one more.

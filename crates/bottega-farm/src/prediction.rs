@@ -56,9 +56,47 @@ fn correlation(a: &[f64], b: &[f64]) -> Option<f64> {
     (varied > 0.0).then(|| product(a, mean_a, b, mean_b) / varied.sqrt())
 }
 
+/// How well T_est of zones before profiling agreed with what they took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Forecast {
+    /// Zones that were compared.
+    pub zones: usize,
+    /// Spearman's rank correlation, −1..=1; `None` where nothing can be said of it.
+    pub rank_correlation: Option<f64>,
+    /// Median of |T_est − T| ∕ T.
+    pub median_error: f64,
+    /// The sum of all T_est over the sum of all T.
+    pub total_ratio: f64,
+}
+
+impl Forecast {
+    /// Compares pairs of T_est and T, both in seconds. `None` where none of them can be compared.
+    pub fn of(pairs: &[(f64, f64)]) -> Option<Self> {
+        let is_sound = |(expected, taken): &&(f64, f64)| expected.is_finite() && taken.is_finite() && *taken > 0.0;
+        let (expected, taken): (Vec<f64>, Vec<f64>) = pairs.iter().filter(is_sound).copied().unzip();
+        let mut errors: Vec<f64> = expected.iter().zip(&taken).map(|(e, t)| (e - t).abs() / t).collect();
+        errors.sort_unstable_by(f64::total_cmp);
+        let median_error = *errors.get(errors.len() / 2)?;
+        Some(Self {
+            zones: taken.len(),
+            rank_correlation: Prediction::of(&expected, &taken).map(|it| it.rank_correlation),
+            median_error,
+            total_ratio: expected.iter().sum::<f64>() / taken.iter().sum::<f64>(),
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_forecast_is_told_by_ranks_and_by_its_median_error() {
+        let forecast = Forecast::of(&[(1.0, 2.0), (2.0, 4.0), (3.0, 6.0), (9.0, 0.0), (8.0, 8.0)]).unwrap();
+        assert_eq!((forecast.zones, forecast.rank_correlation, forecast.median_error), (4, Some(1.0), 0.5));
+        assert_eq!(forecast.total_ratio, 14.0 / 20.0);
+        assert_eq!(Forecast::of(&[(1.0, 0.0)]), None);
+    }
 
     #[test]
     fn a_prediction_in_other_units_is_perfect() {

@@ -11,8 +11,8 @@ use rustc_hash::FxHashMap;
 use self::hand::ZoneInHand;
 use crate::{
     Adaptation, AdaptationRule, Bid, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
-    FarmMessage, Holding, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report, WorkRow, ZoneId,
-    ZoneState,
+    FarmMessage, Foreknowledge, Holding, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report,
+    WorkRow, ZoneId, ZoneState,
     adaptation::scaled,
     contents::{answer, asking, message},
     protocol,
@@ -39,6 +39,8 @@ pub struct RenderAgentConfig {
     pub heartbeat: Duration,
     /// What it knows of rendering.
     pub expert: Expert,
+    /// What its machine has learnt of its V_cp.
+    pub knowledge: Foreknowledge,
 }
 
 /// A report that waits for its answer.
@@ -200,7 +202,16 @@ impl RenderAgent {
             self.hands.clear();
             self.unanswered.clear();
             self.past.clear();
+            self.remember(work);
             actions.push(FarmAction::Effect(FarmEffect::Fetch(work.work)));
+        }
+    }
+
+    /// Begins with the V_cp that works of this kind had in the end, where its machine has seen some.
+    fn remember(&mut self, work: &WorkRow) {
+        let Foreknowledge { experience, technique, .. } = &self.config.knowledge;
+        if let (Some(power), Some(adaptation)) = (experience.power(technique, &work.features), &mut self.adaptation) {
+            *adaptation = Adaptation::new(self.config.adaptation, power);
         }
     }
 
@@ -214,7 +225,7 @@ impl RenderAgent {
 
     /// When it would have painted what it has in hand, from now.
     fn load(&self, now: Time) -> Duration {
-        let hands = self.hands.values().map(|hand| self.own(hand.order.row.time_estimated.unwrap_or_default()));
+        let hands = self.hands.values().map(|hand| self.own(hand.time(&self.config.expert).unwrap_or_default()));
         hands.sum::<Duration>().saturating_sub(now - self.since)
     }
 
@@ -321,6 +332,7 @@ impl RenderAgent {
                 choice: hand.choice,
                 result: painted.result,
                 time_measured: power.to_reference(painted.busy),
+                busy: painted.busy,
                 goal,
                 error: painted.error,
                 time_left: power.to_reference(scaled(painted.busy, painted.unfinished * left / taken)),
@@ -427,6 +439,9 @@ impl StateMachine for RenderAgent {
             FarmEvent::Completed(FarmCompletion::Benchmarked { power, lanes }) => {
                 self.adaptation = Some(Adaptation::new(self.config.adaptation, power));
                 self.lanes = if lanes.is_finite() { lanes.clamp(1e-3, 1e6) } else { 1.0 };
+                if let Some(work) = self.work.clone() {
+                    self.remember(&work);
+                }
                 self.next_heartbeat = Some(now);
             }
             FarmEvent::Completed(FarmCompletion::Fetched(work)) => {

@@ -142,6 +142,7 @@ impl Visitor {
             prefetch: PREFETCH,
             heartbeat: timing.heartbeat,
             expert,
+            knowledge: crate::Foreknowledge::default(),
         });
         Self {
             agent,
@@ -338,7 +339,13 @@ mod tests {
             tunables: Tunables { max_depth: 8, light_samples: 1 },
             optimization: Optimization::Off,
         };
-        WorkRow { work: WorkId(1), settings, zone_count: 4, ranges: InputRanges::of(Vec::<ZoneRow>::new()) }
+        WorkRow {
+            work: WorkId(1),
+            settings,
+            zone_count: 4,
+            ranges: InputRanges::of(Vec::<ZoneRow>::new()),
+            features: crate::TaskFeatures::default(),
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use bottega_image::Rect;
 
 use crate::{
     AgentRow, ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, RoundSummary,
-    WorkId, WorkRow, ZoneId, ZoneRow,
+    TaskOutlook, WorkId, WorkRow, ZoneId, ZoneRow,
 };
 
 /// A zone, or some of its samples, to paint.
@@ -58,6 +58,8 @@ pub enum FarmEffect {
         map: Arc<ImportanceMap>,
         /// The zones.
         partition: Arc<Partition>,
+        /// What the survey says of each zone, by id.
+        outlooks: Arc<[TaskOutlook]>,
     },
     /// Measure this machine; ends with [`FarmCompletion::Benchmarked`].
     Benchmark,

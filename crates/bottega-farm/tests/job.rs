@@ -8,8 +8,9 @@ use std::{
 };
 
 use bottega_farm::{
-    AuctionRule, BandWidth, Expert, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal, JournalContents,
-    JournalWriter, Level, Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState, run,
+    AuctionRule, BandWidth, Experience, Expert, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal,
+    JournalContents, JournalWriter, Level, Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState,
+    run,
 };
 use bottega_image::{Aov, Film, Rect};
 
@@ -402,4 +403,25 @@ fn the_rules_of_the_agent_that_wins_a_zone_decide_what_it_is_painted_with() {
     assert!(counts.iter().all(|count| [16, 48].contains(count)));
     let taken: u64 = counts.iter().map(|&count| u64::from(count)).sum();
     assert!((taken..taken * 12 / 10).contains(&engine.samples_painted()), "{} {taken}", engine.samples_painted());
+}
+
+#[test]
+fn what_was_learnt_changes_what_is_expected_and_no_pixel() {
+    let settings = JobSettings { optimization: Optimization::VeryBig, agents: 1, ..settings() };
+    let first = paint(&settings);
+    let mut experience = Experience::default();
+    // A job of a millisecond teaches next to nothing: it is taken to have lasted a thousand times as long.
+    for mut lesson in first.lessons.into_values() {
+        lesson.zones.iter_mut().for_each(|zone| zone.time *= 1000);
+        experience.learn(&lesson);
+    }
+    assert_eq!(experience.jobs(), 1);
+    let second = paint(&JobSettings { experience: Arc::new(experience), ..settings });
+    let (before, after) = (first.forecast.unwrap(), second.forecast.unwrap());
+    assert!((after.total_ratio / 1000.0 - 1.0).abs() < 0.1, "{after:?}");
+    assert!((before.total_ratio - 1.0).abs() > 0.5, "{before:?}");
+    assert_eq!((first.jobs_learnt, second.jobs_learnt), (0, 1));
+    assert_eq!(bits(&second.film), bits(&first.film));
+    let chosen = |rows: &[ZoneRow]| rows.iter().map(|row| (row.rect, row.choice)).collect::<Vec<_>>();
+    assert_eq!(chosen(&second.rows), chosen(&first.rows));
 }

@@ -11,9 +11,9 @@ use bottega_agents::{
 use bottega_engines::Tunables;
 use bottega_farm::{
     AdaptationRule, AuctionRule, Bid, Choice, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
-    FarmMessage, FarmValue, Goal, GoalRules, Holding, ImportanceFunction, Level, LifeCycle, Master, MasterConfig,
-    ONTOLOGY, Optimization, Order, Painting, PartitionSettings, RelativePower, RenderAgent, RenderAgentConfig, Report,
-    ResultRef, Timing, WorkId, WorkSettings, ZoneId, ZoneState, analyze,
+    FarmMessage, FarmValue, Foreknowledge, Goal, GoalRules, Holding, ImportanceFunction, Level, LifeCycle, Master,
+    MasterConfig, ONTOLOGY, Optimization, Order, Painting, PartitionSettings, RelativePower, RenderAgent,
+    RenderAgentConfig, Report, ResultRef, Timing, WorkId, WorkSettings, ZoneId, ZoneState, analyze,
 };
 use bottega_image::Rect;
 use proptest::prelude::*;
@@ -39,7 +39,8 @@ impl Stage {
     fn new() -> Self {
         let (work, settings) = (WorkId(1), settings());
         let partition = PartitionSettings::for_agents(Level::Divided, 2, settings.frame);
-        let all = analyze(work, &settings, &survey(16, 16), ImportanceFunction::Paper, &partition).unwrap();
+        let knowledge = Foreknowledge::default();
+        let all = analyze(work, &settings, &survey(16, 16), ImportanceFunction::Paper, &partition, &knowledge).unwrap();
         let config = Self::config();
         let master = Master::recover(config, all.work, all.rows);
         let now = Time::since_start(Duration::from_secs(1));
@@ -155,6 +156,7 @@ fn painting(order: &Order, samples: u32) -> Painting {
         time_measured: Duration::from_millis(5),
         goal: 40,
         time_left: Duration::from_millis(95),
+        busy: Duration::from_millis(5),
         error: None,
     }
 }
@@ -336,6 +338,7 @@ fn agent() -> RenderAgent {
         prefetch: 2,
         heartbeat: Duration::from_secs(1),
         expert: Expert::path_tracing(),
+        knowledge: Foreknowledge::default(),
     });
     let mut actions: Vec<FarmAction> = Vec::new();
     let benchmarked = FarmCompletion::Benchmarked { power: RelativePower::REFERENCE, lanes: f64::NAN };

@@ -80,6 +80,7 @@ impl LiveJob {
             | Event::Asked { .. }
             | Event::LightingAgents(_)
             | Event::Auction(_)
+            | Event::Forecast(_)
             | Event::Mixed { .. }
             | Event::Recorded { .. }
             | Event::Resources { .. }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, RenderEngine, Survey, Tunables};
 use bottega_farm::{
-    Analysis, Goal, ImportanceFunction, Level, Optimization, PartitionSettings, WorkId, WorkSettings, ZoneRow, analyze,
-    survey_size,
+    Analysis, Foreknowledge, Goal, ImportanceFunction, Level, Optimization, PartitionSettings, WorkId, WorkSettings,
+    ZoneRow, analyze, survey_size,
 };
 use bottega_image::{AovSet, Layout, Rect};
 use bottega_render::PathSettings;
@@ -157,7 +157,7 @@ impl AnalyzedScene {
     pub fn analyze(&self, function: ImportanceFunction, level: Level) -> Result<Analysis, Error> {
         let partition = PartitionSettings::for_agents(level, self.agents, self.frame());
         let partition = partition.within(None, zone_limits(&self.request.work));
-        analyze(WorkId(1), &self.settings, &self.survey, function, &partition)
+        analyze(WorkId(1), &self.settings, &self.survey, function, &partition, &Foreknowledge::default())
             .map_err(|error| Error::failed(error.to_string(), "this is unexpected; report it with the scene"))
     }
 }

@@ -1,7 +1,7 @@
 //! The events of a picture while it is painted, as they cross the process boundary. Version 1: fields and kinds may be added,
 //! none changes its meaning.
 
-use bottega_farm::{AgentRow, AuctionTally, RoundSummary, ZoneRow, ZoneState};
+use bottega_farm::{AgentRow, AuctionTally, Forecast, RoundSummary, ZoneRow, ZoneState};
 use bottega_image::Rect;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -99,6 +99,8 @@ pub enum Event {
     Round(RoundEvent),
     /// What all rounds of the auction came to.
     Auction(AuctionEvent),
+    /// How well the times of zones were known before anybody had seen them.
+    Forecast(ForecastEvent),
     /// How far the work is.
     Progress(Progress),
     /// There is a new preview, with a colour for every pixel: in the file of `--preview`, and as `/api/jobs/1/preview.png`
@@ -338,7 +340,23 @@ pub struct AuctionEvent {
     pub awards: u64,
 }
 
-/// The number of zones that an engine painted.
+/// How well T_est of zones before profiling agreed with what they took.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ForecastEvent {
+    /// Zones that were painted as a whole, and are compared.
+    pub zones: usize,
+    /// Spearman's rank correlation, −1 to 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rank_correlation: Option<f64>,
+    /// Median of |T_est − T| ∕ T.
+    pub median_error: f64,
+    /// The sum of all T_est over the sum of all T.
+    pub total_ratio: f64,
+    /// Jobs before from which this machine has learnt; 0: the survey and the benchmark alone told.
+    pub jobs_learnt: u64,
+}
+
+/// How often an engine painted a zone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EngineShare {
     /// The engine.
@@ -443,6 +461,14 @@ impl AuctionEvent {
         let AuctionTally { rounds, contested, credit_decided, bidders, bids, awards } = AuctionTally::of(all);
         let contested_of_first_half = AuctionTally::contested_of_first_half(all);
         Self { rounds, contested, contested_of_first_half, credit_decided, bidders, bids, awards }
+    }
+}
+
+impl ForecastEvent {
+    /// - `jobs_learnt`: jobs before from which the machine that looked at the scene has learnt.
+    pub fn new(forecast: &Forecast, jobs_learnt: u64) -> Self {
+        let Forecast { zones, rank_correlation, median_error, total_ratio } = *forecast;
+        Self { zones, rank_correlation, median_error, total_ratio, jobs_learnt }
     }
 }
 

@@ -46,6 +46,7 @@ pub mod difference;
 pub mod engines;
 pub mod error;
 pub mod events;
+pub mod experience;
 pub mod frames;
 pub mod identity;
 pub mod journal;

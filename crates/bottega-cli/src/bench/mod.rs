@@ -4,6 +4,7 @@ mod ala;
 mod engines;
 mod farm;
 mod hra;
+mod learning;
 mod magarro;
 mod peers;
 mod rays;
@@ -14,8 +15,8 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 
 use self::{
-    ala::AlaArgs, engines::EnginesBenchArgs, farm::FarmBenchArgs, hra::HraBenchArgs, magarro::MagarroArgs,
-    peers::PeersArgs, rays::RaysArgs,
+    ala::AlaArgs, engines::EnginesBenchArgs, farm::FarmBenchArgs, hra::HraBenchArgs, learning::LearningArgs,
+    magarro::MagarroArgs, peers::PeersArgs, rays::RaysArgs,
 };
 use crate::error::CliError;
 
@@ -39,6 +40,8 @@ enum BenchCommand {
     Hra(HraBenchArgs),
     /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
     Magarro(MagarroArgs),
+    /// How well the time of a zone is known before anybody has seen it: in a first job, and in a second of its kind.
+    Learning(LearningArgs),
     /// The tables and figures of the paper on Autonomous Lighting Agents: photon mapping, its agents, and ours.
     Ala(AlaArgs),
 }
@@ -50,6 +53,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
         BenchCommand::Engines(args) => engines::run(args),
         BenchCommand::Farm(args) => farm::run(args),
         BenchCommand::Hra(args) => hra::run(args),
+        BenchCommand::Learning(args) => learning::run(args),
         BenchCommand::Ala(args) => ala::run(args),
         BenchCommand::Magarro(args) => magarro::run(args),
     }

@@ -12,7 +12,7 @@ use bottega_cluster::{
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::args::FarmArgs;
+use super::{args::FarmArgs, learnt};
 use crate::error::CliError;
 
 /// See and steer the machines of a farm.
@@ -35,19 +35,26 @@ enum MachinesCommand {
     Resume { name: String },
     /// Have a machine leave the farm: `bottega join` ends there.
     Terminate { name: String },
+    /// What a machine has learnt of how long zones take it: at the farm, there or not; without a name this machine by itself, which
+    /// needs no farm.
+    Show { name: Option<String> },
+    /// Have a machine begin anew: what it has learnt, and how far its promises held, is forgotten.
+    Forget { name: Option<String> },
 }
 
 pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
-    let board = args.farm.board()?;
     let (name, standing) = match &args.command {
         MachinesCommand::List => {
-            list(&board, args.farm.json);
+            list(&args.farm.board()?, args.farm.json);
             return Ok(ExitCode::SUCCESS);
         }
+        MachinesCommand::Show { name } => return learnt::show(name.as_deref(), &args.farm),
+        MachinesCommand::Forget { name } => return learnt::forget(name.as_deref(), &args.farm),
         MachinesCommand::Suspend { name } => (name, PresenceState::Suspended),
         MachinesCommand::Resume { name } => (name, PresenceState::Active),
         MachinesCommand::Terminate { name } => (name, PresenceState::Terminated),
     };
+    let board = args.farm.board()?;
     let there = board.present();
     let Some(seat) = there.iter().find(|seat| seat.name == *name) else {
         let remedy = "`bottega machines list` shows those that are there";

@@ -4,6 +4,7 @@ mod args;
 mod blackboard;
 mod jobs;
 mod join;
+mod learnt;
 mod machines;
 mod up;
 mod web;

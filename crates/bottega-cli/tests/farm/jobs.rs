@@ -33,6 +33,17 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
     let society = &farm.job(2)["society"];
     assert!(society["auction"]["awards"].as_u64() >= Some(zones.len() as u64 / 2), "{society}");
     assert!(society["agents"].as_array().is_some_and(|agents| !agents.is_empty()), "{society}");
+    // What its machine has learnt stays with the farm, until it is to begin anew.
+    let agent = society["agents"][0]["agent"].as_str().expect("a name");
+    let machine = agent.rsplit('@').next().and_then(|process| process.split('.').next()).expect("a machine");
+    let learnt =
+        || -> Value { serde_json::from_str(&farm.succeed(&["machines", "show", machine, "--json"])).expect("JSON") };
+    // Its credit is written when it has laid the lead down.
+    farm.until("its credit is kept", || learnt()["reliability"].is_number());
+    let learnt = learnt();
+    assert!(learnt["jobs"] == 1 && learnt["factors"].as_array().is_some_and(|all| all.len() > 3), "{learnt}");
+    farm.succeed(&["machines", "forget", machine]);
+    assert!(!farm.run(&["machines", "show", machine]).status.success());
     assert!(!farm.run(&["jobs", "remove", "1"]).status.success(), "it is not over");
     farm.succeed(&["jobs", "cancel", "1"]);
     assert_eq!(farm.job(1)["state"], "cancelled");

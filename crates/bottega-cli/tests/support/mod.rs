@@ -11,7 +11,9 @@ use std::{
 /// The program, in the folder of the scenes.
 pub(crate) fn bottega(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bottega"));
-    command.args(arguments).current_dir(scenes());
+    // What is learnt here is no part of what this machine knows.
+    let state = Path::new(env!("CARGO_TARGET_TMPDIR")).join("state");
+    command.args(arguments).current_dir(scenes()).env("XDG_STATE_HOME", state);
     command
 }
 

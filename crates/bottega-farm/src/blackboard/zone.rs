@@ -26,7 +26,8 @@ pub struct ZoneRow {
     pub complexity: f64,
     /// Neighbor Difference, in the same unit a pixel.
     pub neighbor_difference: NeighborDifference,
-    /// T_est: what painting it will take after profiling, found by profiling.
+    /// T_est: what painting what is left of it will take. Before profiling as the machine that looked at the scene expects of all
+    /// its samples, from the survey and what it learnt before; after it as profiling found.
     pub time_estimated: Option<Duration>,
     /// T_real: what it took.
     pub time_measured: Option<Duration>,
@@ -260,6 +261,18 @@ impl ZoneRow {
     /// Samples that its next painting goes up to, with this choice.
     pub fn goal_samples(&self, choice: &Choice) -> u32 {
         self.goal.map_or(choice.samples, |goal| goal.min(choice.samples))
+    }
+
+    /// T_est of its next order with the settings of the user: of the first samples as long as nobody has seen it.
+    pub fn order_time(&self, settings: &WorkSettings) -> Option<Duration> {
+        match self.state {
+            ZoneState::Open | ZoneState::Profiling => {
+                let first = Choice::unchanged(settings).profile_samples(&settings.goal);
+                let share = f64::from(first) / f64::from(settings.samples.max(1));
+                self.time_estimated.map(|time| scaled(time, share))
+            }
+            _ => self.time_estimated,
+        }
     }
 
     /// Whether it has all samples that anybody has asked for, and waits for what comes next.

@@ -9,7 +9,7 @@ use super::{
     progress::{Progress, Tally, Times},
     settings::JobSettings,
 };
-use crate::{Mask, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest};
+use crate::{AgentRow, Mask, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest};
 
 /// Tiles, film and store of one job.
 pub(super) struct Composer {
@@ -38,7 +38,7 @@ impl Composer {
             rows: BTreeMap::new(),
             store,
             stored,
-            tally: Tally::default(),
+            tally: Tally::new(!settings.experience.is_empty()),
             times: Times::default(),
         }
     }
@@ -163,6 +163,16 @@ impl Composer {
 
     pub(super) fn times(&self) -> Times {
         self.times
+    }
+
+    /// Samples a pixel that the user asked for.
+    pub(super) fn samples_wanted(&self) -> u32 {
+        self.samples_wanted
+    }
+
+    /// Takes in how fast an agent is.
+    pub(super) fn agent_changed(&mut self, row: &AgentRow) {
+        self.tally.see_agent(row);
     }
 
     pub(super) fn rows(&self) -> Vec<ZoneRow> {

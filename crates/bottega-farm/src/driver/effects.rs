@@ -4,19 +4,19 @@ use std::sync::Arc;
 
 use bottega_image::Tile;
 
-use super::{
-    machine::benchmark,
-    shared::{End, FarmMailbox, Shared},
-};
+use super::shared::{End, FarmMailbox, Shared};
 use crate::{FarmCompletion, FarmEffect, Mask, ResultRef, ZoneId};
 
 impl Shared {
     pub(super) fn perform(self: &Arc<Self>, effect: FarmEffect, mailbox: &FarmMailbox) {
         match effect {
             FarmEffect::Survey { width, height, .. } => self.survey(width, height, mailbox),
-            FarmEffect::Analyzed { map, partition } => self.observer.analyzed(&map, &partition),
+            FarmEffect::Analyzed { map, partition, outlooks } => {
+                self.learner().begin(outlooks);
+                self.observer.analyzed(&map, &partition);
+            }
             FarmEffect::Benchmark => {
-                let power = *self.state().benchmark.get_or_insert_with(|| benchmark(|| mailbox.now()));
+                let power = self.knowledge.benchmark;
                 let lanes = self.processors as f64 / self.agents as f64;
                 mailbox.complete(FarmCompletion::Benchmarked { power, lanes });
             }
@@ -28,16 +28,22 @@ impl Shared {
             FarmEffect::LeftOut { agent, reason } => self.observer.left_out(&agent, &reason),
             FarmEffect::TooFew { present, needed } => self.observer.too_few(present, needed),
             FarmEffect::BeginFilm(work) => {
+                self.learner().see_work(&work);
                 let kept = self.easel().begin(&work);
                 self.tell_kept(kept);
             }
             FarmEffect::ZoneChanged(row) => {
+                self.learner().see_zone(&row);
                 let (kept, progress) = self.easel().zone_changed(&row, mailbox.now());
                 self.tell_kept(kept);
                 self.observer.zone_changed(&row);
                 self.observer.progress(&progress);
             }
-            FarmEffect::AgentChanged(row) => self.observer.agent_changed(&row),
+            FarmEffect::AgentChanged(row) => {
+                self.learner().see_agent(&row);
+                self.easel().agent_changed(&row);
+                self.observer.agent_changed(&row);
+            }
             FarmEffect::RoundClosed(round) => self.observer.round_closed(&round),
             FarmEffect::Compare { zone, results } => self.compare(zone, results, mailbox),
             FarmEffect::Compose { zone, result, mask } => {

@@ -1,14 +1,24 @@
 //! The preparation of this machine: its benchmark, the survey of the scene, what all zones need.
 
-use std::{sync::Arc, thread, time::Duration};
+use std::{
+    sync::{Arc, OnceLock},
+    thread,
+    time::Duration,
+};
 
-use bottega_agents::Time;
+use bottega_engines::SpeedProbe;
 
 use super::shared::{End, FarmMailbox, Preparation, Shared};
 use crate::{FarmCompletion, RelativePower, WorkId};
 
-/// The benchmark's time on the reference machine.
-const REFERENCE_BENCHMARK: Duration = Duration::from_millis(2);
+/// What the benchmark's picture takes the reference machine, on which the weights of the predicted time were fitted.
+const REFERENCE_TIME: Duration = Duration::from_millis(14);
+/// The picture is painted so often at least,
+const TURNS_MIN: u32 = 3;
+/// for so long at least,
+const TIME_MIN: Duration = Duration::from_millis(250);
+/// and not again after so long.
+const TIME_MAX: Duration = Duration::from_millis(1500);
 
 impl Shared {
     /// In one process the engine has the scene. What it makes of it is made once; who asks meanwhile waits.
@@ -68,19 +78,29 @@ impl Shared {
     }
 }
 
-/// V_cp from a fixed piece of work: a chain of dependent operations, so that nothing but the processor decides.
-pub(super) fn benchmark(now: impl Fn() -> Time) -> RelativePower {
-    let measure = || {
+/// V_cp by painting a small picture that is always the same, on the calling thread: a quarter of a second, two at most. The
+/// first answer of a process counts for all of it.
+///
+/// - `now`: any clock.
+pub fn benchmark(now: impl Fn() -> Duration) -> RelativePower {
+    static MEASURED: OnceLock<RelativePower> = OnceLock::new();
+    *MEASURED.get_or_init(|| measure(now).unwrap_or(RelativePower::REFERENCE))
+}
+
+fn measure(now: impl Fn() -> Duration) -> Option<RelativePower> {
+    let probe = SpeedProbe::new().ok()?;
+    let begun = now();
+    let mut best = Duration::MAX;
+    // The best of several: a processor that was asleep, or another program, disturbs some.
+    for turn in 1.. {
         let before = now();
-        let mut value = 1.000_000_1_f64;
-        for _ in 0..400_000 {
-            value = value * 1.000_000_3 + 1e-9;
-            value = if value > 2.0 { value - 1.0 } else { value };
+        std::hint::black_box(probe.paint().ok()?);
+        let after = now();
+        best = best.min(after.saturating_sub(before));
+        let spent = after.saturating_sub(begun);
+        if turn >= TURNS_MIN && spent >= TIME_MIN || spent >= TIME_MAX {
+            break;
         }
-        std::hint::black_box(value);
-        now() - before
-    };
-    // The best of three: a processor that was asleep, or another program, disturbs the first.
-    let best = (0..3).map(|_| measure()).min().unwrap_or(REFERENCE_BENCHMARK);
-    RelativePower::new(best.as_secs_f64() / REFERENCE_BENCHMARK.as_secs_f64())
+    }
+    Some(RelativePower::new(best.as_secs_f64() / REFERENCE_TIME.as_secs_f64()))
 }

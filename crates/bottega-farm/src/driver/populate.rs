@@ -77,6 +77,7 @@ pub(super) fn populate(
                 importance: settings.importance,
                 partition: usual.within(settings.zones, settings.zone_limits),
                 registration: place,
+                knowledge: shared.knowledge.clone(),
             };
             add(&analyst, Analyst::new(config).into())?;
             add(&master, Master::new(master_config).into())?
@@ -132,6 +133,7 @@ pub(super) fn add_render_agents(
                 .for_engine(&engine)
                 .choosing(settings.engine_choice.clone())
                 .with_bands(settings.bands),
+            knowledge: shared.knowledge.clone(),
         });
         add(&id, agent.into())?;
     }

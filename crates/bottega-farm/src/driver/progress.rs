@@ -2,9 +2,12 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use bottega_agents::Time;
+use bottega_agents::{AgentId, Time};
 
-use crate::{ZoneId, ZoneRow};
+use crate::{AgentRow, ZoneId, ZoneRow, ZoneState};
+
+/// When so much of the cost is done, the time that is left is told by how long that took alone.
+const SHARE_SEEN: f64 = 0.1;
 
 /// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,7 +47,8 @@ pub struct Times {
 /// What a zone adds to the sums.
 #[derive(Clone, Copy, Debug, Default)]
 struct Share {
-    complexity: f64,
+    /// What is expected of it before it is profiled, in seconds; or its complexity, where nothing is.
+    expected: f64,
     /// T_est of all its samples, in seconds, where it is profiled.
     time: Option<f64>,
     done: f64,
@@ -57,18 +61,34 @@ struct Share {
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     shares: BTreeMap<ZoneId, Share>,
+    /// Whether what is expected was learnt in works before: then the time that is left is known before anything is painted.
+    is_experienced: bool,
+    /// What is expected of a zone a unit of its complexity, in seconds.
+    expectations: BTreeMap<ZoneId, f64>,
+    /// Reference-machine seconds that agents paint in a second.
+    speeds: BTreeMap<AgentId, f64>,
     begun: Option<Time>,
     now: Option<Time>,
     progress: Progress,
-    complexity: f64,
-    complexity_done: f64,
+    expected: f64,
     timed: f64,
-    timed_complexity: f64,
+    timed_expected: f64,
     timed_done: f64,
     untimed_done: f64,
 }
 
 impl Tally {
+    /// - `is_experienced`: whether this machine has learnt in works before how long zones take.
+    pub(super) fn new(is_experienced: bool) -> Self {
+        Self { is_experienced, ..Self::default() }
+    }
+
+    /// Takes in how fast an agent is.
+    pub(super) fn see_agent(&mut self, row: &AgentRow) {
+        let speed = if row.left_out.is_none() { row.lanes / row.power.get() } else { 0.0 };
+        self.speeds.insert(row.agent.clone(), speed);
+    }
+
     /// Takes in a row.
     ///
     /// - `samples_wanted`: of the user, where the zone has no choice yet.
@@ -79,12 +99,17 @@ impl Tally {
         // T_est is for what the painting before left over.
         let left = samples - row.samples_done().min(samples - 1);
         let scale = row.choice.map(|_| f64::from(samples) / f64::from(left));
+        if let (ZoneState::Open, None, Some(time)) = (row.state, row.result, row.time_estimated) {
+            let rate = time.as_secs_f64() / row.complexity.max(1e-9);
+            self.expectations.entry(row.zone).or_insert(rate);
+        }
+        let expected = row.complexity * self.expectations.get(&row.root()).copied().unwrap_or(1.0);
         let time = row.time_estimated.zip(scale).map(|(time, scale)| time.as_secs_f64() * scale);
         // Of a zone that is painted the row does not say how much of it T_est was for.
         let before = self.shares.get(&row.zone).and_then(|share| share.time);
         let time = if row.is_settled() { before } else { time };
         let share = Share {
-            complexity: row.complexity,
+            expected,
             time,
             done: if row.is_settled() { 1.0 } else { f64::from(samples_done) / f64::from(samples) },
             samples: row.size() * u64::from(samples),
@@ -106,30 +131,44 @@ impl Tally {
     }
 
     fn add(&mut self, share: &Share, sign: f64) {
-        self.complexity += sign * share.complexity;
-        self.complexity_done += sign * share.complexity * share.done;
+        self.expected += sign * share.expected;
         match share.time {
             Some(time) => {
                 self.timed += sign * time;
-                self.timed_complexity += sign * share.complexity;
+                self.timed_expected += sign * share.expected;
                 self.timed_done += sign * time * share.done;
             }
-            None => self.untimed_done += sign * share.complexity * share.done,
+            None => self.untimed_done += sign * share.expected * share.done,
         }
+    }
+
+    /// How long so much reference-machine time takes all agents, where what is expected can be believed.
+    fn left_by_experience(&self, seconds: f64) -> Option<f64> {
+        let speed: f64 = self.speeds.values().sum();
+        let is_known = self.is_experienced && !self.expectations.is_empty() && speed > 0.0;
+        is_known.then(|| seconds.max(0.0) / speed)
     }
 
     /// How far the job is.
     pub(super) fn progress(&self) -> Progress {
-        // Zones that are not profiled cost as those that are, by complexity.
-        let rate = if self.timed_complexity > 1e-9 { self.timed / self.timed_complexity } else { 1.0 };
-        let all = self.timed + (self.complexity - self.timed_complexity) * rate;
+        // Zones that are not profiled cost as those that are, by what is expected of both.
+        let rate = if self.timed_expected > 1e-9 { self.timed / self.timed_expected } else { 1.0 };
+        let all = self.timed + (self.expected - self.timed_expected) * rate;
         let done = self.timed_done + self.untimed_done * rate;
         let zones = self.shares.len();
         let whole = self.progress.zones_done == zones;
         let cost_done = if whole || all <= 0.0 { f64::from(u8::from(whole)) } else { (done / all).clamp(0.0, 1.0) };
         let elapsed = self.now.unwrap_or_default() - self.begun.unwrap_or_default();
         let left = elapsed.as_secs_f64() * (1.0 - cost_done) / cost_done;
-        let left = Duration::try_from_secs_f64(left).ok().filter(|_| cost_done > 0.0);
+        let left = Some(left).filter(|_| cost_done > 0.0);
+        let left = match (left, self.left_by_experience(all - done)) {
+            (Some(left), Some(known)) => {
+                let seen = (cost_done / SHARE_SEEN).min(1.0);
+                Some(seen * left + (1.0 - seen) * known)
+            }
+            (left, known) => left.or(known),
+        };
+        let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
         Progress { zones, cost_done, elapsed, left, ..self.progress }
     }
 }

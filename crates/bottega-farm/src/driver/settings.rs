@@ -6,8 +6,8 @@ use bottega_engines::Tunables;
 use bottega_image::{Layout, Rect};
 
 use crate::{
-    AdaptationRule, AuctionRule, BandWidth, Credit, EngineChoice, Expert, Goal, ImportanceFunction, Level,
-    Optimization, WorkSettings, ZoneLimits,
+    AdaptationRule, AuctionRule, BandWidth, Credit, EngineChoice, Experience, Expert, Goal, ImportanceFunction, Level,
+    Optimization, RelativePower, WorkSettings, ZoneLimits,
 };
 
 /// Agents of one job at most.
@@ -57,6 +57,12 @@ pub struct JobSettings {
     pub adaptation: AdaptationRule,
     /// How far the promises of machines held in works before: see [`MasterConfig::credits`](crate::MasterConfig::credits).
     pub credits: Arc<BTreeMap<String, Credit>>,
+    /// What this machine has learnt in works before of how long zones take it.
+    pub experience: Arc<Experience>,
+    /// Engine, integrator and whatever else decides how a path is followed: what is learnt is learnt of that.
+    pub technique: Arc<str>,
+    /// V_cp by the [benchmark](crate::benchmark).
+    pub benchmark: RelativePower,
     /// Zones that an agent has in hand at most.
     pub prefetch: u32,
     /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
@@ -90,6 +96,9 @@ impl JobSettings {
             auction: AuctionRule::default(),
             adaptation: AdaptationRule::default(),
             credits: Arc::default(),
+            experience: Arc::default(),
+            technique: "".into(),
+            benchmark: RelativePower::REFERENCE,
             prefetch: 2,
             verify: 1,
             strangers: false,

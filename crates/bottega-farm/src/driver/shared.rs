@@ -10,11 +10,12 @@ use bottega_agents::{Mailbox, Revision, StateMachine, Time, driver::nats::PagedU
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 
 use super::{
-    easel::Composer, fetchers::Fetchers, link::Link, observer::Observer, settings::JobSettings, stop::StopSwitch,
+    easel::Composer, fetchers::Fetchers, learner::Learner, link::Link, observer::Observer, settings::JobSettings,
+    stop::StopSwitch,
 };
 use crate::{
-    FarmAction, FarmAgent, FarmCodec, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, PLATFORM,
-    RelativePower, WorkId, ZoneId, directory_service_names,
+    FarmAction, FarmAgent, FarmCodec, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Foreknowledge,
+    PLATFORM, WorkId, ZoneId, directory_service_names,
 };
 
 /// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
@@ -45,6 +46,9 @@ pub(super) struct Shared {
     /// To the other machines that paint the work.
     pub(super) link: Option<Link>,
     pub(super) fetchers: Fetchers,
+    /// What this machine knows of how long zones take.
+    pub(super) knowledge: Foreknowledge,
+    learner: Mutex<Learner>,
 }
 
 #[derive(Default)]
@@ -56,7 +60,6 @@ pub(super) struct State {
     pub(super) preparation: Preparation,
     /// How long that took.
     pub(super) preparing: Duration,
-    pub(super) benchmark: Option<RelativePower>,
     pub(super) messages: u64,
     /// What the engine is painting: how to end it, and how far it is.
     pub(super) orders: BTreeMap<(ZoneId, Revision), (CancelSwitch, TaskProgress)>,
@@ -93,6 +96,9 @@ impl StateMachine for ObservedAgent {
 
     fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
         if let FarmEvent::Message(message) = &event {
+            if let FarmContent::Report(report) = &message.content {
+                self.shared.learner().hear(report);
+            }
             self.shared.observer.heard(now, message);
         }
         let before = actions.len();
@@ -121,6 +127,11 @@ impl Shared {
         stop: &StopSwitch,
         link: Option<Link>,
     ) -> Self {
+        let knowledge = Foreknowledge {
+            experience: Arc::clone(&settings.experience),
+            technique: Arc::clone(&settings.technique),
+            benchmark: settings.benchmark,
+        };
         Self {
             easel: Mutex::new(easel),
             engine,
@@ -132,6 +143,8 @@ impl Shared {
             agents: settings.agents,
             link,
             fetchers: Fetchers::default(),
+            learner: Mutex::new(Learner::new(&settings.technique)),
+            knowledge,
         }
     }
 
@@ -146,6 +159,10 @@ impl Shared {
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn learner(&self) -> MutexGuard<'_, Learner> {
+        self.learner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn easel(&self) -> MutexGuard<'_, Composer> {

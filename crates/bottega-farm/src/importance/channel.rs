@@ -253,6 +253,7 @@ mod tests {
             shadow_rays: v,
             layered: v,
             lookups: v,
+            media: v,
             indirect: v,
             detail: v,
         };

@@ -209,7 +209,7 @@ impl Master {
         let standing = BidderStanding {
             field: self.roster.field(),
             now: now.elapsed().as_secs_f64(),
-            open: self.ledger.open.time_estimated().as_secs_f64(),
+            open: self.ledger.waiting_time().as_secs_f64(),
             can_cut: self.config.shares_tail.then_some(can_cut),
         };
         decide(self.config.auction, &offers, bidders, &standing)

@@ -17,6 +17,8 @@ pub(super) struct Ledger {
     zones: NumberMap<CountedZone>,
     /// Nobody has seen them; the most complex first.
     unseen: BTreeSet<(Reverse<u64>, ZoneId)>,
+    /// T_est of these.
+    unseen_time: Duration,
     /// Some agents have said what they make of them, and others are to say it too; the most expensive first.
     comparisons: BTreeSet<(Reverse<u64>, ZoneId)>,
     /// The one of them that was looked at last.
@@ -39,6 +41,8 @@ struct CountedZone {
     waiting: bool,
     complexity: f64,
     time_estimated: Duration,
+    /// T_est of the order by which it is in hand.
+    order_time: Duration,
     chosen: bool,
     voted: bool,
     holders: Holders,
@@ -52,12 +56,20 @@ impl Ledger {
     /// Counts a zone as `row` says from now on. Appends the agents whose hands have changed.
     ///
     /// - `holders`: the row's.
-    pub(super) fn count(&mut self, row: &ZoneRow, holders: Holders, changed: &mut Vec<MemberId>) {
+    /// - `order_time`: see [`ZoneRow::order_time`].
+    pub(super) fn count(
+        &mut self,
+        row: &ZoneRow,
+        holders: Holders,
+        order_time: Option<Duration>,
+        changed: &mut Vec<MemberId>,
+    ) {
         let counted = CountedZone {
             state: row.state,
             waiting: row.is_waiting(),
             complexity: row.complexity,
             time_estimated: row.time_estimated.unwrap_or_default(),
+            order_time: order_time.unwrap_or_default(),
             chosen: row.choice.is_some() || row.state == ZoneState::Failed,
             voted: !row.votes.is_empty(),
             holders,
@@ -73,14 +85,17 @@ impl Ledger {
             ZoneState::Open | ZoneState::Profiled if counted.voted => {
                 self.comparisons.insert(counted.rank(row.zone));
             }
-            ZoneState::Open => _ = self.unseen.insert(counted.rank(row.zone)),
+            ZoneState::Open => {
+                self.unseen.insert(counted.rank(row.zone));
+                self.unseen_time += counted.time_estimated;
+            }
             ZoneState::Profiled if counted.waiting => self.waiting += 1,
             ZoneState::Profiled => self.open.insert(self.rule, counted.offer(row.zone)),
             ZoneState::Done | ZoneState::Failed => self.settled += 1,
             ZoneState::Profiling | ZoneState::Awarded => {
                 self.in_hand += 1;
                 for &agent in counted.holders.iter().flatten() {
-                    self.take(agent, row.zone, counted.time_estimated);
+                    self.take(agent, row.zone, counted.order_time);
                     changed.push(agent);
                 }
             }
@@ -94,7 +109,10 @@ impl Ledger {
             ZoneState::Open | ZoneState::Profiled if before.voted => {
                 self.comparisons.remove(&before.rank(zone));
             }
-            ZoneState::Open => _ = self.unseen.remove(&before.rank(zone)),
+            ZoneState::Open => {
+                self.unseen.remove(&before.rank(zone));
+                self.unseen_time -= before.time_estimated;
+            }
             ZoneState::Profiled if before.waiting => self.waiting -= 1,
             ZoneState::Profiled => self.open.remove(self.rule, &before.offer(zone)),
             ZoneState::Done | ZoneState::Failed => self.settled -= 1,
@@ -133,6 +151,11 @@ impl Ledger {
     pub(super) fn holders(&self) -> impl Iterator<Item = MemberId> {
         let holders = self.hands.iter().enumerate().filter(|(_, zones)| !zones.is_empty());
         holders.map(|(index, _)| MemberId(index as u32))
+    }
+
+    /// T_est of all zones that wait for an agent, those that nobody has seen yet among them.
+    pub(super) fn waiting_time(&self) -> Duration {
+        self.open.time_estimated() + self.unseen_time
     }
 
     /// The most complex zone that nobody has seen.

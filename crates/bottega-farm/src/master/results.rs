@@ -62,7 +62,8 @@ impl Master {
             .as_ref()
             .is_ok_and(|it| row.choice.is_none_or(|chosen| chosen.tunables == it.choice.tunables));
         let taken = self.roster.find(&message.sender).and_then(|agent| self.roster.report(now, agent, sent));
-        let taken = taken.filter(|_| is_estimated);
+        // What is expected before anybody has seen a zone is nobody's promise.
+        let taken = taken.filter(|_| is_estimated && row.state == ZoneState::Awarded);
         match after {
             Ok((row, verdict)) => {
                 self.pass_painted += row.time_measured.unwrap_or_default();
@@ -110,7 +111,7 @@ impl Master {
     /// The zone's row after a valid report.
     fn accepted(&self, row: &ZoneRow, fence: Revision, painting: &Painting) -> Result<ZoneRow, &'static str> {
         let Some(work) = self.board.work() else { return Err("there is no work") };
-        let Painting { choice, result, time_measured, goal, time_left, error } = *painting;
+        let Painting { choice, result, time_measured, busy, goal, time_left, error } = *painting;
         let unchanged = Choice::unchanged(&work.settings);
         let within = choice.samples >= 1
             && choice.samples <= unchanged.samples
@@ -132,7 +133,7 @@ impl Master {
         if result.samples > choice.samples || row.state == ZoneState::Awarded && !complete || result.samples == 0 {
             return Err("the number of samples is wrong");
         }
-        if time_measured.max(time_left) > TIME_MAX {
+        if time_measured.max(time_left).max(busy) > TIME_MAX {
             return Err("no zone takes so long");
         }
         if error.is_some_and(|error| error.is_nan() || error < 0.0) {

@@ -125,7 +125,8 @@ impl Master {
             *place = Some(self.roster.number(agent));
         }
         let mut changed = std::mem::take(&mut self.changed);
-        self.ledger.count(row, holders, &mut changed);
+        let order_time = self.board.work().and_then(|work| row.order_time(&work.settings));
+        self.ledger.count(row, holders, order_time, &mut changed);
         for agent in changed.drain(..) {
             self.refresh_hands(now, agent);
         }

@@ -1,11 +1,11 @@
 //! Zones in the hand of a Render Agent.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use bottega_agents::Time;
 use bottega_image::Rect;
 
-use crate::{Choice, Expert, FarmAction, FarmEffect, Order, PaintOrder, RelativePower, ZoneState};
+use crate::{Choice, Expert, FarmAction, FarmEffect, Order, PaintOrder, RelativePower, ZoneState, adaptation::scaled};
 
 /// A zone in hand.
 #[derive(Clone, Debug)]
@@ -26,6 +26,17 @@ pub(super) struct ZoneInHand {
 }
 
 impl ZoneInHand {
+    /// T_est of what is to be painted of it: where nobody has seen it, of its first samples.
+    pub(super) fn time(&self, expert: &Expert) -> Option<Duration> {
+        let (row, settings) = (&self.order.row, &self.order.work.settings);
+        let time = row.time_estimated?;
+        if row.state != ZoneState::Profiling {
+            return Some(time);
+        }
+        let first = expert.first_samples(&self.choice, &settings.goal);
+        Some(scaled(time, f64::from(first) / f64::from(settings.samples.max(1))))
+    }
+
     pub(super) fn begin(&mut self, power: RelativePower, expert: &Expert, actions: &mut Vec<FarmAction>) {
         let row = &self.order.row;
         let done = row.samples_done();
@@ -44,7 +55,7 @@ impl ZoneInHand {
             error_use: self.order.work.settings.goal.error_use(),
             samples_max: self.choice.samples,
             from,
-            time_estimated: row.time_estimated.map(|estimated| power.to_own(estimated)),
+            time_estimated: self.time(expert).map(|estimated| power.to_own(estimated)),
         })));
         self.begun = true;
     }

@@ -383,6 +383,7 @@ impl<'a> Play<'a> {
                     prefetch: plan.prefetch,
                     heartbeat: plan.timing.heartbeat,
                     expert: plan.expert.clone(),
+                    knowledge: crate::Foreknowledge::default(),
                 };
                 self.simulator.add(&id, true, move || RenderAgent::new(config.clone()).into());
             }

@@ -162,7 +162,13 @@ impl Workpiece {
     fn new(settings: WorkSettings, zones: Vec<SurveyedZone>, costs: Costs) -> Self {
         let ranges = InputRanges::of(zones.iter().enumerate().map(|(index, zone)| zone.row(index)));
         Self {
-            work: WorkRow { work: WORK, settings, zone_count: zones.len() as u32, ranges },
+            work: WorkRow {
+                work: WORK,
+                settings,
+                zone_count: zones.len() as u32,
+                ranges,
+                features: crate::TaskFeatures::default(),
+            },
             zones,
             costs,
             survey: Duration::ZERO,

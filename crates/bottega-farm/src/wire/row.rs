@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     AgentRow, Choice, Credit, Cut, FarmValue, Goal, InputRanges, Interval, NeighborDifference, Optimization, Painting,
-    RelativePower, ResultRef, Rival, Vote, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    RelativePower, ResultRef, Rival, TaskFeatures, Vote, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 
 /// Appends the row of a work.
@@ -228,6 +228,8 @@ pub(super) struct PaintingRecord {
     time_measured: u64,
     goal: u32,
     time_left: u64,
+    /// In the painter's own time.
+    busy: u64,
     error: Option<f64>,
 }
 
@@ -239,6 +241,7 @@ impl From<&Painting> for PaintingRecord {
             time_measured: nanoseconds(painting.time_measured),
             goal: painting.goal,
             time_left: nanoseconds(painting.time_left),
+            busy: nanoseconds(painting.busy),
             error: painting.error,
         }
     }
@@ -254,6 +257,7 @@ impl TryFrom<PaintingRecord> for Painting {
             time_measured: Duration::from_nanos(record.time_measured),
             goal: record.goal,
             time_left: Duration::from_nanos(record.time_left),
+            busy: Duration::from_nanos(record.busy),
             error: record.error.map(|error| finite("the error of a painting", error)).transpose()?,
         })
     }
@@ -273,6 +277,8 @@ pub(super) struct WorkRecord {
     zone_count: u32,
     /// Of complexity, neighbor difference and size: least and greatest.
     ranges: [(f64, f64); 3],
+    /// Shares of glass, texture and media.
+    features: [f64; 3],
 }
 
 #[derive(Serialize, Deserialize)]
@@ -313,6 +319,7 @@ impl From<&WorkRow> for WorkRecord {
             },
             zone_count: row.zone_count,
             ranges: [complexity_density, neighbor_difference, size].map(|range| (range.min, range.max)),
+            features: [row.features.glass, row.features.texture, row.features.media],
         }
     }
 }
@@ -324,6 +331,8 @@ impl TryFrom<WorkRecord> for WorkRow {
         let end = |value| finite("the end of an interval", value);
         let interval = |(min, max)| Ok::<_, WireError>(Interval { min: end(min)?, max: end(max)? });
         let [complexity_density, neighbor_difference, size] = record.ranges;
+        let share = |value| finite("the share of a kind of surfaces", value);
+        let [glass, texture, media] = record.features;
         let settings = WorkSettings {
             picture: rect(record.picture)?,
             frame: rect(record.frame)?,
@@ -341,7 +350,8 @@ impl TryFrom<WorkRecord> for WorkRow {
             neighbor_difference: interval(neighbor_difference)?,
             size: interval(size)?,
         };
-        Ok(Self { work: WorkId(record.work), settings, zone_count: record.zone_count, ranges })
+        let features = TaskFeatures { glass: share(glass)?, texture: share(texture)?, media: share(media)? };
+        Ok(Self { work: WorkId(record.work), settings, zone_count: record.zone_count, ranges, features })
     }
 }
 

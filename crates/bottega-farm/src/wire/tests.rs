@@ -69,6 +69,7 @@ fn painting(samples: u32, has_error: bool) -> Painting {
         time_measured: Duration::from_millis(5),
         goal: samples,
         time_left: Duration::from_millis(2),
+        busy: Duration::from_micros(1700),
         error: has_error.then_some(0.25),
     }
 }
@@ -82,6 +83,7 @@ fn work(goal: Goal) -> WorkRow {
         settings: WorkSettings { picture: frame, frame, samples: 16, goal, tunables, optimization },
         zone_count: 12,
         ranges: InputRanges { complexity_density: interval, neighbor_difference: interval, size: interval },
+        features: crate::TaskFeatures { glass: 0.25, texture: 0.5, media: 0.0 },
     }
 }
 

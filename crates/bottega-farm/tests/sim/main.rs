@@ -160,46 +160,50 @@ fn the_conversation_of_a_small_work_reads_as_the_paper_tells_it() {
         [   299.815] master -> agent-1  accept-proposal #11
         [   395.812] agent-1 -> master  inform #7
         [   398.812] master -> agent-1  confirm #7
-        [   531.840] master -> agent-0  cfp #17
-        [   531.840] master -> agent-1  cfp #17
-        [   532.840] agent-0 -> master  propose #17
-        [   532.840] agent-1 -> master  propose #17
-        [   535.840] master -> agent-0  accept-proposal #17
-        [   535.840] master -> agent-1  accept-proposal #17
-        [   576.220] agent-1 -> master  inform #11
-        [   579.220] master -> agent-1  confirm #11
-        [   593.265] agent-0 -> master  inform #11
-        [   596.265] master -> agent-0  confirm #11
-        [   786.445] master -> agent-0  cfp #23
-        [   786.445] master -> agent-1  cfp #23
-        [   787.445] agent-0 -> master  propose #23
-        [   787.445] agent-1 -> master  propose #23
-        [   790.445] master -> agent-1  accept-proposal #23
-        [   790.445] master -> agent-0  accept-proposal #23
-        [   845.684] agent-1 -> master  inform #17
-        [   848.684] master -> agent-1  confirm #17
-        [   900.140] agent-0 -> master  inform #17
-        [   903.140] master -> agent-0  confirm #17
+        [   507.260] agent-1 -> master  inform #11
+        [   508.260] master -> agent-1  cfp #18
+        [   508.260] master -> agent-0  cfp #18
+        [   509.260] agent-1 -> master  propose #18
+        [   509.260] agent-0 -> master  propose #18
+        [   510.260] master -> agent-1  confirm #11
+        [   512.260] master -> agent-1  accept-proposal #18
+        [   512.260] master -> agent-0  accept-proposal #18
+        [   512.260] master -> agent-1  accept-proposal #18
+        [   646.715] agent-0 -> master  inform #11
+        [   649.715] master -> agent-0  confirm #11
+        [   863.751] agent-1 -> master  inform #18
+        [   866.751] master -> agent-1  confirm #18
+        [   876.975] master -> agent-0  cfp #25
+        [   876.975] master -> agent-1  cfp #25
+        [   877.975] agent-0 -> master  propose #25
+        [   877.975] agent-1 -> master  propose #25
+        [   878.975] master -> agent-1  reject-proposal #25
+        [   880.975] master -> agent-0  accept-proposal #25
+        [   987.119] agent-0 -> master  inform #18
+        [   990.119] master -> agent-0  confirm #18
         [  1021.000] agent-0 -> master  inform #0
         [  1021.000] agent-1 -> master  inform #0
-        [  1026.297] master -> agent-0  cfp #31
-        [  1026.297] master -> agent-1  cfp #31
-        [  1027.297] agent-0 -> master  propose #31
-        [  1027.297] agent-1 -> master  propose #31
-        [  1028.297] master -> agent-0  reject-proposal #31
-        [  1030.297] master -> agent-1  accept-proposal #31
-        [  1032.297] master -> agent-0  cfp #34
-        [  1033.297] agent-0 -> master  propose #34
-        [  1036.297] master -> agent-0  accept-proposal #34
-        [  1130.908] agent-1 -> master  inform #23
-        [  1133.908] master -> agent-1  confirm #23
-        [  1141.281] agent-0 -> master  inform #23
-        [  1144.281] master -> agent-0  confirm #23
-        [  1407.193] agent-0 -> master  inform #34
-        [  1410.193] master -> agent-0  confirm #34
-        [  1567.869] agent-1 -> master  inform #31
-        [  1570.869] master -> agent-1  confirm #31
-        [  1570.869] master stops"#]]
+        [  1096.554] agent-1 -> master  inform #18
+        [  1097.554] master -> agent-1  cfp #32
+        [  1097.554] master -> agent-0  cfp #32
+        [  1098.554] agent-1 -> master  propose #32
+        [  1098.554] agent-0 -> master  propose #32
+        [  1099.554] master -> agent-1  confirm #18
+        [  1099.554] master -> agent-0  reject-proposal #32
+        [  1101.554] master -> agent-1  accept-proposal #32
+        [  1177.214] master -> agent-0  cfp #35
+        [  1177.214] master -> agent-1  cfp #35
+        [  1178.214] agent-0 -> master  propose #35
+        [  1178.214] agent-1 -> master  propose #35
+        [  1179.214] master -> agent-1  reject-proposal #35
+        [  1181.214] master -> agent-0  accept-proposal #35
+        [  1254.625] agent-0 -> master  inform #25
+        [  1257.625] master -> agent-0  confirm #25
+        [  1421.133] agent-1 -> master  inform #32
+        [  1424.133] master -> agent-1  confirm #32
+        [  1489.205] agent-0 -> master  inform #35
+        [  1492.205] master -> agent-0  confirm #35
+        [  1492.205] master stops"#]]
     .assert_eq(&trace);
 }
 

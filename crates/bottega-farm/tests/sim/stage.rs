@@ -261,6 +261,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
             ..PartitionSettings::for_agents(Level::Balanced, agents.len(), frame)
         },
         registration: place.clone(),
+        knowledge: bottega_farm::Foreknowledge::default(),
     };
     simulator.add(&analyst, true, move || Analyst::new(config.clone()).into());
     let (last, others) = agents.split_last().expect("somebody paints");
@@ -275,6 +276,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
                 prefetch: 2,
                 heartbeat: timing.heartbeat,
                 expert: Expert::path_tracing(),
+                knowledge: bottega_farm::Foreknowledge::default(),
             })
             .into()
         });

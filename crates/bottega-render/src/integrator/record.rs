@@ -37,6 +37,8 @@ pub(crate) struct PathCounts {
     pub(crate) layered: u32,
     /// Textures of the surfaces at its vertices.
     pub(crate) lookups: u32,
+    /// Segments of it that lie in media.
+    pub(crate) media: u32,
 }
 
 impl PathCounts {

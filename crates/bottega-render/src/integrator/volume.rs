@@ -88,6 +88,7 @@ impl Path<'_> {
         let ray = Ray { t_max: reach, ..Ray::new(self.origin, self.direction) };
         let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Path));
         self.record.values.cost += STEPS;
+        self.record.counts.media += u32::from(self.medium.is_some());
         self.segment += 1;
         let cone = self.cone.at(hit.t);
         let point = hit.is_some().then(|| Interaction::new(prepared, &hit, self.origin, self.direction, cone));

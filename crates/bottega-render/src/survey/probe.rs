@@ -33,6 +33,8 @@ pub struct SurveyPixel {
     pub layered: f32,
     /// Textures of the surfaces that one path meets.
     pub lookups: f32,
+    /// Segments of one path that lie in media.
+    pub media: f32,
     /// Share of the luminance that came over more than one scattering, 0..=1.
     pub indirect: f32,
     /// Standard deviation of the luminance of [`albedo`](Self::albedo) over the samples.
@@ -81,6 +83,7 @@ fn seen_by(samples: &[PathRecord]) -> SurveyPixel {
         pixel.shadow_rays += record.counts.shadow_rays as f32 * share;
         pixel.layered += record.counts.layered as f32 * share;
         pixel.lookups += record.counts.lookups as f32 * share;
+        pixel.media += record.counts.media as f32 * share;
         covered += values.alpha;
         indirect += record.indirect();
     }

@@ -29,6 +29,7 @@ use crate::{
     denoise,
     engines::{ExternalPainter, SceneFiles, agent_rules, choice_rules},
     error::Error,
+    experience::{self, measured},
     journal::PictureJournal,
     loaded_scene::LoadedScene,
     picture::Picture,
@@ -202,18 +203,19 @@ impl Session {
         if let Painter::Own(own) = &painter {
             own.crew.notes.iter().for_each(|note| tracing::warn!("{note}"));
         }
-        let settings = JobSettings { engine_choice: choice, ..painter.settings().clone() };
         let session = Self::new(request, SessionOptions::default(), painter, notes, begun);
+        let settings = JobSettings { engine_choice: choice, ..session.settings.clone() };
         Ok(Self { settings, asked: part.asked.clone(), ..session })
     }
 
     /// Without denoiser and journal.
     fn new(request: &Request, options: SessionOptions, painter: Painter, notes: Vec<String>, begun: Instant) -> Self {
+        let settings = painter.settings().clone();
         Self {
             request: request.clone(),
             asked: request.clone(),
             options,
-            settings: painter.settings().clone(),
+            settings: JobSettings { technique: painter.technique(&settings).into(), ..settings },
             painter,
             denoiser: None,
             notes,
@@ -316,10 +318,21 @@ impl Session {
     ///
     /// # Errors
     /// The agents came to no picture, zones failed, or the picture cannot be written. What was painted is kept beside the output.
-    pub fn render(self, watcher: Arc<dyn Watcher>, stop: &StopSwitch) -> Result<Picture, Error> {
-        let (painting, tools) = self.begin(Arc::new(Reporter::new(watcher)))?;
+    pub fn render(mut self, watcher: Arc<dyn Watcher>, stop: &StopSwitch) -> Result<Picture, Error> {
+        let reporter = Arc::new(Reporter::new(watcher));
+        let (learnt, warning) = experience::read();
+        if let Some(warning) = warning {
+            reporter.warn(warning);
+        }
+        self.settings.experience = Arc::new(learnt);
+        let (painting, tools) = self.begin(reporter)?;
         let PaintingTools { settings, engine, observer, store, kept } = tools;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
+        for lesson in report.lessons.values() {
+            if let Err(reason) = experience::keep(lesson) {
+                painting.reporter().warn(format!("what was learnt in this job is not kept: {reason}"));
+            }
+        }
         painting.finish(report, stop)?.close()
     }
 
@@ -348,7 +361,7 @@ impl Session {
             Some((_, recorder)) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
             None => (engine, observer),
         };
-        let tools = PaintingTools { settings: self.settings.clone(), engine, observer, store, kept };
+        let tools = PaintingTools { settings: measured(self.settings.clone()), engine, observer, store, kept };
         let Self { request, asked, painter, settings, denoiser, options, .. } = self;
         let timeline = options.timeline;
         let active =
@@ -358,7 +371,7 @@ impl Session {
 
     /// What painting for others takes. They lead, and are told.
     pub fn tools(&self) -> PaintingTools {
-        let (settings, engine) = (self.settings.clone(), self.painter.engine());
+        let (settings, engine) = (measured(self.settings.clone()), self.painter.engine());
         PaintingTools { settings, engine, observer: Arc::new(()), store: None, kept: None }
     }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bottega_engines::RenderEngine;
-use bottega_farm::{JobReport, JobSettings};
+use bottega_farm::{JobReport, JobSettings, Optimization};
 use bottega_image::{Metadata, Rect, seams};
 use bottega_scene::RenderHints;
 
@@ -40,6 +40,25 @@ impl Painter {
             Self::Own(own) => &own.settings,
             Self::Other(painter) => &painter.settings,
         }
+    }
+
+    /// What decides how long a path takes, beside the scene: what is learnt of times is learnt of that.
+    pub(super) fn technique(&self, settings: &JobSettings) -> String {
+        let mut technique = match self {
+            Self::Own(own) => {
+                let progressive = own.method.photons.is_some_and(|photons| photons.progressive);
+                let devices = own.crew.gpus.iter().map(|gpu| format!(" on {gpu}")).collect::<String>();
+                format!("builtin {}{}{devices}", own.method.word(), if progressive { " progressive" } else { "" })
+            }
+            Self::Other(painter) => painter.title(),
+        };
+        if settings.optimization != Optimization::Off {
+            technique += &format!(" at {}", settings.optimization);
+        }
+        if settings.tunables.light_samples > 1 {
+            technique += &format!(" with {} light samples", settings.tunables.light_samples);
+        }
+        technique
     }
 
     pub(super) fn counter(&self) -> Box<dyn Fn() -> u64 + Send> {

@@ -9,7 +9,14 @@ use bottega_denoise::Denoiser;
 use bottega_farm::{JobReport, JobSettings, StopSwitch, simulate::Recorder};
 
 use super::{lighting_agents, occupation, painter::Painter, reporter::Reporter};
-use crate::{denoise, error::Error, events::Event, picture::Picture, request::Request, text::shown};
+use crate::{
+    denoise,
+    error::Error,
+    events::{Event, ForecastEvent},
+    picture::Picture,
+    request::Request,
+    text::shown,
+};
 
 /// A session whose picture is being painted.
 pub struct ActiveSession {
@@ -50,6 +57,9 @@ impl ActiveSession {
     pub fn finish(self, report: JobReport, stop: &StopSwitch) -> Result<Picture, Error> {
         let Self { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline } = self;
         reporter.finish();
+        if let Some(forecast) = &report.forecast {
+            reporter.tell(Event::Forecast(ForecastEvent::new(forecast, report.jobs_learnt)));
+        }
         painter.tell(&settings, &report, &reporter)?;
         if let Painter::Own(own) = &painter {
             occupation::tell(own, timeline.as_deref(), &reporter);

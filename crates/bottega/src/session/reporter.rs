@@ -23,6 +23,9 @@ const TELL_EVERY: Duration = Duration::from_millis(500);
 /// The speed shown is that of the last so many seconds.
 const SPEED_OVER: Duration = Duration::from_secs(3);
 
+/// When so much of the cost is done, the time that is left is told by how long that took alone.
+const SHARE_SEEN: f64 = 0.1;
+
 /// Tells a watcher what happens.
 pub struct Reporter {
     watcher: Arc<dyn Watcher>,
@@ -50,6 +53,8 @@ struct WorkRate {
     begun: Instant,
     /// The farm's last word.
     said: Option<Progress>,
+    /// When that was.
+    said_at: Instant,
     /// Samples that were there before the engine took any.
     kept: u64,
     /// Their share of the predicted cost.
@@ -61,8 +66,15 @@ struct WorkRate {
 impl Reporter {
     /// Tells `watcher`.
     pub fn new(watcher: Arc<dyn Watcher>) -> Self {
-        let pace =
-            Mutex::new(WorkRate { begun: Instant::now(), said: None, kept: 0, kept_cost: 0.0, marks: VecDeque::new() });
+        let now = Instant::now();
+        let pace = Mutex::new(WorkRate {
+            begun: now,
+            said: None,
+            said_at: now,
+            kept: 0,
+            kept_cost: 0.0,
+            marks: VecDeque::new(),
+        });
         Self { watcher, pace, rounds: Mutex::default(), watch: OnceLock::new(), show: OnceLock::new() }
     }
 
@@ -181,11 +193,19 @@ impl WorkRate {
         let cost_done = said.cost_done + (1.0 - said.cost_done) * share;
         let elapsed = self.begun.elapsed();
         let to_go = elapsed.as_secs_f64() * (1.0 - cost_done) / (cost_done - self.kept_cost);
+        let to_go = Some(to_go).filter(|_| cost_done > self.kept_cost);
+        // Before much is painted the farm may know better, from the works before.
+        let known = said.left.map(|left| left.saturating_sub(self.said_at.elapsed()).as_secs_f64());
+        let seen = ((cost_done - self.kept_cost) / SHARE_SEEN).clamp(0.0, 1.0);
+        let to_go = match (to_go, known) {
+            (Some(to_go), Some(known)) => Some(seen * to_go + (1.0 - seen) * known),
+            (to_go, known) => to_go.or(known),
+        };
         let progress = Progress {
             samples_done: (said.samples_done + under_way).min(said.samples),
             cost_done,
             elapsed,
-            left: Duration::try_from_secs_f64(to_go).ok().filter(|_| cost_done > self.kept_cost),
+            left: to_go.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()),
             ..*said
         };
         Some((progress, speed))
@@ -227,7 +247,7 @@ impl Observer for Reporter {
             pace.kept = progress.samples_done;
             pace.kept_cost = progress.cost_done;
         }
-        pace.said = Some(*progress);
+        (pace.said, pace.said_at) = (Some(*progress), Instant::now());
     }
 
     fn message(&self, now: Time, message: &FarmMessage) {

@@ -236,7 +236,7 @@ impl HostileAgent {
                 _ => error = Some(self.one_of(&[f64::NAN, -1.0, 0.0, f64::INFINITY])),
             }
         }
-        Painting { choice, result, time_measured, goal, time_left, error }
+        Painting { choice, result, time_measured, busy: time_measured, goal, time_left, error }
     }
 
     /// What it says of its orders when it says that it lives.
@@ -386,8 +386,15 @@ impl HostileAgent {
         let Some((order, conversation)) = known.cloned() else { return };
         let choice = order.row.choice.unwrap_or(Choice::unchanged(&order.work.settings));
         let time = Duration::from_secs(1);
-        let painting =
-            Painting { choice, result, time_measured: time, goal: choice.samples, time_left: time, error: None };
+        let painting = Painting {
+            choice,
+            result,
+            time_measured: time,
+            goal: choice.samples,
+            time_left: time,
+            busy: time,
+            error: None,
+        };
         let report = Arc::new(Report { zone, fence, outcome: Ok(painting), reasons: None });
         actions.push(self.tell(Performative::Inform, FarmContent::Report(report), conversation));
     }

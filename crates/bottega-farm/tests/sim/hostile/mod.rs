@@ -127,6 +127,7 @@ fn add_master(platform: &mut Platform, siege: &Siege, seed: u64) {
             ..PartitionSettings::for_agents(Level::Balanced, 3, frame)
         },
         registration: None,
+        knowledge: bottega_farm::Foreknowledge::default(),
     };
     platform.add(&config.id.clone(), siege.faulty, move || AnyAgent::Farm(Analyst::new(config.clone()).into()));
 }
@@ -140,6 +141,7 @@ fn add_honest(platform: &mut Platform, siege: &Siege) {
             prefetch: 2,
             heartbeat: Timing::default().heartbeat,
             expert: Expert::path_tracing(),
+            knowledge: bottega_farm::Foreknowledge::default(),
         };
         platform.add(&id, siege.faulty, move || AnyAgent::Farm(RenderAgent::new(config.clone()).into()));
     }
@@ -247,7 +249,10 @@ fn assert_whole(platform: &Platform, siege: &Siege, seed: u64) {
     }
     let honest = names("agent", siege.honest.len()).into_iter().chain(names("polite", siege.polite));
     for id in honest {
-        assert_eq!(world.left_out.get(&id), None, "seed {seed}: {id} is left out");
+        // Two who agree are believed: --verify 2 promises nothing against two that are hostile together.
+        let by_two = |reason: &str| reason.contains("is not what") && reason.matches("hostile-").count() == 2;
+        let left_out = world.left_out.get(&id).filter(|reason| !by_two(reason));
+        assert_eq!(left_out, None, "seed {seed}: {id} is left out");
         let Some(AnyAgent::Farm(FarmAgent::Render(agent))) = platform.machine(&id) else { continue };
         for (zone, fence) in agent.hands() {
             let is_taken = world.zones[&zone].result.is_some_and(|result| result.fence == fence);

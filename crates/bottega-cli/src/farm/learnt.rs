@@ -1,0 +1,92 @@
+//! `bottega machines show` and `forget`: what machines have learnt of how long zones take them.
+
+use std::process::ExitCode;
+
+use bottega_cluster::JobBoard;
+use bottega_farm::{Experience, LearntFactor};
+use serde_json::json;
+
+use super::args::FarmArgs;
+use crate::error::CliError;
+
+/// Shows what a machine has learnt: at the farm by its name, or this one by itself.
+pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, CliError> {
+    let Some(name) = machine else {
+        let (experience, warning) = bottega::experience::read();
+        if let Some(warning) = warning {
+            return Err(CliError::failed(warning, "`bottega machines forget` removes it"));
+        }
+        let power = bottega::experience::kept_benchmark().map(bottega_farm::RelativePower::get);
+        tell("this machine", power, None, &experience, farm.json);
+        return Ok(ExitCode::SUCCESS);
+    };
+    let board = farm.board()?;
+    let experience = board.experience(name);
+    let reliability = board.reliabilities().get(name).copied();
+    if experience.is_empty() && reliability.is_none() {
+        return Err(unknown(&board, name));
+    }
+    tell(name, None, reliability, &experience, farm.json);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Has a machine begin anew: at the farm by its name, or this one by itself.
+pub(super) fn forget(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, CliError> {
+    let (name, is_forgotten) = match machine {
+        Some(name) => {
+            let board = farm.board()?;
+            if !board.forget_machine(name)? {
+                return Err(unknown(&board, name));
+            }
+            (name, true)
+        }
+        None => {
+            let forgotten = bottega::experience::forget().map_err(|error| {
+                let what = format!("cannot forget {}: {error}", bottega::experience::path().display());
+                CliError::failed(what, "remove the file by hand")
+            })?;
+            ("this machine", forgotten)
+        }
+    };
+    match (farm.json, is_forgotten) {
+        (true, _) => println!("{}", json!({ "machine": name, "forgotten": is_forgotten })),
+        (false, true) => println!("{name} begins anew"),
+        (false, false) => println!("{name} has learnt nothing yet"),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn unknown(board: &JobBoard, name: &str) -> CliError {
+    let known = board.experienced();
+    let remedy = match known.is_empty() {
+        true => "machines learn in the jobs that they paint for a farm".to_owned(),
+        false => format!("something is known of {}", known.join(", ")),
+    };
+    CliError::failed(format!("nothing was learnt of a machine `{name}`"), remedy)
+}
+
+/// - `power`: V_cp by the benchmark.
+/// - `reliability`: how far its promises held.
+fn tell(name: &str, power: Option<f64>, reliability: Option<f64>, experience: &Experience, as_json: bool) {
+    let factors = experience.factors();
+    if as_json {
+        let told = json!({ "machine": name, "benchmark": power, "reliability": reliability,
+            "jobs": experience.jobs(), "factors": factors });
+        println!("{told}");
+        return;
+    }
+    println!("{name}: learnt in {} jobs", experience.jobs());
+    if let Some(power) = power {
+        println!("V_cp by the benchmark: {power:.3}");
+    }
+    if let Some(reliability) = reliability {
+        println!("its promises held: {:.0} %", 100.0 * reliability);
+    }
+    if factors.is_empty() {
+        return;
+    }
+    println!("{:<6} {:>7} {:>6} {:>5}  tasks", "of", "factor", "zones", "age");
+    for LearntFactor { of, tasks, factor, zones, age } in factors {
+        println!("{of:<6} {factor:>7.3} {zones:>6.1} {age:>5}  {tasks}");
+    }
+}

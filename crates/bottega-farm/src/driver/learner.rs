@@ -1,0 +1,241 @@
+//! What is learnt in a job of how long zones take: by whoever leads it, from what the Blackboard says.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+    time::Duration,
+};
+
+use bottega_agents::{AgentId, Revision, machine_of};
+
+use crate::{
+    AgentRow, Choice, Forecast, JobLesson, PaintedZone, RelativePower, Report, TaskFeatures, TaskOutlook, WorkRow,
+    ZoneId, ZoneRow, ZoneState,
+};
+
+/// Follows the rows of a job. Zones that are cut, and works whose analysis another process has made, teach nothing.
+#[derive(Debug, Default)]
+pub(super) struct Learner {
+    technique: Arc<str>,
+    features: Option<TaskFeatures>,
+    /// What the survey says of each zone, by id.
+    outlooks: Arc<[TaskOutlook]>,
+    /// T_est of each zone before anybody had seen it, in reference-machine time.
+    expected: BTreeMap<ZoneId, Duration>,
+    /// The order by which a zone is in hand: what it is to be painted with, and the samples that it had.
+    orders: BTreeMap<ZoneId, (Option<Choice>, u32)>,
+    cut: BTreeSet<ZoneId>,
+    /// V_cp of each agent, as it was told first and last.
+    powers: BTreeMap<AgentId, [RelativePower; 2]>,
+    /// What an agent says that its last painting of a zone took, in its own time, and under which order.
+    told: BTreeMap<ZoneId, (Revision, Duration)>,
+    done: BTreeMap<ZoneId, DoneZone>,
+}
+
+/// A zone that was painted as a whole.
+#[derive(Clone, Debug)]
+struct DoneZone {
+    agent: AgentId,
+    /// What all its samples took, in the agent's own time.
+    time: Duration,
+}
+
+impl Learner {
+    pub(super) fn new(technique: &Arc<str>) -> Self {
+        Self { technique: Arc::clone(technique), ..Self::default() }
+    }
+
+    /// The zones are cut.
+    pub(super) fn begin(&mut self, outlooks: Arc<[TaskOutlook]>) {
+        self.outlooks = outlooks;
+    }
+
+    pub(super) fn see_work(&mut self, work: &WorkRow) {
+        self.features = Some(work.features);
+    }
+
+    pub(super) fn see_agent(&mut self, row: &AgentRow) {
+        self.powers.entry(row.agent.clone()).or_insert([row.power; 2])[1] = row.power;
+    }
+
+    /// The Master is told of a zone.
+    pub(super) fn hear(&mut self, report: &Report) {
+        if let Ok(painting) = &report.outcome {
+            self.told.insert(report.zone, (report.fence, painting.busy));
+        }
+    }
+
+    pub(super) fn see_zone(&mut self, row: &ZoneRow) {
+        if row.piece.is_some() || row.cut.is_some() {
+            self.cut.insert(row.root());
+            return;
+        }
+        match (row.state, row.time_estimated) {
+            (ZoneState::Open, Some(expected)) if row.result.is_none() && row.attempt == 0 => {
+                self.expected.entry(row.zone).or_insert(expected);
+            }
+            (ZoneState::Profiling, _) => _ = self.orders.insert(row.zone, (row.choice, 0)),
+            (ZoneState::Awarded, _) => _ = self.orders.insert(row.zone, (row.choice, row.samples_done())),
+            (ZoneState::Done, _) => self.see_done(row),
+            _ => {}
+        }
+    }
+
+    fn see_done(&mut self, row: &ZoneRow) {
+        let (Some(agent), Some(result)) = (&row.agent, row.result) else { return };
+        let Some((_, time)) = self.told.get(&row.zone).filter(|(fence, _)| *fence == result.fence) else { return };
+        let Some((choice, before)) = self.orders.get(&row.zone) else { return };
+        // Who decides otherwise than the one that profiled it begins anew.
+        let before = if *choice == row.choice { *before } else { 0 };
+        let painted = result.samples.saturating_sub(before);
+        if painted > 0 {
+            let time = time.mul_f64(f64::from(result.samples) / f64::from(painted));
+            self.done.insert(row.zone, DoneZone { agent: agent.clone(), time });
+        }
+    }
+
+    /// V_cp of a machine in the end; `None`: it is not known. Agents learn it from each other's estimates, so all may drift
+    /// together: in the mean of all machines it is what they began with.
+    fn power(&self, machine: &str) -> Option<RelativePower> {
+        let mean = |logs: &[f64]| logs.iter().sum::<f64>() / logs.len() as f64;
+        let mut changes: BTreeMap<&str, Vec<[f64; 2]>> = BTreeMap::new();
+        for (agent, powers) in &self.powers {
+            changes.entry(machine_of(&agent.name)).or_default().push(powers.map(|power| power.get().ln()));
+        }
+        let of = |powers: &Vec<[f64; 2]>, which: usize| mean(&powers.iter().map(|it| it[which]).collect::<Vec<_>>());
+        let drifts: Vec<f64> = changes.values().map(|powers| of(powers, 1) - of(powers, 0)).collect();
+        changes.get(machine).map(|powers| RelativePower::new((of(powers, 1) - mean(&drifts)).exp()))
+    }
+
+    /// The zones that can be compared with what was expected of them.
+    fn compared(&self) -> impl Iterator<Item = (ZoneId, Duration, &DoneZone)> {
+        let whole = self.done.iter().filter(|(zone, _)| !self.cut.contains(zone));
+        whole.filter_map(|(&zone, done)| Some((zone, *self.expected.get(&zone)?, done)))
+    }
+
+    /// How well the times of zones were known before anybody had seen them.
+    pub(super) fn forecast(&self) -> Option<Forecast> {
+        let pair = |(_, expected, done): (ZoneId, Duration, &DoneZone)| {
+            let power = self.power(machine_of(&done.agent.name))?;
+            Some((expected.as_secs_f64(), power.to_reference(done.time).as_secs_f64()))
+        };
+        Forecast::of(&self.compared().filter_map(pair).collect::<Vec<_>>())
+    }
+
+    /// What each machine has learnt, by its name.
+    ///
+    /// - `samples`: a pixel, as the user asked for them.
+    pub(super) fn lessons(&self, samples: u32) -> BTreeMap<String, JobLesson> {
+        let Some(features) = self.features else { return BTreeMap::new() };
+        let mut lessons: BTreeMap<String, JobLesson> = BTreeMap::new();
+        let new = || JobLesson { technique: Arc::clone(&self.technique), features, power: None, zones: Vec::new() };
+        for (zone, _, done) in self.compared() {
+            let Some(outlook) = self.outlooks.get(zone.0 as usize) else { continue };
+            let lesson = lessons.entry(machine_of(&done.agent.name).to_owned()).or_insert_with(new);
+            lesson.zones.push(PaintedZone { outlook: *outlook, samples, time: done.time });
+        }
+        // One machine alone learns nothing of how fast it is beside others.
+        if lessons.len() > 1 {
+            lessons.iter_mut().for_each(|(machine, lesson)| lesson.power = self.power(machine));
+        }
+        lessons
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_agents::BlobId;
+    use bottega_engines::Tunables;
+    use bottega_image::{Rect, Sides};
+
+    use super::*;
+    use crate::{NeighborDifference, Painting, ResultRef, WorkId};
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn choice(samples: u32, max_depth: u32) -> Choice {
+        Choice { tunables: Tunables { max_depth, light_samples: 1 }, samples, bands: Sides::all(0) }
+    }
+
+    fn row(zone: u32) -> ZoneRow {
+        let rect = Rect::of_size(8, 8);
+        let row = ZoneRow::open(WorkId(1), ZoneId(zone), rect, 64.0, NeighborDifference::default());
+        ZoneRow { time_estimated: Some(2 * SECOND), ..row }
+    }
+
+    fn result(samples: u32) -> Option<ResultRef> {
+        Some(ResultRef { fence: Revision(3), samples, digest: BlobId([0; 32]) })
+    }
+
+    fn report(zone: u32, samples: u32, chosen: Choice) -> Report {
+        let painting = Painting {
+            choice: chosen,
+            result: result(samples).unwrap(),
+            time_measured: SECOND,
+            busy: 4 * SECOND,
+            goal: samples,
+            time_left: SECOND,
+            error: None,
+        };
+        Report { zone: ZoneId(zone), fence: Revision(3), outcome: Ok(painting), reasons: None }
+    }
+
+    /// A zone that is profiled with 4 samples and painted with 16 more in 4 s.
+    fn painted(learner: &mut Learner, zone: u32, agent: &str, chosen: Choice) {
+        let agent = Some(AgentId::new(agent));
+        let row = row(zone);
+        learner.see_zone(&row);
+        learner.see_zone(&ZoneRow { state: ZoneState::Profiling, agent: agent.clone(), ..row.clone() });
+        let profiled = ZoneRow { choice: Some(choice(20, 8)), result: result(4), ..row };
+        learner.see_zone(&ZoneRow { state: ZoneState::Profiled, time_estimated: Some(SECOND), ..profiled.clone() });
+        learner.see_zone(&ZoneRow { state: ZoneState::Awarded, agent: agent.clone(), ..profiled.clone() });
+        learner.hear(&report(zone, 20, chosen));
+        let done = ZoneRow { state: ZoneState::Done, agent, choice: Some(chosen), result: result(20), ..profiled };
+        learner.see_zone(&done);
+    }
+
+    fn learner() -> Learner {
+        let mut learner = Learner::new(&"builtin path".into());
+        learner.begin(vec![TaskOutlook { sample_time: 0.1, features: TaskFeatures::default() }; 4].into());
+        learner.features = Some(TaskFeatures::default());
+        for (agent, power) in [("render-1@fast.7", 0.5), ("render-1@slow", 2.0)] {
+            learner.powers.insert(AgentId::new(agent), [RelativePower::new(power), RelativePower::new(3.0 * power)]);
+        }
+        learner
+    }
+
+    #[test]
+    fn each_machine_learns_from_its_own_zones_in_its_own_time() {
+        let mut learner = learner();
+        painted(&mut learner, 0, "render-1@fast.7", choice(20, 8));
+        painted(&mut learner, 1, "render-1@slow", choice(20, 8));
+        // Its rules decided otherwise: it began anew, and all samples are in the time.
+        painted(&mut learner, 2, "render-1@slow", choice(20, 4));
+        let lessons = learner.lessons(20);
+        let times =
+            |machine: &str| lessons[machine].zones.iter().map(|zone| zone.time.as_secs_f64()).collect::<Vec<_>>();
+        assert_eq!(lessons.len(), 2);
+        assert_eq!((times("fast"), times("slow")), (vec![5.0], vec![5.0, 4.0]));
+        // All drifted alike, which says nothing of them.
+        for (machine, power) in [("slow", 2.0), ("fast", 0.5)] {
+            assert!((lessons[machine].power.unwrap().get() - power).abs() < 1e-9, "{machine}");
+        }
+        // Expected were 2 s of the reference machine; it took 10, 2.5 and 2.
+        let forecast = learner.forecast().unwrap();
+        assert_eq!(forecast.zones, 3);
+        assert!((forecast.median_error - 0.2).abs() < 1e-9, "{forecast:?}");
+    }
+
+    #[test]
+    fn zones_in_pieces_and_works_that_others_began_teach_nothing() {
+        let mut learner = learner();
+        painted(&mut learner, 0, "render-1@slow", choice(20, 8));
+        let piece = ZoneRow { piece: Some(Rect::of_size(4, 8)), root: Some(ZoneId(0)), zone: ZoneId(9), ..row(0) };
+        learner.see_zone(&piece);
+        assert_eq!((learner.lessons(20).len(), learner.forecast()), (0, None));
+        let mut late = Learner { expected: BTreeMap::new(), ..self::learner() };
+        let done = ZoneRow { state: ZoneState::Done, result: result(20), time_measured: Some(SECOND), ..row(1) };
+        late.see_zone(&ZoneRow { agent: Some(AgentId::new("render-1@slow")), ..done });
+        assert!(late.lessons(20).is_empty());
+    }
+}
