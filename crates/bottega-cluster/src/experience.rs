@@ -1,4 +1,4 @@
-//! What machines have learnt of how long zones take them, kept by the farm.
+//! The experience of machines, kept by the farm: how long zones take them.
 //!
 //! - `experience/MACHINE`: written by whoever led a job that the machine painted, whether that is still there or not. Each machine
 //!   has its own, and is judged by that alone: what one of them says of itself counts for no other.

@@ -1,4 +1,4 @@
-//! What a machine has learnt, in the works before, of how long zones take it. ExperienceText in, text out; files are the caller's.
+//! The experience of a machine: how long zones took it in the works before. Text in, text out; files are the caller's.
 //!
 //! The survey predicts the time of a zone by a fitted sum of counts. What a machine learns is the logarithm of the
 //! measured time over that: a mean for the technique, what the kind of the picture adds to it, what the kind of the zone

@@ -1,4 +1,4 @@
-//! What this machine has learnt of how long zones take it, and how fast it is, kept from one run to the next.
+//! The experience of this machine: how long zones take it, and how fast it is, kept from one run to the next.
 //!
 //! Two files of [`state_folder`]: `experience.json` and `benchmark.json`. Several processes may read and write them at the same time: they
 //! are written whole or not at all, and who adds to the first holds `experience.lock`.

@@ -1,4 +1,4 @@
-//! What is learnt in a job of how long zones take: by whoever leads it, from what the Blackboard says.
+//! The learner of a job: how long zones take, by whoever leads it, from what the Blackboard says.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

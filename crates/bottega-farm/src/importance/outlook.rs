@@ -1,4 +1,4 @@
-//! What the survey says of how long zones take, before anybody has painted them.
+//! The outlook of zones: what the survey says of how long they take, before anybody has painted them.
 
 use bottega_engines::{Survey, SurveyPixel};
 use bottega_image::Rect;

@@ -1,4 +1,4 @@
-//! How a Render Agent comes to its Master, and leaves it: found in the yellow pages, suspended, resumed and ended by the AMS.
+//! The membership of a Render Agent: it finds its Master in the yellow pages, and is suspended, resumed and ended by the AMS.
 
 use bottega_agents::{
     Performative, Time,
