@@ -1,4 +1,4 @@
-//! How well the time of a zone is known before anybody has seen it: in a first job, and in a second of its kind.
+//! The forecast of zones: how well their time is known before anybody has seen them, in a first job and in a second of its kind.
 
 mod timed_engine;
 

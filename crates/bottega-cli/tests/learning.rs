@@ -1,4 +1,4 @@
-//! What a machine learns of the time of zones, from one run to the next.
+//! The learning of a machine: how well it knows the time of zones from one run to the next.
 
 mod support;
 
