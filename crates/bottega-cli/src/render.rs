@@ -88,6 +88,7 @@ fn options(args: &RenderArgs) -> SessionOptions {
         shows: args.dashboard.is_some(),
         record: args.record.clone(),
         timeline: args.timeline.clone(),
+        tev: args.tev.clone(),
     }
 }
 

@@ -98,6 +98,14 @@ pub fn write_picture_exr(
     write(&frame, &channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])
 }
 
+impl Film {
+    /// The channels that a file has of it, by name, each with its place in a pixel of [`values`](Self::values).
+    pub fn channels(&self) -> Vec<(String, usize)> {
+        let channels = film_channels(self.layout(), HalfOrFloat::Float);
+        channels.into_iter().map(|channel| (channel.name, channel.offset)).collect()
+    }
+}
+
 /// A channel of the file, and where its value lies in a pixel of the source.
 struct ExrChannel {
     name: String,

@@ -59,6 +59,7 @@ pub mod rules;
 pub mod session;
 pub mod settings;
 pub mod state;
+mod tev;
 pub mod text;
 
 pub use bottega_farm::StopSwitch;

@@ -179,6 +179,9 @@ pub(crate) struct RenderArgs {
     /// Show the picture in this PNG file while it is painted: coarse and complete at once, then better and better.
     #[arg(long, value_name = "FILE.png", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) preview: Option<PathBuf>,
+    /// Show all layers in tev, a viewer that runs there, while they are painted; its port is 14158 unless it is named.
+    #[arg(long, value_name = "HOST[:PORT]", conflicts_with_all = ["frames", "detach"], help_heading = "Output")]
+    pub(crate) tev: Option<String>,
     /// Write every message between the agents to this file.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) trace: Option<PathBuf>,

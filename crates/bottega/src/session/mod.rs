@@ -19,7 +19,7 @@ use bottega_engines::RenderEngine;
 use bottega_farm::{
     JobError, JobReport, JobSettings, JournalContents, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
 };
-use bottega_image::{Film, Metadata, Rect, check_writable};
+use bottega_image::{Film, Metadata, Rect, Tile, check_writable};
 use bottega_scene::Scene;
 
 use self::painter::Painter;
@@ -37,6 +37,7 @@ use crate::{
     request::Request,
     rules::{engine_choice, experts},
     settings::{goal, job_settings, shared_goal, tone},
+    tev::TevMirror,
 };
 
 /// The options of a session beside the picture. None of them changes a pixel.
@@ -52,6 +53,8 @@ pub struct SessionOptions {
     pub record: Option<PathBuf>,
     /// An SVG or JSON file for what processors and devices were at.
     pub timeline: Option<PathBuf>,
+    /// `HOST` or `HOST:PORT` of a viewer, tev, that shows all layers while they are painted.
+    pub tev: Option<String>,
 }
 
 /// A part in a picture that others paint, too: see [`Session::for_others`].
@@ -348,7 +351,7 @@ impl Session {
             Some(PictureJournal { path, store, kept }) => (Some(path), Some(store), kept),
             None => (None, None, None),
         };
-        self.show(&reporter, kept.as_ref())?;
+        let tev = self.show(&reporter, kept.as_ref())?;
         reporter.watch(self.painter.counter());
         if self.settings.goal != shared_goal(&self.request) {
             self.settings.goal = goal(&self.request, self.begun)?;
@@ -365,7 +368,7 @@ impl Session {
         let Self { request, asked, painter, settings, denoiser, options, .. } = self;
         let timeline = options.timeline;
         let active =
-            ActiveSession { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline };
+            ActiveSession { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline, tev };
         Ok((active, tools))
     }
 
@@ -394,7 +397,7 @@ impl Session {
     }
 
     /// From now on shows what is painted. What is kept of it is shown at once, amid what a look at the picture gives.
-    fn show(&self, reporter: &Arc<Reporter>, kept: Option<&JournalContents>) -> Result<(), Error> {
+    fn show(&self, reporter: &Arc<Reporter>, kept: Option<&JournalContents>) -> Result<Option<Arc<TevMirror>>, Error> {
         let SessionOptions { preview, shows, .. } = &self.options;
         let watch_faults = |painter: &ExternalPainter| {
             let (teller, title) = (Arc::downgrade(reporter), painter.title());
@@ -407,8 +410,11 @@ impl Session {
         if let Painter::Other(painter) = &self.painter {
             watch_faults(painter);
         }
+        let tev = self.mirror()?;
         if preview.is_none() && !shows {
-            return Ok(());
+            let mirror = tev.clone();
+            self.watch(move |tile| mirror.iter().for_each(|mirror| mirror.painted(tile)));
+            return Ok(tev);
         }
         let (settings, output) = (&self.settings, &self.request.output);
         let frame = Rect::of_size(settings.width, settings.height);
@@ -423,14 +429,32 @@ impl Session {
                     kept.tiles.values().for_each(|tile| show.painted(tile));
                 }
                 reporter.show(&show, own.subject.loaded);
-                own.engine.watch(move |tile| show.painted(tile));
             }
-            Painter::Other(painter) => {
-                reporter.show(&show, self.begun);
-                painter.engine.watch(move |tile| show.painted(tile));
-            }
+            Painter::Other(_) => reporter.show(&show, self.begun),
         }
-        Ok(())
+        let mirror = tev.clone();
+        self.watch(move |tile| {
+            show.painted(tile);
+            mirror.iter().for_each(|mirror| mirror.painted(tile));
+        });
+        Ok(tev)
+    }
+
+    /// Has a function see the blocks that are painted.
+    fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
+        match &self.painter {
+            Painter::Own(own) => own.engine.watch(watcher),
+            Painter::Other(painter) => painter.engine.watch(watcher),
+        }
+    }
+
+    /// The viewer that is to show the picture, if one is named.
+    fn mirror(&self) -> Result<Option<Arc<TevMirror>>, Error> {
+        let Some(host) = &self.options.tev else { return Ok(None) };
+        let JobSettings { width, height, layout, .. } = &self.settings;
+        let name = self.request.output.file.as_deref().unwrap_or(&self.request.scene.file);
+        let mirror = TevMirror::open(host, &crate::text::shown(name), (*width, *height), layout)?;
+        Ok(Some(Arc::new(mirror)))
     }
 }
 

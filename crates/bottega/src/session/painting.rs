@@ -15,6 +15,7 @@ use crate::{
     events::{Event, ForecastEvent},
     picture::Picture,
     request::Request,
+    tev::TevMirror,
     text::shown,
 };
 
@@ -32,6 +33,8 @@ pub struct ActiveSession {
     pub(super) journal: Option<PathBuf>,
     /// Where is written down what processors and devices were at.
     pub(super) timeline: Option<PathBuf>,
+    /// The viewer that shows the picture.
+    pub(super) tev: Option<Arc<TevMirror>>,
 }
 
 impl ActiveSession {
@@ -55,7 +58,7 @@ impl ActiveSession {
     /// # Errors
     /// The picture cannot be denoised, recorded or written.
     pub fn finish(self, report: JobReport, stop: &StopSwitch) -> Result<Picture, Error> {
-        let Self { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline } = self;
+        let Self { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline, tev } = self;
         reporter.finish();
         if let Some(forecast) = &report.forecast {
             reporter.tell(Event::Forecast(ForecastEvent::new(forecast, report.jobs_learnt)));
@@ -81,6 +84,9 @@ impl ActiveSession {
             && let Some(swarm) = own.engine.lighting_agents()
         {
             lighting_agents::tell(&swarm, &reporter, &mut metadata);
+        }
+        if let Some(Err(problem)) = tev.map(|tev| tev.finish(&report.film)) {
+            reporter.warn(format!("tev does not show the picture: {problem}"));
         }
         let alpha = painter.hints().is_some_and(|hints| hints.alpha);
         let picture = Picture { request, metadata, settings, report, alpha, reporter, journal };
