@@ -208,7 +208,7 @@ mod tests {
             ways: Ways::Ours,
             measured,
             survey: 0.1,
-            pair: Some(measured / 1.9),
+            pair: Some(measured / 1.95),
             replayed,
             zones: 64,
             error,
@@ -245,7 +245,7 @@ mod tests {
         assert!(text.contains("with the paper's set of rules: 2.04") && text.contains("paper's vb"), "{text}");
         assert!(text.contains("partition costs +2.0 %"), "{text}");
         assert!(text.contains("50.0 s m") && text.contains("6.7 s r") && text.contains("1:42.0 m"), "{text}");
-        assert!(text.contains("26.3 s m") && text.contains("10 of 10 within 5 %"), "{text}");
+        assert!(text.contains("25.6 s m") && text.contains("10 of 10 within 5 %"), "{text}");
         let json = as_json(&report());
         assert_eq!(json["table_2"].as_array().map(Vec::len), Some(5));
         assert_eq!(json["table_1"][2]["measured_seconds_1_agent"], json!(50.0));
