@@ -55,7 +55,7 @@ fn the_document_and_the_door_know_the_same_routes() {
                 Some("#/components/schemas/Submission") => {
                     r#"{"request":{"scene":{"file":"a.glb"}},"files":{"a.glb":"x"}}"#
                 }
-                Some("#/components/schemas/Urgency") => r#"{"priority":30}"#,
+                Some("#/components/schemas/PriorityChange") => r#"{"priority":30}"#,
                 Some("#/components/schemas/UploadOffer") => r#"{"name":"a","size":0,"digest":"x","chunks":[]}"#,
                 Some(other) => panic!("a new kind of body: {other}"),
                 None => "",
