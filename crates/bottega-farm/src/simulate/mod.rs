@@ -295,7 +295,13 @@ impl<'a> Play<'a> {
         if agents.is_empty() {
             return Err(SimulationError::NoAgents);
         }
-        let mut studio = SimulatedFarm::new(Arc::clone(piece), plan);
+        let mut studio = SimulatedFarm::new(
+            Arc::clone(piece),
+            [plan.fetch, plan.faults.latency_min],
+            plan.failures,
+            plan.inexact,
+            plan.seed,
+        );
         for machine in machines {
             studio.add_machine(f64::from(machine.processors), machine.speed);
         }

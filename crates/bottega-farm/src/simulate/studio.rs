@@ -9,7 +9,6 @@ use bottega_agents::{
 use rustc_hash::FxHashMap;
 
 use super::{
-    Plan,
     film::{FilmLog, digest, flaw, signed, unsigned},
     machines::{Machines, PaintJob},
     workpiece::Workpiece,
@@ -112,9 +111,14 @@ pub(super) struct SimulatedFarm {
 }
 
 impl SimulatedFarm {
-    /// What a plan says of it.
-    pub(super) fn new(piece: Arc<Workpiece>, plan: &Plan) -> Self {
-        let Plan { fetch, failures, inexact, seed, .. } = *plan;
+    /// - `fetch`: how long an agent takes to get the scene; `latency`: what a message takes at least.
+    pub(super) fn new(
+        piece: Arc<Workpiece>,
+        [fetch, latency]: [Duration; 2],
+        failures: f64,
+        inexact: bool,
+        seed: u64,
+    ) -> Self {
         Self {
             film: FilmLog::new(piece.zone_count()),
             piece,
@@ -125,7 +129,7 @@ impl SimulatedFarm {
             failures,
             inexact,
             fetch,
-            latency: plan.faults.latency_min,
+            latency,
             random: Random::new(seed ^ 0x57d1),
             done: Vec::new(),
             spans: Vec::new(),

@@ -8,7 +8,7 @@ use glam::Vec2;
 use super::{
     super::record::PathRecord,
     setup::PathIntegrator,
-    trial::{BothTrials, Trial},
+    trial::{BothTrials, LEARNING_SEED, Trial},
 };
 use crate::{
     PathSettings, PreparedScene, Prepass, RenderError, Sharing, View,
@@ -19,9 +19,6 @@ use crate::{
 
 /// Bounces of the paths that the guide learns from.
 const LEARNING_DEPTH: u32 = 24;
-/// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
-/// samples.
-pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 
 impl<'a> PathIntegrator<'a> {
     /// An integrator for the picture `view`.

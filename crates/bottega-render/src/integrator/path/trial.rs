@@ -11,7 +11,7 @@ use bottega_kernels::compiled;
 use bottega_scene::Spectrum;
 use rayon::prelude::*;
 
-use super::{super::record::PathRecord, learn::LEARNING_SEED, setup::PathIntegrator};
+use super::{super::record::PathRecord, setup::PathIntegrator};
 use crate::{
     AgentUse, PathSettings, RenderError, Sharing,
     guide::Guide,
@@ -21,6 +21,9 @@ use crate::{
     sharing::in_parts,
 };
 
+/// Seed of the paths that the guide learns from and is tried by, which no picture shares: what is learnt must not know the picture's
+/// samples.
+pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// Samples of the whole picture for each that is tried, and pixels that are tried, at most.
 const SAMPLES_PER_TRIED: u64 = 48;
 const PIXELS_MAX: u64 = 4096;
