@@ -18,7 +18,7 @@ use bottega_image::Tile;
 use bottega_render::{
     AgentUse, PreparedScene, Prepass, View,
     ala::AgentReport,
-    integrator::PathIntegrator,
+    integrator::{PathIntegrator, learn_together},
     photon::{MapBytes, cast_photons},
 };
 
@@ -127,11 +127,11 @@ impl BuiltinEngine {
     fn prepared(&self, others: Option<&dyn Sharing>) -> Result<(), EngineError> {
         // With the settings of the user: a zone whose settings are lowered must not be the one from which all learn.
         let Shared { scene, prepass, options, .. } = &*self.shared;
-        let prepared = match options.settings.photons {
-            None => PathIntegrator::new(scene, prepass, options.view, &options.settings).map(|_| ()),
-            Some(_) => {
-                cast_photons(scene, prepass, options.view, &options.settings, &self.resources.hra.client(), others)
-            }
+        let (view, settings) = (options.view, &options.settings);
+        let prepared = match (settings.photons, others) {
+            (None, None) => PathIntegrator::new(scene, prepass, view, settings).map(|_| ()),
+            (None, Some(others)) => learn_together(scene, prepass, view, settings, others),
+            (Some(_), _) => cast_photons(scene, prepass, view, settings, &self.resources.hra.client(), others),
         };
         prepared.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
@@ -161,8 +161,7 @@ impl RenderEngine for BuiltinEngine {
     }
 
     fn prepare_with(&self, others: &dyn Sharing) -> Result<(), EngineError> {
-        // What guides paths is learnt by one, and told.
-        if self.shared.options.settings.photons.is_some() { self.prepared(Some(others)) } else { Ok(()) }
+        self.prepared(Some(others))
     }
 
     fn learnt(&self) -> Option<Vec<u8>> {

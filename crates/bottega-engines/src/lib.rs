@@ -10,6 +10,7 @@
 //! | the contract between farm and engine | `src/engine.rs` |
 //! | the built-in engine: zones as work units, blocks or waves of paths | `src/builtin.rs`, `src/builtin/zone.rs`, `src/builtin/waves.rs` |
 //! | processors and devices behind one allocator | `src/builtin/resources.rs` |
+//! | what would be shared with other machines, done alone by the clock | `src/lone_hand.rs` |
 //! | two engines that paint one picture | `src/mixed.rs` |
 //! | manifests: read, found, shipped | `src/external/manifest.rs`, `src/external/shelf.rs`, `src/external/shipped.rs`; the files: `engines/` |
 //! | where an engine is on this machine | `src/external/locate.rs` |
@@ -24,6 +25,7 @@
 mod builtin;
 mod engine;
 pub mod external;
+mod lone_hand;
 mod mixed;
 
 pub use bottega_render::{
@@ -35,4 +37,5 @@ pub use engine::{
     CancelSwitch, EngineDescription, EngineError, EnginePreference, Painted, RenderEngine, TaskProgress, Tunables,
     ZoneCallback, ZoneTask,
 };
+pub use lone_hand::{LoneHand, SharedTime};
 pub use mixed::MixedEngine;

@@ -78,6 +78,11 @@ impl Prepass {
         Arc::clone(self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
+    /// Whether that has been learnt.
+    pub(crate) fn has_guide(&self, view: View, settings: &PathSettings) -> bool {
+        self.guide_place(learnt_for(view, settings)).get().is_some()
+    }
+
     /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing
     /// yet.
     pub fn learnt(&self, prepared: &PreparedScene, view: View, settings: &PathSettings) -> Option<Vec<u8>> {

@@ -1,6 +1,6 @@
-//! Work before a picture that those who paint it share out among them: maps of photons, lighting agents.
+//! Work before a picture that those who paint it share out among them: maps of photons, lighting agents, the trial of a guide.
 
-use std::cell::Cell;
+use std::{cell::Cell, ops::Range};
 
 use bottega_hra::{HraClient, WorkUnit};
 
@@ -57,23 +57,41 @@ impl<'a> Hands<'a> {
             outputs.map(|output| answer(output).ok_or(RenderError::Unanswered)).collect::<Result<Vec<T>, _>>()
         };
         let Some(others) = self.others.filter(|_| works.len() >= SHARED_MIN) else { return here(works) };
-        let parts: Vec<&[RenderWork]> = works.chunks(works.len().div_ceil(PARTS_MAX)).collect();
         let stage = self.stage.replace(self.stage.get() + 1);
-        let told = others.share(stage, parts.len() as u32, &mut |part| {
-            let mut to = Writer::default();
-            here(parts[part as usize].to_vec())?.iter().for_each(|found| found.write(&mut to));
-            Ok(to.0)
-        })?;
-        let mut all = Vec::with_capacity(works.len());
-        for (part, bytes) in parts.iter().zip(&told) {
-            // What cannot be read is found here.
-            match found(bytes, part.len()) {
-                Some(mut found) => all.append(&mut found),
-                None => all.append(&mut here(part.to_vec())?),
-            }
-        }
-        Ok(all)
+        in_parts(others, stage, works.len(), PARTS_MAX, |part| here(works[part].to_vec()))
     }
+}
+
+/// Has a stage of work done by all. Returns what came of each of `count` pieces of it, in order.
+///
+/// - `parts`: into how many parts it is cut at most, each of as many pieces but the last.
+/// - `here`: does pieces here; what comes of each depends on it alone.
+///
+/// # Errors
+/// As [`Sharing::share`].
+pub(crate) fn in_parts<T: ByteForm>(
+    others: &dyn Sharing,
+    stage: u32,
+    count: usize,
+    parts: usize,
+    here: impl Fn(Range<usize>) -> Result<Vec<T>, RenderError>,
+) -> Result<Vec<T>, RenderError> {
+    let size = count.div_ceil(parts).max(1);
+    let part = |number: usize| number * size..count.min((number + 1) * size);
+    let told = others.share(stage, count.div_ceil(size) as u32, &mut |number| {
+        let mut to = Writer::default();
+        here(part(number as usize))?.iter().for_each(|found| found.write(&mut to));
+        Ok(to.0)
+    })?;
+    let mut all = Vec::with_capacity(count);
+    for (number, bytes) in told.iter().enumerate() {
+        // What cannot be read is found here.
+        match found(bytes, part(number).len()) {
+            Some(mut found) => all.append(&mut found),
+            None => all.append(&mut here(part(number))?),
+        }
+    }
+    Ok(all)
 }
 
 /// What others have told of so many units of work.

@@ -295,7 +295,13 @@ impl<'a> Play<'a> {
         if agents.is_empty() {
             return Err(SimulationError::NoAgents);
         }
-        let mut studio = SimulatedFarm::new(Arc::clone(piece), plan.fetch, plan.failures, plan.inexact, plan.seed);
+        let mut studio = SimulatedFarm::new(
+            Arc::clone(piece),
+            [plan.fetch, plan.faults.latency_min],
+            plan.failures,
+            plan.inexact,
+            plan.seed,
+        );
         for machine in machines {
             studio.add_machine(f64::from(machine.processors), machine.speed);
         }
@@ -307,6 +313,7 @@ impl<'a> Play<'a> {
             let error = 1.0 + plan.benchmark_error * (2.0 * random.unit() - 1.0);
             let seat = Seat {
                 machine: agent.machine,
+                joins: agent.joins,
                 power: RelativePower::new(piece.relative_power / speed * error),
                 lanes: f64::from(processors) / f64::from(neighbors[agent.machine]),
                 busy: 0.0,

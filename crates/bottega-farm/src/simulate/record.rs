@@ -37,6 +37,10 @@ pub struct Record {
     pub survey: Duration,
     /// Wall time in which the engine made what all zones need.
     pub preparation: Duration,
+    /// How much of it machines share out among them.
+    pub shared_preparation: Duration,
+    /// In how many stages: each waits for the one before.
+    pub shared_stages: u32,
     /// Time that composition took.
     pub composition: Duration,
 }
@@ -195,6 +199,12 @@ impl Record {
         }
         if !(1e-4..=1e4).contains(&self.relative_power) {
             return wrong("relative_power", "must be from 0.0001 to 10000");
+        }
+        if self.shared_preparation > self.preparation || self.shared_stages > 1 << 10 {
+            return wrong(
+                "shared_preparation_seconds",
+                "must be a part of `preparation_seconds`, in 1024 stages at most",
+            );
         }
         let is_sound = |value: f64| value.is_finite() && value >= 0.0;
         for (index, zone) in self.zones.iter().enumerate() {

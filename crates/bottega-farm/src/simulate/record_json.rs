@@ -40,6 +40,10 @@ struct RecordJson {
     total_seconds: f64,
     survey_seconds: f64,
     preparation_seconds: f64,
+    #[serde(default)]
+    shared_preparation_seconds: f64,
+    #[serde(default)]
+    shared_stages: u32,
     composition_seconds: f64,
     zones: Vec<ZoneJson>,
     /// Nanoseconds for one sample of one pixel, for each 16 × 16 pixels, row by row.
@@ -84,6 +88,8 @@ impl Record {
             total_seconds: self.total.as_secs_f64(),
             survey_seconds: self.survey.as_secs_f64(),
             preparation_seconds: self.preparation.as_secs_f64(),
+            shared_preparation_seconds: self.shared_preparation.as_secs_f64(),
+            shared_stages: self.shared_stages,
             composition_seconds: self.composition.as_secs_f64(),
             zones: self.zones.iter().map(zone_json).collect(),
             cost_nanoseconds: self.costs.density.iter().map(|seconds| (seconds * 1e9 * 1e3).round() / 1e3).collect(),
@@ -149,6 +155,8 @@ fn record(json: RecordJson) -> Result<Record, RecordError> {
         total: time("total_seconds", json.total_seconds)?,
         survey: time("survey_seconds", json.survey_seconds)?,
         preparation: time("preparation_seconds", json.preparation_seconds)?,
+        shared_preparation: time("shared_preparation_seconds", json.shared_preparation_seconds)?,
+        shared_stages: json.shared_stages,
         composition: time("composition_seconds", json.composition_seconds)?,
     })
 }
@@ -242,6 +250,8 @@ pub(super) mod tests {
             total: Duration::from_secs_f64(1.75),
             survey: Duration::from_millis(200),
             preparation: Duration::from_millis(100),
+            shared_preparation: Duration::from_millis(40),
+            shared_stages: 1,
             composition: Duration::from_millis(2),
         }
     }

@@ -7,7 +7,10 @@ use std::{
 };
 
 use bottega_agents::{AgentId, Time};
-use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Sharing, Survey, ZoneCallback, ZoneTask};
+use bottega_engines::{
+    EngineDescription, EngineError, LoneHand, Painted, RenderEngine, SharedTime, Sharing, Survey, ZoneCallback,
+    ZoneTask,
+};
 use bottega_image::Rect;
 
 use super::record::{CostGrid, Record, RecordError, RecordedZone};
@@ -28,6 +31,8 @@ struct RecorderLog {
     /// The zones as the Analyst has made them.
     zones: BTreeMap<crate::ZoneId, ZoneRow>,
     power: Option<f64>,
+    /// What was prepared that machines of a farm share.
+    shared: SharedTime,
     tasks: Vec<Task>,
 }
 
@@ -102,6 +107,8 @@ impl Recorder {
             total: report.times.total,
             survey: report.times.survey,
             preparation: report.times.preparation,
+            shared_preparation: log.shared.time.min(report.times.preparation),
+            shared_stages: log.shared.stages,
             composition: report.times.composition,
         };
         record.check()?;
@@ -131,6 +138,9 @@ impl RenderEngine for Recorder {
     }
 
     fn prepare(&self) -> Result<(), EngineError> {
+        let alone = LoneHand::default();
+        self.engine.prepare_with(&alone)?;
+        self.log().shared = alone.so_far();
         self.engine.prepare()
     }
 

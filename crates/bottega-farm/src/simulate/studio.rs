@@ -1,6 +1,6 @@
 //! The world of a simulation: machines that paint, and the film.
 
-use std::{sync::Arc, time::Duration};
+use std::{collections::BTreeSet, sync::Arc, time::Duration};
 
 use bottega_agents::{
     AgentId, Revision, Time,
@@ -22,6 +22,10 @@ use crate::{
 const BENCHMARK: Duration = Duration::from_millis(6);
 /// What it takes to look at two paintings of a zone.
 const LOOK: Duration = Duration::from_millis(3);
+/// How long a machine sees nothing of what others have done, in each stage of work that they share; beside that it takes a part and
+/// tells of it, and gets the last one.
+const LOOK_AT_OTHERS: Duration = Duration::from_millis(10);
+const MESSAGES_OF_STAGE: u32 = 6;
 /// By how much a machine that hangs becomes slower: what it paints in a run is less than a step of progress.
 const HUNG: f64 = 1e-12;
 /// Spans that are kept at most; more is counted, not shown.
@@ -57,6 +61,8 @@ pub enum SpanKind {
 #[derive(Clone, Debug)]
 pub(super) struct Seat {
     pub(super) machine: usize,
+    /// When it comes.
+    pub(super) joins: Duration,
     /// What its benchmark says.
     pub(super) power: RelativePower,
     pub(super) lanes: f64,
@@ -90,6 +96,8 @@ pub(super) struct SimulatedFarm {
     /// No two agents give the same bits.
     inexact: bool,
     fetch: Duration,
+    /// What a message takes at least.
+    latency: Duration,
     random: Random,
     /// Kept for its memory.
     done: Vec<PaintJob>,
@@ -103,7 +111,14 @@ pub(super) struct SimulatedFarm {
 }
 
 impl SimulatedFarm {
-    pub(super) fn new(piece: Arc<Workpiece>, fetch: Duration, failures: f64, inexact: bool, seed: u64) -> Self {
+    /// - `fetch`: how long an agent takes to get the scene; `latency`: what a message takes at least.
+    pub(super) fn new(
+        piece: Arc<Workpiece>,
+        [fetch, latency]: [Duration; 2],
+        failures: f64,
+        inexact: bool,
+        seed: u64,
+    ) -> Self {
         Self {
             film: FilmLog::new(piece.zone_count()),
             piece,
@@ -114,6 +129,7 @@ impl SimulatedFarm {
             failures,
             inexact,
             fetch,
+            latency,
             random: Random::new(seed ^ 0x57d1),
             done: Vec::new(),
             spans: Vec::new(),
@@ -131,6 +147,16 @@ impl SimulatedFarm {
         self.index.insert(name.clone(), self.seats.len());
         self.names.push(name);
         self.seats.push(seat);
+    }
+
+    /// How long an agent that comes to a work now takes until it can paint: work of all zones is shared by the machines that are there.
+    fn preparation(&self, now: Time) -> Duration {
+        let Workpiece { preparation, shared_preparation, shared_stages, .. } = *self.piece;
+        let is_there = |seat: &&Seat| Time::ZERO + seat.joins <= now;
+        let there: BTreeSet<usize> = self.seats.iter().filter(is_there).map(|seat| seat.machine).collect();
+        let peers = there.len().max(1) as u32;
+        let of_stage = if peers > 1 { LOOK_AT_OTHERS + MESSAGES_OF_STAGE * self.latency } else { Duration::ZERO };
+        self.fetch + preparation - shared_preparation + shared_preparation / peers + shared_stages * of_stage
     }
 
     /// The agent's machine becomes so many times slower.
@@ -211,7 +237,7 @@ impl World<FarmAgent> for SimulatedFarm {
                 reports.push((BENCHMARK, FarmCompletion::Benchmarked { power, lanes }));
             }
             (FarmEffect::Fetch(work), _) => {
-                reports.push((self.fetch + self.piece.preparation, FarmCompletion::Fetched(work)));
+                reports.push((self.preparation(now), FarmCompletion::Fetched(work)));
             }
             (FarmEffect::Paint(order), Some(index)) => self.begin(now, index, &order),
             (FarmEffect::BeginFilm(_), _) => {

@@ -30,6 +30,9 @@ pub struct Workpiece {
     pub(super) survey: Duration,
     /// What each machine makes of the scene before its first zone.
     pub(super) preparation: Duration,
+    /// How much of that machines share out among them, and in how many stages.
+    pub(super) shared_preparation: Duration,
+    pub(super) shared_stages: u32,
     /// Time that the composition of a pixel takes, in seconds.
     pub(super) composition_per_pixel: f64,
     /// V_cp of the machine whose speed counts as 1.
@@ -117,6 +120,8 @@ impl Workpiece {
             composition_per_pixel: record.composition.as_secs_f64() / pixels,
             survey: record.survey,
             preparation: record.preparation,
+            shared_preparation: record.shared_preparation,
+            shared_stages: record.shared_stages,
             relative_power: record.relative_power,
             ..Self::new(record.work, zones, Costs::Recorded(Box::new(record.clone())))
         })
@@ -173,6 +178,8 @@ impl Workpiece {
             costs,
             survey: Duration::ZERO,
             preparation: Duration::ZERO,
+            shared_preparation: Duration::ZERO,
+            shared_stages: 0,
             composition_per_pixel: 0.0,
             relative_power: 1.0,
         }
@@ -306,8 +313,31 @@ fn normal(random: &mut Random) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{super::record_json::tests::example, *};
+    use std::sync::Arc;
+
+    use super::{
+        super::{CrewSpec, Plan, record_json::tests::example, simulate},
+        *,
+    };
     use crate::Partition;
+
+    #[test]
+    fn what_machines_prepare_together_takes_each_of_them_its_share() {
+        let makespan = |shared: u64, agents: &str| {
+            let (preparation, shared_preparation) = (Duration::from_secs(10), Duration::from_secs(shared));
+            let record = Record { preparation, shared_preparation, shared_stages: shared as u32 / 4, ..example() };
+            let piece = Arc::new(Workpiece::recorded(&record, 8).unwrap());
+            let crew: CrewSpec = agents.parse().unwrap();
+            simulate(&piece, &Plan::calm(crew, 1)).unwrap().makespan.as_secs_f64()
+        };
+        let saved = |agents| makespan(0, agents) - makespan(8, agents);
+        // Two stages of ten milliseconds for those who look at each other.
+        assert!(saved("1").abs() < 0.025, "{}", saved("1"));
+        assert!((saved("4") - 5.98).abs() < 0.025, "{}", saved("4"));
+        // One who comes later takes no part.
+        let late = saved("4 agent-3@join=60s");
+        assert!((late - (8.0 * 2.0 / 3.0 - 0.02)).abs() < 0.025, "{late}");
+    }
 
     #[test]
     fn a_zone_cut_into_parts_costs_as_much_as_before() {

@@ -8,7 +8,7 @@ mod turns;
 mod volume;
 mod wave;
 
-pub use path::PathIntegrator;
+pub use path::{PathIntegrator, learn_together};
 pub use photon::PhotonIntegrator;
 pub(crate) use photon::{Hands, SensorPlace, sensing_settings};
 pub(crate) use record::{PathRecord, Wanted};

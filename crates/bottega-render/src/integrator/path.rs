@@ -30,6 +30,7 @@ use crate::{
     surfaces::PreparedMaterial,
 };
 use guidance::{Guidance, NO_LEAF};
+pub use learn::learn_together;
 pub use setup::PathIntegrator;
 use state::Previous;
 pub(super) use state::{BRANCHES_MAX, Branch, Path};

@@ -1,9 +1,16 @@
 //! Whatever agents are asked for, pictures have the mean of those for which nobody is asked; and it takes less.
 
-use std::sync::Arc;
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Condvar, Mutex},
+    thread,
+};
 
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
-use bottega_render::{AgentUse, Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{
+    AgentUse, Filter, PathSettings, PrepareOptions, PreparedScene, RenderError, Sharing, View,
+    integrator::learn_together,
+};
 use bottega_scene::{Environment, Material, Scene};
 use glam::Vec3;
 
@@ -153,6 +160,79 @@ fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
             }
         }
     }
+}
+
+/// What came of each part of each stage.
+type Found = (Mutex<BTreeMap<(u32, u32), Vec<u8>>>, Condvar);
+
+/// One of two machines, of which each does every other part. What the second one tells of its first part is cut off.
+struct OneOfTwo<'a>(u32, &'a Found);
+
+impl Sharing for OneOfTwo<'_> {
+    fn share(
+        &self,
+        stage: u32,
+        parts: u32,
+        perform: &mut dyn FnMut(u32) -> Result<Vec<u8>, RenderError>,
+    ) -> Result<Vec<Vec<u8>>, RenderError> {
+        let Self(me, (found, changed)) = self;
+        for part in (0..parts).filter(|part| part % 2 == *me) {
+            let mut bytes = perform(part)?;
+            bytes.truncate(bytes.len() - usize::from(part == 1));
+            found.lock().expect("no panic").insert((stage, part), bytes);
+            changed.notify_all();
+        }
+        let all = |found: &BTreeMap<(u32, u32), Vec<u8>>| (0..parts).all(|part| found.contains_key(&(stage, part)));
+        let found = changed.wait_while(found.lock().expect("no panic"), |found| !all(found)).expect("no panic");
+        Ok((0..parts).map(|part| found[&(stage, part)].clone()).collect())
+    }
+}
+
+/// One who was called away.
+struct Leaving;
+
+impl Sharing for Leaving {
+    fn share(
+        &self,
+        _: u32,
+        _: u32,
+        _: &mut dyn FnMut(u32) -> Result<Vec<u8>, RenderError>,
+    ) -> Result<Vec<Vec<u8>>, RenderError> {
+        Err(RenderError::Left)
+    }
+}
+
+#[test]
+fn those_who_learn_together_learn_what_one_learns_alone() {
+    let by = |threads| {
+        let options = PrepareOptions { threads, compensate_environment: true };
+        Subject::new(PreparedScene::new(Arc::new(around_a_corner()), &options).expect("a sound scene"))
+    };
+    // So many that the trial is shared.
+    let settings = PathSettings { guiding: true, ..settings(ALL, 3, 200) };
+    let learnt = |it: &Subject| it.prepass.learnt(&it.scene, VIEW, &settings);
+    let alone = by(2);
+    paint(&alone, &settings, Rect::of_size(4, 4), &[0, 1]);
+    let machines = [by(1), by(2)];
+    let found = Found::default();
+    thread::scope(|scope| {
+        for (number, machine) in (0..).zip(&machines) {
+            let found = &found;
+            scope.spawn(move || {
+                let others = OneOfTwo(number, found);
+                learn_together(&machine.scene, &machine.prepass, VIEW, &settings, &others).expect("a guide");
+            });
+        }
+    });
+    assert_eq!(found.0.lock().expect("no panic").len(), 16, "one stage");
+    for machine in &machines {
+        assert!(learnt(machine).is_some() && learnt(machine) == learnt(&alone));
+    }
+    // Who is called away has learnt nothing; who knows it already asks nobody.
+    let late = by(1);
+    let leave = |it: &Subject| learn_together(&it.scene, &it.prepass, VIEW, &settings, &Leaving);
+    assert!(matches!(leave(&late), Err(RenderError::Left)) && learnt(&late).is_none());
+    assert!(leave(&alone).is_ok());
 }
 
 #[test]

@@ -1,13 +1,17 @@
 //! Paths from which a picture learns where light comes from, before any of it is painted.
 
-use std::sync::Arc;
+use std::{convert::Infallible, sync::Arc};
 
 use bottega_kernels::compiled::{self, Task};
 use glam::Vec2;
 
-use super::{super::record::PathRecord, setup::PathIntegrator};
+use super::{
+    super::record::PathRecord,
+    setup::PathIntegrator,
+    trial::{BothTrials, LEARNING_SEED, Trial},
+};
 use crate::{
-    PathSettings, PreparedScene, Prepass, RenderError, View,
+    PathSettings, PreparedScene, Prepass, RenderError, Sharing, View,
     camera::CameraRay,
     guide::{Guide, Trail, Training, train},
     sampler::{DimensionSet, PixelSampler},
@@ -15,9 +19,6 @@ use crate::{
 
 /// Bounces of the paths that the guide learns from.
 const LEARNING_DEPTH: u32 = 24;
-/// Seed of the paths that the guide learns from, which no picture shares: what is learnt must not know the picture's
-/// samples.
-pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 
 impl<'a> PathIntegrator<'a> {
     /// An integrator for the picture `view`.
@@ -28,8 +29,9 @@ impl<'a> PathIntegrator<'a> {
         settings: &'a PathSettings,
     ) -> Result<Self, RenderError> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
-        if (settings.guiding || settings.agents.any()) && prepared.can_learn(view, settings.planned_samples) {
-            let guide = prepass.guide(view, settings, || integrator.learn(view));
+        if integrator.is_to_learn(view) {
+            let learn = || integrator.learn(view, |trial| Ok::<_, Infallible>(trial.alone()));
+            let guide = prepass.guide(view, settings, || learn().unwrap_or_else(|never| match never {}));
             integrator.splits = settings.agents.roulette && guide.goes_by_worth();
             integrator.looks_rarely = settings.agents.shadows && guide.goes_by_worth();
             integrator.guide = Some(guide);
@@ -37,8 +39,15 @@ impl<'a> PathIntegrator<'a> {
         Ok(integrator)
     }
 
+    fn is_to_learn(&self, view: View) -> bool {
+        let PathSettings { guiding, agents, planned_samples, .. } = *self.settings;
+        (guiding || agents.any()) && self.prepared.can_learn(view, planned_samples)
+    }
+
     /// Traces paths all over the picture for a guide.
-    fn learn(&self, view: View) -> Guide {
+    ///
+    /// - `paint`: paints what is tried with it.
+    fn learn<E>(&self, view: View, paint: impl FnOnce(&Trial<'_>) -> Result<Vec<BothTrials>, E>) -> Result<Guide, E> {
         let PathSettings { agents, guiding, .. } = *self.settings;
         let settings = PathSettings { max_depth: LEARNING_DEPTH, agents, guiding, ..PathSettings::default() };
         let integrator = PathIntegrator {
@@ -64,12 +73,35 @@ impl<'a> PathIntegrator<'a> {
             (compiled::run(path).values.radiance.into(), [x, y])
         });
         if !(agents.roulette || agents.shadows) {
-            return guide;
+            return Ok(guide);
         }
         let guide = Arc::new(guide);
-        let pays = self.prepared.on_threads(|| integrator.worth_pays(training.samples, &guide));
-        Arc::unwrap_or_clone(guide).going_by_worth(pays)
+        let pays = match Trial::new(&integrator, training.samples, &guide) {
+            Some(trial) => trial.pays(&paint(&trial)?),
+            None => false,
+        };
+        Ok(Arc::unwrap_or_clone(guide).going_by_worth(pays))
     }
+}
+
+/// Learns what guides the paths of a picture, if nobody has yet, with others who paint it. Does nothing for pictures that
+/// learn nothing.
+///
+/// # Errors
+/// There is no such picture, or it was left before its end.
+pub fn learn_together(
+    prepared: &PreparedScene,
+    prepass: &Prepass,
+    view: View,
+    settings: &PathSettings,
+    others: &dyn Sharing,
+) -> Result<(), RenderError> {
+    let integrator = PathIntegrator::unguided(prepared, view, settings)?;
+    if integrator.is_to_learn(view) && !prepass.has_guide(view, settings) {
+        let guide = integrator.learn(view, |trial| trial.together(others))?;
+        prepass.guide(view, settings, || guide);
+    }
+    Ok(())
 }
 
 /// A path that leaves a trail.
