@@ -40,7 +40,7 @@ class BandChoicePixels(TypedDict):
 
 
 BandChoice = Union[Literal["off", "rules"], BandChoicePixels]
-"""How wide the bands are in which neighboring zones are blended. With optimization off there are none:
+"""The width of the bands in which neighboring zones are blended. With optimization off there are none:
 zones agree to the last bit. off: There are none: zones meet at an edge. rules: The expert rules say
 it, edge by edge.
 """
@@ -59,9 +59,7 @@ class EnvironmentLightRadiance(TypedDict):
 
 
 EnvironmentLight = Union[Literal["sky"], EnvironmentLightFile, EnvironmentLightRadiance]
-"""Where light from all around comes from. sky: The neutral sky that a scene without any light gets by
-itself.
-"""
+"""The light from all around. sky: The neutral sky that a scene without any light gets by itself."""
 
 
 Frames = str
@@ -548,7 +546,7 @@ class RulesText(Section):
 
 @dataclass(kw_only=True, slots=True)
 class SceneOptions(Section):
-    """Which scene file, and how it is read."""
+    """The scene file, and how it is read."""
 
     allow_outside: bool = False
     """Whether the scene may read files outside of its own folder."""
