@@ -131,7 +131,7 @@ impl MagarroScene<'_> {
             }
             *time = simulate(&piece, &plan)?.makespan.as_secs_f64();
         }
-        let pair = pair.map(|pair| pair.seconds(self, level, optimization, ways)).transpose()?;
+        let pair = pair.map(|pair| pair.seconds(self, level, optimization, ways)).transpose()?.flatten();
         let row = MagarroRow {
             level,
             optimization,

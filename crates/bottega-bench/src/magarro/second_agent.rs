@@ -75,14 +75,15 @@ impl<'a> AgentPair<'a> {
         Ok(Self { server: OwnServer::start(program, &folder.0)?, _folder: folder, command })
     }
 
-    /// The time of both agents together, in seconds, from when both have loaded the scene.
+    /// The time of both agents together, in seconds, from when both have loaded the scene. `None`: one had painted all before the
+    /// other was there.
     pub(super) fn seconds(
         &self,
         scene: &MagarroScene<'_>,
         level: Level,
         optimization: Optimization,
         ways: Ways,
-    ) -> Result<f64, Error> {
+    ) -> Result<Option<f64>, Error> {
         let row = SharedRow { level, optimization, ways, work: unix_micros() };
         let entry = self.server.entry.clone();
         let link = link(&entry, row.work, 0)?;
@@ -95,10 +96,9 @@ impl<'a> AgentPair<'a> {
         let told = report.is_ok().then(|| second.report::<SecondAgentReport>());
         link.forget();
         let report = report?;
-        match told.transpose()? {
-            Some(SecondAgentReport { ended: true }) => Ok(report.times.total.as_secs_f64()),
-            _ => Err(Error::PartEnded),
-        }
+        // Where all was painted before the Master came to know the second agent, there is no pair.
+        let took_part = told.transpose()?.is_some_and(|SecondAgentReport { ended }| ended);
+        Ok(took_part.then(|| report.times.total.as_secs_f64()))
     }
 }
 
