@@ -110,7 +110,7 @@ impl Worker {
             if before != standing {
                 match standing {
                     PresenceState::Active => {
-                        (self.say)(WorkerMessage::Line(&format!("resumed by {by}; waiting for work")))
+                        (self.say)(WorkerMessage::Line(&format!("resumed by {by}; waiting for work")));
                     }
                     PresenceState::Suspended => (self.say)(WorkerMessage::Line(&format!("suspended by {by}"))),
                     PresenceState::Terminated => (self.say)(WorkerMessage::Line(&format!("told to leave by {by}"))),

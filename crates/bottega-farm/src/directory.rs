@@ -49,7 +49,7 @@ pub enum DirectoryService {
     /// The root service: what a new agent asks first.
     Start(PlatformService<StartService>),
     /// The white pages.
-    Ams(PlatformService<Ams>),
+    Ams(Box<PlatformService<Ams>>),
     /// The yellow pages.
     Df(Box<PlatformService<Df>>),
 }
@@ -89,7 +89,7 @@ pub fn directory_services(calendar: Calendar, salt: u64) -> [(AgentId, Directory
     });
     [
         (start.clone(), DirectoryService::Start(Service::new(start, StartService::new(basic)))),
-        (ams.clone(), DirectoryService::Ams(Service::new(ams, white))),
+        (ams.clone(), DirectoryService::Ams(Box::new(Service::new(ams, white)))),
         (df.clone(), DirectoryService::Df(Box::new(Service::new(df, yellow)))),
     ]
 }

@@ -3,7 +3,7 @@
 use std::{
     collections::BTreeMap,
     io::{self, Read},
-    net::{TcpListener, TcpStream},
+    net::{SocketAddr, TcpListener, TcpStream},
     path::Path,
     sync::Arc,
     thread,
@@ -106,7 +106,7 @@ fn request() -> Request {
     request
 }
 
-fn options(address: impl ToString) -> SessionOptions {
+fn options(address: SocketAddr) -> SessionOptions {
     SessionOptions { tev: Some(address.to_string()), ..SessionOptions::default() }
 }
 

@@ -98,7 +98,7 @@ impl<'a> AgentPair<'a> {
         let report = report?;
         // Where all was painted before the Master came to know the second agent, there is no pair.
         let took_part = told.transpose()?.is_some_and(|SecondAgentReport { ended }| ended);
-        Ok(took_part.then(|| report.times.total.as_secs_f64()))
+        Ok(took_part.then_some(report.times.total.as_secs_f64()))
     }
 }
 

@@ -35,7 +35,7 @@ pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec
     }
     let Some(file) = ConfigFile::read()? else {
         return match typed.profile() {
-            Some(name) => Err(no_profile(&name, &super::path().display().to_string(), Vec::new())),
+            Some(name) => Err(no_profile(&name, &super::path().display().to_string(), &[])),
             None => Ok(words),
         };
     };
@@ -49,7 +49,7 @@ pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec
         let found = profiles.and_then(|profiles| profiles.iter().find(|(key, _)| key.get_ref() == name));
         let Some((_, profile)) = found else {
             let known = profiles.into_iter().flatten().map(|(key, _)| format!("`{}`", key.get_ref()));
-            return Err(no_profile(name, &file.path.display().to_string(), known.collect()));
+            return Err(no_profile(name, &file.path.display().to_string(), &known.collect::<Vec<_>>()));
         };
         said.extend(typed.options(table(profile)));
     }
@@ -63,7 +63,7 @@ pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec
     typed.with(&file, said, words)
 }
 
-fn no_profile(name: &str, file: &str, known: Vec<String>) -> CliError {
+fn no_profile(name: &str, file: &str, known: &[String]) -> CliError {
     let remedy = if known.is_empty() {
         format!("write one into `{file}`: [profile.{name}.render], and below it spp = 16")
     } else {
