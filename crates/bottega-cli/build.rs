@@ -1,4 +1,4 @@
-//! How the program is linked.
+//! The linking of the program.
 
 use std::env;
 
