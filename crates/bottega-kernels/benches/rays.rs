@@ -11,7 +11,7 @@ mod files;
 
 use bottega_kernels::bench::embree::{Embree, Setting};
 use bottega_kernels::bench::{
-    BenchScene, Own, RayKernel, RaySets, Row, hall, interior, measure, noisy_sphere, stadium, table,
+    BenchScene, BottegaKernel, RayKernel, RaySets, Row, hall, interior, measure, noisy_sphere, stadium, table,
 };
 use bottega_kernels::{BuildOptions, Precision, Ray};
 use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
@@ -151,7 +151,7 @@ impl Options {
     }
 }
 
-fn own(scene: &BenchScene, precision: Precision, optimize: bool, threads: usize) -> Own {
+fn own(scene: &BenchScene, precision: Precision, optimize: bool, threads: usize) -> BottegaKernel {
     let name = match (precision, optimize) {
         (Precision::Fast, true) => "bottega fast",
         (Precision::Robust, true) => "bottega robust",
@@ -159,7 +159,7 @@ fn own(scene: &BenchScene, precision: Precision, optimize: bool, threads: usize)
         (Precision::Robust, false) => "bottega robust, quick",
     };
     let options = BuildOptions { threads, precision, optimize, ..BuildOptions::default() };
-    Own::build(name, scene, &options).expect("the scene is sound")
+    BottegaKernel::build(name, scene, &options).expect("the scene is sound")
 }
 
 fn find<'a>(rows: &'a [Row], name: &str) -> Option<&'a Row> {
