@@ -17,6 +17,9 @@ time = "10s"
 [profile.draft.render]
 spp = 2
 size = "32x24"
+
+[profile.exact.render]
+error = 0.2
 "#;
 
 fn text(bytes: &[u8]) -> String {
@@ -46,6 +49,8 @@ fn the_command_line_goes_before_the_environment_the_profile_and_the_file() {
     assert_eq!((plain.goal.time, plain.work.rules.len()), (Some(10.0), 1));
     let draft = asked(&mut render(file, &["--profile", "draft"]));
     assert_eq!((draft.film.size, draft.integrator.max_depth, draft.goal.samples), (Some([32, 24]), Some(3), Some(2)));
+    let exact = asked(&mut render(file, &["--profile", "exact"]));
+    assert_eq!((exact.goal.error, exact.goal.time), (Some(0.2), None));
     let draft = asked(render(file, &[]).env("BOTTEGA_PROFILE", "draft").env("BOTTEGA_RENDER_SPP", "5"));
     assert_eq!((draft.film.size, draft.goal.samples), (Some([32, 24]), Some(5)));
     let typed = asked(render(file, &["--size=8x6", "--error=0.1"]).env("BOTTEGA_RENDER_SIZE", "9x9"));
@@ -66,6 +71,10 @@ fn a_whole_request_takes_nothing_from_the_file() {
     let mut command = bottega(&["render", "--dry-run", "--request"]);
     command.arg(&request).env("BOTTEGA_CONFIG", &file);
     assert_eq!(asked(&mut command), Request::new("goblets.glb"));
+    assert_eq!(asked(command.env("BOTTEGA_PROFILE", "draft")), Request::new("goblets.glb"));
+    let output = command.args(["--profile", "draft"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("a request is whole"), "{}", text(&output.stderr));
 }
 
 #[test]

@@ -44,13 +44,19 @@ const LATENCY: Duration = Duration::from_micros(500);
 /// - `log`: is told which picture is being painted.
 ///
 /// # Errors
-/// The scene cannot be painted, there is no server for two agents, or a file cannot be written.
+/// The scene cannot be painted, the server that is named for two agents does not start, or a file cannot be written.
 pub fn measure(
     options: &MagarroOptions,
     second: Option<SecondAgentCommand<'_>>,
     log: &mut dyn Write,
 ) -> Result<MagarroReport, Error> {
-    let pair = second.map(|command| AgentPair::start(options.server.as_deref(), command)).transpose()?;
+    let pair = match second.map(|command| AgentPair::start(options.server.as_deref(), command)) {
+        Some(Err(error)) if options.server.is_none() => {
+            say(log, format_args!("two agents are replayed, not measured: {error}"));
+            None
+        }
+        pair => pair.transpose()?,
+    };
     let report = MagarroScene::load(options)?.report(pair.as_ref(), log)?;
     if let Some(folder) = &options.output {
         write(folder, &report)?;

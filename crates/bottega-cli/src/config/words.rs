@@ -6,7 +6,7 @@
 
 use std::ffi::OsString;
 
-use clap::{ArgAction, ArgMatches, Command, parser::ValueSource};
+use clap::{Arg, ArgAction, ArgMatches, Command, parser::ValueSource};
 use toml::{
     Spanned,
     de::{DeString, DeTable, DeValue},
@@ -41,9 +41,12 @@ pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec
     };
     let tables = file.tables()?;
     file.take_farm(&tables)?;
+    check_names(&file, &tables, program)?;
+    if typed.is_whole_request() {
+        return if typed.names_profile() { Err(whole_and_profile()) } else { Ok(words) };
+    }
     let profile = typed.profile();
     let mut said = Vec::new();
-    check_names(&file, &tables, program)?;
     if let Some(name) = &profile {
         let profiles = tables.iter().find(|(key, _)| key.get_ref() == PROFILE).and_then(|(_, value)| table(value));
         let found = profiles.and_then(|profiles| profiles.iter().find(|(key, _)| key.get_ref() == name));
@@ -53,14 +56,16 @@ pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec
         };
         said.extend(typed.options(table(profile)));
     }
-    if !typed.is_whole_request() {
-        for entry in typed.options(Some(&tables)) {
-            if said.iter().all(|(name, _): &NamedValue<'_>| name.get_ref() != entry.0.get_ref()) {
-                said.push(entry);
-            }
-        }
-    }
+    // What the profile says goes before.
+    said.extend(typed.options(Some(&tables)));
     typed.with(&file, said, words)
+}
+
+fn whole_and_profile() -> CliError {
+    CliError::usage(
+        "a request is whole, and takes nothing from a profile",
+        "leave out --profile, or --request and --from",
+    )
 }
 
 fn no_profile(name: &str, file: &str, known: &[String]) -> CliError {
@@ -100,8 +105,18 @@ impl<'a> Typed<'a> {
 
     fn profile(&self) -> Option<String> {
         let typed = |matches: &ArgMatches| matches.try_get_one::<String>("profile").ok().flatten().cloned();
-        let variable = || std::env::var(PROFILE_VARIABLE).ok().filter(|name| !name.is_empty());
-        typed(&self.matches).or_else(|| typed(&self.program)).or_else(variable)
+        // Where the command line cannot be read to its end, the variable was not.
+        let variable = || std::env::var(PROFILE_VARIABLE).ok();
+        let named = typed(&self.matches).or_else(|| typed(&self.program)).or_else(variable);
+        named.filter(|name| !name.is_empty())
+    }
+
+    /// Whether the profile stands on the command line.
+    fn names_profile(&self) -> bool {
+        [&self.matches, &self.program].into_iter().any(|matches| {
+            matches.try_contains_id("profile").is_ok()
+                && matches.value_source("profile") == Some(ValueSource::CommandLine)
+        })
     }
 
     /// Whether an option stands on the command line or in the environment.
@@ -126,45 +141,47 @@ impl<'a> Typed<'a> {
         if self.path.is_empty() { Vec::new() } else { found.into_iter().flatten().filter(is_option).collect() }
     }
 
-    /// The command line with these options before the user's.
+    /// The command line with these options before the user's. Of options that exclude each other the first one counts.
     fn with(
         &self,
         file: &ConfigFile,
         said: Vec<NamedValue<'_>>,
         mut words: Vec<OsString>,
     ) -> Result<Vec<OsString>, CliError> {
-        let mut added = Vec::new();
+        let (mut taken, mut added) = (Vec::<&Arg>::new(), Vec::new());
         for (name, value) in said {
-            let Some(option) = self.command.get_arguments().find(|known| known.get_long() == Some(name.get_ref()))
-            else {
-                continue;
-            };
-            let conflicts = self.command.get_arg_conflicts_with(option);
-            let excluded = conflicts.iter().any(|other| self.is_said(other.get_id().as_str()))
-                || self.command.get_arguments().any(|other| {
-                    self.is_said(other.get_id().as_str())
-                        && self.command.get_arg_conflicts_with(other).iter().any(|it| it.get_id() == option.get_id())
-                });
-            if self.is_said(option.get_id().as_str()) || excluded {
+            let options = || self.command.get_arguments();
+            let Some(option) = options().find(|known| known.get_long() == Some(name.get_ref())) else { continue };
+            let stands = |other: &&Arg| self.is_said(other.get_id().as_str()) || taken.iter().any(|it| it == other);
+            if options().filter(stands).any(|other| other == option || self.exclude(other, option)) {
                 continue;
             }
             let is_flag = matches!(option.get_action(), ArgAction::SetTrue);
             added.extend(option_words(file, (name, value), is_flag)?);
+            taken.push(option);
         }
         let place = 1 + self.place(&words);
         words.splice(place..place, added.into_iter().map(OsString::from));
         Ok(words)
     }
 
+    /// Whether two options cannot stand together: one of them says so.
+    fn exclude(&self, one: &Arg, other: &Arg) -> bool {
+        let excludes = |a: &Arg, b: &Arg| self.command.get_arg_conflicts_with(a).contains(&b);
+        excludes(one, other) || excludes(other, one)
+    }
+
     /// The index of the last word of the command.
     fn place(&self, words: &[OsString]) -> usize {
         let mut names = self.path.iter().peekable();
-        let mut last = 0;
+        let (mut last, mut is_value) = (0, false);
         for (index, word) in words.iter().enumerate().skip(1) {
-            if names.peek().is_some_and(|name| word == name.as_str()) {
+            if !is_value && names.peek().is_some_and(|name| word == name.as_str()) {
                 names.next();
                 last = index;
             }
+            // The only option before a command that has a value.
+            is_value = word == "--profile";
         }
         last
     }
@@ -316,6 +333,15 @@ mod tests {
         assert_eq!(
             words_of(config, "bottega render --request r.json").as_deref(),
             Ok("bottega render --request r.json")
+        );
+    }
+
+    #[test]
+    fn of_options_that_exclude_each_other_the_first_counts_and_a_profile_may_be_called_like_a_command() {
+        let config = "[render]\nerror = 0.1\ntime = \"10s\"";
+        assert_eq!(
+            words_of(config, "bottega --profile render render a.glb -o a.png").as_deref(),
+            Ok("bottega --profile render render --error=0.1 a.glb -o a.png")
         );
     }
 

@@ -77,9 +77,9 @@ pub(crate) struct FarmArgs {
 }
 
 impl FarmArgs {
-    /// The farm that was named.
-    pub(super) fn address(&self) -> Option<&FarmAddress> {
-        self.farm.as_ref()
+    /// The farm that was named, or that of the configuration file.
+    pub(super) fn address(&self) -> Option<FarmAddress> {
+        self.farm.clone().or_else(config::farm_address)
     }
 
     /// Links up with the farm.

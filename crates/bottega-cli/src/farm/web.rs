@@ -72,10 +72,7 @@ pub(super) fn tell_door(door: &Door) {
 pub(crate) fn run(args: &WebCommandArgs) -> Result<ExitCode, CliError> {
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
-    let secrets = match args.farm.address() {
-        Some(address) => WebSecrets::of_farm(address)?,
-        None => WebSecrets::of_farm(&saved_address()?)?,
-    };
+    let secrets = WebSecrets::of_farm(&args.farm.address().map_or_else(saved_address, Ok)?)?;
     let door = args.web.open(args.farm.board()?, secrets)?;
     tell_door(&door);
     while !stop.is_requested() {

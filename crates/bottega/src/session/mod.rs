@@ -412,8 +412,9 @@ impl Session {
         }
         let tev = self.mirror()?;
         if preview.is_none() && !shows {
-            let mirror = tev.clone();
-            self.watch(move |tile| mirror.iter().for_each(|mirror| mirror.painted(tile)));
+            if let Some(mirror) = tev.clone() {
+                self.watch(move |tile| mirror.painted(tile));
+            }
             return Ok(tev);
         }
         let (settings, output) = (&self.settings, &self.request.output);
