@@ -228,6 +228,7 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
         | Event::Zone(_)
         | Event::Agent(_)
         | Event::Round(_)
+        | Event::Theft(_)
         | Event::Progress(_)
         | Event::Preview { .. }
         | Event::Sending { .. }
@@ -283,7 +284,10 @@ pub(crate) fn recorded(file: &str) -> String {
 
 /// What the auction came to, in one line.
 fn told_auction(auction: &AuctionEvent) -> String {
-    let AuctionEvent { rounds, contested, credit_decided, bidders, bids, awards, .. } = auction;
+    let AuctionEvent { rounds, contested, credit_decided, bidders, bids, awards, thefts, stolen, .. } = auction;
+    if *rounds == 0 {
+        return format!("stealing: {stolen} zones changed hands in {thefts} thefts");
+    }
     format!(
         "auction: {awards} awards in {rounds} rounds, {contested} with several bidders, {credit_decided} decided by credit; \
          {:.1} bidders and {:.1} bids a round",

@@ -12,7 +12,7 @@ use std::{
 use bottega_engines::{RenderEngine, Survey};
 use bottega_farm::{
     AgentRow, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Link, Observer, Partition, Progress,
-    RoundSummary, StopSwitch, WorkId, ZoneRow,
+    RoundSummary, StopSwitch, Theft, WorkId, ZoneRow,
 };
 use bottega_image::Canvas;
 
@@ -443,6 +443,11 @@ impl Observer for LoggingObserver {
     fn round_closed(&self, round: &RoundSummary) {
         self.society().see_round(round);
         self.inner.round_closed(round);
+    }
+
+    fn stolen(&self, theft: &Theft) {
+        self.society().see_theft(theft);
+        self.inner.stolen(theft);
     }
 
     fn progress(&self, progress: &Progress) {

@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, sync::Arc};
 use bottega::events::AgentEvent;
 use bottega_agents::driver::nats::Notice;
 use bottega_agents::machine_of;
-use bottega_farm::{AgentRow, AuctionTally, Credit, RoundSummary};
+use bottega_farm::{AgentRow, AuctionTally, Credit, RoundSummary, Theft};
 use serde::{Deserialize, Serialize};
 
 use crate::job_board::JobBoard;
@@ -57,6 +57,11 @@ impl SeenSociety {
 
     pub(crate) fn see_round(&mut self, round: &RoundSummary) {
         self.tally.add(round);
+        self.is_news = true;
+    }
+
+    pub(crate) fn see_theft(&mut self, theft: &Theft) {
+        self.tally.add_theft(theft);
         self.is_news = true;
     }
 

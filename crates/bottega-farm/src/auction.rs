@@ -20,7 +20,7 @@ pub use self::{
     field::Field,
     member::MemberId,
     open_zones::OpenZones,
-    tally::{AuctionTally, RoundSummary},
+    tally::{AuctionTally, RoundSummary, Theft},
     terms::{AuctionRule, Award, Bidder, BidderStanding, Decision, Proposal},
 };
 use crate::Offer;
@@ -47,7 +47,7 @@ pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standin
             by_credit::decide(offers, &mut bidders.into_iter().map(candidate).collect::<Vec<_>>())
         }
         AuctionRule::Promised => Decision { awards: by_time(bidders, false), credit_decided: false },
-        AuctionRule::FinishingTime => {
+        AuctionRule::FinishingTime | AuctionRule::Stealing => {
             let first = bidders.first().map_or(1.0, |bidder| bidder.worth);
             let differ = bidders.iter().any(|bidder| bidder.worth != first);
             let at_their_word = differ.then(|| by_time(bidders.clone(), false));

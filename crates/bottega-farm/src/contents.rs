@@ -17,6 +17,8 @@ pub mod protocol {
     pub const CONTRACT_NET: &str = "fipa-contract-net";
     /// Profiling, life cycle.
     pub const REQUEST: &str = "fipa-request";
+    /// Zones that an agent takes from another.
+    pub const STEALING: &str = "bottega-stealing";
     /// Agents at a Master.
     pub const SUBSCRIBE: &str = "fipa-subscribe";
 }
@@ -76,6 +78,17 @@ pub struct Holding {
     pub fence: Revision,
     /// How far it is; it goes up while it is painted. 0: it is not begun, for what all zones need is not there yet.
     pub progress: u64,
+}
+
+/// An order that an agent gives to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassedOrder {
+    /// Which zone.
+    pub zone: ZoneId,
+    /// The token of the order.
+    pub fence: Revision,
+    /// How much of the zone the giver keeps, if it can be cut, 0..1; 0: nothing.
+    pub kept: f64,
 }
 
 /// The operations that each agent has (MAGarRO, section 3.1; FIPA00023).
@@ -156,6 +169,24 @@ pub enum FarmContent {
     LeftOut {
         /// Why not.
         reason: String,
+    },
+    /// *inform*: the agents that this one may take zones from.
+    Neighbors(Vec<AgentId>),
+    /// *request* to a neighbor: the agent has nothing that waits, and would take what waits in the neighbor's hand.
+    Steal {
+        /// Its own time for a second of the reference machine's, all its processors together.
+        own: f64,
+        /// When it will have painted what it has in hand, from now.
+        load: Duration,
+    },
+    /// *agree*: so many zones that waited are the asking agent's, once the Master has said so.
+    Yielded(u32),
+    /// *inform* to the Master: the agent gives these orders, of which it has begun none, to another.
+    HandedOver {
+        /// To whom.
+        to: AgentId,
+        /// What it gives.
+        orders: Vec<PassedOrder>,
     },
     /// *request*: suspend, resume, terminate.
     LifeCycle(LifeCycle),

@@ -79,13 +79,15 @@ pub use agent::FarmAgent;
 pub use analyst::{Analysis, Analyst, AnalystConfig, analyze, survey_size};
 pub use auction::{
     AuctionRule, AuctionTally, Award, Bidder, BidderStanding, Credit, Decision, Field, MemberId, OpenZones, Proposal,
-    RoundSummary, decide,
+    RoundSummary, Theft, decide,
 };
 pub use blackboard::{
     ATTEMPTS_MAX, AgentRow, Blackboard, Cut, FarmValue, InputRanges, Interval, Rival, Vote, WorkRow, ZoneRow, ZoneState,
 };
 pub use compose::{BandedZone, Mask, masks};
-pub use contents::{Bid, FarmContent, FarmMessage, Holding, LifeCycle, ONTOLOGY, Offer, Order, Report, protocol};
+pub use contents::{
+    Bid, FarmContent, FarmMessage, Holding, LifeCycle, ONTOLOGY, Offer, Order, PassedOrder, Report, protocol,
+};
 pub use directory::{
     DirectoryService, JOB_OWNERSHIP, PLATFORM, RegistrationConfig, directory_service_names, directory_services,
     service_type,

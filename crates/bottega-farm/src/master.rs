@@ -9,6 +9,7 @@
 
 mod allot;
 mod composition;
+mod deal;
 mod ledger;
 mod likeness;
 mod looks;
@@ -211,7 +212,8 @@ impl Master {
     /// A Master that has just been born. It goes on from what it finds on the Blackboard.
     pub fn new(config: MasterConfig) -> Self {
         let ledger = Ledger::new(config.auction);
-        let roster = Roster::new(config.prefetch as usize, config.auction.weighs_promises());
+        let window = config.auction.window(config.prefetch) as usize;
+        let roster = Roster::new(window, config.auction.weighs_promises());
         let place = config.registration.clone();
         let registrant = place.map(|place| Box::new(Registrant::new(config.id.clone(), place, &MASTER_SERVICES)));
         Self {
@@ -335,7 +337,8 @@ impl StateMachine for Master {
     fn next_deadline(&self) -> Option<Time> {
         // Rounds that began later end later.
         let round = self.rounds.values().next().map(|round| round.deadline);
-        let calls = self.begun && !self.stopping && self.ledger.open.has_waiting();
+        let holds_rounds = self.config.auction != AuctionRule::Stealing;
+        let calls = holds_rounds && self.begun && !self.stopping && self.ledger.open.has_waiting();
         let due = self.roster.next_due().filter(|_| calls);
         let directories = self.registrant.as_ref().and_then(|registrant| registrant.next_deadline());
         [self.next_look, round, due, directories].into_iter().flatten().min()

@@ -2,13 +2,14 @@
 
 mod hand;
 mod membership;
+mod stealing;
 
 use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AclMessage, AgentId, Performative, Revision, StateMachine, Time};
 use rustc_hash::FxHashMap;
 
-use self::hand::ZoneInHand;
+use self::{hand::ZoneInHand, stealing::Thief};
 use crate::{
     Adaptation, AdaptationRule, Bid, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
     FarmMessage, Foreknowledge, Holding, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report,
@@ -35,6 +36,9 @@ pub struct RenderAgentConfig {
     /// It bids while it has fewer zones than this in hand: with 2, the next zone is here before the present one has
     /// drained, and no core waits.
     pub prefetch: u32,
+    /// Whether it has zones dealt to it that it begins one after the other, and takes such of its neighbors' when it has none:
+    /// see [`AuctionRule::Stealing`](crate::AuctionRule::Stealing).
+    pub steals: bool,
     /// How often it says that it lives, and repeats what was not answered.
     pub heartbeat: Duration,
     /// What it knows of rendering.
@@ -81,6 +85,7 @@ pub struct RenderAgent {
     next_heartbeat: Option<Time>,
     /// When it began with the first of what it has in hand.
     since: Time,
+    thief: Thief,
 }
 
 impl RenderAgent {
@@ -104,6 +109,7 @@ impl RenderAgent {
             past: FxHashMap::default(),
             next_heartbeat: None,
             since: Time::ZERO,
+            thief: Thief::default(),
         }
     }
 
@@ -120,6 +126,9 @@ impl RenderAgent {
     fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
         if let FarmContent::Management(_) = message.content {
             return self.hear_directories(now, message, actions);
+        }
+        if self.config.steals && message.protocol == protocol::STEALING {
+            return self.hear_neighbor(now, message, actions);
         }
         if self.master.as_ref() != Some(&message.sender) {
             // Orders, and the end of the work, are the Master's to tell.
@@ -141,6 +150,7 @@ impl RenderAgent {
                 }
             }
             (Performative::Inform, FarmContent::Scene(work)) => self.get_scene(work, actions),
+            (Performative::Inform, FarmContent::Neighbors(agents)) => self.thief.meet(&self.config.id, agents),
             (Performative::CallForProposal, FarmContent::Offers(offers)) => self.propose(now, message, offers, actions),
             (Performative::Request, FarmContent::Profile(order))
             | (Performative::AcceptProposal, FarmContent::Award(order)) => self.take(now, message, order, actions),
@@ -257,6 +267,7 @@ impl RenderAgent {
             }
         }
         self.answered(zone, fence);
+        self.begin_waiting(actions);
     }
 
     fn take(&mut self, now: Time, message: &FarmMessage, order: &Order, actions: &mut Vec<FarmAction>) {
@@ -288,15 +299,14 @@ impl RenderAgent {
         let order = if choice == profiled { order.clone() } else { order.decided_anew(choice) };
         let is_estimated = choice.tunables == profiled.tunables;
         let decided = decided.is_none();
-        let mut hand =
+        let hand =
             ZoneInHand { order, choice, is_estimated, decided, begun: false, since: now, painted: 0, conversation };
-        if self.fetched {
-            hand.begin(self.power(), &self.config.expert, actions);
-        }
         if self.hands.is_empty() {
             self.since = now;
         }
         self.hands.insert(zone, hand);
+        self.thief.is_served();
+        self.begin_waiting(actions);
     }
 
     fn painted(
@@ -420,7 +430,7 @@ impl RenderAgent {
     fn assert_invariants(&self) {
         for (zone, hand) in self.hands.iter() {
             assert!(self.unanswered.get(zone).is_none(), "a zone in hand is not reported");
-            assert!(hand.begun || !self.fetched, "what can be painted is begun");
+            assert!(hand.begun || !self.fetched || self.config.steals, "what can be painted is begun");
         }
         assert!(!self.is_suspended || self.hands.is_empty(), "who is suspended has handed back what it had");
     }
@@ -447,20 +457,21 @@ impl StateMachine for RenderAgent {
             FarmEvent::Completed(FarmCompletion::Fetched(work)) => {
                 if self.work.as_ref().is_some_and(|row| row.work == work) {
                     self.fetched = true;
-                    let (power, expert) = (self.power(), &self.config.expert);
-                    let waiting = self.hands.values_mut().filter(|hand| !hand.begun);
-                    waiting.for_each(|hand| hand.begin(power, expert, actions));
+                    self.begin_waiting(actions);
                 }
             }
             FarmEvent::Completed(FarmCompletion::Painted { zone, fence, outcome }) => {
                 self.painted(now, zone, fence, outcome, actions);
+                self.begin_waiting(actions);
             }
             FarmEvent::Completed(FarmCompletion::Looked(orders)) => self.looked(&orders),
             FarmEvent::Completed(_) | FarmEvent::Store { .. } | FarmEvent::Presence { .. } | FarmEvent::Deadline => {}
         }
         if self.next_heartbeat.is_some_and(|at| at <= now) {
+            self.thief.try_again();
             self.beat(now, actions);
         }
+        self.steal(now, actions);
         if let Some(registrant) = &mut self.registrant {
             registrant.tick(now, actions);
         }

@@ -140,6 +140,7 @@ impl Visitor {
             master: MasterSource::Known(master.clone()),
             adaptation,
             prefetch: PREFETCH,
+            steals: false,
             heartbeat: timing.heartbeat,
             expert,
             knowledge: crate::Foreknowledge::default(),

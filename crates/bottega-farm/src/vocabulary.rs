@@ -8,7 +8,7 @@ use bottega_image::Rect;
 
 use crate::{
     AgentRow, ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, RoundSummary,
-    TaskOutlook, WorkId, WorkRow, ZoneId, ZoneRow,
+    TaskOutlook, Theft, WorkId, WorkRow, ZoneId, ZoneRow,
 };
 
 /// A zone, or some of its samples, to paint.
@@ -103,6 +103,8 @@ pub enum FarmEffect {
     AgentChanged(Arc<AgentRow>),
     /// A round of the auction has ended, for those who watch.
     RoundClosed(RoundSummary),
+    /// An agent has taken zones from another, for those who watch.
+    Stolen(Theft),
     /// Look whether two paintings of a zone may be the same picture; ends with [`FarmCompletion::Compared`].
     Compare {
         /// Which zone.

@@ -34,7 +34,7 @@ fn the_film_has_the_same_bits_for_any_agents_level_and_auction() {
     assert!(!reference.stopped && reference.failed.is_empty() && reference.rows.len() == 1);
     for agents in [1, 2, 7] {
         for level in Level::ALL {
-            for auction in [AuctionRule::Paper, AuctionRule::FinishingTime] {
+            for auction in [AuctionRule::Paper, AuctionRule::FinishingTime, AuctionRule::Stealing] {
                 let report = paint(&JobSettings { agents, level, auction, ..settings() });
                 assert!(report.rows.iter().all(|row| row.state == ZoneState::Done));
                 assert_eq!(bits(&report.film), bits(&reference.film), "{agents} agents, {level:?}, {auction:?}");

@@ -336,6 +336,7 @@ fn agent() -> RenderAgent {
         master: bottega_farm::MasterSource::Known(AgentId::new("master")),
         adaptation: AdaptationRule::Paper,
         prefetch: 2,
+        steals: false,
         heartbeat: Duration::from_secs(1),
         expert: Expert::path_tracing(),
         knowledge: Foreknowledge::default(),

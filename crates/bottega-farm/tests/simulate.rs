@@ -192,6 +192,25 @@ fn who_cannot_finish_is_told() {
     assert!(matches!(error, SimulationError::Unfinished { zones: 16, .. }), "{error}");
 }
 
+/// Where messages take long nobody waits for a round.
+#[test]
+fn who_steals_is_done_sooner_than_who_bids_where_the_way_is_long() {
+    let took = |auction: AuctionRule| -> f64 {
+        let sum = (0..10).map(|seed| {
+            let faults = Faults { latency_min: Duration::from_millis(50), ..Faults::NONE };
+            let plan = Plan { auction, faults, ..Plan::calm(CrewSpec::equal(8), seed) };
+            let outcome = run(&piece(200, 0.2, seed), &plan);
+            assert_eq!(outcome.rounds.is_empty(), auction == AuctionRule::Stealing);
+            assert_eq!(outcome.thefts.is_empty(), auction != AuctionRule::Stealing);
+            outcome.makespan.as_secs_f64()
+        });
+        sum.sum()
+    };
+    let [stealing, bidding] = [AuctionRule::Stealing, AuctionRule::FinishingTime].map(took);
+    eprintln!("{stealing:.1} s by stealing, {bidding:.1} s by auctions");
+    assert!(stealing < 0.75 * bidding, "{stealing} {bidding}");
+}
+
 /// A third of the agents promise to be twice as fast as they are: their clocks go too slow. It is their second work, so their
 /// credit is known.
 #[test]

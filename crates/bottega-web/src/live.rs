@@ -75,6 +75,7 @@ impl LiveJob {
             Event::Preview { .. } => RowKey::Last("preview"),
             Event::Finished { .. } | Event::Interrupted { .. } | Event::Fetched { .. } => RowKey::Last("end"),
             Event::Round(_)
+            | Event::Theft(_)
             | Event::Note { .. }
             | Event::Warning { .. }
             | Event::Asked { .. }

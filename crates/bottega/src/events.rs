@@ -1,7 +1,7 @@
 //! The events of a picture while it is painted, as they cross the process boundary. Version 1: fields and kinds may be added,
 //! none changes its meaning.
 
-use bottega_farm::{AgentRow, AuctionTally, Forecast, RoundSummary, ZoneRow, ZoneState};
+use bottega_farm::{AgentRow, AuctionTally, Forecast, RoundSummary, Theft, ZoneRow, ZoneState};
 use bottega_image::Rect;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -97,6 +97,8 @@ pub enum Event {
     Agent(AgentEvent),
     /// A round of the auction has ended.
     Round(RoundEvent),
+    /// An agent has taken zones that waited in another's hand.
+    Theft(TheftEvent),
     /// What all rounds of the auction came to.
     Auction(AuctionEvent),
     /// How well the times of zones were known before anybody had seen them.
@@ -321,7 +323,20 @@ pub struct RoundEvent {
     pub credit_decided: bool,
 }
 
-/// The sum of all rounds of an auction.
+/// Zones, or parts of zones, that an agent took from another: they waited there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TheftEvent {
+    /// Seconds since rendering began.
+    pub seconds: f64,
+    /// Who had them.
+    pub from: String,
+    /// Who has them.
+    pub to: String,
+    /// How many.
+    pub zones: u32,
+}
+
+/// The sum of all rounds of an auction, and of what agents took from each other.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AuctionEvent {
     /// How many there were.
@@ -338,6 +353,10 @@ pub struct AuctionEvent {
     pub bids: u64,
     /// Zones, or parts of zones, that were given away.
     pub awards: u64,
+    /// How often an agent took zones from another.
+    pub thefts: u64,
+    /// Zones that changed hands so.
+    pub stolen: u64,
 }
 
 /// How well T_est of zones before profiling agreed with what they took.
@@ -456,11 +475,13 @@ impl RoundEvent {
 }
 
 impl AuctionEvent {
-    /// All rounds, as they ended.
-    pub fn of(all: &[RoundSummary]) -> Self {
-        let AuctionTally { rounds, contested, credit_decided, bidders, bids, awards } = AuctionTally::of(all);
+    /// All rounds and thefts, as they ended.
+    pub fn of(all: &[RoundSummary], thefts: &[Theft]) -> Self {
+        let mut tally = AuctionTally::of(all);
+        thefts.iter().for_each(|theft| tally.add_theft(theft));
+        let AuctionTally { rounds, contested, credit_decided, bidders, bids, awards, thefts, stolen } = tally;
         let contested_of_first_half = AuctionTally::contested_of_first_half(all);
-        Self { rounds, contested, contested_of_first_half, credit_decided, bidders, bids, awards }
+        Self { rounds, contested, contested_of_first_half, credit_decided, bidders, bids, awards, thefts, stolen }
     }
 }
 

@@ -198,6 +198,9 @@ fn tell_society(society: &Society) {
             auction.bids as f64 / auction.rounds as f64
         );
     }
+    if auction.thefts > 0 {
+        println!("stealing: {} zones changed hands in {} thefts", auction.stolen, auction.thefts);
+    }
     for agent in &society.agents {
         println!(
             "  {}: V_cp {:.3}, credit {:.2} s, promises held {:.2}",

@@ -162,6 +162,10 @@ fn as_text(outcome: &SimulationOutcome, took: Duration, measured: Option<Duratio
         tally.bidders as f64 / tally.rounds.max(1) as f64,
         tally.bids as f64 / tally.rounds.max(1) as f64,
     );
+    if !outcome.thefts.is_empty() {
+        let stolen: u32 = outcome.thefts.iter().map(|theft| theft.zones).sum();
+        text += &format!("stealing        {stolen} zones changed hands in {} thefts\n", outcome.thefts.len());
+    }
     if outcome.failed > 0 {
         text += &format!("given up        {} zones\n", outcome.failed);
     }
@@ -245,7 +249,7 @@ fn as_json(outcome: &SimulationOutcome, took: Duration, measured: Option<Duratio
         "efficiency": outcome.efficiency(),
         "messages": outcome.messages,
         "messages_per_zone": outcome.messages_per_zone(),
-        "auction": AuctionEvent::of(&outcome.rounds),
+        "auction": AuctionEvent::of(&outcome.rounds, &outcome.thefts),
         "measured_seconds": measured.map(|measured| measured.as_secs_f64()),
         "difference": measured.map(|measured| difference(outcome, measured)),
         "simulated_in_seconds": took.as_secs_f64(),

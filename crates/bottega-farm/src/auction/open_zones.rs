@@ -30,7 +30,7 @@ impl OpenZones {
     fn rank(rule: AuctionRule, offer: &Offer) -> Rank {
         let rank = match rule {
             AuctionRule::Paper => offer.complexity.max(0.0).to_bits(),
-            AuctionRule::FinishingTime | AuctionRule::Promised => {
+            AuctionRule::FinishingTime | AuctionRule::Promised | AuctionRule::Stealing => {
                 u64::try_from(offer.time_estimated.as_nanos()).unwrap_or(u64::MAX)
             }
         };
@@ -68,7 +68,12 @@ impl OpenZones {
 
     /// T_est of the largest that is not offered.
     pub fn largest_waiting(&self) -> Option<Duration> {
-        self.waiting.last_key_value().map(|(_, offer)| offer.time_estimated)
+        self.largest().map(|offer| offer.time_estimated)
+    }
+
+    /// The largest that is not offered.
+    pub fn largest(&self) -> Option<Offer> {
+        self.waiting.last_key_value().map(|(_, offer)| *offer)
     }
 
     /// T_est of all.

@@ -1,5 +1,6 @@
 //! The tally of an auction's rounds.
 
+use bottega_agents::AgentId;
 use serde::{Deserialize, Serialize};
 
 /// One round.
@@ -28,7 +29,18 @@ impl RoundSummary {
     }
 }
 
-/// All rounds of a work.
+/// An agent has taken zones that waited in another's hand.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Theft {
+    /// Who had them.
+    pub from: AgentId,
+    /// Who has them.
+    pub to: AgentId,
+    /// How many, parts of zones too.
+    pub zones: u32,
+}
+
+/// All rounds of a work, and what agents took from each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AuctionTally {
     /// How many there were.
@@ -43,6 +55,10 @@ pub struct AuctionTally {
     pub bids: u64,
     /// Zones, or parts of zones, that were given away.
     pub awards: u64,
+    /// How often an agent took zones from another.
+    pub thefts: u64,
+    /// Zones that changed hands so.
+    pub stolen: u64,
 }
 
 impl AuctionTally {
@@ -68,5 +84,11 @@ impl AuctionTally {
         self.bidders += u64::from(round.bidders);
         self.bids += u64::from(round.bids);
         self.awards += u64::from(round.awards);
+    }
+
+    /// Counts one more theft.
+    pub fn add_theft(&mut self, theft: &Theft) {
+        self.thefts += 1;
+        self.stolen += u64::from(theft.zones);
     }
 }

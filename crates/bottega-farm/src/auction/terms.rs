@@ -3,6 +3,9 @@
 use super::{field::Field, member::MemberId};
 use crate::{Bid, ZoneId};
 
+/// Zones that wait in the hand of one agent at most, where they are dealt out: a heartbeat tells of all of them.
+const DEALT_MAX: u32 = 64;
+
 /// The rule that finds a zone's winner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AuctionRule {
@@ -15,12 +18,22 @@ pub enum AuctionRule {
     /// what it promises, weighed by how far its promises held.
     #[default]
     FinishingTime,
+    /// No rounds: the Master deals zones out as they are profiled, each to the agent that would finish it soonest, and agents
+    /// take from each other what waits. What agents promise is weighed as by [`Self::FinishingTime`].
+    Stealing,
 }
 
 impl AuctionRule {
     /// Whether what agents promise is weighed by how far their promises held.
     pub(crate) fn weighs_promises(self) -> bool {
-        self == Self::FinishingTime
+        matches!(self, Self::FinishingTime | Self::Stealing)
+    }
+
+    /// Zones that a Master lets an agent have in hand at most.
+    ///
+    /// - `prefetch`: those that it is to have begun or have next.
+    pub(crate) fn window(self, prefetch: u32) -> u32 {
+        if self == Self::Stealing { prefetch.max(DEALT_MAX) } else { prefetch }
     }
 }
 

@@ -45,6 +45,7 @@ impl Shared {
                 self.observer.agent_changed(&row);
             }
             FarmEffect::RoundClosed(round) => self.observer.round_closed(&round),
+            FarmEffect::Stolen(theft) => self.observer.stolen(&theft),
             FarmEffect::Compare { zone, results } => self.compare(zone, results, mailbox),
             FarmEffect::Compose { zone, result, mask } => {
                 let shared = Arc::clone(self);

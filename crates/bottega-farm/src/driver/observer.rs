@@ -6,7 +6,7 @@ use bottega_agents::{AgentId, Time};
 use bottega_engines::Survey;
 
 use super::progress::Progress;
-use crate::{AgentRow, FarmMessage, ImportanceMap, Partition, RoundSummary, ZoneRow};
+use crate::{AgentRow, FarmMessage, ImportanceMap, Partition, RoundSummary, Theft, ZoneRow};
 
 /// Sees a job go on. All methods are called from the job's threads and must return soon.
 pub trait Observer: Send + Sync {
@@ -20,6 +20,8 @@ pub trait Observer: Send + Sync {
     fn agent_changed(&self, _row: &AgentRow) {}
     /// A round of the auction has ended.
     fn round_closed(&self, _round: &RoundSummary) {}
+    /// An agent has taken zones from another.
+    fn stolen(&self, _theft: &Theft) {}
     /// Something was painted.
     fn progress(&self, _progress: &Progress) {}
     /// An agent sends a message.

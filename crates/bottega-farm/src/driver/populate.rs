@@ -14,7 +14,7 @@ use super::{
     shared::{End, FarmMailbox, ObservedAgent, Shared},
 };
 use crate::{
-    Analyst, AnalystConfig, FarmAgent, GoalRules, Master, MasterConfig, MasterSource, PartitionSettings,
+    Analyst, AnalystConfig, AuctionRule, FarmAgent, GoalRules, Master, MasterConfig, MasterSource, PartitionSettings,
     RegistrationConfig, RenderAgent, RenderAgentConfig, Timing, WorkId, WorkRow, WorkSettings, ZoneRow,
     directory_services,
 };
@@ -127,6 +127,7 @@ pub(super) fn add_render_agents(
             master: source.clone(),
             adaptation: settings.adaptation,
             prefetch: settings.prefetch,
+            steals: settings.auction == AuctionRule::Stealing,
             heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| Timing::AMONG_MACHINES).heartbeat,
             expert: expert
                 .clone()

@@ -19,8 +19,12 @@ impl Master {
             self.give_out_profiles(now, actions);
             self.close_rounds(now, actions);
             self.give_out_comparisons(now, actions);
-            self.recall(now);
-            while self.open_round(now, actions) {}
+            if self.config.auction == AuctionRule::Stealing {
+                self.deal(now, actions);
+            } else {
+                self.recall(now);
+                while self.open_round(now, actions) {}
+            }
         }
         if self.begun {
             self.compose(actions);
@@ -83,7 +87,7 @@ impl Master {
         true
     }
 
-    fn names(&self, agents: &[MemberId]) -> Vec<AgentId> {
+    pub(super) fn names(&self, agents: &[MemberId]) -> Vec<AgentId> {
         agents.iter().map(|&agent| self.roster.name(agent).clone()).collect()
     }
 
@@ -215,7 +219,7 @@ impl Master {
         decide(self.config.auction, &offers, bidders, &standing)
     }
 
-    fn give(&mut self, now: Time, award: &Award, conversation: u64, actions: &mut Vec<FarmAction>) {
+    pub(super) fn give(&mut self, now: Time, award: &Award, conversation: u64, actions: &mut Vec<FarmAction>) {
         let Some((_, row)) = self.board.zone(award.zone) else { return };
         let row = match award.share {
             None => row.clone(),

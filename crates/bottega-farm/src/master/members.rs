@@ -38,6 +38,15 @@ impl Master {
                 };
                 self.repeat_orders(now, sender, hands, actions);
                 self.watch_pace(now, sender, hands, actions);
+                if self.config.auction == AuctionRule::Stealing {
+                    self.tell_neighbors(sender, actions);
+                    if hands.is_empty() {
+                        self.help_out(now, sender, actions);
+                    }
+                }
+            }
+            (Performative::Inform, FarmContent::HandedOver { to, orders }) => {
+                self.hand_over(now, &message.sender, to, orders, actions);
             }
             (Performative::Propose, FarmContent::Bids { room, bids }) => {
                 let proposal = Proposal { room: (*room).min(self.config.prefetch), bids: bids.clone() };
@@ -85,6 +94,9 @@ impl Master {
         self.refresh_hands(now, id);
         self.answer(message, Performative::Agree, FarmContent::Subscribed, actions);
         self.introduce(std::slice::from_ref(&row.agent), actions);
+        if self.config.auction == AuctionRule::Stealing {
+            self.tell_neighbors(id, actions);
+        }
         self.put_agent(row, actions);
     }
 

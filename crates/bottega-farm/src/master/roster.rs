@@ -55,6 +55,8 @@ pub(super) struct Member {
     watched: WatchedZones,
     /// The orders that it has failed on since it last painted something.
     pub(super) failed: Vec<(ZoneId, Revision)>,
+    /// Of which composition of the roster it was told its neighbors.
+    told: u64,
     /// Where it stands in the orders.
     places: Places,
 }
@@ -113,6 +115,8 @@ pub(super) struct Roster {
     /// By number. Who has gone keeps its number; its place is empty.
     members: Vec<Option<Member>>,
     count: usize,
+    /// How often somebody has come or gone.
+    changes: u64,
     names: Vec<AgentId>,
     /// A hash map, for speed: never gone through.
     numbers: FxHashMap<AgentId, MemberId>,
@@ -172,6 +176,7 @@ impl Roster {
             }
             member => {
                 self.count += 1;
+                self.changes += 1;
                 *member = Some(Member { weighs_promises: self.weighs_promises, ..Member::new(id, now, row) });
             }
         }
@@ -182,6 +187,7 @@ impl Roster {
     pub(super) fn leave(&mut self, id: MemberId) -> Option<Member> {
         let member = self.members[id.index()].take()?;
         self.count -= 1;
+        self.changes += 1;
         self.alter(id, member.places, Places::default());
         if let Some(until) = member.rests_until {
             self.resting.remove(&(until, id));
@@ -361,6 +367,31 @@ impl Roster {
         }
     }
 
+    /// Whether an agent may be given another zone.
+    pub(super) fn has_room(&self, id: MemberId) -> bool {
+        self.get(id).is_some_and(|member| member.hands < self.window)
+    }
+
+    /// The neighbors of an agent, if others have come or gone since it was told of them: all others where they are few, else
+    /// those at distances of powers of two around the ring of numbers, so that work spreads to everybody in few steps.
+    pub(super) fn new_neighbors(&mut self, id: MemberId, count_max: usize) -> Option<Vec<MemberId>> {
+        let changes = self.changes;
+        let member = self.members[id.index()].as_mut().filter(|member| member.told != changes)?;
+        member.told = changes;
+        let (ring, is_small) = (self.members.len(), self.count <= count_max + 1);
+        let next = |start: usize| {
+            let around = (start..start + ring).map(|place| self.members[place % ring].as_ref());
+            around.flatten().map(|member| member.id).find(|&other| other != id)
+        };
+        if is_small {
+            return Some(self.iter().map(|member| member.id).filter(|&other| other != id).collect());
+        }
+        let distances = (0..count_max).map(|k| (ring >> (k + 1)).max(1)).rev();
+        let mut neighbors: Vec<MemberId> = distances.filter_map(|distance| next(id.index() + distance)).collect();
+        neighbors.dedup();
+        Some(neighbors)
+    }
+
     /// How many are here.
     pub(super) fn count(&self) -> usize {
         self.count
@@ -469,6 +500,7 @@ impl Member {
             reported: now,
             watched: WatchedZones::default(),
             failed: Vec::new(),
+            told: 0,
             places: Places::default(),
         }
     }

@@ -194,7 +194,7 @@ impl Master {
                 if write.row.state == ZoneState::Done {
                     self.credit(&write.row, taken, actions);
                 }
-                if let Some(agent) = agent {
+                if let Some(agent) = agent.filter(|_| self.config.auction != AuctionRule::Stealing) {
                     self.help_out(now, agent, actions);
                 }
             }

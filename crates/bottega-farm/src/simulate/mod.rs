@@ -33,8 +33,8 @@ pub use self::{
 };
 use crate::{
     AdaptationRule, AuctionRule, Credit, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
-    MasterSource, RelativePower, RenderAgent, RenderAgentConfig, RoundSummary, Timing, WorkKeys, contents::message,
-    protocol,
+    MasterSource, RelativePower, RenderAgent, RenderAgentConfig, RoundSummary, Theft, Timing, WorkKeys,
+    contents::message, protocol,
 };
 
 /// How long the platform is watched after the end, until everybody has gone home.
@@ -130,6 +130,8 @@ pub struct SimulationOutcome {
     pub films: u32,
     /// Rounds of the auction, as they ended.
     pub rounds: Vec<RoundSummary>,
+    /// What agents took from each other, as it happened.
+    pub thefts: Vec<Theft>,
     /// The agents in the order of the crew.
     pub agents: Vec<AgentOutcome>,
     /// Who painted what when, in the order of their ends.
@@ -250,6 +252,7 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
         messages,
         films: studio.film.films,
         rounds: std::mem::take(&mut studio.rounds),
+        thefts: std::mem::take(&mut studio.thefts),
         spans: std::mem::take(&mut studio.spans),
         spans_left_out: studio.spans_left_out,
         agents: agents(plan, studio),
@@ -388,6 +391,7 @@ impl<'a> Play<'a> {
                     master: MasterSource::Known(self.master.clone()),
                     adaptation: plan.adaptation,
                     prefetch: plan.prefetch,
+                    steals: plan.auction == AuctionRule::Stealing,
                     heartbeat: plan.timing.heartbeat,
                     expert: plan.expert.clone(),
                     knowledge: crate::Foreknowledge::default(),

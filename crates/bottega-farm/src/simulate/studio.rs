@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     AgentRow, FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, RelativePower, ResultRef, RoundSummary,
-    ZoneId,
+    Theft, ZoneId,
 };
 
 /// What an agent's benchmark takes.
@@ -105,6 +105,7 @@ pub(super) struct SimulatedFarm {
     pub(super) spans_left_out: u64,
     /// Of the auction, as they ended.
     pub(super) rounds: Vec<RoundSummary>,
+    pub(super) thefts: Vec<Theft>,
     /// It was told that there were too few machines to compare.
     pub(super) lacked_machines: bool,
     pub(super) film: FilmLog,
@@ -135,6 +136,7 @@ impl SimulatedFarm {
             spans: Vec::new(),
             spans_left_out: 0,
             rounds: Vec::new(),
+            thefts: Vec::new(),
             lacked_machines: false,
         }
     }
@@ -288,6 +290,7 @@ impl World<FarmAgent> for SimulatedFarm {
             }
             (FarmEffect::TooFew { .. }, _) => self.lacked_machines = true,
             (FarmEffect::RoundClosed(round), _) => self.rounds.push(round),
+            (FarmEffect::Stolen(theft), _) => self.thefts.push(theft),
             (FarmEffect::AgentChanged(row), _) => {
                 if let Some(&index) = self.index.get(&row.agent) {
                     self.seats[index].known = Some(row);

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::{
     error::WireError,
     row::{PaintingRecord, WorkRecord, ZoneRecord},
-    values::{finite, list, nanoseconds, reason, short_reason},
+    values::{agent, finite, list, name, nanoseconds, reason, short_reason},
 };
-use crate::{Bid, FarmContent, Holding, LifeCycle, Offer, Order, RelativePower, Report, WorkId, ZoneId};
+use crate::{Bid, FarmContent, Holding, LifeCycle, Offer, Order, PassedOrder, RelativePower, Report, WorkId, ZoneId};
 
 /// The content of a message. The variants are those of [`FarmContent`], in its order, but for the last.
 #[derive(Serialize, Deserialize)]
@@ -53,6 +53,18 @@ pub(super) enum ContentRecord<'a> {
     },
     LeftOut {
         reason: &'a str,
+    },
+    #[serde(borrow)]
+    Neighbors(Vec<&'a str>),
+    Steal {
+        own: f64,
+        load: u64,
+    },
+    Yielded(u32),
+    HandedOver {
+        to: &'a str,
+        /// Zone, fence and the share that is kept.
+        orders: Vec<(u32, u64, f64)>,
     },
     LifeCycle(#[serde(with = "LifeCycleRecord")] LifeCycle),
     Nothing,
@@ -117,6 +129,13 @@ impl<'a> From<&'a FarmContent> for ContentRecord<'a> {
                 Self::Alive { power: power.get(), hands }
             }
             FarmContent::LeftOut { reason } => Self::LeftOut { reason: short_reason(reason) },
+            FarmContent::Neighbors(agents) => Self::Neighbors(agents.iter().map(name).collect()),
+            FarmContent::Steal { own, load } => Self::Steal { own: *own, load: nanoseconds(*load) },
+            FarmContent::Yielded(count) => Self::Yielded(*count),
+            FarmContent::HandedOver { to, orders } => {
+                let orders = orders.iter().map(|it| (it.zone.0, it.fence.0, it.kept)).collect();
+                Self::HandedOver { to: name(to), orders }
+            }
             FarmContent::LifeCycle(change) => Self::LifeCycle(*change),
             // What is said to services of the platform is said within a process: elsewhere nobody understands it.
             FarmContent::Nothing | FarmContent::Management(_) => Self::Nothing,
@@ -167,6 +186,20 @@ impl TryFrom<ContentRecord<'_>> for FarmContent {
                 Self::Alive { power: read_power(power)?, hands: list("the list of orders in hand", hands, hand)? }
             }
             ContentRecord::LeftOut { reason: why } => Self::LeftOut { reason: reason(why)? },
+            ContentRecord::Neighbors(agents) => Self::Neighbors(list("the list of neighbors", agents, agent)?),
+            ContentRecord::Steal { own, load } => {
+                let own = finite("the speed of an agent", own)?;
+                Self::Steal { own, load: Duration::from_nanos(load) }
+            }
+            ContentRecord::Yielded(count) => Self::Yielded(count),
+            ContentRecord::HandedOver { to, orders } => {
+                let order = |(zone, fence, kept)| {
+                    let (zone, fence) = token(zone, fence);
+                    let kept = finite("the share of a zone", kept)?;
+                    Ok(PassedOrder { zone, fence, kept })
+                };
+                Self::HandedOver { to: agent(to)?, orders: list("the list of orders", orders, order)? }
+            }
             ContentRecord::LifeCycle(change) => Self::LifeCycle(change),
             ContentRecord::Nothing => Self::Nothing,
         })

@@ -17,8 +17,8 @@ use super::{
 };
 use crate::{
     AgentRow, Bid, Choice, Credit, Cut, FarmContent, FarmValue, Goal, Holding, InputRanges, Interval, LifeCycle,
-    NeighborDifference, Offer, Optimization, Order, Painting, RelativePower, Report, ResultRef, Rival, Vote, WorkId,
-    WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
+    NeighborDifference, Offer, Optimization, Order, Painting, PassedOrder, RelativePower, Report, ResultRef, Rival,
+    Vote, WorkId, WorkRow, WorkSettings, ZoneId, ZoneRow, ZoneState,
 };
 
 fn rows() -> impl Strategy<Value = ZoneRow> {
@@ -114,6 +114,10 @@ fn contents(row: ZoneRow) -> Vec<FarmContent> {
         FarmContent::Withdrawn { zone, fence },
         FarmContent::Alive { power, hands: vec![Holding { zone, fence, progress: 7 }] },
         FarmContent::LeftOut { reason: "it failed".to_owned() },
+        FarmContent::Neighbors(vec![AgentId::new("agent-1"), AgentId::new("agent-2")]),
+        FarmContent::Steal { own: 0.25, load: Duration::from_millis(40) },
+        FarmContent::Yielded(3),
+        FarmContent::HandedOver { to: AgentId::new("agent-1"), orders: vec![PassedOrder { zone, fence, kept: 0.4 }] },
         FarmContent::Nothing,
     ];
     all.extend([LifeCycle::Suspend, LifeCycle::Resume, LifeCycle::Terminate].map(FarmContent::LifeCycle));

@@ -140,7 +140,10 @@ impl World<FarmAgent> for Studio {
                 assert!(seen.finished.is_none(), "the work ends once");
                 seen.finished = Some(failed);
             }
-            FarmEffect::AgentChanged(_) | FarmEffect::RoundClosed(_) | FarmEffect::Analyzed { .. } => {}
+            FarmEffect::AgentChanged(_)
+            | FarmEffect::RoundClosed(_)
+            | FarmEffect::Stolen(_)
+            | FarmEffect::Analyzed { .. } => {}
             FarmEffect::Abandon { reason } => panic!("{reason}"),
         }
     }
@@ -265,6 +268,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
     };
     simulator.add(&analyst, true, move || Analyst::new(config.clone()).into());
     let (last, others) = agents.split_last().expect("somebody paints");
+    let steals = scene.auction == AuctionRule::Stealing;
     let add = |simulator: &mut Simulator<FarmAgent, Studio>, id: &AgentId| {
         let own = id.clone();
         let source = place.clone().map_or_else(|| MasterSource::Known(master.clone()), MasterSource::Directory);
@@ -274,6 +278,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
                 master: source.clone(),
                 adaptation: AdaptationRule::MedianRatio,
                 prefetch: 2,
+                steals,
                 heartbeat: timing.heartbeat,
                 expert: Expert::path_tracing(),
                 knowledge: bottega_farm::Foreknowledge::default(),

@@ -160,6 +160,9 @@ choices! {
         Promised,
         /// The most complex zone goes to the bidder with the most credit, as in the MAGarRO paper.
         Paper,
+        /// No auction: zones are dealt out at once, each to the agent that would finish it soonest, and agents take from each other
+        /// what waits.
+        Stealing,
     }
 
     /// How agents learn their speed.

@@ -9,11 +9,11 @@ use std::{
 
 use bottega_agents::{AgentId, Time};
 use bottega_engines::Survey;
-use bottega_farm::{AgentRow, FarmMessage, ImportanceMap, Observer, Partition, Progress, RoundSummary, ZoneRow};
+use bottega_farm::{AgentRow, FarmMessage, ImportanceMap, Observer, Partition, Progress, RoundSummary, Theft, ZoneRow};
 
 use super::Watcher;
 use crate::{
-    events::{self, AgentEvent, AuctionEvent, Event, RoundEvent, Zone, ZoneEvent},
+    events::{self, AgentEvent, AuctionEvent, Event, RoundEvent, TheftEvent, Zone, ZoneEvent},
     preview::LivePreview,
 };
 
@@ -32,6 +32,7 @@ pub struct Reporter {
     pace: Mutex<WorkRate>,
     /// Of the auction, as they ended.
     rounds: Mutex<Vec<RoundSummary>>,
+    thefts: Mutex<Vec<Theft>>,
     watch: OnceLock<EngineWatch>,
     show: OnceLock<PreviewOutput>,
 }
@@ -75,7 +76,14 @@ impl Reporter {
             kept_cost: 0.0,
             marks: VecDeque::new(),
         });
-        Self { watcher, pace, rounds: Mutex::default(), watch: OnceLock::new(), show: OnceLock::new() }
+        Self {
+            watcher,
+            pace,
+            rounds: Mutex::default(),
+            thefts: Mutex::default(),
+            watch: OnceLock::new(),
+            show: OnceLock::new(),
+        }
     }
 
     /// The one who is told.
@@ -163,8 +171,9 @@ impl Reporter {
     /// Tells what the auction came to, if there was one.
     pub(crate) fn tell_auction(&self) {
         let rounds = self.rounds.lock().unwrap_or_else(PoisonError::into_inner);
-        if !rounds.is_empty() {
-            self.tell(Event::Auction(AuctionEvent::of(&rounds)));
+        let thefts = self.thefts.lock().unwrap_or_else(PoisonError::into_inner);
+        if !rounds.is_empty() || !thefts.is_empty() {
+            self.tell(Event::Auction(AuctionEvent::of(&rounds, &thefts)));
         }
     }
 
@@ -238,6 +247,13 @@ impl Observer for Reporter {
         self.rounds.lock().unwrap_or_else(PoisonError::into_inner).push(*round);
         let seconds = self.pace().begun.elapsed().as_secs_f64();
         self.tell(Event::Round(RoundEvent::new(round, seconds)));
+    }
+
+    fn stolen(&self, theft: &Theft) {
+        self.thefts.lock().unwrap_or_else(PoisonError::into_inner).push(theft.clone());
+        let seconds = self.pace().begun.elapsed().as_secs_f64();
+        let (from, to) = (theft.from.to_string(), theft.to.to_string());
+        self.tell(Event::Theft(TheftEvent { seconds, from, to, zones: theft.zones }));
     }
 
     fn progress(&self, progress: &Progress) {

@@ -200,6 +200,7 @@ pub fn auction_rule(choice: AuctionChoice) -> AuctionRule {
         AuctionChoice::FinishingTime => AuctionRule::FinishingTime,
         AuctionChoice::Promised => AuctionRule::Promised,
         AuctionChoice::Paper => AuctionRule::Paper,
+        AuctionChoice::Stealing => AuctionRule::Stealing,
     }
 }
 

@@ -5,7 +5,8 @@ use std::{sync::Arc, time::Duration};
 use bottega_agents::{AclMessage, Action, AgentId, BlobId, Event, Performative, Random, Revision, StateMachine, Time};
 use bottega_farm::{
     Bid, Choice, ErrorUse, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue,
-    Holding, LifeCycle, ONTOLOGY, Order, PaintOrder, Painting, RelativePower, Report, ResultRef, ZoneId, protocol,
+    Holding, LifeCycle, ONTOLOGY, Order, PaintOrder, Painting, PassedOrder, RelativePower, Report, ResultRef, ZoneId,
+    protocol,
 };
 use bottega_image::Sides;
 
@@ -43,6 +44,8 @@ pub(super) enum Vice {
     Mumbles,
     /// It paints some of its orders well, so that its failures are forgotten.
     Works,
+    /// It takes zones from others that it does not paint, and gives away what it does not have. Of works where agents steal.
+    Robs,
 }
 
 impl Vice {
@@ -299,6 +302,29 @@ impl HostileAgent {
         self.say(&me, &to, performative, content, 0)
     }
 
+    /// Asks for what others have, or gives away what is not its own.
+    fn rob(&mut self) -> FarmAction {
+        let (me, honest) = (self.config.id.clone(), self.honest());
+        let own = self.one_of(&[f64::NAN, 0.0, -1.0, 1e-9, 1.0]);
+        let load = self.time();
+        let (zone, fence) = (self.zone(), self.fence());
+        let kept = self.one_of(&[f64::NAN, -1.0, 0.0, 0.5, 7.0]);
+        let taken = self.orders.last().map(|(order, _)| (order.row.zone, order.fence));
+        let (zone, fence) = taken.filter(|_| kept != 7.0).unwrap_or((zone, fence));
+        let to = if kept == -1.0 { AgentId::new("nobody") } else { honest.clone() };
+        let orders = vec![PassedOrder { zone, fence, kept }; 3];
+        let (to, performative, content) = match self.random.below(5) {
+            0 | 1 => (&honest, Performative::Request, FarmContent::Steal { own, load }),
+            2 => (&honest, Performative::Agree, FarmContent::Yielded(u32::MAX)),
+            3 => (&honest, Performative::Inform, FarmContent::Neighbors(vec![me.clone(); 3])),
+            _ => (&self.config.master, Performative::Inform, FarmContent::HandedOver { to, orders }),
+        };
+        match self.say(&me, to, performative, content, 0) {
+            Action::Send(message) => Action::Send(AclMessage { protocol: protocol::STEALING, ..message }),
+            other => other,
+        }
+    }
+
     /// Does something.
     fn act(&mut self, actions: &mut Vec<FarmAction>) {
         let vices = self.config.vices.clone();
@@ -335,6 +361,7 @@ impl HostileAgent {
                 actions.push(self.subscribe(&master));
             }
             Vice::Mumbles => actions.push(self.tell(Performative::NotUnderstood, FarmContent::Nothing, 0)),
+            Vice::Robs => actions.push(self.rob()),
             Vice::Declines | Vice::Dawdles | Vice::Vanishes | Vice::Claims | Vice::Works => {}
         }
         if !self.has(Vice::Vanishes) && !self.has(Vice::Mumbles) {

@@ -139,6 +139,7 @@ fn add_honest(platform: &mut Platform, siege: &Siege) {
             master: MasterSource::Known(AgentId::new("master")),
             adaptation: Default::default(),
             prefetch: 2,
+            steals: siege.auction == AuctionRule::Stealing,
             heartbeat: Timing::default().heartbeat,
             expert: Expert::path_tracing(),
             knowledge: bottega_farm::Foreknowledge::default(),
@@ -275,6 +276,21 @@ fn the_work_ends_and_the_film_is_whole_whoever_takes_part() {
     }
     eprintln!("{failed} of {zones} zones given up; {missing} tiles missing; {left_out} left out; longest {longest:?}");
     assert!(failed * 500 < zones && missing > 100 && left_out > 500, "{failed} of {zones}, {missing}, {left_out}");
+}
+
+/// The same where zones are dealt out, and agents take from each other what waits.
+#[test]
+fn the_work_ends_and_the_film_is_whole_where_agents_steal_whoever_takes_part() {
+    let (mut failed, mut zones) = (0, 0);
+    for seed in 0..400 {
+        let mut siege = Siege { auction: AuctionRule::Stealing, ..Siege::of_seed(seed) };
+        siege.hostile.iter_mut().for_each(|vices| vices.push(Vice::Robs));
+        let aftermath = withstand(&siege, seed);
+        failed += aftermath.failed;
+        zones += aftermath.zones;
+    }
+    eprintln!("{failed} of {zones} zones given up");
+    assert!(failed * 500 < zones, "{failed} of {zones}");
 }
 
 /// Three honest agents need some 12 s. A hostile one may delay the end by as long as it is waited for, and no more.

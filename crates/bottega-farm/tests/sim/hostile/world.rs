@@ -141,6 +141,7 @@ impl HostileWorld {
             | FarmEffect::TooFew { .. }
             | FarmEffect::AgentChanged(_)
             | FarmEffect::RoundClosed(_)
+            | FarmEffect::Stolen(_)
             | FarmEffect::Analyzed { .. } => {}
         }
     }
