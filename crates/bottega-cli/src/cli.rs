@@ -131,6 +131,9 @@ pub(crate) struct AnalyzeArgs {
     /// How near, as a share of the radius of what the camera sees, or of the scene where that is not much wider.
     #[arg(long, value_name = "R", default_value_t = 0.05, requires = "ludd", value_parser = parse_share, help_heading = "Useful data density")]
     pub(crate) ludd_radius: f32,
+    /// Compare so many of the nearest, instead of all within a radius.
+    #[arg(long, value_name = "N", requires = "ludd", conflicts_with = "ludd_radius", value_parser = clap::value_parser!(u16).range(2..=512), help_heading = "Useful data density")]
+    pub(crate) ludd_nearest: Option<u16>,
     /// Photons that leave the lights.
     #[arg(long, value_name = "N", default_value_t = 100_000, requires = "ludd", value_parser = clap::value_parser!(u32).range(1..=10_000_000), help_heading = "Useful data density")]
     pub(crate) photons: u32,

@@ -71,7 +71,7 @@ impl BuiltinPainter {
 
     /// Tells what went wrong with devices, and keeps what was learnt of them.
     pub(crate) fn tell_of_devices(&self, reporter: &Reporter) {
-        if self.crew.gpus.is_empty() {
+        if self.crew.gpus.is_empty() && self.crew.boards.is_empty() {
             return;
         }
         let report = self.engine.report();

@@ -6,6 +6,7 @@ use std::{
     path::Path,
     sync::{Arc, Mutex},
     thread,
+    time::{Duration, Instant},
 };
 
 use bottega::{Picture, Request, Session, SessionOptions, StopSwitch, Watcher, events::Event, identity::identity};
@@ -114,7 +115,7 @@ fn what_a_board_is_told_that_cannot_be_ends_the_connection_and_nothing_else() {
     ];
     for bytes in wrong {
         let mut stream = TcpStream::connect(address).unwrap();
-        stream.set_read_timeout(Some(std::time::Duration::from_secs(10))).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
         _ = stream.write_all(&bytes);
         _ = stream.shutdown(std::net::Shutdown::Write);
         let mut answer = Vec::new();
@@ -125,29 +126,63 @@ fn what_a_board_is_told_that_cannot_be_ends_the_connection_and_nothing_else() {
     assert!(units > 0, "the board serves others as before");
 }
 
-#[test]
-fn a_board_that_goes_while_it_paints_costs_no_pixel() {
-    let (alone, _) = paint(&request(&["cpu"]));
-    // Between both: a cable that is cut after some bytes.
-    let name = board(None, identity());
-    let far = name.strip_prefix("tcp://").unwrap().to_owned();
+/// What befalls a cable.
+#[derive(Clone, Copy, PartialEq)]
+enum Fault {
+    /// It is cut after so many bytes to the board.
+    Cut(u64),
+    /// It stays, but answers do not come any more after so many bytes.
+    Silence(u64),
+}
+
+/// A cable to a board with a fault; its name as a device.
+fn cable(board: &str, fault: Fault) -> String {
+    let far = board.strip_prefix("tcp://").unwrap().to_owned();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let near = listener.local_addr().unwrap();
     thread::spawn(move || {
         for stream in listener.incoming().flatten() {
             let Ok(board) = TcpStream::connect(&far) else { return };
             let (mut to, mut from) = (board.try_clone().unwrap(), stream.try_clone().unwrap());
+            let (there, back) = match fault {
+                Fault::Cut(bytes) => (bytes, u64::MAX),
+                Fault::Silence(bytes) => (u64::MAX, bytes),
+            };
             thread::spawn(move || {
-                _ = std::io::copy(&mut (&stream).take(600_000), &mut to);
+                _ = std::io::copy(&mut (&stream).take(there), &mut to);
                 _ = to.shutdown(std::net::Shutdown::Both);
                 _ = stream.shutdown(std::net::Shutdown::Both);
             });
             thread::spawn(move || {
-                _ = std::io::copy(&mut &board, &mut from);
+                _ = std::io::copy(&mut (&board).take(back), &mut from);
+                if matches!(fault, Fault::Silence(_)) {
+                    _ = std::io::copy(&mut &board, &mut std::io::sink());
+                }
                 _ = from.shutdown(std::net::Shutdown::Both);
             });
         }
     });
-    let (both, _) = paint(&request(&["cpu", &format!("tcp://{near}")]));
+    format!("tcp://{near}")
+}
+
+#[test]
+fn a_board_that_goes_while_it_paints_costs_no_pixel() {
+    let (alone, _) = paint(&request(&["cpu"]));
+    let (both, _) = paint(&request(&["cpu", &cable(&board(None, identity()), Fault::Cut(600_000))]));
     assert!(bits(&alone) == bits(&both));
+}
+
+/// It counts as hung after two seconds; what it has is done elsewhere, and nobody waits for it when the picture is whole.
+#[test]
+fn a_board_that_does_not_answer_any_more_is_not_waited_for() {
+    let begun = Instant::now();
+    let (alone, _) = paint(&request(&["cpu"]));
+    let usual = begun.elapsed();
+    for bytes in [100_000, 140_000] {
+        let begun = Instant::now();
+        let (both, _) = paint(&request(&["cpu", &cable(&board(None, identity()), Fault::Silence(bytes))]));
+        let took = begun.elapsed();
+        assert!(bits(&alone) == bits(&both));
+        assert!(took < 3 * usual + Duration::from_secs(10), "{took:?}, {usual:?} alone");
+    }
 }

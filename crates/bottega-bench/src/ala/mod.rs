@@ -4,6 +4,7 @@
 //! agents look around. Errors are to a converged picture. Who is faster is told at equal error: by the time until a picture is as
 //! good as that of photon mapping at last.
 
+mod ludd;
 mod paper;
 mod plot;
 mod report;
@@ -15,11 +16,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bottega_image::{Canvas, ColorMap, Picture, ToneMap, read_picture};
-use bottega_render::{
-    AgentSettings, Oracle, PathSettings, PhotonSettings, Prepass, View,
-    ala::{Criterion, Density, SampleSet, Samples},
-};
+use bottega_image::{Canvas, Picture, ToneMap, read_picture};
+use bottega_render::{Oracle, View};
 
 pub use self::report::AlaReport;
 use self::{
@@ -38,8 +36,6 @@ const SIZE: [f64; 2] = [1600.0, 1200.0];
 /// Budgets that are tried beside the paper's, as shares of it.
 const FEWER: [f64; 4] = [0.04, 0.1, 0.25, 0.3];
 const MORE: f64 = 3.0;
-/// How near samples are compared, as a share of the radius of the scene.
-const LUDD_RADIUS: f32 = 0.05;
 
 /// The scene of the measurement, and its numbers of photons and agents.
 #[derive(Clone, Debug)]
@@ -125,38 +121,8 @@ fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error
         let by_rays = scene.paint(way, spp, &reference)?;
         shadows.push(Shadows::new(by_agents, &by_rays)?);
     }
-    let densities = if options.output.is_some() { densities(options, &scene, log)? } else { Vec::new() };
-    Ok(AlaReport { samples: spp, reference, photons: by_photons, others, budgets, shadows, densities })
-}
-
-/// Local useful data density of the irradiance, as in the paper's figures 1 and 3.
-fn densities(
-    options: &AlaOptions,
-    scene: &PaintedScene<'_>,
-    log: &mut dyn Write,
-) -> Result<Vec<(&'static str, Vec<f32>)>, Error> {
-    let sets = [
-        ("photons", SampleSet::Photons, Oracle::Paper),
-        ("indirect-photons", SampleSet::IndirectPhotons, Oracle::Paper),
-        ("agents-of-the-paper", SampleSet::Agents, Oracle::Paper),
-        ("agents", SampleSet::Agents, Oracle::Error),
-    ];
-    let (prepared, prepass) = (scene.prepared()?, Prepass::default());
-    let of = |(name, set, oracle): (&'static str, SampleSet, Oracle)| {
-        say(log, format_args!("comparing {name} …"));
-        let agents = AgentSettings { cast: options.lighting_agents, oracle, ..AgentSettings::default() };
-        // As the paper's figures: photons enough to compare, and not to drown in.
-        let count = options.photons / 10;
-        let bounces = scene.max_depth;
-        let photons = PhotonSettings { count, bounces, agents: Some(agents), ..PhotonSettings::default() };
-        let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
-        let samples =
-            Samples::new(&prepared, &prepass, scene.view, &settings, set, &[Criterion::Irradiance], LUDD_RADIUS)?;
-        let found = samples.over(&prepared, scene.view)?;
-        let value = |pixel: &Option<Density>| pixel.as_ref().and_then(Density::all).unwrap_or(f32::NAN);
-        Ok((name, found.pixels.iter().map(value).collect()))
-    };
-    sets.into_iter().map(of).collect()
+    let useful_data = ludd::compare(options, &scene, log)?;
+    Ok(AlaReport { samples: spp, reference, photons: by_photons, others, budgets, shadows, useful_data })
 }
 
 fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
@@ -176,15 +142,8 @@ fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
         let [agents, rays] = &shadows.pictures;
         png(&format!("{name}-from-shadow-rays-x5.png"), &difference(rays, agents))?;
     }
-    let mut values: Vec<f32> =
-        report.densities.iter().flat_map(|(_, map)| map).copied().filter(|it| it.is_finite()).collect();
-    values.sort_unstable_by(f32::total_cmp);
-    let white = values.get(values.len().saturating_sub(values.len() / 200 + 1)).copied().unwrap_or(1.0).max(1e-6);
     let Picture { width, height, .. } = report.reference;
-    for (name, map) in &report.densities {
-        let canvas = Canvas::heat_map(width, height, map, white, ColorMap::Viridis);
-        canvas.write_png(folder.join(format!("ludd-{name}.png")))?;
-    }
+    ludd::draw(&report.useful_data, View { camera: 0, width, height }, folder)?;
     Ok(())
 }
 

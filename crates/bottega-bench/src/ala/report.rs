@@ -2,7 +2,7 @@
 
 use bottega_image::{FlipOptions, Picture, flip};
 
-use super::ways::MethodResult;
+use super::{ludd::UsefulData, ways::MethodResult};
 use crate::Error;
 
 /// FLIP above which a pixel looks wrong.
@@ -31,8 +31,7 @@ pub struct AlaReport {
     /// Photons and our agents with other budgets.
     pub(super) budgets: Vec<MethodResult>,
     pub(super) shadows: Vec<Shadows>,
-    /// Useful data density (irradiance) by set: name, what is seen of it, brightest.
-    pub(super) densities: Vec<(&'static str, Vec<f32>)>,
+    pub(super) useful_data: Vec<UsefulData>,
 }
 
 impl AlaReport {

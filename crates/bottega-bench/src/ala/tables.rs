@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::{paper, report::AlaReport, ways::MethodResult};
+use super::{ludd, paper, report::AlaReport, ways::MethodResult};
 use crate::Report;
 
 impl Report for AlaReport {
@@ -76,7 +76,7 @@ fn as_text(report: &AlaReport) -> String {
             line(named(&format!("first there: {}", best.way.name), best));
         }
     }
-    text
+    text + &ludd::as_text(&report.useful_data)
 }
 
 /// What a way takes, as shares of what some photon mapping takes.
@@ -141,6 +141,7 @@ fn as_json(report: &AlaReport) -> Value {
             "first": report.best(baseline).map(|best| best.way.name.as_str()),
             "over": report.best(baseline).map(|best| Ratios::new(baseline, best).as_json()),
         })).collect::<Vec<_>>(),
+        "useful_data": ludd::as_json(&report.useful_data),
         "shadows": report.shadows.iter().map(|shadows| json!({
             "name": shadows.name,
             "traced": shadows.traced,

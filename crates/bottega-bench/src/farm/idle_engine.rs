@@ -9,7 +9,7 @@ use std::{
 use bottega_engines::{
     EngineDescription, EngineError, Painted, RenderEngine, Survey, SurveyPixel, Tunables, ZoneCallback, ZoneTask,
 };
-use bottega_farm::JobSettings;
+use bottega_farm::{AuctionRule, JobSettings};
 use bottega_image::{AovSet, Layout, Rect, SampleValues, Tile};
 
 /// Samples a pixel: the first one is the profile.
@@ -44,10 +44,10 @@ impl IdleEngine {
 }
 
 /// A picture of about so many zones, which cost alike.
-pub(super) fn settings(zones: u32) -> JobSettings {
+pub(super) fn settings(zones: u32, auction: AuctionRule) -> JobSettings {
     let side = (f64::from(zones).sqrt().ceil() as u32).max(1) * ZONE_SIDE;
     let settings = JobSettings::new(side, side, SAMPLES, tunables(), Layout::new(AovSet::NONE));
-    JobSettings { zones: Some(zones), processors: 1, ..settings }
+    JobSettings { zones: Some(zones), processors: 1, auction, ..settings }
 }
 
 fn tunables() -> Tunables {

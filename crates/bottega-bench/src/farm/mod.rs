@@ -12,7 +12,7 @@ mod watch;
 use std::{env, fs, path::PathBuf, process, sync::Arc, time::Duration};
 
 use bottega_cluster::{Credentials, FarmAddress, own_server::OwnServer};
-use bottega_farm::{JobReport, StopSwitch, ZoneState, lead};
+use bottega_farm::{AuctionRule, JobReport, StopSwitch, ZoneState, lead};
 use serde_json::Value;
 
 pub use self::{
@@ -37,6 +37,8 @@ pub struct FarmOptions {
     pub zones: u32,
     /// Mean time of a zone over all agents; zones differ by half of it, agents in speed from 0.6 to 1.4.
     pub zone_time: Duration,
+    /// How zones find their agents.
+    pub auction: AuctionRule,
     /// Processes in which the agents live, beside the one with the Master.
     pub processes: u32,
     /// Which server.
@@ -107,14 +109,14 @@ fn run(
     for i in 0..processes {
         let (first, end) = (share_of(others, processes, i), share_of(others, processes, i + 1));
         let share = AgentShare { work, first: 1 + first, count: end - first };
-        let FarmOptions { zones, zone_time, .. } = *options;
-        let part = PartOptions { share, zones, zone_time, access: access.clone() };
+        let FarmOptions { zones, zone_time, auction, .. } = *options;
+        let part = PartOptions { share, zones, zone_time, auction, access: access.clone() };
         parts.push(PartProcess::start(command(&part))?);
     }
     parts.iter_mut().try_for_each(PartProcess::until_ready)?;
     let engine = Arc::new(IdleEngine::new(options.zone_time, 0).map_err(Error::Thread)?);
     let watch = Arc::new(MasterWatch::default());
-    let settings = idle_engine::settings(options.zones);
+    let settings = idle_engine::settings(options.zones, options.auction);
     let painted = lead(&settings, engine, Arc::clone(&watch) as _, stop, None, None, Some(link.clone()));
     let report = painted.map_err(bottega::Error::Job);
     let told =

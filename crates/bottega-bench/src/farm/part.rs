@@ -10,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-use bottega_farm::{JobError, JobSettings, Link, StopSwitch, assist};
+use bottega_farm::{AuctionRule, JobError, JobSettings, Link, StopSwitch, assist};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -35,6 +35,8 @@ pub struct PartOptions {
     pub zones: u32,
     /// Mean time of a zone over all agents.
     pub zone_time: Duration,
+    /// How zones find their agents.
+    pub auction: AuctionRule,
     /// The way to the server.
     pub access: ServerAccess,
 }
@@ -90,7 +92,7 @@ pub(super) struct PartReport {
 pub fn run_part(options: &PartOptions, output: &mut dyn Write) -> Result<(), Error> {
     let share = options.share;
     let links = ServerLinks::new(options.access.clone())?;
-    let settings = idle_engine::settings(options.zones);
+    let settings = idle_engine::settings(options.zones, options.auction);
     let links = (0..share.count).map(|i| links.link(share.work, share.first + i)).collect::<Result<Vec<_>, _>>()?;
     say_ready(output)?;
     let stops: Vec<StopSwitch> = links.iter().map(|_| StopSwitch::new()).collect();

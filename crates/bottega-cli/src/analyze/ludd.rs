@@ -6,7 +6,7 @@ use bottega::analysis::AnalyzedScene;
 use bottega_image::{Canvas, ColorMap, Svg};
 use bottega_render::{
     AgentSettings, Oracle, PathSettings, PhotonSettings,
-    ala::{Criterion, Density, Ludd, SampleSet, Samples},
+    ala::{Criterion, Density, LocalSphere, Ludd, SampleSet, Samples},
 };
 use serde_json::{Value, json};
 
@@ -62,7 +62,8 @@ pub(super) fn all(
     drawn.files.push((file.to_owned(), format!("how often each useful data density is seen, from 0 to {white:.3}")));
     Ok(json!({
         "criteria": args.ludd.iter().map(|criterion| criterion.name()).collect::<Vec<_>>(),
-        "radius_share": args.ludd_radius,
+        "radius_share": args.ludd_nearest.is_none().then_some(args.ludd_radius),
+        "nearest": args.ludd_nearest,
         "white": white,
         "sets": found.iter().map(|found| told(found, &args.ludd)).collect::<Vec<_>>(),
     }))
@@ -75,8 +76,13 @@ fn sampled(args: &AnalyzeArgs, subject: &AnalyzedScene, set: SampleSet) -> Resul
     let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
     let loaded = &subject.subject;
     let (scene, prepass, view) = (&loaded.prepared, &loaded.prepass, loaded.view);
-    let samples = Samples::new(scene, prepass, view, &settings, set, &args.ludd, args.ludd_radius)?;
-    Ok(samples.over(scene, view)?)
+    let samples = Samples::new(scene, prepass, view, &settings, set, &args.ludd)?;
+    Ok(samples.over(scene, view, sphere(args))?)
+}
+
+/// Where samples are compared.
+fn sphere(args: &AnalyzeArgs) -> LocalSphere {
+    args.ludd_nearest.map_or(LocalSphere::Radius(args.ludd_radius), |count| LocalSphere::Count(usize::from(count)))
 }
 
 /// δ of all pixels where it is known, ascending.

@@ -7,14 +7,19 @@ use std::{
     time::Duration,
 };
 
-use bottega::StopSwitch;
+use bottega::{
+    StopSwitch,
+    request::{AuctionChoice, WordChoice},
+    settings::auction_rule,
+};
 use bottega_bench::farm::{AgentShare, FarmOptions, PartOptions, ServerAccess, ServerChoice, measure, run_part};
 use bottega_cluster::{FarmAddress, own_server::Entry};
 use clap::{Args, ValueHint};
 
 use super::result::print;
 use crate::{
-    error::CliError, farm::LoginArgs, output::ResultWriter, signals::stop_on_signal, simulate::args::parse_time,
+    cli::choice, error::CliError, farm::LoginArgs, output::ResultWriter, signals::stop_on_signal,
+    simulate::args::parse_time,
 };
 
 /// A farm of many agents.
@@ -42,6 +47,9 @@ pub(super) struct FarmBenchArgs {
     /// Mean time of a zone over all agents; zones differ by half of it, agents in speed from 0.6 to 1.4.
     #[arg(long, value_name = "TIME", default_value = "450ms", value_parser = parse_time)]
     zone_time: Duration,
+    /// How zones find their agents.
+    #[arg(long, value_name = "RULE", value_parser = choice::<AuctionChoice>(), default_value = "finishing-time")]
+    auction: AuctionChoice,
     /// Processes in which the agents live, beside the one with the Master.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=256))]
     processes: u32,
@@ -72,7 +80,9 @@ const FARM: &str = "BOTTEGA_FARM";
 
 pub(super) fn run(args: &FarmBenchArgs) -> Result<ExitCode, CliError> {
     if let Some(share) = args.share {
-        let part = PartOptions { share, zones: args.zones, zone_time: args.zone_time, access: args.access()? };
+        let auction = auction_rule(args.auction);
+        let (zones, zone_time) = (args.zones, args.zone_time);
+        let part = PartOptions { share, zones, zone_time, auction, access: args.access()? };
         run_part(&part, &mut ResultWriter)?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -81,10 +91,11 @@ pub(super) fn run(args: &FarmBenchArgs) -> Result<ExitCode, CliError> {
         None => ServerChoice::Started(args.server.clone()),
     };
     let FarmBenchArgs { agents, zones, zone_time, processes, .. } = *args;
-    let options = FarmOptions { agents, zones, zone_time, processes, server };
+    let auction = auction_rule(args.auction);
+    let options = FarmOptions { agents, zones, zone_time, auction, processes, server };
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
-    let command = |part: &PartOptions| part_command(part, &args.login);
+    let command = |part: &PartOptions| part_command(part, args);
     Ok(print(&measure(&options, &command, &stop)?, args.json))
 }
 
@@ -104,11 +115,12 @@ impl FarmBenchArgs {
 }
 
 /// This program, with some of the agents.
-fn part_command(part: &PartOptions, login: &LoginArgs) -> io::Result<Command> {
+fn part_command(part: &PartOptions, args: &FarmBenchArgs) -> io::Result<Command> {
     let mut command = Command::new(env::current_exe()?);
     command.args(["bench", "farm", "--share", &part.share.to_string()]);
     command.args(["--zones", &part.zones.to_string()]);
     command.args(["--zone-time", &format!("{}s", part.zone_time.as_secs_f64())]);
+    command.args(["--auction", args.auction.word()]);
     match &part.access {
         ServerAccess::Started(Entry { folder, address }) => {
             command.arg("--at").arg(address.to_string()).arg("--state").arg(folder);
@@ -116,7 +128,7 @@ fn part_command(part: &PartOptions, login: &LoginArgs) -> io::Result<Command> {
         ServerAccess::Farm(farm, _) => {
             // It may hold a word that is for nobody else's eyes: all can see what a program is started with.
             command.env(FARM, farm.to_string());
-            login.tell(&mut command);
+            args.login.tell(&mut command);
         }
     }
     Ok(command)

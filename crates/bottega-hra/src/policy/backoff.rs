@@ -15,9 +15,16 @@ impl Backoff {
         self.failures = 0;
     }
 
+    /// Whether it has failed since it last did something.
+    pub(crate) fn has_failed(&self) -> bool {
+        self.failures > 0
+    }
+
     /// The pause after one more failure: twice the one before. `None`: enough.
-    pub(crate) fn failed(&mut self, config: &HraConfig) -> Option<Duration> {
-        self.failures = self.failures.saturating_add(1);
+    ///
+    /// - `weight`: as how many it counts.
+    pub(crate) fn failed(&mut self, config: &HraConfig, weight: u32) -> Option<Duration> {
+        self.failures = self.failures.saturating_add(weight);
         let doublings = (self.failures - 1).min(31);
         (self.failures < config.max_failures)
             .then(|| config.pause_min.saturating_mul(1 << doublings).min(config.pause_max))
@@ -37,9 +44,9 @@ mod tests {
             ..HraConfig::default()
         };
         let mut backoff = Backoff::default();
-        let pauses: Vec<_> = (0..6).map(|_| backoff.failed(&config).map(|pause| pause.as_millis())).collect();
+        let pauses: Vec<_> = (0..6).map(|_| backoff.failed(&config, 1).map(|pause| pause.as_millis())).collect();
         assert_eq!(pauses, [Some(1), Some(2), Some(4), Some(6), Some(6), None]);
         backoff.succeeded();
-        assert_eq!(backoff.failed(&config), Some(Duration::from_millis(1)));
+        assert_eq!(backoff.failed(&config, 1), Some(Duration::from_millis(1)));
     }
 }

@@ -366,16 +366,18 @@ impl<T> Core<T> {
     }
 
     /// Whether a packet on trial keeps all waiting: nothing else is left to do, and another resource that has nothing to do
-    /// would have done it several times over since it was sent.
+    /// would have done it several times over since it was sent, or could have tried.
     fn is_doubtful(&self, now: Time, id: ResourceId, flight: &Flight) -> bool {
         let age = now.since(flight.sent);
-        if !flight.is_trial || self.bin.len() > 0 || age < self.config.hang_min {
+        if !flight.is_trial || self.bin.len() > 0 || age < flight.doubt_after {
             return false;
         }
         let is_far_better = |(lane, other): (&LaneState, u32)| {
             let is_free = ResourceId(other) != id && lane.health == Health::Up && lane.flights.is_empty();
             let takes = lane.predict_ns(flight.primitive, flight.items).filter(|_| lane.knows(flight.primitive));
-            is_free && takes.is_some_and(|ns| ns * self.config.hang_factor <= age.as_nanos() as f64)
+            let is_far_older = |ns: f64| ns * self.config.hang_factor <= age.as_nanos() as f64;
+            let can = || self.roster.primitives(ResourceId(other)).contains(flight.primitive);
+            is_free && takes.map_or_else(can, is_far_older)
         };
         self.lanes.iter().zip(0..).any(is_far_better)
     }

@@ -7,6 +7,9 @@ use super::time::Time;
 use super::unit::Unit;
 use crate::ResourceId;
 
+/// As how many failures it counts when a resource hangs: others are known at once, this is waited for.
+const HANG_WEIGHT: u32 = 2;
+
 /// Why a unit is not tried again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GiveUp {
@@ -30,7 +33,7 @@ impl<T> Core<T> {
         }
         // Packets that were under way when it failed say nothing new.
         if !matches!(lane.health, Health::Paused(_)) {
-            match lane.backoff.failed(&self.config) {
+            match lane.backoff.failed(&self.config, if fault == Fault::Hung { HANG_WEIGHT } else { 1 }) {
                 Some(pause) => lane.health = Health::Paused(now.after(pause)),
                 None => return self.retire(now, id, out),
             }

@@ -20,8 +20,10 @@ use crate::{
 
 /// Places seen by the camera from which the importance of a place is estimated.
 const SEEN: usize = 8;
-/// Photons from which the irradiance at a photon is estimated.
+/// Photons from which the irradiance at a photon is estimated, and how far away they are at most, as a share of the radius
+/// of what is seen.
 const GATHERED: usize = 60;
+const REACH: f32 = 0.05;
 
 /// A criterion by which samples differ: k of equation 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -51,12 +53,21 @@ struct MapSamples {
     values: Vec<(Criterion, Vec<Vec3>)>,
 }
 
+/// The local sphere of a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LocalSphere {
+    /// One of this radius, as a share of the radius of what is seen: what the light does over a distance.
+    Radius(f32),
+    /// One that holds so many samples, at most [`NEAREST_MAX`](crate::photon::NEAREST_MAX): the N of equation 1.
+    Count(usize),
+}
+
 /// Samples whose density of useful data is asked for.
 #[derive(Debug)]
 pub struct Samples {
     layers: Vec<MapSamples>,
-    /// Radius of the local sphere.
-    radius: f32,
+    /// Radius of what is seen.
+    extent: f32,
 }
 
 /// δ at a place.
@@ -170,7 +181,6 @@ impl Samples {
     /// Samples of a picture's scene, made as for the picture.
     ///
     /// - `settings`: of the photons, and of the agents.
-    /// - `radius`: of the local sphere, as a share of the radius of what is seen.
     ///
     /// # Errors
     /// There is no such picture, or the scene has media.
@@ -181,7 +191,6 @@ impl Samples {
         settings: &PathSettings,
         set: SampleSet,
         criteria: &[Criterion],
-        radius: f32,
     ) -> Result<Self, RenderError> {
         let photons = settings.photons.unwrap_or_default();
         let photons = PhotonSettings {
@@ -191,8 +200,6 @@ impl Samples {
         let settings = PathSettings { photons: Some(photons), ..*settings };
         let integrator = PhotonIntegrator::new(scene, prepass, view, &settings, photons)?;
         let plan = prepass.photon_plan(scene, view);
-        let share = radius;
-        let radius = share * plan.extent().radius;
         let importance = criteria
             .contains(&Criterion::Importance)
             .then(|| scene.on_threads(|| seen(scene, integrator.base(), view)));
@@ -204,22 +211,22 @@ impl Samples {
             }
             _ => scene.on_threads(|| {
                 let traced = traced(tracer(scene, &plan, &photons, settings.seed, 0), photons.count);
-                let all = PhotonMap::new([&*traced.direct, &traced.indirect, &traced.caustic].concat());
                 let map = match set {
                     SampleSet::IndirectPhotons => PhotonMap::new(traced.indirect),
-                    _ => all.clone(),
+                    _ => PhotonMap::new([&*traced.direct, &traced.indirect, &traced.caustic].concat()),
                 };
-                let photons = PhotonSettings { radius: share, ..photons };
+                let photons = PhotonSettings { radius: REACH, ..photons };
                 let estimator = Estimator::new(&photons, *plan.extent());
+                let same = map.clone();
                 let irradiance = |photon: &Photon, found: &mut Nearest| {
                     let mut sum = Spectrum::ZERO;
-                    estimator.irradiance(&all, photon, found, |_, light| sum += light);
+                    estimator.irradiance(&same, photon, found, |_, light| sum += light);
                     luminance(sum)
                 };
                 vec![layer(map, criteria, importance.as_ref(), |photon| luminance(photon.mark().power()), irradiance)]
             }),
         };
-        Ok(Self { layers, radius })
+        Ok(Self { layers, extent: plan.extent().radius })
     }
 
     /// How many there are.
@@ -233,15 +240,25 @@ impl Samples {
     }
 
     /// δ in the local sphere around a place.
-    pub fn density_at(&self, p: Vec3) -> Density {
+    pub fn density_at(&self, p: Vec3, sphere: LocalSphere) -> Density {
         let mut density = Density::default();
         for layer in &self.layers {
             let mut moments = vec![Moments::default(); layer.values.len()];
-            layer.map.within(p, self.radius * self.radius, |number, _| {
+            let mut add = |number: u32| {
                 for ((_, values), moments) in layer.values.iter().zip(&mut moments) {
                     moments.add(values[number as usize]);
                 }
-            });
+            };
+            match sphere {
+                LocalSphere::Radius(share) => {
+                    layer.map.within(p, (share * self.extent).powi(2), |number, _| add(number));
+                }
+                LocalSphere::Count(count) => {
+                    let mut found = Nearest::new(count);
+                    layer.map.nearest(p, f32::INFINITY, &mut found);
+                    found.iter().for_each(|(number, _)| add(number));
+                }
+            }
             for (&(criterion, _), moments) in layer.values.iter().zip(&moments) {
                 density.sample_count = density.sample_count.max(moments.count);
                 density.by_criterion.push((criterion, moments.density()));
@@ -250,21 +267,54 @@ impl Samples {
         density
     }
 
+    /// The samples themselves, as dots at what the camera sees through the middle of each pixel (the maps of figure 1).
+    ///
+    /// - `radius`: of a dot, as a share of the radius of what is seen.
+    ///
+    /// # Errors
+    /// There is no such picture.
+    pub fn dots(&self, scene: &PreparedScene, view: View, radius: f32) -> Result<Vec<Dot>, RenderError> {
+        let settings = PathSettings::default();
+        let camera = PathIntegrator::unguided(scene, view, &settings)?;
+        let reach = (radius * self.extent).powi(2);
+        let dot = |index: u32| {
+            let Some(p) = first_place(scene, &camera, index % view.width, index / view.width) else {
+                return Dot::Nothing;
+            };
+            let Some(layer) = self.layers.last() else { return Dot::Free };
+            let value = |number: u32| layer.values.last().map_or(0.0, |(_, values)| values[number as usize].length());
+            layer.map.nearest_where(p, reach, |_| true).map_or(Dot::Free, |number| Dot::Sample(value(number)))
+        };
+        let all = 0..view.width * view.height;
+        Ok(scene.on_threads(|| all.into_par_iter().map(dot).collect()))
+    }
+
     /// δ at what the camera sees through the middle of each pixel.
     ///
     /// # Errors
     /// There is no such picture.
-    pub fn over(&self, scene: &PreparedScene, view: View) -> Result<Ludd, RenderError> {
+    pub fn over(&self, scene: &PreparedScene, view: View, sphere: LocalSphere) -> Result<Ludd, RenderError> {
         let settings = PathSettings::default();
         let camera = PathIntegrator::unguided(scene, view, &settings)?;
         let place = |index: u32| {
             let p = first_place(scene, &camera, index % view.width, index / view.width)?;
-            Some(self.density_at(p))
+            Some(self.density_at(p, sphere))
         };
         let all = 0..view.width * view.height;
         let pixels = scene.on_threads(|| all.into_par_iter().map(place).collect());
         Ok(Ludd { pixels, sample_count: self.len() as u64 })
     }
+}
+
+/// A sample as it is seen in a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Dot {
+    /// The camera sees nothing.
+    Nothing,
+    /// There is no sample.
+    Free,
+    /// The length of what it says by the last criterion.
+    Sample(f32),
 }
 
 /// What a camera ray of a pixel meets first.
@@ -378,13 +428,21 @@ mod tests {
         let by_place = |photon: &Photon, _: &mut Nearest| photon.p.x + 0.5;
         let power = |photon: &Photon| luminance(photon.mark().power());
         let layer = layer(PhotonMap::new(photons.clone()), &criteria, None, power, by_place);
-        let samples = Samples { layers: vec![layer], radius: 0.2 };
+        let samples = Samples { layers: vec![layer], extent: 1.0 };
         for i in 0..30 {
             let sampler = PixelSampler::new(9, i, 0, 0);
             let p = Vec3::new(sampler.hashed(0), sampler.hashed(1), sampler.hashed(2)) * 1.3;
             let near: Vec<&Photon> = photons.iter().filter(|it| it.p.distance_squared(p) < 0.04).collect();
-            let found = samples.density_at(p);
+            let found = samples.density_at(p, LocalSphere::Radius(0.2));
             assert_eq!(found.sample_count as usize, near.len());
+            if near.len() > 1 {
+                // As many of the nearest are the same ones.
+                let same = samples.density_at(p, LocalSphere::Count(near.len()));
+                assert_eq!(same.sample_count, found.sample_count);
+                for ((_, a), (_, b)) in same.by_criterion.iter().zip(&found.by_criterion) {
+                    assert!((a.unwrap() - b.unwrap()).abs() < 1e-5, "{a:?} {b:?}");
+                }
+            }
             let expected = [
                 near.iter().map(|it| it.mark().normal()).collect::<Vec<_>>(),
                 near.iter().map(|it| Vec3::new(power(it), 0.0, 0.0)).collect(),

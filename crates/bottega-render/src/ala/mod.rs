@@ -22,7 +22,7 @@ mod visibility;
 
 pub use agent::Agent;
 pub(crate) use cast::cast_agents;
-pub use ludd::{Criterion, Density, Ludd, SampleSet, Samples, UnknownCriterion, useful_data_density};
+pub use ludd::{Criterion, Density, Dot, LocalSphere, Ludd, SampleSet, Samples, UnknownCriterion, useful_data_density};
 pub(crate) use map::Agents;
 pub use report::{AgentReport, Tally};
 pub use sensing::SensorReadings;

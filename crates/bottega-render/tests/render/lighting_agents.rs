@@ -6,7 +6,7 @@ use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_render::{
     AgentSettings, Oracle, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork, View,
-    ala::{AgentReport, Criterion, Density, SampleSet, Samples, Tally},
+    ala::{AgentReport, Criterion, Density, LocalSphere, SampleSet, Samples, Tally},
     photon::cast_photons,
 };
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Scene};
@@ -295,9 +295,8 @@ fn a_few_sensors_differ_as_much_as_many_photons() {
     let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let mean = |set: SampleSet, oracle: Oracle| {
         let criteria = [Criterion::Irradiance];
-        let samples =
-            Samples::new(&scene.scene, &scene.prepass, view, &by(few(oracle), 2), set, &criteria, 0.1).unwrap();
-        let ludd = samples.over(&scene.scene, view).unwrap();
+        let samples = Samples::new(&scene.scene, &scene.prepass, view, &by(few(oracle), 2), set, &criteria).unwrap();
+        let ludd = samples.over(&scene.scene, view, LocalSphere::Radius(0.1)).unwrap();
         let known: Vec<f32> = ludd.pixels.iter().flatten().filter_map(Density::all).collect();
         assert!(known.len() > 300 && known.iter().all(|density| density.is_finite() && *density >= 0.0));
         (known.iter().sum::<f32>() / known.len() as f32, ludd.sample_count)
