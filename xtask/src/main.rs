@@ -1,4 +1,4 @@
-//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | python-stubs | engines | leaks | farm |
+//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | manual | python-stubs | engines | leaks | farm |
 //! fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
@@ -15,6 +15,8 @@ mod fresh;
 mod fuzzy_reference;
 mod layers;
 mod leaks;
+mod links;
+mod manual;
 mod maps;
 #[cfg(test)]
 mod module_heads;
@@ -23,6 +25,7 @@ mod modules;
 mod needs;
 mod node;
 mod python;
+mod spelling;
 mod suite;
 mod symbols;
 #[cfg(test)]
@@ -47,6 +50,8 @@ enum Command {
     /// The Python wheel, with the module and the program: `target/wheels`. Some ten minutes; installs maturin and zig below
     /// `target/python` before.
     Wheel(wheel::WheelArgs),
+    /// Makes the pages of the manual anew that come from the program: commands, and fields of requests.
+    Manual(manual::ManualArgs),
     /// Makes the Python classes of requests anew from their schema.
     PythonStubs,
     /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
@@ -75,6 +80,7 @@ fn main() -> Result<()> {
         Command::Test => ci::test(),
         Command::Fresh(args) => fresh::fresh(&args),
         Command::Wheel(args) => wheel::wheel(&args),
+        Command::Manual(args) => manual::manual(&args),
         Command::PythonStubs => wheel::python_stubs(),
         Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),
