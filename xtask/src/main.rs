@@ -1,4 +1,4 @@
-//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | manual | python-stubs | engines | leaks | farm |
+//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | package | manual | python-stubs | engines | leaks | farm |
 //! fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
@@ -24,6 +24,7 @@ mod module_heads;
 mod modules;
 mod needs;
 mod node;
+mod package;
 mod python;
 mod spelling;
 mod suite;
@@ -52,6 +53,8 @@ enum Command {
     Wheel(wheel::WheelArgs),
     /// Makes the pages of the manual anew that come from the program: commands, and fields of requests.
     Manual(manual::ManualArgs),
+    /// Packages: a tarball, a .deb, the licences of all that is compiled in, the bill of materials: `target/packages`.
+    Package(package::PackageArgs),
     /// Makes the Python classes of requests anew from their schema.
     PythonStubs,
     /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
@@ -81,6 +84,7 @@ fn main() -> Result<()> {
         Command::Fresh(args) => fresh::fresh(&args),
         Command::Wheel(args) => wheel::wheel(&args),
         Command::Manual(args) => manual::manual(&args),
+        Command::Package(args) => package::package(&args),
         Command::PythonStubs => wheel::python_stubs(),
         Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),
