@@ -104,8 +104,19 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
 }
 
 #[cfg(test)]
+#[allow(clippy::print_stdout, reason = "what was skipped, and why, is read from what tests print")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_book_can_be_made() {
+        if !answers("mdbook", &["--version"]) {
+            println!("skipped: there is no mdbook; contents and links of the manual are checked without it");
+            return;
+        }
+        book().expect("a book");
+        assert!(root().join("target/manual/tutorials/first-picture.html").is_file());
+    }
 
     #[test]
     fn links_out_of_the_book_lead_to_copies_in_it() {
