@@ -60,7 +60,7 @@ pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dy
     let folder = cache.unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, cache_bytes.unwrap_or(CACHE_BYTES));
     let mut worker = Worker::new(member, cache, own, None, say);
-    worker.owner = OwnerWatch::start(owner);
+    worker.owner = OwnerWatch::start(&owner);
     worker.work(once);
     worker.leave();
 }

@@ -27,7 +27,7 @@ pub(crate) struct OwnerWatch {
 
 impl OwnerWatch {
     /// Begins to watch; `None`: there is no condition.
-    pub(crate) fn start(conditions: OwnerConditions) -> Option<Self> {
+    pub(crate) fn start(conditions: &OwnerConditions) -> Option<Self> {
         let policy = OwnerPolicy::new(conditions.clone());
         (!conditions.are_empty()).then(|| Self::start_with(policy, Box::new(SystemSenses::default()), LOOK_EVERY))
     }
