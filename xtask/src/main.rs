@@ -1,4 +1,4 @@
-//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | python-stubs | engines | leaks | farm |
+//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | package | manual | python-stubs | engines | leaks | farm |
 //! fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
@@ -15,6 +15,8 @@ mod fresh;
 mod fuzzy_reference;
 mod layers;
 mod leaks;
+mod links;
+mod manual;
 mod maps;
 #[cfg(test)]
 mod module_heads;
@@ -22,7 +24,9 @@ mod module_heads;
 mod modules;
 mod needs;
 mod node;
+mod package;
 mod python;
+mod spelling;
 mod suite;
 mod symbols;
 #[cfg(test)]
@@ -47,6 +51,10 @@ enum Command {
     /// The Python wheel, with the module and the program: `target/wheels`. Some ten minutes; installs maturin and zig below
     /// `target/python` before.
     Wheel(wheel::WheelArgs),
+    /// Makes the pages of the manual anew that come from the program: commands, and fields of requests.
+    Manual(manual::ManualArgs),
+    /// Packages: a tarball, a .deb, the licences of all that is compiled in, the bill of materials: `target/packages`.
+    Package(package::PackageArgs),
     /// Makes the Python classes of requests anew from their schema.
     PythonStubs,
     /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
@@ -75,6 +83,8 @@ fn main() -> Result<()> {
         Command::Test => ci::test(),
         Command::Fresh(args) => fresh::fresh(&args),
         Command::Wheel(args) => wheel::wheel(&args),
+        Command::Manual(args) => manual::manual(&args),
+        Command::Package(args) => package::package(&args),
         Command::PythonStubs => wheel::python_stubs(),
         Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),

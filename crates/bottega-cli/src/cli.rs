@@ -30,6 +30,7 @@ use crate::{
     config::{ConfigArgs, PROFILE_VARIABLE},
     engines::EnginesArgs,
     farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs, WebCommandArgs},
+    manual::ManualArgs,
     platform::PlatformArgs,
     rules::RulesArgs,
     simulate::args::SimulateArgs,
@@ -90,6 +91,8 @@ pub(crate) enum Command {
     Board(BoardArgs),
     /// Say where the configuration file is, and what it says.
     Config(ConfigArgs),
+    /// Write man pages, or print the reference of commands and requests.
+    Manual(ManualArgs),
     /// Print completions for a shell.
     #[command(
         after_help = "For example: bottega completions bash > ~/.local/share/bash-completion/completions/bottega"

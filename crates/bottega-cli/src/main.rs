@@ -20,6 +20,7 @@
 //! | `devices` | `src/devices.rs` |
 //! | `simulate` | `src/simulate/` |
 //! | `platform`: one that is served, questions to any | `src/platform/` |
+//! | `manual`: man pages, the reference of the manual | `src/manual/` |
 //! | options of `bench` | `src/bench/` |
 //! | tests of the whole program, with a farm of real processes among them | `tests/`, `tests/farm/` |
 #![deny(clippy::print_stdout, clippy::print_stderr)]
@@ -40,6 +41,7 @@ mod engines;
 mod error;
 mod farm;
 mod info;
+mod manual;
 mod platform;
 mod render;
 mod request;
@@ -117,6 +119,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Devices(args) => devices::run(&args),
         Command::Board(args) => board::run(&args),
         Command::Config(args) => config::run(&args, &Cli::command()),
+        Command::Manual(args) => manual::run(&args, Cli::command()),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "bottega", &mut script);

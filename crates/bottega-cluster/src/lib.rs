@@ -24,6 +24,7 @@
 //! | what the HTTP doors of one farm know each other by: tokens, certificate | [`web_secrets`] |
 //! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
+//! | when the owner of a machine lets it paint | [`owner`] |
 //! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
 //! | the farm as a FIPA platform; its jobs and machines as agents; agents of other platforms that paint | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
@@ -53,6 +54,7 @@ pub mod machine;
 mod members;
 pub mod names;
 pub mod own_server;
+pub mod owner;
 mod part;
 mod patience;
 mod pieces;

@@ -17,6 +17,7 @@ use crate::{
     job_board::{JobBoard, Presence, RENEW_EVERY},
     link::FarmLink,
     machine::{MachineOrder, PresenceState},
+    owner::{OwnerConditions, OwnerWatch},
     part::{Member, PartOutcome, take_part},
     patience::{meanwhile, patiently},
     prepared_job::PreparedJob,
@@ -43,6 +44,8 @@ pub struct JoinOptions {
     pub cache_bytes: Option<u64>,
     /// Whether it leaves when one job is over.
     pub once: bool,
+    /// When the machine's owner lets it paint.
+    pub owner: OwnerConditions,
 }
 
 /// Paints for a farm until the user wants to stop, or somebody has this machine leave.
@@ -50,13 +53,14 @@ pub struct JoinOptions {
 /// - `say`: tells the user what it does.
 pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>)>) {
     let FarmLink { uplink, name, .. } = link;
-    let JoinOptions { own, cache, cache_bytes, once } = options;
+    let JoinOptions { own, cache, cache_bytes, once, owner } = options;
     let threads = own.threads.map_or_else(processors, usize::from);
     let member =
         Member { board: JobBoard { uplink }, name, threads, stop: stop.clone(), refusals: Refusals::default() };
     let folder = cache.unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, cache_bytes.unwrap_or(CACHE_BYTES));
     let mut worker = Worker::new(member, cache, own, None, say);
+    worker.owner = OwnerWatch::start(&owner);
     worker.work(once);
     worker.leave();
 }
@@ -77,6 +81,8 @@ pub(crate) struct Worker {
     only: Option<BTreeSet<u32>>,
     /// A job that is painted, and whose picture somebody else makes safe.
     helped: Option<u32>,
+    /// The owner of the machine, where conditions are set.
+    owner: Option<OwnerWatch>,
     say: Box<dyn Fn(WorkerMessage<'_>)>,
 }
 
@@ -92,7 +98,7 @@ impl Worker {
         only: Option<BTreeSet<u32>>,
         say: Box<dyn Fn(WorkerMessage<'_>)>,
     ) -> Self {
-        Self { member, cache, own, studio: None, only, helped: None, say }
+        Self { member, cache, own, studio: None, only, helped: None, owner: None, say }
     }
 
     /// Says that it has gone.
@@ -106,9 +112,12 @@ impl Worker {
     pub(crate) fn work(&mut self, once: bool) {
         let mut before = PresenceState::Active;
         while !self.member.stop.is_requested() {
-            let MachineOrder { standing, by } = self.member.board.order_to(&self.member.name);
+            let MachineOrder { standing, by } = order_to(&self.member.board, &self.member.name, self.owner.as_ref());
             if before != standing {
                 match standing {
+                    PresenceState::Active if by.is_empty() => {
+                        (self.say)(WorkerMessage::Line("resumed; waiting for work"));
+                    }
                     PresenceState::Active => {
                         (self.say)(WorkerMessage::Line(&format!("resumed by {by}; waiting for work")));
                     }
@@ -134,7 +143,7 @@ impl Worker {
         let begun = Instant::now();
         while begun.elapsed() < RENEW_EVERY
             && !stop.is_requested()
-            && board.order_to(name).standing == PresenceState::Suspended
+            && order_to(board, name, self.owner.as_ref()).standing == PresenceState::Suspended
         {
             thread::sleep(LOOK_EVERY);
         }
@@ -143,7 +152,8 @@ impl Worker {
     /// Whether it is told anything else than to paint.
     fn is_called_off(&self) -> impl Fn() -> bool + Send + 'static {
         let (board, me, takes_orders) = (self.member.board.clone(), self.member.name.clone(), self.only.is_none());
-        move || takes_orders && board.order_to(&me).standing != PresenceState::Active
+        let owner = self.owner.clone();
+        move || takes_orders && order_to(&board, &me, owner.as_ref()).standing != PresenceState::Active
     }
 
     /// Whether this machine would paint a job.
@@ -243,6 +253,17 @@ impl Worker {
             let wanting = || wanting(&board, |number, job| may(&only, &refusals, number, job));
             is_called_off() || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.presences())
         }
+    }
+}
+
+/// What a machine shall do: what it is told; where that is to paint, its owner may want it for himself.
+fn order_to(board: &JobBoard, me: &str, owner: Option<&OwnerWatch>) -> MachineOrder {
+    let told = board.order_to(me);
+    match owner.and_then(OwnerWatch::reason) {
+        Some(reason) if told.standing == PresenceState::Active => {
+            MachineOrder { standing: PresenceState::Suspended, by: format!("its owner: {reason}") }
+        }
+        _ => told,
     }
 }
 

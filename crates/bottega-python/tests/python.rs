@@ -108,6 +108,11 @@ fn a_farm_is_asked_from_python() {
 }
 
 #[test]
+fn the_tutorial_in_python_makes_its_table() {
+    run("test_tutorial.py");
+}
+
+#[test]
 fn types_of_the_module_are_right() {
     run("test_types.py");
 }

@@ -1,6 +1,6 @@
 //! `bottega join`: this machine paints what the farm is asked for.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{path::PathBuf, process::ExitCode, time::Duration};
 
 use bottega::{
     StopSwitch,
@@ -10,12 +10,13 @@ use bottega::{
 };
 use bottega_cluster::{
     FarmAddress,
+    owner::{DailyHours, OwnerConditions, step_back},
     worker::{self, JoinOptions, WorkerDevices, WorkerMessage},
 };
 use clap::{Args, ValueHint};
 
 use super::args::{LoginArgs, parse_gigabytes};
-use crate::{error::CliError, signals::stop_on_signal};
+use crate::{cli::parse_duration, error::CliError, signals::stop_on_signal};
 
 /// Offer this machine to a farm.
 #[derive(Debug, Args)]
@@ -52,6 +53,19 @@ pub(crate) struct JoinArgs {
     /// Paint until one job is over, and leave.
     #[arg(long)]
     once: bool,
+    /// Paint when nobody has touched this machine for so long, such as 10m: by logind and `xprintidle`; where neither can say, by
+    /// the work of others; and by its terminals.
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "The machine's owner")]
+    when_idle: Option<Duration>,
+    /// Paint in these hours of the day alone, local time, such as 20:00-08:00; several by commas.
+    #[arg(long, value_name = "FROM-TO", value_delimiter = ',', value_parser = parse_hours, help_heading = "The machine's owner")]
+    hours: Vec<DailyHours>,
+    /// Paint while other programs keep no more processors at work than these, such as 0.5.
+    #[arg(long, value_name = "PROCESSORS", value_parser = parse_load, help_heading = "The machine's owner")]
+    max_load: Option<f32>,
+    /// Go behind other programs by so many steps, 1 to 19.
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u8).range(1..=19), help_heading = "The machine's owner")]
+    nice: Option<u8>,
     #[command(flatten)]
     login: LoginArgs,
 }
@@ -63,6 +77,12 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     for note in experts(rules.clone())?.1 {
         println!("{note}");
     }
+    if let Some(steps) = args.nice {
+        // Before there are threads that paint.
+        step_back(steps).map_err(|error| {
+            CliError::failed(format!("cannot go behind others by {steps} steps: {error}"), "leave out --nice")
+        })?;
+    }
     let link = args.login.link(args.farm.as_ref())?;
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
@@ -70,7 +90,8 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let (servers, version) = (&link.servers, link.uplink.server_version());
     println!("joined {servers} (NATS {version}) as {}; {how}waiting for work", link.name);
     let own = WorkerDevices { threads: args.threads, devices: args.devices.clone(), memory_mb: args.gpu_memory, rules };
-    let options = JoinOptions { own, cache: args.cache.clone(), cache_bytes: args.cache_size, once: args.once };
+    let owner = OwnerConditions { when_idle: args.when_idle, hours: args.hours.clone(), max_load: args.max_load };
+    let options = JoinOptions { own, cache: args.cache.clone(), cache_bytes: args.cache_size, once: args.once, owner };
     let say = |said: WorkerMessage<'_>| match said {
         WorkerMessage::Line(line) => println!("{line}"),
         WorkerMessage::Failure(error) => eprintln!("{}", crate::error::report_of(error)),
@@ -78,4 +99,35 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     worker::join(link, options, &stop, Box::new(say));
     println!("left the farm");
     Ok(ExitCode::SUCCESS)
+}
+
+/// A part of the day, such as `20:00-08:00`.
+fn parse_hours(text: &str) -> Result<DailyHours, String> {
+    let minute = |text: &str| {
+        let (hours, minutes) = text.trim().split_once(':')?;
+        let (hours, minutes): (u16, u16) = (hours.parse().ok()?, minutes.parse().ok()?);
+        (hours < 24 && minutes < 60 || (hours, minutes) == (24, 0)).then_some(hours * 60 + minutes)
+    };
+    let parts = text.split_once('-').and_then(|(from, to)| Some(DailyHours { from: minute(from)?, to: minute(to)? }));
+    parts.filter(|hours| hours.from != hours.to).ok_or_else(|| "hours such as 20:00-08:00 are needed".to_owned())
+}
+
+fn parse_load(text: &str) -> Result<f32, String> {
+    let load = text.parse().ok().filter(|load: &f32| (0.0..=4096.0).contains(load));
+    load.ok_or_else(|| "a number of processors is needed, such as 0.5".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hours_are_two_times_of_a_day() {
+        assert_eq!(parse_hours("20:00-08:30"), Ok(DailyHours { from: 1200, to: 510 }));
+        assert_eq!(parse_hours("0:00-24:00"), Ok(DailyHours { from: 0, to: 1440 }));
+        for wrong in ["", "20-8", "25:00-08:00", "20:60-08:00", "08:00-08:00", "08:00"] {
+            assert!(parse_hours(wrong).is_err(), "{wrong}");
+        }
+        assert!(parse_load("0.5").is_ok() && parse_load("-1").is_err() && parse_load("NaN").is_err());
+    }
 }

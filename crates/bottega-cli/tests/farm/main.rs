@@ -13,6 +13,7 @@ mod guests;
 mod jade;
 mod jobs;
 mod others;
+mod owner;
 mod platform;
 mod requests;
 mod room;
