@@ -12,6 +12,7 @@
 //! | errors as people read them | `src/error.rs` |
 //! | `-h`; the configuration file, variables of the environment | `src/short_help.rs`; `src/config/`, `src/variables.rs` |
 //! | Ctrl-C | `src/signals.rs` |
+//! | `--on`: who is told of ends and stalls | `src/notifications/` |
 //! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
 //! | `up`, `web`, `join`, `jobs`, `machines` | `src/farm/` |
@@ -40,6 +41,7 @@ mod engines;
 mod error;
 mod farm;
 mod info;
+mod notifications;
 mod platform;
 mod render;
 mod request;

@@ -2,6 +2,7 @@
 
 mod args;
 mod blackboard;
+mod energy;
 mod jobs;
 mod join;
 mod learnt;
@@ -12,6 +13,7 @@ mod web;
 pub(crate) use self::{
     args::{FarmArgs, LoginArgs},
     blackboard::{BlackboardArgs, run as blackboard},
+    energy::{parse_currency, parse_price},
     jobs::{JobsArgs, run as jobs},
     join::{JoinArgs, run as join},
     machines::{MachinesArgs, run as machines},
