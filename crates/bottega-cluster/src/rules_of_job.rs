@@ -2,6 +2,11 @@
 //!
 //! While a job is painted, what its rules are laid out over is in the farm's store; when it is done its leader keeps it as a blob.
 
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
 use bottega::{
     Event,
     engines::agent_rules,
@@ -16,6 +21,8 @@ use serde::Serialize;
 
 use crate::{error::Error, job::Job, job_board::JobBoard};
 
+/// A server that tells nothing for so long is not waited for.
+const SILENT: Duration = Duration::from_secs(10);
 /// The most that is read of what is kept.
 const INPUTS_BYTES_MAX: usize = 1 << 16;
 
@@ -93,17 +100,18 @@ impl JobBoard {
     }
 
     /// The row of a work, while it is painted.
-    fn work_row(&self, work: u64) -> Option<std::sync::Arc<WorkRow>> {
-        let mut found = None;
+    fn work_row(&self, work: u64) -> Option<Arc<WorkRow>> {
+        let (mut found, begun) = (None, Instant::now());
         self.uplink.follow_entries(&WorkKeys::new(WorkId(work)).prefix(), |news| match news {
             EntryNews::Entry(entry) => {
                 if let FarmValue::Work(row) = &entry.value {
-                    found = Some(std::sync::Arc::clone(row));
+                    found = Some(Arc::clone(row));
                 }
                 found.is_none()
             }
-            // There is none yet, or the server does not tell.
-            EntryNews::CaughtUp | EntryNews::Nothing => false,
+            // There is none yet.
+            EntryNews::CaughtUp => false,
+            EntryNews::Nothing => begun.elapsed() < SILENT,
         });
         found
     }

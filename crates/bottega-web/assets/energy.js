@@ -1,10 +1,13 @@
 // Energy and cost, as people read them. What is not known is not shown.
 
+/** A number with so many decimals that three of its digits are seen, and two at least. */
+const digits = value => value.toFixed(value > 0 ? Math.min(12, Math.max(2, 2 - Math.floor(Math.log10(value)))) : 2);
+
 /** An energy in a unit that fits. */
-export const energyText = kwh => (kwh < 0.1 ? `${(1000 * kwh).toPrecision(3)} Wh` : `${kwh.toFixed(3)} kWh`);
+export const energyText = kwh => (kwh < 0.1 ? `${digits(1000 * kwh)} Wh` : `${digits(kwh)} kWh`);
 
 /** A price with so many decimals that something is seen of it. */
-export const costText = (cost, currency) => `${cost >= 1 || cost <= 0 ? cost.toFixed(2) : cost.toFixed(6)} ${currency ?? ""}`.trim();
+export const costText = (cost, currency) => `${digits(cost)} ${currency ?? ""}`.trim();
 
 /** Energy and cost together; undefined: nothing is known. */
 export function usedText({ kwh, cost }, currency) {

@@ -90,13 +90,14 @@ fn time(seconds: f64) -> String {
 
 /// An energy in a unit that fits, and what it costs.
 fn amount(kwh: f64, cost: Option<f64>, currency: &str) -> String {
-    let energy = if kwh < 0.1 { format!("{:.3} Wh", 1e3 * kwh) } else { format!("{kwh:.3} kWh") };
+    let energy = if kwh < 0.1 { format!("{} Wh", digits(1e3 * kwh)) } else { format!("{} kWh", digits(kwh)) };
     cost.map_or(energy.clone(), |cost| format!("{energy} ({} {currency})", digits(cost)))
 }
 
-/// A price with so many decimals that something is seen of it.
-fn digits(cost: f64) -> String {
-    if cost >= 1.0 || cost <= 0.0 { format!("{cost:.2}") } else { format!("{cost:.6}") }
+/// A number with so many decimals that three of its digits are seen, and two at least.
+fn digits(value: f64) -> String {
+    let places = if value > 0.0 { (2.0 - value.log10().floor()).clamp(2.0, 12.0) as usize } else { 2 };
+    format!("{value:.places$}")
 }
 
 #[cfg(test)]
@@ -128,7 +129,7 @@ mod tests {
         assert_eq!(
             lines(&known),
             [
-                "processor time 3.0 s, energy 0.250 kWh (0.125000 EUR), without machines of which nothing is known",
+                "processor time 3.0 s, energy 0.250 kWh (0.125 EUR), without machines of which nothing is known",
                 "  a.1: 3.0 s, 0.250 kWh",
                 "  zones that took most of it: 2: 0.200 kWh; 1: 0.500 Wh",
             ]

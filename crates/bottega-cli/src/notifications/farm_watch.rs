@@ -49,7 +49,7 @@ impl StallClock {
 /// The reason of a stall, for people.
 pub(super) fn stall_reason(after: Duration, machines: usize) -> String {
     let whom = if machines == 0 { ", and no machine paints it" } else { "" };
-    format!("no zone was finished for {:.0} s{whom}", after.as_secs_f64())
+    format!("no zone was finished for {} s{whom}", after.as_secs_f64())
 }
 
 /// What was seen of a job.

@@ -62,7 +62,8 @@ fn energy_and_cost_are_told_as_far_as_they_are_known() {
     };
     let told = folder.path().join("told");
     let on = format!("done,failed=cat >> {}", text(&told));
-    let farm = Farm::start_with(&server, &["--price-per-kwh", "0.5", "--currency", "EUR", "--on", &on]);
+    let farm =
+        Farm::start_with(&server, &["--price-per-kwh", "0.5", "--currency", "EUR", "--store-size", "1", "--on", &on]);
 
     let mut machine = join(&farm, "one", &folder.path().join("counters"), &[]);
     detach(&farm, "a.exr", "--spp=384");
@@ -122,7 +123,7 @@ fn a_job_that_nobody_paints_is_told_as_stalled_to_the_one_who_asked_and_to_the_k
     let folder = tempfile::tempdir().expect("a folder");
     let told = folder.path().join("told");
     let on = format!("stalled=cat >> {}", text(&told));
-    let farm = Farm::start_with(&server, &["--on", &on, "--stalled-after", "1"]);
+    let farm = Farm::start_with(&server, &["--on", &on, "--stalled-after", "1", "--store-size", "1"]);
     detach(&farm, "a.exr", "--spp=64");
     farm.until("it is told", || told.is_file() && fs::read_to_string(&told).is_ok_and(|text| !text.is_empty()));
     let event: Value = serde_json::from_str(&fs::read_to_string(&told).expect("it was told")).expect("JSON");

@@ -82,8 +82,8 @@ test("of energy is told what is known", () => {
   assert.deepEqual(energyFacts(null), []);
   assert.deepEqual(energyFacts({ processor_seconds: 3, is_partial: true }).map(([name, text]) => [name, text]), [["Processor time", "3.0 s"]]);
   const energy = { processor_seconds: 3, kwh: 0.25, cost: 0.125, currency: "EUR", is_partial: false };
-  assert.equal(energyFacts(energy)[1][1], "0.250 kWh, 0.125000 EUR");
-  assert.equal(energyFacts({ ...energy, is_partial: true })[1][1], "at least 0.250 kWh, 0.125000 EUR");
+  assert.equal(energyFacts(energy)[1][1], "0.250 kWh, 0.125 EUR");
+  assert.equal(energyFacts({ ...energy, is_partial: true })[1][1], "at least 0.250 kWh, 0.125 EUR");
   assert.equal(usedText({ kwh: 0.0005 }), "0.500 Wh");
   assert.equal(usedText({}), undefined);
 });
