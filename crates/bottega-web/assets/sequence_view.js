@@ -25,7 +25,7 @@ const widthOf = agents => Math.max(2 * MARGIN, 2 * MARGIN + (agents.length - 1) 
 /** One message as arrows at a height. */
 function arrows(message, y, lanes) {
   const from = laneX(lanes.get(message.sender));
-  const color = `hsl(${conversationHue(message.conversation)}, 65%, 50%)`;
+  const color = `hsl(${conversationHue(`${message.protocol} ${message.conversation}`)}, 65%, 50%)`;
   const lines = message.receivers.map(receiver => {
     const to = laneX(lanes.get(receiver));
     if (to === from) return shape("path", { d: `M${from} ${y - 5}h18v10h-14`, fill: "none", stroke: color, "stroke-width": 1.6 });
@@ -67,9 +67,8 @@ export class SequenceView {
     this.heads = element("div", { class: "lanes", "aria-hidden": "true" });
     this.svg = shape("svg", { class: "arrows", "aria-hidden": "true" });
     this.space = element("div", { class: "messages-space" }, this.svg);
-    this.count = element("span", { class: "unseen" });
     this.element = element("div", { class: "sequence", role: "listbox", "aria-label": `${label}: arrow keys choose a message`, tabIndex: 0 }, this.heads, this.space);
-    this.option = element("div", { role: "option", id: "message-chosen", class: "unseen", "aria-selected": "true" });
+    this.option = element("div", { role: "option", id: "message-chosen", class: "unseen", "aria-selected": "false" }, "No message is chosen");
     this.element.append(this.option);
     this.element.addEventListener("scroll", () => this.#draw(), { passive: true });
     this.element.addEventListener("keydown", event => this.#press(event));
@@ -108,6 +107,7 @@ export class SequenceView {
     this.#selected = index;
     const message = this.#messages[index];
     setText(this.option, `${labelOf(message)}, from ${message.sender} to ${message.receivers.join(", ")}`);
+    this.option.setAttribute("aria-selected", "true");
     this.element.setAttribute("aria-activedescendant", this.option.id);
     const [top, room] = [index * ROW, this.element.clientHeight - HEAD];
     if (top < this.element.scrollTop) this.element.scrollTop = top;
