@@ -22,8 +22,8 @@ pub(crate) use self::{
     words::{OPTION_VARIABLE, with_config},
 };
 use crate::{
+    energy_values::{parse_currency, parse_price},
     error::CliError,
-    farm::{parse_currency, parse_price},
 };
 
 /// The variable of the environment that names the file.

@@ -11,6 +11,7 @@
 //! | standard output and standard error | `src/output.rs` |
 //! | errors as people read them | `src/error.rs` |
 //! | `-h`; the configuration file, variables of the environment | `src/short_help.rs`; `src/config/`, `src/variables.rs` |
+//! | prices, watts | `src/energy_values.rs` |
 //! | Ctrl-C | `src/signals.rs` |
 //! | `--on`: who is told of ends and stalls | `src/notifications/` |
 //! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
@@ -37,6 +38,7 @@ mod config;
 mod console_watcher;
 mod devices;
 mod diff;
+mod energy_values;
 mod engines;
 mod error;
 mod farm;

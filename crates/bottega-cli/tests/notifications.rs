@@ -1,4 +1,4 @@
-//! Who is told that a picture is done, and how: `--on`.
+//! Notifications of the end of a picture: `--on`.
 #![cfg(unix)]
 
 mod support;

@@ -1,4 +1,4 @@
-//! What a machine has used for each job: processor time, and energy where something is known of it.
+//! The usage of a machine, job by job: processor time, and energy where something is known of it.
 //!
 //! A package's counter is shared by all that its machine does: a job is given the share that its process has of the processor
 //! time of all processes in the meantime. Where watts are told instead, they are those of the machine with all processors at

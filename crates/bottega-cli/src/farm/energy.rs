@@ -3,7 +3,11 @@
 use bottega_cluster::energy::{EnergyPrice, JobEnergy, Tariff};
 use clap::Args;
 
-use crate::{config, error::CliError};
+use crate::{
+    config,
+    energy_values::{parse_currency, parse_price, parse_watts},
+    error::CliError,
+};
 
 /// Zones that `bottega jobs show` names: those that took most.
 const ZONES_SHOWN: usize = 5;
@@ -31,22 +35,6 @@ impl TariffArgs {
         let price = said.map(|(per_kwh, currency)| EnergyPrice { per_kwh, currency });
         Ok(Tariff { price: price.or_else(config::energy_price), watts: self.watts })
     }
-}
-
-pub(crate) fn parse_watts(text: &str) -> Result<f64, String> {
-    let watts = text.parse().ok().filter(|watts: &f64| *watts > 0.0 && *watts <= 1e6);
-    watts.ok_or_else(|| "a number of watts above 0 is needed, such as 120".to_owned())
-}
-
-pub(crate) fn parse_price(text: &str) -> Result<f64, String> {
-    let price = text.parse().ok().filter(|price: &f64| (0.0..=1e6).contains(price));
-    price.ok_or_else(|| "a price from 0 up is needed, such as 0.31".to_owned())
-}
-
-pub(crate) fn parse_currency(text: &str) -> Result<String, String> {
-    let is_code =
-        (1..=8).contains(&text.chars().count()) && text.chars().all(|c| c.is_alphabetic() || "€$£¥".contains(c));
-    if is_code { Ok(text.to_owned()) } else { Err("a currency of 1 to 8 letters is needed, such as EUR".to_owned()) }
 }
 
 /// What is said of the energy of a job, line by line. Nothing where nothing is known.
@@ -134,22 +122,5 @@ mod tests {
                 "  zones that took most of it: 2: 0.200 kWh; 1: 0.500 Wh",
             ]
         );
-    }
-
-    #[test]
-    fn prices_and_watts_are_checked() {
-        assert_eq!(
-            (parse_watts("95.5"), parse_price("0"), parse_currency("EUR")),
-            (Ok(95.5), Ok(0.0), Ok("EUR".to_owned()))
-        );
-        for absurd in ["", "0", "-1", "nan", "inf", "2e6", "a lot"] {
-            assert!(parse_watts(absurd).is_err(), "{absurd}");
-        }
-        for absurd in ["", "-0.1", "nan", "inf"] {
-            assert!(parse_price(absurd).is_err(), "{absurd}");
-        }
-        for absurd in ["", "EUROCENTS", "E R", "<b>"] {
-            assert!(parse_currency(absurd).is_err(), "{absurd}");
-        }
     }
 }

@@ -14,11 +14,8 @@ use bottega_cluster::{
 };
 use clap::{Args, ValueHint};
 
-use super::{
-    args::{LoginArgs, parse_gigabytes},
-    energy::parse_watts,
-};
-use crate::{error::CliError, signals::stop_on_signal};
+use super::args::{LoginArgs, parse_gigabytes};
+use crate::{energy_values::parse_watts, error::CliError, signals::stop_on_signal};
 
 /// Offer this machine to a farm.
 #[derive(Debug, Args)]

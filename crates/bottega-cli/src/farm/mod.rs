@@ -13,7 +13,6 @@ mod web;
 pub(crate) use self::{
     args::{FarmArgs, LoginArgs},
     blackboard::{BlackboardArgs, run as blackboard},
-    energy::{parse_currency, parse_price},
     jobs::{JobsArgs, run as jobs},
     join::{JoinArgs, run as join},
     machines::{MachinesArgs, run as machines},

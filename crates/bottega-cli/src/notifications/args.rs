@@ -4,7 +4,7 @@ use std::{env, fs, path::PathBuf, time::Duration};
 
 use clap::{Args, ValueHint};
 
-use super::{post::Secret, target::Subscription};
+use super::{post::Secret, target::EventSubscription};
 use crate::{cli::parse_duration, error::CliError};
 
 /// The variable of the environment that holds the secret itself.
@@ -21,7 +21,7 @@ pub(crate) struct NotificationArgs {
     /// Tell a URL (POST of JSON), a command (JSON on its standard input) or the `desktop` of some of the events done, failed and
     /// stalled. May be given several times. docs/farm.md has the fields.
     #[arg(long = "on", value_name = "EVENTS=URL|COMMAND|desktop")]
-    on: Vec<Subscription>,
+    on: Vec<EventSubscription>,
     /// A file with the secret by which URLs are told that it is this program that speaks: header `Bottega-Signature`
     /// (HMAC-SHA256 of the body). Or the variable BOTTEGA_ON_SECRET.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "on")]
@@ -37,7 +37,7 @@ impl NotificationArgs {
         self.on.is_empty()
     }
 
-    pub(super) fn subscriptions(&self) -> Vec<Subscription> {
+    pub(super) fn subscriptions(&self) -> Vec<EventSubscription> {
         self.on.clone()
     }
 

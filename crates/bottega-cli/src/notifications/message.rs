@@ -1,4 +1,4 @@
-//! What is told: one JSON object, the same for HTTP servers and commands.
+//! A notification: one JSON object, the same for HTTP servers and commands.
 
 use serde::Serialize;
 

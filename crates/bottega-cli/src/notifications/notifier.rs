@@ -9,7 +9,7 @@ use super::{
     command, desktop,
     message::Notification,
     post::{Poster, Secret},
-    target::{Subscription, Target},
+    target::{EventSubscription, NotificationTarget},
 };
 use crate::error::CliError;
 
@@ -29,11 +29,11 @@ pub(super) struct Notifier {
 impl Notifier {
     /// - `tell_loss`: says why something was not told.
     pub(super) fn start(
-        subscriptions: Vec<Subscription>,
+        subscriptions: Vec<EventSubscription>,
         secret: Option<Secret>,
         tell_loss: TellLoss,
     ) -> Result<Self, CliError> {
-        let has_url = subscriptions.iter().any(|it| matches!(it.target, Target::Url(_)));
+        let has_url = subscriptions.iter().any(|it| matches!(it.target, NotificationTarget::Url(_)));
         let poster = has_url.then(|| Poster::new(secret)).transpose()?;
         let (queue, waiting) = mpsc::sync_channel::<Notification>(WAITING_MAX);
         let tell = Arc::clone(&tell_loss);
@@ -77,11 +77,11 @@ impl Drop for Notifier {
     }
 }
 
-fn deliver(target: &Target, notification: &Notification, poster: Option<&Poster>) -> Result<(), String> {
+fn deliver(target: &NotificationTarget, notification: &Notification, poster: Option<&Poster>) -> Result<(), String> {
     match (target, poster) {
-        (Target::Url(url), Some(poster)) => poster.post(url, notification),
-        (Target::Url(_), None) => Ok(()),
-        (Target::Command(line), _) => command::run(line, notification),
-        (Target::Desktop, _) => desktop::show(notification),
+        (NotificationTarget::Url(url), Some(poster)) => poster.post(url, notification),
+        (NotificationTarget::Url(_), None) => Ok(()),
+        (NotificationTarget::Command(line), _) => command::run(line, notification),
+        (NotificationTarget::Desktop, _) => desktop::show(notification),
     }
 }

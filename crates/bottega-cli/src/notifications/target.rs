@@ -1,4 +1,4 @@
-//! Where notifications go, and of which events: what `--on` says.
+//! The value of `--on`: some events, and who is told of them.
 
 use std::str::FromStr;
 
@@ -28,7 +28,7 @@ impl WorkEvent {
 
 /// Who is told.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Target {
+pub(super) enum NotificationTarget {
     /// An HTTP server.
     Url(Uri),
     /// A command line for the shell.
@@ -37,7 +37,7 @@ pub(super) enum Target {
     Desktop,
 }
 
-impl Target {
+impl NotificationTarget {
     /// The target in messages to the user: without the path of an address, which may hold a secret.
     pub(super) fn label(&self) -> String {
         match self {
@@ -52,12 +52,12 @@ impl Target {
 
 /// One `--on`: some events, and who is told of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Subscription {
+pub(crate) struct EventSubscription {
     pub(super) events: Vec<WorkEvent>,
-    pub(super) target: Target,
+    pub(super) target: NotificationTarget,
 }
 
-impl FromStr for Subscription {
+impl FromStr for EventSubscription {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -76,18 +76,18 @@ fn event(word: &str) -> Result<WorkEvent, String> {
         .ok_or_else(|| format!("there is no event `{word}`: use done, failed or stalled, with commas between"))
 }
 
-fn parse_target(text: &str) -> Result<Target, String> {
+fn parse_target(text: &str) -> Result<NotificationTarget, String> {
     if text.is_empty() {
         return Err("nobody is named after `=`: write a URL, a command or `desktop`".to_owned());
     }
     if text == "desktop" {
-        return Ok(Target::Desktop);
+        return Ok(NotificationTarget::Desktop);
     }
     let scheme = text.split_once("://").map(|(scheme, _)| scheme);
     let is_scheme =
         |word: &str| !word.is_empty() && word.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c));
     match scheme.filter(|scheme| is_scheme(scheme)) {
-        None => Ok(Target::Command(text.to_owned())),
+        None => Ok(NotificationTarget::Command(text.to_owned())),
         Some(scheme) if !matches!(scheme.to_ascii_lowercase().as_str(), "http" | "https") => {
             Err(format!("`{scheme}://` is unsupported: use http:// or https://"))
         }
@@ -103,7 +103,7 @@ fn parse_target(text: &str) -> Result<Target, String> {
             if authority.host().is_empty() {
                 return Err(format!("`{text}` names no host"));
             }
-            Ok(Target::Url(url))
+            Ok(NotificationTarget::Url(url))
         }
     }
 }
@@ -112,7 +112,7 @@ fn parse_target(text: &str) -> Result<Target, String> {
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> Result<Subscription, String> {
+    fn parse(text: &str) -> Result<EventSubscription, String> {
         text.parse()
     }
 
@@ -120,11 +120,11 @@ mod tests {
     fn urls_commands_and_the_desktop_are_told_apart() {
         let both = parse("done,failed=https://example.org:8443/hook?key=a=b").expect("a URL");
         assert_eq!(both.events, [WorkEvent::Done, WorkEvent::Failed]);
-        assert!(matches!(&both.target, Target::Url(url) if url.port_u16() == Some(8443)));
+        assert!(matches!(&both.target, NotificationTarget::Url(url) if url.port_u16() == Some(8443)));
         assert_eq!(both.target.label(), "https://example.org:8443", "a path may be a secret");
-        assert_eq!(parse("stalled=desktop").expect("the desktop").target, Target::Desktop);
+        assert_eq!(parse("stalled=desktop").expect("the desktop").target, NotificationTarget::Desktop);
         let command = parse("done=notify --url=http://x").expect("a command");
-        assert_eq!(command.target, Target::Command("notify --url=http://x".to_owned()));
+        assert_eq!(command.target, NotificationTarget::Command("notify --url=http://x".to_owned()));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What a job has used and what that costs; and who is told that it is done.
+//! Energy and cost of a job; notifications of the process that has the farm.
 
 use std::{
     fs,
