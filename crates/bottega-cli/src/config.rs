@@ -13,7 +13,7 @@ use std::{
     sync::OnceLock,
 };
 
-use bottega_cluster::{Credentials, FarmAddress};
+use bottega_cluster::{Credentials, FarmAddress, energy::EnergyPrice};
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 
@@ -21,7 +21,10 @@ pub(crate) use self::{
     command::{ConfigArgs, run},
     words::{OPTION_VARIABLE, with_config},
 };
-use crate::error::CliError;
+use crate::{
+    energy_values::{parse_currency, parse_price},
+    error::CliError,
+};
 
 /// The variable of the environment that names the file.
 const FILE_VARIABLE: &str = "BOTTEGA_CONFIG";
@@ -50,10 +53,20 @@ struct FarmTable {
     tls_ca: Option<PathBuf>,
     tls_cert: Option<PathBuf>,
     tls_key: Option<PathBuf>,
+    price_per_kwh: Option<f64>,
+    currency: Option<String>,
 }
 
 /// What the file says of the farm; set once, before a command runs.
 static FARM_OF_FILE: OnceLock<(Option<FarmAddress>, Credentials)> = OnceLock::new();
+
+/// What energy costs, as the file says; set once, before a command runs.
+static PRICE_OF_FILE: OnceLock<EnergyPrice> = OnceLock::new();
+
+/// What energy costs, as the file says.
+pub(crate) fn energy_price() -> Option<EnergyPrice> {
+    PRICE_OF_FILE.get().cloned()
+}
 
 /// The address of the farm that the file names.
 pub(crate) fn farm_address() -> Option<FarmAddress> {
@@ -113,7 +126,7 @@ impl ConfigFile {
         }
         let file: WholeFile = toml::from_str(&self.text)
             .map_err(|error| self.wrong(error.span().unwrap_or_else(|| name.span()), error.message()))?;
-        let FarmTable { address, creds, nkey, tls_ca, tls_cert, tls_key } = file.farm;
+        let FarmTable { address, creds, nkey, tls_ca, tls_cert, tls_key, price_per_kwh, currency } = file.farm;
         let address = address.map(|address| address.parse()).transpose();
         let address = address.map_err(|error: String| self.wrong(name.span(), &format!("farm.address: {error}")))?;
         let beside = |path: PathBuf| self.path.parent().unwrap_or(Path::new(".")).join(path);
@@ -123,6 +136,16 @@ impl ConfigFile {
             tls_ca: tls_ca.map(beside),
             tls_own: tls_cert.map(beside).zip(tls_key.map(beside)),
         };
+        let price = price_per_kwh.map(|price| parse_price(&price.to_string())).transpose();
+        let price = price.map_err(|error| self.wrong(name.span(), &format!("farm.price-per-kwh: {error}")))?;
+        let currency = currency.map(|currency| parse_currency(&currency)).transpose();
+        let currency = currency.map_err(|error| self.wrong(name.span(), &format!("farm.currency: {error}")))?;
+        match (price, currency) {
+            // Nobody else sets it.
+            (Some(per_kwh), Some(currency)) => _ = PRICE_OF_FILE.set(EnergyPrice { per_kwh, currency }),
+            (None, None) => {}
+            _ => return Err(self.wrong(name.span(), "farm.price-per-kwh and farm.currency are only of use together")),
+        }
         // Nobody else sets it.
         _ = FARM_OF_FILE.set((address, credentials));
         Ok(())

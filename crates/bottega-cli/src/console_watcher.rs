@@ -13,9 +13,12 @@ use bottega::{
     events::{AuctionEvent, Event, ForecastEvent, LightingAgents, Progress},
     text::duration,
 };
-use bottega_agents::{Performative, Time, platform::print_content, wire::Calendar};
-use bottega_cluster::room::bytes_said;
-use bottega_farm::{FarmContent, FarmMessage};
+use bottega_agents::Time;
+use bottega_cluster::{
+    messages::{MessageEvent, content_text},
+    room::bytes_said,
+};
+use bottega_farm::FarmMessage;
 use bottega_web::Dashboard;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -153,6 +156,9 @@ impl Watcher for ConsoleWatcher {
     }
 
     fn message(&self, now: Time, message: &FarmMessage) {
+        if let Some(dashboard) = &self.dashboard {
+            dashboard.show_message(MessageEvent::new(now, message));
+        }
         let Some(trace) = &self.trace else { return };
         let mut trace = trace.lock().unwrap_or_else(PoisonError::into_inner);
         let receivers: Vec<String> = message.receivers.iter().map(ToString::to_string).collect();
@@ -166,7 +172,7 @@ impl Watcher for ConsoleWatcher {
             message.performative,
             message.protocol,
             message.conversation_id,
-            said(message),
+            content_text(message),
         );
         if let Err(error) = written {
             self.trace_lost.get_or_init(|| error.to_string());
@@ -381,15 +387,4 @@ fn lighting_agents(agents: &LightingAgents) -> [String; 2] {
 
 fn length(seconds: f64) -> String {
     Duration::try_from_secs_f64(seconds).map_or("–".to_owned(), duration)
-}
-
-/// What a message says: to and from the directories in SL.
-fn said(message: &FarmMessage) -> String {
-    let FarmContent::Management(content) = &message.content else { return format!("{:?}", message.content) };
-    // What is done is done by the service, whoever asks for it.
-    let service = match message.performative {
-        Performative::Request => message.receivers.first().unwrap_or(&message.sender),
-        _ => &message.sender,
-    };
-    print_content(Calendar::default(), service, content)
 }

@@ -11,7 +11,9 @@
 //! | standard output and standard error | `src/output.rs` |
 //! | errors as people read them | `src/error.rs` |
 //! | `-h`; the configuration file, variables of the environment | `src/short_help.rs`; `src/config/`, `src/variables.rs` |
+//! | prices, watts | `src/energy_values.rs` |
 //! | Ctrl-C | `src/signals.rs` |
+//! | `--on`: who is told of ends and stalls | `src/notifications/` |
 //! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
 //! | `up`, `web`, `join`, `jobs`, `machines` | `src/farm/` |
@@ -37,11 +39,13 @@ mod config;
 mod console_watcher;
 mod devices;
 mod diff;
+mod energy_values;
 mod engines;
 mod error;
 mod farm;
 mod info;
 mod manual;
+mod notifications;
 mod platform;
 mod render;
 mod request;

@@ -2,8 +2,9 @@
 
 use std::{process::ExitCode, sync::Arc};
 
-use bottega::{Request, Session, SessionOptions, StopSwitch, journal::journal_of};
+use bottega::{Request, Session, SessionOptions, StopSwitch, Watcher, journal::journal_of, text::shown};
 use bottega_cluster::{
+    FarmAddress, JobBoard,
     animation::{render_frames, submit_frames},
     client::{self, RenderOutcome},
 };
@@ -14,6 +15,7 @@ use crate::{
     config,
     console_watcher::{ConsoleWatcher, OutputForm},
     error::CliError,
+    notifications::PictureWatch,
     signals::{interrupted, stop_on_signal},
 };
 
@@ -25,19 +27,38 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     }
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
-    let voice = Arc::new(voice(args, &stop)?);
+    let voice: Arc<dyn Watcher> = Arc::new(voice(args, &stop)?);
+    if args.notifications.is_empty() {
+        return paint(args, &request, &voice, &stop);
+    }
+    let board = args.farm.as_ref().map(|_| args.login.link(named_farm(args))).transpose()?;
+    let board = board.map(|link| JobBoard { uplink: link.uplink });
+    let names = [shown(&request.scene.file), request.output.file.as_deref().map(shown).unwrap_or_default()];
+    let watch = Arc::new(PictureWatch::start(&args.notifications, voice, board, names)?);
+    let result = paint(args, &request, &(Arc::clone(&watch) as _), &stop);
+    watch.end(&result);
+    result
+}
+
+/// Paints what is asked for, here or in a farm.
+fn paint(
+    args: &RenderArgs,
+    request: &Request,
+    voice: &Arc<dyn Watcher>,
+    stop: &StopSwitch,
+) -> Result<ExitCode, CliError> {
     if args.farm.is_some() {
-        return in_farm(args, &request, &voice, &stop);
+        return in_farm(args, request, voice, stop);
     }
     if request.frames.is_none() {
-        return one(&request, options(args), &voice, &stop);
+        return one(request, options(args), voice, stop);
     }
     for frame in request.missing_frames(args.resume)? {
         let request = request.at_frame(frame)?;
         // A frame that nobody has begun is begun.
         let is_begun = request.output.file.as_deref().is_some_and(|file| journal_of(file).is_file());
         let options = SessionOptions { resume: args.resume && is_begun, ..options(args) };
-        let code = one(&request, options, &voice, &stop)?;
+        let code = one(&request, options, voice, stop)?;
         if stop.is_requested() {
             return Ok(code);
         }
@@ -49,26 +70,30 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
 fn one(
     request: &Request,
     options: SessionOptions,
-    voice: &Arc<ConsoleWatcher>,
+    voice: &Arc<dyn Watcher>,
     stop: &StopSwitch,
 ) -> Result<ExitCode, CliError> {
     let session = Session::open_with(request, options)?;
-    let picture = session.render(Arc::clone(voice) as _, stop)?;
+    let picture = session.render(Arc::clone(voice), stop)?;
     Ok(if picture.is_whole() { ExitCode::SUCCESS } else { interrupted() })
+}
+
+/// The farm that an option names.
+fn named_farm(args: &RenderArgs) -> Option<&FarmAddress> {
+    args.farm.as_ref().and_then(Option::as_ref)
 }
 
 /// Asks a farm, and paints with it unless nobody waits for the picture.
 fn in_farm(
     args: &RenderArgs,
     request: &Request,
-    voice: &Arc<ConsoleWatcher>,
+    voice: &Arc<dyn Watcher>,
     stop: &StopSwitch,
 ) -> Result<ExitCode, CliError> {
-    let named = args.farm.as_ref().and_then(Option::as_ref);
+    let named = named_farm(args);
     let of_file = named.is_none().then(config::farm_address).flatten();
     let farm = named.or(of_file.as_ref());
-    let (credentials, watcher) =
-        (args.login.credentials(args.farm.as_ref().and_then(Option::as_ref)), Arc::clone(voice) as _);
+    let (credentials, watcher) = (args.login.credentials(named), Arc::clone(voice));
     match (request.frames.is_some(), args.detach) {
         (true, true) => submit_frames(farm, &credentials, request, args.resume, watcher, stop)?,
         (true, false) => render_frames(farm, &credentials, request, args.resume, watcher, stop)?,

@@ -30,6 +30,7 @@ use crate::{
     patience::patiently,
     prepared_job::WorkerDevices,
     refusals::{RefusalWatch, Refusals},
+    usage::UsageMeter,
     worker::{Worker, WorkerMessage},
 };
 
@@ -94,7 +95,8 @@ fn paint_with_others(
     reporter: &Arc<Reporter>,
 ) -> Result<(), Error> {
     let (threads, refusals) = (threads(request), Refusals::default());
-    let member = Member { board: board.clone(), name, threads, stop: stop.clone(), refusals };
+    let meter = UsageMeter::new(None);
+    let member = Member { board: board.clone(), name, threads, stop: stop.clone(), refusals, meter };
     let only = wanted.keys().copied().collect();
     let over = Arc::new(AtomicBool::new(false));
     let collector = {

@@ -30,6 +30,7 @@ use crate::{
     refusals::{RefusalWatch, Refusals},
     sent_files::SentFiles,
     transfer::{self, SentPieces},
+    usage::UsageMeter,
 };
 
 /// How often is looked how a job stands that this process has no part in.
@@ -148,7 +149,7 @@ impl SubmittedJob {
         sent.keep();
         reporter.tell(Event::Asked { job: number, last_job: None });
         let (threads, stop, refusals) = (threads(request), stop.clone(), Refusals::default());
-        let member = Member { board, name, threads, stop, refusals };
+        let member = Member { board, name, threads, stop, refusals, meter: UsageMeter::new(None) };
         Ok(Self { member, number, work: job.work })
     }
 

@@ -16,8 +16,11 @@
 //! | jobs on the notices, who leads them; how they stand | [`job_board`], [`view`]; machines that leave a job out: [`refusals`] |
 //! | asking for a picture; for frames | [`client`], [`animation`] |
 //! | rows of a job, for people; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
+//! | processor time and energy of jobs: counted, added up, priced | [`usage`], `src/power_counters.rs`; [`energy`] |
 //! | what machines have learnt of how long zones take | `src/experience.rs` |
 //! | a machine as its seat shows it | `src/presence.rs` |
+//! | messages between the agents of a job, for those who look on | [`messages`] |
+//! | rules of a job, and what they say of a zone | [`rules_of_job`] |
 //! | steering of jobs and machines | [`jobs`], [`machine`] |
 //! | a job as it looks while it is painted | [`job_preview`] |
 //! | files sent piece by piece by one who is no machine of the farm, and jobs asked for with them | [`uploads`] |
@@ -42,6 +45,7 @@ mod chunks;
 pub mod client;
 pub mod directories;
 mod discovery;
+pub mod energy;
 pub mod error;
 mod experience;
 pub mod job;
@@ -52,6 +56,7 @@ mod keeper;
 pub mod link;
 pub mod machine;
 mod members;
+pub mod messages;
 pub mod names;
 pub mod own_server;
 pub mod owner;
@@ -59,10 +64,12 @@ mod part;
 mod patience;
 mod pieces;
 pub mod platform;
+mod power_counters;
 mod prepared_job;
 mod presence;
 pub mod refusals;
 pub mod room;
+pub mod rules_of_job;
 mod sent_files;
 mod server;
 mod shares;
@@ -72,6 +79,7 @@ mod transfer;
 pub mod up;
 mod upkeep;
 pub mod uploads;
+pub mod usage;
 pub mod view;
 pub mod web_secrets;
 pub mod worker;

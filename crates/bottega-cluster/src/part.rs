@@ -19,9 +19,11 @@ use bottega_image::Canvas;
 use crate::{
     job::{Job, JobState},
     job_board::{JobBoard, Lead, Lease, Presence, RENEW_EVERY},
+    messages::MessageRecorder,
     refusals::{RefusalWatch, Refusals},
     society::SeenSociety,
     together::{self, JobPeers},
+    usage::UsageMeter,
 };
 use bottega::session::PaintingTools;
 
@@ -43,13 +45,15 @@ pub(crate) struct Member {
     pub stop: StopSwitch,
     /// Jobs that this machine does not paint.
     pub refusals: Refusals,
+    /// What it uses for each job.
+    pub meter: UsageMeter,
 }
 
 impl Member {
     /// Its seat, while it paints a job or waits for one.
     pub(crate) fn seat(&self, job: Option<u32>) -> Presence {
-        let (is_guest, refusals) = (self.board.uplink.is_guest(), self.refusals.last());
-        Presence { is_guest, refusals, ..Presence::new(&self.name, self.threads, job) }
+        let (is_guest, refusals, usages) = (self.board.uplink.is_guest(), self.refusals.last(), self.meter.usages());
+        Presence { is_guest, refusals, usages, ..Presence::new(&self.name, self.threads, job) }
     }
 }
 
@@ -89,6 +93,7 @@ pub(crate) fn take_part(
         log: Mutex::default(),
         society: Mutex::new(SeenSociety::after(board.society(number))),
         importance: Mutex::default(),
+        recorder: Arc::default(),
     });
     let guard = Guard {
         member: member.clone(),
@@ -197,6 +202,7 @@ impl Leading {
         })?;
         if let Some(job) = &painted {
             board.keep_rows(job);
+            board.keep_rule_inputs(job.work);
         }
         self.link.forget();
         board.forget_learnt(self.link.work.0);
@@ -261,6 +267,7 @@ impl Guard {
                 self.renew();
                 self.keep_log();
                 self.tell_society();
+                self.tell_messages();
                 self.keep_importance();
                 self.clear_pages();
             }
@@ -311,7 +318,8 @@ impl Guard {
     }
 
     fn renew(&mut self) {
-        let Member { board, name, .. } = &self.member;
+        let Member { board, name, meter, .. } = &self.member;
+        meter.count(Some(self.work));
         board.attend(&Presence { takes_orders: !self.asked, ..self.member.seat(Some(self.number)) });
         let lead = Lead { leader: Some(name.clone()), ..self.told.lead() };
         let Some(lease) = &mut self.lease else { return };
@@ -356,7 +364,18 @@ impl Guard {
     /// The leader tells of its agents and of the auction.
     fn tell_society(&self) {
         if self.lease.is_some() {
-            self.told.society().tell(&self.member.board, self.number);
+            let board = &self.member.board;
+            let mut society = self.told.society();
+            society.see_usages(self.work, &board.presences());
+            society.see_usages(self.work, &[self.member.seat(Some(self.number))]);
+            society.tell(board, self.number);
+        }
+    }
+
+    /// The leader has the messages of the agents kept while somebody wants to see them.
+    fn tell_messages(&self) {
+        if self.lease.is_some() {
+            self.told.recorder.tell(&self.member.board, self.number, self.work);
         }
     }
 
@@ -389,7 +408,9 @@ impl Guard {
 
     /// Nobody need wait until the lease is over; but who has claimed it will lead.
     fn lay_down(&mut self) {
+        self.member.meter.count(Some(self.work));
         self.tell_society();
+        self.tell_messages();
         if self.lease.is_some() {
             self.told.society().keep_credits(&self.member.board);
         }
@@ -409,6 +430,7 @@ struct LoggingObserver {
     society: Mutex<SeenSociety>,
     /// Until it is kept for those who look on.
     importance: Mutex<Option<Arc<ImportanceMap>>>,
+    recorder: Arc<MessageRecorder>,
 }
 
 impl LoggingObserver {
@@ -458,10 +480,12 @@ impl Observer for LoggingObserver {
     }
 
     fn message(&self, now: bottega_agents::Time, message: &FarmMessage) {
+        self.recorder.see_said(now, message);
         self.inner.message(now, message);
     }
 
     fn heard(&self, now: bottega_agents::Time, message: &FarmMessage) {
+        self.recorder.see_heard(now, message);
         self.inner.heard(now, message);
     }
 

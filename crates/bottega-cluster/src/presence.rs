@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::build::build;
+use crate::{build::build, usage::JobUsage};
 
 /// The state of a machine, ordered or actual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -60,6 +60,9 @@ pub struct Presence {
     /// The last jobs that it does not paint, and why.
     #[serde(default)]
     pub refusals: Vec<Refusal>,
+    /// What it has used for the last jobs.
+    #[serde(default)]
+    pub usages: Vec<JobUsage>,
 }
 
 impl Presence {
@@ -74,6 +77,7 @@ impl Presence {
             takes_orders: true,
             is_guest: false,
             refusals: Vec::new(),
+            usages: Vec::new(),
         }
     }
 }

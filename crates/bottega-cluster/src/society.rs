@@ -11,7 +11,10 @@ use bottega_agents::machine_of;
 use bottega_farm::{AgentRow, AuctionTally, Credit, RoundSummary, Theft};
 use serde::{Deserialize, Serialize};
 
-use crate::job_board::JobBoard;
+use crate::{
+    job_board::{JobBoard, Presence},
+    usage::JobUsage,
+};
 
 /// How the names of all notices of credits begin.
 const CREDITS: &str = "credit/";
@@ -25,6 +28,9 @@ pub struct Society {
     pub auction: AuctionTally,
     /// The agents, by name.
     pub agents: Vec<AgentEvent>,
+    /// What each process has used for it, by name.
+    #[serde(default)]
+    pub usages: BTreeMap<String, JobUsage>,
 }
 
 /// How far a machine's promises held.
@@ -41,13 +47,15 @@ struct HeldPromises {
 pub(crate) struct SeenSociety {
     tally: AuctionTally,
     agents: BTreeMap<String, AgentRow>,
+    usages: BTreeMap<String, JobUsage>,
     is_news: bool,
 }
 
 impl SeenSociety {
     /// One that goes on from what a leader before this one has told.
     pub(crate) fn after(before: Option<Society>) -> Self {
-        Self { tally: before.map(|society| society.auction).unwrap_or_default(), ..Self::default() }
+        let Society { auction, usages, .. } = before.unwrap_or_default();
+        Self { tally: auction, usages, ..Self::default() }
     }
 
     pub(crate) fn see_agent(&mut self, row: &AgentRow) {
@@ -63,6 +71,18 @@ impl SeenSociety {
     pub(crate) fn see_theft(&mut self, theft: &Theft) {
         self.tally.add_theft(theft);
         self.is_news = true;
+    }
+
+    /// Takes in what the machines that are there have used for a work.
+    pub(crate) fn see_usages(&mut self, work: u64, seats: &[Presence]) {
+        for seat in seats {
+            let Some(usage) = seat.usages.iter().find(|usage| usage.work == work) else { continue };
+            let is_known = self.usages.get(&seat.name) == Some(usage);
+            if !is_known && (self.usages.len() < AGENTS_TOLD_MAX || self.usages.contains_key(&seat.name)) {
+                self.usages.insert(seat.name.clone(), usage.clone());
+                self.is_news = true;
+            }
+        }
     }
 
     /// Tells the farm what is new.
@@ -94,7 +114,7 @@ impl SeenSociety {
 
     fn view(&self) -> Society {
         let agents = self.agents.values().take(AGENTS_TOLD_MAX).map(|row| AgentEvent::new(row, None)).collect();
-        Society { auction: self.tally, agents }
+        Society { auction: self.tally, agents, usages: self.usages.clone() }
     }
 }
 

@@ -23,6 +23,7 @@ use crate::{
     prepared_job::PreparedJob,
     refusals::{Refusal, Refusals},
     shares::{JobClaim, choose, should_move},
+    usage::UsageMeter,
 };
 
 /// A message of a machine that paints for a farm to its user.
@@ -46,6 +47,8 @@ pub struct JoinOptions {
     pub once: bool,
     /// When the machine's owner lets it paint.
     pub owner: OwnerConditions,
+    /// What the machine draws with all processors at work, in watts; used where it has no counters of its own.
+    pub watts: Option<f64>,
 }
 
 /// Paints for a farm until the user wants to stop, or somebody has this machine leave.
@@ -53,10 +56,10 @@ pub struct JoinOptions {
 /// - `say`: tells the user what it does.
 pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>)>) {
     let FarmLink { uplink, name, .. } = link;
-    let JoinOptions { own, cache, cache_bytes, once, owner } = options;
+    let JoinOptions { own, cache, cache_bytes, once, owner, watts } = options;
     let threads = own.threads.map_or_else(processors, usize::from);
-    let member =
-        Member { board: JobBoard { uplink }, name, threads, stop: stop.clone(), refusals: Refusals::default() };
+    let (board, refusals, meter) = (JobBoard { uplink }, Refusals::default(), UsageMeter::new(watts));
+    let member = Member { board, name, threads, stop: stop.clone(), refusals, meter };
     let folder = cache.unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, cache_bytes.unwrap_or(CACHE_BYTES));
     let mut worker = Worker::new(member, cache, own, None, say);
@@ -167,6 +170,8 @@ impl Worker {
         let others: Vec<Presence> = board.presences().into_iter().filter(|seat| seat.name != *name).collect();
         let wanting = wanting(board, |number, job| self.would(number, job));
         let chosen = choose(&wanting, &others).and_then(|number| Some((number, board.get(number)?)));
+        // What was used since the last job is nobody's.
+        self.member.meter.count(None);
         let Some((number, job)) = chosen else {
             board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.seat(None) });
             self.wait();
@@ -215,7 +220,10 @@ impl Worker {
             // The old one goes first: two scenes may be more than there is room for.
             self.studio = None;
             let open = || PreparedJob::open(&self.member, job, &self.cache, &self.own);
-            let sit = || board.attend(&seat);
+            let sit = || {
+                self.member.meter.count(Some(job.work));
+                board.attend(&seat);
+            };
             self.studio = Some(meanwhile(RENEW_EVERY, sit, || patiently(stop, say, open))?);
         }
         let Some(studio) = &self.studio else { return Ok(false) };

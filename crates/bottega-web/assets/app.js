@@ -1,9 +1,11 @@
 // Which view is shown, and what all views may do beside their own place.
 
+import { Bell } from "./bell.js";
 import { element } from "./format.js";
 import { showJob } from "./job.js";
 import { showJobs } from "./jobs.js";
 import { showMachines } from "./machines.js";
+import { showMessages } from "./messages.js";
 import { showSubmit } from "./submit.js";
 
 const page = document.getElementById("page");
@@ -60,6 +62,7 @@ const VIEWS = {
   jobs: { title: "Jobs", show: showJobs },
   job: { title: "Job", show: showJob },
   machines: { title: "Machines", show: showMachines },
+  messages: { title: "Messages", show: showMessages },
   submit: { title: "New picture", show: showSubmit },
 };
 
@@ -70,7 +73,7 @@ function route(event) {
   end();
   shell.tellProblem(null);
   page.replaceChildren();
-  document.title = `${VIEWS[view].title}${view === "job" ? ` ${number}` : ""} – Bottega`;
+  document.title = `${VIEWS[view].title}${view === "job" || (view === "messages" && number) ? ` ${number}` : ""} – Bottega`;
   for (const anchor of document.querySelectorAll("nav a")) {
     if (anchor.dataset.view === (view === "job" ? "jobs" : view)) anchor.setAttribute("aria-current", "page");
     else anchor.removeAttribute("aria-current");
@@ -79,5 +82,6 @@ function route(event) {
   if (event) page.focus();
 }
 
+document.getElementById("bell").replaceChildren(new Bell().element);
 addEventListener("hashchange", route);
 route();

@@ -28,8 +28,8 @@ export function blackboard(onSelect) {
   return new VirtualTable({ label: "Blackboard", columns: COLUMNS, key: zone => zone.id, onSelect, rowHeight: 32 });
 }
 
-/** All fields of a zone, with what they mean. */
-export function zoneFields(zone) {
+/** All fields of a zone, with what they mean. `used`: its energy as a text, where it is known. */
+export function zoneFields(zone, used) {
   const [x0, y0, x1, y1] = zone.rect;
   const { choice } = zone;
   return [
@@ -39,6 +39,7 @@ export function zoneFields(zone) {
     ["Pixels", `${zone.size}`, "Its size"],
     ["Expected time", time(zone.seconds_estimated), times[0][2]],
     ["Measured time", time(zone.seconds_measured), times[1][2]],
+    ["Energy", used, "Its share of the energy of the machine that painted it, by measured time"],
     ["Cost", decimals(zone.complexity, 1), "Complexity: the predicted cost of all its pixels, in average pixels of the picture"],
     ["Samples", `${zone.samples}`, "Samples that each pixel has"],
     ["Error", zone.error === undefined ? undefined : zone.error.toFixed(4), "Estimated relative error"],
@@ -53,11 +54,11 @@ export function zoneFields(zone) {
 }
 
 /** The panel of a zone; null: none is chosen. */
-export function zonePanel(zone) {
+export function zonePanel(zone, used) {
   if (!zone) {
     return [element("h2", {}, "Zone"), element("p", { class: "quiet" }, "Click a zone in the picture, or a row of the Blackboard.")];
   }
-  const fields = zoneFields(zone).map(([name, value, help]) => [element("dt", { title: help }, name), element("dd", {}, value)]);
+  const fields = zoneFields(zone, used).map(([name, value, help]) => [element("dt", { title: help }, name), element("dd", {}, value)]);
   const rules = zone.reasons === undefined
     ? element("p", { class: "quiet" }, "No rules decided here: it is painted at the settings asked for.") : null;
   return [element("h2", {}, `Zone ${zone.id}`), element("dl", {}, fields), rules];

@@ -3,9 +3,11 @@
 import { agentRows, agentTable, auctionLine } from "./agents.js";
 import { fetchPicture, follow, get } from "./api.js";
 import { blackboard, zonePanel } from "./blackboard.js";
+import { energyFacts, usedText } from "./energy.js";
 import { TimeLeft } from "./eta.js";
 import { ago, button, element, setText, time } from "./format.js";
 import { JobControls, progress, stateChip } from "./job_controls.js";
+import { RulesSection } from "./rules.js";
 import { Viewer } from "./viewer.js";
 import { workOf } from "./zones.js";
 
@@ -27,6 +29,7 @@ class JobPage {
   #shown = null;
   #timeLeft = new TimeLeft();
   #told = null;
+  #energy = null;
   #looks = 0;
   #isLooking = false;
 
@@ -43,6 +46,7 @@ class JobPage {
     this.#addImportance();
     this.panel = element("section", { class: "panel", "aria-live": "polite", "aria-label": "Zone" });
     this.board = blackboard(zone => this.#select(zone));
+    this.rules = new RulesSection(shell, number);
     this.agentTable = agentTable();
     this.auction = element("p", { class: "quiet" }, "No auction yet.");
     this.log = element("ol", { class: "log" });
@@ -50,7 +54,7 @@ class JobPage {
       element("div", { class: "job-head" }, element("div", { class: "row" }, this.title, this.chip), this.bar, this.facts, this.reason,
         element("div", { class: "row" }, this.controls.element, this.links)),
       element("div", { class: "studio" }, this.viewer.element, this.panel),
-      element("h2", {}, "Blackboard"), this.board.element,
+      element("h2", {}, "Blackboard"), this.board.element, this.rules.element,
       element("h2", {}, "Agents"), this.auction, this.agentTable.element,
       element("h2", {}, "Log"), this.log);
     this.board.element.classList.add("tall");
@@ -88,7 +92,7 @@ class JobPage {
     this.viewer.setZones(zones);
     this.board.set(zones);
     this.#showAgents();
-    if (this.#selected !== null) this.panel.replaceChildren(...zonePanel(this.#zones.get(this.#selected) ?? null).filter(Boolean));
+    if (this.#selected !== null) this.#showZone(this.#zones.get(this.#selected) ?? null);
   }
 
   #takeJob(job) {
@@ -118,11 +122,13 @@ class JobPage {
       ["Led by", job.leader ?? "nobody"],
       ["Asked", `${ago(job.submitted)}, by ${job.from}`],
       ["Picture", job.output],
+      ...energyFacts(this.#energy),
     ].filter(Boolean);
     if (this.facts.childElementCount !== facts.length) {
       this.facts.replaceChildren(...facts.map(() => element("div", {}, element("dt"), element("dd"))));
     }
-    facts.forEach(([name, value], i) => {
+    facts.forEach(([name, value, help], i) => {
+      this.facts.children[i].title = help ?? "";
       setText(this.facts.children[i].firstChild, name);
       setText(this.facts.children[i].lastChild, value);
     });
@@ -136,7 +142,9 @@ class JobPage {
     const file = kept ? element("a", { href: `/api/jobs/${this.number}/picture`, download: "", class: "button" }, `Download ${output}`) : null;
     const layers = kept && output.endsWith(".exr") ? element("span", { class: "quiet" }, "The file has all layers that were asked for.") : null;
     const again = element("a", { href: `#/submit/${this.number}`, class: "button steers" }, "Paint this scene again …");
-    this.links.replaceChildren(...[file, button("Save what is shown", () => this.#save()), again, layers].filter(Boolean));
+    const help = "What its agents say to each other, while they say it";
+    const messages = element("a", { href: `#/messages/${this.number}`, class: "button", title: help }, "Messages");
+    this.links.replaceChildren(...[file, button("Save what is shown", () => this.#save()), messages, again, layers].filter(Boolean));
   }
 
   #save() {
@@ -161,7 +169,13 @@ class JobPage {
     this.#selected = zone?.id ?? null;
     this.viewer.select(zone);
     this.board.select(this.#selected);
-    this.panel.replaceChildren(...zonePanel(zone).filter(Boolean));
+    this.rules.choose(zone);
+    this.#showZone(zone);
+  }
+
+  #showZone(zone) {
+    const used = zone && this.#energy?.zones.find(({ id }) => id === zone.id);
+    this.panel.replaceChildren(...zonePanel(zone, used && usedText(used, this.#energy.currency)).filter(Boolean));
   }
 
   #showAgents() {
@@ -203,6 +217,7 @@ class JobPage {
     for (const agent of people.agents) this.#agents.set(agent.agent, agent);
     setText(this.auction, auctionLine(people.auction));
     this.#showAgents();
+    this.#energy = await this.shell.poll(() => get(`/jobs/${this.number}/energy`)) ?? this.#energy;
     const log = await this.shell.poll(() => get(`/jobs/${this.number}/log`));
     if (!log || log.length === this.log.childElementCount) return;
     const line = ({ at, text }) => element("li", {},

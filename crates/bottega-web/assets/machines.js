@@ -1,6 +1,7 @@
 // The machines that are there, and what can be done to them.
 
 import { ask, get } from "./api.js";
+import { sourceText, usedText } from "./energy.js";
 import { button, counted, decimals, element, percent, setText } from "./format.js";
 import { History, sparkline } from "./sparkline.js";
 import { VirtualTable } from "./virtual_table.js";
@@ -69,6 +70,13 @@ function columns(shell, look) {
     {
       name: "reliability", head: "Kept", help: "How far its promises held in the jobs so far: 100 % when zones took as long as it said",
       isNumber: true, value: machine => machine.reliability, text: machine => (machine.reliability === null ? "–" : percent(machine.reliability)),
+    },
+    {
+      name: "energy", head: "Energy", help: "What it has used for the job that it paints", isNumber: true, value: ({ energy }) => energy?.kwh,
+      fill(cell, { energy }) {
+        setText(cell, (energy && usedText(energy)) ?? "–");
+        cell.title = energy ? sourceText(energy) : "";
+      },
     },
     {
       name: "refusals", head: "Refused", help: "Jobs that it does not paint", value: machine => machine.refusals.length,

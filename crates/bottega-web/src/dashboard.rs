@@ -8,10 +8,14 @@ use std::{
 
 use bottega::{Event, StopSwitch};
 use bottega_cluster::{
+    energy::{JobEnergy, Tariff},
     job::{LogLine, unix_seconds},
     machine::PresenceState,
+    messages::{MessageEvent, SeenMessages},
     names::host_name,
+    rules_of_job::{JobRules, ZoneRules},
     uploads::{Submission, UploadOffer, UploadState},
+    usage::UsageMeter,
     view::JobView,
     web_secrets::WebSecrets,
 };
@@ -19,6 +23,7 @@ use bottega_cluster::{
 use crate::{
     error::ServeError,
     live::LiveJob,
+    message_log::MessageLog,
     problem::Problem,
     server::{Door, DoorOptions},
     source::{JobAgents, JobOrder, MachineStatus, PictureFile, ShownFarm},
@@ -26,6 +31,8 @@ use crate::{
 
 /// The number of the only job.
 const NUMBER: u32 = 1;
+/// The number of its work.
+const WORK: u64 = 1;
 /// Lines of its log that are kept.
 const LOG_LINES_MAX: usize = 200;
 
@@ -41,6 +48,8 @@ struct PaintedJob {
     state: Mutex<PaintedState>,
     live: Arc<LiveJob>,
     stop: StopSwitch,
+    meter: UsageMeter,
+    messages: Mutex<MessageLog>,
 }
 
 struct PaintedState {
@@ -63,7 +72,8 @@ impl Dashboard {
     /// The address cannot be listened on.
     pub fn serve(address: SocketAddr, stop: &StopSwitch) -> Result<Self, ServeError> {
         let state = Mutex::new(PaintedState::new());
-        let painted = Arc::new(PaintedJob { state, live: Arc::default(), stop: stop.clone() });
+        let (live, messages, meter) = (Arc::default(), Mutex::default(), UsageMeter::new(None));
+        let painted = Arc::new(PaintedJob { state, live, stop: stop.clone(), meter, messages });
         let secrets = WebSecrets::fresh().map_err(|error| ServeError::Secrets(error.error_chain()))?;
         let options = DoorOptions { address, is_firm: true, secrets, names: Vec::new() };
         let door = Door::open(Arc::clone(&painted) as _, options)?;
@@ -79,8 +89,14 @@ impl Dashboard {
     pub fn publish(&self, event: &Event) {
         self.painted.live.tell(event);
         let mut state = self.painted.state();
+        self.painted.meter.count(Some(WORK).filter(|_| state.threads > 0 && !state.view.is_over));
         state.take(event);
         self.painted.live.tell_job(&state.view);
+    }
+
+    /// Shows a message between agents.
+    pub fn show_message(&self, message: MessageEvent) {
+        self.painted.messages.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     }
 
     /// From now on `png`, a PNG file, is what is painted. Whoever looks is told by [`Event::Preview`].
@@ -194,6 +210,35 @@ impl ShownFarm for PaintedJob {
         Ok(JobAgents { agents: agents.collect(), ..JobAgents::default() })
     }
 
+    fn energy(&self, number: u32) -> Result<JobEnergy, Problem> {
+        let state = self.only(number)?;
+        if !state.view.is_over {
+            self.meter.count(Some(WORK));
+        }
+        let rows: Vec<Event> = state.zones.values().cloned().collect();
+        let home = rows.iter().find_map(|row| match row {
+            Event::Zone(zone) => zone.agent.as_deref()?.split('@').nth(1).map(str::to_owned),
+            _ => None,
+        });
+        let home = home.unwrap_or_else(host_name);
+        let usages = self.meter.usages().into_iter().map(|usage| (home.clone(), usage)).collect();
+        Ok(JobEnergy::of(&usages, &rows, &Tariff::default()))
+    }
+
+    fn messages(&self, number: u32, from: u64) -> Result<SeenMessages, Problem> {
+        drop(self.only(number)?);
+        Ok(self.messages.lock().unwrap_or_else(PoisonError::into_inner).since(from))
+    }
+
+    fn rules(&self, number: u32) -> Result<JobRules, Problem> {
+        drop(self.only(number)?);
+        Err(Problem::conflict("the rules of one process are not told", "`bottega rules` shows and evaluates them"))
+    }
+
+    fn zone_rules(&self, number: u32, _zone: u32) -> Result<ZoneRules, Problem> {
+        self.rules(number).map(|_| ZoneRules::default())
+    }
+
     fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem> {
         Ok(self.only(number)?.log.clone())
     }
@@ -239,6 +284,7 @@ impl ShownFarm for PaintedJob {
             reliability: None,
             agents: agents.collect(),
             refusals: Vec::new(),
+            energy: None,
         }])
     }
 

@@ -11,7 +11,7 @@
 //! | who may come in, and how often | `src/guard.rs`, `src/hosts.rs`, `src/tokens.rs`, `src/limits.rs` |
 //! | the routes, and what each answers | `src/route.rs`, `src/routes/`; as OpenAPI: `src/openapi.rs` |
 //! | what is shown: a farm, one picture | `src/source.rs`; `src/linked_farm.rs`, `src/dashboard.rs` |
-//! | a job as it changes | `src/live.rs` |
+//! | a job as it changes; its messages | `src/live.rs`; `src/message_log.rs` |
 //! | errors; paths that nobody is told | `src/problem.rs`, `src/redact.rs` |
 //! | the page | `src/page.rs`, `assets/` |
 
@@ -22,6 +22,7 @@ mod hosts;
 mod limits;
 mod linked_farm;
 mod live;
+mod message_log;
 mod openapi;
 mod page;
 mod problem;

@@ -15,12 +15,15 @@ use bottega_cluster::{
     Job, JobBoard, JobState,
     blackboard::RowNews,
     cache::Cache,
+    energy::JobEnergy,
     job::LogLine,
     job_board::Presence,
     job_preview::JobPreview,
     jobs,
     machine::{MachineOrder, PresenceState},
+    messages::SeenMessages,
     names::host_name,
+    rules_of_job::{JobRules, ZoneRules},
     society::Society,
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,
@@ -28,6 +31,7 @@ use bottega_cluster::{
 
 use crate::{
     live::LiveJob,
+    message_log::MessageLog,
     problem::Problem,
     source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm},
 };
@@ -36,6 +40,10 @@ use crate::{
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// Pictures under way that are kept ready to be shown.
 const PREVIEWS_MAX: usize = 8;
+/// Jobs whose messages are kept ready.
+const MESSAGES_OF_MAX: usize = 4;
+/// The farm is told so often that somebody looks at the messages of a job.
+const WATCH_EVERY: Duration = Duration::from_secs(2);
 /// A preview is made anew so often at most.
 const PREVIEW_EVERY: Duration = Duration::from_millis(700);
 
@@ -45,6 +53,16 @@ pub struct LinkedFarm {
     cache: Cache,
     live: Arc<Mutex<HashMap<u32, FollowedJob>>>,
     previews: Mutex<HashMap<u64, Arc<Mutex<FreshPreview>>>>,
+    messages: Mutex<HashMap<u64, Arc<Mutex<ReadMessages>>>>,
+}
+
+/// The messages of a job, as far as they were read.
+#[derive(Default)]
+struct ReadMessages {
+    log: MessageLog,
+    pieces: usize,
+    /// When the farm was told last that somebody looks on.
+    told: Option<Instant>,
 }
 
 /// A job that somebody watches.
@@ -64,7 +82,13 @@ struct FreshPreview {
 impl LinkedFarm {
     /// The farm of a board.
     pub fn new(board: JobBoard) -> Self {
-        Self { board, cache: Cache::of_user(), live: Arc::default(), previews: Mutex::default() }
+        Self {
+            board,
+            cache: Cache::of_user(),
+            live: Arc::default(),
+            previews: Mutex::default(),
+            messages: Mutex::default(),
+        }
     }
 
     fn known(&self, number: u32) -> Result<Job, Problem> {
@@ -161,7 +185,7 @@ impl ShownFarm for LinkedFarm {
 
     fn agents(&self, number: u32) -> Result<JobAgents, Problem> {
         self.known(number)?;
-        let Society { auction, agents } = self.board.society(number).unwrap_or_default();
+        let Society { auction, agents, .. } = self.board.society(number).unwrap_or_default();
         let auction = AuctionSum {
             rounds: auction.rounds,
             contested: auction.contested,
@@ -170,6 +194,42 @@ impl ShownFarm for LinkedFarm {
             awards: auction.awards,
         };
         Ok(JobAgents { agents, auction })
+    }
+
+    fn energy(&self, number: u32) -> Result<JobEnergy, Problem> {
+        Ok(self.board.energy(number, &self.known(number)?, &self.board.tariff())?)
+    }
+
+    fn messages(&self, number: u32, from: u64) -> Result<SeenMessages, Problem> {
+        let job = self.known(number)?;
+        let read = {
+            let mut all = lock(&self.messages);
+            if all.len() >= MESSAGES_OF_MAX && !all.contains_key(&job.work) {
+                all.clear();
+            }
+            Arc::clone(all.entry(job.work).or_default())
+        };
+        let mut read = lock(&read);
+        if !job.state.is_over() && read.told.is_none_or(|told| told.elapsed() > WATCH_EVERY) {
+            self.board.watch_messages(number)?;
+            read.told = Some(Instant::now());
+        }
+        while let Some(piece) = self.board.messages(&job, read.pieces)? {
+            read.pieces += 1;
+            read.log.lost = piece.lost;
+            piece.messages.into_iter().for_each(|message| read.log.push(message));
+        }
+        Ok(read.log.since(from))
+    }
+
+    fn rules(&self, number: u32) -> Result<JobRules, Problem> {
+        Ok(self.board.rules(&self.known(number)?)?)
+    }
+
+    fn zone_rules(&self, number: u32, zone: u32) -> Result<ZoneRules, Problem> {
+        let found = self.board.zone_rules(&self.known(number)?, zone)?;
+        let remedy = "GET /api/jobs/{id}/zones has those that there are";
+        found.ok_or_else(|| Problem::unknown(format!("job {number} has no zone {zone}"), remedy))
     }
 
     fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem> {
@@ -250,6 +310,7 @@ impl ShownFarm for LinkedFarm {
 
     fn machines(&self) -> Result<Vec<MachineStatus>, Problem> {
         let (board, reliabilities) = (&self.board, self.board.reliabilities());
+        let tariff = board.tariff();
         let mut societies: BTreeMap<u32, Society> = BTreeMap::new();
         let seats = board.presences().into_iter();
         let machine = |seat: Presence| {
@@ -257,6 +318,10 @@ impl ShownFarm for LinkedFarm {
                 seat.job.map(|job| &*societies.entry(job).or_insert_with(|| board.society(job).unwrap_or_default()));
             let is_of_it = |agent: &str| agent.contains(&*seat.name);
             let agents = society.map(|it| it.agents.iter().filter(|it| is_of_it(&it.agent)).cloned().collect());
+            let energy = society.and_then(|it| {
+                let own = it.usages.get_key_value(&seat.name).map(|(name, usage)| (name.clone(), usage.clone()));
+                JobEnergy::of(&own.into_iter().collect(), &[], &tariff).machines.pop()
+            });
             let machine = seat.name.split('.').next().unwrap_or_default();
             let refusal =
                 |it: &bottega_cluster::refusals::Refusal| MachineRefusal { job: it.job, reason: it.reason.clone() };
@@ -270,6 +335,7 @@ impl ShownFarm for LinkedFarm {
                 reliability: reliabilities.get(machine).copied(),
                 agents: agents.unwrap_or_default(),
                 refusals: seat.refusals.iter().map(refusal).collect(),
+                energy,
                 version: seat.version,
                 name: seat.name,
             }

@@ -60,8 +60,11 @@ fn operation(route: &Route, generator: &mut schemars::SchemaGenerator) -> Value 
         done["content"] = content;
     }
     let parameter = |name: &str| {
-        let schema =
-            if name == "id" { json!({ "type": "integer", "minimum": 0 }) } else { json!({ "type": "string" }) };
+        let schema = if ["id", "from", "zone"].contains(&name) {
+            json!({ "type": "integer", "minimum": 0 })
+        } else {
+            json!({ "type": "string" })
+        };
         json!({ "name": name, "in": "path", "required": true, "schema": schema })
     };
     let parameters: Vec<Value> = parameters(route.path).map(parameter).collect();

@@ -4,8 +4,11 @@ use std::sync::Arc;
 
 use bottega::events::{AgentEvent, Event};
 use bottega_cluster::{
+    energy::{JobEnergy, MachineEnergy},
     job::LogLine,
     machine::PresenceState,
+    messages::SeenMessages,
+    rules_of_job::{JobRules, ZoneRules},
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,
 };
@@ -78,6 +81,8 @@ pub struct MachineStatus {
     pub agents: Vec<AgentEvent>,
     /// The last jobs that it does not paint, and why.
     pub refusals: Vec<MachineRefusal>,
+    /// What it has used for the job that it paints, as its leader tells.
+    pub energy: Option<MachineEnergy>,
 }
 
 /// A job that a machine does not paint.
@@ -123,6 +128,30 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// # Errors
     /// As above.
     fn agents(&self, number: u32) -> Result<JobAgents, Problem>;
+
+    /// The energy of a job, and what it costs.
+    ///
+    /// # Errors
+    /// As above.
+    fn energy(&self, number: u32) -> Result<JobEnergy, Problem>;
+
+    /// Messages between the agents of a job from a number on, some at once; of a farm those since somebody has asked for them.
+    ///
+    /// # Errors
+    /// As above.
+    fn messages(&self, number: u32, from: u64) -> Result<SeenMessages, Problem>;
+
+    /// The rules by which zones of a job are painted.
+    ///
+    /// # Errors
+    /// As above, or they cannot be read.
+    fn rules(&self, number: u32) -> Result<JobRules, Problem>;
+
+    /// What the rules say of a zone.
+    ///
+    /// # Errors
+    /// As above, or there is no such zone.
+    fn zone_rules(&self, number: u32, zone: u32) -> Result<ZoneRules, Problem>;
 
     /// What has happened to a job.
     ///

@@ -240,6 +240,9 @@ pub struct ZoneEvent {
     pub size: u64,
     /// Complexity: predicted cost of all its pixels, in average pixels of the picture.
     pub complexity: f64,
+    /// Neighbor Difference: how much the cost of a pixel differs from that of zones beside it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub neighbor_difference: Option<f64>,
     /// `open`, `profiled`, `awarded`, `done`, …
     pub state: String,
     /// Who has it or had it.
@@ -453,6 +456,7 @@ impl From<&ZoneRow> for ZoneEvent {
             rect: corners(&row.rect),
             size: row.size(),
             complexity: row.complexity,
+            neighbor_difference: Some(row.neighbor_difference.mean),
             state: state_word(row.state).to_owned(),
             agent: row.agent.as_ref().map(ToString::to_string),
             seconds_estimated: row.time_estimated.map(|time| time.as_secs_f64()),

@@ -28,7 +28,7 @@
 //! | other renderers; which layers their pictures have; what a farm is sent | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/scene_files.rs` |
 //! | processors and GPUs, what each costs | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs`; those kept from picture to picture: `src/devices/kept.rs` |
 //! | what they were at while a picture was painted | `src/session/occupation.rs` |
-//! | expert knowledge, from files or with the program | [`rules`] |
+//! | expert knowledge, from files or with the program; as pages show it | [`rules`]; [`rule_view`] |
 //! | animations: the request of a frame; which frames, under which names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
 //! | the journal beside a picture | [`journal`] |
 //! | what the Analyst makes of a scene; how two pictures differ | [`analysis`], [`difference`] |
@@ -55,6 +55,7 @@ pub mod method;
 pub mod picture;
 mod preview;
 pub mod request;
+pub mod rule_view;
 pub mod rules;
 pub mod session;
 pub mod settings;

@@ -32,7 +32,7 @@ impl Source {
         Self::of(RulesText::read(path)?)
     }
 
-    fn of(RulesText { name: path, text }: RulesText) -> Result<Self, Error> {
+    pub(crate) fn of(RulesText { name: path, text }: RulesText) -> Result<Self, Error> {
         match parse_document(&text) {
             Ok(document) => Ok(Self { path, text, document }),
             Err(error) => Err(at(&path, &text, error.at, error.kind.to_string())),

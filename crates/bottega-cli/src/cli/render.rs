@@ -25,7 +25,7 @@ use super::{
     scene::{SceneArgs, change, set},
     values::{LayerNames, parse_bands, parse_error, parse_rate, parse_rect, parse_seconds, parse_stops},
 };
-use crate::{error::CliError, farm::LoginArgs};
+use crate::{error::CliError, farm::LoginArgs, notifications::NotificationArgs};
 
 #[derive(Clone, Debug, Args)]
 pub(crate) struct RenderArgs {
@@ -151,8 +151,9 @@ pub(crate) struct RenderArgs {
     /// Paint with all machines of a farm: the one that `bottega up` runs on this machine, or the one named.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, conflicts_with_all = ["record", "time"], help_heading = "Work")]
     pub(crate) farm: Option<Option<FarmAddress>>,
-    /// Only ask the farm for the picture, and do not wait for it: `bottega jobs fetch` has it in the end.
-    #[arg(long, requires = "farm", help_heading = "Work")]
+    /// Only ask the farm for the picture, and do not wait for it: `bottega jobs fetch` has it in the end, and
+    /// `bottega up --on` tells of it.
+    #[arg(long, requires = "farm", conflicts_with = "on", help_heading = "Work")]
     pub(crate) detach: bool,
     /// How urgent the picture is to the farm: jobs have machines in proportion to their priorities. Default: 10.
     #[arg(long, value_name = "N", requires = "farm", value_parser = clap::value_parser!(u32).range(1..=i64::from(PRIORITY_MAX)), help_heading = "Work")]
@@ -207,6 +208,8 @@ pub(crate) struct RenderArgs {
     /// Say nothing but errors.
     #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
     pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) notifications: NotificationArgs,
 }
 
 impl RenderArgs {

@@ -16,8 +16,8 @@ use bottega_cluster::{
 use clap::{Args, Subcommand, ValueHint};
 use serde_json::json;
 
-use super::args::FarmArgs;
-use crate::error::CliError;
+use super::{args::FarmArgs, energy};
+use crate::{config, error::CliError};
 
 /// See and steer the jobs of a farm.
 #[derive(Debug, Args)]
@@ -147,10 +147,14 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     let seats: Vec<_> = all.iter().filter(|seat| seat.job == Some(number) && !job.state.is_over()).collect();
     let view = JobView::of(number, &job, &lead, seats.len());
     let society = board.society(number).unwrap_or_default();
+    let mut tariff = board.tariff();
+    tariff.price = config::energy_price().or(tariff.price);
+    let energy = board.energy(number, &job, &tariff)?;
     if as_json {
         let mut told = json!(view);
         told["society"] = json!(society);
         told["agents"] = json!(board.job_agents(number));
+        told["energy"] = json!(energy);
         println!("{told}");
         return Ok(());
     }
@@ -173,6 +177,7 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
         let services: Vec<&str> = agent.services.iter().map(|kind| kind.trim_start_matches("bottega-job-")).collect();
         println!("  {}: {}, in the directories as {}", agent.agent, agent.state, services.join(", "));
     }
+    energy::lines(&energy).iter().for_each(|line| println!("{line}"));
     for (seat, refusal) in RefusalWatch::default().news(&all, |work| work == job.work) {
         println!("  {} is left out: {}", seat.name, refusal.reason);
     }

@@ -16,7 +16,7 @@ use bottega_cluster::{
 use clap::{Args, ValueHint};
 
 use super::args::{LoginArgs, parse_gigabytes};
-use crate::{cli::parse_duration, error::CliError, signals::stop_on_signal};
+use crate::{cli::parse_duration, energy_values::parse_watts, error::CliError, signals::stop_on_signal};
 
 /// Offer this machine to a farm.
 #[derive(Debug, Args)]
@@ -50,6 +50,10 @@ pub(crate) struct JoinArgs {
     /// How much of them, in gigabytes; what was used longest ago goes first. [default: 20]
     #[arg(long, value_name = "GB", value_parser = parse_gigabytes)]
     cache_size: Option<u64>,
+    /// What this machine draws with all processors at work, in watts: energy and cost of jobs are told by it where its own
+    /// counters (RAPL) cannot be read.
+    #[arg(long, value_name = "WATTS", value_parser = parse_watts)]
+    watts: Option<f64>,
     /// Paint until one job is over, and leave.
     #[arg(long)]
     once: bool,
@@ -91,7 +95,8 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     println!("joined {servers} (NATS {version}) as {}; {how}waiting for work", link.name);
     let own = WorkerDevices { threads: args.threads, devices: args.devices.clone(), memory_mb: args.gpu_memory, rules };
     let owner = OwnerConditions { when_idle: args.when_idle, hours: args.hours.clone(), max_load: args.max_load };
-    let options = JoinOptions { own, cache: args.cache.clone(), cache_bytes: args.cache_size, once: args.once, owner };
+    let (cache, cache_bytes) = (args.cache.clone(), args.cache_size);
+    let options = JoinOptions { own, cache, cache_bytes, once: args.once, owner, watts: args.watts };
     let say = |said: WorkerMessage<'_>| match said {
         WorkerMessage::Line(line) => println!("{line}"),
         WorkerMessage::Failure(error) => eprintln!("{}", crate::error::report_of(error)),

@@ -2,6 +2,7 @@
 
 mod args;
 mod blackboard;
+mod energy;
 mod jobs;
 mod join;
 mod learnt;

@@ -12,10 +12,12 @@ use clap::{Args, ValueHint};
 
 use super::{
     args::parse_gigabytes,
+    energy::TariffArgs,
     web::{WebArgs, tell_door},
 };
 use crate::{
     error::CliError,
+    notifications::{NotificationArgs, watch_farm},
     platform::{parse_agent, passed::line},
     signals::stop_on_signal,
 };
@@ -59,6 +61,10 @@ pub(crate) struct UpArgs {
     /// Do not tell the local network where the farm is (mDNS): those who join must name this machine.
     #[arg(long)]
     hidden: bool,
+    #[command(flatten)]
+    tariff: TariffArgs,
+    #[command(flatten)]
+    notifications: NotificationArgs,
 }
 
 pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
@@ -97,11 +103,16 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
                     Err(error) => return Err(error.into()),
                 }
             }
+            host.board().set_tariff(&args.tariff.tariff()?)?;
+            watch_farm(&args.notifications, host.board().clone(), &stop)?;
             host.keep_up(&stop, || _ = served.map(FarmPlatform::stop))?;
         }
         LocalFarm::Elsewhere { process, listen, invitation } => {
             println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
             tell(&invitation);
+            if !args.notifications.is_empty() {
+                println!("Nobody is told of its jobs by this process: give --on to the one that has it.");
+            }
             println!("Another page of it, for as long as it runs: bottega web\n");
         }
     }

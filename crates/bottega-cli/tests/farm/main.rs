@@ -6,6 +6,7 @@
 mod agents;
 mod arrivals;
 mod builds;
+mod energy;
 mod engines;
 mod fixture;
 mod guests;

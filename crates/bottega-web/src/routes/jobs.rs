@@ -9,7 +9,14 @@ use axum::{
     routing::{delete, get, post, put},
 };
 use bottega::{Event, events::ZoneEvent, request::PRIORITY_MAX};
-use bottega_cluster::{job::LogLine, uploads::Submission, view::JobView};
+use bottega_cluster::{
+    energy::JobEnergy,
+    job::LogLine,
+    messages::SeenMessages,
+    rules_of_job::{JobRules, ZoneRules},
+    uploads::Submission,
+    view::JobView,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +60,31 @@ pub(super) fn routes() -> Vec<Route> {
             "The agents of the job: V_cp, credit, how far their promises held; and what the auction came to.",
             RouteAnswer::Json(schema::<JobAgents>),
             get(agents),
+        ),
+        Route::told(
+            "/api/jobs/{id}/energy",
+            "Processor time and energy of the job, by machine and by zone, and what it costs, as far as it is known.",
+            RouteAnswer::Json(schema::<JobEnergy>),
+            get(energy),
+        ),
+        Route::told(
+            "/api/jobs/{id}/messages/{from}",
+            "Messages between the agents of the job from this number on, some at once. Of a farm those that its leader sees from \
+             the moment on at which somebody asks.",
+            RouteAnswer::Json(schema::<SeenMessages>),
+            get(messages),
+        ),
+        Route::told(
+            "/api/jobs/{id}/rules",
+            "The rules by which agents decide what zones of the job are painted with.",
+            RouteAnswer::Json(schema::<JobRules>),
+            get(rules),
+        ),
+        Route::told(
+            "/api/jobs/{id}/zones/{zone}/rules",
+            "What these rules say of a zone, and why.",
+            RouteAnswer::Json(schema::<ZoneRules>),
+            get(zone_rules),
         ),
         Route::told(
             "/api/jobs/{id}/log",
@@ -119,6 +151,22 @@ async fn zones(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
 
 async fn agents(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.agents(id)).await?))
+}
+
+async fn energy(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.energy(id)).await?))
+}
+
+async fn messages(State(door): AtDoor, Param((id, from)): Param<(u32, u64)>) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.messages(id, from)).await?))
+}
+
+async fn rules(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.rules(id)).await?))
+}
+
+async fn zone_rules(State(door): AtDoor, Param((id, zone)): Param<(u32, u32)>) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.zone_rules(id, zone)).await?))
 }
 
 async fn log(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {

@@ -35,12 +35,12 @@ export class TestFarm {
   async start() {
     [this.port, this.web] = [await freePort(), await freePort()];
     await this.startUp();
-    this.worker = this.#run("worker", ["join", "--threads", "1", "--cache", join(this.#folder, "cache")]);
+    this.worker = this.#run("worker", ["join", "--threads", "1", "--watts", "100", "--cache", join(this.#folder, "cache")]);
   }
 
   /** Starts `bottega up`; again after it was killed. */
   async startUp() {
-    const words = ["up", "--listen", `127.0.0.1:${this.port}`, "--hidden", "--web", `127.0.0.1:${this.web}`, "--fipa", "127.0.0.1:0", "--store-size", "1"];
+    const words = ["up", "--listen", `127.0.0.1:${this.port}`, "--hidden", "--web", `127.0.0.1:${this.web}`, "--fipa", "127.0.0.1:0", "--store-size", "1", "--price-per-kwh", "0.5", "--currency", "EUR"];
     if (process.env.BOTTEGA_NATS_SERVER) words.push("--server", process.env.BOTTEGA_NATS_SERVER);
     this.up = this.#run("up", words);
     const urls = () => readFileSync(this.#log("up"), "utf8").match(/https?:\/\/127\.0\.0\.1:\d+\/\?token=\w+/g);
@@ -55,6 +55,15 @@ export class TestFarm {
   /** What the API says, to whom may steer. */
   async ask(path, token = new URL(this.steering).searchParams.get("token")) {
     const response = await fetch(`http://127.0.0.1:${this.web}/api${path}`, { headers: { Authorization: `Bearer ${token}` } });
+    if (!response.ok) throw new Error(`${path}: ${response.status} ${await response.text()}`);
+    return response.json();
+  }
+
+  /** Asks the API for something, as one who may steer. */
+  async post(path, body) {
+    const token = new URL(this.steering).searchParams.get("token");
+    const headers = { Authorization: `Bearer ${token}`, "Content-Type": "application/json" };
+    const response = await fetch(`http://127.0.0.1:${this.web}/api${path}`, { method: "POST", headers, body: JSON.stringify(body) });
     if (!response.ok) throw new Error(`${path}: ${response.status} ${await response.text()}`);
     return response.json();
   }

@@ -185,6 +185,26 @@ test("the picture is downloaded, as it was asked for and as it is shown", async 
   noProblems();
 });
 
+test("energy and cost of a job, a machine and a zone are told", async () => {
+  const facts = page.locator(".facts");
+  await facts.getByText(/Wh, 0\.\d+ EUR/).waitFor(JOB_WAIT);
+  await page.getByRole("region", { name: "Blackboard, scrolls" }).press("Home");
+  await page.locator(".panel dl").getByText(/Wh, 0\.\d+ EUR/).waitFor(JOB_WAIT);
+  const energy = await farm.ask(`/jobs/${number()}/energy`);
+  assert.equal(energy.machines[0].source, "watts");
+  assert.ok(energy.zones.length > 0 && energy.cost > 0, JSON.stringify(energy));
+  noProblems();
+});
+
+test("the rules are drawn, and say that nobody asks them where optimization is off", async () => {
+  await page.locator(".rules > summary").click();
+  await page.getByText("Optimization is off").waitFor(JOB_WAIT);
+  assert.ok(await page.locator(".membership").count() >= 3);
+  await keep(page, "job-rules-off");
+  assert.deepEqual(await barriers(page), []);
+  noProblems();
+});
+
 test("a job is painted again from the farm's files, steered by every button, and removed", async () => {
   await page.getByRole("link", { name: "Paint this scene again …" }).click();
   await page.getByText("Its files are in the farm").waitFor();
@@ -225,6 +245,95 @@ test("the list of jobs has pictures, and is filtered and ordered", async () => {
   noProblems();
 });
 
+test("with optimization the rules that fire for a zone are told, and what the agents say to each other is seen", async () => {
+  const request = {
+    scene: { file: "cornell-box.glb" }, film: { size: [160, 120] }, goal: { samples: 1500 },
+    work: { optimization: "n", zones: 40 }, output: { file: "rules.exr" },
+  };
+  const { job } = await farm.post("/jobs", { request, files_of_job: 1 });
+  await go(`messages/${job}`);
+  await page.locator(".arrows text").first().waitFor(JOB_WAIT);
+  const count = async () => Number((await page.locator(".filter p").textContent()).match(/(\d+) message/)?.[1] ?? 0);
+  await until("more are seen", async () => await count() > 50);
+  await page.locator(".sequence").press("Home");
+  await page.locator(".sequence").press("ArrowDown");
+  assert.match(await page.locator(".panel").textContent(), /Kind.*From.*Protocol/s);
+  await page.locator(".messages-space").click({ position: { x: 90, y: 200 } });
+  await keep(page, "messages");
+  assert.deepEqual(await barriers(page), []);
+  await page.getByLabel("Performative").selectOption("cfp");
+  await until("only calls for proposals", async () => (await page.locator(".arrows text").allTextContents()).every(text => text.startsWith("cfp")));
+  await page.getByLabel("Performative").selectOption("");
+  await page.getByLabel("Filter by zone").fill("3");
+  await page.getByLabel("Filter by zone").fill("");
+  await page.getByLabel("Filter by agent").fill("nobody at all");
+  await until("none", async () => await page.locator(".arrows text").count() === 0);
+  await page.getByLabel("Filter by agent").fill("");
+  const saved = async name => {
+    const waiting = page.waitForEvent("download");
+    await press(name);
+    return readFileSync(await (await waiting).path(), "utf8");
+  };
+  assert.match(await saved("Save SVG"), /^<svg .*<\/svg>$/s);
+  assert.match(await saved("Save text"), /master@work-\d+/);
+  assert.match(await saved("Save Mermaid"), /^sequenceDiagram/);
+  await go(`job/${job}`);
+  await chip("done").waitFor({ timeout: 120_000 });
+  await page.locator(".rules > summary").click();
+  await page.getByText("Choose a zone").waitFor(JOB_WAIT);
+  await page.locator(".stage").click({ position: { x: 300, y: 200 } });
+  await page.locator(".fired meter").first().waitFor(JOB_WAIT);
+  assert.match(await page.locator(".rules").textContent(), /its agent went by path_tracing: .*IF .* THEN /s);
+  assert.ok(await page.locator(".membership .mark").count() >= 3);
+  await keep(page, "job-rules");
+  assert.deepEqual(await barriers(page), []);
+  await page.locator(".rules details > summary").click();
+  noProblems();
+});
+
+test("a recorded trace is opened, and ten thousand messages stay at hand", async () => {
+  await go("messages");
+  const line = i => `${(i / 1000).toFixed(6)} master@here -> render-${1 + (i % 6)}@here CallForProposal fipa-contract-net #${i % 50} "Offers([Offer { zone: ZoneId(${i % 90}) }])"`;
+  const trace = Array.from({ length: 10_000 }, (_, i) => line(i)).join("\n");
+  await page.getByLabel("Trace file").setInputFiles({ name: "trace.txt", mimeType: "text/plain", buffer: Buffer.from(trace) });
+  await page.getByText("trace.txt: 10000 messages").waitFor();
+  assert.ok(await page.locator(".arrows text").count() < 80, "only those that are seen are in the page");
+  const begun = Date.now();
+  await page.locator(".sequence").press("End");
+  await page.locator(".panel dd", { hasText: "9.999 s" }).waitFor();
+  const took = Date.now() - begun;
+  console.log(`from the first to the last of 10,000 messages in ${took} ms`);
+  assert.ok(took < 1000, `${took} ms`);
+  await page.getByLabel("Filter by zone").fill("7");
+  await until("those of a zone", async () => (await page.locator(".filter p").textContent()).startsWith("112 of 10000"));
+  await keep(page, "messages-trace");
+  assert.deepEqual(await barriers(page), []);
+  await page.getByLabel("Trace file").setInputFiles({ name: "no.txt", mimeType: "text/plain", buffer: Buffer.from("no trace") });
+  await page.getByRole("alert").getByText("no.txt is no trace").waitFor();
+  noProblems();
+});
+
+test("the bell asks for permission and rings when a job ends", async () => {
+  const context = await browser.newContext();
+  await context.grantPermissions(["notifications"], { origin: `http://127.0.0.1:${farm.web}` });
+  const other = await context.newPage();
+  await other.addInitScript(() => {
+    globalThis.rung = [];
+    globalThis.Notification = class { static permission = "granted"; static async requestPermission() { return "granted"; } constructor(title, { body }) { globalThis.rung.push(`${title} ${body}`); } };
+  });
+  await other.goto(farm.steering);
+  const bell = other.getByRole("button", { name: "Notify me" });
+  await bell.click();
+  await until("it is on", async () => await bell.getAttribute("aria-pressed") === "true");
+  await other.waitForTimeout(1500);
+  const request = { scene: { file: "cornell-box.glb" }, film: { size: [64, 48] }, goal: { samples: 4 }, output: { file: "bell.exr" } };
+  const { job } = await farm.post("/jobs", { request, files_of_job: 1 });
+  await until("it rings", () => other.evaluate(number => globalThis.rung.some(text => text.startsWith(`Job ${number}: done`)), job));
+  await bell.click();
+  assert.equal(await bell.getAttribute("aria-pressed"), "false");
+  await context.close();
+});
+
 test("every view reads well in the light, in the dark, and on a phone", async () => {
   for (const [name, options] of Object.entries({
     light: { colorScheme: "light" },
@@ -233,7 +342,7 @@ test("every view reads well in the light, in the dark, and on a phone", async ()
   })) {
     const other = await openPage(browser, options);
     await other.goto(farm.steering);
-    for (const view of ["", "job/1", "machines", "submit"]) {
+    for (const view of ["", "job/1", "machines", "messages", "messages/1", "submit"]) {
       await other.goto(`http://127.0.0.1:${farm.web}/#/${view}`);
       await other.waitForTimeout(2500);
       await keep(other, `${name}-${view.split("/")[0] || "jobs"}`);

@@ -17,7 +17,11 @@ use crate::fake::{HIDDEN, SEE, STEER, ask, bearer, get, head, open, post, send, 
 
 /// An example of each parameter.
 fn filled(path: &str) -> String {
-    path.replace("{id}", "1").replace("{name}", "machine").replace("{digest}", &"a".repeat(64)).replace("{zone}", "1")
+    path.replace("{id}", "1")
+        .replace("{name}", "machine")
+        .replace("{digest}", &"a".repeat(64))
+        .replace("{zone}", "1")
+        .replace("{from}", "5")
 }
 
 #[test]

@@ -10,9 +10,13 @@ use std::{
 
 use bottega::events::{AgentEvent, Event, ZoneEvent};
 use bottega_cluster::{
+    energy::{JobEnergy, MachineEnergy},
     job::LogLine,
     machine::PresenceState,
+    messages::{MessageEvent, SeenMessages},
+    rules_of_job::{JobRules, ZoneRules},
     uploads::{Submission, UploadOffer, UploadState},
+    usage::EnergySource,
     view::JobView,
     web_secrets::WebSecrets,
 };
@@ -101,6 +105,39 @@ impl ShownFarm for FakeFarm {
         Self::known(number).map(|()| JobAgents { agents: vec![agent], ..JobAgents::default() })
     }
 
+    fn energy(&self, number: u32) -> Result<JobEnergy, Problem> {
+        let machine = MachineEnergy {
+            machine: "machine".to_owned(),
+            processor_seconds: 12.5,
+            kwh: Some(0.5),
+            cost: None,
+            source: Some(EnergySource::Counters),
+        };
+        let energy =
+            JobEnergy { processor_seconds: 12.5, kwh: Some(0.5), machines: vec![machine], ..JobEnergy::default() };
+        Self::known(number).map(|()| energy)
+    }
+
+    fn messages(&self, number: u32, from: u64) -> Result<SeenMessages, Problem> {
+        let message = MessageEvent {
+            sender: "master@work-1".to_owned(),
+            receivers: vec!["render-1@machine".to_owned()],
+            performative: "inform".to_owned(),
+            content: format!("it cannot read {HIDDEN}/x.png"),
+            ..MessageEvent::default()
+        };
+        Self::known(number).map(|()| SeenMessages { first: from, messages: vec![message], lost: 0 })
+    }
+
+    fn rules(&self, number: u32) -> Result<JobRules, Problem> {
+        Self::known(number).map(|()| JobRules::default())
+    }
+
+    fn zone_rules(&self, number: u32, zone: u32) -> Result<ZoneRules, Problem> {
+        let reasons = Some("path_tracing: 12 0.83".to_owned());
+        Self::known(number).map(|()| ZoneRules { zone, reasons, verdicts: Vec::new() })
+    }
+
     fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem> {
         Self::known(number).map(|()| vec![LogLine { at: 1, text: format!("cannot read {HIDDEN}/a.glb: gone") }])
     }
@@ -136,6 +173,7 @@ impl ShownFarm for FakeFarm {
             reliability: Some(0.5),
             agents: Vec::new(),
             refusals: Vec::new(),
+            energy: None,
         }])
     }
 

@@ -3,6 +3,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { agentRows, auctionLine } from "../../assets/agents.js";
+import { endedJobs, endText } from "../../assets/bell.js";
+import { energyFacts, usedText } from "../../assets/energy.js";
 import { zoneFields } from "../../assets/blackboard.js";
 import { isWanted } from "../../assets/jobs.js";
 import { powerOf, stateOf } from "../../assets/machines.js";
@@ -63,4 +65,25 @@ test("agents are told with their work and their color", () => {
   const rows = agentRows([{ agent: "a" }, { agent: "b" }], new Map([["a", 30]]), new Map([["a", { done: 2, working: 1 }]]));
   assert.deepEqual(rows, [{ done: 2, working: 1, agent: "a", hue: 30 }, { done: 0, working: 0, agent: "b", hue: undefined }]);
   assert.match(auctionLine({ rounds: 3, contested: 2, credit_decided: 1, bids: 9, awards: 4 }), /3 rounds, 2 with several bidders/);
+});
+
+test("the bell rings once for each job that ends, and not for those that were over", () => {
+  const job = (number, state) => ({ job: number, state, scene: "s.glb", output: "p.exr" });
+  const [none, first] = endedJobs(null, [job(1, "done"), job(2, "active")]);
+  assert.deepEqual(none, []);
+  const [ended, second] = endedJobs(first, [job(1, "done"), job(2, "failed"), job(3, "done"), job(4, "cancelled")]);
+  assert.deepEqual(ended.map(it => it.job), [2, 3], "one that came and ended between two looks, too");
+  assert.deepEqual(endedJobs(second, [job(2, "failed"), job(3, "done")])[0], []);
+  assert.deepEqual(endText({ ...job(2, "failed"), reason: "no scene" }), ["Job 2: failed", "no scene"]);
+  assert.deepEqual(endText(job(3, "done")), ["Job 3: done", "s.glb → p.exr"]);
+});
+
+test("of energy is told what is known", () => {
+  assert.deepEqual(energyFacts(null), []);
+  assert.deepEqual(energyFacts({ processor_seconds: 3, is_partial: true }).map(([name, text]) => [name, text]), [["Processor time", "3.0 s"]]);
+  const energy = { processor_seconds: 3, kwh: 0.25, cost: 0.125, currency: "EUR", is_partial: false };
+  assert.equal(energyFacts(energy)[1][1], "0.250 kWh, 0.125 EUR");
+  assert.equal(energyFacts({ ...energy, is_partial: true })[1][1], "at least 0.250 kWh, 0.125 EUR");
+  assert.equal(usedText({ kwh: 0.0005 }), "0.500 Wh");
+  assert.equal(usedText({}), undefined);
 });

@@ -1,0 +1,205 @@
+//! The jobs of a farm, as they end or stall: one look after the other.
+
+use std::{
+    collections::BTreeMap,
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega::StopSwitch;
+use bottega_cluster::{JobBoard, job::unix_seconds, view::JobView};
+
+use super::{
+    args::NotificationArgs,
+    message::{JobFacts, Notification},
+    notifier::Notifier,
+    target::WorkEvent,
+};
+use crate::error::CliError;
+
+/// How often is looked how the jobs stand.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// How often is looked whether the user wants to stop.
+const STOP_EVERY: Duration = Duration::from_millis(100);
+
+/// Since when nothing was finished.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StallClock {
+    since: Instant,
+    zones_done: usize,
+    is_told: bool,
+}
+
+impl StallClock {
+    pub(super) fn new(now: Instant) -> Self {
+        Self { since: now, zones_done: 0, is_told: false }
+    }
+
+    /// Whether it is time to tell: once, until something is finished again.
+    pub(super) fn look(&mut self, now: Instant, zones_done: usize, after: Duration) -> bool {
+        if zones_done != self.zones_done {
+            *self = Self { zones_done, ..Self::new(now) };
+        }
+        let is_stalled = now.saturating_duration_since(self.since) >= after;
+        is_stalled && !std::mem::replace(&mut self.is_told, is_stalled)
+    }
+}
+
+/// The reason of a stall, for people.
+pub(super) fn stall_reason(after: Duration, machines: usize) -> String {
+    let whom = if machines == 0 { ", and no machine paints it" } else { "" };
+    format!("no zone was finished for {} s{whom}", after.as_secs_f64())
+}
+
+/// What was seen of a job.
+struct SeenJob {
+    is_over: bool,
+    clock: StallClock,
+}
+
+/// What was seen of all jobs.
+pub(super) struct FarmWatch {
+    after: Duration,
+    /// `None`: nothing was seen yet.
+    seen: Option<BTreeMap<u32, SeenJob>>,
+}
+
+impl FarmWatch {
+    /// - `after`: after which time without a finished zone a job is stalled.
+    pub(super) fn new(after: Duration) -> Self {
+        Self { after, seen: None }
+    }
+
+    /// Takes in how the jobs stand. Returns what is to be told: not of jobs that were over when they were first seen, at the
+    /// first look.
+    pub(super) fn look(&mut self, now: Instant, jobs: &[JobView]) -> Vec<(WorkEvent, u32)> {
+        let mut news = Vec::new();
+        let before = self.seen.take();
+        let is_first = before.is_none();
+        let mut before = before.unwrap_or_default();
+        let mut seen = BTreeMap::new();
+        for job in jobs {
+            let fresh = || SeenJob { is_over: is_first && job.is_over, clock: StallClock::new(now) };
+            let mut known = before.remove(&job.number).unwrap_or_else(fresh);
+            match job.state {
+                "done" if !known.is_over => news.push((WorkEvent::Done, job.number)),
+                "failed" if !known.is_over => news.push((WorkEvent::Failed, job.number)),
+                "active" if known.clock.look(now, job.zones_done, self.after) => {
+                    news.push((WorkEvent::Stalled, job.number));
+                }
+                // While it is paused, no time passes for it.
+                "paused" => known.clock = StallClock { zones_done: job.zones_done, ..StallClock::new(now) },
+                _ => {}
+            }
+            seen.insert(job.number, SeenJob { is_over: job.is_over, ..known });
+        }
+        self.seen = Some(seen);
+        news
+    }
+}
+
+/// What is told of a job.
+pub(super) fn facts(job: &JobView, reason: Option<String>) -> JobFacts {
+    JobFacts {
+        job: Some(job.number),
+        last_job: None,
+        scene: job.scene.clone(),
+        output: job.output.clone(),
+        from: job.from.clone(),
+        zones_done: job.zones_done,
+        zones: job.zones,
+        seconds: unix_seconds().saturating_sub(job.submitted) as f64,
+        reason,
+    }
+}
+
+/// Tells of all jobs of a farm from now on, until the user wants to stop. Nothing where nobody is to be told.
+pub(crate) fn watch_farm(args: &NotificationArgs, board: JobBoard, stop: &StopSwitch) -> Result<(), CliError> {
+    if args.is_empty() {
+        return Ok(());
+    }
+    let tell_loss = Arc::new(|why: String| tracing::warn!("{why}"));
+    let notifier = Notifier::start(args.subscriptions(), args.secret()?, tell_loss)?;
+    let (after, stop) = (args.stalled_after(), stop.clone());
+    let run = move || {
+        let mut watch = FarmWatch::new(after);
+        while !stop.is_requested() {
+            // While the server is away nothing is known, and nothing stalls that goes on by itself.
+            if board.uplink.is_connected() {
+                let jobs = JobView::all(&board);
+                for (event, number) in watch.look(Instant::now(), &jobs) {
+                    let Some(job) = jobs.iter().find(|job| job.number == number) else { continue };
+                    let stalled = (event == WorkEvent::Stalled).then(|| stall_reason(after, job.machines));
+                    let facts = facts(job, stalled.or_else(|| job.reason.clone()));
+                    notifier.send(Notification::new(event, facts, unix_seconds()));
+                }
+            }
+            let begun = Instant::now();
+            while begun.elapsed() < LOOK_EVERY && !stop.is_requested() {
+                thread::sleep(STOP_EVERY);
+            }
+        }
+    };
+    thread::Builder::new()
+        .name("farm-watch".to_owned())
+        .spawn(run)
+        .map(|_| ())
+        .map_err(|error| CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AFTER: Duration = Duration::from_secs(60);
+
+    fn job(number: u32, state: &'static str, zones_done: usize) -> JobView {
+        JobView {
+            number,
+            state,
+            reason: None,
+            done: 0.0,
+            zones_done,
+            zones: 9,
+            priority: 10,
+            machines: 1,
+            leader: None,
+            from: "anna".to_owned(),
+            submitted: 0,
+            scene: "s.glb".to_owned(),
+            output: "p.exr".to_owned(),
+            kept: false,
+            is_over: !matches!(state, "active" | "paused"),
+        }
+    }
+
+    #[test]
+    fn ends_are_told_once_and_not_of_jobs_that_were_over_before() {
+        let mut watch = FarmWatch::new(AFTER);
+        let now = Instant::now();
+        assert_eq!(watch.look(now, &[job(1, "done", 9), job(2, "active", 1), job(3, "active", 1)]), []);
+        let news = watch.look(now, &[job(1, "done", 9), job(2, "done", 9), job(3, "failed", 1), job(4, "done", 9)]);
+        // One that came and went between two looks is told, too.
+        assert_eq!(news, [(WorkEvent::Done, 2), (WorkEvent::Failed, 3), (WorkEvent::Done, 4)]);
+        assert_eq!(watch.look(now, &[job(2, "done", 9), job(3, "cancelled", 1), job(4, "done", 9)]), []);
+    }
+
+    #[test]
+    fn a_job_stalls_when_no_zone_is_finished_and_again_after_one_was() {
+        let mut watch = FarmWatch::new(AFTER);
+        let start = Instant::now();
+        let mut look = |seconds: u64, job: JobView| watch.look(start + Duration::from_secs(seconds), &[job]);
+        assert_eq!(look(0, job(1, "active", 0)), []);
+        assert_eq!(look(50, job(1, "active", 1)), []);
+        assert_eq!(look(109, job(1, "active", 1)), [], "a zone was finished 59 s ago");
+        assert_eq!(look(110, job(1, "active", 1)), [(WorkEvent::Stalled, 1)]);
+        assert_eq!(look(300, job(1, "active", 1)), [], "it was told");
+        assert_eq!(look(310, job(1, "active", 2)), []);
+        assert_eq!(look(370, job(1, "active", 2)), [(WorkEvent::Stalled, 1)]);
+        assert_eq!(look(380, job(1, "paused", 2)), []);
+        assert_eq!(look(900, job(1, "paused", 2)), [], "somebody paused it");
+        assert_eq!(look(910, job(1, "active", 2)), []);
+        assert_eq!(look(960, job(1, "active", 2)), [(WorkEvent::Stalled, 1)]);
+    }
+}

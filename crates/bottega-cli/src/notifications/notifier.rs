@@ -1,0 +1,87 @@
+//! The queue of notifications: a thread sends them one after the other, and tells what could not be sent.
+
+use std::{
+    sync::{Arc, mpsc},
+    thread::{self, JoinHandle},
+};
+
+use super::{
+    command, desktop,
+    message::Notification,
+    post::{Poster, Secret},
+    target::{EventSubscription, NotificationTarget},
+};
+use crate::error::CliError;
+
+/// Notifications that wait at most; more are lost, which is told.
+const WAITING_MAX: usize = 256;
+
+/// Says why something was not told.
+pub(super) type TellLoss = Arc<dyn Fn(String) + Send + Sync>;
+
+/// Sends notifications.
+pub(super) struct Notifier {
+    queue: Option<mpsc::SyncSender<Notification>>,
+    thread: Option<JoinHandle<()>>,
+    tell_loss: TellLoss,
+}
+
+impl Notifier {
+    /// - `tell_loss`: says why something was not told.
+    pub(super) fn start(
+        subscriptions: Vec<EventSubscription>,
+        secret: Option<Secret>,
+        tell_loss: TellLoss,
+    ) -> Result<Self, CliError> {
+        let has_url = subscriptions.iter().any(|it| matches!(it.target, NotificationTarget::Url(_)));
+        let poster = has_url.then(|| Poster::new(secret)).transpose()?;
+        let (queue, waiting) = mpsc::sync_channel::<Notification>(WAITING_MAX);
+        let tell = Arc::clone(&tell_loss);
+        let send = move || {
+            for notification in waiting {
+                for subscription in subscriptions.iter().filter(|it| it.events.contains(&notification.kind)) {
+                    if let Err(why) = deliver(&subscription.target, &notification, poster.as_ref()) {
+                        tell(format!(
+                            "{} was not told of `{}`: {why}",
+                            subscription.target.label(),
+                            notification.event
+                        ));
+                    }
+                }
+            }
+        };
+        let thread = thread::Builder::new().name("notifications".to_owned()).spawn(send).map_err(|error| {
+            CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
+        })?;
+        Ok(Self { queue: Some(queue), thread: Some(thread), tell_loss })
+    }
+
+    /// Has something sent, soon.
+    pub(super) fn send(&self, notification: Notification) {
+        let Some(queue) = &self.queue else { return };
+        if let Err(error) = queue.try_send(notification) {
+            let (mpsc::TrySendError::Full(lost) | mpsc::TrySendError::Disconnected(lost)) = error;
+            (self.tell_loss)(format!("nobody was told of `{}`: too many notifications wait", lost.event));
+        }
+    }
+}
+
+impl Drop for Notifier {
+    /// Waits until all is sent: each takes some tries of some seconds at most.
+    fn drop(&mut self) {
+        self.queue = None;
+        if let Some(thread) = self.thread.take() {
+            // A panic in there was reported by the thread itself.
+            _ = thread.join();
+        }
+    }
+}
+
+fn deliver(target: &NotificationTarget, notification: &Notification, poster: Option<&Poster>) -> Result<(), String> {
+    match (target, poster) {
+        (NotificationTarget::Url(url), Some(poster)) => poster.post(url, notification),
+        (NotificationTarget::Url(_), None) => Ok(()),
+        (NotificationTarget::Command(line), _) => command::run(line, notification),
+        (NotificationTarget::Desktop, _) => desktop::show(notification),
+    }
+}

@@ -1,0 +1,202 @@
+//! The picture that this process asked for: its events go on to the one who is told them, and who subscribed hears of the end.
+
+use std::{
+    collections::BTreeMap,
+    process::ExitCode,
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use bottega::{Event, Watcher};
+use bottega_agents::Time;
+use bottega_cluster::{JobBoard, job::unix_seconds, names::host_name, view::JobView};
+use bottega_farm::FarmMessage;
+
+use super::{
+    args::NotificationArgs,
+    farm_watch::{FarmWatch, StallClock, facts, stall_reason},
+    message::{JobFacts, Notification},
+    notifier::Notifier,
+    target::WorkEvent,
+};
+use crate::error::CliError;
+
+/// How often is looked whether zones are finished.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+
+/// A watcher that tells others of the end, too.
+pub(crate) struct PictureWatch {
+    inner: Arc<dyn Watcher>,
+    begun: Instant,
+    state: Arc<Mutex<PaintingState>>,
+    notifier: Arc<Notifier>,
+    is_over: Arc<AtomicBool>,
+    ticker: Option<JoinHandle<()>>,
+}
+
+/// What the events told.
+#[derive(Default)]
+struct PaintingState {
+    facts: JobFacts,
+    /// Zones that were told of, and whether they are done.
+    zones: BTreeMap<u32, bool>,
+    /// Since when it is painted; `None`: not yet.
+    clock: Option<StallClock>,
+}
+
+impl PaintingState {
+    fn take(&mut self, event: &Event) {
+        match event {
+            Event::Asked { job, last_job } => (self.facts.job, self.facts.last_job) = (Some(*job), *last_job),
+            Event::Started { scene, output, .. } => {
+                (self.facts.scene, self.facts.output) = (scene.clone(), output.clone());
+                self.zones.clear();
+                (self.facts.zones_done, self.facts.zones) = (0, 0);
+                self.clock = Some(StallClock::new(Instant::now()));
+            }
+            Event::Analyzed { zones, .. } => {
+                zones.iter().for_each(|zone| self.take_zone(zone.id, false));
+            }
+            Event::Zone(zone) => self.take_zone(zone.id, zone.state == "done"),
+            // What follows the painting has no zones.
+            Event::Step { .. } | Event::Finished { .. } | Event::Interrupted { .. } => self.clock = None,
+            _ => {}
+        }
+    }
+
+    fn take_zone(&mut self, id: u32, is_done: bool) {
+        let was_done = self.zones.insert(id, is_done).unwrap_or(false);
+        self.facts.zones = self.zones.len();
+        self.facts.zones_done = self.facts.zones_done + usize::from(is_done) - usize::from(was_done);
+    }
+}
+
+impl PictureWatch {
+    /// - `inner`: who is told the events.
+    /// - `board`: the farm that paints it, where one does.
+    /// - `names`: scene and picture, as the user calls them.
+    pub(crate) fn start(
+        args: &NotificationArgs,
+        inner: Arc<dyn Watcher>,
+        board: Option<JobBoard>,
+        names: [String; 2],
+    ) -> Result<Self, CliError> {
+        let loss = Arc::clone(&inner);
+        let tell_loss = Arc::new(move |message: String| loss.told(Event::Warning { message }));
+        let notifier = Arc::new(Notifier::start(args.subscriptions(), args.secret()?, tell_loss)?);
+        let [scene, output] = names;
+        let facts = JobFacts { scene, output, from: host_name(), ..JobFacts::default() };
+        let state = Arc::new(Mutex::new(PaintingState { facts, ..PaintingState::default() }));
+        let is_over = Arc::new(AtomicBool::new(false));
+        let ticker = StallTicker {
+            begun: Instant::now(),
+            after: args.stalled_after(),
+            watch: board.map(|board| (board, FarmWatch::new(args.stalled_after()))),
+            state: Arc::clone(&state),
+            notifier: Arc::clone(&notifier),
+            is_over: Arc::clone(&is_over),
+        };
+        let begun = ticker.begun;
+        let ticker = thread::Builder::new().name("stall-watch".to_owned()).spawn(move || ticker.run());
+        let ticker = ticker.map_err(|error| {
+            CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
+        })?;
+        Ok(Self { inner, begun, state, notifier, is_over, ticker: Some(ticker) })
+    }
+
+    /// Tells of the end: of one that the user stopped nobody is told, nor of what was asked wrongly.
+    pub(crate) fn end(&self, result: &Result<ExitCode, CliError>) {
+        let (event, reason) = match result {
+            Ok(code) if *code == ExitCode::SUCCESS => (WorkEvent::Done, None),
+            Err(error) if !error.is_usage() => (WorkEvent::Failed, Some(bottega::error::error_chain(error))),
+            _ => return,
+        };
+        let facts = JobFacts { reason, seconds: self.begun.elapsed().as_secs_f64(), ..lock(&self.state).facts.clone() };
+        self.notifier.send(Notification::new(event, facts, unix_seconds()));
+    }
+}
+
+impl Drop for PictureWatch {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        if let Some(ticker) = self.ticker.take() {
+            // A panic in there was reported by the thread itself.
+            _ = ticker.join();
+        }
+    }
+}
+
+impl Watcher for PictureWatch {
+    fn told(&self, event: Event) {
+        lock(&self.state).take(&event);
+        self.inner.told(event);
+    }
+
+    fn message(&self, now: Time, message: &FarmMessage) {
+        self.inner.message(now, message);
+    }
+
+    fn previewed(&self, png: Vec<u8>) {
+        self.inner.previewed(png);
+    }
+
+    fn painted(&self) {
+        lock(&self.state).clock = None;
+        self.inner.painted();
+    }
+}
+
+fn lock(state: &Mutex<PaintingState>) -> MutexGuard<'_, PaintingState> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Looks whether zones are finished.
+struct StallTicker {
+    begun: Instant,
+    after: Duration,
+    /// Where others paint, too, the farm knows more than this process.
+    watch: Option<(JobBoard, FarmWatch)>,
+    state: Arc<Mutex<PaintingState>>,
+    notifier: Arc<Notifier>,
+    is_over: Arc<AtomicBool>,
+}
+
+impl StallTicker {
+    fn run(mut self) {
+        while !self.is_over.load(Ordering::Relaxed) {
+            for facts in self.stalled() {
+                self.notifier.send(Notification::new(WorkEvent::Stalled, facts, unix_seconds()));
+            }
+            thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    fn stalled(&mut self) -> Vec<JobFacts> {
+        let mut state = lock(&self.state);
+        let now = Instant::now();
+        let Some((board, watch)) = &mut self.watch else {
+            let PaintingState { facts, clock, .. } = &mut *state;
+            let is_stalled = clock.as_mut().is_some_and(|clock| clock.look(now, facts.zones_done, self.after));
+            let (seconds, reason) = (self.begun.elapsed().as_secs_f64(), Some(stall_reason(self.after, 1)));
+            return is_stalled.then(|| JobFacts { seconds, reason, ..facts.clone() }).into_iter().collect();
+        };
+        let Some(first) = state.facts.job else { return Vec::new() };
+        let numbers = first..=state.facts.last_job.unwrap_or(first);
+        drop(state);
+        if !board.uplink.is_connected() {
+            return Vec::new();
+        }
+        let jobs: Vec<JobView> = JobView::all(board).into_iter().filter(|job| numbers.contains(&job.number)).collect();
+        let news = watch.look(now, &jobs);
+        let stalled = news.iter().filter(|(event, _)| *event == WorkEvent::Stalled);
+        let of = |number: u32| jobs.iter().find(|job| job.number == number);
+        stalled
+            .filter_map(|(_, number)| of(*number))
+            .map(|job| facts(job, Some(stall_reason(self.after, job.machines))))
+            .collect()
+    }
+}

@@ -1,0 +1,148 @@
+//! The value of `--on`: some events, and who is told of them.
+
+use std::str::FromStr;
+
+use hyper::Uri;
+
+/// An event that can be told of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum WorkEvent {
+    /// The picture is painted.
+    Done,
+    /// It cannot be painted.
+    Failed,
+    /// No zone was finished for a while.
+    Stalled,
+}
+
+impl WorkEvent {
+    /// As it is written.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Failed => "failed",
+            Self::Stalled => "stalled",
+        }
+    }
+}
+
+/// Who is told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum NotificationTarget {
+    /// An HTTP server.
+    Url(Uri),
+    /// A command line for the shell.
+    Command(String),
+    /// The desktop of the user.
+    Desktop,
+}
+
+impl NotificationTarget {
+    /// The target in messages to the user: without the path of an address, which may hold a secret.
+    pub(super) fn label(&self) -> String {
+        match self {
+            Self::Url(url) => {
+                format!("{}://{}", url.scheme_str().unwrap_or_default(), url.authority().map_or("", |it| it.as_str()))
+            }
+            Self::Command(line) => format!("`{line}`"),
+            Self::Desktop => "the desktop".to_owned(),
+        }
+    }
+}
+
+/// One `--on`: some events, and who is told of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct EventSubscription {
+    pub(super) events: Vec<WorkEvent>,
+    pub(super) target: NotificationTarget,
+}
+
+impl FromStr for EventSubscription {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let form = "write events, `=` and who is told, such as done,failed=https://example.org/hook, done=desktop or \
+                    failed='mail -s failed me'";
+        let (events, target) = text.split_once('=').ok_or_else(|| form.to_owned())?;
+        let events: Vec<WorkEvent> = events.split(',').map(|word| event(word.trim())).collect::<Result<_, _>>()?;
+        Ok(Self { events, target: parse_target(target.trim())? })
+    }
+}
+
+fn event(word: &str) -> Result<WorkEvent, String> {
+    let all = [WorkEvent::Done, WorkEvent::Failed, WorkEvent::Stalled];
+    all.into_iter()
+        .find(|event| event.word() == word)
+        .ok_or_else(|| format!("there is no event `{word}`: use done, failed or stalled, with commas between"))
+}
+
+fn parse_target(text: &str) -> Result<NotificationTarget, String> {
+    if text.is_empty() {
+        return Err("nobody is named after `=`: write a URL, a command or `desktop`".to_owned());
+    }
+    if text == "desktop" {
+        return Ok(NotificationTarget::Desktop);
+    }
+    let scheme = text.split_once("://").map(|(scheme, _)| scheme);
+    let is_scheme =
+        |word: &str| !word.is_empty() && word.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c));
+    match scheme.filter(|scheme| is_scheme(scheme)) {
+        None => Ok(NotificationTarget::Command(text.to_owned())),
+        Some(scheme) if !matches!(scheme.to_ascii_lowercase().as_str(), "http" | "https") => {
+            Err(format!("`{scheme}://` is unsupported: use http:// or https://"))
+        }
+        Some(_) => {
+            let url: Uri = text.parse().map_err(|error| format!("`{text}` is not a URL: {error}"))?;
+            let authority = url.authority().ok_or_else(|| format!("`{text}` names no host"))?;
+            if authority.as_str().contains('@') {
+                return Err(
+                    "a URL with a name and a password is unsupported: use a secret in the path, or --on-secret-file"
+                        .to_owned(),
+                );
+            }
+            if authority.host().is_empty() {
+                return Err(format!("`{text}` names no host"));
+            }
+            Ok(NotificationTarget::Url(url))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<EventSubscription, String> {
+        text.parse()
+    }
+
+    #[test]
+    fn urls_commands_and_the_desktop_are_told_apart() {
+        let both = parse("done,failed=https://example.org:8443/hook?key=a=b").expect("a URL");
+        assert_eq!(both.events, [WorkEvent::Done, WorkEvent::Failed]);
+        assert!(matches!(&both.target, NotificationTarget::Url(url) if url.port_u16() == Some(8443)));
+        assert_eq!(both.target.label(), "https://example.org:8443", "a path may be a secret");
+        assert_eq!(parse("stalled=desktop").expect("the desktop").target, NotificationTarget::Desktop);
+        let command = parse("done=notify --url=http://x").expect("a command");
+        assert_eq!(command.target, NotificationTarget::Command("notify --url=http://x".to_owned()));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_remedy() {
+        for (text, told) in [
+            ("done", "write events"),
+            ("", "write events"),
+            ("=http://x", "done, failed or stalled"),
+            ("finished=http://x", "no event `finished`: use done, failed or stalled"),
+            ("done,=http://x", "no event ``"),
+            ("done=", "nobody is named"),
+            ("done=ftp://host/x", "use http:// or https://"),
+            ("done=http://", "is not a URL"),
+            ("done=http:///x", "is not a URL"),
+            ("done=http://me:word@host/", "--on-secret-file"),
+        ] {
+            let error = parse(text).expect_err(text);
+            assert!(error.contains(told), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! Notifications of the end of a picture: `--on`.
+#![cfg(unix)]
+
+mod support;
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read, Write},
+    net::{TcpListener, TcpStream},
+    path::Path,
+    sync::mpsc,
+    thread,
+    time::Duration,
+};
+
+use ring::hmac;
+use serde_json::Value;
+use support::{bottega, text};
+
+const WAIT: Duration = Duration::from_secs(60);
+const SECRET: &str = "a secret of some length";
+
+/// What a server was sent: the first line, the headers, the body.
+struct Delivery {
+    line: String,
+    headers: Vec<(String, String)>,
+    body: Vec<u8>,
+}
+
+impl Delivery {
+    fn header(&self, name: &str) -> &str {
+        self.headers.iter().find(|(known, _)| known == name).map_or("", |(_, value)| value)
+    }
+
+    fn json(&self) -> Value {
+        serde_json::from_slice(&self.body).expect("JSON")
+    }
+}
+
+/// A server that gives these answers in turn. Returns its address and what it is sent.
+fn server(answers: Vec<String>) -> (String, mpsc::Receiver<Delivery>) {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("an address").to_string();
+    let (told, taken) = mpsc::channel();
+    thread::spawn(move || {
+        for answer in answers {
+            let (stream, _) = listener.accept().expect("a connection");
+            // Nobody may wait for it any more.
+            _ = told.send(take(stream, &answer));
+        }
+    });
+    (address, taken)
+}
+
+fn take(mut stream: TcpStream, answer: &str) -> Delivery {
+    let mut reader = BufReader::new(stream.try_clone().expect("a stream"));
+    let mut lines = Vec::new();
+    loop {
+        let mut line = String::new();
+        reader.read_line(&mut line).expect("a line");
+        match line.trim_end() {
+            "" => break,
+            line => lines.push(line.to_owned()),
+        }
+    }
+    let header = |line: &String| line.split_once(": ").map(|(name, value)| (name.to_lowercase(), value.to_owned()));
+    let headers: Vec<(String, String)> = lines.iter().skip(1).filter_map(header).collect();
+    let length =
+        headers.iter().find(|(name, _)| name == "content-length").expect("a length").1.parse().expect("a number");
+    let mut body = vec![0; length];
+    reader.read_exact(&mut body).expect("a body");
+    write!(stream, "HTTP/1.1 {answer}\r\nContent-Length: 0\r\n\r\n").expect("an answer");
+    Delivery { line: lines[0].clone(), headers, body }
+}
+
+/// Paints a small picture. Returns how it went and what was said.
+fn paint(folder: &Path, more: &[&str]) -> (Option<i32>, String) {
+    let output = folder.join("p.png");
+    let words = ["render", "diffuse-box.glb", "-o", text(&output), "--size", "24x18", "--spp", "2", "--threads", "1"];
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");
+    let mut command = bottega(&[&words, more].concat());
+    let ran = command.current_dir(scenes).env("BOTTEGA_ON_SECRET", "").output().expect("the program starts");
+    (ran.status.code(), String::from_utf8_lossy(&ran.stderr).into_owned())
+}
+
+#[test]
+fn a_server_is_told_of_the_end_and_can_tell_who_speaks() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let secret = folder.path().join("secret");
+    fs::write(&secret, format!("{SECRET}\n")).expect("a file");
+    let (address, taken) = server(vec!["204 No Content".to_owned()]);
+    let on = format!("done,failed=http://{address}/hook?key=1");
+    let (code, said) = paint(folder.path(), &["--on", &on, "--on-secret-file", text(&secret)]);
+    assert_eq!(code, Some(0), "{said}");
+    let delivery = taken.recv_timeout(WAIT).expect("it is told");
+    assert_eq!(delivery.line, "POST /hook?key=1 HTTP/1.1");
+    assert_eq!(delivery.header("content-type"), "application/json");
+    assert_eq!(delivery.header("bottega-event"), "done");
+    let signature = delivery.header("bottega-signature").strip_prefix("sha256=").expect("a signature");
+    let key = hmac::Key::new(hmac::HMAC_SHA256, SECRET.as_bytes());
+    let right: String = hmac::sign(&key, &delivery.body).as_ref().iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(signature, right);
+    let told = delivery.json();
+    assert_eq!(
+        (&told["version"], &told["event"], &told["scene"]),
+        (&1.into(), &"done".into(), &"diffuse-box.glb".into())
+    );
+    assert!(told["output"].as_str().is_some_and(|output| output.ends_with("p.png")), "{told}");
+    assert!(told["zones"].as_u64().is_some_and(|zones| zones > 0) && told["zones_done"] == told["zones"], "{told}");
+    assert!(told["seconds"].as_f64().is_some_and(|seconds| seconds > 0.0) && told.get("job").is_none(), "{told}");
+}
+
+#[test]
+fn what_fails_twice_is_tried_a_third_time_with_the_same_id_and_no_more() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (address, taken) = server(vec!["503 Busy".to_owned(), "429 Slow Down".to_owned(), "200 OK".to_owned()]);
+    let (code, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/")]);
+    assert!(code == Some(0) && !said.contains("was not told"), "{said}");
+    let all: Vec<Delivery> = taken.try_iter().collect();
+    assert_eq!(all.len(), 3);
+    assert!(all.iter().all(|it| it.body == all[0].body && !it.header("bottega-id").is_empty()));
+    assert_eq!(all[0].header("bottega-signature"), "", "there is no secret");
+
+    let (address, taken) = server(vec!["500 No".to_owned(); 4]);
+    let (code, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/secret-path")]);
+    assert_eq!(code, Some(0), "the picture is painted all the same: {said}");
+    assert!(said.contains(&format!("http://{address} was not told of `done`: it answered 500")), "{said}");
+    assert!(said.contains("(3 tries)") && !said.contains("secret-path"), "{said}");
+    assert_eq!(taken.try_iter().count(), 3);
+    // What will not pass is not tried again.
+    let (address, taken) = server(vec!["404 Not Found".to_owned(); 2]);
+    let (_, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/")]);
+    assert!(said.contains("it answered 404") && taken.try_iter().count() == 1, "{said}");
+}
+
+#[test]
+fn a_redirect_is_followed_to_the_same_server_and_to_no_other() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (other, elsewhere) = server(vec!["200 OK".to_owned()]);
+    let (address, taken) = server(vec![format!("307 There\r\nLocation: http://{other}/x")]);
+    let (code, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/")]);
+    assert!(code == Some(0) && said.contains("redirects to another server, which is not followed"), "{said}");
+    assert_eq!((taken.try_iter().count(), elsewhere.try_iter().count()), (1, 0));
+    let (address, taken) = server(vec!["308 There\r\nLocation: /next".to_owned(), "200 OK".to_owned()]);
+    let (_, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/first")]);
+    let lines: Vec<String> = taken.try_iter().map(|delivery| delivery.line).collect();
+    assert_eq!(lines, ["POST /first HTTP/1.1", "POST /next HTTP/1.1"], "{said}");
+}
+
+#[test]
+fn a_command_has_json_on_its_input_and_facts_in_its_environment() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("told");
+    let line = format!(
+        "done=cat > {0}.json; echo \"$BOTTEGA_ON_EVENT:$BOTTEGA_ON_OUTPUT:$BOTTEGA_ON_SECRET\" > {0}.env",
+        text(&out)
+    );
+    let output = folder.path().join("p $(touch owned).png");
+    let words = ["render", "diffuse-box.glb", "-o", text(&output), "--size", "24x18", "--spp", "2", "--on", &line];
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");
+    let mut command = bottega(&words);
+    let ran = command.current_dir(scenes).env("BOTTEGA_ON_SECRET", SECRET).output().expect("the program starts");
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let told: Value =
+        serde_json::from_str(&fs::read_to_string(out.with_extension("json")).expect("JSON")).expect("JSON");
+    assert_eq!(told["event"], "done");
+    let facts = fs::read_to_string(out.with_extension("env")).expect("facts");
+    assert_eq!(facts.trim_end(), format!("done:{}:", text(&output)), "the secret is not told");
+    // One that fails is told of, and spoils nothing.
+    let (code, said) = paint(folder.path(), &["--on", "done=exit 3"]);
+    assert!(
+        code == Some(0) && said.contains("`exit 3` was not told of `done`: it ended with exit status: 3"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_failure_and_a_stall_are_told_and_an_end_that_nobody_asked_for_is_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("told");
+    let on = format!("failed,stalled=cat >> {}", text(&out));
+    let words = ["--size", "96x72", "--zones", "2", "--spp", "4000", "--stalled-after", "0.3", "--on", &on];
+    let (code, said) = paint(folder.path(), &words[..]);
+    assert_eq!(code, Some(2), "options were given twice: {said}");
+    let output = folder.path().join("q.png");
+    let words = [&["render", "diffuse-box.glb", "-o", text(&output), "--threads", "1"], &words[..]].concat();
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");
+    let ran = bottega(&words).current_dir(&scenes).output().expect("the program starts");
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let told = fs::read_to_string(&out).expect("it was told");
+    let first: Value = serde_json::Deserializer::from_str(&told).into_iter().next().expect("one").expect("JSON");
+    assert_eq!(first["event"], "stalled", "{told}");
+    assert!(first["reason"].as_str().is_some_and(|why| why.starts_with("no zone was finished for")), "{told}");
+    // A picture that cannot be written.
+    fs::remove_file(&out).expect("it is there");
+    let gone = folder.path().join("gone");
+    fs::create_dir_all(gone.join("p.png")).expect("a folder");
+    let (code, said) = paint(&gone, &["--on", &on]);
+    assert_eq!(code, Some(1), "{said}");
+    let told: Value = serde_json::from_str(&fs::read_to_string(&out).expect("it was told")).expect("JSON");
+    assert!(told["event"] == "failed" && told["reason"].as_str().is_some_and(|why| why.contains("p.png")), "{told}");
+    assert!(!said.contains("was not told"), "{said}");
+}
+
+#[test]
+fn what_is_wrong_with_on_is_told_before_anything_is_painted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let short = folder.path().join("short");
+    fs::write(&short, "abc").expect("a file");
+    for (words, told) in [
+        (&["--on", "finished=http://x/"][..], "use done, failed or stalled"),
+        (&["--on", "done=ftp://x/"], "use http:// or https://"),
+        (&["--on", "done"], "write events"),
+        (&["--on-secret-file", "x"], "--on <EVENTS=URL|COMMAND|desktop>"),
+        (&["--on", "done=true", "--on-secret-file", text(&short)], "from 8 to 4096 are allowed"),
+        (&["--on", "done=true", "--stalled-after", "soon"], "10m"),
+        (&["--on", "done=true", "--farm", "--detach"], "cannot be used with"),
+    ] {
+        let (code, said) = paint(folder.path(), words);
+        assert!(code == Some(2) && said.contains(told), "{words:?}: {said}");
+        assert!(!folder.path().join("p.png").exists());
+    }
+    let (code, said) = paint(folder.path(), &["--on", "done=true", "--on-secret-file", "nowhere"]);
+    assert!(code != Some(0) && said.contains("nowhere"), "{said}");
+}

@@ -1,0 +1,234 @@
+//! The usage of a machine, job by job: processor time, and energy where something is known of it.
+//!
+//! A package's counter is shared by all that its machine does: a job is given the share that its process has of the processor
+//! time of all processes in the meantime. Where watts are told instead, they are those of the machine with all processors at
+//! work, of which the job is given the share that its processor time has of the time of all processors.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use bottega::devices::processors;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::power_counters::PowerCounters;
+
+/// Jobs that are remembered; the older ones go.
+const JOBS_MAX: usize = 4;
+
+/// By what the energy of a machine is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EnergySource {
+    /// Counters of its processor packages.
+    Counters,
+    /// The watts that its owner, or the keeper of the farm, says.
+    Watts,
+}
+
+/// What one process has used for a job so far.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct JobUsage {
+    /// The number of the job's work, which no other job has had.
+    pub work: u64,
+    /// Processor time, in milliseconds.
+    pub processor_ms: u64,
+    /// Energy, in millijoules. `None`: nothing is known of it.
+    pub millijoules: Option<u64>,
+    /// By what it is known.
+    pub source: Option<EnergySource>,
+    /// The processors of its machine.
+    pub processors: usize,
+}
+
+/// A moment of a process and its machine.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moment {
+    /// Processor seconds of this process.
+    own: f64,
+    /// Of all that the machine does; `None`: not known.
+    all: Option<f64>,
+}
+
+/// Counts what this process uses, job by job.
+#[derive(Clone, Debug)]
+pub struct UsageMeter {
+    state: Arc<Mutex<MeterState>>,
+}
+
+#[derive(Debug)]
+struct MeterState {
+    counters: PowerCounters,
+    watts: Option<f64>,
+    last: Option<Moment>,
+    jobs: BTreeMap<u64, CountedJob>,
+    /// Counts up with each job that is counted.
+    turn: u64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct CountedJob {
+    turn: u64,
+    seconds: f64,
+    joules: Option<f64>,
+}
+
+impl UsageMeter {
+    /// - `watts`: what the machine draws with all processors at work; used where it has no counters.
+    pub fn new(watts: Option<f64>) -> Self {
+        let state =
+            MeterState { counters: PowerCounters::of_machine(), watts, last: None, jobs: BTreeMap::new(), turn: 0 };
+        Self { state: Arc::new(Mutex::new(state)) }
+    }
+
+    /// Counts what was used since the last call as a job's; as nobody's where there is none.
+    pub fn count(&self, work: Option<u64>) {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.count(work, moment());
+    }
+
+    /// What was used for the last jobs.
+    pub fn usages(&self) -> Vec<JobUsage> {
+        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.jobs.iter().map(|(work, job)| state.usage(*work, job)).collect()
+    }
+}
+
+impl MeterState {
+    fn count(&mut self, work: Option<u64>, now: Option<Moment>) {
+        let microjoules = self.counters.advance();
+        let before = std::mem::replace(&mut self.last, now);
+        let Some(((before, now), work)) = before.zip(now).zip(work) else { return };
+        let own = (now.own - before.own).max(0.0);
+        let all = now.all.zip(before.all).map(|(now, before)| now - before);
+        let joules = if self.counters.is_empty() {
+            self.watts.map(|watts| watts * own / processors() as f64)
+        } else {
+            microjoules.zip(all).map(|(used, all)| used as f64 * 1e-6 * share(own, all))
+        };
+        self.turn += 1;
+        let is_new = !self.jobs.contains_key(&work);
+        let job = self.jobs.entry(work).or_default();
+        job.turn = self.turn;
+        job.seconds += own;
+        job.joules = if is_new { joules } else { job.joules.zip(joules).map(|(sum, more)| sum + more) };
+        if self.jobs.len() > JOBS_MAX
+            && let Some(oldest) = self.jobs.iter().min_by_key(|(_, job)| job.turn).map(|(work, _)| *work)
+        {
+            self.jobs.remove(&oldest);
+        }
+    }
+
+    fn usage(&self, work: u64, job: &CountedJob) -> JobUsage {
+        let source = if self.counters.is_empty() { EnergySource::Watts } else { EnergySource::Counters };
+        JobUsage {
+            work,
+            processor_ms: (1e3 * job.seconds) as u64,
+            millijoules: job.joules.map(|joules| (1e3 * joules) as u64),
+            source: job.joules.map(|_| source),
+            processors: processors(),
+        }
+    }
+}
+
+/// The share of one process in what all did, 0..=1. The clocks of both are read one after the other.
+fn share(own: f64, all: f64) -> f64 {
+    if all > 0.0 { (own / all).min(1.0) } else { 0.0 }
+}
+
+/// Now; `None`: this system does not tell.
+fn moment() -> Option<Moment> {
+    own_seconds()
+        .map(|own| Moment { own, all: fs::read_to_string("/proc/stat").ok().and_then(|text| busy_seconds(&text)) })
+}
+
+#[cfg(target_os = "linux")]
+fn own_seconds() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn own_seconds() -> Option<f64> {
+    None
+}
+
+/// Processor seconds of all that a machine did since it was started, by the first line of `/proc/stat`.
+fn busy_seconds(stat: &str) -> Option<f64> {
+    /// The unit of that file on every architecture of Linux.
+    const TICKS_PER_SECOND: f64 = 100.0;
+    let line = stat.lines().next()?.strip_prefix("cpu ")?;
+    let ticks: Vec<u64> = line.split_ascii_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
+    // user nice system idle iowait irq softirq steal; what guests did is in the first two.
+    let busy = [0, 1, 2, 5, 6].map(|i| ticks.get(i).copied().unwrap_or_default());
+    Some(busy.iter().sum::<u64>() as f64 / TICKS_PER_SECOND)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(watts: Option<f64>) -> MeterState {
+        MeterState { counters: PowerCounters::default(), watts, last: None, jobs: BTreeMap::new(), turn: 0 }
+    }
+
+    fn at(own: f64) -> Option<Moment> {
+        Some(Moment { own, all: None })
+    }
+
+    #[test]
+    fn time_is_counted_for_the_job_that_had_it() {
+        let mut meter = state(None);
+        for (work, own) in [(Some(1), 5.0), (Some(1), 7.0), (Some(2), 8.0), (None, 20.0), (Some(1), 21.5)] {
+            meter.count(work, at(own));
+        }
+        let usages: Vec<(u64, u64)> =
+            meter.jobs.iter().map(|(work, job)| meter.usage(*work, job)).map(|it| (it.work, it.processor_ms)).collect();
+        assert_eq!(usages, [(1, 3500), (2, 1000)]);
+        let usage = meter.usage(1, &meter.jobs[&1]);
+        assert_eq!((usage.millijoules, usage.source), (None, None), "nobody knows what it draws");
+    }
+
+    #[test]
+    fn watts_are_those_of_all_processors_at_work() {
+        let mut meter = state(Some(100.0));
+        meter.count(Some(1), at(0.0));
+        meter.count(Some(1), at(6.0 * processors() as f64));
+        let usage = meter.usage(1, &meter.jobs[&1]);
+        assert_eq!((usage.millijoules, usage.source), (Some(600_000), Some(EnergySource::Watts)));
+    }
+
+    #[test]
+    fn the_jobs_counted_last_are_remembered() {
+        let mut meter = state(None);
+        for work in 1..=6 {
+            meter.count(Some(work), at(work as f64));
+        }
+        assert_eq!(meter.jobs.keys().copied().collect::<Vec<_>>(), [3, 4, 5, 6]);
+    }
+
+    #[test]
+    fn a_process_has_its_share_of_what_its_machine_did() {
+        let stat = "cpu  100 20 30 9999 50 4 6 7 60 0\ncpu0 1 2 3\n";
+        assert_eq!(busy_seconds(stat), Some(1.6));
+        assert_eq!(busy_seconds("intr 7"), None);
+        assert_eq!((share(2.0, 8.0), share(2.0, 1.0), share(2.0, 0.0)), (0.25, 1.0, 0.0));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn this_process_is_seen_to_work() {
+        let meter = UsageMeter::new(None);
+        meter.count(Some(7));
+        let mut sum = 0u64;
+        let begun = own_seconds().unwrap();
+        while own_seconds().unwrap() - begun < 0.05 {
+            sum = sum.wrapping_add(std::hint::black_box(1));
+        }
+        meter.count(Some(7));
+        assert!(meter.usages()[0].processor_ms >= 50, "{:?}", meter.usages());
+    }
+}

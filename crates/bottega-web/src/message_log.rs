@@ -1,0 +1,54 @@
+//! The messages of a job as a door keeps them ready: the last ones, by number.
+
+use std::collections::VecDeque;
+
+use bottega_cluster::messages::{MessageEvent, SeenMessages};
+
+/// Messages that are kept ready of one job.
+const KEPT_MAX: usize = 50_000;
+/// Messages of one answer.
+const ANSWER_MAX: usize = 2000;
+
+/// The last messages of a job.
+#[derive(Debug, Default)]
+pub(crate) struct MessageLog {
+    first: u64,
+    messages: VecDeque<MessageEvent>,
+    pub(crate) lost: u64,
+}
+
+impl MessageLog {
+    pub(crate) fn push(&mut self, message: MessageEvent) {
+        if self.messages.len() >= KEPT_MAX {
+            self.messages.pop_front();
+            self.first += 1;
+        }
+        self.messages.push_back(message);
+    }
+
+    /// The messages from a number on, as many as one answer has.
+    pub(crate) fn since(&self, from: u64) -> SeenMessages {
+        let first = from.max(self.first);
+        let skipped = usize::try_from(first - self.first).unwrap_or(usize::MAX);
+        let messages = self.messages.iter().skip(skipped).take(ANSWER_MAX).cloned().collect();
+        SeenMessages { first, messages, lost: self.lost }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_told_from_a_number_on_and_the_oldest_go() {
+        let mut log = MessageLog::default();
+        for i in 0..KEPT_MAX + 10 {
+            log.push(MessageEvent { at: i as f64, ..MessageEvent::default() });
+        }
+        let told = log.since(0);
+        assert_eq!((told.first, told.messages.len(), told.messages[0].at), (10, ANSWER_MAX, 10.0));
+        let told = log.since(KEPT_MAX as u64 + 8);
+        assert_eq!((told.messages.len(), told.messages[0].at), (2, (KEPT_MAX + 8) as f64));
+        assert!(log.since(u64::MAX).messages.is_empty());
+    }
+}

@@ -1,0 +1,263 @@
+//! Expert rules as pages and programs show them: terms as points, rules as text; and what they say of a zone, and why.
+
+use bottega_farm::{InputRanges, Optimization};
+use bottega_fuzzy::{FunctionBlock, Membership, Term};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{error::Error, events::ZoneEvent, request::RulesText, rules::Source};
+
+/// What the rules may ask of a zone.
+const COMPLEXITY: &str = "complexity";
+const NEIGHBOR_DIFFERENCE: &str = "neighbor_difference";
+const SIZE: &str = "size";
+const OPTIMIZATION_LEVEL: &str = "optimization_level";
+
+/// Over what the inputs of the rules are laid out in a picture, and the level that they are asked with.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RuleInputs {
+    /// Complexity of a pixel: from, to.
+    pub complexity: [f64; 2],
+    /// Neighbor difference: from, to.
+    pub neighbor_difference: [f64; 2],
+    /// Size in pixels: from, to.
+    pub size: [f64; 2],
+    /// Optimization level, 1 to 5. `null`: optimization is off, and no rules are asked.
+    pub level: Option<f64>,
+}
+
+impl RuleInputs {
+    /// Those of a work.
+    pub fn new(ranges: &InputRanges, optimization: Optimization) -> Self {
+        let InputRanges { complexity_density, neighbor_difference, size } = *ranges;
+        Self {
+            complexity: [complexity_density.min, complexity_density.max],
+            neighbor_difference: [neighbor_difference.min, neighbor_difference.max],
+            size: [size.min, size.max],
+            level: optimization.rule_input(),
+        }
+    }
+}
+
+/// A term of a variable: `big`.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct TermView {
+    /// Its name.
+    pub name: String,
+    /// How much a value belongs to it: points of value and degree, level outside of them. One point is a single value.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// An input or output of a set of rules.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct VariableView {
+    /// Its name.
+    pub name: String,
+    /// The interval over which its terms lie.
+    pub range: [f64; 2],
+    /// Its terms.
+    pub terms: Vec<TermView>,
+}
+
+/// A rule as text.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct RuleView {
+    /// Its number or name.
+    pub label: String,
+    /// `IF … THEN …`.
+    pub text: String,
+}
+
+/// A set of rules.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct RuleSetView {
+    /// What it is called.
+    pub name: String,
+    /// What it asks of a zone.
+    pub inputs: Vec<VariableView>,
+    /// What it decides.
+    pub outputs: Vec<VariableView>,
+    /// The rules.
+    pub rules: Vec<RuleView>,
+}
+
+/// The value of an input for a zone.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct InputValue {
+    /// Which input.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Terms that hold, and how much.
+    pub terms: Vec<(String, f64)>,
+}
+
+/// A rule that fires for a zone.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct FiringRule {
+    /// Its number or name.
+    pub label: String,
+    /// How strongly, 0..=1.
+    pub degree: f64,
+    /// `IF … THEN …`.
+    pub text: String,
+}
+
+/// What a set of rules says of a zone, and why.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct RuleVerdict {
+    /// The set.
+    pub set: String,
+    /// The inputs.
+    pub inputs: Vec<InputValue>,
+    /// The rules that fire, the strongest first.
+    pub rules: Vec<FiringRule>,
+    /// Each output, and its value; `null`: no rule speaks of it.
+    pub outputs: Vec<(String, Option<f64>)>,
+}
+
+/// The block of a set of rules, with its inputs laid out over a picture.
+fn block(text: &RulesText, inputs: Option<&RuleInputs>) -> Result<FunctionBlock, Error> {
+    let mut block = Source::of(text.clone())?.block(None)?.clone();
+    let Some(inputs) = inputs else { return Ok(block) };
+    for (name, [min, max]) in
+        [(COMPLEXITY, inputs.complexity), (NEIGHBOR_DIFFERENCE, inputs.neighbor_difference), (SIZE, inputs.size)]
+    {
+        if block.input_index(name).is_some() {
+            block.layout_inputs(name, min, max).map_err(|error| Error::usage(error.to_string(), ""))?;
+        }
+    }
+    Ok(block)
+}
+
+/// The rules of a block as they are written, in their order: label and text.
+fn rule_texts(block: &FunctionBlock) -> Vec<RuleView> {
+    let all = block.to_string();
+    let lines = all.lines().filter_map(|line| line.trim().strip_prefix("RULE "));
+    let rule = |line: &str| {
+        let (label, text) = line.split_once(" : ")?;
+        Some(RuleView { label: label.to_owned(), text: text.trim_end_matches(';').to_owned() })
+    };
+    lines.filter_map(rule).collect()
+}
+
+fn terms(terms: &[Term], place: impl Fn(f64) -> f64) -> Vec<TermView> {
+    let points = |membership: &Membership| match membership {
+        Membership::Singleton(at) => vec![[place(*at), 1.0]],
+        Membership::Linear(points) => points.iter().map(|(x, y)| [place(*x), *y]).collect(),
+    };
+    terms.iter().map(|term| TermView { name: term.name.clone(), points: points(&term.membership) }).collect()
+}
+
+impl RuleSetView {
+    /// A set of rules, its inputs laid out over a picture where one is known.
+    ///
+    /// # Errors
+    /// The text is none of rules.
+    pub fn new(text: &RulesText, inputs: Option<&RuleInputs>) -> Result<Self, Error> {
+        let block = block(text, inputs)?;
+        let pair = |(low, high): (f64, f64)| [low, high];
+        let inputs = block.inputs().iter().map(|input| VariableView {
+            name: input.name.clone(),
+            range: pair(input.interval()),
+            terms: terms(&input.terms, |x| input.laid_out(x)),
+        });
+        let outputs = block.outputs().iter().map(|output| VariableView {
+            name: output.name.clone(),
+            range: pair(output.declared_range()),
+            terms: terms(&output.terms, |x| x),
+        });
+        let (inputs, outputs) = (inputs.collect(), outputs.collect());
+        Ok(Self { name: block.name().to_owned(), inputs, outputs, rules: rule_texts(&block) })
+    }
+}
+
+impl RuleVerdict {
+    /// What a set of rules says of a zone as its row is now. `None`: optimization is off, or too little is known of the zone.
+    ///
+    /// # Errors
+    /// The text is none of rules, or these cannot be evaluated.
+    pub fn new(text: &RulesText, inputs: &RuleInputs, zone: &ZoneEvent) -> Result<Option<Self>, Error> {
+        let Some((level, difference)) = inputs.level.zip(zone.neighbor_difference) else { return Ok(None) };
+        let block = block(text, Some(inputs))?;
+        let density = zone.complexity / (zone.size as f64).max(1.0);
+        let known = [
+            (COMPLEXITY, density),
+            (NEIGHBOR_DIFFERENCE, difference),
+            (SIZE, zone.size as f64),
+            (OPTIMIZATION_LEVEL, level),
+        ];
+        let asked: Vec<(&str, f64)> = known.into_iter().filter(|(name, _)| block.input_index(name).is_some()).collect();
+        let why = block.explain(&asked).map_err(|error| Error::usage(error.to_string(), ""))?;
+        let texts = rule_texts(&block);
+        let text_of = |label: &str| texts.iter().find(|rule| rule.label == label).map(|rule| rule.text.clone());
+        let value_of = |name: &str| asked.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|it| it.1);
+        Ok(Some(Self {
+            set: block.name().to_owned(),
+            inputs: why
+                .inputs
+                .into_iter()
+                .filter_map(|(name, terms)| Some(InputValue { value: value_of(&name)?, name, terms }))
+                .collect(),
+            rules: why
+                .rules
+                .into_iter()
+                .map(|rule| FiringRule {
+                    text: text_of(&rule.label).unwrap_or_else(|| rule.conclusions.join(", ")),
+                    label: rule.label,
+                    degree: rule.degree,
+                })
+                .collect(),
+            outputs: block
+                .outputs()
+                .iter()
+                .zip(why.outputs.values())
+                .map(|(output, value)| (output.name.clone(), *value))
+                .collect(),
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::request::RulesSource;
+
+    fn built_in() -> RulesText {
+        RulesSource::File(Path::new("path-tracing").to_owned()).read().unwrap()
+    }
+
+    const INPUTS: RuleInputs =
+        RuleInputs { complexity: [0.5, 4.0], neighbor_difference: [0.0, 2.0], size: [64.0, 4096.0], level: Some(4.0) };
+
+    #[test]
+    fn a_set_is_shown_over_the_picture_that_it_is_asked_of() {
+        let shown = RuleSetView::new(&built_in(), Some(&INPUTS)).unwrap();
+        let size = shown.inputs.iter().find(|input| input.name.eq_ignore_ascii_case(SIZE)).unwrap();
+        assert_eq!(size.range, [64.0, 4096.0]);
+        assert!(size.terms.iter().flat_map(|term| &term.points).all(|[_, degree]| (0.0..=1.0).contains(degree)));
+        assert!(
+            shown.rules.len() > 20 && shown.rules.iter().all(|rule| rule.text.starts_with("IF ")),
+            "{:?}",
+            shown.rules
+        );
+        assert!(!shown.outputs.is_empty());
+        let declared = RuleSetView::new(&built_in(), None).unwrap();
+        assert_ne!(declared.inputs, shown.inputs);
+    }
+
+    #[test]
+    fn a_verdict_says_which_rules_fire_and_why() {
+        let zone = ZoneEvent { size: 1000, complexity: 3000.0, neighbor_difference: Some(0.3), ..ZoneEvent::default() };
+        let verdict = RuleVerdict::new(&built_in(), &INPUTS, &zone).unwrap().unwrap();
+        assert!(!verdict.rules.is_empty() && verdict.rules[0].degree >= verdict.rules.last().unwrap().degree);
+        let complexity = verdict.inputs.iter().find(|input| input.name.eq_ignore_ascii_case(COMPLEXITY)).unwrap();
+        assert!(complexity.value == 3.0 && !complexity.terms.is_empty(), "{complexity:?}");
+        assert!(verdict.outputs.iter().any(|(_, value)| value.is_some()));
+        let off = RuleInputs { level: None, ..INPUTS };
+        assert_eq!(RuleVerdict::new(&built_in(), &off, &zone).unwrap(), None);
+        assert_eq!(RuleVerdict::new(&built_in(), &INPUTS, &ZoneEvent::default()).unwrap(), None);
+    }
+}
