@@ -15,15 +15,18 @@
 //! target); Müller 2019, *Path Guiding in Production*, section 10.5 (a learnt share of the BSDF).
 
 mod agent;
+mod budget;
 mod bytes;
 mod directions;
 mod expected;
 mod learn;
 pub(crate) mod octahedron;
+mod plan;
 mod train;
 mod tree;
 
 pub(crate) use agent::Agent;
 pub use bytes::UnreadGuide;
-pub(crate) use train::{Trail, Training, train};
+pub(crate) use plan::{PaintPlan, PaintingWay};
+pub(crate) use train::{FoundLight, LearningPath, Trail, Training, train};
 pub(crate) use tree::{Guide, Region};

@@ -5,7 +5,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::agent::{EyePath, PictureWorth};
+use super::budget::{Budget, PassFindings};
 use super::directions::place_of;
+use super::expected::PictureParts;
 use super::learn::{DirectionSample, Vertex, learn};
 use super::tree::{Guide, face_of};
 use crate::{
@@ -13,11 +15,6 @@ use crate::{
     luminance,
 };
 
-/// Paths of the last pass, at most and for each sample of the picture; each pass before has half as many as the next.
-const PATHS_MAX: u64 = 1 << 18;
-const PATHS_PER_SAMPLE: f64 = 1.0 / 32.0;
-/// Passes.
-const PASSES: u32 = 4;
 /// Vertices of a path that are learnt from.
 const VERTICES_MAX: usize = 32;
 /// Paths that one processor traces in a row.
@@ -121,30 +118,71 @@ pub(crate) struct Training<'a> {
     pub(crate) threads: usize,
 }
 
-/// Learns by tracing: `trace` takes the guide so far, the index of a path, and the trail to leave, and returns the
-/// radiance found, and where in the picture, in [0, 1)².
+/// A path to learn from: one of the [block](Self::BLOCK) that a pixel gets, half of which go as if nothing had been learnt so far.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LearningPath {
+    /// Which block.
+    pub(crate) block: u32,
+    /// Whether it is to go by the guide so far.
+    pub(crate) is_guided: bool,
+    /// Which picture of the pixel it is a sample of: 0 or 1.
+    pub(crate) picture: u32,
+    /// Which sample of that.
+    pub(crate) sample: u32,
+}
+
+impl LearningPath {
+    /// Paths of a block: of two pictures without and two with the guide.
+    const BLOCK: u32 = 4 * Self::SAMPLES;
+    /// Samples of each picture.
+    const SAMPLES: u32 = 2;
+
+    fn new(index: u32) -> Self {
+        let (block, rest) = (index / Self::BLOCK, index % Self::BLOCK);
+        let (half, rest) = (rest / (2 * Self::SAMPLES), rest % (2 * Self::SAMPLES));
+        Self { block, is_guided: half == 1, picture: rest / Self::SAMPLES, sample: rest % Self::SAMPLES }
+    }
+}
+
+/// What a path found, and what that took.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FoundLight {
+    pub(crate) radiance: Spectrum,
+    /// Where in the picture, in [0, 1)².
+    pub(crate) place: [f32; 2],
+    /// In vertices.
+    pub(crate) work: f32,
+}
+
+/// Learns by tracing, as far as it pays. `None`: it does not.
+///
+/// - `trace`: takes the guide so far, a path, and the trail to leave.
 pub(crate) fn train(
     training: &Training<'_>,
-    trace: impl Fn(Option<&Guide>, u32, &mut Trail) -> (Spectrum, [f32; 2]) + Sync,
-) -> Guide {
+    trace: impl Fn(Option<&Guide>, LearningPath, &mut Trail) -> FoundLight + Sync,
+) -> Option<Guide> {
     let all_passes = || {
-        let last = ((training.samples as f64 * PATHS_PER_SAMPLE) as u64).clamp(1, PATHS_MAX) as u32;
+        let mut budget = Budget::new(training.samples);
         let (mut vertices, mut seen, mut guide, mut first) = (Vec::new(), Vec::new(), None, 0);
-        for pass in (0..PASSES).rev() {
-            let end = first + (last >> pass);
+        while let Some(count) = budget.next_pass() {
+            let end = first + count.next_multiple_of(LearningPath::BLOCK);
+            let before = seen.len();
             for (of_chunk, seen_by) in traced(first..end, guide.as_ref(), &trace) {
                 vertices.extend(of_chunk);
                 seen.extend(seen_by);
             }
-            guide = Some(learn(&vertices, training.lights.filter(|_| pass == 0)));
             first = end;
+            let parts = PictureParts::new(training.size, &seen);
+            budget.take(findings(&parts, &seen[before..], guide.is_some()));
+            if budget.is_lost() {
+                return None;
+            }
+            let is_last = budget.next_pass().is_none();
+            guide = Some(learn(&vertices, training.lights.filter(|_| is_last)));
         }
-        let guide = guide.unwrap_or_default();
-        if training.lights.is_none() {
-            return guide;
-        }
-        let expected = PictureWorth::new(training.size, &seen, &guide);
-        guide.expecting(expected)
+        let guide = guide?;
+        let expected = PictureWorth::new(PictureParts::new(training.size, &seen), &seen, &guide);
+        Some(guide.expecting(expected))
     };
     match rayon::ThreadPoolBuilder::new().num_threads(training.threads).build() {
         Ok(pool) => pool.install(all_passes),
@@ -152,20 +190,37 @@ pub(crate) fn train(
     }
 }
 
+/// What the paths of a pass say of the guide that half of them went by.
+fn findings(parts: &PictureParts, paths: &[EyePath], has_guide: bool) -> PassFindings {
+    let samples = LearningPath::SAMPLES as usize;
+    let mut errors: [Vec<f64>; 2] = Default::default();
+    let mut work = [0.0_f64; 2];
+    for block in paths.chunks_exact(LearningPath::BLOCK as usize) {
+        for (half, paths) in block.chunks_exact(2 * samples).enumerate() {
+            let mean = |paths: &[EyePath]| paths.iter().map(|path| f64::from(path.brightness)).sum::<f64>() / samples as f64;
+            let (one, other) = paths.split_at(samples);
+            let weight = f64::from(parts.weight(paths[0].place));
+            errors[half].push(((mean(one) - mean(other)) * weight).powi(2));
+            work[half] += paths.iter().map(|path| f64::from(path.work)).sum::<f64>();
+        }
+    }
+    PassFindings::new(errors, work, samples, has_guide)
+}
+
 /// The vertices of a range of paths, in their order, and what each path saw.
 fn traced(
     paths: std::ops::Range<u32>,
     guide: Option<&Guide>,
-    trace: &(impl Fn(Option<&Guide>, u32, &mut Trail) -> (Spectrum, [f32; 2]) + Sync),
+    trace: &(impl Fn(Option<&Guide>, LearningPath, &mut Trail) -> FoundLight + Sync),
 ) -> Vec<(Vec<Vertex>, Vec<EyePath>)> {
     let chunks = paths.len().div_ceil(PATHS_PER_CHUNK as usize) as u32;
     let of_chunk = |chunk: u32| {
         let first = paths.start + chunk * PATHS_PER_CHUNK;
         let (mut vertices, mut seen, mut trail) = (Vec::new(), Vec::new(), Trail::default());
         for path in first..paths.end.min(first + PATHS_PER_CHUNK) {
-            let (radiance, place) = trace(guide, path, &mut trail);
+            let FoundLight { radiance, place, work } = trace(guide, LearningPath::new(path), &mut trail);
             let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
-            seen.push(EyePath { place, brightness: finite(radiance.max_element()), first });
+            seen.push(EyePath { place, brightness: finite(radiance.max_element()), work, first });
             trail.finish(radiance, &mut vertices);
         }
         (vertices, seen)

@@ -3,17 +3,16 @@
 use std::{convert::Infallible, sync::Arc};
 
 use bottega_kernels::compiled::{self, Task};
-use glam::Vec2;
 
 use super::{
     super::record::PathRecord,
     setup::PathIntegrator,
-    trial::{BothTrials, LEARNING_SEED, Trial},
+    trial::{AllTrials, LEARNING_SEED, Trial},
 };
 use crate::{
     PathSettings, PreparedScene, Prepass, RenderError, Sharing, View,
     camera::CameraRay,
-    guide::{Guide, Trail, Training, train},
+    guide::{FoundLight, Guide, LearningPath, PaintPlan, Trail, Training, train},
     sampler::{DimensionSet, PixelSampler},
 };
 
@@ -32,9 +31,7 @@ impl<'a> PathIntegrator<'a> {
         if integrator.is_to_learn(view) {
             let learn = || integrator.learn(view, |trial| Ok::<_, Infallible>(trial.alone()));
             let guide = prepass.guide(view, settings, || learn().unwrap_or_else(|never| match never {}));
-            integrator.splits = settings.agents.roulette && guide.goes_by_worth();
-            integrator.looks_rarely = settings.agents.shadows && guide.goes_by_worth();
-            integrator.guide = Some(guide);
+            integrator.take_plan(guide);
         }
         Ok(integrator)
     }
@@ -47,14 +44,17 @@ impl<'a> PathIntegrator<'a> {
     /// Traces paths all over the picture for a guide.
     ///
     /// - `paint`: paints what is tried with it.
-    fn learn<E>(&self, view: View, paint: impl FnOnce(&Trial<'_>) -> Result<Vec<BothTrials>, E>) -> Result<Guide, E> {
+    fn learn<E>(&self, view: View, paint: impl FnOnce(&Trial<'_>) -> Result<Vec<AllTrials>, E>) -> Result<Guide, E> {
         let PathSettings { agents, guiding, .. } = *self.settings;
-        let settings = PathSettings { max_depth: LEARNING_DEPTH, agents, guiding, ..PathSettings::default() };
+        let PathSettings { filter, planned_samples, .. } = *self.settings;
+        let settings =
+            PathSettings { max_depth: LEARNING_DEPTH, agents, guiding, filter, planned_samples, ..PathSettings::default() };
         let integrator = PathIntegrator {
             settings: &settings,
             camera: self.camera.clone(),
             filter: self.filter.clone(),
             guide: None,
+            plan: None,
             ..*self
         };
         let size = self.size;
@@ -64,23 +64,23 @@ impl<'a> PathIntegrator<'a> {
             lights: agents.any().then(|| self.prepared.lights()),
             threads: self.prepared.threads(),
         };
-        let guide = train(&training, |guide, index, trail| {
-            // One sequence of samples for the whole picture.
-            let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
-            let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
-            let ray = integrator.camera.ray(Vec2::new(x, y) * size, [lens_u, lens_v]);
-            let path = FollowedPath { integrator: &integrator, sampler, ray: &ray, guide, trail };
-            (compiled::run(path).values.radiance.into(), [x, y])
+        let guide = train(&training, |guide, learning: LearningPath, trail| {
+            let place = PixelSampler::new(LEARNING_SEED, 0, 0, learning.block).get_2d(DimensionSet::CAMERA) * size;
+            let (x, y) = (place.x as u32, place.y as u32);
+            let way = u64::from(learning.is_guided) << 33 | u64::from(learning.picture) << 32;
+            let seed = LEARNING_SEED ^ way ^ u64::from(learning.block) << 34;
+            let sampler = PixelSampler::new(seed, x, y, learning.sample);
+            let (ray, _) = integrator.camera_ray(&sampler, x, y);
+            let guide = guide.filter(|_| learning.is_guided);
+            let record = compiled::run(FollowedPath { integrator: &integrator, sampler, ray: &ray, guide, trail });
+            FoundLight { radiance: record.values.radiance.into(), place: integrator.place(x, y), work: record.work(guide.is_some()) as f32 }
         });
-        if !(agents.roulette || agents.shadows) {
-            return Ok(guide);
-        }
-        let guide = Arc::new(guide);
-        let pays = match Trial::new(&integrator, training.samples, &guide) {
-            Some(trial) => trial.pays(&paint(&trial)?),
-            None => false,
+        let Some(guide) = guide.map(Arc::new) else { return Ok(Guide::default()) };
+        let plan = match Trial::new(&integrator, training.samples, &guide) {
+            Some(trial) => trial.plan(&paint(&trial)?),
+            None => PaintPlan::default(),
         };
-        Ok(Arc::unwrap_or_clone(guide).going_by_worth(pays))
+        Ok(Arc::unwrap_or_clone(guide).planned(plan))
     }
 }
 

@@ -1,9 +1,9 @@
-//! The trial whether it pays to end and to split paths, and to leave out shadow rays, by what agents say they are worth: on a few
-//! pixels beforehand.
+//! The trial of what was learnt: on a few pixels beforehand, which are painted in all ways.
 //!
-//! What agents say is about independent paths. Those of a pixel are spread evenly, and where light is smooth that is worth
-//! more than to end paths here and to split them there. So some pixels are painted both ways, twice each, and the way with
-//! the lesser error times work is taken. Work is counted, not timed: the answer is the same everywhere.
+//! What a guide and its agents say is about independent paths. Those of a pixel are spread evenly, and where light is smooth that is
+//! worth more than better directions, or than to end paths here and to split them there. So some pixels are painted in all ways, twice
+//! each, and each zone of the picture takes the way with the least error times work. Both measures of error count: that relative to
+//! what a pixel shows, and that of what a display shows of it. Work is counted, not timed: the answer is the same everywhere.
 
 use std::{ops::Range, sync::Arc};
 
@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use super::{super::record::PathRecord, setup::PathIntegrator};
 use crate::{
-    AgentUse, PathSettings, RenderError, Sharing,
-    guide::Guide,
+    RenderError, Sharing,
+    guide::{Guide, PaintPlan, PaintingWay},
     integrator::turns::Painting,
     photon::bytes::{ByteForm, Reader, Writer},
     sampler::{DimensionSet, PixelSampler},
@@ -25,12 +25,12 @@ use crate::{
 /// samples.
 pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// Samples of the whole picture for each that is tried, and pixels that are tried, at most.
-const SAMPLES_PER_TRIED: u64 = 48;
+const SAMPLES_PER_TRIED: u64 = 40;
 const PIXELS_MAX: u64 = 4096;
 /// Fewer of them tell nothing.
 const PIXELS_MIN: u64 = 64;
-/// Samples of each pixel: enough that their being spread evenly counts.
-const SAMPLES: u32 = 16;
+/// Samples of each pixel, if the picture has as many: enough that their being spread evenly counts.
+const SAMPLES_MAX: u32 = 16;
 /// Pixels that one processor tries in a row.
 const PIXELS_PER_CHUNK: usize = 16;
 /// Pixels from which on machines share the trial, and in how many parts: each takes more than to tell of it.
@@ -40,9 +40,14 @@ const PARTS: usize = 16;
 const TRIM: f64 = 0.005;
 /// By what factor error times work must fall.
 const GAIN_MIN: f64 = 1.05;
-/// Work of a ray towards a light, and of a path beside its vertices, in vertices.
-const SHADOW_WORK: f64 = 0.5;
-const PATH_WORK: f64 = 0.5;
+/// Pixels tried for each zone that the picture is cut into, and zones along a side at most. What all pixels say counts in each zone
+/// as much as so many of its own.
+const PIXELS_PER_ZONE: f64 = 64.0;
+const ZONES_MAX: f64 = 8.0;
+const COMMON_PIXELS: f64 = 32.0;
+
+/// Ways that are tried, each twice.
+const WAYS: usize = PaintingWay::ALL.len();
 
 /// What one pixel showed, and what that took.
 #[derive(Clone, Copy, Default)]
@@ -51,10 +56,10 @@ pub(super) struct PixelTrial {
     work: f64,
 }
 
-/// A pixel painted in both ways, twice each: plain first.
-pub(super) type BothTrials = [PixelTrial; 4];
+/// A pixel painted in all ways, twice each: the first way first.
+pub(super) type AllTrials = [PixelTrial; 2 * WAYS];
 
-impl ByteForm for BothTrials {
+impl ByteForm for AllTrials {
     fn write(&self, to: &mut Writer) {
         for tried in self {
             to.vector(tried.radiance);
@@ -63,7 +68,7 @@ impl ByteForm for BothTrials {
     }
 
     fn read(from: &mut Reader<'_>) -> Option<Self> {
-        let mut all = [PixelTrial::default(); 4];
+        let mut all = [PixelTrial::default(); 2 * WAYS];
         for tried in &mut all {
             *tried = PixelTrial { radiance: from.vector()?, work: f64::from_bits(from.long()?) };
         }
@@ -77,12 +82,15 @@ pub(super) struct Trial<'a> {
     integrator: &'a PathIntegrator<'a>,
     guide: &'a Arc<Guide>,
     pixels: Vec<(u32, u32)>,
+    /// Of each pixel, in each way and each time.
+    samples: u32,
 }
 
 impl<'a> Trial<'a> {
     /// `None`: there are too few pixels to try. `samples`: of the whole picture.
     pub(super) fn new(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Option<Self> {
-        let count = samples / SAMPLES_PER_TRIED / u64::from(4 * SAMPLES);
+        let of_pixel = integrator.settings.planned_samples.clamp(1, SAMPLES_MAX);
+        let count = samples / SAMPLES_PER_TRIED / (2 * WAYS as u64 * u64::from(of_pixel));
         if count < PIXELS_MIN {
             return None;
         }
@@ -94,11 +102,11 @@ impl<'a> Trial<'a> {
                 (place.x as u32, place.y as u32)
             })
             .collect();
-        Some(Self { integrator, guide, pixels })
+        Some(Self { integrator, guide, pixels, samples: of_pixel })
     }
 
     /// Paints all pixels.
-    pub(super) fn alone(&self) -> Vec<BothTrials> {
+    pub(super) fn alone(&self) -> Vec<AllTrials> {
         self.integrator.prepared.on_threads(|| self.tried(&self.pixels))
     }
 
@@ -106,7 +114,7 @@ impl<'a> Trial<'a> {
     ///
     /// # Errors
     /// As [`Sharing::share`].
-    pub(super) fn together(&self, others: &dyn Sharing) -> Result<Vec<BothTrials>, RenderError> {
+    pub(super) fn together(&self, others: &dyn Sharing) -> Result<Vec<AllTrials>, RenderError> {
         if self.pixels.len() < SHARED_MIN {
             return Ok(self.alone());
         }
@@ -114,49 +122,42 @@ impl<'a> Trial<'a> {
         in_parts(others, 0, self.pixels.len(), PARTS, here)
     }
 
-    /// Whether it pays.
-    pub(super) fn pays(&self, painted: &[BothTrials]) -> bool {
-        let Self { integrator, guide, pixels } = self;
-        let worth = |&(x, y): &(u32, u32)| guide.expected().at(integrator.place(x, y));
-        let worths: Vec<f32> = pixels.iter().map(worth).collect();
-        let [plain, by_worth] = [0, 2].map(|way| {
-            let twice = || painted.iter().map(|tried| (tried[way], tried[way + 1]));
-            let work = twice().map(|(once, _)| once.work).chain(twice().map(|(_, again)| again.work)).sum::<f64>();
-            let mut errors: Vec<f64> = twice().zip(&worths).map(|((a, b), &worth)| error(a, b, worth)).collect();
-            errors.sort_unstable_by(f64::total_cmp);
-            let kept = errors.len() - (errors.len() as f64 * TRIM) as usize;
-            errors[..kept].iter().sum::<f64>() * work
-        });
-        // (Neither is a number where nothing shines.)
-        by_worth * GAIN_MIN < plain
+    /// Which way pays in each zone.
+    pub(super) fn plan(&self, painted: &[AllTrials]) -> PaintPlan {
+        let Self { integrator, guide, pixels, .. } = self;
+        let tallies: Vec<Tally> = pixels
+            .iter()
+            .zip(painted)
+            .map(|(&(x, y), tried)| Tally::new(tried, guide.expected().at(integrator.place(x, y))))
+            .collect();
+        let all: Vec<&Tally> = tallies.iter().collect();
+        let Some(common) = Scores::new(&all, None) else { return PaintPlan::default() };
+        eprintln!("trial {} pixels {:.3?} work {:.3?}", pixels.len(), common.0, [1,2].map(|w| tallies.iter().map(|t| t.work[w]).sum::<f64>()/tallies.iter().map(|t| t.work[0]).sum::<f64>()));
+        let side = (pixels.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
+        let mut by_zone = vec![Vec::new(); (side * side) as usize];
+        for (&(x, y), tally) in pixels.iter().zip(&tallies) {
+            by_zone[PaintPlan::zone([side, side], integrator.place(x, y))].push(tally);
+        }
+        let way = |zone: &Vec<&Tally>| Scores::new(zone, Some(&common)).unwrap_or(common).best();
+        PaintPlan::new(side, side, by_zone.iter().map(way).collect()).unwrap_or_default()
     }
 
     /// Paints some pixels.
-    fn tried(&self, pixels: &[(u32, u32)]) -> Vec<BothTrials> {
-        let Self { integrator: plain, guide, .. } = self;
-        let nothing = AgentUse { roulette: false, shadows: false, ..plain.settings.agents };
-        let ways = [(nothing, 1), (nothing, 2), (plain.settings.agents, 1), (plain.settings.agents, 2)];
-        let settings =
-            ways.map(|(agents, seed)| PathSettings { seed: LEARNING_SEED + seed, agents, ..*plain.settings });
-        let integrators = settings.each_ref().map(|settings| PathIntegrator {
-            settings,
-            splits: settings.agents.roulette,
-            looks_rarely: settings.agents.shadows,
-            camera: plain.camera.clone(),
-            filter: plain.filter.clone(),
-            guide: Some(Arc::clone(guide)),
-            ..**plain
-        });
+    fn tried(&self, pixels: &[(u32, u32)]) -> Vec<AllTrials> {
+        let Self { integrator: plain, guide, samples: count, .. } = *self;
+        let settings = [1, 2].map(|seed| crate::PathSettings { seed: LEARNING_SEED + seed, ..*plain.settings });
         let of_chunk = |pixels: &[(u32, u32)]| {
             let samples: Vec<_> =
-                pixels.iter().flat_map(|&(x, y)| (0..SAMPLES).map(move |sample| (x, y, sample))).collect();
-            let mut painted = vec![BothTrials::default(); pixels.len()];
+                pixels.iter().flat_map(|&(x, y)| (0..count).map(move |sample| (x, y, sample))).collect();
+            let mut painted = vec![AllTrials::default(); pixels.len()];
             let mut records = Vec::new();
-            for (way, integrator) in integrators.iter().enumerate() {
-                records.clear();
-                compiled::run(Painting { integrator, samples: &samples, records: &mut records });
-                let of_pixels = records.chunks_exact(SAMPLES as usize).map(pixel);
-                painted.iter_mut().zip(of_pixels).for_each(|(both, tried)| both[way] = tried);
+            for (number, place) in (0..2 * WAYS).map(|number| (number, &settings[number % 2])) {
+                let way = PaintingWay::ALL[number / 2];
+                let integrator = PathIntegrator { settings: place, ..plain.in_way(way, guide) };
+                compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
+                let is_guided = way != PaintingWay::Plain;
+                let of_pixels = records.chunks_exact(count as usize).map(|samples| pixel(samples, is_guided));
+                painted.iter_mut().zip(of_pixels).for_each(|(all, tried)| all[number] = tried);
             }
             painted
         };
@@ -164,17 +165,73 @@ impl<'a> Trial<'a> {
     }
 }
 
-fn pixel(samples: &[PathRecord]) -> PixelTrial {
+fn pixel(samples: &[PathRecord], is_guided: bool) -> PixelTrial {
     samples.iter().fold(PixelTrial::default(), |sum, record| PixelTrial {
         radiance: sum.radiance + Spectrum::from(record.values.radiance) / samples.len() as f32,
-        work: sum.work
-            + PATH_WORK
-            + f64::from(record.vertex_count)
-            + SHADOW_WORK * f64::from(record.counts.shadow_rays),
+        work: sum.work + record.work(is_guided),
     })
 }
 
-/// Squared difference of the same pixel painted twice, by what light is worth to it.
-fn error(a: PixelTrial, b: PixelTrial, worth: f32) -> f64 {
-    f64::from((a.radiance - b.radiance).length_squared() * worth * worth)
+/// Of one pixel in each way.
+#[derive(Clone, Copy)]
+struct Tally {
+    /// By relative error, and by what a display shows.
+    errors: [[f64; 2]; WAYS],
+    work: [f64; WAYS],
+}
+
+impl Tally {
+    /// - `worth`: what light is worth to the pixel.
+    fn new(tried: &AllTrials, worth: f32) -> Self {
+        let pair = |way: usize| [tried[2 * way], tried[2 * way + 1]];
+        let error = |way: usize| {
+            let [a, b] = pair(way).map(|tried| tried.radiance);
+            // The root stands for the curve of a display: it has the same bits everywhere.
+            let seen = |light: Spectrum| {
+                let [r, g, b] = light.to_array().map(|value| value.clamp(0.0, 1.0).sqrt());
+                Spectrum::new(r, g, b)
+            };
+            let squared = |difference: Spectrum| f64::from(difference.length_squared());
+            [squared((a - b) * worth), squared(seen(a) - seen(b))]
+        };
+        let all: [usize; WAYS] = std::array::from_fn(|way| way);
+        Self { errors: all.map(error), work: all.map(|way| pair(way).iter().map(|tried| tried.work).sum()) }
+    }
+}
+
+/// Error times work of each way over that of the plain one, by both measures of error.
+#[derive(Clone, Copy)]
+struct Scores([[f64; 2]; WAYS]);
+
+impl Scores {
+    /// Of some pixels. `None`: they tell nothing.
+    ///
+    /// - `common`: what all pixels say.
+    fn new(tallies: &[&Tally], common: Option<&Self>) -> Option<Self> {
+        let count = tallies.len() as f64;
+        let kept = tallies.len() - (count * TRIM) as usize;
+        let product = |way: usize, measure: usize| {
+            let mut errors: Vec<f64> = tallies.iter().map(|tally| tally.errors[way][measure]).collect();
+            errors.sort_unstable_by(f64::total_cmp);
+            errors[..kept].iter().sum::<f64>() * tallies.iter().map(|tally| tally.work[way]).sum::<f64>()
+        };
+        let ratio = |way: usize, measure: usize| {
+            let own = product(way, measure) / product(0, measure);
+            match common {
+                None => own,
+                Some(Self(common)) => (count * own + COMMON_PIXELS * common[way][measure]) / (count + COMMON_PIXELS),
+            }
+        };
+        let ratios = std::array::from_fn(|way| std::array::from_fn(|measure| ratio(way, measure)));
+        // (Nothing shines there, or what shines is no number.)
+        ratios.iter().flatten().all(|ratio: &f64| ratio.is_finite()).then_some(Self(ratios))
+    }
+
+    /// The way that pays best by the measure by which it pays least.
+    fn best(&self) -> PaintingWay {
+        let worse = |way: PaintingWay| self.0[way.number()].iter().copied().fold(0.0, f64::max);
+        let best = |best: PaintingWay, way: PaintingWay| if worse(way) < worse(best) { way } else { best };
+        let best = PaintingWay::ALL.into_iter().fold(PaintingWay::Plain, best);
+        if worse(best) * GAIN_MIN < worse(PaintingWay::Plain) { best } else { PaintingWay::Plain }
+    }
 }
