@@ -141,7 +141,8 @@ impl MeasuredScene {
     fn row(&self, samples: u32, options: &GuideOptions) -> Result<GuideRow, Error> {
         let mut ways = [Vec::new(), Vec::new()];
         for seed in options.first_seed..options.first_seed + u64::from(options.seeds.max(1)) {
-            for (way, (guide, word)) in [(GuideChoice::None, "none"), (GuideChoice::Ala, "ala")].into_iter().enumerate() {
+            for (way, (guide, word)) in [(GuideChoice::None, "none"), (GuideChoice::Ala, "ala")].into_iter().enumerate()
+            {
                 let painted = self.paint(guide, samples, seed, options.threads)?;
                 if let Some(folder) = options.output.as_ref().filter(|_| seed == options.first_seed) {
                     let name = format!("{}-{samples}-{word}.png", self.name.replace('/', "-"));

@@ -93,7 +93,15 @@ const MEASURES: [(&str, Measure); 2] = [("relMSE", PeerRow::efficiency), ("sRGB"
 fn as_text(rows: &[PeerRow]) -> String {
     let mut out = format!(
         "{:<12} {:>7}  {:<20} {:>9} {:>9} {:>9} {:>9} {:>12} {:>9}  {}\n",
-        "scene", "threads", "renderer", "Mpaths/s", "seconds", "relMSE", "sRGB MSE", "efficiency", "fireflies",
+        "scene",
+        "threads",
+        "renderer",
+        "Mpaths/s",
+        "seconds",
+        "relMSE",
+        "sRGB MSE",
+        "efficiency",
+        "fireflies",
         "ours over it (sRGB)"
     );
     for row in rows {
@@ -163,7 +171,16 @@ mod tests {
     use super::*;
 
     fn row(renderer: &'static str, scene: &str, seconds: f64, rel_mse: f64) -> PeerRow {
-        PeerRow { scene: scene.to_owned(), threads: 1, renderer, mpaths: 1.0, seconds, rel_mse, srgb_mse: rel_mse * rel_mse, fireflies: 0.0 }
+        PeerRow {
+            scene: scene.to_owned(),
+            threads: 1,
+            renderer,
+            mpaths: 1.0,
+            seconds,
+            rel_mse,
+            srgb_mse: rel_mse * rel_mse,
+            fireflies: 0.0,
+        }
     }
 
     #[test]

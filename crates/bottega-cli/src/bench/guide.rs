@@ -11,8 +11,10 @@ use crate::{error::CliError, output::LogWriter};
 
 /// What the guide of paths is worth: error × time of --guide ala over --guide none, learning included.
 #[derive(Debug, Args)]
-#[command(after_help = "A ratio below 1 says that the guide pays. Errors are to a picture of many samples without a guide. \
-    For example:\n  bottega bench guide --scenes ../scenes --spp 8,32 -o guide/")]
+#[command(
+    after_help = "A ratio below 1 says that the guide pays. Errors are to a picture of many samples without a guide. \
+    For example:\n  bottega bench guide --scenes ../scenes --spp 8,32 -o guide/"
+)]
 pub(super) struct GuideBenchArgs {
     /// Scenes. Default: five in the folder of scenes.
     #[arg(value_hint = ValueHint::FilePath)]

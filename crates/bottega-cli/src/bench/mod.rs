@@ -16,8 +16,8 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 
 use self::{
-    ala::AlaArgs, engines::EnginesBenchArgs, farm::FarmBenchArgs, guide::GuideBenchArgs, hra::HraBenchArgs, learning::LearningArgs,
-    magarro::MagarroArgs, peers::PeersArgs, rays::RaysArgs,
+    ala::AlaArgs, engines::EnginesBenchArgs, farm::FarmBenchArgs, guide::GuideBenchArgs, hra::HraBenchArgs,
+    learning::LearningArgs, magarro::MagarroArgs, peers::PeersArgs, rays::RaysArgs,
 };
 use crate::error::CliError;
 

@@ -99,8 +99,6 @@ pub(super) struct EyePath {
     pub(super) place: [f32; 2],
     /// Its greatest channel.
     pub(super) brightness: f32,
-    /// What it took, in vertices.
-    pub(super) work: f32,
     /// Where it first could have gone elsewhere, if anywhere: place, normal, and the greatest channel of what it carried.
     pub(super) first: Option<(Vec3, Vec3, f32)>,
 }

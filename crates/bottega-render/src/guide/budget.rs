@@ -1,52 +1,100 @@
-//! The budget of learning: how many paths are worth learning from.
+//! The budget of learning: how many paths a picture is worth learning from.
+//!
+//! Learning begins with few paths, which cost less than a hundredth of the picture and tell how noisy it is: the variance of one path
+//! relative to what its part of the picture shows. That decides how far learning may go. Where light is rare, a guide of few paths is
+//! of no use and one of many saves most of the work; where paths agree, more of them teach little that the picture would gain from.
 
-/// What a pass showed.
+/// Samples of the picture for each path of the first pass; each further pass has twice as many as the one before.
+const SAMPLES_PER_PATH: u64 = 512;
+/// Paths of a pass, at least and at most.
+const PATHS_MIN: u64 = 512;
+const PATHS_MAX: u64 = 1 << 18;
+/// Passes whose paths go as if nothing had been learnt, and tell the noise.
+const PLAIN_PASSES: u32 = 2;
+/// Noise from which on a picture is noisy, and from which on its light is rare; how many passes it then is worth, and fewer below.
+const NOISY: f64 = 1.0;
+const RARE: f64 = 5.0;
+const PASSES: [u32; 3] = [3, 5, 7];
+/// Samples below which a picture that is not noisy goes by what its first passes have taught, and below which a first trial is enough.
+const SAMPLES_SMALL: u64 = 1 << 21;
+
+/// How far learning goes for a picture.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PassFindings {
-    /// Variance of one path relative to what its part of the picture shows, without a guide.
-    pub(super) noise: f64,
-    /// Error times work with the guide of the passes before over that without. `None`: there was none.
-    pub(super) ratio: Option<f64>,
-    pub(super) work: f64,
-}
-
-impl PassFindings {
-    pub(super) fn new(mut errors: [Vec<f64>; 2], work: [f64; 2], samples: usize, has_guide: bool) -> Self {
-        let [plain, guided] = errors.each_mut().map(|errors| {
-            errors.sort_unstable_by(f64::total_cmp);
-            let kept = errors.len() - (errors.len() as f64 * 0.005) as usize;
-            errors[..kept].iter().sum::<f64>() / kept.max(1) as f64
-        });
-        let noise = 0.5 * samples as f64 * plain;
-        let ratio = has_guide.then(|| guided * work[1] / (plain * work[0]));
-        Self { noise, ratio, work: work[1] / work[0] }
-    }
-}
-
-/// How far learning goes.
-#[derive(Debug)]
-pub(super) struct Budget {
+pub(crate) struct LearningBudget {
     samples: u64,
-    findings: Vec<PassFindings>,
 }
 
-impl Budget {
-    pub(super) fn new(samples: u64) -> Self {
-        Self { samples, findings: Vec::new() }
+impl LearningBudget {
+    /// - `samples`: of the picture, all pixels together.
+    pub(crate) fn new(samples: u64) -> Self {
+        Self { samples }
     }
 
-    pub(super) fn next_pass(&self) -> Option<u32> {
-        let forced: usize = std::env::var("GUIDE_PASSES").ok().and_then(|it| it.parse().ok()).unwrap_or(5);
-        let pass = self.findings.len();
-        (pass < forced).then(|| ((self.samples / 512) << pass).clamp(512, 1 << 18) as u32)
+    /// Passes with which learning begins.
+    pub(crate) fn first_passes(self) -> u32 {
+        PLAIN_PASSES
     }
 
-    pub(super) fn take(&mut self, findings: PassFindings) {
-        eprintln!("pass {}: {findings:?}", self.findings.len());
-        self.findings.push(findings);
+    /// All passes of a picture with such noise.
+    pub(crate) fn passes(self, noise: f64) -> u32 {
+        match noise {
+            // (What is no number is as good as none.)
+            noise if noise >= RARE => PASSES[2],
+            noise if noise >= NOISY => PASSES[1],
+            _ if self.is_small() => PLAIN_PASSES,
+            _ => PASSES[0],
+        }
     }
 
-    pub(super) fn is_lost(&self) -> bool {
-        false
+    /// Whether the picture is so small that a second trial would take more than it saves.
+    pub(crate) fn is_small(self) -> bool {
+        self.samples < SAMPLES_SMALL
+    }
+
+    /// Whether learning goes on however little the first passes have taught: where light is rare they cannot know.
+    pub(crate) fn goes_on(self, noise: f64) -> bool {
+        noise >= RARE
+    }
+
+    /// Paths of a pass.
+    pub(crate) fn paths(self, pass: u32) -> u32 {
+        ((self.samples / SAMPLES_PER_PATH) << pass).clamp(PATHS_MIN, PATHS_MAX) as u32
+    }
+}
+
+/// Variance of one path from pictures of the same pixels, painted twice with `samples` each.
+///
+/// - `squares`: squared difference of each pair, relative to what is shown there.
+pub(super) fn noise(mut squares: Vec<f64>, samples: u32) -> f64 {
+    /// Share of the pixels, the worst ones, that do not count.
+    const TRIM: f64 = 0.005;
+    squares.sort_unstable_by(f64::total_cmp);
+    let kept = squares.len() - (squares.len() as f64 * TRIM).ceil() as usize;
+    0.5 * f64::from(samples) * squares[..kept].iter().sum::<f64>() / kept.max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_learnt_from_follows_noise_and_samples() {
+        let (small, large) = (LearningBudget::new(1 << 19), LearningBudget::new(1 << 24));
+        let passes = |budget: LearningBudget| [0.3, 2.0, 20.0, f64::NAN].map(|noise| budget.passes(noise));
+        assert_eq!((passes(small), passes(large)), ([2, 5, 7, 2], [3, 5, 7, 3]));
+        assert!(small.goes_on(20.0) && !small.goes_on(2.0) && !small.goes_on(f64::NAN));
+        let all = |noise: f64| (0..small.passes(noise)).map(|pass| small.paths(pass)).sum::<u32>();
+        let share = |noise: f64| f64::from(all(noise)) / f64::from(1 << 19);
+        assert!(share(0.3) < 0.01 && share(2.0) < 0.07 && share(20.0) < 0.26, "{} {}", share(0.3), share(20.0));
+        assert_eq!(LearningBudget::new(u64::MAX >> 10).paths(6), 1 << 18);
+    }
+
+    #[test]
+    fn noise_is_the_variance_of_one_path() {
+        // Means of 2 that differ by 1: their variance is a half, that of one path 1.
+        assert!((noise(vec![1.0; 1000], 2) - 1.0).abs() < 1e-9);
+        let with_outlier = [vec![1.0; 999], vec![1e9]].concat();
+        assert!((noise(with_outlier, 2) - 1.0).abs() < 1e-9);
+        assert!(noise(Vec::new(), 2) == 0.0);
     }
 }

@@ -72,7 +72,8 @@ fn read(bytes: &[u8]) -> Option<Guide> {
     if all != bytes.len() {
         return None;
     }
-    let ways = (0..zone_count).map(|_| PaintingWay::ALL.get(number()? as usize).copied()).collect::<Option<Vec<_>>>()?;
+    let ways =
+        (0..zone_count).map(|_| PaintingWay::ALL.get(number()? as usize).copied()).collect::<Option<Vec<_>>>()?;
     let plan = PaintPlan::new(zones[0], zones[1], ways)?;
     let nodes =
         (0..nodes).map(|_| Some(GuideNode::from_numbers([number()?, number()?]))).collect::<Option<Vec<_>>>()?;

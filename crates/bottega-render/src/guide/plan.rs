@@ -33,11 +33,6 @@ pub(crate) struct PaintPlan {
 }
 
 impl PaintPlan {
-    /// One way for the whole picture.
-    pub(crate) fn everywhere(way: PaintingWay) -> Self {
-        Self { columns: 1, rows: 1, ways: vec![way] }
-    }
-
     /// `None`: they are not as many as columns times rows.
     pub(crate) fn new(columns: u32, rows: u32, ways: Vec<PaintingWay>) -> Option<Self> {
         let count = u64::from(columns) * u64::from(rows);
@@ -77,9 +72,12 @@ mod tests {
     fn every_place_has_the_way_of_its_zone() {
         use PaintingWay::{ByWorth, Guided, Plain};
         let plan = PaintPlan::new(2, 2, vec![Plain, Guided, ByWorth, Plain]).unwrap();
-        assert_eq!([[0.1, 0.1], [0.9, 0.1], [0.1, 0.9], [0.5, 0.5]].map(|at| plan.at(at)), [Plain, Guided, ByWorth, Plain]);
+        assert_eq!(
+            [[0.1, 0.1], [0.9, 0.1], [0.1, 0.9], [0.5, 0.5]].map(|at| plan.at(at)),
+            [Plain, Guided, ByWorth, Plain]
+        );
         assert_eq!(plan.at([1.0, 0.0]), Guided, "what is beyond the edge counts as next to it");
-        assert_eq!((plan.only_way(), PaintPlan::everywhere(Guided).only_way()), (None, Some(Guided)));
+        assert_eq!((plan.only_way(), PaintPlan::new(2, 1, vec![Guided; 2]).unwrap().only_way()), (None, Some(Guided)));
         assert_eq!(PaintPlan::default().at([0.5, 0.5]), Plain);
         assert!(PaintPlan::new(2, 2, vec![Plain]).is_none());
         assert!(PaintingWay::ALL.iter().enumerate().all(|(number, way)| way.number() == number));

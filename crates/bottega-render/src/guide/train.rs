@@ -1,11 +1,11 @@
-//! Tracing the paths that are learnt from.
+//! Tracing the paths that are learnt from, pass by pass.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::agent::{EyePath, PictureWorth};
-use super::budget::{Budget, PassFindings};
+use super::budget::noise;
 use super::directions::place_of;
 use super::expected::PictureParts;
 use super::learn::{DirectionSample, Vertex, learn};
@@ -106,25 +106,11 @@ fn finite(value: f32) -> f32 {
     if value.is_finite() { value } else { 0.0 }
 }
 
-/// How a guide is learnt.
-pub(crate) struct Training<'a> {
-    /// Samples of the picture, all pixels together. Few are not worth much learning.
-    pub(crate) samples: u64,
-    /// Of the picture, in pixels.
-    pub(crate) size: [u32; 2],
-    /// Of the scene, if agents are wanted beside directions.
-    pub(crate) lights: Option<&'a Lights>,
-    /// To trace with. The guide does not depend on it.
-    pub(crate) threads: usize,
-}
-
-/// A path to learn from: one of the [block](Self::BLOCK) that a pixel gets, half of which go as if nothing had been learnt so far.
+/// A path to learn from: one of a block that a pixel gets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LearningPath {
     /// Which block.
     pub(crate) block: u32,
-    /// Whether it is to go by the guide so far.
-    pub(crate) is_guided: bool,
     /// Which picture of the pixel it is a sample of: 0 or 1.
     pub(crate) picture: u32,
     /// Which sample of that.
@@ -132,95 +118,93 @@ pub(crate) struct LearningPath {
 }
 
 impl LearningPath {
-    /// Paths of a block: of two pictures without and two with the guide.
-    const BLOCK: u32 = 4 * Self::SAMPLES;
     /// Samples of each picture.
     const SAMPLES: u32 = 2;
+    /// Paths of a block: of two pictures, so that their difference tells how noisy the pixel is.
+    const BLOCK: u32 = 2 * Self::SAMPLES;
 
     fn new(index: u32) -> Self {
         let (block, rest) = (index / Self::BLOCK, index % Self::BLOCK);
-        let (half, rest) = (rest / (2 * Self::SAMPLES), rest % (2 * Self::SAMPLES));
-        Self { block, is_guided: half == 1, picture: rest / Self::SAMPLES, sample: rest % Self::SAMPLES }
+        Self { block, picture: rest / Self::SAMPLES, sample: rest % Self::SAMPLES }
     }
 }
 
-/// What a path found, and what that took.
+/// What a path found, and where in the picture, in [0, 1)².
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FoundLight {
     pub(crate) radiance: Spectrum,
-    /// Where in the picture, in [0, 1)².
     pub(crate) place: [f32; 2],
-    /// In vertices.
-    pub(crate) work: f32,
 }
 
-/// Learns by tracing, as far as it pays. `None`: it does not.
-///
-/// - `trace`: takes the guide so far, a path, and the trail to leave.
-pub(crate) fn train(
-    training: &Training<'_>,
-    trace: impl Fn(Option<&Guide>, LearningPath, &mut Trail) -> FoundLight + Sync,
-) -> Option<Guide> {
-    let all_passes = || {
-        let mut budget = Budget::new(training.samples);
-        let (mut vertices, mut seen, mut guide, mut first) = (Vec::new(), Vec::new(), None, 0);
-        while let Some(count) = budget.next_pass() {
-            let end = first + count.next_multiple_of(LearningPath::BLOCK);
-            let before = seen.len();
-            for (of_chunk, seen_by) in traced(first..end, guide.as_ref(), &trace) {
-                vertices.extend(of_chunk);
-                seen.extend(seen_by);
-            }
-            first = end;
-            let parts = PictureParts::new(training.size, &seen);
-            budget.take(findings(&parts, &seen[before..], guide.is_some()));
-            if budget.is_lost() {
-                return None;
-            }
-            let is_last = budget.next_pass().is_none();
-            guide = Some(learn(&vertices, training.lights.filter(|_| is_last)));
-        }
-        let guide = guide?;
-        let expected = PictureWorth::new(PictureParts::new(training.size, &seen), &seen, &guide);
-        Some(guide.expecting(expected))
-    };
-    match rayon::ThreadPoolBuilder::new().num_threads(training.threads).build() {
-        Ok(pool) => pool.install(all_passes),
-        Err(_) => all_passes(),
-    }
+/// A guide while it is learnt, pass by pass, by tracing.
+pub(crate) struct Training<'a> {
+    /// Of the picture, in pixels.
+    size: [u32; 2],
+    /// Of the scene, if agents are wanted beside directions.
+    lights: Option<&'a Lights>,
+    vertices: Vec<Vertex>,
+    seen: Vec<EyePath>,
 }
 
-/// What the paths of a pass say of the guide that half of them went by.
-fn findings(parts: &PictureParts, paths: &[EyePath], has_guide: bool) -> PassFindings {
-    let samples = LearningPath::SAMPLES as usize;
-    let mut errors: [Vec<f64>; 2] = Default::default();
-    let mut work = [0.0_f64; 2];
-    for block in paths.chunks_exact(LearningPath::BLOCK as usize) {
-        for (half, paths) in block.chunks_exact(2 * samples).enumerate() {
-            let mean = |paths: &[EyePath]| paths.iter().map(|path| f64::from(path.brightness)).sum::<f64>() / samples as f64;
-            let (one, other) = paths.split_at(samples);
-            let weight = f64::from(parts.weight(paths[0].place));
-            errors[half].push(((mean(one) - mean(other)) * weight).powi(2));
-            work[half] += paths.iter().map(|path| f64::from(path.work)).sum::<f64>();
+impl<'a> Training<'a> {
+    /// One that has learnt nothing so far.
+    ///
+    /// - `size`: of the picture, in pixels.
+    /// - `lights`: of the scene, if agents are wanted beside directions.
+    pub(crate) fn new(size: [u32; 2], lights: Option<&'a Lights>) -> Self {
+        Self { size, lights, vertices: Vec::new(), seen: Vec::new() }
+    }
+
+    /// Traces a pass of about `count` paths.
+    ///
+    /// - `trace`: takes a path, and the trail to leave.
+    pub(crate) fn pass(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
+        let first = self.seen.len() as u32;
+        for (of_chunk, seen_by) in traced(first..first + count.next_multiple_of(LearningPath::BLOCK), &trace) {
+            self.vertices.extend(of_chunk);
+            self.seen.extend(seen_by);
         }
     }
-    PassFindings::new(errors, work, samples, has_guide)
+
+    /// Variance of one path, relative to what its part of the picture shows.
+    pub(crate) fn noise(&self) -> f64 {
+        let samples = LearningPath::SAMPLES as usize;
+        let parts = PictureParts::new(self.size, &self.seen);
+        let square = |block: &[EyePath]| {
+            let mean =
+                |paths: &[EyePath]| paths.iter().map(|path| f64::from(path.brightness)).sum::<f64>() / samples as f64;
+            let (one, other) = block.split_at(samples);
+            ((mean(one) - mean(other)) * f64::from(parts.weight(block[0].place))).powi(2)
+        };
+        noise(self.seen.chunks_exact(LearningPath::BLOCK as usize).map(square).collect(), LearningPath::SAMPLES)
+    }
+
+    /// A guide by which to trace the next pass: directions alone.
+    pub(crate) fn directions(&self) -> Guide {
+        learn(&self.vertices, None)
+    }
+
+    /// All that was learnt.
+    pub(crate) fn guide(&self) -> Guide {
+        let guide = learn(&self.vertices, self.lights);
+        let expected = PictureWorth::new(PictureParts::new(self.size, &self.seen), &self.seen, &guide);
+        guide.expecting(expected)
+    }
 }
 
 /// The vertices of a range of paths, in their order, and what each path saw.
 fn traced(
     paths: std::ops::Range<u32>,
-    guide: Option<&Guide>,
-    trace: &(impl Fn(Option<&Guide>, LearningPath, &mut Trail) -> FoundLight + Sync),
+    trace: &(impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync),
 ) -> Vec<(Vec<Vertex>, Vec<EyePath>)> {
     let chunks = paths.len().div_ceil(PATHS_PER_CHUNK as usize) as u32;
     let of_chunk = |chunk: u32| {
         let first = paths.start + chunk * PATHS_PER_CHUNK;
         let (mut vertices, mut seen, mut trail) = (Vec::new(), Vec::new(), Trail::default());
         for path in first..paths.end.min(first + PATHS_PER_CHUNK) {
-            let FoundLight { radiance, place, work } = trace(guide, LearningPath::new(path), &mut trail);
+            let FoundLight { radiance, place } = trace(LearningPath::new(path), &mut trail);
             let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
-            seen.push(EyePath { place, brightness: finite(radiance.max_element()), work, first });
+            seen.push(EyePath { place, brightness: finite(radiance.max_element()), first });
             trail.finish(radiance, &mut vertices);
         }
         (vertices, seen)

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     PathSettings, PreparedScene, Prepass, RenderError, Sharing, View,
     camera::CameraRay,
-    guide::{FoundLight, Guide, LearningPath, PaintPlan, Trail, Training, train},
+    guide::{FoundLight, Guide, LearningBudget, LearningPath, PaintPlan, PaintingWay, Trail, Training},
     sampler::{DimensionSet, PixelSampler},
 };
 
@@ -29,7 +29,7 @@ impl<'a> PathIntegrator<'a> {
     ) -> Result<Self, RenderError> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
         if integrator.is_to_learn(view) {
-            let learn = || integrator.learn(view, |trial| Ok::<_, Infallible>(trial.alone()));
+            let learn = || integrator.learn(view, |trial, _| Ok::<_, Infallible>(trial.alone()));
             let guide = prepass.guide(view, settings, || learn().unwrap_or_else(|never| match never {}));
             integrator.take_plan(guide);
         }
@@ -41,14 +41,13 @@ impl<'a> PathIntegrator<'a> {
         (guiding || agents.any()) && self.prepared.can_learn(view, planned_samples)
     }
 
-    /// Traces paths all over the picture for a guide.
+    /// Learns as far as it pays, and where it does.
     ///
-    /// - `paint`: paints what is tried with it.
-    fn learn<E>(&self, view: View, paint: impl FnOnce(&Trial<'_>) -> Result<Vec<AllTrials>, E>) -> Result<Guide, E> {
-        let PathSettings { agents, guiding, .. } = *self.settings;
-        let PathSettings { filter, planned_samples, .. } = *self.settings;
-        let settings =
-            PathSettings { max_depth: LEARNING_DEPTH, agents, guiding, filter, planned_samples, ..PathSettings::default() };
+    /// - `paint`: paints what is tried with it; the second number is that of the trial.
+    fn learn<E>(&self, view: View, paint: impl Fn(&Trial<'_>, u32) -> Result<Vec<AllTrials>, E>) -> Result<Guide, E> {
+        let PathSettings { agents, guiding, filter, planned_samples, .. } = *self.settings;
+        let max_depth = LEARNING_DEPTH;
+        let settings = PathSettings { max_depth, agents, guiding, filter, planned_samples, ..PathSettings::default() };
         let integrator = PathIntegrator {
             settings: &settings,
             camera: self.camera.clone(),
@@ -57,30 +56,65 @@ impl<'a> PathIntegrator<'a> {
             plan: None,
             ..*self
         };
-        let size = self.size;
-        let training = Training {
-            samples: u64::from(view.width) * u64::from(view.height) * u64::from(self.settings.planned_samples),
-            size: [view.width, view.height],
-            lights: agents.any().then(|| self.prepared.lights()),
-            threads: self.prepared.threads(),
-        };
-        let guide = train(&training, |guide, learning: LearningPath, trail| {
-            let place = PixelSampler::new(LEARNING_SEED, 0, 0, learning.block).get_2d(DimensionSet::CAMERA) * size;
-            let (x, y) = (place.x as u32, place.y as u32);
-            let way = u64::from(learning.is_guided) << 33 | u64::from(learning.picture) << 32;
-            let seed = LEARNING_SEED ^ way ^ u64::from(learning.block) << 34;
-            let sampler = PixelSampler::new(seed, x, y, learning.sample);
-            let (ray, _) = integrator.camera_ray(&sampler, x, y);
-            let guide = guide.filter(|_| learning.is_guided);
-            let record = compiled::run(FollowedPath { integrator: &integrator, sampler, ray: &ray, guide, trail });
-            FoundLight { radiance: record.values.radiance.into(), place: integrator.place(x, y), work: record.work(guide.is_some()) as f32 }
+        let samples = u64::from(view.width) * u64::from(view.height) * u64::from(planned_samples);
+        let budget = LearningBudget::new(samples);
+        let lights = agents.any().then(|| self.prepared.lights());
+        let mut training = Training::new([view.width, view.height], lights);
+        let (noise, mut guide) = self.prepared.on_threads(|| {
+            for pass in 0..budget.first_passes() {
+                training.pass(budget.paths(pass), |path, trail| integrator.learning_path(None, path, trail));
+            }
+            (training.noise(), Arc::new(training.guide()))
         });
-        let Some(guide) = guide.map(Arc::new) else { return Ok(Guide::default()) };
-        let plan = match Trial::new(&integrator, training.samples, &guide) {
-            Some(trial) => trial.plan(&paint(&trial)?),
-            None => PaintPlan::default(),
-        };
-        Ok(Arc::unwrap_or_clone(guide).planned(plan))
+        let passes = budget.passes(noise);
+        let mut plan = None;
+        if !budget.goes_on(noise) {
+            let trial = Trial::first(&integrator, samples, &guide);
+            let findings = trial.findings(&paint(&trial, 0)?);
+            if passes == budget.first_passes() {
+                return Ok(settled(guide, findings.plan()));
+            }
+            if !findings.are_promising() {
+                return Ok(Guide::default());
+            }
+            // What pays with little learnt pays with more.
+            let first = Some(findings.plan()).filter(|plan| plan.only_way() != Some(PaintingWay::Plain));
+            plan = first.filter(|_| budget.is_small());
+        }
+        guide = self.prepared.on_threads(|| {
+            for pass in budget.first_passes()..passes {
+                let directions = training.directions();
+                let trace = |path, trail: &mut Trail| integrator.learning_path(Some(&directions), path, trail);
+                training.pass(budget.paths(pass), trace);
+            }
+            Arc::new(training.guide())
+        });
+        if let Some(plan) = plan {
+            return Ok(settled(guide, plan));
+        }
+        let trial = Trial::last(&integrator, samples, &guide);
+        let plan = trial.findings(&paint(&trial, 1)?).plan();
+        Ok(settled(guide, plan))
+    }
+
+    /// Follows one path to learn from.
+    fn learning_path(&self, guide: Option<&Guide>, path: LearningPath, trail: &mut Trail) -> FoundLight {
+        let place = PixelSampler::new(LEARNING_SEED, 0, 0, path.block).get_2d(DimensionSet::CAMERA) * self.size;
+        let (x, y) = (place.x as u32, place.y as u32);
+        // Blocks may meet in a pixel.
+        let seed = LEARNING_SEED ^ (u64::from(path.block) << 1 | u64::from(path.picture)) << 32;
+        let sampler = PixelSampler::new(seed, x, y, path.sample);
+        let (ray, _) = self.camera_ray(&sampler, x, y);
+        let record = compiled::run(FollowedPath { integrator: self, sampler, ray: &ray, guide, trail });
+        FoundLight { radiance: record.values.radiance.into(), place: self.place(x, y) }
+    }
+}
+
+/// What is kept of a guide: nothing, if no zone goes by it.
+fn settled(guide: Arc<Guide>, plan: PaintPlan) -> Guide {
+    match plan.only_way() {
+        Some(PaintingWay::Plain) => Guide::default(),
+        _ => Arc::unwrap_or_clone(guide).planned(plan),
     }
 }
 
@@ -98,7 +132,7 @@ pub fn learn_together(
 ) -> Result<(), RenderError> {
     let integrator = PathIntegrator::unguided(prepared, view, settings)?;
     if integrator.is_to_learn(view) && !prepass.has_guide(view, settings) {
-        let guide = integrator.learn(view, |trial| trial.together(others))?;
+        let guide = integrator.learn(view, |trial, stage| trial.together(others, stage))?;
         prepass.guide(view, settings, || guide);
     }
     Ok(())

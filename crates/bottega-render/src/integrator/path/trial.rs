@@ -24,13 +24,13 @@ use crate::{
 /// Seed of the paths that the guide learns from and is tried by, which no picture shares: what is learnt must not know the picture's
 /// samples.
 pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
-/// Samples of the whole picture for each that is tried, and pixels that are tried, at most.
-const SAMPLES_PER_TRIED: u64 = 40;
-const PIXELS_MAX: u64 = 4096;
-/// Fewer of them tell nothing.
+/// Samples of the whole picture for each that is tried first, when nobody knows yet whether it pays to learn, and at last.
+const SAMPLES_PER_TRIED: [u64; 2] = [144, 40];
+/// Pixels that are tried, at least and at most: fewer tell nothing.
 const PIXELS_MIN: u64 = 64;
-/// Samples of each pixel, if the picture has as many: enough that their being spread evenly counts.
-const SAMPLES_MAX: u32 = 16;
+const PIXELS_MAX: u64 = 4096;
+/// Samples of each pixel, if the picture has as many: enough that their being spread evenly counts. The first trial has more pixels instead.
+const SAMPLES_MAX: [u32; 2] = [8, 16];
 /// Pixels that one processor tries in a row.
 const PIXELS_PER_CHUNK: usize = 16;
 /// Pixels from which on machines share the trial, and in how many parts: each takes more than to tell of it.
@@ -40,13 +40,15 @@ const PARTS: usize = 16;
 const TRIM: f64 = 0.005;
 /// By what factor error times work must fall.
 const GAIN_MIN: f64 = 1.05;
+/// Error times work, mean of both measures by their logarithms, below which more learning is worth a try.
+const PROMISE: f64 = 0.95;
 /// Pixels tried for each zone that the picture is cut into, and zones along a side at most. What all pixels say counts in each zone
 /// as much as so many of its own.
 const PIXELS_PER_ZONE: f64 = 64.0;
 const ZONES_MAX: f64 = 8.0;
 const COMMON_PIXELS: f64 = 32.0;
 
-/// Ways that are tried, each twice.
+/// All ways, each of which may be tried, and then twice.
 const WAYS: usize = PaintingWay::ALL.len();
 
 /// What one pixel showed, and what that took.
@@ -56,7 +58,7 @@ pub(super) struct PixelTrial {
     work: f64,
 }
 
-/// A pixel painted in all ways, twice each: the first way first.
+/// A pixel painted in all ways that are tried, twice each; every way has its place.
 pub(super) type AllTrials = [PixelTrial; 2 * WAYS];
 
 impl ByteForm for AllTrials {
@@ -81,20 +83,45 @@ pub(super) struct Trial<'a> {
     /// As it paints without a guide.
     integrator: &'a PathIntegrator<'a>,
     guide: &'a Arc<Guide>,
+    ways: Vec<PaintingWay>,
     pixels: Vec<(u32, u32)>,
     /// Of each pixel, in each way and each time.
     samples: u32,
 }
 
 impl<'a> Trial<'a> {
-    /// `None`: there are too few pixels to try. `samples`: of the whole picture.
-    pub(super) fn new(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Option<Self> {
-        let of_pixel = integrator.settings.planned_samples.clamp(1, SAMPLES_MAX);
-        let count = samples / SAMPLES_PER_TRIED / (2 * WAYS as u64 * u64::from(of_pixel));
-        if count < PIXELS_MIN {
-            return None;
-        }
-        let count = count.min(PIXELS_MAX) as u32;
+    /// What shows whether it pays to learn more: a small one, of the way that goes furthest.
+    ///
+    /// - `samples`: of the whole picture.
+    pub(super) fn first(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Self {
+        let furthest = Self::ways(integrator).last().copied().unwrap_or_default();
+        Self::new(integrator, samples, 0, guide, vec![PaintingWay::Plain, furthest])
+    }
+
+    /// What decides.
+    ///
+    /// - `samples`: of the whole picture.
+    pub(super) fn last(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Self {
+        Self::new(integrator, samples, 1, guide, Self::ways(integrator))
+    }
+
+    /// Ways that differ by what agents are asked for.
+    fn ways(integrator: &PathIntegrator<'_>) -> Vec<PaintingWay> {
+        let agents = integrator.settings.agents;
+        let by_worth = agents.roulette || agents.shadows;
+        PaintingWay::ALL.into_iter().filter(|&way| way != PaintingWay::ByWorth || by_worth).collect()
+    }
+
+    fn new(
+        integrator: &'a PathIntegrator<'a>,
+        of_picture: u64,
+        which: usize,
+        guide: &'a Arc<Guide>,
+        ways: Vec<PaintingWay>,
+    ) -> Self {
+        let tried = of_picture / SAMPLES_PER_TRIED[which];
+        let samples = integrator.settings.planned_samples.clamp(1, SAMPLES_MAX[which]);
+        let count = (tried / (2 * ways.len() as u64 * u64::from(samples))).clamp(PIXELS_MIN, PIXELS_MAX) as u32;
         let pixels = (0..count)
             .map(|index| {
                 let place =
@@ -102,7 +129,7 @@ impl<'a> Trial<'a> {
                 (place.x as u32, place.y as u32)
             })
             .collect();
-        Some(Self { integrator, guide, pixels, samples: of_pixel })
+        Self { integrator, guide, ways, pixels, samples }
     }
 
     /// Paints all pixels.
@@ -112,34 +139,37 @@ impl<'a> Trial<'a> {
 
     /// Paints all pixels with others.
     ///
+    /// - `stage`: the number of the trial.
+    ///
     /// # Errors
     /// As [`Sharing::share`].
-    pub(super) fn together(&self, others: &dyn Sharing) -> Result<Vec<AllTrials>, RenderError> {
+    pub(super) fn together(&self, others: &dyn Sharing, stage: u32) -> Result<Vec<AllTrials>, RenderError> {
         if self.pixels.len() < SHARED_MIN {
             return Ok(self.alone());
         }
         let here = |part: Range<usize>| Ok(self.integrator.prepared.on_threads(|| self.tried(&self.pixels[part])));
-        in_parts(others, 0, self.pixels.len(), PARTS, here)
+        in_parts(others, stage, self.pixels.len(), PARTS, here)
     }
 
-    /// Which way pays in each zone.
-    pub(super) fn plan(&self, painted: &[AllTrials]) -> PaintPlan {
+    /// What came of it.
+    pub(super) fn findings(&self, painted: &[AllTrials]) -> Findings {
         let Self { integrator, guide, pixels, .. } = self;
-        let tallies: Vec<Tally> = pixels
-            .iter()
-            .zip(painted)
-            .map(|(&(x, y), tried)| Tally::new(tried, guide.expected().at(integrator.place(x, y))))
-            .collect();
-        let all: Vec<&Tally> = tallies.iter().collect();
-        let Some(common) = Scores::new(&all, None) else { return PaintPlan::default() };
-        eprintln!("trial {} pixels {:.3?} work {:.3?}", pixels.len(), common.0, [1,2].map(|w| tallies.iter().map(|t| t.work[w]).sum::<f64>()/tallies.iter().map(|t| t.work[0]).sum::<f64>()));
-        let side = (pixels.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
-        let mut by_zone = vec![Vec::new(); (side * side) as usize];
-        for (&(x, y), tally) in pixels.iter().zip(&tallies) {
-            by_zone[PaintPlan::zone([side, side], integrator.place(x, y))].push(tally);
+        let tally = |(&(x, y), tried): (&(u32, u32), &AllTrials)| {
+            let place = integrator.place(x, y);
+            (place, Tally::new(tried, guide.expected().at(place)))
+        };
+        let mut tallies: Vec<_> = pixels.iter().zip(painted).map(tally).collect();
+        let mut weights = [0.0; WAYS];
+        for way in self.ways.iter().map(|way| way.number()) {
+            let error = trimmed(tallies.iter().map(|(_, tally)| tally.errors[way][0]).collect());
+            weights[way] = 1.0 / (error as f32).max(f32::MIN_POSITIVE);
         }
-        let way = |zone: &Vec<&Tally>| Scores::new(zone, Some(&common)).unwrap_or(common).best();
-        PaintPlan::new(side, side, by_zone.iter().map(way).collect()).unwrap_or_default()
+        // (Any unit: they must not be too large for numbers.)
+        let most = weights.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+        let weights = weights.map(|weight| weight / most);
+        tallies.iter_mut().zip(painted).for_each(|((_, tally), tried)| tally.look(tried, &weights));
+        let common = Scores::new(&tallies.iter().map(|(_, tally)| tally).collect::<Vec<_>>(), &self.ways, None);
+        Findings { ways: self.ways.clone(), tallies, common }
     }
 
     /// Paints some pixels.
@@ -151,9 +181,9 @@ impl<'a> Trial<'a> {
                 pixels.iter().flat_map(|&(x, y)| (0..count).map(move |sample| (x, y, sample))).collect();
             let mut painted = vec![AllTrials::default(); pixels.len()];
             let mut records = Vec::new();
-            for (number, place) in (0..2 * WAYS).map(|number| (number, &settings[number % 2])) {
-                let way = PaintingWay::ALL[number / 2];
-                let integrator = PathIntegrator { settings: place, ..plain.in_way(way, guide) };
+            for (way, again) in self.ways.iter().flat_map(|&way| [(way, 0), (way, 1)]) {
+                let integrator = PathIntegrator { settings: &settings[again], ..plain.in_way(way, guide) };
+                let number = 2 * way.number() + again;
                 compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
                 let is_guided = way != PaintingWay::Plain;
                 let of_pixels = records.chunks_exact(count as usize).map(|samples| pixel(samples, is_guided));
@@ -184,18 +214,67 @@ impl Tally {
     /// - `worth`: what light is worth to the pixel.
     fn new(tried: &AllTrials, worth: f32) -> Self {
         let pair = |way: usize| [tried[2 * way], tried[2 * way + 1]];
-        let error = |way: usize| {
+        let relative = |way: usize| {
             let [a, b] = pair(way).map(|tried| tried.radiance);
-            // The root stands for the curve of a display: it has the same bits everywhere.
-            let seen = |light: Spectrum| {
-                let [r, g, b] = light.to_array().map(|value| value.clamp(0.0, 1.0).sqrt());
-                Spectrum::new(r, g, b)
-            };
-            let squared = |difference: Spectrum| f64::from(difference.length_squared());
-            [squared((a - b) * worth), squared(seen(a) - seen(b))]
+            [f64::from(((a - b) * worth).length_squared()), 0.0]
         };
         let all: [usize; WAYS] = std::array::from_fn(|way| way);
-        Self { errors: all.map(error), work: all.map(|way| pair(way).iter().map(|tried| tried.work).sum()) }
+        Self { errors: all.map(relative), work: all.map(|way| pair(way).iter().map(|tried| tried.work).sum()) }
+    }
+
+    /// Adds the errors of what a display shows. Where light is rare, two pictures of a pixel agree because both lack it: so each is
+    /// held to the mean of all others, in which each way counts with its weight.
+    fn look(&mut self, tried: &AllTrials, weights: &[f32; WAYS]) {
+        // The root stands for the curve of a display: it has the same bits everywhere.
+        let shown = |light: Spectrum| {
+            let [r, g, b] = light.to_array().map(|value| value.clamp(0.0, 1.0).sqrt());
+            Spectrum::new(r, g, b)
+        };
+        let sum = |but: usize| {
+            let others = tried.iter().enumerate().filter(|(number, _)| *number != but);
+            others.fold((Spectrum::ZERO, 0.0), |(light, weight), (number, tried)| {
+                (light + tried.radiance * weights[number / 2], weight + weights[number / 2])
+            })
+        };
+        for (number, tried) in tried.iter().enumerate().filter(|(number, _)| weights[number / 2] > 0.0) {
+            let (light, weight) = sum(number);
+            self.errors[number / 2][1] += f64::from((shown(tried.radiance) - shown(light / weight)).length_squared());
+        }
+    }
+}
+
+/// The mean of errors without the worst.
+fn trimmed(mut errors: Vec<f64>) -> f64 {
+    let kept = errors.len() - (errors.len() as f64 * TRIM) as usize;
+    errors.sort_unstable_by(f64::total_cmp);
+    errors[..kept].iter().sum::<f64>() / kept.max(1) as f64
+}
+
+/// What came of a trial.
+pub(super) struct Findings {
+    ways: Vec<PaintingWay>,
+    /// Of each pixel, with its place in the picture.
+    tallies: Vec<([f32; 2], Tally)>,
+    /// What all pixels say; `None`: nothing.
+    common: Option<Scores>,
+}
+
+impl Findings {
+    /// Whether more learning may pay.
+    pub(super) fn are_promising(&self) -> bool {
+        self.common.is_some_and(|common| self.ways.iter().any(|&way| common.mean(way) < PROMISE))
+    }
+
+    /// Which way pays in each zone.
+    pub(super) fn plan(&self) -> PaintPlan {
+        let Some(common) = self.common else { return PaintPlan::default() };
+        let side = (self.tallies.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
+        let mut by_zone = vec![Vec::new(); (side * side) as usize];
+        for (place, tally) in &self.tallies {
+            by_zone[PaintPlan::zone([side, side], *place)].push(tally);
+        }
+        let way = |zone: &Vec<&Tally>| Scores::new(zone, &self.ways, Some(&common)).unwrap_or(common).best(&self.ways);
+        PaintPlan::new(side, side, by_zone.iter().map(way).collect()).unwrap_or_default()
     }
 }
 
@@ -207,13 +286,11 @@ impl Scores {
     /// Of some pixels. `None`: they tell nothing.
     ///
     /// - `common`: what all pixels say.
-    fn new(tallies: &[&Tally], common: Option<&Self>) -> Option<Self> {
+    fn new(tallies: &[&Tally], ways: &[PaintingWay], common: Option<&Self>) -> Option<Self> {
         let count = tallies.len() as f64;
-        let kept = tallies.len() - (count * TRIM) as usize;
         let product = |way: usize, measure: usize| {
-            let mut errors: Vec<f64> = tallies.iter().map(|tally| tally.errors[way][measure]).collect();
-            errors.sort_unstable_by(f64::total_cmp);
-            errors[..kept].iter().sum::<f64>() * tallies.iter().map(|tally| tally.work[way]).sum::<f64>()
+            let error = trimmed(tallies.iter().map(|tally| tally.errors[way][measure]).collect());
+            error * tallies.iter().map(|tally| tally.work[way]).sum::<f64>()
         };
         let ratio = |way: usize, measure: usize| {
             let own = product(way, measure) / product(0, measure);
@@ -224,14 +301,21 @@ impl Scores {
         };
         let ratios = std::array::from_fn(|way| std::array::from_fn(|measure| ratio(way, measure)));
         // (Nothing shines there, or what shines is no number.)
-        ratios.iter().flatten().all(|ratio: &f64| ratio.is_finite()).then_some(Self(ratios))
+        let is_known = |way: &PaintingWay| ratios[way.number()].iter().all(|ratio: &f64| ratio.is_finite());
+        ways.iter().all(is_known).then_some(Self(ratios))
+    }
+
+    /// Of both measures, by their logarithms.
+    fn mean(&self, way: PaintingWay) -> f64 {
+        let [relative, seen] = self.0[way.number()];
+        (relative * seen).sqrt()
     }
 
     /// The way that pays best by the measure by which it pays least.
-    fn best(&self) -> PaintingWay {
+    fn best(&self, ways: &[PaintingWay]) -> PaintingWay {
         let worse = |way: PaintingWay| self.0[way.number()].iter().copied().fold(0.0, f64::max);
-        let best = |best: PaintingWay, way: PaintingWay| if worse(way) < worse(best) { way } else { best };
-        let best = PaintingWay::ALL.into_iter().fold(PaintingWay::Plain, best);
+        let best = |best: PaintingWay, &way: &PaintingWay| if worse(way) < worse(best) { way } else { best };
+        let best = ways.iter().fold(PaintingWay::Plain, best);
         if worse(best) * GAIN_MIN < worse(PaintingWay::Plain) { best } else { PaintingWay::Plain }
     }
 }
