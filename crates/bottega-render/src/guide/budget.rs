@@ -11,10 +11,18 @@ const PATHS_MIN: u64 = 512;
 const PATHS_MAX: u64 = 1 << 18;
 /// Passes whose paths go as if nothing had been learnt, and tell the noise.
 const PLAIN_PASSES: u32 = 2;
-/// Noise from which on a picture is noisy, and from which on its light is rare; how many passes it then is worth, and fewer below.
+/// Noise from which on a picture is noisy, and from which on its light is rare.
 const NOISY: f64 = 1.0;
 const RARE: f64 = 5.0;
-const PASSES: [u32; 3] = [3, 5, 7];
+/// All passes of a picture that is not noisy, and of one that is: some 1 and 6 paths for each 100 samples.
+const PASSES_CALM: u32 = 3;
+const PASSES_NOISY: u32 = 5;
+/// Where light is rare, there are more, up to 25 paths for each 100 samples, until they are so many together: what fewer teach is not
+/// worth having.
+const PASSES_RARE: u32 = 7;
+const PATHS_RARE: u64 = 160_000;
+/// Samples below which a noisy picture counts as one that is not: too few paths could be spared to find out whether more pay.
+const SAMPLES_NOISY: u64 = 1 << 20;
 /// Samples below which a picture that is not noisy goes by what its first passes have taught, and below which a first trial is enough.
 const SAMPLES_SMALL: u64 = 1 << 21;
 
@@ -30,30 +38,41 @@ impl LearningBudget {
         Self { samples }
     }
 
-    /// Passes with which learning begins.
-    pub(crate) fn first_passes(self) -> u32 {
+    /// Passes with which learning begins: their paths go as if nothing had been learnt, and tell the noise.
+    pub(crate) fn plain_passes(self) -> u32 {
         PLAIN_PASSES
+    }
+
+    /// Passes after which it is tried whether more of them may pay; `None`: where light is rare, few cannot know, and it is not.
+    pub(crate) fn passes_before_trial(self, noise: f64) -> Option<u32> {
+        match noise {
+            noise if noise >= RARE => None,
+            noise if self.is_noisy(noise) => Some(PLAIN_PASSES + 1),
+            _ => Some(PLAIN_PASSES),
+        }
     }
 
     /// All passes of a picture with such noise.
     pub(crate) fn passes(self, noise: f64) -> u32 {
         match noise {
             // (What is no number is as good as none.)
-            noise if noise >= RARE => PASSES[2],
-            noise if noise >= NOISY => PASSES[1],
+            noise if noise >= RARE => {
+                let all = |passes: u32| (0..passes).map(|pass| u64::from(self.paths(pass))).sum::<u64>();
+                (PASSES_NOISY..=PASSES_RARE).rev().find(|&passes| all(passes) <= PATHS_RARE).unwrap_or(PASSES_NOISY)
+            }
+            noise if self.is_noisy(noise) => PASSES_NOISY,
             _ if self.is_small() => PLAIN_PASSES,
-            _ => PASSES[0],
+            _ => PASSES_CALM,
         }
+    }
+
+    fn is_noisy(self, noise: f64) -> bool {
+        noise >= NOISY && self.samples >= SAMPLES_NOISY
     }
 
     /// Whether the picture is so small that a second trial would take more than it saves.
     pub(crate) fn is_small(self) -> bool {
         self.samples < SAMPLES_SMALL
-    }
-
-    /// Whether learning goes on however little the first passes have taught: where light is rare they cannot know.
-    pub(crate) fn goes_on(self, noise: f64) -> bool {
-        noise >= RARE
     }
 
     /// Paths of a pass.
@@ -81,11 +100,11 @@ mod tests {
     fn what_is_learnt_from_follows_noise_and_samples() {
         let (small, large) = (LearningBudget::new(1 << 19), LearningBudget::new(1 << 24));
         let passes = |budget: LearningBudget| [0.3, 2.0, 20.0, f64::NAN].map(|noise| budget.passes(noise));
-        assert_eq!((passes(small), passes(large)), ([2, 5, 7, 2], [3, 5, 7, 3]));
-        assert!(small.goes_on(20.0) && !small.goes_on(2.0) && !small.goes_on(f64::NAN));
+        assert_eq!((passes(small), passes(large)), ([2, 2, 7, 2], [3, 5, 5, 3]));
+        assert_eq!([0.3, 2.0, 20.0].map(|noise| large.passes_before_trial(noise)), [Some(2), Some(3), None]);
         let all = |noise: f64| (0..small.passes(noise)).map(|pass| small.paths(pass)).sum::<u32>();
         let share = |noise: f64| f64::from(all(noise)) / f64::from(1 << 19);
-        assert!(share(0.3) < 0.01 && share(2.0) < 0.07 && share(20.0) < 0.26, "{} {}", share(0.3), share(20.0));
+        assert!(share(0.3) < 0.01 && share(2.0) < 0.01 && share(20.0) < 0.26, "{} {}", share(0.3), share(20.0));
         assert_eq!(LearningBudget::new(u64::MAX >> 10).paths(6), 1 << 18);
     }
 

@@ -106,26 +106,34 @@ fn finite(value: f32) -> f32 {
     if value.is_finite() { value } else { 0.0 }
 }
 
-/// A path to learn from: one of a block that a pixel gets.
+/// A path to learn from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LearningPath {
-    /// Which block.
-    pub(crate) block: u32,
-    /// Which picture of the pixel it is a sample of: 0 or 1.
-    pub(crate) picture: u32,
-    /// Which sample of that.
-    pub(crate) sample: u32,
+pub(crate) enum LearningPath {
+    /// One of all paths over the picture, by its number.
+    Single(u32),
+    /// One of the few of a pixel, which show how noisy it is.
+    OfPixel {
+        /// The number of the pixel.
+        number: u32,
+        /// Which picture of the pixel it is a sample of: 0 or 1.
+        picture: u32,
+        /// Which sample of that.
+        sample: u32,
+    },
 }
 
 impl LearningPath {
-    /// Samples of each picture.
+    /// Samples of each picture of a pixel.
     const SAMPLES: u32 = 2;
-    /// Paths of a block: of two pictures, so that their difference tells how noisy the pixel is.
-    const BLOCK: u32 = 2 * Self::SAMPLES;
+    /// Paths of a pixel: of two pictures, whose difference is noise.
+    const OF_PIXEL: u32 = 2 * Self::SAMPLES;
 
-    fn new(index: u32) -> Self {
-        let (block, rest) = (index / Self::BLOCK, index % Self::BLOCK);
-        Self { block, picture: rest / Self::SAMPLES, sample: rest % Self::SAMPLES }
+    fn new(index: u32, are_of_pixels: bool) -> Self {
+        if !are_of_pixels {
+            return Self::Single(index);
+        }
+        let (number, rest) = (index / Self::OF_PIXEL, index % Self::OF_PIXEL);
+        Self::OfPixel { number, picture: rest / Self::SAMPLES, sample: rest % Self::SAMPLES }
     }
 }
 
@@ -144,6 +152,8 @@ pub(crate) struct Training<'a> {
     lights: Option<&'a Lights>,
     vertices: Vec<Vertex>,
     seen: Vec<EyePath>,
+    /// Paths that were of pixels: the first ones.
+    of_pixels: usize,
 }
 
 impl<'a> Training<'a> {
@@ -152,15 +162,33 @@ impl<'a> Training<'a> {
     /// - `size`: of the picture, in pixels.
     /// - `lights`: of the scene, if agents are wanted beside directions.
     pub(crate) fn new(size: [u32; 2], lights: Option<&'a Lights>) -> Self {
-        Self { size, lights, vertices: Vec::new(), seen: Vec::new() }
+        Self { size, lights, vertices: Vec::new(), seen: Vec::new(), of_pixels: 0 }
     }
 
-    /// Traces a pass of about `count` paths.
+    /// Traces a pass of about `count` paths, some for each of some pixels: before all others.
+    ///
+    /// - `trace`: takes a path, and the trail to leave.
+    pub(crate) fn pass_of_pixels(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
+        self.trace(count.next_multiple_of(LearningPath::OF_PIXEL), true, trace);
+        self.of_pixels = self.seen.len();
+    }
+
+    /// Traces a pass of `count` paths all over the picture.
     ///
     /// - `trace`: takes a path, and the trail to leave.
     pub(crate) fn pass(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
+        self.trace(count, false, trace);
+    }
+
+    fn trace(
+        &mut self,
+        count: u32,
+        are_of_pixels: bool,
+        trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync,
+    ) {
         let first = self.seen.len() as u32;
-        for (of_chunk, seen_by) in traced(first..first + count.next_multiple_of(LearningPath::BLOCK), &trace) {
+        let trace = |index, trail: &mut Trail| trace(LearningPath::new(index, are_of_pixels), trail);
+        for (of_chunk, seen_by) in traced(first..first + count, &trace) {
             self.vertices.extend(of_chunk);
             self.seen.extend(seen_by);
         }
@@ -176,7 +204,10 @@ impl<'a> Training<'a> {
             let (one, other) = block.split_at(samples);
             ((mean(one) - mean(other)) * f64::from(parts.weight(block[0].place))).powi(2)
         };
-        noise(self.seen.chunks_exact(LearningPath::BLOCK as usize).map(square).collect(), LearningPath::SAMPLES)
+        noise(
+            self.seen[..self.of_pixels].chunks_exact(LearningPath::OF_PIXEL as usize).map(square).collect(),
+            LearningPath::SAMPLES,
+        )
     }
 
     /// A guide by which to trace the next pass: directions alone.
@@ -195,14 +226,14 @@ impl<'a> Training<'a> {
 /// The vertices of a range of paths, in their order, and what each path saw.
 fn traced(
     paths: std::ops::Range<u32>,
-    trace: &(impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync),
+    trace: &(impl Fn(u32, &mut Trail) -> FoundLight + Sync),
 ) -> Vec<(Vec<Vertex>, Vec<EyePath>)> {
     let chunks = paths.len().div_ceil(PATHS_PER_CHUNK as usize) as u32;
     let of_chunk = |chunk: u32| {
         let first = paths.start + chunk * PATHS_PER_CHUNK;
         let (mut vertices, mut seen, mut trail) = (Vec::new(), Vec::new(), Trail::default());
         for path in first..paths.end.min(first + PATHS_PER_CHUNK) {
-            let FoundLight { radiance, place } = trace(LearningPath::new(path), &mut trail);
+            let FoundLight { radiance, place } = trace(path, &mut trail);
             let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
             seen.push(EyePath { place, brightness: finite(radiance.max_element()), first });
             trail.finish(radiance, &mut vertices);

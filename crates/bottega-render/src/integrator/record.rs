@@ -66,7 +66,7 @@ impl PathRecord {
         /// A ray towards a light; a path beside its vertices; a question to a guide.
         const SHADOW_RAY: f64 = 0.5;
         const PATH: f64 = 0.5;
-        const GUIDE: f64 = 0.3;
+        const GUIDE: f64 = 0.45;
         let vertex = if is_guided { 1.0 + GUIDE } else { 1.0 };
         PATH + vertex * f64::from(self.vertex_count) + SHADOW_RAY * f64::from(self.counts.shadow_rays)
     }

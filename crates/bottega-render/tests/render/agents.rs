@@ -224,7 +224,8 @@ fn those_who_learn_together_learn_what_one_learns_alone() {
             });
         }
     });
-    assert_eq!(found.0.lock().expect("no panic").len(), 16, "one stage");
+    let parts = found.0.lock().expect("no panic").len();
+    assert!(parts > 0 && parts.is_multiple_of(16), "{parts}: whole stages");
     for machine in &machines {
         assert!(learnt(machine).is_some() && learnt(machine) == learnt(&alone));
     }

@@ -1,8 +1,9 @@
 //! Paths from which a picture learns where light comes from, before any of it is painted.
 
-use std::{convert::Infallible, sync::Arc};
+use std::{convert::Infallible, ops::Range, sync::Arc};
 
 use bottega_kernels::compiled::{self, Task};
+use glam::Vec2;
 
 use super::{
     super::record::PathRecord,
@@ -60,38 +61,50 @@ impl<'a> PathIntegrator<'a> {
         let budget = LearningBudget::new(samples);
         let lights = agents.any().then(|| self.prepared.lights());
         let mut training = Training::new([view.width, view.height], lights);
-        let (noise, mut guide) = self.prepared.on_threads(|| {
-            for pass in 0..budget.first_passes() {
-                training.pass(budget.paths(pass), |path, trail| integrator.learning_path(None, path, trail));
+        let follow = |training: &mut Training<'_>, passes: Range<u32>| {
+            for pass in passes {
+                let count = budget.paths(pass);
+                if pass < budget.plain_passes() {
+                    training.pass_of_pixels(count, |path, trail| integrator.learning_path(None, path, trail));
+                } else {
+                    let directions = training.directions();
+                    training.pass(count, |path, trail| integrator.learning_path(Some(&directions), path, trail));
+                }
             }
-            (training.noise(), Arc::new(training.guide()))
+        };
+        let noise = self.prepared.on_threads(|| {
+            follow(&mut training, 0..budget.plain_passes());
+            training.noise()
         });
-        let passes = budget.passes(noise);
-        let mut plan = None;
-        if !budget.goes_on(noise) {
+        let (mut taken, passes) = (budget.plain_passes(), budget.passes(noise));
+        if let Some(before) = budget.passes_before_trial(noise) {
+            let guide = self.prepared.on_threads(|| {
+                follow(&mut training, taken..before);
+                Arc::new(training.guide())
+            });
             let trial = Trial::first(&integrator, samples, &guide);
             let findings = trial.findings(&paint(&trial, 0)?);
-            if passes == budget.first_passes() {
-                return Ok(settled(guide, findings.plan()));
+            let plan = findings.plan();
+            if passes == before {
+                return Ok(settled(guide, plan));
             }
             if !findings.are_promising() {
                 return Ok(Guide::default());
             }
+            taken = before;
             // What pays with little learnt pays with more.
-            let first = Some(findings.plan()).filter(|plan| plan.only_way() != Some(PaintingWay::Plain));
-            plan = first.filter(|_| budget.is_small());
-        }
-        guide = self.prepared.on_threads(|| {
-            for pass in budget.first_passes()..passes {
-                let directions = training.directions();
-                let trace = |path, trail: &mut Trail| integrator.learning_path(Some(&directions), path, trail);
-                training.pass(budget.paths(pass), trace);
+            if budget.is_small() && plan.only_way() != Some(PaintingWay::Plain) {
+                let guide = self.prepared.on_threads(|| {
+                    follow(&mut training, taken..passes);
+                    Arc::new(training.guide())
+                });
+                return Ok(settled(guide, plan));
             }
+        }
+        let guide = self.prepared.on_threads(|| {
+            follow(&mut training, taken..passes);
             Arc::new(training.guide())
         });
-        if let Some(plan) = plan {
-            return Ok(settled(guide, plan));
-        }
         let trial = Trial::last(&integrator, samples, &guide);
         let plan = trial.findings(&paint(&trial, 1)?).plan();
         Ok(settled(guide, plan))
@@ -99,14 +112,27 @@ impl<'a> PathIntegrator<'a> {
 
     /// Follows one path to learn from.
     fn learning_path(&self, guide: Option<&Guide>, path: LearningPath, trail: &mut Trail) -> FoundLight {
-        let place = PixelSampler::new(LEARNING_SEED, 0, 0, path.block).get_2d(DimensionSet::CAMERA) * self.size;
-        let (x, y) = (place.x as u32, place.y as u32);
-        // Blocks may meet in a pixel.
-        let seed = LEARNING_SEED ^ (u64::from(path.block) << 1 | u64::from(path.picture)) << 32;
-        let sampler = PixelSampler::new(seed, x, y, path.sample);
-        let (ray, _) = self.camera_ray(&sampler, x, y);
+        let place = |number| {
+            // One sequence of samples for the whole picture.
+            let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, number);
+            (sampler, sampler.quad(DimensionSet::CAMERA))
+        };
+        let (sampler, ray, place) = match path {
+            LearningPath::Single(number) => {
+                let (sampler, [x, y, lens_u, lens_v]) = place(number);
+                (sampler, self.camera.ray(Vec2::new(x, y) * self.size, [lens_u, lens_v]), [x, y])
+            }
+            LearningPath::OfPixel { number, picture, sample } => {
+                let [x, y, ..] = place(number).1;
+                let (x, y) = ((x * self.size.x) as u32, (y * self.size.y) as u32);
+                // Two may be of the same pixel.
+                let seed = LEARNING_SEED ^ (u64::from(number) << 1 | u64::from(picture)) << 32;
+                let sampler = PixelSampler::new(seed, x, y, sample);
+                (sampler, self.camera_ray(&sampler, x, y).0, self.place(x, y))
+            }
+        };
         let record = compiled::run(FollowedPath { integrator: self, sampler, ray: &ray, guide, trail });
-        FoundLight { radiance: record.values.radiance.into(), place: self.place(x, y) }
+        FoundLight { radiance: record.values.radiance.into(), place }
     }
 }
 

@@ -29,24 +29,28 @@ const SAMPLES_PER_TRIED: [u64; 2] = [144, 40];
 /// Pixels that are tried, at least and at most: fewer tell nothing.
 const PIXELS_MIN: u64 = 64;
 const PIXELS_MAX: u64 = 4096;
-/// Samples of each pixel, if the picture has as many: enough that their being spread evenly counts. The first trial has more pixels instead.
-const SAMPLES_MAX: [u32; 2] = [8, 16];
+/// Samples of each pixel, if the picture has as many: enough that their being spread evenly counts.
+const SAMPLES_MAX: u32 = 16;
 /// Pixels that one processor tries in a row.
 const PIXELS_PER_CHUNK: usize = 16;
 /// Pixels from which on machines share the trial, and in how many parts: each takes more than to tell of it.
-const SHARED_MIN: usize = 1024;
+const SHARED_MIN: usize = 512;
 const PARTS: usize = 16;
 /// Share of the pixels, the worst ones, that do not count.
 const TRIM: f64 = 0.005;
-/// By what factor error times work must fall.
+/// By what factor error times work must fall, in the mean of both measures by their logarithms; up to what it may seem to rise by one
+/// of them.
 const GAIN_MIN: f64 = 1.05;
-/// Error times work, mean of both measures by their logarithms, below which more learning is worth a try.
+const LOSS_MAX: f64 = 1.25;
+/// The same mean below which more learning is worth a try.
 const PROMISE: f64 = 0.95;
 /// Pixels tried for each zone that the picture is cut into, and zones along a side at most. What all pixels say counts in each zone
 /// as much as so many of its own.
 const PIXELS_PER_ZONE: f64 = 64.0;
 const ZONES_MAX: f64 = 8.0;
 const COMMON_PIXELS: f64 = 32.0;
+/// By what factor the same must be less in a zone for it to take another way than most of the picture: few pixels tell less.
+const ZONE_GAIN_MIN: f64 = 1.25;
 
 /// All ways, each of which may be tried, and then twice.
 const WAYS: usize = PaintingWay::ALL.len();
@@ -120,7 +124,7 @@ impl<'a> Trial<'a> {
         ways: Vec<PaintingWay>,
     ) -> Self {
         let tried = of_picture / SAMPLES_PER_TRIED[which];
-        let samples = integrator.settings.planned_samples.clamp(1, SAMPLES_MAX[which]);
+        let samples = integrator.settings.planned_samples.clamp(1, SAMPLES_MAX);
         let count = (tried / (2 * ways.len() as u64 * u64::from(samples))).clamp(PIXELS_MIN, PIXELS_MAX) as u32;
         let pixels = (0..count)
             .map(|index| {
@@ -158,16 +162,7 @@ impl<'a> Trial<'a> {
             let place = integrator.place(x, y);
             (place, Tally::new(tried, guide.expected().at(place)))
         };
-        let mut tallies: Vec<_> = pixels.iter().zip(painted).map(tally).collect();
-        let mut weights = [0.0; WAYS];
-        for way in self.ways.iter().map(|way| way.number()) {
-            let error = trimmed(tallies.iter().map(|(_, tally)| tally.errors[way][0]).collect());
-            weights[way] = 1.0 / (error as f32).max(f32::MIN_POSITIVE);
-        }
-        // (Any unit: they must not be too large for numbers.)
-        let most = weights.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
-        let weights = weights.map(|weight| weight / most);
-        tallies.iter_mut().zip(painted).for_each(|((_, tally), tried)| tally.look(tried, &weights));
+        let tallies: Vec<_> = pixels.iter().zip(painted).map(tally).collect();
         let common = Scores::new(&tallies.iter().map(|(_, tally)| tally).collect::<Vec<_>>(), &self.ways, None);
         Findings { ways: self.ways.clone(), tallies, common }
     }
@@ -213,33 +208,19 @@ struct Tally {
 impl Tally {
     /// - `worth`: what light is worth to the pixel.
     fn new(tried: &AllTrials, worth: f32) -> Self {
-        let pair = |way: usize| [tried[2 * way], tried[2 * way + 1]];
-        let relative = |way: usize| {
-            let [a, b] = pair(way).map(|tried| tried.radiance);
-            [f64::from(((a - b) * worth).length_squared()), 0.0]
-        };
-        let all: [usize; WAYS] = std::array::from_fn(|way| way);
-        Self { errors: all.map(relative), work: all.map(|way| pair(way).iter().map(|tried| tried.work).sum()) }
-    }
-
-    /// Adds the errors of what a display shows. Where light is rare, two pictures of a pixel agree because both lack it: so each is
-    /// held to the mean of all others, in which each way counts with its weight.
-    fn look(&mut self, tried: &AllTrials, weights: &[f32; WAYS]) {
         // The root stands for the curve of a display: it has the same bits everywhere.
         let shown = |light: Spectrum| {
             let [r, g, b] = light.to_array().map(|value| value.clamp(0.0, 1.0).sqrt());
             Spectrum::new(r, g, b)
         };
-        let sum = |but: usize| {
-            let others = tried.iter().enumerate().filter(|(number, _)| *number != but);
-            others.fold((Spectrum::ZERO, 0.0), |(light, weight), (number, tried)| {
-                (light + tried.radiance * weights[number / 2], weight + weights[number / 2])
-            })
+        let pair = |way: usize| [tried[2 * way], tried[2 * way + 1]];
+        let error = |way: usize| {
+            let [a, b] = pair(way).map(|tried| tried.radiance);
+            let squared = |difference: Spectrum| f64::from(difference.length_squared());
+            [squared((a - b) * worth), squared(shown(a) - shown(b))]
         };
-        for (number, tried) in tried.iter().enumerate().filter(|(number, _)| weights[number / 2] > 0.0) {
-            let (light, weight) = sum(number);
-            self.errors[number / 2][1] += f64::from((shown(tried.radiance) - shown(light / weight)).length_squared());
-        }
+        let all: [usize; WAYS] = std::array::from_fn(|way| way);
+        Self { errors: all.map(error), work: all.map(|way| pair(way).iter().map(|tried| tried.work).sum()) }
     }
 }
 
@@ -273,7 +254,12 @@ impl Findings {
         for (place, tally) in &self.tallies {
             by_zone[PaintPlan::zone([side, side], *place)].push(tally);
         }
-        let way = |zone: &Vec<&Tally>| Scores::new(zone, &self.ways, Some(&common)).unwrap_or(common).best(&self.ways);
+        let usual = common.best(&self.ways);
+        let way = |zone: &Vec<&Tally>| {
+            let Some(scores) = Scores::new(zone, &self.ways, Some(&common)) else { return usual };
+            let own = scores.best(&self.ways);
+            if scores.mean(own) * ZONE_GAIN_MIN < scores.mean(usual) { own } else { usual }
+        };
         PaintPlan::new(side, side, by_zone.iter().map(way).collect()).unwrap_or_default()
     }
 }
@@ -311,11 +297,12 @@ impl Scores {
         (relative * seen).sqrt()
     }
 
-    /// The way that pays best by the measure by which it pays least.
+    /// The way that pays best by the mean of both measures. One by which it may lose is known no better than this.
     fn best(&self, ways: &[PaintingWay]) -> PaintingWay {
-        let worse = |way: PaintingWay| self.0[way.number()].iter().copied().fold(0.0, f64::max);
-        let best = |best: PaintingWay, &way: &PaintingWay| if worse(way) < worse(best) { way } else { best };
-        let best = ways.iter().fold(PaintingWay::Plain, best);
-        if worse(best) * GAIN_MIN < worse(PaintingWay::Plain) { best } else { PaintingWay::Plain }
+        let is_sound = |way: PaintingWay| self.0[way.number()].iter().all(|&ratio| ratio <= LOSS_MAX);
+        let sound = ways.iter().copied().filter(|&way| is_sound(way));
+        let best = |best: PaintingWay, way: PaintingWay| if self.mean(way) < self.mean(best) { way } else { best };
+        let best = sound.fold(PaintingWay::Plain, best);
+        if self.mean(best) * GAIN_MIN < 1.0 { best } else { PaintingWay::Plain }
     }
 }
