@@ -21,10 +21,8 @@ const PASSES_NOISY: u32 = 5;
 /// worth having.
 const PASSES_RARE: u32 = 7;
 const PATHS_RARE: u64 = 160_000;
-/// Samples below which a noisy picture counts as one that is not: too few paths could be spared to find out whether more pay.
-const SAMPLES_NOISY: u64 = 1 << 20;
-/// Samples below which a picture that is not noisy goes by what its first passes have taught, and below which a first trial is enough.
-const SAMPLES_SMALL: u64 = 1 << 21;
+/// Samples below which only rare light is worth more than the first passes: too few paths could be spared to find out whether more pay.
+const SAMPLES_MIN: u64 = 1 << 20;
 
 /// How far learning goes for a picture.
 #[derive(Clone, Copy, Debug)]
@@ -43,36 +41,31 @@ impl LearningBudget {
         PLAIN_PASSES
     }
 
+    /// Whether more may be worth learning than what the first passes tell.
+    pub(crate) fn goes_on(self, noise: f64) -> bool {
+        noise >= RARE || self.samples >= SAMPLES_MIN
+    }
+
     /// Passes after which it is tried whether more of them may pay; `None`: where light is rare, few cannot know, and it is not.
     pub(crate) fn passes_before_trial(self, noise: f64) -> Option<u32> {
         match noise {
             noise if noise >= RARE => None,
-            noise if self.is_noisy(noise) => Some(PLAIN_PASSES + 1),
+            noise if noise >= NOISY => Some(PLAIN_PASSES + 1),
+            // (What is no number is as good as no noise.)
             _ => Some(PLAIN_PASSES),
         }
     }
 
-    /// All passes of a picture with such noise.
+    /// All passes of a picture with such noise that goes on.
     pub(crate) fn passes(self, noise: f64) -> u32 {
         match noise {
-            // (What is no number is as good as none.)
             noise if noise >= RARE => {
                 let all = |passes: u32| (0..passes).map(|pass| u64::from(self.paths(pass))).sum::<u64>();
                 (PASSES_NOISY..=PASSES_RARE).rev().find(|&passes| all(passes) <= PATHS_RARE).unwrap_or(PASSES_NOISY)
             }
-            noise if self.is_noisy(noise) => PASSES_NOISY,
-            _ if self.is_small() => PLAIN_PASSES,
+            noise if noise >= NOISY => PASSES_NOISY,
             _ => PASSES_CALM,
         }
-    }
-
-    fn is_noisy(self, noise: f64) -> bool {
-        noise >= NOISY && self.samples >= SAMPLES_NOISY
-    }
-
-    /// Whether the picture is so small that a second trial would take more than it saves.
-    pub(crate) fn is_small(self) -> bool {
-        self.samples < SAMPLES_SMALL
     }
 
     /// Paths of a pass.
@@ -99,13 +92,15 @@ mod tests {
     #[test]
     fn what_is_learnt_from_follows_noise_and_samples() {
         let (small, large) = (LearningBudget::new(1 << 19), LearningBudget::new(1 << 24));
-        let passes = |budget: LearningBudget| [0.3, 2.0, 20.0, f64::NAN].map(|noise| budget.passes(noise));
-        assert_eq!((passes(small), passes(large)), ([2, 2, 7, 2], [3, 5, 5, 3]));
-        assert_eq!([0.3, 2.0, 20.0].map(|noise| large.passes_before_trial(noise)), [Some(2), Some(3), None]);
-        let all = |noise: f64| (0..small.passes(noise)).map(|pass| small.paths(pass)).sum::<u32>();
-        let share = |noise: f64| f64::from(all(noise)) / f64::from(1 << 19);
-        assert!(share(0.3) < 0.01 && share(2.0) < 0.01 && share(20.0) < 0.26, "{} {}", share(0.3), share(20.0));
-        assert_eq!(LearningBudget::new(u64::MAX >> 10).paths(6), 1 << 18);
+        let noises = [0.3, 2.0, 20.0, f64::NAN];
+        assert_eq!(noises.map(|noise| small.goes_on(noise)), [false, false, true, false]);
+        assert!(noises.iter().all(|&noise| large.goes_on(noise)));
+        assert_eq!(noises.map(|noise| large.passes(noise)), [3, 5, 5, 3]);
+        assert_eq!(noises.map(|noise| large.passes_before_trial(noise)), [Some(2), Some(3), None, Some(2)]);
+        let share =
+            |passes: u32| f64::from((0..passes).map(|pass| small.paths(pass)).sum::<u32>()) / f64::from(1 << 19);
+        assert!(share(small.plain_passes()) < 0.006 && share(small.passes(20.0)) < 0.26);
+        assert_eq!((small.passes(20.0), LearningBudget::new(u64::MAX >> 10).paths(6)), (7, 1 << 18));
     }
 
     #[test]

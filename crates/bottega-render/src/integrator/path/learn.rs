@@ -76,33 +76,23 @@ impl<'a> PathIntegrator<'a> {
             follow(&mut training, 0..budget.plain_passes());
             training.noise()
         });
-        let (mut taken, passes) = (budget.plain_passes(), budget.passes(noise));
+        if !budget.goes_on(noise) {
+            return Ok(Guide::default());
+        }
+        let mut taken = budget.plain_passes();
         if let Some(before) = budget.passes_before_trial(noise) {
             let guide = self.prepared.on_threads(|| {
                 follow(&mut training, taken..before);
                 Arc::new(training.guide())
             });
             let trial = Trial::first(&integrator, samples, &guide);
-            let findings = trial.findings(&paint(&trial, 0)?);
-            let plan = findings.plan();
-            if passes == before {
-                return Ok(settled(guide, plan));
-            }
-            if !findings.are_promising() {
+            if !trial.findings(&paint(&trial, 0)?).are_promising() {
                 return Ok(Guide::default());
             }
             taken = before;
-            // What pays with little learnt pays with more.
-            if budget.is_small() && plan.only_way() != Some(PaintingWay::Plain) {
-                let guide = self.prepared.on_threads(|| {
-                    follow(&mut training, taken..passes);
-                    Arc::new(training.guide())
-                });
-                return Ok(settled(guide, plan));
-            }
         }
         let guide = self.prepared.on_threads(|| {
-            follow(&mut training, taken..passes);
+            follow(&mut training, taken..budget.passes(noise));
             Arc::new(training.guide())
         });
         let trial = Trial::last(&integrator, samples, &guide);

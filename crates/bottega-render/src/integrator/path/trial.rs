@@ -25,7 +25,7 @@ use crate::{
 /// samples.
 pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// Samples of the whole picture for each that is tried first, when nobody knows yet whether it pays to learn, and at last.
-const SAMPLES_PER_TRIED: [u64; 2] = [144, 40];
+const SAMPLES_PER_TRIED: [u64; 2] = [256, 40];
 /// Pixels that are tried, at least and at most: fewer tell nothing.
 const PIXELS_MIN: u64 = 64;
 const PIXELS_MAX: u64 = 4096;
