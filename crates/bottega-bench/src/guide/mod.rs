@@ -1,4 +1,4 @@
-//! What a guide of paths is worth: error times time with it over that without, learning included, by relative error and by what a
+//! The worth of a guide of paths: error times time with it over that without, learning included, by relative error and by what a
 //! display shows.
 //!
 //! Pictures with and without are painted in turn, each anew, so that whatever else the machine does meets both. Time is that of the

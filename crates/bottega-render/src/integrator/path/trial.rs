@@ -160,7 +160,7 @@ impl<'a> Trial<'a> {
         let Self { integrator, guide, pixels, .. } = self;
         let tally = |(&(x, y), tried): (&(u32, u32), &AllTrials)| {
             let place = integrator.place(x, y);
-            (place, Tally::new(tried, guide.expected().at(place)))
+            (place, PixelTally::new(tried, guide.expected().at(place)))
         };
         let tallies: Vec<_> = pixels.iter().zip(painted).map(tally).collect();
         let common = Scores::new(&tallies.iter().map(|(_, tally)| tally).collect::<Vec<_>>(), &self.ways, None);
@@ -199,13 +199,13 @@ fn pixel(samples: &[PathRecord], is_guided: bool) -> PixelTrial {
 
 /// Of one pixel in each way.
 #[derive(Clone, Copy)]
-struct Tally {
+struct PixelTally {
     /// By relative error, and by what a display shows.
     errors: [[f64; 2]; WAYS],
     work: [f64; WAYS],
 }
 
-impl Tally {
+impl PixelTally {
     /// - `worth`: what light is worth to the pixel.
     fn new(tried: &AllTrials, worth: f32) -> Self {
         // The root stands for the curve of a display: it has the same bits everywhere.
@@ -235,7 +235,7 @@ fn trimmed(mut errors: Vec<f64>) -> f64 {
 pub(super) struct Findings {
     ways: Vec<PaintingWay>,
     /// Of each pixel, with its place in the picture.
-    tallies: Vec<([f32; 2], Tally)>,
+    tallies: Vec<([f32; 2], PixelTally)>,
     /// What all pixels say; `None`: nothing.
     common: Option<Scores>,
 }
@@ -255,7 +255,7 @@ impl Findings {
             by_zone[PaintPlan::zone([side, side], *place)].push(tally);
         }
         let usual = common.best(&self.ways);
-        let way = |zone: &Vec<&Tally>| {
+        let way = |zone: &Vec<&PixelTally>| {
             let Some(scores) = Scores::new(zone, &self.ways, Some(&common)) else { return usual };
             let own = scores.best(&self.ways);
             if scores.mean(own) * ZONE_GAIN_MIN < scores.mean(usual) { own } else { usual }
@@ -272,7 +272,7 @@ impl Scores {
     /// Of some pixels. `None`: they tell nothing.
     ///
     /// - `common`: what all pixels say.
-    fn new(tallies: &[&Tally], ways: &[PaintingWay], common: Option<&Self>) -> Option<Self> {
+    fn new(tallies: &[&PixelTally], ways: &[PaintingWay], common: Option<&Self>) -> Option<Self> {
         let count = tallies.len() as f64;
         let product = |way: usize, measure: usize| {
             let error = trimmed(tallies.iter().map(|tally| tally.errors[way][measure]).collect());
