@@ -13,6 +13,7 @@
 //! | the three papers | [`hra`]: `src/hra/`; [`magarro`]: `src/magarro/`; [`ala`]: `src/ala/` |
 //! | error and time beside other renderers, and the scenes that all of them read | [`peers`]: `src/peers/`; `src/neutral_scene.rs` |
 //! | the overhead of painting in zones with another engine | [`engines`] |
+//! | what the guide of paths is worth | [`guide`]: `src/guide/` |
 //! | how well times are known in a second job | [`learning`] |
 //! | awards a second, on a real NATS server | [`farm`]: `src/farm/` |
 //! | painting that several measurements share | `src/painting.rs` |
@@ -25,6 +26,7 @@ pub mod devices;
 pub mod engines;
 mod error;
 pub mod farm;
+pub mod guide;
 pub mod hra;
 pub mod learning;
 pub mod magarro;

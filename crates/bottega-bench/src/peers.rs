@@ -1,7 +1,7 @@
 //! Error and time beside other renderers, on the same triangles, in one run.
 //!
 //! Error is the relative mean squared error against a reference, without the worst thousandth of the pixels and without
-//! the error of the reference itself. For all who sample without bias, error times seconds is a constant of renderer and
+//! the error of the reference itself; beside it stands the mean squared error of what a display shows. For all who sample without bias, error times seconds is a constant of renderer and
 //! scene; its inverse is the efficiency, and the quotient of two efficiencies says how many times as fast as the other
 //! one comes to the same error. Time is that of the clock on the wall, or, on a machine that has other work as well, that of
 //! the processors.
@@ -19,7 +19,7 @@ use std::{
 };
 
 use bottega::{request::GuideChoice, settings::whole_guide};
-use bottega_image::{Film, Picture, USUAL_TRIM, firefly_count, read_picture, rel_mse_trimmed};
+use bottega_image::{Film, Picture, USUAL_TRIM, firefly_count, read_picture, rel_mse_trimmed, srgb_mse};
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
 use serde_json::Value;
 
@@ -189,15 +189,17 @@ fn row(
     seconds.sort_by(f64::total_cmp);
     let seconds = seconds[seconds.len() / 2];
     let count = painted.len() as f64;
-    let (mut error, mut samples, mut fireflies) = (0.0, 0.0, 0.0);
+    let (mut error, mut srgb_error, mut samples, mut fireflies) = (0.0, 0.0, 0.0, 0.0);
     for painted in painted {
         error += rel_mse_trimmed(reference, &painted.picture, USUAL_TRIM)? / count;
+        srgb_error += srgb_mse(reference, &painted.picture)? / count;
         samples += painted.samples / count;
         fireflies += firefly_count(&painted.picture) as f64 / count;
     }
     let mpaths = samples * reference.data.len() as f64 / seconds / 1e6;
     let rel_mse = (error - reference_error).max(1e-9);
-    Ok(PeerRow { scene: scene.to_owned(), threads, renderer, mpaths, seconds, rel_mse, fireflies })
+    let srgb_mse = srgb_error.max(1e-12);
+    Ok(PeerRow { scene: scene.to_owned(), threads, renderer, mpaths, seconds, rel_mse, srgb_mse, fireflies })
 }
 
 fn ours(scene: &NeutralScene, threads: usize, options: &PeersOptions, seed: u16) -> Result<PeerPicture, Error> {

@@ -69,7 +69,7 @@ pub use limits::{Packing, ReadLimits, check_announced};
 pub use metadata::Metadata;
 pub use metrics::{
     FlipError, FlipOptions, FlipView, Moments, Seams, USUAL_TRIM, firefly_count, flip, mae, mean_z_score,
-    rejected_share, rejected_share_of_films, rel_mse, rel_mse_map, rel_mse_trimmed, rmse, seams,
+    rejected_share, rejected_share_of_films, rel_mse, rel_mse_map, rel_mse_trimmed, rmse, seams, srgb_mse,
 };
 pub use output::{OutputFormat, check_writable, write_whole};
 pub use picture::{Picture, luminance};

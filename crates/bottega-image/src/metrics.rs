@@ -9,7 +9,7 @@ pub use flip::{FlipError, FlipOptions, FlipView, flip};
 pub use moments::{Moments, mean_z_score, rejected_share, rejected_share_of_films};
 pub use seams::{Seams, seams};
 
-use crate::{ImageError, Picture};
+use crate::{ImageError, Picture, srgb_from_linear};
 
 /// Share of the worst pixels that [`rel_mse_trimmed`] is usually told to leave out.
 pub const USUAL_TRIM: f64 = 1e-3;
@@ -74,6 +74,15 @@ pub fn rel_mse_map(reference: &Picture, test: &Picture) -> Result<Vec<f32>, Imag
     Ok(reference.data.iter().zip(&test.data).map(of_pixel).collect())
 }
 
+/// Mean squared error of what a display shows: of the values of the sRGB curve, from 0 to 1, over all pixels and channels. A pixel
+/// counts here by how wrong it looks, not by how rare its light is.
+pub fn srgb_mse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
+    check_sizes(reference, test)?;
+    let shown = |value: f64| f64::from(srgb_from_linear(value.clamp(0.0, 1.0) as f32));
+    let squared = |(x, r): (f64, f64)| (shown(x) - shown(r)).powi(2);
+    Ok(mean(pairs(reference, test).map(squared), reference))
+}
+
 /// By what factor a firefly is brighter than the pixels around it.
 const FIREFLY_FACTOR: f32 = 100.0;
 /// How far around a pixel the others are.
@@ -129,6 +138,21 @@ mod tests {
         let trimmed = rel_mse_trimmed(&reference, &test, USUAL_TRIM).unwrap();
         assert!((trimmed - 0.01 / 1.01).abs() < 1e-6, "{trimmed}");
         assert!(rel_mse(&reference, &test).unwrap().is_nan());
+    }
+
+    #[test]
+    fn what_a_display_shows_is_compared_as_it_shows_it() {
+        let reference = Picture::from_fn(4, 4, |_, _| [1.0; 3]);
+        let brighter = Picture::from_fn(4, 4, |_, _| [7.0; 3]);
+        assert_eq!(srgb_mse(&reference, &brighter).unwrap(), 0.0, "a display shows both as white");
+        let black = Picture::new(4, 4);
+        assert!((srgb_mse(&reference, &black).unwrap() - 1.0).abs() < 1e-6);
+        // A speck that is black where 0.2 is due looks as wrong as one of 1 where 0.2 is due.
+        let gray = Picture::from_fn(4, 4, |_, _| [0.2140; 3]);
+        let [dark, light] = [0.0, 1.0].map(|value| Picture::from_fn(4, 4, |_, _| [value; 3]));
+        let [dark, light] = [dark, light].map(|test| srgb_mse(&gray, &test).unwrap());
+        assert!((dark - light).abs() < 1e-3, "{dark} {light}");
+        assert!(srgb_mse(&reference, &Picture::new(3, 4)).is_err());
     }
 
     #[test]

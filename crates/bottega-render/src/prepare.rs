@@ -175,11 +175,6 @@ impl PreparedScene {
         }
     }
 
-    /// Threads that may be used for what is made once.
-    pub(crate) fn threads(&self) -> usize {
-        self.threads
-    }
-
     /// Does something on as many threads as are meant for what is made once.
     pub(crate) fn on_threads<T: Send>(&self, make: impl FnOnce() -> T + Send) -> T {
         match rayon::ThreadPoolBuilder::new().num_threads(self.threads).build() {

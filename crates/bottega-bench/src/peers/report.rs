@@ -25,6 +25,8 @@ pub(super) struct PeerRow {
     pub(super) mpaths: f64,
     pub(super) seconds: f64,
     pub(super) rel_mse: f64,
+    /// Of what a display shows.
+    pub(super) srgb_mse: f64,
     /// Pixels far brighter than what is around them, in one picture.
     pub(super) fireflies: f64,
 }
@@ -32,6 +34,11 @@ pub(super) struct PeerRow {
 impl PeerRow {
     pub(super) fn efficiency(&self) -> f64 {
         1.0 / (self.rel_mse * self.seconds)
+    }
+
+    /// The same by what a display shows.
+    pub(super) fn seen_efficiency(&self) -> f64 {
+        1.0 / (self.srgb_mse * self.seconds)
     }
 }
 
@@ -49,8 +56,11 @@ impl Report for PeersReport {
 /// mean.
 type Ratios = (usize, Vec<(String, f64)>, f64);
 
+/// An efficiency: by relative error, or by what a display shows.
+type Measure = fn(&PeerRow) -> f64;
+
 /// The ratios by number of threads.
-fn ratios(rows: &[PeerRow]) -> Vec<Ratios> {
+fn ratios(rows: &[PeerRow], efficiency: Measure) -> Vec<Ratios> {
     let mut threads: Vec<usize> = rows.iter().map(|row| row.threads).collect();
     threads.sort_unstable();
     threads.dedup();
@@ -60,8 +70,8 @@ fn ratios(rows: &[PeerRow]) -> Vec<Ratios> {
             .filter_map(|ours| {
                 let others =
                     rows.iter().filter(|row| row.threads == threads && row.scene == ours.scene && row.renderer != OURS);
-                let best = others.map(PeerRow::efficiency).max_by(f64::total_cmp)?;
-                Some((ours.scene.clone(), ours.efficiency() / best))
+                let best = others.map(efficiency).max_by(f64::total_cmp)?;
+                Some((ours.scene.clone(), efficiency(ours) / best))
             })
             .collect();
         let mean = ratios.iter().map(|(_, ratio)| ratio.ln()).sum::<f64>() / ratios.len().max(1) as f64;
@@ -71,36 +81,55 @@ fn ratios(rows: &[PeerRow]) -> Vec<Ratios> {
 }
 
 /// Our efficiency over that of a row on the same scene with as many threads.
-fn ratio(rows: &[PeerRow], other: &PeerRow) -> Option<f64> {
+fn ratio(rows: &[PeerRow], other: &PeerRow, efficiency: Measure) -> Option<f64> {
     let ours =
         rows.iter().find(|row| row.renderer == OURS && row.scene == other.scene && row.threads == other.threads)?;
-    Some(ours.efficiency() / other.efficiency())
+    Some(efficiency(ours) / efficiency(other))
 }
+
+/// Both measures count: by relative error alone, pictures full of black specks pass as better.
+const MEASURES: [(&str, Measure); 2] = [("relMSE", PeerRow::efficiency), ("sRGB", PeerRow::seen_efficiency)];
 
 fn as_text(rows: &[PeerRow]) -> String {
     let mut out = format!(
-        "{:<12} {:>7}  {:<20} {:>9} {:>9} {:>9} {:>12} {:>9}  {}\n",
-        "scene", "threads", "renderer", "Mpaths/s", "seconds", "relMSE", "efficiency", "fireflies", "ours over it"
+        "{:<12} {:>7}  {:<20} {:>9} {:>9} {:>9} {:>9} {:>12} {:>9}  {}\n",
+        "scene",
+        "threads",
+        "renderer",
+        "Mpaths/s",
+        "seconds",
+        "relMSE",
+        "sRGB MSE",
+        "efficiency",
+        "fireflies",
+        "ours over it (sRGB)"
     );
     for row in rows {
-        let ratio = ratio(rows, row).map_or_else(String::new, |ratio| format!("{ratio:.2}"));
+        let of = |efficiency| ratio(rows, row, efficiency);
+        let ratio = of(PeerRow::efficiency).zip(of(PeerRow::seen_efficiency));
+        let ratio = ratio.map_or_else(String::new, |(ratio, seen)| format!("{ratio:.2} ({seen:.2})"));
         out += &format!(
-            "{:<12} {:>7}  {:<20} {:>9.3} {:>9.2} {:>9.5} {:>12.3} {:>9.1}  {ratio}\n",
+            "{:<12} {:>7}  {:<20} {:>9.3} {:>9.2} {:>9.5} {:>9.6} {:>12.3} {:>9.1}  {ratio}\n",
             row.scene,
             row.threads,
             row.renderer,
             row.mpaths,
             row.seconds,
             row.rel_mse,
+            row.srgb_mse,
             row.efficiency(),
             row.fireflies
         );
     }
-    for (threads, ratios, mean) in ratios(rows) {
-        let each: Vec<String> = ratios.iter().map(|(scene, ratio)| format!("{scene} {ratio:.2}")).collect();
-        if !each.is_empty() {
-            out +=
-                &format!("\nover the best of them, {threads} threads: {}; geometric mean {mean:.2}\n", each.join(", "));
+    for (measure, efficiency) in MEASURES {
+        for (threads, ratios, mean) in ratios(rows, efficiency) {
+            let each: Vec<String> = ratios.iter().map(|(scene, ratio)| format!("{scene} {ratio:.2}")).collect();
+            if !each.is_empty() {
+                let each = each.join(", ");
+                out += &format!(
+                    "\nover the best of them by {measure}, {threads} threads: {each}; geometric mean {mean:.2}\n"
+                );
+            }
         }
     }
     out
@@ -112,22 +141,29 @@ fn as_json(rows: &[PeerRow], missing: &[(&str, String)]) -> Value {
         .map(|row| {
             json!({
                 "scene": row.scene, "threads": row.threads, "renderer": row.renderer, "mpaths_per_second": row.mpaths,
-                "seconds": row.seconds, "rel_mse": row.rel_mse, "efficiency": row.efficiency(), "fireflies": row.fireflies,
-                "ours_over_it": ratio(rows, row),
+                "seconds": row.seconds, "rel_mse": row.rel_mse, "srgb_mse": row.srgb_mse, "efficiency": row.efficiency(),
+                "srgb_efficiency": row.seen_efficiency(), "fireflies": row.fireflies,
+                "ours_over_it": ratio(rows, row, PeerRow::efficiency),
+                "ours_over_it_srgb": ratio(rows, row, PeerRow::seen_efficiency),
             })
         })
         .collect();
-    let best: Vec<Value> = ratios(rows)
-        .into_iter()
-        .map(|(threads, ratios, mean)| {
-            let scenes: serde_json::Map<String, Value> =
-                ratios.into_iter().map(|(scene, ratio)| (scene, json!(ratio))).collect();
-            json!({"threads": threads, "scenes": scenes, "geometric_mean": mean})
-        })
-        .collect();
+    let best = |efficiency: Measure| -> Vec<Value> {
+        ratios(rows, efficiency)
+            .into_iter()
+            .map(|(threads, ratios, mean)| {
+                let scenes: serde_json::Map<String, Value> =
+                    ratios.into_iter().map(|(scene, ratio)| (scene, json!(ratio))).collect();
+                json!({"threads": threads, "scenes": scenes, "geometric_mean": mean})
+            })
+            .collect()
+    };
     let missing: serde_json::Map<String, Value> =
         missing.iter().map(|(name, reason)| ((*name).to_owned(), json!(reason))).collect();
-    json!({"rows": rows_json, "over_the_best": best, "left_out": missing})
+    json!({
+        "rows": rows_json, "over_the_best": best(PeerRow::efficiency),
+        "over_the_best_srgb": best(PeerRow::seen_efficiency), "left_out": missing,
+    })
 }
 
 #[cfg(test)]
@@ -135,7 +171,16 @@ mod tests {
     use super::*;
 
     fn row(renderer: &'static str, scene: &str, seconds: f64, rel_mse: f64) -> PeerRow {
-        PeerRow { scene: scene.to_owned(), threads: 1, renderer, mpaths: 1.0, seconds, rel_mse, fireflies: 0.0 }
+        PeerRow {
+            scene: scene.to_owned(),
+            threads: 1,
+            renderer,
+            mpaths: 1.0,
+            seconds,
+            rel_mse,
+            srgb_mse: rel_mse * rel_mse,
+            fireflies: 0.0,
+        }
     }
 
     #[test]
@@ -148,11 +193,12 @@ mod tests {
             row("cycles", "b", 1.0, 0.8),
             row(OURS, "c", 1.0, 0.1),
         ];
-        let all = ratios(&rows);
+        let all = ratios(&rows, PeerRow::efficiency);
         let (threads, each, mean) = &all[0];
         assert_eq!((*threads, each.len()), (1, 2), "nobody else painted c");
         assert!((each[0].1 - 2.0).abs() < 1e-9 && (each[1].1 - 8.0).abs() < 1e-9 && (mean - 4.0).abs() < 1e-9);
         assert_eq!(as_json(&rows, &[])["over_the_best"][0]["scenes"]["b"], json!(8.0));
-        assert!(as_text(&rows).contains("geometric mean 4.00"));
+        assert_eq!(as_json(&rows, &[])["over_the_best_srgb"][0]["scenes"]["b"], json!(64.0));
+        assert!(as_text(&rows).contains("geometric mean 4.00") && as_text(&rows).contains("mean 16.00"));
     }
 }

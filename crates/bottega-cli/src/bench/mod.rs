@@ -3,6 +3,7 @@
 mod ala;
 mod engines;
 mod farm;
+mod guide;
 mod hra;
 mod learning;
 mod magarro;
@@ -15,8 +16,8 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 
 use self::{
-    ala::AlaArgs, engines::EnginesBenchArgs, farm::FarmBenchArgs, hra::HraBenchArgs, learning::LearningArgs,
-    magarro::MagarroArgs, peers::PeersArgs, rays::RaysArgs,
+    ala::AlaArgs, engines::EnginesBenchArgs, farm::FarmBenchArgs, guide::GuideBenchArgs, hra::HraBenchArgs,
+    learning::LearningArgs, magarro::MagarroArgs, peers::PeersArgs, rays::RaysArgs,
 };
 use crate::error::CliError;
 
@@ -42,6 +43,8 @@ enum BenchCommand {
     Magarro(MagarroArgs),
     /// How well the time of a zone is known before anybody has seen it: in a first job, and in a second of its kind.
     Learning(LearningArgs),
+    /// What the guide of paths is worth: error × time of --guide ala over --guide none, learning included.
+    Guide(GuideBenchArgs),
     /// The tables and figures of the paper on Autonomous Lighting Agents: photon mapping, its agents, and ours.
     Ala(AlaArgs),
 }
@@ -54,6 +57,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode, CliError> {
         BenchCommand::Farm(args) => farm::run(args),
         BenchCommand::Hra(args) => hra::run(args),
         BenchCommand::Learning(args) => learning::run(args),
+        BenchCommand::Guide(args) => guide::run(args),
         BenchCommand::Ala(args) => ala::run(args),
         BenchCommand::Magarro(args) => magarro::run(args),
     }

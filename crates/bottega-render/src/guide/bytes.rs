@@ -1,13 +1,13 @@
 //! A guide as bytes, for others who paint the same view of the same scene.
 //!
 //! Numbers of four bytes, the low one first: the lattice (its low corner, its cells per unit of length, its cells along each
-//! axis: three each); how many nodes, regions and agents there are; whether rays are
-//! spent by what they are worth; columns and rows of the parts of the picture, and how many
-//! of these are known; of each node its plane and its link; of each region its share; of each agent what it knows; what each
+//! axis: three each); how many nodes, regions and agents there are; columns and rows of the parts of the picture, and how many
+//! of these are known; columns and rows of the zones of the plan, and the way of each; of each node its plane and its link; of each region its share; of each agent what it knows; what each
 //! part of the picture is worth. Then, of each region, the cumulative weights of its cells, two bytes each.
 
 use super::agent::{Agent, NUMBERS, PictureWorth};
 use super::directions::{CELLS, Directions};
+use super::plan::{PaintPlan, PaintingWay};
 use super::tree::{Guide, GuideNode, Lattice, Region};
 
 /// Bytes that are no guide.
@@ -26,8 +26,10 @@ impl Guide {
         put(nodes.len() as u32);
         put(regions.len() as u32);
         put(agents.len() as u32);
-        put(u32::from(self.goes_by_worth()));
         [columns, rows, worth.len() as u32].into_iter().for_each(&mut put);
+        let (columns, rows, ways) = self.plan().parts();
+        [columns, rows].into_iter().for_each(&mut put);
+        ways.iter().for_each(|way| put(way.number() as u32));
         nodes.iter().flat_map(|node| node.to_numbers()).for_each(&mut put);
         regions.iter().for_each(|region| put(region.share.to_bits()));
         agents.iter().flat_map(|agent| agent.to_numbers()).for_each(&mut put);
@@ -61,14 +63,18 @@ fn read(bytes: &[u8]) -> Option<Guide> {
     }
     let lattice = Lattice::from_numbers(lattice)?;
     let (nodes, regions, agents) = (number()? as usize, number()? as usize, number()? as usize);
-    let by_worth = number()? != 0;
     let (columns, rows, parts) = (number()?, number()?, number()? as usize);
+    let zones = [number()?, number()?];
+    let zone_count = zones[0].checked_mul(zones[1])? as usize;
     // No more is set aside than there is.
-    let sizes = [(nodes, 8), (regions, 4 + 2 * (CELLS + 1)), (agents, 4 * NUMBERS), (parts, 4)];
-    let all = sizes.iter().try_fold(4 * 16_usize, |all, &(count, size)| all.checked_add(count.checked_mul(size)?))?;
+    let sizes = [(nodes, 8), (regions, 4 + 2 * (CELLS + 1)), (agents, 4 * NUMBERS), (parts, 4), (zone_count, 4)];
+    let all = sizes.iter().try_fold(4 * 17_usize, |all, &(count, size)| all.checked_add(count.checked_mul(size)?))?;
     if all != bytes.len() {
         return None;
     }
+    let ways =
+        (0..zone_count).map(|_| PaintingWay::ALL.get(number()? as usize).copied()).collect::<Option<Vec<_>>>()?;
+    let plan = PaintPlan::new(zones[0], zones[1], ways)?;
     let nodes =
         (0..nodes).map(|_| Some(GuideNode::from_numbers([number()?, number()?]))).collect::<Option<Vec<_>>>()?;
     let shares = (0..regions).map(|_| number().map(f32::from_bits)).collect::<Option<Vec<_>>>()?;
@@ -89,7 +95,7 @@ fn read(bytes: &[u8]) -> Option<Guide> {
     };
     let regions = shares.into_iter().zip(weights).map(region).collect::<Option<Vec<_>>>()?;
     let expected = PictureWorth::from_parts(columns, rows, worth)?;
-    Some(Guide::from_parts(lattice, nodes, regions, agents, expected)?.going_by_worth(by_worth))
+    Some(Guide::from_parts(lattice, nodes, regions, agents, expected)?.planned(plan))
 }
 
 #[cfg(test)]
@@ -102,11 +108,12 @@ mod tests {
 
     #[test]
     fn what_was_learnt_comes_back_bit_for_bit() {
-        let guide = example(Vec3::new(0.48, 0.8, 0.36));
+        let plan = PaintPlan::new(2, 1, vec![PaintingWay::Plain, PaintingWay::ByWorth]).unwrap();
+        let guide = example(Vec3::new(0.48, 0.8, 0.36)).planned(plan);
         let bytes = guide.to_bytes();
         let back = Guide::from_bytes(&bytes).unwrap();
         assert_eq!(back.to_bytes(), bytes);
-        assert_eq!(back.memory_bytes(), guide.memory_bytes());
+        assert_eq!((back.memory_bytes(), back.plan()), (guide.memory_bytes(), guide.plan()));
         for x in -8..8 {
             let p = Vec3::new(x as f32 / 8.0, 0.0, 0.3);
             let [one, other] = [&guide, &back].map(|it| {

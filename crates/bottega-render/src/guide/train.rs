@@ -1,11 +1,13 @@
-//! Tracing the paths that are learnt from.
+//! Tracing the paths that are learnt from, pass by pass.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::agent::{EyePath, PictureWorth};
+use super::budget::noise;
 use super::directions::place_of;
+use super::expected::PictureParts;
 use super::learn::{DirectionSample, Vertex, learn};
 use super::tree::{Guide, face_of};
 use crate::{
@@ -13,11 +15,6 @@ use crate::{
     luminance,
 };
 
-/// Paths of the last pass, at most and for each sample of the picture; each pass before has half as many as the next.
-const PATHS_MAX: u64 = 1 << 18;
-const PATHS_PER_SAMPLE: f64 = 1.0 / 32.0;
-/// Passes.
-const PASSES: u32 = 4;
 /// Vertices of a path that are learnt from.
 const VERTICES_MAX: usize = 32;
 /// Paths that one processor traces in a row.
@@ -109,61 +106,134 @@ fn finite(value: f32) -> f32 {
     if value.is_finite() { value } else { 0.0 }
 }
 
-/// How a guide is learnt.
-pub(crate) struct Training<'a> {
-    /// Samples of the picture, all pixels together. Few are not worth much learning.
-    pub(crate) samples: u64,
-    /// Of the picture, in pixels.
-    pub(crate) size: [u32; 2],
-    /// Of the scene, if agents are wanted beside directions.
-    pub(crate) lights: Option<&'a Lights>,
-    /// To trace with. The guide does not depend on it.
-    pub(crate) threads: usize,
+/// A path to learn from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum LearningPath {
+    /// One of all paths over the picture, by its number.
+    Single(u32),
+    /// One of the few of a pixel, which show how noisy it is.
+    OfPixel {
+        /// The number of the pixel.
+        number: u32,
+        /// Which picture of the pixel it is a sample of: 0 or 1.
+        picture: u32,
+        /// Which sample of that.
+        sample: u32,
+    },
 }
 
-/// Learns by tracing: `trace` takes the guide so far, the index of a path, and the trail to leave, and returns the
-/// radiance found, and where in the picture, in [0, 1)².
-pub(crate) fn train(
-    training: &Training<'_>,
-    trace: impl Fn(Option<&Guide>, u32, &mut Trail) -> (Spectrum, [f32; 2]) + Sync,
-) -> Guide {
-    let all_passes = || {
-        let last = ((training.samples as f64 * PATHS_PER_SAMPLE) as u64).clamp(1, PATHS_MAX) as u32;
-        let (mut vertices, mut seen, mut guide, mut first) = (Vec::new(), Vec::new(), None, 0);
-        for pass in (0..PASSES).rev() {
-            let end = first + (last >> pass);
-            for (of_chunk, seen_by) in traced(first..end, guide.as_ref(), &trace) {
-                vertices.extend(of_chunk);
-                seen.extend(seen_by);
-            }
-            guide = Some(learn(&vertices, training.lights.filter(|_| pass == 0)));
-            first = end;
+impl LearningPath {
+    /// Samples of each picture of a pixel.
+    const SAMPLES: u32 = 2;
+    /// Paths of a pixel: of two pictures, whose difference is noise.
+    const OF_PIXEL: u32 = 2 * Self::SAMPLES;
+
+    fn new(index: u32, are_of_pixels: bool) -> Self {
+        if !are_of_pixels {
+            return Self::Single(index);
         }
-        let guide = guide.unwrap_or_default();
-        if training.lights.is_none() {
-            return guide;
+        let (number, rest) = (index / Self::OF_PIXEL, index % Self::OF_PIXEL);
+        Self::OfPixel { number, picture: rest / Self::SAMPLES, sample: rest % Self::SAMPLES }
+    }
+}
+
+/// What a path found, and where in the picture, in [0, 1)².
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FoundLight {
+    pub(crate) radiance: Spectrum,
+    pub(crate) place: [f32; 2],
+}
+
+/// A guide while it is learnt, pass by pass, by tracing.
+pub(crate) struct Training<'a> {
+    /// Of the picture, in pixels.
+    size: [u32; 2],
+    /// Of the scene, if agents are wanted beside directions.
+    lights: Option<&'a Lights>,
+    vertices: Vec<Vertex>,
+    seen: Vec<EyePath>,
+    /// Paths that were of pixels: the first ones.
+    of_pixels: usize,
+}
+
+impl<'a> Training<'a> {
+    /// One that has learnt nothing so far.
+    ///
+    /// - `size`: of the picture, in pixels.
+    /// - `lights`: of the scene, if agents are wanted beside directions.
+    pub(crate) fn new(size: [u32; 2], lights: Option<&'a Lights>) -> Self {
+        Self { size, lights, vertices: Vec::new(), seen: Vec::new(), of_pixels: 0 }
+    }
+
+    /// Traces a pass of about `count` paths, some for each of some pixels: before all others.
+    ///
+    /// - `trace`: takes a path, and the trail to leave.
+    pub(crate) fn pass_of_pixels(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
+        self.trace(count.next_multiple_of(LearningPath::OF_PIXEL), true, trace);
+        self.of_pixels = self.seen.len();
+    }
+
+    /// Traces a pass of `count` paths all over the picture.
+    ///
+    /// - `trace`: takes a path, and the trail to leave.
+    pub(crate) fn pass(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
+        self.trace(count, false, trace);
+    }
+
+    fn trace(
+        &mut self,
+        count: u32,
+        are_of_pixels: bool,
+        trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync,
+    ) {
+        let first = self.seen.len() as u32;
+        let trace = |index, trail: &mut Trail| trace(LearningPath::new(index, are_of_pixels), trail);
+        for (of_chunk, seen_by) in traced(first..first + count, &trace) {
+            self.vertices.extend(of_chunk);
+            self.seen.extend(seen_by);
         }
-        let expected = PictureWorth::new(training.size, &seen, &guide);
+    }
+
+    /// Variance of one path, relative to what its part of the picture shows.
+    pub(crate) fn noise(&self) -> f64 {
+        let samples = LearningPath::SAMPLES as usize;
+        let parts = PictureParts::new(self.size, &self.seen);
+        let square = |block: &[EyePath]| {
+            let mean =
+                |paths: &[EyePath]| paths.iter().map(|path| f64::from(path.brightness)).sum::<f64>() / samples as f64;
+            let (one, other) = block.split_at(samples);
+            ((mean(one) - mean(other)) * f64::from(parts.weight(block[0].place))).powi(2)
+        };
+        noise(
+            self.seen[..self.of_pixels].chunks_exact(LearningPath::OF_PIXEL as usize).map(square).collect(),
+            LearningPath::SAMPLES,
+        )
+    }
+
+    /// A guide by which to trace the next pass: directions alone.
+    pub(crate) fn directions(&self) -> Guide {
+        learn(&self.vertices, None)
+    }
+
+    /// All that was learnt.
+    pub(crate) fn guide(&self) -> Guide {
+        let guide = learn(&self.vertices, self.lights);
+        let expected = PictureWorth::new(PictureParts::new(self.size, &self.seen), &self.seen, &guide);
         guide.expecting(expected)
-    };
-    match rayon::ThreadPoolBuilder::new().num_threads(training.threads).build() {
-        Ok(pool) => pool.install(all_passes),
-        Err(_) => all_passes(),
     }
 }
 
 /// The vertices of a range of paths, in their order, and what each path saw.
 fn traced(
     paths: std::ops::Range<u32>,
-    guide: Option<&Guide>,
-    trace: &(impl Fn(Option<&Guide>, u32, &mut Trail) -> (Spectrum, [f32; 2]) + Sync),
+    trace: &(impl Fn(u32, &mut Trail) -> FoundLight + Sync),
 ) -> Vec<(Vec<Vertex>, Vec<EyePath>)> {
     let chunks = paths.len().div_ceil(PATHS_PER_CHUNK as usize) as u32;
     let of_chunk = |chunk: u32| {
         let first = paths.start + chunk * PATHS_PER_CHUNK;
         let (mut vertices, mut seen, mut trail) = (Vec::new(), Vec::new(), Trail::default());
         for path in first..paths.end.min(first + PATHS_PER_CHUNK) {
-            let (radiance, place) = trace(guide, path, &mut trail);
+            let FoundLight { radiance, place } = trace(path, &mut trail);
             let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
             seen.push(EyePath { place, brightness: finite(radiance.max_element()), first });
             trail.finish(radiance, &mut vertices);

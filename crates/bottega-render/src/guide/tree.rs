@@ -6,6 +6,7 @@ use glam::Vec3;
 use super::{
     agent::{Agent, PictureWorth},
     directions::Directions,
+    plan::PaintPlan,
 };
 
 /// Ways that a surface may face.
@@ -244,8 +245,8 @@ pub(crate) struct Guide {
     /// Of the regions; then of leaves that have no directions. None if only directions were learnt.
     agents: Vec<Agent>,
     expected: PictureWorth,
-    /// Whether it pays to end and to split paths, and to leave out shadow rays, by what agents say.
-    by_worth: bool,
+    /// Where it pays to go by it, and how far.
+    plan: PaintPlan,
 }
 
 impl Guide {
@@ -283,14 +284,14 @@ impl Guide {
         Self { expected, ..self }
     }
 
-    /// With whether it pays to end and to split paths, and to leave out shadow rays, by what agents say.
-    pub(crate) fn going_by_worth(self, by_worth: bool) -> Self {
-        Self { by_worth, ..self }
+    /// With where it pays to go by it, and how far.
+    pub(crate) fn planned(self, plan: PaintPlan) -> Self {
+        Self { plan, ..self }
     }
 
-    /// Whether it pays to end and to split paths, and to leave out shadow rays, by what agents say.
-    pub(crate) fn goes_by_worth(&self) -> bool {
-        self.by_worth
+    /// Where it pays to go by it, and how far.
+    pub(crate) fn plan(&self) -> &PaintPlan {
+        &self.plan
     }
 
     /// What it is made of.
@@ -322,7 +323,7 @@ impl Guide {
             regions,
             agents,
             expected,
-            by_worth: false,
+            plan: PaintPlan::default(),
         })
     }
 

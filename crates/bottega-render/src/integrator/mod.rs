@@ -2,6 +2,7 @@
 
 mod path;
 mod photon;
+mod planned;
 mod record;
 mod transport;
 mod turns;

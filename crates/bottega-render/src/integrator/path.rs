@@ -32,6 +32,7 @@ use crate::{
 use guidance::{Guidance, NO_LEAF};
 pub use learn::learn_together;
 pub use setup::PathIntegrator;
+pub(super) use setup::PlannedWays;
 use state::Previous;
 pub(super) use state::{BRANCHES_MAX, Branch, Path};
 pub(super) use suspended::{DeferredLight, SuspendedPath};

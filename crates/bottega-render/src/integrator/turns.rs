@@ -8,6 +8,7 @@ use bottega_kernels::{
 
 use super::{
     path::{BRANCHES_MAX, Branch, Path, PathIntegrator},
+    planned::SampleIntegrators,
     record::PathRecord,
 };
 use crate::{interaction, sampler::PixelSampler};
@@ -44,10 +45,14 @@ impl Task for Painting<'_> {
         records.clear();
         if integrator.goes_alone() {
             records.extend(samples.iter().map(|&(x, y, sample)| integrator.trace_volume(x, y, sample)));
-        } else if integrator.asks_agents() {
-            in_turn::<true>(integrator, samples, records);
+            return;
+        }
+        let ways = integrator.ways();
+        let integrators = SampleIntegrators::new(integrator, ways.as_ref(), samples);
+        if integrators.ask_agents() {
+            in_turn::<true>(&integrators, samples, records);
         } else {
-            in_turn::<false>(integrator, samples, records);
+            in_turn::<false>(&integrators, samples, records);
         }
     }
 }
@@ -64,12 +69,15 @@ impl PathIntegrator<'_> {
 /// Follows the paths of all samples.
 #[inline(always)]
 fn in_turn<const AGENTS: bool>(
-    integrator: &PathIntegrator<'_>,
+    integrators: &SampleIntegrators<'_, '_>,
     samples: &[(u32, u32, u32)],
     records: &mut Vec<PathRecord>,
 ) {
+    let Some(&(x, y, _)) = samples.first() else { return };
+    let prepared = integrators.of_pixel(x, y).prepared();
     records.resize(samples.len(), PathRecord::default());
     let mut waiting = samples.iter().zip(0..).map(|(&(x, y, index), sample)| {
+        let integrator = integrators.of_pixel(x, y);
         let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
         let (ray, factor) = integrator.camera_ray(&sampler, x, y);
         let mut path = integrator.begin(sampler, &ray, integrator.guide(), None);
@@ -86,10 +94,10 @@ fn in_turn<const AGENTS: bool>(
     while !lanes.is_empty() {
         for lane in &mut lanes {
             lane.hit = lane.path.intersect();
-            interaction::request_triangle(integrator.prepared(), &lane.hit);
+            interaction::request_triangle(prepared, &lane.hit);
         }
         for lane in &lanes {
-            interaction::request_vertices(integrator.prepared(), &lane.hit);
+            interaction::request_vertices(prepared, &lane.hit);
             lane.path.request_guide(&lane.hit);
         }
         let mut i = 0;

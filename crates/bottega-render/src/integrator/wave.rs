@@ -15,6 +15,7 @@ use bottega_scene::Spectrum;
 
 use super::{
     path::{Branch, DeferredLight, PathIntegrator, SuspendedPath},
+    planned::SampleIntegrators,
     record::PathRecord,
 };
 use crate::sampler::PixelSampler;
@@ -112,30 +113,33 @@ impl Task for WaveStep<'_> {
     #[inline(always)]
     fn run(self) {
         let Self { wave, integrator, answers } = self;
-        if integrator.asks_agents() {
-            wave.advance::<true>(integrator, answers);
+        let ways = integrator.ways();
+        let integrators = SampleIntegrators::new(integrator, ways.as_ref(), &wave.samples);
+        if integrators.ask_agents() {
+            wave.advance::<true>(&integrators, answers);
         } else {
-            wave.advance::<false>(integrator, answers);
+            wave.advance::<false>(&integrators, answers);
         }
     }
 }
 
 impl Wave {
     #[inline(always)]
-    fn advance<const AGENTS: bool>(&mut self, integrator: &PathIntegrator<'_>, answers: &WaveAnswers) {
+    fn advance<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>, answers: &WaveAnswers) {
         if self.records.is_empty() {
-            self.begin::<AGENTS>(integrator);
+            self.begin::<AGENTS>(integrators);
         } else {
             self.take_light(&answers.occluded);
-            self.meet::<AGENTS>(integrator, &answers.hits);
+            self.meet::<AGENTS>(integrators, &answers.hits);
         }
         self.rays = Arc::new(self.paths.iter().filter(|it| !it.is_over).map(|it| it.path.ray()).collect());
     }
 
     #[inline(always)]
-    fn begin<const AGENTS: bool>(&mut self, integrator: &PathIntegrator<'_>) {
+    fn begin<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>) {
         self.records = vec![PathRecord::default(); self.samples.len()];
         let begun = self.samples.iter().zip(0..).map(|(&(x, y, index), sample)| {
+            let integrator = integrators.of_pixel(x, y);
             let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
             let (ray, factor) = integrator.camera_ray(&sampler, x, y);
             let mut path = integrator.begin(sampler, &ray, integrator.guide(), None);
@@ -159,13 +163,15 @@ impl Wave {
 
     /// Brings every path to the surface that its ray met. Those that were over end, or go on as a part that waited.
     #[inline(always)]
-    fn meet<const AGENTS: bool>(&mut self, integrator: &PathIntegrator<'_>, hits: &[Hit]) {
+    fn meet<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>, hits: &[Hit]) {
         // The allocator has checked that there are as many; less would be black, and nobody would know.
         assert_eq!(hits.len(), self.rays.len(), "a hit for every ray");
         let mut hits = hits.iter();
         let (mut shadow_rays, mut deferred, mut lights) = (Vec::new(), Vec::new(), Vec::<DeferredLight>::new());
         let mut paths = Vec::with_capacity(self.paths.len());
         for mut it in std::mem::take(&mut self.paths) {
+            let (x, y, _) = self.samples[it.sample as usize];
+            let integrator = integrators.of_pixel(x, y);
             if !it.is_over {
                 let Some(hit) = hits.next() else { return };
                 let mut path = integrator.resume(&it.path);

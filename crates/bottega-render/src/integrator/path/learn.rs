@@ -1,6 +1,6 @@
 //! Paths from which a picture learns where light comes from, before any of it is painted.
 
-use std::{convert::Infallible, sync::Arc};
+use std::{convert::Infallible, ops::Range, sync::Arc};
 
 use bottega_kernels::compiled::{self, Task};
 use glam::Vec2;
@@ -8,12 +8,12 @@ use glam::Vec2;
 use super::{
     super::record::PathRecord,
     setup::PathIntegrator,
-    trial::{BothTrials, LEARNING_SEED, Trial},
+    trial::{AllTrials, LEARNING_SEED, Trial},
 };
 use crate::{
     PathSettings, PreparedScene, Prepass, RenderError, Sharing, View,
     camera::CameraRay,
-    guide::{Guide, Trail, Training, train},
+    guide::{FoundLight, Guide, LearningBudget, LearningPath, PaintPlan, PaintingWay, Trail, Training},
     sampler::{DimensionSet, PixelSampler},
 };
 
@@ -30,11 +30,9 @@ impl<'a> PathIntegrator<'a> {
     ) -> Result<Self, RenderError> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
         if integrator.is_to_learn(view) {
-            let learn = || integrator.learn(view, |trial| Ok::<_, Infallible>(trial.alone()));
+            let learn = || integrator.learn(view, |trial, _| Ok::<_, Infallible>(trial.alone()));
             let guide = prepass.guide(view, settings, || learn().unwrap_or_else(|never| match never {}));
-            integrator.splits = settings.agents.roulette && guide.goes_by_worth();
-            integrator.looks_rarely = settings.agents.shadows && guide.goes_by_worth();
-            integrator.guide = Some(guide);
+            integrator.take_plan(guide);
         }
         Ok(integrator)
     }
@@ -44,43 +42,95 @@ impl<'a> PathIntegrator<'a> {
         (guiding || agents.any()) && self.prepared.can_learn(view, planned_samples)
     }
 
-    /// Traces paths all over the picture for a guide.
+    /// Learns as far as it pays, and where it does.
     ///
-    /// - `paint`: paints what is tried with it.
-    fn learn<E>(&self, view: View, paint: impl FnOnce(&Trial<'_>) -> Result<Vec<BothTrials>, E>) -> Result<Guide, E> {
-        let PathSettings { agents, guiding, .. } = *self.settings;
-        let settings = PathSettings { max_depth: LEARNING_DEPTH, agents, guiding, ..PathSettings::default() };
+    /// - `paint`: paints what is tried with it; the second number is that of the trial.
+    fn learn<E>(&self, view: View, paint: impl Fn(&Trial<'_>, u32) -> Result<Vec<AllTrials>, E>) -> Result<Guide, E> {
+        let PathSettings { agents, guiding, filter, planned_samples, .. } = *self.settings;
+        let max_depth = LEARNING_DEPTH;
+        let settings = PathSettings { max_depth, agents, guiding, filter, planned_samples, ..PathSettings::default() };
         let integrator = PathIntegrator {
             settings: &settings,
             camera: self.camera.clone(),
             filter: self.filter.clone(),
             guide: None,
+            plan: None,
             ..*self
         };
-        let size = self.size;
-        let training = Training {
-            samples: u64::from(view.width) * u64::from(view.height) * u64::from(self.settings.planned_samples),
-            size: [view.width, view.height],
-            lights: agents.any().then(|| self.prepared.lights()),
-            threads: self.prepared.threads(),
+        let samples = u64::from(view.width) * u64::from(view.height) * u64::from(planned_samples);
+        let budget = LearningBudget::new(samples);
+        let lights = agents.any().then(|| self.prepared.lights());
+        let mut training = Training::new([view.width, view.height], lights);
+        let follow = |training: &mut Training<'_>, passes: Range<u32>| {
+            for pass in passes {
+                let count = budget.paths(pass);
+                if pass < budget.plain_passes() {
+                    training.pass_of_pixels(count, |path, trail| integrator.learning_path(None, path, trail));
+                } else {
+                    let directions = training.directions();
+                    training.pass(count, |path, trail| integrator.learning_path(Some(&directions), path, trail));
+                }
+            }
         };
-        let guide = train(&training, |guide, index, trail| {
-            // One sequence of samples for the whole picture.
-            let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, index);
-            let [x, y, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
-            let ray = integrator.camera.ray(Vec2::new(x, y) * size, [lens_u, lens_v]);
-            let path = FollowedPath { integrator: &integrator, sampler, ray: &ray, guide, trail };
-            (compiled::run(path).values.radiance.into(), [x, y])
+        let noise = self.prepared.on_threads(|| {
+            follow(&mut training, 0..budget.plain_passes());
+            training.noise()
         });
-        if !(agents.roulette || agents.shadows) {
-            return Ok(guide);
+        if !budget.goes_on(noise) {
+            return Ok(Guide::default());
         }
-        let guide = Arc::new(guide);
-        let pays = match Trial::new(&integrator, training.samples, &guide) {
-            Some(trial) => trial.pays(&paint(&trial)?),
-            None => false,
+        let mut taken = budget.plain_passes();
+        if let Some(before) = budget.passes_before_trial(noise) {
+            let guide = self.prepared.on_threads(|| {
+                follow(&mut training, taken..before);
+                Arc::new(training.guide())
+            });
+            let trial = Trial::first(&integrator, samples, &guide);
+            if !trial.findings(&paint(&trial, 0)?).are_promising() {
+                return Ok(Guide::default());
+            }
+            taken = before;
+        }
+        let guide = self.prepared.on_threads(|| {
+            follow(&mut training, taken..budget.passes(noise));
+            Arc::new(training.guide())
+        });
+        let trial = Trial::last(&integrator, samples, &guide);
+        let plan = trial.findings(&paint(&trial, 1)?).plan();
+        Ok(settled(guide, plan))
+    }
+
+    /// Follows one path to learn from.
+    fn learning_path(&self, guide: Option<&Guide>, path: LearningPath, trail: &mut Trail) -> FoundLight {
+        let place = |number| {
+            // One sequence of samples for the whole picture.
+            let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, number);
+            (sampler, sampler.quad(DimensionSet::CAMERA))
         };
-        Ok(Arc::unwrap_or_clone(guide).going_by_worth(pays))
+        let (sampler, ray, place) = match path {
+            LearningPath::Single(number) => {
+                let (sampler, [x, y, lens_u, lens_v]) = place(number);
+                (sampler, self.camera.ray(Vec2::new(x, y) * self.size, [lens_u, lens_v]), [x, y])
+            }
+            LearningPath::OfPixel { number, picture, sample } => {
+                let [x, y, ..] = place(number).1;
+                let (x, y) = ((x * self.size.x) as u32, (y * self.size.y) as u32);
+                // Two may be of the same pixel.
+                let seed = LEARNING_SEED ^ (u64::from(number) << 1 | u64::from(picture)) << 32;
+                let sampler = PixelSampler::new(seed, x, y, sample);
+                (sampler, self.camera_ray(&sampler, x, y).0, self.place(x, y))
+            }
+        };
+        let record = compiled::run(FollowedPath { integrator: self, sampler, ray: &ray, guide, trail });
+        FoundLight { radiance: record.values.radiance.into(), place }
+    }
+}
+
+/// What is kept of a guide: nothing, if no zone goes by it.
+fn settled(guide: Arc<Guide>, plan: PaintPlan) -> Guide {
+    match plan.only_way() {
+        Some(PaintingWay::Plain) => Guide::default(),
+        _ => Arc::unwrap_or_clone(guide).planned(plan),
     }
 }
 
@@ -98,7 +148,7 @@ pub fn learn_together(
 ) -> Result<(), RenderError> {
     let integrator = PathIntegrator::unguided(prepared, view, settings)?;
     if integrator.is_to_learn(view) && !prepass.has_guide(view, settings) {
-        let guide = integrator.learn(view, |trial| trial.together(others))?;
+        let guide = integrator.learn(view, |trial, stage| trial.together(others, stage))?;
         prepass.guide(view, settings, || guide);
     }
     Ok(())

@@ -10,7 +10,7 @@ use crate::{
     PathSettings, PreparedScene, RenderError, View,
     camera::{CameraRay, CameraRays},
     filter::FilterSampler,
-    guide::Guide,
+    guide::{Guide, PaintingWay},
     sampler::{DimensionSet, PixelSampler},
 };
 
@@ -27,6 +27,8 @@ pub struct PathIntegrator<'a> {
     pub(super) filter: FilterSampler,
     pub(super) wanted: Wanted,
     pub(super) guide: Option<Arc<Guide>>,
+    /// What says how each pixel is painted, where zones of the picture differ.
+    pub(super) plan: Option<Arc<Guide>>,
     /// Whether agents decide where paths end, and where they go on as several.
     pub(super) splits: bool,
     /// Whether agents decide how often to look whether a light is seen.
@@ -56,9 +58,40 @@ impl<'a> PathIntegrator<'a> {
             filter: FilterSampler::new(settings.filter),
             wanted: Wanted::default(),
             guide: None,
+            plan: None,
             splits: false,
             looks_rarely: false,
         })
+    }
+
+    /// Goes by what was learnt where the plan of the picture says so, and as far.
+    pub(super) fn take_plan(&mut self, guide: Arc<Guide>) {
+        match guide.plan().only_way() {
+            Some(PaintingWay::Plain) => {}
+            Some(way) => *self = self.in_way(way, &guide),
+            None => self.plan = Some(guide),
+        }
+    }
+
+    /// One that paints in a given way, by a guide that is there.
+    pub(super) fn in_way(&self, way: PaintingWay, guide: &Arc<Guide>) -> Self {
+        let agents = self.settings.agents;
+        let by_worth = way == PaintingWay::ByWorth;
+        Self {
+            camera: self.camera.clone(),
+            filter: self.filter.clone(),
+            guide: (way != PaintingWay::Plain).then(|| Arc::clone(guide)),
+            plan: None,
+            splits: by_worth && agents.roulette,
+            looks_rarely: by_worth && agents.shadows,
+            ..*self
+        }
+    }
+
+    /// Those who paint in each way, at the places of their numbers. `None`: all pixels are painted by this one.
+    pub(in crate::integrator) fn ways(&self) -> Option<PlannedWays<'a>> {
+        let guide = self.plan.as_ref()?;
+        Some(PlannedWays { by_way: PaintingWay::ALL.map(|way| self.in_way(way, guide)), guide: Arc::clone(guide) })
     }
 
     #[must_use]
@@ -118,5 +151,28 @@ impl<'a> PathIntegrator<'a> {
     #[inline(always)]
     pub(in crate::integrator) fn guide(&self) -> Option<&Guide> {
         self.guide.as_deref()
+    }
+}
+
+/// Integrators for a picture whose zones are painted in different ways.
+pub(in crate::integrator) struct PlannedWays<'a> {
+    by_way: [PathIntegrator<'a>; PaintingWay::ALL.len()],
+    guide: Arc<Guide>,
+}
+
+impl<'a> PlannedWays<'a> {
+    /// The one for a pixel.
+    #[inline(always)]
+    pub(in crate::integrator) fn of_pixel(&self, x: u32, y: u32) -> &PathIntegrator<'a> {
+        let plain = &self.by_way[0];
+        let way = self.guide.plan().at(plain.place(x, y));
+        &self.by_way[way.number()]
+    }
+
+    /// The one for all samples; `None`: they differ.
+    pub(in crate::integrator) fn of_all(&self, samples: &[(u32, u32, u32)]) -> Option<&PathIntegrator<'a>> {
+        let way = |&(x, y, _): &(u32, u32, u32)| self.guide.plan().at(self.by_way[0].place(x, y));
+        let first = way(samples.first()?);
+        samples.iter().all(|sample| way(sample) == first).then(|| &self.by_way[first.number()])
     }
 }

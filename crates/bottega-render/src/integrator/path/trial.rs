@@ -1,9 +1,9 @@
-//! The trial whether it pays to end and to split paths, and to leave out shadow rays, by what agents say they are worth: on a few
-//! pixels beforehand.
+//! The trial of what was learnt: on a few pixels beforehand, which are painted in all ways.
 //!
-//! What agents say is about independent paths. Those of a pixel are spread evenly, and where light is smooth that is worth
-//! more than to end paths here and to split them there. So some pixels are painted both ways, twice each, and the way with
-//! the lesser error times work is taken. Work is counted, not timed: the answer is the same everywhere.
+//! What a guide and its agents say is about independent paths. Those of a pixel are spread evenly, and where light is smooth that is
+//! worth more than better directions, or than to end paths here and to split them there. So some pixels are painted in all ways, twice
+//! each, and each zone of the picture takes the way with the least error times work. Both measures of error count: that relative to
+//! what a pixel shows, and that of what a display shows of it. Work is counted, not timed: the answer is the same everywhere.
 
 use std::{ops::Range, sync::Arc};
 
@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use super::{super::record::PathRecord, setup::PathIntegrator};
 use crate::{
-    AgentUse, PathSettings, RenderError, Sharing,
-    guide::Guide,
+    RenderError, Sharing,
+    guide::{Guide, PaintPlan, PaintingWay},
     integrator::turns::Painting,
     photon::bytes::{ByteForm, Reader, Writer},
     sampler::{DimensionSet, PixelSampler},
@@ -24,25 +24,36 @@ use crate::{
 /// Seed of the paths that the guide learns from and is tried by, which no picture shares: what is learnt must not know the picture's
 /// samples.
 pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
-/// Samples of the whole picture for each that is tried, and pixels that are tried, at most.
-const SAMPLES_PER_TRIED: u64 = 48;
-const PIXELS_MAX: u64 = 4096;
-/// Fewer of them tell nothing.
+/// Samples of the whole picture for each that is tried first, when nobody knows yet whether it pays to learn, and at last.
+const SAMPLES_PER_TRIED: [u64; 2] = [256, 40];
+/// Pixels that are tried, at least and at most: fewer tell nothing.
 const PIXELS_MIN: u64 = 64;
-/// Samples of each pixel: enough that their being spread evenly counts.
-const SAMPLES: u32 = 16;
+const PIXELS_MAX: u64 = 4096;
+/// Samples of each pixel, if the picture has as many: enough that their being spread evenly counts.
+const SAMPLES_MAX: u32 = 16;
 /// Pixels that one processor tries in a row.
 const PIXELS_PER_CHUNK: usize = 16;
 /// Pixels from which on machines share the trial, and in how many parts: each takes more than to tell of it.
-const SHARED_MIN: usize = 1024;
+const SHARED_MIN: usize = 512;
 const PARTS: usize = 16;
 /// Share of the pixels, the worst ones, that do not count.
 const TRIM: f64 = 0.005;
-/// By what factor error times work must fall.
+/// By what factor error times work must fall, in the mean of both measures by their logarithms; up to what it may seem to rise by one
+/// of them.
 const GAIN_MIN: f64 = 1.05;
-/// Work of a ray towards a light, and of a path beside its vertices, in vertices.
-const SHADOW_WORK: f64 = 0.5;
-const PATH_WORK: f64 = 0.5;
+const LOSS_MAX: f64 = 1.25;
+/// The same mean below which more learning is worth a try.
+const PROMISE: f64 = 0.95;
+/// Pixels tried for each zone that the picture is cut into, and zones along a side at most. What all pixels say counts in each zone
+/// as much as so many of its own.
+const PIXELS_PER_ZONE: f64 = 64.0;
+const ZONES_MAX: f64 = 8.0;
+const COMMON_PIXELS: f64 = 32.0;
+/// By what factor the same must be less in a zone for it to take another way than most of the picture: few pixels tell less.
+const ZONE_GAIN_MIN: f64 = 1.25;
+
+/// All ways, each of which may be tried, and then twice.
+const WAYS: usize = PaintingWay::ALL.len();
 
 /// What one pixel showed, and what that took.
 #[derive(Clone, Copy, Default)]
@@ -51,10 +62,10 @@ pub(super) struct PixelTrial {
     work: f64,
 }
 
-/// A pixel painted in both ways, twice each: plain first.
-pub(super) type BothTrials = [PixelTrial; 4];
+/// A pixel painted in all ways that are tried, twice each; every way has its place.
+pub(super) type AllTrials = [PixelTrial; 2 * WAYS];
 
-impl ByteForm for BothTrials {
+impl ByteForm for AllTrials {
     fn write(&self, to: &mut Writer) {
         for tried in self {
             to.vector(tried.radiance);
@@ -63,7 +74,7 @@ impl ByteForm for BothTrials {
     }
 
     fn read(from: &mut Reader<'_>) -> Option<Self> {
-        let mut all = [PixelTrial::default(); 4];
+        let mut all = [PixelTrial::default(); 2 * WAYS];
         for tried in &mut all {
             *tried = PixelTrial { radiance: from.vector()?, work: f64::from_bits(from.long()?) };
         }
@@ -76,17 +87,45 @@ pub(super) struct Trial<'a> {
     /// As it paints without a guide.
     integrator: &'a PathIntegrator<'a>,
     guide: &'a Arc<Guide>,
+    ways: Vec<PaintingWay>,
     pixels: Vec<(u32, u32)>,
+    /// Of each pixel, in each way and each time.
+    samples: u32,
 }
 
 impl<'a> Trial<'a> {
-    /// `None`: there are too few pixels to try. `samples`: of the whole picture.
-    pub(super) fn new(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Option<Self> {
-        let count = samples / SAMPLES_PER_TRIED / u64::from(4 * SAMPLES);
-        if count < PIXELS_MIN {
-            return None;
-        }
-        let count = count.min(PIXELS_MAX) as u32;
+    /// What shows whether it pays to learn more: a small one, of the way that goes furthest.
+    ///
+    /// - `samples`: of the whole picture.
+    pub(super) fn first(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Self {
+        let furthest = Self::ways(integrator).last().copied().unwrap_or_default();
+        Self::new(integrator, samples, 0, guide, vec![PaintingWay::Plain, furthest])
+    }
+
+    /// What decides.
+    ///
+    /// - `samples`: of the whole picture.
+    pub(super) fn last(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Self {
+        Self::new(integrator, samples, 1, guide, Self::ways(integrator))
+    }
+
+    /// Ways that differ by what agents are asked for.
+    fn ways(integrator: &PathIntegrator<'_>) -> Vec<PaintingWay> {
+        let agents = integrator.settings.agents;
+        let by_worth = agents.roulette || agents.shadows;
+        PaintingWay::ALL.into_iter().filter(|&way| way != PaintingWay::ByWorth || by_worth).collect()
+    }
+
+    fn new(
+        integrator: &'a PathIntegrator<'a>,
+        of_picture: u64,
+        which: usize,
+        guide: &'a Arc<Guide>,
+        ways: Vec<PaintingWay>,
+    ) -> Self {
+        let tried = of_picture / SAMPLES_PER_TRIED[which];
+        let samples = integrator.settings.planned_samples.clamp(1, SAMPLES_MAX);
+        let count = (tried / (2 * ways.len() as u64 * u64::from(samples))).clamp(PIXELS_MIN, PIXELS_MAX) as u32;
         let pixels = (0..count)
             .map(|index| {
                 let place =
@@ -94,69 +133,56 @@ impl<'a> Trial<'a> {
                 (place.x as u32, place.y as u32)
             })
             .collect();
-        Some(Self { integrator, guide, pixels })
+        Self { integrator, guide, ways, pixels, samples }
     }
 
     /// Paints all pixels.
-    pub(super) fn alone(&self) -> Vec<BothTrials> {
+    pub(super) fn alone(&self) -> Vec<AllTrials> {
         self.integrator.prepared.on_threads(|| self.tried(&self.pixels))
     }
 
     /// Paints all pixels with others.
     ///
+    /// - `stage`: the number of the trial.
+    ///
     /// # Errors
     /// As [`Sharing::share`].
-    pub(super) fn together(&self, others: &dyn Sharing) -> Result<Vec<BothTrials>, RenderError> {
+    pub(super) fn together(&self, others: &dyn Sharing, stage: u32) -> Result<Vec<AllTrials>, RenderError> {
         if self.pixels.len() < SHARED_MIN {
             return Ok(self.alone());
         }
         let here = |part: Range<usize>| Ok(self.integrator.prepared.on_threads(|| self.tried(&self.pixels[part])));
-        in_parts(others, 0, self.pixels.len(), PARTS, here)
+        in_parts(others, stage, self.pixels.len(), PARTS, here)
     }
 
-    /// Whether it pays.
-    pub(super) fn pays(&self, painted: &[BothTrials]) -> bool {
-        let Self { integrator, guide, pixels } = self;
-        let worth = |&(x, y): &(u32, u32)| guide.expected().at(integrator.place(x, y));
-        let worths: Vec<f32> = pixels.iter().map(worth).collect();
-        let [plain, by_worth] = [0, 2].map(|way| {
-            let twice = || painted.iter().map(|tried| (tried[way], tried[way + 1]));
-            let work = twice().map(|(once, _)| once.work).chain(twice().map(|(_, again)| again.work)).sum::<f64>();
-            let mut errors: Vec<f64> = twice().zip(&worths).map(|((a, b), &worth)| error(a, b, worth)).collect();
-            errors.sort_unstable_by(f64::total_cmp);
-            let kept = errors.len() - (errors.len() as f64 * TRIM) as usize;
-            errors[..kept].iter().sum::<f64>() * work
-        });
-        // (Neither is a number where nothing shines.)
-        by_worth * GAIN_MIN < plain
+    /// What came of it.
+    pub(super) fn findings(&self, painted: &[AllTrials]) -> Findings {
+        let Self { integrator, guide, pixels, .. } = self;
+        let tally = |(&(x, y), tried): (&(u32, u32), &AllTrials)| {
+            let place = integrator.place(x, y);
+            (place, PixelTally::new(tried, guide.expected().at(place)))
+        };
+        let tallies: Vec<_> = pixels.iter().zip(painted).map(tally).collect();
+        let common = Scores::new(&tallies.iter().map(|(_, tally)| tally).collect::<Vec<_>>(), &self.ways, None);
+        Findings { ways: self.ways.clone(), tallies, common }
     }
 
     /// Paints some pixels.
-    fn tried(&self, pixels: &[(u32, u32)]) -> Vec<BothTrials> {
-        let Self { integrator: plain, guide, .. } = self;
-        let nothing = AgentUse { roulette: false, shadows: false, ..plain.settings.agents };
-        let ways = [(nothing, 1), (nothing, 2), (plain.settings.agents, 1), (plain.settings.agents, 2)];
-        let settings =
-            ways.map(|(agents, seed)| PathSettings { seed: LEARNING_SEED + seed, agents, ..*plain.settings });
-        let integrators = settings.each_ref().map(|settings| PathIntegrator {
-            settings,
-            splits: settings.agents.roulette,
-            looks_rarely: settings.agents.shadows,
-            camera: plain.camera.clone(),
-            filter: plain.filter.clone(),
-            guide: Some(Arc::clone(guide)),
-            ..**plain
-        });
+    fn tried(&self, pixels: &[(u32, u32)]) -> Vec<AllTrials> {
+        let Self { integrator: plain, guide, samples: count, .. } = *self;
+        let settings = [1, 2].map(|seed| crate::PathSettings { seed: LEARNING_SEED + seed, ..*plain.settings });
         let of_chunk = |pixels: &[(u32, u32)]| {
             let samples: Vec<_> =
-                pixels.iter().flat_map(|&(x, y)| (0..SAMPLES).map(move |sample| (x, y, sample))).collect();
-            let mut painted = vec![BothTrials::default(); pixels.len()];
+                pixels.iter().flat_map(|&(x, y)| (0..count).map(move |sample| (x, y, sample))).collect();
+            let mut painted = vec![AllTrials::default(); pixels.len()];
             let mut records = Vec::new();
-            for (way, integrator) in integrators.iter().enumerate() {
-                records.clear();
-                compiled::run(Painting { integrator, samples: &samples, records: &mut records });
-                let of_pixels = records.chunks_exact(SAMPLES as usize).map(pixel);
-                painted.iter_mut().zip(of_pixels).for_each(|(both, tried)| both[way] = tried);
+            for (way, again) in self.ways.iter().flat_map(|&way| [(way, 0), (way, 1)]) {
+                let integrator = PathIntegrator { settings: &settings[again], ..plain.in_way(way, guide) };
+                let number = 2 * way.number() + again;
+                compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
+                let is_guided = way != PaintingWay::Plain;
+                let of_pixels = records.chunks_exact(count as usize).map(|samples| pixel(samples, is_guided));
+                painted.iter_mut().zip(of_pixels).for_each(|(all, tried)| all[number] = tried);
             }
             painted
         };
@@ -164,17 +190,119 @@ impl<'a> Trial<'a> {
     }
 }
 
-fn pixel(samples: &[PathRecord]) -> PixelTrial {
+fn pixel(samples: &[PathRecord], is_guided: bool) -> PixelTrial {
     samples.iter().fold(PixelTrial::default(), |sum, record| PixelTrial {
         radiance: sum.radiance + Spectrum::from(record.values.radiance) / samples.len() as f32,
-        work: sum.work
-            + PATH_WORK
-            + f64::from(record.vertex_count)
-            + SHADOW_WORK * f64::from(record.counts.shadow_rays),
+        work: sum.work + record.work(is_guided),
     })
 }
 
-/// Squared difference of the same pixel painted twice, by what light is worth to it.
-fn error(a: PixelTrial, b: PixelTrial, worth: f32) -> f64 {
-    f64::from((a.radiance - b.radiance).length_squared() * worth * worth)
+/// Of one pixel in each way.
+#[derive(Clone, Copy)]
+struct PixelTally {
+    /// By relative error, and by what a display shows.
+    errors: [[f64; 2]; WAYS],
+    work: [f64; WAYS],
+}
+
+impl PixelTally {
+    /// - `worth`: what light is worth to the pixel.
+    fn new(tried: &AllTrials, worth: f32) -> Self {
+        // The root stands for the curve of a display: it has the same bits everywhere.
+        let shown = |light: Spectrum| {
+            let [r, g, b] = light.to_array().map(|value| value.clamp(0.0, 1.0).sqrt());
+            Spectrum::new(r, g, b)
+        };
+        let pair = |way: usize| [tried[2 * way], tried[2 * way + 1]];
+        let error = |way: usize| {
+            let [a, b] = pair(way).map(|tried| tried.radiance);
+            let squared = |difference: Spectrum| f64::from(difference.length_squared());
+            [squared((a - b) * worth), squared(shown(a) - shown(b))]
+        };
+        let all: [usize; WAYS] = std::array::from_fn(|way| way);
+        Self { errors: all.map(error), work: all.map(|way| pair(way).iter().map(|tried| tried.work).sum()) }
+    }
+}
+
+/// The mean of errors without the worst.
+fn trimmed(mut errors: Vec<f64>) -> f64 {
+    let kept = errors.len() - (errors.len() as f64 * TRIM) as usize;
+    errors.sort_unstable_by(f64::total_cmp);
+    errors[..kept].iter().sum::<f64>() / kept.max(1) as f64
+}
+
+/// What came of a trial.
+pub(super) struct Findings {
+    ways: Vec<PaintingWay>,
+    /// Of each pixel, with its place in the picture.
+    tallies: Vec<([f32; 2], PixelTally)>,
+    /// What all pixels say; `None`: nothing.
+    common: Option<Scores>,
+}
+
+impl Findings {
+    /// Whether more learning may pay.
+    pub(super) fn are_promising(&self) -> bool {
+        self.common.is_some_and(|common| self.ways.iter().any(|&way| common.mean(way) < PROMISE))
+    }
+
+    /// Which way pays in each zone.
+    pub(super) fn plan(&self) -> PaintPlan {
+        let Some(common) = self.common else { return PaintPlan::default() };
+        let side = (self.tallies.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
+        let mut by_zone = vec![Vec::new(); (side * side) as usize];
+        for (place, tally) in &self.tallies {
+            by_zone[PaintPlan::zone([side, side], *place)].push(tally);
+        }
+        let usual = common.best(&self.ways);
+        let way = |zone: &Vec<&PixelTally>| {
+            let Some(scores) = Scores::new(zone, &self.ways, Some(&common)) else { return usual };
+            let own = scores.best(&self.ways);
+            if scores.mean(own) * ZONE_GAIN_MIN < scores.mean(usual) { own } else { usual }
+        };
+        PaintPlan::new(side, side, by_zone.iter().map(way).collect()).unwrap_or_default()
+    }
+}
+
+/// Error times work of each way over that of the plain one, by both measures of error.
+#[derive(Clone, Copy)]
+struct Scores([[f64; 2]; WAYS]);
+
+impl Scores {
+    /// Of some pixels. `None`: they tell nothing.
+    ///
+    /// - `common`: what all pixels say.
+    fn new(tallies: &[&PixelTally], ways: &[PaintingWay], common: Option<&Self>) -> Option<Self> {
+        let count = tallies.len() as f64;
+        let product = |way: usize, measure: usize| {
+            let error = trimmed(tallies.iter().map(|tally| tally.errors[way][measure]).collect());
+            error * tallies.iter().map(|tally| tally.work[way]).sum::<f64>()
+        };
+        let ratio = |way: usize, measure: usize| {
+            let own = product(way, measure) / product(0, measure);
+            match common {
+                None => own,
+                Some(Self(common)) => (count * own + COMMON_PIXELS * common[way][measure]) / (count + COMMON_PIXELS),
+            }
+        };
+        let ratios = std::array::from_fn(|way| std::array::from_fn(|measure| ratio(way, measure)));
+        // (Nothing shines there, or what shines is no number.)
+        let is_known = |way: &PaintingWay| ratios[way.number()].iter().all(|ratio: &f64| ratio.is_finite());
+        ways.iter().all(is_known).then_some(Self(ratios))
+    }
+
+    /// Of both measures, by their logarithms.
+    fn mean(&self, way: PaintingWay) -> f64 {
+        let [relative, seen] = self.0[way.number()];
+        (relative * seen).sqrt()
+    }
+
+    /// The way that pays best by the mean of both measures. One by which it may lose is known no better than this.
+    fn best(&self, ways: &[PaintingWay]) -> PaintingWay {
+        let is_sound = |way: PaintingWay| self.0[way.number()].iter().all(|&ratio| ratio <= LOSS_MAX);
+        let sound = ways.iter().copied().filter(|&way| is_sound(way));
+        let best = |best: PaintingWay, way: PaintingWay| if self.mean(way) < self.mean(best) { way } else { best };
+        let best = sound.fold(PaintingWay::Plain, best);
+        if self.mean(best) * GAIN_MIN < 1.0 { best } else { PaintingWay::Plain }
+    }
 }

@@ -1,0 +1,210 @@
+//! The worth of a guide of paths: error times time with it over that without, learning included, by relative error and by what a
+//! display shows.
+//!
+//! Pictures with and without are painted in turn, each anew, so that whatever else the machine does meets both. Time is that of the
+//! processors. The reference is painted without a guide, in two halves, whose difference says how much of an error is the reference's
+//! own.
+
+mod report;
+
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use bottega::{request::GuideChoice, settings::whole_guide};
+use bottega_image::{
+    Canvas, ExrOptions, Film, HalfOrFloat, Metadata, Picture, ToneMap, USUAL_TRIM, read_picture, rel_mse_trimmed,
+    srgb_mse, write_picture_exr,
+};
+use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
+
+pub use self::report::GuideReport;
+use self::report::{GuideRow, WayResult};
+use crate::{Error, clock::processor_seconds, create_folder, painting::paint_zone, say, shared_meshes};
+
+/// Scenes that are measured if none are named, below the folder of scenes.
+pub const SCENES: &[&str] = &[
+    "coffee/pbrt/scene-v4.pbrt",
+    "peers/a_cornell.xml",
+    "peers/b_ala.xml",
+    "peers/c_goblets.xml",
+    "peers/d_interior.xml",
+];
+
+/// Seeds of the halves of a reference, which no picture has.
+const REFERENCE_SEEDS: [u64; 2] = [0x7265_6665, 0x7265_6666];
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct GuideOptions {
+    /// The scenes.
+    pub scenes: Vec<PathBuf>,
+    /// Width and height of the pictures.
+    pub size: [u32; 2],
+    /// Samples a pixel, one row of the table each.
+    pub samples: Vec<u32>,
+    /// Pictures of each kind, at least 1.
+    pub seeds: u32,
+    /// The first of their seeds; others follow it.
+    pub first_seed: u64,
+    /// Samples a pixel of the reference.
+    pub reference_samples: u32,
+    /// Threads that paint what is measured.
+    pub threads: usize,
+    /// Threads that paint references.
+    pub reference_threads: usize,
+    /// Folder for references, which are taken from there the next time, and for the pictures of the first seed.
+    pub output: Option<PathBuf>,
+}
+
+/// A scene with its reference.
+struct MeasuredScene {
+    name: String,
+    prepared: Arc<PreparedScene>,
+    view: View,
+    max_depth: u32,
+    reference: Picture,
+    /// Of the reference: by relative error, and by what a display shows.
+    noise: [f64; 2],
+}
+
+/// Paints every scene with and without a guide.
+///
+/// - `log`: is told which picture is being painted.
+///
+/// # Errors
+/// A scene cannot be painted, a file not be written, or the system does not tell processor times.
+pub fn measure(options: &GuideOptions, log: &mut dyn Write) -> Result<GuideReport, Error> {
+    if let Some(folder) = &options.output {
+        create_folder(folder)?;
+    }
+    let mut rows = Vec::new();
+    for path in &options.scenes {
+        let scene = MeasuredScene::open(path, options, log)?;
+        for &samples in &options.samples {
+            say(log, format_args!("{}, {samples} samples a pixel …", scene.name));
+            let row = scene.row(samples, options)?;
+            say(log, format_args!("{}", row.line()));
+            rows.push(row);
+        }
+    }
+    Ok(GuideReport { rows, size: options.size, seeds: options.seeds })
+}
+
+impl MeasuredScene {
+    fn open(path: &Path, options: &GuideOptions, log: &mut dyn Write) -> Result<Self, Error> {
+        let loaded = bottega_scene::load(path, &shared_meshes())?;
+        let prepare = PrepareOptions { threads: options.threads, ..PrepareOptions::default() };
+        let [width, height] = options.size;
+        let mut scene = Self {
+            name: name_of(path),
+            prepared: Arc::new(PreparedScene::new(Arc::new(loaded.scene), &prepare)?),
+            view: View { camera: 0, width, height },
+            max_depth: loaded.hints.max_depth.unwrap_or(16),
+            reference: Picture::new(width, height),
+            noise: [0.0; 2],
+        };
+        let halves = [scene.half(0, options, log)?, scene.half(1, options, log)?];
+        // Of the mean of both: a quarter of their squared difference.
+        scene.noise = scene.errors(&halves[0], &halves[1])?.map(|difference| 0.25 * difference);
+        let mean = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
+        scene.reference.data = halves[0].data.iter().zip(&halves[1].data).map(mean).collect();
+        Ok(scene)
+    }
+
+    /// Half of the reference: as it was written before, or painted now.
+    fn half(&self, which: usize, options: &GuideOptions, log: &mut dyn Write) -> Result<Picture, Error> {
+        let samples = options.reference_samples.div_ceil(2);
+        let View { width, height, .. } = self.view;
+        let file = |folder: &PathBuf| {
+            folder.join(format!("{}-{width}x{height}-{samples}-half-{which}.exr", self.name.replace('/', "-")))
+        };
+        let file = options.output.as_ref().map(file);
+        if let Some(file) = file.as_ref().filter(|file| file.is_file()) {
+            let picture = read_picture(file)?;
+            if picture.size() == self.reference.size() {
+                return Ok(picture);
+            }
+        }
+        say(log, format_args!("{}, half of the reference, {samples} samples a pixel …", self.name));
+        let picture =
+            self.paint(GuideChoice::None, samples, REFERENCE_SEEDS[which], options.reference_threads)?.picture;
+        if let Some(file) = &file {
+            let exr = ExrOptions { depth: HalfOrFloat::Float, ..ExrOptions::default() };
+            write_picture_exr(file, &picture, &Metadata::new(), exr)?;
+        }
+        Ok(picture)
+    }
+
+    fn row(&self, samples: u32, options: &GuideOptions) -> Result<GuideRow, Error> {
+        let mut ways = [Vec::new(), Vec::new()];
+        for seed in options.first_seed..options.first_seed + u64::from(options.seeds.max(1)) {
+            for (way, (guide, word)) in [(GuideChoice::None, "none"), (GuideChoice::Ala, "ala")].into_iter().enumerate()
+            {
+                let painted = self.paint(guide, samples, seed, options.threads)?;
+                if let Some(folder) = options.output.as_ref().filter(|_| seed == options.first_seed) {
+                    let name = format!("{}-{samples}-{word}.png", self.name.replace('/', "-"));
+                    Canvas::of_picture(&painted.picture, 0.0, ToneMap::Linear).write_png(folder.join(name))?;
+                }
+                let errors = self.errors(&self.reference, &painted.picture)?;
+                let [rel_mse, srgb_mse] = [0, 1].map(|measure| (errors[measure] - self.noise[measure]).max(1e-12));
+                ways[way].push(WayResult { seconds: painted.seconds, rel_mse, srgb_mse });
+            }
+        }
+        let [without, with] = ways;
+        Ok(GuideRow { scene: self.name.clone(), samples, without, with })
+    }
+
+    fn errors(&self, reference: &Picture, picture: &Picture) -> Result<[f64; 2], Error> {
+        Ok([rel_mse_trimmed(reference, picture, USUAL_TRIM)?, srgb_mse(reference, picture)?])
+    }
+
+    fn paint(&self, guide: GuideChoice, samples: u32, seed: u64, threads: usize) -> Result<TimedPicture, Error> {
+        let (guiding, agents) = whole_guide(guide);
+        let settings = PathSettings {
+            seed,
+            max_depth: self.max_depth,
+            filter: Filter::PIXEL,
+            planned_samples: samples,
+            guiding,
+            agents,
+            ..PathSettings::default()
+        };
+        let before = processor_seconds().ok_or(Error::NoProcessorTime)?;
+        let (tile, _) = paint_zone((&self.prepared, &Arc::default()), self.view, settings, threads, samples)?;
+        let after = processor_seconds().ok_or(Error::NoProcessorTime)?;
+        let mut film = Film::new(tile.rect(), tile.layout().clone());
+        film.add_tile(&tile, |_, _| 1.0);
+        Ok(TimedPicture { picture: film.to_picture(), seconds: after - before })
+    }
+}
+
+/// A picture, and the time of the processors that it took.
+struct TimedPicture {
+    picture: Picture,
+    seconds: f64,
+}
+
+/// The last parts of the path of a scene, without those that say nothing.
+fn name_of(path: &Path) -> String {
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let above = path.ancestors().skip(1).filter_map(|above| above.file_name());
+    match above.map(|name| name.to_string_lossy()).find(|name| !matches!(&**name, "pbrt" | "mitsuba" | "tungsten")) {
+        Some(folder) if stem.starts_with("scene") => folder.into_owned(),
+        _ => stem,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_are_named_by_what_tells_them_apart() {
+        assert_eq!(name_of(Path::new("a/coffee/pbrt/scene-v4.pbrt")), "coffee");
+        assert_eq!(name_of(Path::new("peers/a_cornell.xml")), "a_cornell");
+        assert_eq!(name_of(Path::new("scene.glb")), "scene");
+    }
+}
