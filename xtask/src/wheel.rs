@@ -29,6 +29,9 @@ pub(crate) struct WheelArgs {
     /// Make the source distribution as well.
     #[arg(long)]
     sdist: bool,
+    /// And install the wheel in a bare Debian, which paints with it, as root.
+    #[arg(long = "try")]
+    try_it: bool,
 }
 
 /// Makes the wheel in `target/wheels`.
@@ -51,6 +54,11 @@ pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     let megabytes = fs::metadata(&made)?.len() as f64 / 1e6;
     println!("{}: {megabytes:.1} MB, {:.0} s", made.display(), begun.elapsed().as_secs_f64());
     ensure!(megabytes <= MEGABYTES_MAX, "the wheel is larger than {MEGABYTES_MAX} MB");
+    if args.try_it {
+        let mut attempt = Command::new("packaging/python/try.sh");
+        attempt.arg(&made).arg("scenes/cornell-box.glb").current_dir(root());
+        ensure!(attempt.status()?.success(), "the wheel does not work in a bare Debian");
+    }
     Ok(())
 }
 
