@@ -3,13 +3,14 @@
 mod hand;
 mod membership;
 mod stealing;
+mod thief;
 
 use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AclMessage, AgentId, Performative, Revision, StateMachine, Time};
 use rustc_hash::FxHashMap;
 
-use self::{hand::ZoneInHand, stealing::Thief};
+use self::{hand::ZoneInHand, thief::Thief};
 use crate::{
     Adaptation, AdaptationRule, Bid, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
     FarmMessage, Foreknowledge, Holding, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report,

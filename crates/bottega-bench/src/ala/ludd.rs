@@ -9,7 +9,7 @@ use bottega_render::{
 };
 use serde_json::{Value, json};
 
-use super::{AlaOptions, ways::PaintedScene};
+use super::ways::PaintedScene;
 use crate::{Error, say};
 
 /// How near samples are compared, as a share of the radius of the scene.
@@ -38,13 +38,15 @@ pub(super) struct UsefulData {
 
 /// Compares photons and agents of as many as are painted with.
 ///
+/// - `photons`, `lighting_agents`: so many leave the lights.
 /// - `log`: is told what is compared.
 ///
 /// # Errors
 /// The scene cannot be painted.
 pub(super) fn compare(
-    options: &AlaOptions,
     scene: &PaintedScene<'_>,
+    photons: u32,
+    lighting_agents: u32,
     log: &mut dyn Write,
 ) -> Result<Vec<UsefulData>, Error> {
     let sets = [
@@ -57,8 +59,8 @@ pub(super) fn compare(
     let mut all = Vec::new();
     for (name, set, oracle) in sets {
         say(log, format_args!("comparing {name} …"));
-        let agents = AgentSettings { cast: options.lighting_agents, oracle, ..AgentSettings::default() };
-        let (count, bounces) = (options.photons, scene.max_depth);
+        let agents = AgentSettings { cast: lighting_agents, oracle, ..AgentSettings::default() };
+        let (count, bounces) = (photons, scene.max_depth);
         let photons = PhotonSettings { count, bounces, agents: Some(agents), ..PhotonSettings::default() };
         let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
         let samples = Samples::new(&prepared, &prepass, scene.view, &settings, set, &CRITERIA)?;

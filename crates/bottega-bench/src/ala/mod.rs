@@ -121,7 +121,7 @@ fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error
         let by_rays = scene.paint(way, spp, &reference)?;
         shadows.push(Shadows::new(by_agents, &by_rays)?);
     }
-    let useful_data = ludd::compare(options, &scene, log)?;
+    let useful_data = ludd::compare(&scene, photons, lighting_agents, log)?;
     Ok(AlaReport { samples: spp, reference, photons: by_photons, others, budgets, shadows, useful_data })
 }
 

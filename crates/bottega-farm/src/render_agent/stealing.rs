@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use bottega_agents::{AgentId, Performative, Time};
+use bottega_agents::{Performative, Time};
 
 use super::{RenderAgent, hand::ZoneInHand};
 use crate::{
@@ -20,46 +20,6 @@ use crate::{
 const YIELDED_MAX: usize = 16;
 /// A zone is shared if each gets at least so much of it.
 const SHARE_MIN: f64 = 0.2;
-
-/// The part of an agent that asks its neighbors for zones.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Thief {
-    neighbors: Vec<AgentId>,
-    /// Whom it asks next.
-    next: usize,
-    /// How many have refused since it last got something, or tried again.
-    refusals: usize,
-    /// Whether an answer is awaited, or the zones that were promised.
-    waits: bool,
-}
-
-impl Thief {
-    /// Takes the neighbors that the Master names.
-    pub(super) fn meet(&mut self, me: &AgentId, agents: &[AgentId]) {
-        let agents = agents.iter().filter(|agent| *agent != me).cloned().collect();
-        *self = Self { neighbors: agents, ..Self::default() };
-    }
-
-    /// A zone has come.
-    pub(super) fn is_served(&mut self) {
-        (self.waits, self.refusals) = (false, 0);
-    }
-
-    /// A heartbeat has gone by: what was not answered will not be, and who had nothing may have something.
-    pub(super) fn try_again(&mut self) {
-        self.is_served();
-    }
-
-    /// Whom to ask now.
-    fn whom(&mut self) -> Option<&AgentId> {
-        if self.waits || self.refusals >= self.neighbors.len() {
-            return None;
-        }
-        self.waits = true;
-        self.next = (self.next + 1) % self.neighbors.len();
-        self.neighbors.get(self.next)
-    }
-}
 
 impl RenderAgent {
     /// Begins what waits, as far as it may: all of it, or, where it was dealt, the oldest orders.

@@ -18,12 +18,13 @@ default. paper: By equation (1) of the MAGarRO paper, as printed.
 """
 
 
-AuctionChoice = Literal["finishing-time", "promised", "paper"]
+AuctionChoice = Literal["finishing-time", "promised", "paper", "stealing"]
 """How the winners of an auction are found. finishing-time: An agent gets the largest zone that it
 finishes before the whole is expected to end, its promises weighed by how far they held before: the
 default. promised: The same, but each agent is taken at its word: what it promised before, and what
 came of it, counts for nothing. paper: The most complex zone goes to the bidder with the most
-credit, as in the MAGarRO paper.
+credit, as in the MAGarRO paper. stealing: No auction: zones are dealt out at once, each to the
+agent that would finish it soonest, and agents take from each other what waits.
 """
 
 
