@@ -174,7 +174,7 @@ class JobPage {
   }
 
   #showZone(zone) {
-    const used = zone && this.#energy?.zones.find(({ id }) => id === zone.id);
+    const used = zone && this.#energy?.zones?.find(({ id }) => id === zone.id);
     this.panel.replaceChildren(...zonePanel(zone, used && usedText(used, this.#energy.currency)).filter(Boolean));
   }
 

@@ -21,13 +21,20 @@ impl Backoff {
     }
 
     /// The pause after one more failure: twice the one before. `None`: enough.
-    ///
-    /// - `weight`: as how many it counts.
-    pub(crate) fn failed(&mut self, config: &HraConfig, weight: u32) -> Option<Duration> {
-        self.failures = self.failures.saturating_add(weight);
-        let doublings = (self.failures - 1).min(31);
-        (self.failures < config.max_failures)
-            .then(|| config.pause_min.saturating_mul(1 << doublings).min(config.pause_max))
+    pub(crate) fn failed(&mut self, config: &HraConfig) -> Option<Duration> {
+        self.failures = self.failures.saturating_add(1);
+        (self.failures < config.max_failures).then(|| self.pause(config))
+    }
+
+    /// The pause after one more doubt: as after a failure, but it is never enough.
+    pub(crate) fn doubted(&mut self, config: &HraConfig) -> Duration {
+        self.failures = self.failures.saturating_add(1).min(config.max_failures.saturating_sub(1)).max(self.failures);
+        self.pause(config)
+    }
+
+    fn pause(self, config: &HraConfig) -> Duration {
+        let doublings = self.failures.saturating_sub(1).min(31);
+        config.pause_min.saturating_mul(1 << doublings).min(config.pause_max)
     }
 }
 
@@ -44,9 +51,12 @@ mod tests {
             ..HraConfig::default()
         };
         let mut backoff = Backoff::default();
-        let pauses: Vec<_> = (0..6).map(|_| backoff.failed(&config, 1).map(|pause| pause.as_millis())).collect();
+        let pauses: Vec<_> = (0..6).map(|_| backoff.failed(&config).map(|pause| pause.as_millis())).collect();
         assert_eq!(pauses, [Some(1), Some(2), Some(4), Some(6), Some(6), None]);
         backoff.succeeded();
-        assert_eq!(backoff.failed(&config, 1), Some(Duration::from_millis(1)));
+        assert_eq!(backoff.failed(&config), Some(Duration::from_millis(1)));
+        // Doubts alone never do.
+        let pauses: Vec<_> = (0..9).map(|_| backoff.doubted(&config).as_millis()).collect();
+        assert_eq!(pauses, [2, 4, 6, 6, 6, 6, 6, 6, 6]);
     }
 }

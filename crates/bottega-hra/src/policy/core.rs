@@ -365,15 +365,16 @@ impl<T> Core<T> {
         }
     }
 
-    /// Whether a packet on trial keeps all waiting: nothing else is left to do, and another resource that has nothing to do
+    /// Whether a packet keeps all waiting: nothing else is left to do, and another resource that has nothing to do
     /// would have done it several times over since it was sent, or could have tried.
     fn is_doubtful(&self, now: Time, id: ResourceId, flight: &Flight) -> bool {
         let age = now.since(flight.sent);
-        if !flight.is_trial || self.bin.len() > 0 || age < flight.doubt_after {
+        if self.bin.len() > 0 || age < flight.doubt_after {
             return false;
         }
         let is_far_better = |(lane, other): (&LaneState, u32)| {
-            let is_free = ResourceId(other) != id && lane.health == Health::Up && lane.flights.is_empty();
+            let is_sound = lane.health == Health::Up && !lane.backoff.has_failed();
+            let is_free = ResourceId(other) != id && is_sound && lane.flights.is_empty();
             let takes = lane.predict_ns(flight.primitive, flight.items).filter(|_| lane.knows(flight.primitive));
             let is_far_older = |ns: f64| ns * self.config.hang_factor <= age.as_nanos() as f64;
             let can = || self.roster.primitives(ResourceId(other)).contains(flight.primitive);

@@ -7,9 +7,6 @@ use super::time::Time;
 use super::unit::Unit;
 use crate::ResourceId;
 
-/// As how many failures it counts when a resource hangs: others are known at once, this is waited for.
-const HANG_WEIGHT: u32 = 2;
-
 /// Why a unit is not tried again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GiveUp {
@@ -33,7 +30,11 @@ impl<T> Core<T> {
         }
         // Packets that were under way when it failed say nothing new.
         if !matches!(lane.health, Health::Paused(_)) {
-            match lane.backoff.failed(&self.config, if fault == Fault::Hung { HANG_WEIGHT } else { 1 }) {
+            let pause = match fault {
+                Fault::Doubted => Some(lane.backoff.doubted(&self.config)),
+                _ => lane.backoff.failed(&self.config),
+            };
+            match pause {
                 Some(pause) => lane.health = Health::Paused(now.after(pause)),
                 None => return self.retire(now, id, out),
             }
@@ -52,7 +53,9 @@ impl<T> Core<T> {
         }
         lane.account.failures += 1;
         let reason = format!("no answer after {:.3} s", now.since(flight.sent).as_secs_f64());
-        self.fail(now, id, Fault::Hung, &reason, out);
+        // Before its time is over it is only doubted: others do its work, and it is left alone for a while.
+        let fault = if flight.deadline > now { Fault::Doubted } else { Fault::Hung };
+        self.fail(now, id, fault, &reason, out);
         let lane = &mut self.lanes[id.index()];
         // A near resource holds its thread; the pause begins when it returns.
         if lane.flow.is_none() && lane.health != Health::Retired {

@@ -20,6 +20,8 @@ pub enum Fault {
     Garbage,
     /// It did not answer within the time that its work should have taken several times over.
     Hung,
+    /// It kept all waiting longer than another, which had nothing to do, would have taken; there was time left for an answer.
+    Doubted,
     /// It ran out of memory.
     OutOfMemory,
     /// It was asked to recover and could not.
@@ -36,6 +38,7 @@ impl Fault {
             Self::Died => "died",
             Self::Garbage => "answered garbage",
             Self::Hung => "hung",
+            Self::Doubted => "kept all waiting",
             Self::OutOfMemory => "ran out of memory",
             Self::NotRecovered => "did not recover",
             Self::Retired => "was given up",

@@ -213,10 +213,11 @@ impl<'a> VirtualWorld<'a> {
         for unit in out.orphans {
             self.answer(unit.load, Some(Err(UnitError::NoResource(unit.meta.primitive))), None);
         }
-        for (id, sequence) in out.overdue.into_iter().chain(out.doubtful) {
+        let overdue = out.overdue.into_iter().map(|packet| (packet, true));
+        for ((id, sequence), blamed) in overdue.chain(out.doubtful.into_iter().map(|packet| (packet, false))) {
             let units = self.ledgers[id.index()].settle(sequence).into_iter().flatten().collect();
             self.with_core(|core, now, out| core.hung(now, id, sequence, out));
-            self.give_back(id, units, true);
+            self.give_back(id, units, blamed);
             self.to_ask.push_back(id);
         }
     }

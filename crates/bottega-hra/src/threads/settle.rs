@@ -201,7 +201,9 @@ impl<W: Work> AllocatorState<W> {
 
     /// A packet has no answer long after there should have been one: its units are done elsewhere. A near resource
     /// whose units cannot be done again is waited for, unless everything ends.
-    pub(crate) fn give_up(&self, id: ResourceId, sequence: u64) {
+    ///
+    /// - `blamed`: whether that counts against the units as a try.
+    pub(crate) fn give_up(&self, id: ResourceId, sequence: u64, blamed: bool) {
         let lane = &self.lanes[id.index()];
         let units = {
             let mut ledger = lock(&lane.ledger);
@@ -220,7 +222,7 @@ impl<W: Work> AllocatorState<W> {
         let mut answers = Vec::new();
         self.with_core(|core, now, out| {
             core.hung(now, id, sequence, out);
-            answers = self.try_again(core, now, id, undone, true, out);
+            answers = self.try_again(core, now, id, undone, blamed, out);
         });
         self.answer_failed(id, answers);
         // A near one holds its thread, a far one may hold it as soon as anything is asked of it.
@@ -233,7 +235,7 @@ impl<W: Work> AllocatorState<W> {
     pub(crate) fn do_elsewhere(&self, id: ResourceId, sequence: u64) {
         let can_be_done_again = |units: &[Unit<UnitPayload<W>>]| units.iter().all(|unit| unit.load.work.is_some());
         if lock(&self.lanes[id.index()].ledger).look(sequence).is_some_and(can_be_done_again) {
-            self.give_up(id, sequence);
+            self.give_up(id, sequence, false);
         }
     }
 }

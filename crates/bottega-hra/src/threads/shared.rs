@@ -162,7 +162,7 @@ impl<W: Work> AllocatorState<W> {
         self.answer_unstarted(out.expired, Some(&crate::UnitError::Expired));
         self.answer_unstarted(out.orphans, None);
         for (id, sequence) in out.overdue {
-            self.give_up(id, sequence);
+            self.give_up(id, sequence, true);
         }
         for (id, sequence) in out.doubtful {
             self.do_elsewhere(id, sequence);

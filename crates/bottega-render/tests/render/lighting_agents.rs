@@ -290,13 +290,13 @@ fn does_not_depend_on_size(oracle: Oracle) {
 }
 
 #[test]
-fn a_few_sensors_differ_as_much_as_many_photons() {
+fn a_few_sensors_differ_more_than_as_many_photons() {
     let scene = prepare(room_with_sphere());
     let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let mean = |set: SampleSet, oracle: Oracle| {
         let criteria = [Criterion::Irradiance];
         let samples = Samples::new(&scene.scene, &scene.prepass, view, &by(few(oracle), 2), set, &criteria).unwrap();
-        let ludd = samples.over(&scene.scene, view, LocalSphere::Radius(0.1)).unwrap();
+        let ludd = samples.over(&scene.scene, view, LocalSphere::Count(20)).unwrap();
         let known: Vec<f32> = ludd.pixels.iter().flatten().filter_map(Density::all).collect();
         assert!(known.len() > 300 && known.iter().all(|density| density.is_finite() && *density >= 0.0));
         (known.iter().sum::<f32>() / known.len() as f32, ludd.sample_count)
@@ -305,7 +305,8 @@ fn a_few_sensors_differ_as_much_as_many_photons() {
     for oracle in ORACLES {
         let (by_agents, sensors) = mean(SampleSet::Agents, oracle);
         assert!(sensors < photons, "{sensors} {photons}");
-        assert!(by_agents > 0.4 * by_photons, "{oracle:?} {by_agents} {by_photons}");
+        eprintln!("{oracle:?} {by_agents} {by_photons}");
+        assert!(by_agents > by_photons, "{oracle:?} {by_agents} {by_photons}");
     }
 }
 
