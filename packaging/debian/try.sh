@@ -2,23 +2,11 @@
 # Installs a .deb in a bare Debian, and uses it: try.sh PACKAGE.deb SCENE.glb [RELEASE]. As root; the folder goes afterwards.
 set -euo pipefail
 package=$1 scene=$2 release=${3:-bookworm}
-command -v mmdebstrap >/dev/null || apt-get install -y --no-install-recommends mmdebstrap
-root=$(mktemp -d)
-trap 'rm -rf "$root"' EXIT
+. "$(dirname "$0")/../bare-debian.sh"
 # `man` and its reader; man pages are left out of small systems otherwise.
-mmdebstrap --quiet --variant=minbase --include=man-db,groff-base,nats-server,ca-certificates "$release" "$root/system.tar"
-mkdir "$root/system"
-tar --extract --exclude='./dev/*' --file "$root/system.tar" --directory "$root/system"
-rm "$root/system.tar"
-system=$root/system
-mkdir -p "$system/proc" "$system/dev"
-mount -t proc proc "$system/proc"
-trap 'umount "$system/proc" || true; rm -rf "$root"' EXIT
-mknod -m 666 "$system/dev/null" c 1 3 2>/dev/null || true
-mknod -m 666 "$system/dev/urandom" c 1 9 2>/dev/null || true
+bare_debian "$release" man-db,groff-base,nats-server,ca-certificates
 cp "$package" "$system/tmp/bottega.deb"
 cp "$scene" "$system/tmp/scene.glb"
-inside() { echo "+ $*"; chroot "$system" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 "$@"; }
 inside dpkg -i /tmp/bottega.deb
 inside bottega --version
 inside bottega render /tmp/scene.glb --size 64x64 --spp 4 -o /tmp/picture.png

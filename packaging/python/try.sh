@@ -3,21 +3,9 @@
 # [RELEASE]. As root; needs the package registry and nothing else. The folder goes afterwards.
 set -euo pipefail
 wheel=$1 scene=$2 release=${3:-bookworm}
-command -v mmdebstrap >/dev/null || apt-get install -y --no-install-recommends mmdebstrap
-root=$(mktemp -d)
-trap 'rm -rf "$root"' EXIT
-mmdebstrap --quiet --variant=minbase --include=python3-venv,ca-certificates "$release" "$root/system.tar"
-mkdir "$root/system"
-tar --extract --exclude='./dev/*' --file "$root/system.tar" --directory "$root/system"
-rm "$root/system.tar"
-system=$root/system
-mkdir -p "$system/proc" "$system/dev"
-mount -t proc proc "$system/proc"
-trap 'umount "$system/proc" || true; rm -rf "$root"' EXIT
-for node in "null 1 3" "urandom 1 9" "random 1 8"; do
-  set -- $node
-  mknod -m 666 "$system/dev/$1" c "$2" "$3"
-done
+. "$(dirname "$0")/../bare-debian.sh"
+PATH_FIRST=/root/venv/bin
+bare_debian "$release" python3-venv,ca-certificates
 # The way to the registry is this machine's.
 for file in /etc/resolv.conf /etc/hosts /etc/ssl/certs/ca-certificates.crt /etc/pip.conf; do
   if [ -f "$file" ]; then cp "$file" "$system$file"; fi
@@ -25,7 +13,6 @@ done
 cp "$wheel" "$system/tmp/"
 cp "$scene" "$system/tmp/scene.glb"
 name=/tmp/$(basename "$wheel")
-inside() { echo "+ $*"; chroot "$system" /usr/bin/env -i PATH=/root/venv/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 "$@"; }
 inside python3 -m venv /root/venv
 # Two commands to a picture.
 begun=$SECONDS

@@ -108,7 +108,7 @@ impl JobEnergy {
         let known = || machines.iter().filter_map(|machine| machine.kwh);
         let kwh = known().next().map(|_| known().sum());
         Self {
-            processor_seconds: machines.iter().map(|machine| machine.processor_seconds).sum(),
+            processor_seconds: machines.iter().fold(0.0, |all, machine| all + machine.processor_seconds),
             kwh,
             cost: kwh.and_then(cost),
             currency: price.map(|price| price.currency.clone()),
@@ -215,6 +215,8 @@ mod tests {
         assert!(energy.is_partial, "nobody knows what the other one draws");
         let shares: Vec<(u32, f64)> = energy.zones.iter().map(|zone| (zone.id, zone.kwh)).collect();
         assert_eq!(shares, [(1, 0.75), (2, 0.25)]);
+        let nobody = JobEnergy::of(&BTreeMap::new(), &[], &Tariff::default());
+        assert_eq!(format!("{:?}", nobody.processor_seconds), "0.0", "not -0.0");
 
         let price = EnergyPrice { per_kwh: 0.5, currency: "EUR".to_owned() };
         let energy = JobEnergy::of(&usages, &rows, &Tariff { price: Some(price), watts: Some(3.6e6) });

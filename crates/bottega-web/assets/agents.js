@@ -32,7 +32,8 @@ export function agentRows(agents, hues, work) {
 }
 
 /** The auction as a sentence. */
-export function auctionLine({ rounds, contested, credit_decided: decided, bids, awards }) {
+export function auctionLine({ rounds, contested, credit_decided: decided, bids, awards, thefts, stolen }) {
+  if (thefts) return `Agents took ${stolen} zones from each other, ${thefts} times.`;
   if (!rounds) return "No auction yet.";
   return `${rounds} rounds, ${contested} with several bidders, ${bids} bids, ${awards} zones given away; ` +
     `credit decided ${decided} rounds.`;

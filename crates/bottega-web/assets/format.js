@@ -52,3 +52,16 @@ export function setText(node, text) {
 export function button(word, onclick, properties = {}) {
   return element("button", { type: "button", onclick, ...properties }, word);
 }
+
+/** A function that has something drawn with the next frame, once however often it is called before. */
+export function oncePerFrame(draw) {
+  let isWaiting = false;
+  return () => {
+    if (isWaiting) return;
+    isWaiting = true;
+    requestAnimationFrame(() => {
+      isWaiting = false;
+      draw();
+    });
+  };
+}

@@ -1,6 +1,6 @@
 // A sequence diagram of any number of messages, of which only those are in the page that are seen.
 
-import { element, setText } from "./format.js";
+import { element, oncePerFrame, setText } from "./format.js";
 import { agentsOf, conversationHue, labelOf, shortName } from "./sequence.js";
 import { visibleRange } from "./virtual_table.js";
 
@@ -59,7 +59,7 @@ export class SequenceView {
   #agents = [];
   #lanes = new Map();
   #selected = -1;
-  #isDrawing = false;
+  #draw = oncePerFrame(() => this.#drawNow());
   #drawn = "";
 
   constructor({ label, onSelect }) {
@@ -127,15 +127,6 @@ export class SequenceView {
     if (to === undefined || last < 0) return;
     event.preventDefault();
     this.#choose(Math.max(0, Math.min(last, to)));
-  }
-
-  #draw() {
-    if (this.#isDrawing) return;
-    this.#isDrawing = true;
-    requestAnimationFrame(() => {
-      this.#isDrawing = false;
-      this.#drawNow();
-    });
   }
 
   #drawNow() {

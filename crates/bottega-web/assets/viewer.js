@@ -1,6 +1,6 @@
 // The picture of a job in a window: zoom, exposure, zones and importance over it.
 
-import { button, element, setText, time } from "./format.js";
+import { button, element, oncePerFrame, setText, time } from "./format.js";
 import { fit, keepInside, toPicture, zoomAt } from "./view_box.js";
 import { bounds, COLORINGS, isWorking, stateWord, summarize, zoneAt } from "./zones.js";
 
@@ -19,7 +19,7 @@ export class Viewer {
   #isFitted = true;
   #selected = null;
   #pointers = new Map();
-  #isDrawing = false;
+  draw = oncePerFrame(() => this.#drawNow());
 
   constructor({ label, onPick }) {
     this.onPick = onPick;
@@ -79,15 +79,6 @@ export class Viewer {
   close() {
     this.observer.disconnect();
     for (const image of [this.picture, this.importance]) if (image.src) URL.revokeObjectURL(image.src);
-  }
-
-  draw() {
-    if (this.#isDrawing) return;
-    this.#isDrawing = true;
-    requestAnimationFrame(() => {
-      this.#isDrawing = false;
-      this.#drawNow();
-    });
   }
 
   #toolbar() {

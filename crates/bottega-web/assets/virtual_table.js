@@ -1,6 +1,6 @@
 // A table of any number of rows, of which only those are in the page that are seen.
 
-import { element, setText } from "./format.js";
+import { element, oncePerFrame, setText } from "./format.js";
 
 const SPARE_ROWS = 6;
 
@@ -30,7 +30,7 @@ export class VirtualTable {
   #byKey = new Map();
   #cells = new Map();
   #selected = null;
-  #isDrawing = false;
+  #draw = oncePerFrame(() => this.#drawNow());
   #sort;
 
   constructor({ label, columns, key, onSelect = null, rowHeight = 36, sort = columns[0].name }) {
@@ -100,15 +100,6 @@ export class VirtualTable {
   #choose(row) {
     this.select(this.key(row));
     this.onSelect(row);
-  }
-
-  #draw() {
-    if (this.#isDrawing) return;
-    this.#isDrawing = true;
-    requestAnimationFrame(() => {
-      this.#isDrawing = false;
-      this.#drawNow();
-    });
   }
 
   #drawNow() {

@@ -192,6 +192,8 @@ impl ShownFarm for LinkedFarm {
             credit_decided: auction.credit_decided,
             bids: auction.bids,
             awards: auction.awards,
+            thefts: auction.thefts,
+            stolen: auction.stolen,
         };
         Ok(JobAgents { agents, auction })
     }

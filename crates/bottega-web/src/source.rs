@@ -54,6 +54,10 @@ pub struct AuctionSum {
     pub bids: u64,
     /// Zones, or parts of zones, that were given away.
     pub awards: u64,
+    /// How often an agent took zones from another.
+    pub thefts: u64,
+    /// Zones that changed hands so.
+    pub stolen: u64,
 }
 
 /// A machine that is there.
