@@ -2,7 +2,8 @@
 
 #[cfg(test)]
 const LAYERS: &[(&str, &[&str])] = &[
-    ("bottega-image", &[]),
+    ("bottega-platform", &[]),
+    ("bottega-image", &["bottega-platform"]),
     ("bottega-scene", &["bottega-image"]),
     ("bottega-fuzzy", &[]),
     ("bottega-kernels", &[]),
@@ -13,11 +14,15 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("bottega-agents", &[]),
     ("bottega-build", &[]),
     ("bottega-denoise", &["bottega-image"]),
-    ("bottega-engines", &["bottega-render", "bottega-scene", "bottega-image", "bottega-hra", "bottega-kernels"]),
+    (
+        "bottega-engines",
+        &["bottega-render", "bottega-scene", "bottega-image", "bottega-hra", "bottega-kernels", "bottega-platform"],
+    ),
     ("bottega-farm", &["bottega-agents", "bottega-fuzzy", "bottega-engines", "bottega-image"]),
     (
         "bottega",
         &[
+            "bottega-platform",
             "bottega-image",
             "bottega-scene",
             "bottega-fuzzy",
@@ -35,6 +40,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "bottega-cluster",
         &[
+            "bottega-platform",
             "bottega",
             "bottega-agents",
             "bottega-build",
@@ -49,6 +55,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "bottega-bench",
         &[
+            "bottega-platform",
             "bottega-image",
             "bottega-scene",
             "bottega-kernels",
@@ -65,6 +72,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "bottega-cli",
         &[
+            "bottega-platform",
             "bottega-image",
             "bottega-scene",
             "bottega-fuzzy",

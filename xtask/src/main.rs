@@ -1,5 +1,5 @@
-//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | package | manual | python-stubs | engines | leaks | farm |
-//! fuzzy-reference`.
+//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | package | systems | manual | python-stubs | engines | leaks |
+//! farm | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod absences;
@@ -29,6 +29,7 @@ mod python;
 mod spelling;
 mod suite;
 mod symbols;
+mod systems;
 #[cfg(test)]
 mod type_names;
 mod wheel;
@@ -55,6 +56,9 @@ enum Command {
     Manual(manual::ManualArgs),
     /// Packages: a tarball, a .deb, the licences of all that is compiled in, the bill of materials: `target/packages`.
     Package(package::PackageArgs),
+    /// Checks that everything compiles for Windows and macOS. Installs their standard libraries by rustup, and zig below
+    /// `target/python`.
+    Systems,
     /// Makes the Python classes of requests anew from their schema.
     PythonStubs,
     /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
@@ -85,6 +89,7 @@ fn main() -> Result<()> {
         Command::Wheel(args) => wheel::wheel(&args),
         Command::Manual(args) => manual::manual(&args),
         Command::Package(args) => package::package(&args),
+        Command::Systems => systems::systems(),
         Command::PythonStubs => wheel::python_stubs(),
         Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),

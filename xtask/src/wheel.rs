@@ -102,7 +102,7 @@ fn only_file(folder: &Path) -> Result<PathBuf> {
 }
 
 /// Runs a tool of the Python environment, which finds the others there.
-fn run(tool: &str, arguments: &[&str]) -> Result<()> {
+pub(crate) fn run(tool: &str, arguments: &[&str]) -> Result<()> {
     eprintln!("+ {tool} {}", arguments.join(" "));
     let tools = program(tool).parent().map(Path::to_owned).unwrap_or_default();
     let path = env::join_paths([tools].into_iter().chain(env::split_paths(&env::var_os("PATH").unwrap_or_default())))?;

@@ -16,10 +16,11 @@ use std::{
 use bottega::engines::{absolute, located, parameters};
 use bottega_engines::external::{EngineFault, LocatedEngine, SceneRequest, Session};
 use bottega_image::Rect;
+use bottega_platform::processor_time;
 use serde_json::{Value, json};
 
 pub use self::trial::EngineTrial;
-use crate::{Error, Report, clock::children_seconds, say};
+use crate::{Error, Report, say};
 
 /// The engine and the picture of the measurement.
 #[derive(Clone, Debug)]
@@ -151,10 +152,10 @@ impl EnginesOptions {
 }
 
 fn timed<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<(PictureTime, T), Error> {
-    let (before, begun) = (children_seconds(), Instant::now());
+    let (before, begun) = (processor_time::children_seconds(), Instant::now());
     let made = work()?;
     let wall = begun.elapsed().as_secs_f64();
-    let processors = before.zip(children_seconds()).map(|(before, after)| after - before);
+    let processors = before.zip(processor_time::children_seconds()).map(|(before, after)| after - before);
     Ok((PictureTime { wall, processors }, made))
 }
 
@@ -224,9 +225,9 @@ mod tests {
 
     #[test]
     fn what_children_spend_is_seen_where_the_system_tells() {
-        let Some(before) = children_seconds() else { return };
+        let Some(before) = processor_time::children_seconds() else { return };
         let done = Command::new("sh").args(["-c", "i=0; while [ $i -lt 300000 ]; do i=$((i+1)); done"]).status();
         assert!(done.is_ok_and(|status| status.success()));
-        assert!(children_seconds().is_some_and(|after| after > before));
+        assert!(processor_time::children_seconds().is_some_and(|after| after > before));
     }
 }

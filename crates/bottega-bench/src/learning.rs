@@ -6,10 +6,11 @@ use std::{fmt::Write as _, io::Write, path::PathBuf, sync::Arc, time::Duration};
 
 use bottega::{Request, Session, StopSwitch, text::shown};
 use bottega_farm::{Experience, Forecast, JobReport, JobSettings, RelativePower, benchmark};
+use bottega_platform::processor_time::own_seconds;
 use serde_json::{Value, json};
 
 use self::timed_engine::TimedEngine;
-use crate::{Error, Report, clock::processor_seconds, say};
+use crate::{Error, Report, say};
 
 /// What is painted.
 #[derive(Clone, Debug)]
@@ -63,7 +64,7 @@ pub struct LearningReport {
 /// # Errors
 /// A scene cannot be painted, or a picture has too few zones for a comparison.
 pub fn measure(options: &LearningOptions, log: &mut dyn Write) -> Result<LearningReport, Error> {
-    let clock = || processor_seconds().map(Duration::from_secs_f64);
+    let clock = || own_seconds().map(Duration::from_secs_f64);
     if clock().is_none() {
         return Err(Error::NoProcessorTime);
     }

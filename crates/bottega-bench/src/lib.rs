@@ -21,7 +21,6 @@
 //! | time of the processors | [`clock`] |
 
 pub mod ala;
-pub mod clock;
 pub mod devices;
 pub mod engines;
 mod error;

@@ -20,6 +20,7 @@ use std::{
 
 use bottega::{request::GuideChoice, settings::whole_guide};
 use bottega_image::{Film, Picture, USUAL_TRIM, firefly_count, read_picture, rel_mse_trimmed, srgb_mse};
+use bottega_platform::processor_time::own_seconds;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
 use serde_json::Value;
 
@@ -27,7 +28,6 @@ pub use self::report::PeersReport;
 use self::report::{OURS, PeerRow};
 use crate::{
     Error,
-    clock::processor_seconds,
     neutral_scene::{self, NeutralScene},
     painting::paint_zone,
     say,
@@ -203,9 +203,9 @@ fn row(
 }
 
 fn ours(scene: &NeutralScene, threads: usize, options: &PeersOptions, seed: u16) -> Result<PeerPicture, Error> {
-    let before = processor_seconds();
+    let before = own_seconds();
     let (picture, time) = paint_ours(scene, threads, options.spp, seed.into(), options.guide)?;
-    let seconds = match (options.processor_time, before.zip(processor_seconds())) {
+    let seconds = match (options.processor_time, before.zip(own_seconds())) {
         (false, _) => time.as_secs_f64(),
         (true, Some((before, after))) => after - before,
         (true, None) => return Err(Error::NoProcessorTime),
@@ -333,7 +333,7 @@ mod tests {
         let scene = NeutralScene { scene: bottega_scene::Scene::default(), width: 2, height: 2, max_bounces: 1 };
         let reason = paint(&PEERS[0], &options, &scene, "a", 1, 0).err().unwrap_or_default();
         assert!(reason.starts_with("no such python"), "{reason}");
-        assert!(processor_seconds().is_none_or(|seconds| seconds >= 0.0));
+        assert!(own_seconds().is_none_or(|seconds| seconds >= 0.0));
         assert!(scenes(&options).is_err());
         assert!(options.includes("mitsuba scalar_rgb") && !options.includes("cycles"));
     }

@@ -14,6 +14,7 @@ use std::{
 };
 
 use bottega_cluster::{Credentials, FarmAddress, energy::EnergyPrice};
+use bottega_platform::folders::config_folder;
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 
@@ -81,11 +82,7 @@ pub(crate) fn farm_credentials() -> Credentials {
 /// Where the file is, or would be.
 pub(crate) fn path() -> PathBuf {
     let named = |name: &str| env::var_os(name).filter(|path| !path.is_empty()).map(PathBuf::from);
-    named(FILE_VARIABLE).unwrap_or_else(|| {
-        let in_home = || env::home_dir().map(|home| home.join(".config"));
-        let base = named("XDG_CONFIG_HOME").or_else(in_home).unwrap_or_else(|| PathBuf::from("."));
-        base.join("bottega").join("config.toml")
-    })
+    named(FILE_VARIABLE).unwrap_or_else(|| config_folder().join("config.toml"))
 }
 
 impl ConfigFile {

@@ -4,7 +4,7 @@ use std::{fmt, fs, path::PathBuf, str::FromStr};
 
 use bottega_agents::driver::nats::{Login, Pin};
 
-use bottega::state::state_folder;
+use bottega_platform::folders::state_folder;
 
 use crate::error::Error;
 

@@ -1,9 +1,8 @@
 //! Admission of machines to the farm of `bottega up`: they become members, and the server is told of them.
 
-use std::{
-    path::PathBuf,
-    sync::{Mutex, MutexGuard, PoisonError},
-};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use bottega_agents::driver::nats::NatsOptions;
 
 use crate::error::Error;
 use crate::{
@@ -19,14 +18,15 @@ pub(crate) struct Admission {
     /// How many members the server was told of. Locked while it is told.
     told: Mutex<usize>,
     setup: Setup,
-    program: PathBuf,
+    /// How the server is reached by a user of its own account.
+    system: NatsOptions,
 }
 
 impl Admission {
     /// - `members`: those that the configuration of the server names.
-    pub(crate) fn new(members: Members, setup: Setup, program: PathBuf) -> Self {
+    pub(crate) fn new(members: Members, setup: Setup, system: NatsOptions) -> Self {
         let told = Mutex::new(members.count());
-        Self { members: Mutex::new(members), told, setup, program }
+        Self { members: Mutex::new(members), told, setup, system }
     }
 
     /// Answers one who wants to be let in. `None`: it names no group of ours.
@@ -57,7 +57,7 @@ impl Admission {
                 self.setup.write(&members)?;
                 members.count()
             };
-            reload(&self.program, &self.setup)?;
+            reload(&self.setup, &self.system)?;
             *told = all;
         }
         Ok(())

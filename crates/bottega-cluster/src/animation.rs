@@ -96,7 +96,7 @@ fn paint_with_others(
 ) -> Result<(), Error> {
     let (threads, refusals) = (threads(request), Refusals::default());
     let meter = UsageMeter::new(None);
-    let member = Member { board: board.clone(), name, threads, stop: stop.clone(), refusals, meter };
+    let member = Member { board: board.clone(), name, threads, stop: stop.clone(), tags: Vec::new(), refusals, meter };
     let only = wanted.keys().copied().collect();
     let over = Arc::new(AtomicBool::new(false));
     let collector = {

@@ -6,7 +6,7 @@ use std::{
     time::SystemTime,
 };
 
-use bottega::state::state_folder;
+use bottega_platform::folders::state_folder;
 
 use crate::error::Error;
 

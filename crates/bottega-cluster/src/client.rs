@@ -149,7 +149,7 @@ impl SubmittedJob {
         sent.keep();
         reporter.tell(Event::Asked { job: number, last_job: None });
         let (threads, stop, refusals) = (threads(request), stop.clone(), Refusals::default());
-        let member = Member { board, name, threads, stop, refusals, meter: UsageMeter::new(None) };
+        let member = Member { board, name, threads, stop, tags: Vec::new(), refusals, meter: UsageMeter::new(None) };
         Ok(Self { member, number, work: job.work })
     }
 
@@ -292,6 +292,7 @@ pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> J
         from: from.to_owned(),
         submitted: unix_seconds(),
         priority: request.farm.priority,
+        require: request.farm.require.clone(),
         state: JobState::Active,
         log: Vec::new(),
     };

@@ -87,6 +87,9 @@ pub struct Job {
     pub submitted: u64,
     /// Its share of the machines is to that of another as their priorities are.
     pub priority: u32,
+    /// Tags that a machine must have to paint it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub require: Vec<String>,
     /// How it stands.
     #[serde(flatten)]
     pub state: JobState,

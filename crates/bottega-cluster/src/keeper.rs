@@ -11,12 +11,13 @@ use std::{
 
 use bottega_agents::driver::nats::ServerState;
 use bottega_farm::StopSwitch;
+use bottega_platform::disk;
 
 use crate::error::Error;
 use crate::{
     job_board::JobBoard,
     patience::meanwhile,
-    room::{Cure, MAKE_ROOM, Pulse, RoomNews, RoomWatch, bytes_said, disk},
+    room::{Cure, MAKE_ROOM, Pulse, RoomNews, RoomWatch, bytes_said},
     server::{Server, Setup},
 };
 
@@ -157,7 +158,7 @@ impl Keeper {
 
     fn see_to_room(&mut self, state: &ServerState) -> Cure {
         let log_says_so = self.log_says_full();
-        let (news, cure) = self.room.look(state, self.limit, disk(&self.folder), log_says_so);
+        let (news, cure) = self.room.look(state, self.limit, disk::space(&self.folder), log_says_so);
         if let Some(news) = news {
             self.say(&news);
         }

@@ -11,6 +11,7 @@ use std::{
 
 use bottega_agents::driver::nats::{Login, MemberKey, NatsError, NatsOptions, NatsUplink, Tls, enrol, newcomer};
 use bottega_farm::FarmCodec;
+use bottega_platform::permissions::make_private;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
@@ -19,7 +20,7 @@ use crate::{
     discovery,
     names::{fresh_number, host_name},
 };
-use bottega::state::state_folder;
+use bottega_platform::folders::state_folder;
 
 /// The oldest server that is fit for networks that are not to be trusted.
 const FIT_FOR_ALL: (u64, u64) = (2, 14);
@@ -264,11 +265,7 @@ pub(crate) fn write_secret(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     private_folder(path.parent().unwrap_or(Path::new(".")))?;
     let part = path.with_extension(format!("part-{}", std::process::id()));
     fs::write(&part, bytes).map_err(wrong)?;
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        fs::set_permissions(&part, fs::Permissions::from_mode(0o600)).map_err(wrong)?;
-    }
+    make_private(&part).map_err(wrong)?;
     fs::rename(&part, path).map_err(wrong)
 }
 
@@ -276,12 +273,7 @@ pub(crate) fn write_secret(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 pub(crate) fn private_folder(folder: &Path) -> Result<(), Error> {
     let wrong = |source| Error::write(folder.to_owned(), source);
     fs::create_dir_all(folder).map_err(wrong)?;
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        fs::set_permissions(folder, fs::Permissions::from_mode(0o700)).map_err(wrong)?;
-    }
-    Ok(())
+    make_private(folder).map_err(wrong)
 }
 
 impl Credentials {

@@ -2,7 +2,7 @@
 
 use std::{fmt::Write, fs, path::PathBuf};
 
-use bottega_agents::driver::nats::{MemberKey, Rights, is_public_key};
+use bottega_agents::driver::nats::{Login, MemberKey, Rights, is_public_key};
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
@@ -14,6 +14,8 @@ use crate::{
 
 /// Members that a farm has at most.
 const MEMBERS_MAX: usize = 1 << 14;
+/// Who tells the server to read its configuration again.
+const SYSTEM_USER: &str = "system";
 /// Letters of a key that stand in a name.
 const KEY_LETTERS: usize = 8;
 
@@ -33,6 +35,8 @@ struct Roll {
     /// The words by which one becomes a member.
     trusted: String,
     guest: String,
+    /// The word by which `bottega up` is known to the server's own account.
+    system: String,
     /// The key of `bottega up` itself.
     seed: String,
     key: String,
@@ -84,6 +88,16 @@ impl Members {
     /// How many there are. None ever goes.
     pub(crate) fn count(&self) -> usize {
         self.roll.members.len()
+    }
+
+    /// By which the server is told to read its configuration again.
+    pub(crate) fn system_login(&self) -> Login {
+        Login::User(SYSTEM_USER.to_owned(), self.roll.system.clone())
+    }
+
+    /// The user of the server's own account, as its configuration has it.
+    pub(crate) fn system_user(&self) -> String {
+        format!("{{ user: {SYSTEM_USER}, password: \"{}\" }}", self.roll.system)
     }
 
     /// By which `bottega up` itself is known.
@@ -173,6 +187,7 @@ impl Roll {
         Ok(Self {
             trusted: secret()?,
             guest: secret()?,
+            system: secret()?,
             seed,
             key: key.public(),
             certificate,

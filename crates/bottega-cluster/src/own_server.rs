@@ -42,7 +42,8 @@ impl OwnServer {
         let entry = Entry { folder: folder.to_owned(), address: free_address()? };
         let setup = Setup { folder: folder.to_owned(), listen: entry.address, store_bytes: None };
         let config = setup.write(&entry.members()?)?;
-        let (server, _) = up::begin(&program, &config, &setup, &entry.options("bench")?)?;
+        let (server, _) =
+            up::begin(&program, &config, &setup, &entry.options("bench")?, entry.members()?.system_login())?;
         Ok(Self { _server: server, entry })
     }
 }

@@ -43,6 +43,8 @@ pub(crate) struct Member {
     pub threads: usize,
     /// The user wants to stop.
     pub stop: StopSwitch,
+    /// What the machine says that it is.
+    pub tags: Vec<String>,
     /// Jobs that this machine does not paint.
     pub refusals: Refusals,
     /// What it uses for each job.
@@ -53,7 +55,8 @@ impl Member {
     /// Its seat, while it paints a job or waits for one.
     pub(crate) fn seat(&self, job: Option<u32>) -> Presence {
         let (is_guest, refusals, usages) = (self.board.uplink.is_guest(), self.refusals.last(), self.meter.usages());
-        Presence { is_guest, refusals, usages, ..Presence::new(&self.name, self.threads, job) }
+        let tags = self.tags.clone();
+        Presence { is_guest, tags, refusals, usages, ..Presence::new(&self.name, self.threads, job) }
     }
 }
 

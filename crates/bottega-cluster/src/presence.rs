@@ -57,6 +57,9 @@ pub struct Presence {
     /// Whether it may paint and no more.
     #[serde(default)]
     pub is_guest: bool,
+    /// What it says that it is, by which jobs ask for it.
+    #[serde(default)]
+    pub tags: Vec<String>,
     /// The last jobs that it does not paint, and why.
     #[serde(default)]
     pub refusals: Vec<Refusal>,
@@ -76,6 +79,7 @@ impl Presence {
             standing: PresenceState::Active,
             takes_orders: true,
             is_guest: false,
+            tags: Vec::new(),
             refusals: Vec::new(),
             usages: Vec::new(),
         }

@@ -3,6 +3,7 @@
 use std::{fs, path::Path};
 
 use bottega_agents::driver::nats::ServerState;
+use bottega_platform::disk::DiskSpace;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
@@ -94,18 +95,6 @@ fn miscounts(counted: u64, kept: u64, limit: u64) -> bool {
     counted.saturating_sub(kept) > limit / WRONG_SHARE
 }
 
-/// Bytes that are free on the disk of a folder, and those of the whole disk; `None`: the system does not say.
-#[cfg(target_os = "linux")]
-pub(crate) fn disk(folder: &Path) -> Option<(u64, u64)> {
-    let told = rustix::fs::statvfs(folder).ok()?;
-    Some((told.f_bavail.saturating_mul(told.f_frsize), told.f_blocks.saturating_mul(told.f_frsize)))
-}
-
-#[cfg(not(target_os = "linux"))]
-pub(crate) fn disk(_folder: &Path) -> Option<(u64, u64)> {
-    None
-}
-
 /// Bytes of all files below a folder.
 pub(crate) fn bytes_below(folder: &Path) -> u64 {
     let Ok(entries) = fs::read_dir(folder) else { return 0 };
@@ -125,8 +114,8 @@ fn reserve(disk_bytes: u64) -> u64 {
 }
 
 /// What a server may keep where nobody says: what it keeps already, and what is free on its disk but for a reserve.
-pub(crate) fn fitting_limit(used: u64, (free, disk_bytes): (u64, u64)) -> u64 {
-    used + free.saturating_sub(reserve(disk_bytes))
+pub(crate) fn fitting_limit(used: u64, disk: DiskSpace) -> u64 {
+    used + disk.free.saturating_sub(reserve(disk.total))
 }
 
 /// What the user of `bottega up` is to be told.
@@ -172,16 +161,16 @@ const NOTHING_FROM: u32 = 3;
 impl RoomWatch {
     /// What there is to tell and to do.
     ///
-    /// - `disk`: bytes that are free, and all.
+    /// - `disk`: of its folder; `None`: not known.
     /// - `log_says_so`: the server has written into its log that the disk is full.
     pub(crate) fn look(
         &mut self,
         state: &ServerState,
         limit: Option<u64>,
-        disk: Option<(u64, u64)>,
+        disk: Option<DiskSpace>,
         log_says_so: bool,
     ) -> (Option<RoomNews>, Cure) {
-        let of_disk = |(free, all)| (free, reserve(all) / 2, END_OF_DISK.min(all / END_SHARE));
+        let of_disk = |disk: DiskSpace| (disk.free, reserve(disk.total) / 2, END_OF_DISK.min(disk.total / END_SHARE));
         let (free, enough, end) = disk.map_or((u64::MAX, 0, 0), of_disk);
         if free < end || log_says_so {
             let is_new = !std::mem::replace(&mut self.has_met_end, true);
@@ -294,7 +283,7 @@ mod tests {
             assert_eq!(reserve(disk_bytes), expected, "{disk_bytes}");
         }
         assert_eq!(fitting_limit(3 * GB, (20 * GB, 100 * GB)), 18 * GB);
-        assert_eq!(fitting_limit(3 * GB, (GB, 100 * GB)), 3 * GB, "what is there stays");
+        assert_eq!(fitting_limit(3 * GB, DiskSpace { free: GB, total: 100 * GB }), 3 * GB, "what is there stays");
     }
 
     #[test]
@@ -313,7 +302,7 @@ mod tests {
         let all = 100 * GB;
         for state in [stores(1), ServerState::Silent, ServerState::StoresNothing { reason: "x".to_owned() }] {
             let mut watch = RoomWatch::default();
-            let mut look = |free, log| watch.look(&state, None, Some((free, all)), log);
+            let mut look = |free, log| watch.look(&state, None, Some(DiskSpace { free, total: all }), log);
             assert_eq!(look(50 * GB, false).1, Cure::Nothing);
             assert_eq!(look(0, false), (Some(RoomNews::DiskFull { free: 0 }), Cure::Wait));
             assert_eq!(look(GB, false), (None, Cure::Wait), "that is too little to begin with");
@@ -326,7 +315,7 @@ mod tests {
     #[test]
     fn a_server_that_stores_nothing_is_started_again_and_a_low_disk_is_told() {
         let (mut watch, nothing) = (RoomWatch::default(), ServerState::StoresNothing { reason: "x".to_owned() });
-        let disk = Some((GB, 100 * GB));
+        let disk = Some(DiskSpace { free: GB, total: 100 * GB });
         assert!((1..NOTHING_FROM).all(|_| watch.look(&nothing, None, disk, false) == (None, Cure::Nothing)));
         assert_eq!(watch.look(&nothing, None, disk, false), (None, Cure::StartAgain));
         assert_eq!(watch.look(&stores(1), None, disk, false).0, Some(RoomNews::DiskNearlyFull { free: GB }));

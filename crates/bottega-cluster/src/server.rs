@@ -1,12 +1,16 @@
 //! A NATS server as a child of this process; or one that an earlier such process left behind.
 
 use std::{
-    env, fs,
+    env::{self, consts::EXE_SUFFIX},
+    fs,
     io::Read,
     net::SocketAddr,
     path::{Path, PathBuf},
     process::{Child, Command, ExitStatus, Stdio},
 };
+
+use bottega_agents::driver::nats::{NatsError, NatsOptions, reload_server};
+use bottega_platform::processes::{self, tell_to_reread};
 
 use crate::error::Error;
 use crate::{
@@ -27,9 +31,9 @@ pub(crate) fn program(asked: Option<&Path>) -> Result<PathBuf, Error> {
         return Ok(program.to_owned());
     }
     let own = env::current_exe().ok();
-    let beside = own.as_deref().and_then(Path::parent).map(|folder| folder.join("nats-server"));
+    let beside = own.as_deref().and_then(Path::parent).map(|folder| folder.join(format!("nats-server{EXE_SUFFIX}")));
     let on_path = env::var_os("PATH").unwrap_or_default();
-    let in_path = env::split_paths(&on_path).map(|folder| folder.join("nats-server"));
+    let in_path = env::split_paths(&on_path).map(|folder| folder.join(format!("nats-server{EXE_SUFFIX}")));
     beside.into_iter().chain(in_path).chain(PLACES.map(PathBuf::from)).find(|program| program.is_file()).ok_or_else(|| {
         Error::failed(
             "there is no NATS server on this machine",
@@ -67,13 +71,14 @@ impl Setup {
         let limit = self.store_bytes.map(|bytes| format!(", {LIMIT}{bytes}")).unwrap_or_default();
         let text = format!(
             "listen: \"{}\"\ntls {{ cert_file: {}, key_file: {} }}\njetstream {{ store_dir: {}{limit} }}\nlog_file: {}\n\
-             pid_file: {}\nauthorization {{\n  timeout: 5\n  users: [\n{}  ]\n}}\n",
+             pid_file: {}\naccounts {{ $SYS {{ users: [ {} ] }} }}\nauthorization {{\n  timeout: 5\n  users: [\n{}  ]\n}}\n",
             self.listen,
             quoted(&certificate_file),
             quoted(&key_file),
             quoted(&self.store()),
             quoted(&self.log()),
             quoted(&self.pid_file()),
+            members.system_user(),
             members.users(),
         );
         write_secret(&config, text.as_bytes())?;
@@ -155,7 +160,7 @@ impl Server {
                 _ = child.wait();
             }
             Process::Adopted(number) => {
-                if !signal(&self.program, "stop", *number) {
+                if !processes::kill(*number) {
                     tracing::debug!(number, "it had ended");
                 }
             }
@@ -187,19 +192,17 @@ impl Server {
 }
 
 /// Has the server of a folder read its configuration again.
-pub(crate) fn reload(program: &Path, setup: &Setup) -> Result<(), Error> {
-    match setup.running() {
-        Some(number) if signal(program, "reload", number) => Ok(()),
-        _ => Err(Error::failed("the NATS server does not run, or takes no signal", "see its log")),
+///
+/// - `system`: how it is reached by a user of its own account.
+pub(crate) fn reload(setup: &Setup, system: &NatsOptions) -> Result<(), Error> {
+    match reload_server(system) {
+        Ok(()) => Ok(()),
+        // It is of a version that knows no such request, or its configuration had no such user yet.
+        Err(NatsError::NoReload { .. } | NatsError::Connect { .. }) if setup.running().is_some_and(tell_to_reread) => {
+            Ok(())
+        }
+        Err(source) => Err(Error::Farm { source, remedy: format!("see {}", setup.log().display()) }),
     }
-}
-
-/// Has a server do something: `reload` its configuration, `quit`.
-pub(crate) fn signal(program: &Path, what: &str, number: u32) -> bool {
-    let mut command = Command::new(program);
-    command.arg("--signal").arg(format!("{what}={number}"));
-    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    command.status().is_ok_and(|status| status.success())
 }
 
 impl Drop for Server {
@@ -207,7 +210,7 @@ impl Drop for Server {
         match &mut self.process {
             Process::Child(_) => self.end(),
             Process::Adopted(number) => {
-                if !signal(&self.program, "quit", *number) {
+                if !processes::end(*number) {
                     tracing::warn!("the NATS server, process {number}, was not ended");
                 }
             }

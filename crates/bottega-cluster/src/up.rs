@@ -10,9 +10,13 @@ use std::{
     time::Duration,
 };
 
-use bottega::state::state_folder;
 use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink, Pin};
 use bottega_farm::{FarmCodec, StopSwitch};
+use bottega_platform::{
+    disk::{self, DiskSpace},
+    folders::state_folder,
+    processes,
+};
 use rustls::pki_types::{CertificateDer, pem::PemObject};
 
 use crate::error::Error;
@@ -24,8 +28,8 @@ use crate::{
     keeper::Keeper,
     link::{pinned, private_folder, write_secret},
     members::Members,
-    room::{bytes_below, bytes_said, disk, fitting_limit},
-    server::{Server, Setup, program, signal},
+    room::{bytes_below, bytes_said, fitting_limit},
+    server::{Server, Setup, program, reload},
     web_secrets::WebSecrets,
 };
 
@@ -104,14 +108,15 @@ impl LocalFarm {
         let words = words(&members)?;
         let options = |listen| options(&members, listen, &words[0]);
         let mut setup = Setup { folder, listen, store_bytes: None };
-        setup.store_bytes = store_bytes(asked, &setup, &program, &options)?;
+        setup.store_bytes = store_bytes(asked, &setup, &options)?;
         let config = setup.write(&members)?;
-        let (server, uplink) = begin(&program, &config, &setup, &options(listen))?;
+        let (server, uplink) = begin(&program, &config, &setup, &options(listen), members.system_login())?;
         let board = JobBoard { uplink: Arc::new(uplink) };
         let here = FarmAddress::of_up(reachable_here(listen), words[0].clone()).to_string();
         let keeper = Keeper::new(server, &program, config, &setup, board.clone());
         let web_secrets = WebSecrets::of_host(&members)?;
-        let admission = Admission::new(members, setup, program.clone());
+        let system = NatsOptions { login: members.system_login(), ..options(listen) };
+        let admission = Admission::new(members, setup, system);
         let groups = Group::ALL.map(Group::word);
         board.uplink.answer_newcomers(&groups, move |group, request| admission.answer(group, request));
         write_secret(&address_file(), here.as_bytes())?;
@@ -224,7 +229,6 @@ fn options(members: &Members, listen: SocketAddr, word: &JoinWord) -> NatsOption
 fn store_bytes(
     args: &UpOptions,
     setup: &Setup,
-    program: &Path,
     options: &dyn Fn(SocketAddr) -> NatsOptions,
 ) -> Result<Option<u64>, Error> {
     let asked = args.store_bytes;
@@ -237,12 +241,12 @@ fn store_bytes(
             return Ok(before.store_bytes);
         }
         tracing::warn!("the server that was left behind at {} is ended", before.listen);
-        end_of_other(program, number, &uplink);
+        end_of_other(number, &uplink);
     }
     let folder = setup.store();
-    let (used, disk) = (bytes_below(&folder), disk(&setup.folder));
+    let (used, disk) = (bytes_below(&folder), disk::space(&setup.folder));
     let limit = asked.or_else(|| disk.map(|disk| fitting_limit(used, disk)));
-    if let (Some(asked), Some((free, _))) = (asked, disk)
+    if let (Some(asked), Some(DiskSpace { free, .. })) = (asked, disk)
         && asked > used + free
     {
         let free = bytes_said(used + free);
@@ -269,12 +273,13 @@ pub(crate) fn begin(
     config: &Path,
     setup: &Setup,
     options: &NatsOptions,
+    system: Login,
 ) -> Result<(Server, NatsUplink<FarmCodec>), Error> {
     if let Some(number) = setup.running()
         && let Ok(uplink) = NatsUplink::connect(options, FarmCodec)
     {
         // Nobody else's has this certificate.
-        signal(program, "reload", number);
+        reload(setup, &NatsOptions { login: system, ..options.clone() })?;
         return Ok((Server::adopt(program, number), uplink));
     }
     let mut server = Server::start(program, config)?;
@@ -298,8 +303,8 @@ pub(crate) fn begin(
 }
 
 /// Ends a server that was left behind: two cannot have the same folder.
-fn end_of_other(program: &Path, number: u32, uplink: &NatsUplink<FarmCodec>) {
-    signal(program, "quit", number);
+fn end_of_other(number: u32, uplink: &NatsUplink<FarmCodec>) {
+    processes::end(number);
     for _ in 0..BEGIN_TRIES {
         if !uplink.is_connected() {
             return;

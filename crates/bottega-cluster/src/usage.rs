@@ -6,11 +6,11 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
     sync::{Arc, Mutex, PoisonError},
 };
 
 use bottega::devices::processors;
+use bottega_platform::processor_time::{machine_seconds, own_seconds};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -141,30 +141,7 @@ fn share(own: f64, all: f64) -> f64 {
 
 /// Now; `None`: this system does not tell.
 fn moment() -> Option<Moment> {
-    own_seconds()
-        .map(|own| Moment { own, all: fs::read_to_string("/proc/stat").ok().and_then(|text| busy_seconds(&text)) })
-}
-
-#[cfg(target_os = "linux")]
-fn own_seconds() -> Option<f64> {
-    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn own_seconds() -> Option<f64> {
-    None
-}
-
-/// Processor seconds of all that a machine did since it was started, by the first line of `/proc/stat`.
-fn busy_seconds(stat: &str) -> Option<f64> {
-    /// The unit of that file on every architecture of Linux.
-    const TICKS_PER_SECOND: f64 = 100.0;
-    let line = stat.lines().next()?.strip_prefix("cpu ")?;
-    let ticks: Vec<u64> = line.split_ascii_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
-    // user nice system idle iowait irq softirq steal; what guests did is in the first two.
-    let busy = [0, 1, 2, 5, 6].map(|i| ticks.get(i).copied().unwrap_or_default());
-    Some(busy.iter().sum::<u64>() as f64 / TICKS_PER_SECOND)
+    own_seconds().map(|own| Moment { own, all: machine_seconds() })
 }
 
 #[cfg(test)]
@@ -212,13 +189,9 @@ mod tests {
 
     #[test]
     fn a_process_has_its_share_of_what_its_machine_did() {
-        let stat = "cpu  100 20 30 9999 50 4 6 7 60 0\ncpu0 1 2 3\n";
-        assert_eq!(busy_seconds(stat), Some(1.6));
-        assert_eq!(busy_seconds("intr 7"), None);
         assert_eq!((share(2.0, 8.0), share(2.0, 1.0), share(2.0, 0.0)), (0.25, 1.0, 0.0));
     }
 
-    #[cfg(target_os = "linux")]
     #[test]
     fn this_process_is_seen_to_work() {
         let meter = UsageMeter::new(None);

@@ -27,6 +27,9 @@ pub struct JobView {
     pub zones: usize,
     /// How urgent it is.
     pub priority: u32,
+    /// Tags that a machine must have to paint it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub require: Vec<String>,
     /// How many paint it.
     pub machines: usize,
     /// Who leads it.
@@ -71,6 +74,7 @@ impl JobView {
             zones_done: lead.zones_done,
             zones: lead.zones,
             priority: job.priority,
+            require: job.require.clone(),
             // A machine that was killed does not say that it has left.
             machines: if job.state.is_over() { 0 } else { machines },
             leader: lead.leader.clone(),
@@ -102,9 +106,9 @@ impl MachineView {
 
     /// The machine as JSON.
     pub fn to_value(&self) -> serde_json::Value {
-        let Presence { name, threads, version, job, standing, takes_orders, .. } = &self.seat;
+        let Presence { name, threads, version, job, standing, takes_orders, tags, .. } = &self.seat;
         serde_json::json!({ "machine": name, "state": standing.word(), "ordered": self.ordered.word(), "threads": threads,
-            "job": job, "version": version, "takes_orders": takes_orders })
+            "job": job, "version": version, "takes_orders": takes_orders, "tags": tags })
     }
 }
 

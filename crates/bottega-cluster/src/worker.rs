@@ -7,7 +7,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega::{StopSwitch, devices::processors, state::state_folder};
+use bottega::{StopSwitch, devices::processors};
+use bottega_platform::folders::state_folder;
 
 pub use crate::prepared_job::WorkerDevices;
 use crate::{
@@ -17,7 +18,7 @@ use crate::{
     job_board::{JobBoard, Presence, RENEW_EVERY},
     link::FarmLink,
     machine::{MachineOrder, PresenceState},
-    owner::{OwnerConditions, OwnerWatch},
+    owner::{MemoryLimit, OwnerConditions, OwnerWatch},
     part::{Member, PartOutcome, take_part},
     patience::{meanwhile, patiently},
     prepared_job::PreparedJob,
@@ -47,6 +48,10 @@ pub struct JoinOptions {
     pub once: bool,
     /// When the machine's owner lets it paint.
     pub owner: OwnerConditions,
+    /// What the machine says that it is, by which jobs ask for it.
+    pub tags: Vec<String>,
+    /// Memory that the machine may take, in bytes: a job that takes more is left to others.
+    pub memory_bytes: Option<u64>,
     /// What the machine draws with all processors at work, in watts; used where it has no counters of its own.
     pub watts: Option<f64>,
 }
@@ -56,14 +61,15 @@ pub struct JoinOptions {
 /// - `say`: tells the user what it does.
 pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>)>) {
     let FarmLink { uplink, name, .. } = link;
-    let JoinOptions { own, cache, cache_bytes, once, owner, watts } = options;
+    let JoinOptions { own, cache, cache_bytes, once, owner, tags, memory_bytes, watts } = options;
     let threads = own.threads.map_or_else(processors, usize::from);
     let (board, refusals, meter) = (JobBoard { uplink }, Refusals::default(), UsageMeter::new(watts));
-    let member = Member { board, name, threads, stop: stop.clone(), refusals, meter };
+    let member = Member { board, name, threads, stop: stop.clone(), tags, refusals, meter };
     let folder = cache.unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, cache_bytes.unwrap_or(CACHE_BYTES));
     let mut worker = Worker::new(member, cache, own, None, say);
     worker.owner = OwnerWatch::start(&owner);
+    worker.memory = memory_bytes.map(MemoryLimit::new);
     worker.work(once);
     worker.leave();
 }
@@ -86,6 +92,8 @@ pub(crate) struct Worker {
     helped: Option<u32>,
     /// The owner of the machine, where conditions are set.
     owner: Option<OwnerWatch>,
+    /// What this machine may take of its memory, where that is limited.
+    memory: Option<MemoryLimit>,
     say: Box<dyn Fn(WorkerMessage<'_>)>,
 }
 
@@ -101,7 +109,7 @@ impl Worker {
         only: Option<BTreeSet<u32>>,
         say: Box<dyn Fn(WorkerMessage<'_>)>,
     ) -> Self {
-        Self { member, cache, own, studio: None, only, helped: None, owner: None, say }
+        Self { member, cache, own, studio: None, only, helped: None, owner: None, memory: None, say }
     }
 
     /// Says that it has gone.
@@ -161,7 +169,7 @@ impl Worker {
 
     /// Whether this machine would paint a job.
     fn would(&self, number: u32, job: &Job) -> bool {
-        may(&self.only, &self.member.refusals, number, job) && !self.is_done_with(number)
+        may(&self.only, &self.member, number, job) && !self.is_done_with(number)
     }
 
     /// Takes part in a job, or waits a moment if there is none. Returns whether one came to its end.
@@ -231,6 +239,14 @@ impl Worker {
         (self.say)(WorkerMessage::Line(&format!("job {number}: painting {}", job.scene)));
         let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
         let part = patiently(stop, say, part)?;
+        if let (PartOutcome::Left(_), Some(limit)) = (&part, &self.memory)
+            && limit.is_passed()
+        {
+            // The scene goes before anything else is begun.
+            self.studio = None;
+            limit.forget();
+            return Err(limit.error());
+        }
         let is_over = !matches!(part, PartOutcome::Left(_));
         if let PartOutcome::Led(mut report, leading) = part {
             let state = match report.failed.len() {
@@ -255,11 +271,13 @@ impl Worker {
     /// Whether this machine is told to paint no more, or another job has too few machines for its priority.
     fn elsewhere(&self, number: u32) -> impl Fn() -> bool + Send + 'static {
         let (board, me) = (self.member.board.clone(), self.member.name.clone());
-        let (only, refusals) = (self.only.clone(), self.member.refusals.clone());
+        let (only, member, memory) = (self.only.clone(), self.member.clone(), self.memory.clone());
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         move || {
-            let wanting = || wanting(&board, |number, job| may(&only, &refusals, number, job));
-            is_called_off() || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.presences())
+            let wanting = || wanting(&board, |number, job| may(&only, &member, number, job));
+            memory.as_ref().is_some_and(MemoryLimit::is_passed)
+                || is_called_off()
+                || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.presences())
         }
     }
 }
@@ -275,8 +293,12 @@ fn order_to(board: &JobBoard, me: &str, owner: Option<&OwnerWatch>) -> MachineOr
     }
 }
 
-fn may(only: &Option<BTreeSet<u32>>, refusals: &Refusals, number: u32, job: &Job) -> bool {
-    !refusals.has(job.work) && only.as_ref().is_none_or(|only| only.contains(&number))
+fn may(only: &Option<BTreeSet<u32>>, member: &Member, number: u32, job: &Job) -> bool {
+    let is_meant = match only {
+        Some(only) => only.contains(&number),
+        None => job.require.iter().all(|tag| member.tags.contains(tag)),
+    };
+    is_meant && !member.refusals.has(job.work)
 }
 
 /// Jobs that want machines.

@@ -20,7 +20,7 @@ mod shipped;
 mod tiny;
 
 pub use self::{
-    child::{is_fenced_in, is_shut_in, is_weighed},
+    child::{is_fenced_in, is_shut_in},
     engine::{ExternalEngine, ExternalOptions, Surveyor},
     error::EngineFault,
     locate::{LocatedEngine, install_hint},

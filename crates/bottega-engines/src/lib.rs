@@ -14,7 +14,7 @@
 //! | two engines that paint one picture | `src/mixed.rs` |
 //! | manifests: read, found, shipped | `src/external/manifest.rs`, `src/external/shelf.rs`, `src/external/shipped.rs`; the files: `engines/` |
 //! | where an engine is on this machine | `src/external/locate.rs` |
-//! | children: limits, their files, and all that they started | `src/external/child.rs`, `src/external/child/guard.rs`, `src/external/child/fence.rs`, `src/external/child/tree.rs` |
+//! | children: limits, their files, and all that they started | `src/external/child.rs`, `src/external/child/guard.rs`, `src/external/child/fence.rs` |
 //! | talk with a worker or a command line | `src/external/session/`, the protocol: `src/external/protocol.rs`; the workers: `engines/` |
 //! | the check of what an engine wrote | `src/external/picture.rs` |
 //! | the look at a scene that only its engine reads, and how many zones it bears | `src/external/tiny.rs` |

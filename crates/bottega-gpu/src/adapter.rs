@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
+use wgpu::{Adapter, Backend, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
 use crate::error::GpuError;
 
@@ -80,17 +80,26 @@ pub(crate) fn choose(wanted: Option<&str>) -> Result<(Adapter, AdapterInfo), Gpu
     }
 }
 
+/// Those that are compiled in: Vulkan, on macOS Metal, on Windows Direct3D 12, too.
+const BACKENDS: Backends = Backends::VULKAN.union(Backends::METAL).union(Backends::DX12);
+
 /// One for the whole program, which is never given up: a driver that is unloaded may leave behind threads that end in its code, and
 /// need not come back when it is loaded again (both seen with NVIDIA's).
 static INSTANCE: LazyLock<Instance> = LazyLock::new(|| {
     Instance::new(InstanceDescriptor {
-        backends: Backends::VULKAN,
+        backends: BACKENDS,
         // The driver's own validation layers are for debugging it; wgpu validates every command in any case.
         flags: InstanceFlags::empty(),
         ..InstanceDescriptor::new_without_display_handle()
     })
 });
 
+/// All devices. Where several interfaces lead to one, by Vulkan: it is the one that is tested.
 fn enumerate() -> Vec<Adapter> {
-    pollster::block_on(INSTANCE.enumerate_adapters(Backends::VULKAN))
+    let found = pollster::block_on(INSTANCE.enumerate_adapters(BACKENDS));
+    let (by_vulkan, others): (Vec<_>, Vec<_>) =
+        found.into_iter().partition(|adapter| adapter.get_info().backend == Backend::Vulkan);
+    let known: Vec<String> = by_vulkan.iter().map(|adapter| adapter.get_info().name).collect();
+    let others = others.into_iter().filter(|adapter| !known.contains(&adapter.get_info().name));
+    by_vulkan.into_iter().chain(others).collect()
 }

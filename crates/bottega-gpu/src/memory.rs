@@ -3,6 +3,7 @@
 //! Unsafe: Vulkan's functions are called past wgpu. Only questions are asked, of a handle that wgpu holds meanwhile.
 #![allow(unsafe_code)]
 
+#[cfg(not(target_vendor = "apple"))]
 use ash::{ext::memory_budget, vk};
 use wgpu::Adapter;
 
@@ -16,6 +17,7 @@ pub struct AdapterMemory {
 }
 
 /// Asks the driver. `None`: it is not Vulkan's.
+#[cfg(not(target_vendor = "apple"))]
 pub(crate) fn memory_of(adapter: &Adapter) -> Option<AdapterMemory> {
     // SAFETY: the adapter's handle is asked for properties alone, while wgpu holds it, and nothing is made or destroyed.
     let hal = unsafe { adapter.as_hal::<wgpu::hal::api::Vulkan>() }?;
@@ -41,6 +43,12 @@ pub(crate) fn memory_of(adapter: &Adapter) -> Option<AdapterMemory> {
     let total = heaps.memory_heaps[heap].size;
     let free = budget.heap_budget[heap].saturating_sub(budget.heap_usage[heap]).min(total);
     Some(AdapterMemory { total, free: has_budget.then_some(free) })
+}
+
+/// Asks the driver. `None`: Metal is not asked.
+#[cfg(target_vendor = "apple")]
+pub(crate) fn memory_of(_adapter: &Adapter) -> Option<AdapterMemory> {
+    None
 }
 
 #[cfg(test)]

@@ -136,8 +136,9 @@ impl AtomicFile {
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).suffix(".part");
         // Pictures are for everybody whom the user's mask lets read them, unlike other temporary files.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        if let Some(permissions) = bottega_platform::permissions::by_mask() {
+            builder.permissions(permissions);
+        }
         let file = builder.tempfile_in(folder).map_err(|error| ImageError::write(path, error))?;
         Ok(Self { destination, writer: BufWriter::new(file) })
     }

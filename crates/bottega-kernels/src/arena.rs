@@ -16,8 +16,10 @@ pub(crate) struct CacheLine([u32; 16]);
 
 const LINE: usize = size_of::<CacheLine>();
 /// What a huge page is on x86-64, and one of the sizes on others.
+#[cfg(target_os = "linux")]
 const HUGE: usize = 2 << 20;
 /// From here on half a huge page wasted is worth what it saves.
+#[cfg(target_os = "linux")]
 const LARGE: usize = HUGE / 2;
 
 /// Lines that a value takes.

@@ -115,6 +115,7 @@ impl PaintedState {
             zones_done: 0,
             zones: 0,
             priority: 0,
+            require: Vec::new(),
             machines: 1,
             leader: Some(host_name()),
             from: host_name(),

@@ -13,7 +13,9 @@ use std::{
 use bottega_farm::{Experience, JobLesson, JobSettings, RelativePower, benchmark};
 use serde::{Deserialize, Serialize};
 
-use crate::{error::error_chain, identity::identity, state::state_folder};
+use bottega_platform::folders::state_folder;
+
+use crate::{error::error_chain, identity::identity};
 
 /// Longest file that is read.
 const BYTES_MAX: u64 = 1 << 20;

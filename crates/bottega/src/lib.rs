@@ -59,7 +59,6 @@ pub mod rule_view;
 pub mod rules;
 pub mod session;
 pub mod settings;
-pub mod state;
 mod tev;
 pub mod text;
 

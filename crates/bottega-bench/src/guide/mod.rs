@@ -18,11 +18,12 @@ use bottega_image::{
     Canvas, ExrOptions, Film, HalfOrFloat, Metadata, Picture, ToneMap, USUAL_TRIM, read_picture, rel_mse_trimmed,
     srgb_mse, write_picture_exr,
 };
+use bottega_platform::processor_time::own_seconds;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
 
 pub use self::report::GuideReport;
 use self::report::{GuideRow, WayResult};
-use crate::{Error, clock::processor_seconds, create_folder, painting::paint_zone, say, shared_meshes};
+use crate::{Error, create_folder, painting::paint_zone, say, shared_meshes};
 
 /// Scenes that are measured if none are named, below the folder of scenes.
 pub const SCENES: &[&str] = &[
@@ -172,9 +173,9 @@ impl MeasuredScene {
             agents,
             ..PathSettings::default()
         };
-        let before = processor_seconds().ok_or(Error::NoProcessorTime)?;
+        let before = own_seconds().ok_or(Error::NoProcessorTime)?;
         let (tile, _) = paint_zone((&self.prepared, &Arc::default()), self.view, settings, threads, samples)?;
-        let after = processor_seconds().ok_or(Error::NoProcessorTime)?;
+        let after = own_seconds().ok_or(Error::NoProcessorTime)?;
         let mut film = Film::new(tile.rect(), tile.layout().clone());
         film.add_tile(&tile, |_, _| 1.0);
         Ok(TimedPicture { picture: film.to_picture(), seconds: after - before })

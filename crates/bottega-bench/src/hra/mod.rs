@@ -6,7 +6,6 @@
 mod blocks;
 mod options;
 mod paper;
-mod processors;
 mod ray_scene;
 mod report;
 mod tables;
@@ -16,6 +15,7 @@ use std::time::Instant;
 
 use bottega_gpu::{GpuOptions, GpuRays};
 use bottega_hra::{Hra, HraConfig, HraReport, Resource, VirtualCpu, timeline_svg};
+use bottega_platform::scheduling;
 use bottega_render::RenderWork;
 use bottega_scene::Scene;
 
@@ -41,7 +41,7 @@ const GPU_DIFFERENCE: f64 = 5e-3;
 /// # Errors
 /// The GPU cannot be used, two ways find different light, or a file cannot be written.
 pub fn measure(options: &HraOptions) -> Result<HraBenchReport, Error> {
-    let is_kept = processors::keep_to(options.processors);
+    let is_kept = scheduling::keep_to(options.processors);
     if let Some(folder) = &options.output {
         create_folder(folder)?;
     }

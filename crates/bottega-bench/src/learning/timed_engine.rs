@@ -7,8 +7,7 @@ use std::{
 };
 
 use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
-
-use crate::clock::processor_seconds;
+use bottega_platform::processor_time::own_seconds;
 
 /// Whoever is told of a zone.
 type Told = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
@@ -42,9 +41,9 @@ impl TimedEngine {
         queue.is_busy = next.is_some();
         drop(queue);
         let Some((task, done)) = next else { return };
-        let (timed, begun) = (self.clone(), processor_seconds());
+        let (timed, begun) = (self.clone(), own_seconds());
         let told = move |painted: Result<Painted, EngineError>| {
-            let spent = processor_seconds().zip(begun).map(|(now, begun)| Duration::from_secs_f64(now - begun));
+            let spent = own_seconds().zip(begun).map(|(now, begun)| Duration::from_secs_f64(now - begun));
             timed.paint_next();
             done(painted.map(|painted| Painted { busy: spent.unwrap_or(painted.busy), ..painted }));
         };

@@ -3,12 +3,12 @@
 use std::{ops::Range, sync::mpsc};
 
 use bottega::analysis::{AnalyzedScene, LEVELS};
-use bottega_bench::clock::processor_seconds;
 use bottega_engines::{
     CancelSwitch, EngineError, EnginePreference, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask,
 };
 use bottega_farm::{Choice, Goal, ImportanceFunction, Level, Prediction};
 use bottega_image::{Rect, Tile};
+use bottega_platform::processor_time::own_seconds;
 use serde_json::{Value, json};
 
 use crate::{cli::AnalyzeArgs, error::CliError};
@@ -196,12 +196,12 @@ fn paint(
         cancel,
         progress,
     };
-    let before = processor_seconds();
+    let before = own_seconds();
     // The receiver outlives the engine's report.
     subject.engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
     let lost = || EngineError::Zone { engine: "builtin".to_owned(), rect, reason: "it did not report".to_owned() };
     let Painted { tile, busy, .. } = receiver.recv().map_err(|_| lost())??;
-    let spent = before.zip(processor_seconds()).map(|(before, after)| after - before);
+    let spent = before.zip(own_seconds()).map(|(before, after)| after - before);
     Ok((tile, spent.unwrap_or(busy.as_secs_f64())))
 }
 

@@ -168,6 +168,9 @@ pub(crate) struct RenderArgs {
     /// painted it. With --verify 2 what each paints is compared with what another one does.
     #[arg(long, requires = "farm", help_heading = "Work")]
     strangers: bool,
+    /// Have it painted by machines with this tag alone (`bottega join --tag`), beside this one. May be said again: all are needed.
+    #[arg(long, value_name = "TAG", requires = "farm", help_heading = "Work")]
+    require: Vec<String>,
     #[command(flatten)]
     pub(crate) login: LoginArgs,
     /// Go on with a picture that was interrupted; of an animation, paint the frames that are not there yet, and go on with one
@@ -290,6 +293,9 @@ impl RenderArgs {
         change(&mut request.farm.priority, self.priority);
         set(&mut request.farm.verify, self.verify);
         request.farm.strangers |= self.strangers;
+        if !self.require.is_empty() {
+            request.farm.require = self.require.clone();
+        }
     }
 
     fn apply_output(&self, request: &mut Request) {

@@ -187,6 +187,7 @@ fn work(words: &mut OptionWords, request: &Request, usual: &Request) -> Result<(
         words.changed("--priority", &farm.priority, &usual.farm.priority);
         words.option("--verify", farm.verify);
         words.switch("--strangers", farm.strangers);
+        farm.require.iter().for_each(|tag| words.option("--require", Some(tag)));
     }
     Ok(())
 }

@@ -14,7 +14,7 @@ use bottega::{
     text::duration,
 };
 use bottega_engines::external::{
-    EngineFault, LocatedEngine, Probe, Quarantine, ShelfEntry, install_hint, is_fenced_in, is_shut_in, is_weighed,
+    EngineFault, LocatedEngine, Probe, Quarantine, ShelfEntry, install_hint, is_fenced_in, is_shut_in,
     manifest::{Determinism, EngineKind, Manifest},
     quarantine,
 };
@@ -101,7 +101,6 @@ fn unguarded() -> Vec<&'static str> {
     let lines = [
         (is_shut_in(), "Engines have the network of this machine: the system allows no namespaces."),
         (is_fenced_in(), "Engines see all files that you may read: the system has no Landlock."),
-        (is_weighed(), "Engines may take all memory: the system does not tell what they take."),
     ];
     lines.into_iter().filter(|(holds, _)| !holds).map(|(_, line)| line).collect()
 }

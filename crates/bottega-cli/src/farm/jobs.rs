@@ -168,6 +168,10 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
         lead.zones,
         job.priority
     );
+    if !job.require.is_empty() {
+        let fit = all.iter().filter(|seat| job.require.iter().all(|tag| seat.tags.contains(tag))).count();
+        println!("for machines tagged {}: {fit} of {} there", job.require.join(" and "), all.len());
+    }
     println!("led by {}", lead.leader.as_deref().unwrap_or("nobody"));
     for seat in seats {
         println!("  {} ({} processors)", seat.name, seat.threads);

@@ -5,12 +5,12 @@ use std::{path::PathBuf, process::ExitCode, time::Duration};
 use bottega::{
     StopSwitch,
     devices::DeviceChoice,
-    request::RulesSource,
+    request::{RulesSource, TAG_FORM, is_tag},
     rules::{experts, rule_texts},
 };
 use bottega_cluster::{
     FarmAddress,
-    owner::{DailyHours, OwnerConditions, step_back},
+    owner::{DailyHours, OwnerConditions},
     worker::{self, JoinOptions, WorkerDevices, WorkerMessage},
 };
 use clap::{Args, ValueHint};
@@ -50,6 +50,9 @@ pub(crate) struct JoinArgs {
     /// How much of them, in gigabytes; what was used longest ago goes first. [default: 20]
     #[arg(long, value_name = "GB", value_parser = parse_gigabytes)]
     cache_size: Option<u64>,
+    /// A word for what this machine is, such as `gpu` or `studio-a`: jobs may ask for it (`render --require`). May be said again.
+    #[arg(long = "tag", value_name = "TAG", value_parser = parse_tag)]
+    tags: Vec<String>,
     /// What this machine draws with all processors at work, in watts: energy and cost of jobs are told by it where its own
     /// counters (RAPL) cannot be read.
     #[arg(long, value_name = "WATTS", value_parser = parse_watts)]
@@ -67,6 +70,9 @@ pub(crate) struct JoinArgs {
     /// Paint while other programs keep no more processors at work than these, such as 0.5.
     #[arg(long, value_name = "PROCESSORS", value_parser = parse_load, help_heading = "The machine's owner")]
     max_load: Option<f32>,
+    /// Leave a job to others that takes more memory here than so many megabytes, with the engines that paint it.
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1 << 30), help_heading = "The machine's owner")]
+    max_memory: Option<u64>,
     /// Go behind other programs by so many steps, 1 to 19.
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u8).range(1..=19), help_heading = "The machine's owner")]
     nice: Option<u8>,
@@ -83,7 +89,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     }
     if let Some(steps) = args.nice {
         // Before there are threads that paint.
-        step_back(steps).map_err(|error| {
+        bottega_platform::scheduling::step_back(steps).map_err(|error| {
             CliError::failed(format!("cannot go behind others by {steps} steps: {error}"), "leave out --nice")
         })?;
     }
@@ -96,7 +102,9 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let own = WorkerDevices { threads: args.threads, devices: args.devices.clone(), memory_mb: args.gpu_memory, rules };
     let owner = OwnerConditions { when_idle: args.when_idle, hours: args.hours.clone(), max_load: args.max_load };
     let (cache, cache_bytes) = (args.cache.clone(), args.cache_size);
-    let options = JoinOptions { own, cache, cache_bytes, once: args.once, owner, watts: args.watts };
+    let (tags, memory_bytes) = (args.tags.clone(), args.max_memory.map(|megabytes| megabytes * 1_000_000));
+    let (once, watts) = (args.once, args.watts);
+    let options = JoinOptions { own, cache, cache_bytes, once, owner, tags, memory_bytes, watts };
     let say = |said: WorkerMessage<'_>| match said {
         WorkerMessage::Line(line) => println!("{line}"),
         WorkerMessage::Failure(error) => eprintln!("{}", crate::error::report_of(error)),
@@ -104,6 +112,11 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     worker::join(link, options, &stop, Box::new(say));
     println!("left the farm");
     Ok(ExitCode::SUCCESS)
+}
+
+/// A tag, such as `gpu`.
+fn parse_tag(text: &str) -> Result<String, String> {
+    is_tag(text).then(|| text.to_owned()).ok_or_else(|| TAG_FORM.to_owned())
 }
 
 /// A part of the day, such as `20:00-08:00`.

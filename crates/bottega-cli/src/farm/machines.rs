@@ -74,16 +74,17 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
 
 fn list(board: &JobBoard, as_json: bool) {
     if !as_json {
-        println!("{:<32} {:<10} {:>7}  {:>4}  version", "machine", "state", "threads", "job");
+        println!("{:<32} {:<10} {:>7}  {:>4}  {:<12} tags", "machine", "state", "threads", "job", "version");
     }
     for machine in MachineView::all(board) {
         if as_json {
             println!("{}", machine.to_value());
         } else {
-            let Presence { name, threads, version, job, standing, .. } = &machine.seat;
+            let Presence { name, threads, version, job, standing, tags, .. } = &machine.seat;
             let job = job.map_or_else(|| "-".to_owned(), |job| job.to_string());
             let state = standing.word();
-            println!("{name:<32} {state:<10} {threads:>7}  {job:>4}  {version}");
+            let line = format!("{name:<32} {state:<10} {threads:>7}  {job:>4}  {version:<12} {}", tags.join(" "));
+            println!("{}", line.trim_end());
         }
     }
 }

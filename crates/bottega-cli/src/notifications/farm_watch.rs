@@ -163,6 +163,7 @@ mod tests {
             zones_done,
             zones: 9,
             priority: 10,
+            require: Vec::new(),
             machines: 1,
             leader: None,
             from: "anna".to_owned(),

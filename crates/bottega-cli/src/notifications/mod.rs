@@ -6,11 +6,10 @@
 //! | `--on` and the options beside it | `args.rs`, `target.rs` |
 //! | what is told | `message.rs` |
 //! | when: of one picture, of all jobs of a farm | `picture_watch.rs`, `farm_watch.rs` |
-//! | how: the queue, HTTP, a command, the desktop | `notifier.rs`, `post.rs`, `command.rs`, `desktop.rs` |
+//! | how: the queue, HTTP, a command, the desktop | `notifier.rs`, `post.rs`, `command.rs` |
 
 mod args;
 mod command;
-mod desktop;
 mod farm_watch;
 mod message;
 mod notifier;

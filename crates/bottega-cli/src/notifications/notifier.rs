@@ -5,8 +5,10 @@ use std::{
     thread::{self, JoinHandle},
 };
 
+use bottega_platform::desktop;
+
 use super::{
-    command, desktop,
+    command,
     message::Notification,
     post::{Poster, Secret},
     target::{EventSubscription, NotificationTarget},
@@ -82,6 +84,6 @@ fn deliver(target: &NotificationTarget, notification: &Notification, poster: Opt
         (NotificationTarget::Url(url), Some(poster)) => poster.post(url, notification),
         (NotificationTarget::Url(_), None) => Ok(()),
         (NotificationTarget::Command(line), _) => command::run(line, notification),
-        (NotificationTarget::Desktop, _) => desktop::show(notification),
+        (NotificationTarget::Desktop, _) => desktop::notify(&notification.title(), &notification.text()),
     }
 }

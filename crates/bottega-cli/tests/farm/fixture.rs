@@ -5,7 +5,7 @@ use std::{
     net::TcpListener,
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Condvar, Mutex, PoisonError},
     thread,
     time::{Duration, Instant},
 };
@@ -17,13 +17,52 @@ use tempfile::TempDir;
 
 use super::support::{bottega, signal, text};
 
-/// Farms are timed by the clock: one at a time has the processors.
-pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 pub(super) const WAIT: Duration = Duration::from_secs(180);
 pub(super) const PICTURE: [&str; 6] = ["--size", "96x72", "--seed", "5", "--quiet", "--zones=24"];
 /// Samples a pixel of a picture that takes some seconds, and of one that takes much longer.
 pub(super) const FEW: &str = "--spp=384";
 pub(super) const MANY: &str = "--spp=2000";
+
+/// A place for a farm on this machine. Two farms run beside each other, since each waits most of its time.
+pub(super) struct Place {
+    is_alone: bool,
+}
+
+/// Farms that run, and whether one waits to be alone.
+static PLACES: (Mutex<(usize, bool)>, Condvar) = (Mutex::new((0, false)), Condvar::new());
+
+impl Place {
+    const ALL: usize = 2;
+
+    pub(super) fn beside_another() -> Self {
+        let places = PLACES.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_full = |(running, is_claimed): &mut (usize, bool)| *is_claimed || *running >= Self::ALL;
+        let mut places = PLACES.1.wait_while(places, is_full).unwrap_or_else(PoisonError::into_inner);
+        places.0 += 1;
+        Self { is_alone: false }
+    }
+
+    fn alone() -> Self {
+        let places = PLACES.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut places = PLACES.1.wait_while(places, |places| places.1).unwrap_or_else(PoisonError::into_inner);
+        places.1 = true;
+        drop(PLACES.1.wait_while(places, |places| places.0 > 0).unwrap_or_else(PoisonError::into_inner));
+        Self { is_alone: true }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut places = PLACES.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.is_alone {
+            places.1 = false;
+        } else {
+            places.0 -= 1;
+        }
+        drop(places);
+        PLACES.1.notify_all();
+    }
+}
 
 /// A process that ends with the test.
 pub(super) struct Process(pub(super) Child);
@@ -71,7 +110,7 @@ pub(super) struct Farm {
     pub(super) up: Option<Process>,
     /// More words of `bottega up`.
     more: Vec<String>,
-    _alone: MutexGuard<'static, ()>,
+    _place: Place,
 }
 
 impl Farm {
@@ -81,11 +120,19 @@ impl Farm {
 
     /// - `more`: what else `bottega up` is told.
     pub(super) fn start_with(server: &Path, more: &[&str]) -> Self {
+        Self::start_at(Place::beside_another(), server, more)
+    }
+
+    /// One that has the processors for itself, because its time is measured.
+    pub(super) fn start_alone(server: &Path) -> Self {
+        Self::start_at(Place::alone(), server, &[])
+    }
+
+    fn start_at(place: Place, server: &Path, more: &[&str]) -> Self {
         let more = more.iter().map(|word| (*word).to_owned()).collect();
-        let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().expect("a folder");
         let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();
-        let mut farm = Self { folder, port, server: server.to_owned(), up: None, more, _alone: alone };
+        let mut farm = Self { folder, port, server: server.to_owned(), up: None, more, _place: place };
         farm.up();
         farm
     }

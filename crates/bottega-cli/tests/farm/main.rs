@@ -128,7 +128,7 @@ fn a_machine_that_is_killed_costs_time_and_no_pixel() {
 #[test]
 fn when_the_one_who_leads_is_killed_another_goes_on_with_what_is_painted() {
     let Some(server) = servers().pop() else { return };
-    let farm = Farm::start(&server);
+    let farm = Farm::start_alone(&server);
     let plain = farm.plain();
     let (_one, _two) = (farm.join("one"), farm.join("two"));
     let mut render = farm.render("a.exr", &[]);

@@ -5,7 +5,6 @@ use std::{
     net::TcpListener,
     path::{Path, PathBuf},
     process::{Command, Stdio},
-    sync::{MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
 };
@@ -17,7 +16,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::{
-    fixture::{ONE_AT_A_TIME, Process, WAIT, bits},
+    fixture::{Place, Process, WAIT, bits},
     support::{self, bottega, servers, text},
 };
 
@@ -28,14 +27,14 @@ pub(super) struct Other {
     folder: TempDir,
     pub(super) port: u16,
     server: PathBuf,
-    _alone: MutexGuard<'static, ()>,
+    _place: Place,
 }
 
 impl Other {
     pub(super) fn new(server: &Path) -> Self {
-        let alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = Place::beside_another();
         let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();
-        Self { folder: tempfile::tempdir().expect("a folder"), port, server: server.to_owned(), _alone: alone }
+        Self { folder: tempfile::tempdir().expect("a folder"), port, server: server.to_owned(), _place: place }
     }
 
     pub(super) fn path(&self, name: &str) -> PathBuf {

@@ -41,7 +41,7 @@ fn desk(farm: &Farm) -> Process {
 #[test]
 fn the_owner_has_the_machine_back_at_once_and_no_pixel_is_lost() {
     let Some(server) = servers().pop() else { return };
-    let farm = Farm::start(&server);
+    let farm = Farm::start_alone(&server);
     let plain = farm.plain_by(MANY);
     fs::write(farm.path("touched"), "900000\n").expect("a file");
     let _desk = desk(&farm);
@@ -51,6 +51,7 @@ fn the_owner_has_the_machine_back_at_once_and_no_pixel_is_lost() {
     fs::write(farm.path("touched"), "0\n").expect("a file");
     let begun = Instant::now();
     farm.until_says("desk", "suspended by its owner: somebody is at it");
+    println!("the owner has the machine back after {:?}", begun.elapsed());
     // Others have the processors of the test, too: more than what is promised.
     assert!(begun.elapsed() < 3 * BACK_IN, "{:?}: {}", begun.elapsed(), farm.logs());
     assert!(farm.said("desk").contains("job 1: left"), "{}", farm.logs());
@@ -77,4 +78,43 @@ fn out_of_its_hours_a_machine_rests_and_says_so() {
     let wrong = farm.run(&["join", "--hours", "8-20"]);
     assert_eq!(wrong.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&wrong.stderr).contains("hours such as 20:00-08:00 are needed"));
+}
+
+#[test]
+fn a_job_that_asks_for_a_tag_is_painted_by_machines_that_have_it_and_one_that_is_too_large_is_left() {
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let _plain_one = farm.join("one");
+    let words =
+        |name: &str| ["join".to_owned(), "--threads=1".to_owned(), format!("--cache={}", text(&farm.path(name)))];
+    let joined = |name: &str, more: &[&str]| {
+        let words = words(&format!("cache-{name}"));
+        let words: Vec<&str> = words.iter().map(String::as_str).chain(more.iter().copied()).collect();
+        let machine = farm.spawn(&words, name);
+        farm.until_says(name, "waiting for work");
+        machine
+    };
+    let mut tagged = joined("tagged", &["--tag", "gpu", "--tag", "studio-a"]);
+    assert!(farm.succeed(&["machines", "list"]).contains("gpu studio-a"));
+    let ask = |output: &str, tag: &str| {
+        assert!(farm.render(output, &["--detach", "--require", tag]).wait(), "{}", farm.logs())
+    };
+    ask("a.exr", "studio-a");
+    farm.until_state(1, "done");
+    assert!(farm.said("tagged").contains("job 1: painting"), "{}", farm.logs());
+    assert!(!farm.said("one").contains("job 1"), "{}", farm.logs());
+    let path = farm.path("b.exr");
+    farm.succeed(&["jobs", "fetch", "1", "-o", text(&path)]);
+    assert!(bits(&path) == plain, "{}", farm.logs());
+    ask("c.exr", "mars");
+    assert!(farm.succeed(&["jobs", "show", "2"]).contains("for machines tagged mars: 0 of 2 there"));
+    let asked = farm.run(&["render", "goblets.glb", "-o", "d.exr", "--farm", "--require", "not a tag"]);
+    assert!(!asked.status.success() && String::from_utf8_lossy(&asked.stderr).contains("a tag is of letters"));
+    // Nobody paints with so little.
+    assert!(tagged.end(), "{}", farm.logs());
+    let _small = joined("small", &["--tag", "small", "--max-memory", "16"]);
+    assert!(farm.render_by("e.exr", MANY, &["--detach", "--require", "small"]).wait(), "{}", farm.logs());
+    farm.until_says("small", "the job takes more memory here than");
+    assert!(farm.succeed(&["jobs", "show", "3"]).contains("is left out: the job takes more memory here"));
 }

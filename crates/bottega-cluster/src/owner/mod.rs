@@ -1,5 +1,6 @@
 //! The owner of a machine, who goes before the farm.
 
+mod memory;
 mod policy;
 mod senses;
 
@@ -9,6 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+pub(crate) use self::memory::MemoryLimit;
 pub use self::policy::{DailyHours, OwnerConditions, OwnerReason};
 use self::{
     policy::OwnerPolicy,
@@ -53,24 +55,6 @@ impl OwnerWatch {
     pub(crate) fn reason(&self) -> Option<OwnerReason> {
         *self.reason.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-/// Has this process, from its next threads on, go behind others by so many steps of `nice`.
-///
-/// # Errors
-/// The system does not do it.
-#[cfg(target_os = "linux")]
-pub fn step_back(steps: u8) -> std::io::Result<()> {
-    rustix::process::nice(steps.into()).map(|_| ()).map_err(Into::into)
-}
-
-/// Has this process go behind others: not on this system.
-///
-/// # Errors
-/// Always.
-#[cfg(not(target_os = "linux"))]
-pub fn step_back(_steps: u8) -> std::io::Result<()> {
-    Err(std::io::ErrorKind::Unsupported.into())
 }
 
 #[cfg(test)]

@@ -4,7 +4,6 @@
 mod fence;
 mod guard;
 mod program;
-mod tree;
 
 use std::{
     collections::VecDeque,
@@ -20,6 +19,8 @@ use std::{
     thread,
     time::{Duration, Instant},
 };
+
+use bottega_platform::processes::{self, ProcessTree};
 
 pub use self::guard::is_shut_in;
 pub(super) use self::program::Program;
@@ -44,11 +45,6 @@ const GRACE: Duration = Duration::from_millis(500);
 /// Whether engines open no files here but their own and those of their scene.
 pub fn is_fenced_in() -> bool {
     fence::is_enforced()
-}
-
-/// Whether the system tells what engines take, so that their limits of memory and processes hold.
-pub fn is_weighed() -> bool {
-    tree::IS_TOLD
 }
 
 /// The last part of what a child wrote to its log, and how much it was.
@@ -93,8 +89,7 @@ pub(super) struct GuardedChild {
     lines: Receiver<Option<String>>,
     log: Arc<Log>,
     limits: Limits,
-    /// Stands in the environment of everything that the child starts.
-    mark: String,
+    tree: ProcessTree,
     weighed: Instant,
 }
 
@@ -123,9 +118,10 @@ impl GuardedChild {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
-        set_environment(&mut command, program, &mark);
-        own_group(&mut command);
+        set_environment(&mut command, program);
+        processes::prepare(&mut command, &mark);
         let (mut child, keeper) = fence::spawn(command, Fence::of(program)).map_err(start)?;
+        let tree = ProcessTree::of(&child, &mark).map_err(start)?;
         let log = Arc::new(Log::default());
         let (stdin, stdout, stderr) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         if let Some(stderr) = stderr {
@@ -141,7 +137,7 @@ impl GuardedChild {
             let read = move || read_lines(stdout, &sender, &log);
             thread::Builder::new().name("engine answers".to_owned()).spawn(read).map_err(start)?;
         }
-        Ok(Self { child, _keeper: keeper, stdin, lines, log, limits: program.limits, mark, weighed: Instant::now() })
+        Ok(Self { child, _keeper: keeper, stdin, lines, log, limits: program.limits, tree, weighed: Instant::now() })
     }
 
     /// Where requests are written.
@@ -179,11 +175,11 @@ impl GuardedChild {
             return Ok(());
         }
         self.weighed = Instant::now();
-        let tree = tree::ProcessTree::of(self.child.id());
-        if memory_mib > 0 && tree.resident_bytes > memory_mib << 20 {
+        let usage = self.tree.usage();
+        if memory_mib > 0 && usage.resident_bytes > memory_mib << 20 {
             return Err(EngineFault::Memory { mib: memory_mib });
         }
-        if tree.processes > PROCESSES_MAX {
+        if usage.processes > PROCESSES_MAX {
             return Err(EngineFault::Processes { most: PROCESSES_MAX });
         }
         Ok(())
@@ -198,7 +194,7 @@ impl GuardedChild {
                 Ok(Some(_)) if Instant::now() < until && !self.log.is_whole.load(Ordering::Acquire) => {
                     thread::sleep(Duration::from_millis(5));
                 }
-                Ok(Some(status)) => return Some(guard::told(status)),
+                Ok(Some(status)) => return Some(processes::told(status)),
                 Ok(None) if Instant::now() < until => thread::sleep(Duration::from_millis(5)),
                 _ => return None,
             }
@@ -225,12 +221,8 @@ impl GuardedChild {
     /// Ends it and all that it has started, at once.
     pub(super) fn kill(&mut self) {
         self.stdin = None;
-        let strays = tree::marked(&self.mark);
-        kill_group(&self.child);
+        self.tree.kill();
         let _ = self.child.kill();
-        strays.into_iter().for_each(tree::kill);
-        // Who forked meanwhile.
-        tree::marked(&self.mark).into_iter().for_each(tree::kill);
         let _ = self.child.wait();
     }
 }
@@ -247,7 +239,7 @@ fn mark() -> String {
     format!("{}-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed), since.as_nanos())
 }
 
-fn set_environment(command: &mut Command, program: &Program<'_>, mark: &str) {
+fn set_environment(command: &mut Command, program: &Program<'_>) {
     command.env_clear();
     let passed = PASSED_ON.iter().copied().chain(program.inherit.iter().map(String::as_str));
     for name in passed {
@@ -265,27 +257,7 @@ fn set_environment(command: &mut Command, program: &Program<'_>, mark: &str) {
     }
     command.env("LANG", "C.UTF-8").env("LC_ALL", "C.UTF-8").env("PYTHONDONTWRITEBYTECODE", "1");
     command.envs(program.environment);
-    command.env(tree::MARK, mark);
 }
-
-#[cfg(unix)]
-fn own_group(command: &mut Command) {
-    use std::os::unix::process::CommandExt;
-    command.process_group(0);
-}
-
-#[cfg(not(unix))]
-fn own_group(_command: &mut Command) {}
-
-#[cfg(unix)]
-fn kill_group(child: &Child) {
-    if let Some(group) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
-        let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
-    }
-}
-
-#[cfg(not(unix))]
-fn kill_group(_child: &Child) {}
 
 fn read_log(mut from: impl Read, log: &Log) {
     let mut buffer = [0; 8192];

@@ -65,6 +65,7 @@ impl<'a> Stack<'a> {
     }
 
     /// The next eight entries, for a vector store. Panics when there is no room, which the bound on depth excludes.
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) fn room(&mut self) -> (&mut [MaybeUninit<f32>; WIDTH], &mut [MaybeUninit<Child>; WIDTH]) {
         let range = self.len..self.len + WIDTH;
@@ -80,6 +81,7 @@ impl<'a> Stack<'a> {
     ///
     /// # Safety
     /// The first `count` of the entries of [`Self::room`] have been written.
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) unsafe fn grow(&mut self, count: usize) {
         self.len += count;

@@ -4,7 +4,7 @@ use std::{fs, path::PathBuf};
 
 use bottega_hra::{CostBook, HraReport};
 
-use crate::state::state_folder;
+use bottega_platform::folders::state_folder;
 
 /// What another version has learnt may be of other units.
 const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -6,7 +6,7 @@ use bottega_gpu::{GpuError, GpuPaths, PathOptions};
 use bottega_hra::{Lane, Window};
 use bottega_render::{PreparedScene, RenderWork};
 
-use crate::state::state_folder;
+use bottega_platform::folders::state_folder;
 
 /// A device that does not answer for so long hangs, whatever it was expected to take: a slow one may be the only one.
 const PATIENCE: Duration = Duration::from_secs(120);

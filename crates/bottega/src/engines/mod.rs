@@ -11,6 +11,7 @@ use std::{
 };
 
 use bottega_engines::external::{self, LocatedEngine, Shelf, ShelfEntry};
+use bottega_platform::folders::{config_folder, state_folder};
 
 pub use self::{
     painter::{ExternalPainter, Mix},
@@ -20,7 +21,6 @@ use crate::{
     error::Error,
     request::{BUILTIN, EngineOptions, Request, RulesText},
     rules::rule_texts,
-    state::state_folder,
 };
 
 impl EngineOptions {
@@ -48,10 +48,8 @@ impl EngineOptions {
 
 /// The manifests of the program, of the user, and of these folders.
 pub fn shelf(folders: &[PathBuf]) -> Shelf {
-    let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from).filter(|path| path.is_absolute());
-    let config = config.or_else(|| std::env::home_dir().map(|home| home.join(".config")));
-    let own = config.map(|config| config.join("bottega").join("engines"));
-    Shelf::open(&own.into_iter().chain(folders.iter().cloned()).collect::<Vec<_>>())
+    let own = config_folder().join("engines");
+    Shelf::open(&std::iter::once(own).chain(folders.iter().cloned()).collect::<Vec<_>>())
 }
 
 /// From now on it is known to later processes which engines are not used on this machine.

@@ -36,6 +36,10 @@ pub const ERROR: std::ops::RangeInclusive<f64> = 1e-6..=10.0;
 pub const ORACLE_ERROR: std::ops::RangeInclusive<f64> = 0.001..=1.0;
 /// Most stops that a PNG is brightened or darkened by.
 pub const STOPS_MAX: f32 = 40.0;
+/// Most tags of a machine, or that a job requires.
+pub const TAGS_MAX: usize = 16;
+/// Most characters of a tag.
+pub const TAG_CHARS_MAX: usize = 32;
 /// What a job is worth to a farm where nobody says.
 pub const PRIORITY: u32 = 10;
 /// The most that a job can be worth.

@@ -341,5 +341,7 @@ sections! {
         /// Whether agents of other platforms may paint zones, with engines of their own (FIPA). The picture then depends on who
         /// painted it.
         strangers: bool = false,
+        /// Tags that a machine must have to paint it (`bottega join --tag`); the one who asks paints in any case.
+        require: Vec<String> = Vec::new(),
     }
 }

@@ -6,9 +6,9 @@ use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
 
 use super::{
-    BandChoice, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FilmOptions,
-    GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions, OutputOptions,
-    PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
+    BandChoice, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FarmOptions,
+    FilmOptions, GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions,
+    OutputOptions, PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
 };
 use crate::frames::{FrameName, frame_name_help};
 
@@ -75,6 +75,28 @@ fn not_both(field: &str, is_said: bool, other: &str, is_other_said: bool) -> Che
     Ok(())
 }
 
+/// How a tag is written.
+pub const TAG_FORM: &str = "letters, digits, `-`, `_` and `.`, 32 at most";
+
+/// Whether a word is a tag of machines.
+pub fn is_tag(word: &str) -> bool {
+    let is_sign = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    (1..=TAG_CHARS_MAX).contains(&word.len()) && word.chars().all(is_sign)
+}
+
+impl FarmOptions {
+    fn validate_tags(&self) -> Checked {
+        if self.require.len() > TAGS_MAX {
+            let found = format!("{} tags", self.require.len());
+            return Err(InvalidField::new("farm.require", found, format!("at most {TAGS_MAX} are allowed")));
+        }
+        match self.require.iter().find(|tag| !is_tag(tag)) {
+            Some(tag) => Err(InvalidField::new("farm.require", tag, format!("a tag is of {TAG_FORM}"))),
+            None => Ok(()),
+        }
+    }
+}
+
 impl Request {
     /// Checks every field, and what excludes what. Files are not looked for.
     ///
@@ -97,6 +119,7 @@ impl Request {
         self.output.validate()?;
         within("farm.priority", self.farm.priority, 1..=PRIORITY_MAX)?;
         maybe_within("farm.verify", self.farm.verify, 1..=VERIFY_MAX)?;
+        self.farm.validate_tags()?;
         self.validate_strangers()?;
         self.validate_frames()
     }

@@ -57,6 +57,18 @@ pub enum NatsError {
         /// What the server says.
         reason: String,
     },
+    /// The server does not say that it has read its configuration again.
+    #[error("the NATS server does not read its configuration again: {reason}")]
+    NoReload {
+        /// What came instead of an answer.
+        reason: String,
+    },
+    /// The server refuses its configuration.
+    #[error("the NATS server refuses its new configuration: {reason}")]
+    Configuration {
+        /// What it says.
+        reason: String,
+    },
     /// The operating system gives no thread.
     #[error("cannot start a thread")]
     Thread(#[from] std::io::Error),
@@ -80,11 +92,12 @@ impl NatsError {
                     | ConnectErrorKind::Io
             ),
             Self::Keep { is_lasting, .. } => !is_lasting,
-            Self::NobodyAnswers { .. } => true,
+            Self::NobodyAnswers { .. } | Self::NoReload { .. } => true,
             Self::Address { .. }
             | Self::Name { .. }
             | Self::Credentials { .. }
             | Self::Version { .. }
+            | Self::Configuration { .. }
             | Self::Thread(_) => false,
         }
     }

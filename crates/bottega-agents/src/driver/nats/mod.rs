@@ -16,6 +16,7 @@ mod options;
 mod paged;
 mod pages;
 mod pin;
+mod reload;
 mod rights;
 mod store;
 mod tiles;
@@ -47,6 +48,7 @@ pub use self::{
     paged::PagedUplink,
     pages::{AgentPage, NoticePages},
     pin::Pin,
+    reload::reload_server,
     rights::Rights,
     store::EntryNews,
     tiles::NatsTiles,

@@ -10,6 +10,8 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
+use bottega_platform::permissions;
+
 use super::program::{PASSED_ON, Program, USER_BASE};
 
 /// Names more that engines may read, as `PATH` names folders: where what they are installed from lies elsewhere.
@@ -108,20 +110,9 @@ fn settings() -> Vec<PathBuf> {
     let entries = fs::read_dir("/etc").into_iter().flatten().flatten();
     let open = entries.filter(|entry| {
         let name = entry.file_name();
-        !PRIVATE.iter().any(|private| name == *private) && is_for_all(&entry.path())
+        !PRIVATE.iter().any(|private| name == *private) && permissions::is_for_all(&entry.path())
     });
     open.map(|entry| entry.path()).collect()
-}
-
-#[cfg(unix)]
-fn is_for_all(path: &Path) -> bool {
-    use std::os::unix::fs::PermissionsExt;
-    fs::metadata(path).is_ok_and(|found| found.permissions().mode() & 0o004 != 0)
-}
-
-#[cfg(not(unix))]
-fn is_for_all(_path: &Path) -> bool {
-    true
 }
 
 /// A machine with the home of its user, of which no more is shown than must be.

@@ -1,7 +1,7 @@
 //! The programs of util-linux that shut a child in, as far as they are there and allowed.
 
 use std::{
-    process::{Command, ExitStatus, Stdio},
+    process::{Command, Stdio},
     sync::OnceLock,
 };
 
@@ -80,33 +80,4 @@ pub(super) fn makes_users() -> bool {
 /// Whether engines have no network here.
 pub fn is_shut_in() -> bool {
     guards().namespaces.is_some()
-}
-
-/// How a process ended, in words.
-pub(super) fn told(status: ExitStatus) -> String {
-    #[cfg(unix)]
-    {
-        use std::os::unix::process::ExitStatusExt;
-        // A shell tells of a signal by 128 and its number.
-        let signal = status.signal().or(status.code().filter(|code| (129..=159).contains(code)).map(|code| code - 128));
-        if let Some(signal) = signal {
-            let name = match signal {
-                4 => " (illegal instruction)",
-                6 => " (aborted)",
-                7 => " (bus error)",
-                8 => " (arithmetic)",
-                9 => " (killed; out of memory?)",
-                11 => " (segmentation fault)",
-                15 => " (terminated)",
-                24 => " (processor time)",
-                25 => " (file too large)",
-                _ => "",
-            };
-            return format!("signal {signal}{name}");
-        }
-    }
-    match status.code() {
-        Some(code) => format!("exit code {code}"),
-        None => "no exit code".to_owned(),
-    }
 }

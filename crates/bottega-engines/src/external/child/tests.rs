@@ -68,13 +68,13 @@ fn nothing_of_a_child_is_left() {
     let (_scratch, child) = spawn(script, Limits::default());
     assert!(matches!(child.lines.recv_timeout(Duration::from_secs(20)), Ok(Some(line)) if line == "there"));
     let mark = child.mark.clone();
-    assert!(!tree::marked(&mark).is_empty(), "the children are there");
+    assert!(!processes::marked(&mark).is_empty(), "the children are there");
     drop(child);
     let until = Instant::now() + Duration::from_secs(5);
-    while !tree::marked(&mark).is_empty() && Instant::now() < until {
+    while !processes::marked(&mark).is_empty() && Instant::now() < until {
         thread::sleep(Duration::from_millis(20));
     }
-    assert_eq!(tree::marked(&mark), Vec::<u32>::new());
+    assert_eq!(processes::marked(&mark), Vec::<u32>::new());
 }
 
 #[test]

@@ -1,0 +1,71 @@
+//! The memory that a machine's owner lets it take: a job that takes more is left to others.
+
+use std::{
+    process,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use bottega_platform::processes;
+
+use crate::{error::Error, room::bytes_said};
+
+/// How often is looked.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// A limit of what this process and the engines that it has started keep in memory.
+#[derive(Clone, Debug)]
+pub(crate) struct MemoryLimit {
+    bytes: u64,
+    /// Whether more was seen since the last job was left.
+    is_passed: Arc<AtomicBool>,
+    looked: Arc<Mutex<Option<Instant>>>,
+}
+
+impl MemoryLimit {
+    pub(crate) fn new(bytes: u64) -> Self {
+        Self { bytes, is_passed: Arc::default(), looked: Arc::default() }
+    }
+
+    /// Whether more is taken, or was since the last [`Self::forget`].
+    pub(crate) fn is_passed(&self) -> bool {
+        let mut looked = self.looked.lock().unwrap_or_else(PoisonError::into_inner);
+        if looked.is_none_or(|then| then.elapsed() >= LOOK_EVERY) {
+            *looked = Some(Instant::now());
+            if processes::usage(process::id()).resident_bytes > self.bytes {
+                self.is_passed.store(true, Ordering::Relaxed);
+            }
+        }
+        self.is_passed.load(Ordering::Relaxed)
+    }
+
+    /// The next job is another one.
+    pub(crate) fn forget(&self) {
+        self.is_passed.store(false, Ordering::Relaxed);
+        *self.looked.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+
+    /// Why a job is left.
+    pub(crate) fn error(&self) -> Error {
+        let problem = format!("the job takes more memory here than {}", bytes_said(self.bytes));
+        Error::failed(problem, "let the machine take more: --max-memory")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_is_passed_until_it_is_forgotten() {
+        let (none, all) = (MemoryLimit::new(0), MemoryLimit::new(u64::MAX));
+        assert!(none.is_passed() && !all.is_passed());
+        let again = MemoryLimit { bytes: u64::MAX, ..none.clone() };
+        assert!(again.is_passed(), "what was seen is not forgotten by itself");
+        again.forget();
+        assert!(!again.is_passed());
+    }
+}

@@ -1,0 +1,168 @@
+//! The owner of a machine as `/proc`, logind, the X server and terminals show him.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{self, Command, Stdio},
+    time::{Duration, Instant, SystemTime},
+};
+
+/// Counts the processors that others keep at work.
+#[derive(Default)]
+pub struct BusyClock {
+    /// Processor time of all and of this program, in ticks, and when that was.
+    before: Option<([u64; 2], Instant)>,
+}
+
+impl BusyClock {
+    /// The processors that others than this program and what it has started have kept at work since the last call; 0 at the
+    /// first.
+    pub fn others(&mut self) -> f32 {
+        let Some(now) = busy_ticks() else { return 0.0 };
+        let before = self.before.replace((now, Instant::now()));
+        let Some((before, then)) = before else { return 0.0 };
+        let [all, own] = [0, 1].map(|index| now[index].saturating_sub(before[index]) as f32);
+        // A tick is a hundredth of a second to user space, on every Linux.
+        (all - own).max(0.0) / 100.0 / then.elapsed().as_secs_f32().max(0.01)
+    }
+}
+
+/// Processor time of all processes, and of this one with those that it has started: engines paint for the farm, too.
+fn busy_ticks() -> Option<[u64; 2]> {
+    let all = fs::read_to_string("/proc/stat").ok()?;
+    let stats =
+        fs::read_dir("/proc").ok()?.flatten().filter_map(|entry| fs::read_to_string(entry.path().join("stat")).ok());
+    let processes: Vec<ProcessTime> = stats.filter_map(|stat| process_time(&stat)).collect();
+    Some([all_ticks(&all)?, own_ticks(&processes, process::id())])
+}
+
+/// The time of a process.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ProcessTime {
+    id: u32,
+    parent: u32,
+    /// Ticks, with those of its children that have ended.
+    ticks: u64,
+}
+
+/// User, nice, system, interrupts; not idle, nor waiting for a disk.
+fn all_ticks(stat: &str) -> Option<u64> {
+    let fields: Vec<u64> = stat.lines().next()?.split_whitespace().skip(1).filter_map(|it| it.parse().ok()).collect();
+    Some(*fields.first()? + fields.get(1)? + fields.get(2)? + fields.get(5)? + fields.get(6)?)
+}
+
+/// Fields 1, 4 and 14 to 17; the name in field 2 may hold anything but stands in parentheses.
+fn process_time(stat: &str) -> Option<ProcessTime> {
+    let (id, rest) = stat.split_once(' ')?;
+    let fields: Vec<&str> = rest.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = fields.iter().skip(11).take(4).filter_map(|it| it.parse::<u64>().ok()).sum();
+    Some(ProcessTime { id: id.parse().ok()?, parent: fields.get(1)?.parse().ok()?, ticks })
+}
+
+/// The ticks of a process and of all that come from it.
+fn own_ticks(processes: &[ProcessTime], root: u32) -> u64 {
+    let mut family = vec![root];
+    let mut at = 0;
+    while let Some(&parent) = family.get(at) {
+        let children = processes.iter().filter(|it| it.parent == parent && it.id != parent).map(|it| it.id);
+        family.extend(children.collect::<Vec<_>>());
+        at += 1;
+    }
+    processes.iter().filter(|it| family.contains(&it.id)).map(|it| it.ticks).sum()
+}
+
+/// For how long nobody has touched this machine, by those who see screens and terminals: logind, the X server.
+pub fn idle() -> Option<Duration> {
+    [idle_sessions(), idle_x_server()].into_iter().flatten().min()
+}
+
+/// By the time at which a terminal was read last.
+pub fn idle_terminals() -> Option<Duration> {
+    idle_terminals_in(Path::new("/dev"))
+}
+
+fn idle_terminals_in(devices: &Path) -> Option<Duration> {
+    let terminals = fs::read_dir(devices.join("pts")).into_iter().flatten().flatten();
+    let consoles = (1..=6).map(|number| devices.join(format!("tty{number}")));
+    let all = terminals.map(|entry| entry.path()).filter(|path| !path.ends_with("ptmx")).chain(consoles);
+    let now = SystemTime::now();
+    let read = |path: PathBuf| fs::metadata(path).ok()?.accessed().ok();
+    all.filter_map(read).map(|time| now.duration_since(time).unwrap_or_default()).min()
+}
+
+/// By logind: the time since when all sessions say that they are idle.
+fn idle_sessions() -> Option<Duration> {
+    if !Path::new("/run/systemd/seats").exists() {
+        return None;
+    }
+    let place = ["org.freedesktop.login1", "/org/freedesktop/login1", "org.freedesktop.login1.Manager"];
+    let said = answer(Command::new("busctl").args(["get-property"]).args(place).args(["IdleHint", "IdleSinceHint"]))?;
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok()?;
+    idle_of_sessions(&said, now)
+}
+
+/// - `said`: such as `b true` and `t 1764160000000000`, microseconds of the epoch.
+fn idle_of_sessions(said: &str, now: Duration) -> Option<Duration> {
+    let mut lines = said.lines();
+    match lines.next()? {
+        "b true" => {
+            let since = lines.next()?.strip_prefix("t ")?.parse().ok().filter(|since| *since > 0)?;
+            Some(now.saturating_sub(Duration::from_micros(since)))
+        }
+        "b false" => Some(Duration::ZERO),
+        _ => None,
+    }
+}
+
+/// By the X server, where `xprintidle` is installed.
+fn idle_x_server() -> Option<Duration> {
+    std::env::var_os("DISPLAY")?;
+    Some(Duration::from_millis(answer(&mut Command::new("xprintidle"))?.trim().parse().ok()?))
+}
+
+fn answer(command: &mut Command) -> Option<String> {
+    let output = command.stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_of_the_system_and_of_a_family_are_read() {
+        assert_eq!(all_ticks("cpu  10 2 30 4000 500 6 7 0 0 0\ncpu0 1 1 1 1\n"), Some(55));
+        let stat = "42 (a ) b) S 7 42 42 0 -1 4194304 1 2 3 4 100 20 3 1 20 0 9 0 1";
+        let one = process_time(stat).expect("a process");
+        assert_eq!(one, ProcessTime { id: 42, parent: 7, ticks: 124 });
+        let other = |id, parent| ProcessTime { id, parent, ticks: 1 };
+        assert_eq!(own_ticks(&[one, other(50, 42), other(51, 50), other(7, 1), other(60, 7)], 42), 126);
+        assert_eq!(all_ticks("cpu 1"), None);
+    }
+
+    #[test]
+    fn logind_says_since_when_all_sessions_are_idle() {
+        let now = Duration::from_secs(1000);
+        assert_eq!(idle_of_sessions("b true\nt 400000000\n", now), Some(Duration::from_secs(600)));
+        assert_eq!(idle_of_sessions("b false\nt 400000000\n", now), Some(Duration::ZERO));
+        // Nobody has a session.
+        assert_eq!(idle_of_sessions("b true\nt 0\n", now), None);
+    }
+
+    #[test]
+    fn a_terminal_that_was_read_now_is_not_idle() {
+        let devices = tempfile::tempdir().expect("a folder");
+        assert_eq!(idle_terminals_in(devices.path()), None);
+        fs::create_dir(devices.path().join("pts")).expect("a folder");
+        fs::write(devices.path().join("pts/3"), "x").expect("a file");
+        fs::read(devices.path().join("pts/3")).expect("a file");
+        assert!(idle_terminals_in(devices.path()).is_some_and(|idle| idle < Duration::from_secs(60)));
+    }
+
+    #[test]
+    fn others_can_be_observed() {
+        let mut clock = BusyClock::default();
+        assert_eq!(clock.others(), 0.0);
+        assert!(clock.others() >= 0.0);
+    }
+}

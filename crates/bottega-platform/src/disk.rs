@@ -1,0 +1,42 @@
+//! Room on a disk.
+
+use std::path::Path;
+
+/// Bytes of a disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DiskSpace {
+    /// Those that this user may still write.
+    pub free: u64,
+    /// All of them.
+    pub total: u64,
+}
+
+/// The room on the disk of a folder; `None`: the system does not say.
+#[cfg(unix)]
+pub fn space(folder: &Path) -> Option<DiskSpace> {
+    let told = rustix::fs::statvfs(folder).ok()?;
+    let bytes = |blocks: u64| blocks.saturating_mul(told.f_frsize);
+    Some(DiskSpace { free: bytes(told.f_bavail), total: bytes(told.f_blocks) })
+}
+
+/// The room on the disk of a folder: of the one that is found at the longest part of its path. `None`: the system does not say.
+#[cfg(not(unix))]
+pub fn space(folder: &Path) -> Option<DiskSpace> {
+    let folder = std::path::absolute(folder).ok()?;
+    let disks = sysinfo::Disks::new_with_refreshed_list().ok()?;
+    let of_folder = disks.iter().filter(|disk| folder.starts_with(disk.mount_point()));
+    let disk = of_folder.max_by_key(|disk| disk.mount_point().as_os_str().len())?;
+    Some(DiskSpace { free: disk.available_space(), total: disk.total_space() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_disk_has_room_and_no_more_than_all_of_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let space = space(folder.path()).expect("every system that is known tells");
+        assert!(space.total > 0 && space.free <= space.total, "{space:?}");
+    }
+}

@@ -1,0 +1,27 @@
+//! What differs between Linux, macOS and Windows, behind one face.
+//!
+//! Whoever needs something of the system asks here, so that no other crate asks which system it is on; `cargo xtask test` holds
+//! them to it. Each function says what it gives where a system does not tell. Linux is tested; Windows is compiled, and was tried
+//! under Wine; macOS is compiled and **untested**.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | folders of settings and of state | `src/folders.rs` |
+//! | who may read a file | `src/permissions.rs` |
+//! | room on a disk | `src/disk.rs` |
+//! | time that the processors spend | `src/processor_time.rs` |
+//! | priority of this process, processors that it may use | `src/scheduling.rs` |
+//! | notifications on the desktop | `src/desktop.rs` |
+//! | a child and all that it has started | `src/processes.rs`, `src/processes/` |
+//! | the machine's owner: touched when, how busy | `src/activity.rs`, `src/activity/` |
+
+pub mod activity;
+pub mod desktop;
+pub mod disk;
+pub mod folders;
+pub mod permissions;
+pub mod processes;
+pub mod processor_time;
+pub mod scheduling;

@@ -1,0 +1,67 @@
+//! Who may read a file.
+
+use std::{fs, io, path::Path};
+
+/// Has nobody but the user read a file, or enter a folder. On Windows it changes nothing: what is in a user's profile is the
+/// user's alone.
+///
+/// # Errors
+/// The system refuses it.
+pub fn make_private(path: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = if fs::metadata(path)?.is_dir() { 0o700 } else { 0o600 };
+        fs::set_permissions(path, fs::Permissions::from_mode(mode))
+    }
+    #[cfg(not(unix))]
+    fs::metadata(path).map(drop)
+}
+
+/// The permissions with which a file is made that everybody may read whom the user's mask lets read it; `None`: such are all
+/// files of this system.
+pub fn by_mask() -> Option<fs::Permissions> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        Some(fs::Permissions::from_mode(0o666))
+    }
+    #[cfg(not(unix))]
+    None
+}
+
+/// Whether everybody may read a file. On Windows that is not asked: yes.
+pub fn is_for_all(path: &Path) -> bool {
+    let Ok(found) = fs::metadata(path) else { return false };
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        found.permissions().mode() & 0o004 != 0
+    }
+    #[cfg(not(unix))]
+    {
+        drop(found);
+        true
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn what_is_private_is_read_by_its_user_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("secret");
+        fs::write(&file, "x").unwrap();
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o644)).unwrap();
+        assert!(is_for_all(&file));
+        make_private(&file).unwrap();
+        make_private(folder.path()).unwrap();
+        assert!(!is_for_all(&file) && !is_for_all(&folder.path().join("none")));
+        assert_eq!(fs::metadata(folder.path()).unwrap().permissions().mode() & 0o777, 0o700);
+        assert!(make_private(&folder.path().join("none")).is_err());
+    }
+}

@@ -1,0 +1,56 @@
+//! Processes as `/proc` tells of them.
+
+use std::{collections::BTreeMap, fs};
+
+use super::{MARK, TreeUsage};
+
+struct Stat {
+    parent: u32,
+    pages: u64,
+}
+
+fn processes() -> impl Iterator<Item = u32> {
+    let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+    entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok())
+}
+
+fn stat(process: u32) -> Option<Stat> {
+    let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    // The name of the program stands in brackets and may hold anything.
+    let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
+    let number = |i: usize| fields.get(i).and_then(|field| field.parse::<u64>().ok());
+    // proc(5): the parent is field 4, the resident pages 24; the first of `fields` is 3.
+    Some(Stat { parent: number(1)? as u32, pages: number(21)? })
+}
+
+/// What the process `root` and all below it take.
+pub fn usage(root: u32) -> TreeUsage {
+    let all: BTreeMap<u32, Stat> = processes().filter_map(|id| Some((id, stat(id)?))).collect();
+    let mut tree = TreeUsage::default();
+    let mut next = vec![root];
+    while let Some(id) = next.pop() {
+        let Some(found) = all.get(&id) else { continue };
+        tree.processes += 1;
+        tree.resident_bytes += found.pages * rustix::param::page_size() as u64;
+        // No process is its own grandparent, but for lists that are made while all changes.
+        if tree.processes <= all.len() {
+            next.extend(all.iter().filter(|(_, stat)| stat.parent == id).map(|(id, _)| *id));
+        }
+    }
+    tree
+}
+
+/// All processes that carry this mark.
+pub fn marked(mark: &str) -> Vec<u32> {
+    let wanted = format!("{MARK}={mark}");
+    let carries = |id: &u32| {
+        let environment = fs::read(format!("/proc/{id}/environ")).unwrap_or_default();
+        environment.split(|byte| *byte == 0).any(|entry| entry == wanted.as_bytes())
+    };
+    processes().filter(carries).collect()
+}
+
+/// Ends a process at once. Whether it was there.
+pub fn kill(process: u32) -> bool {
+    super::signal(process, rustix::process::Signal::KILL)
+}

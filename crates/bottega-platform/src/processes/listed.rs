@@ -1,0 +1,49 @@
+//! Processes as a library lists them: macOS and Windows.
+
+use std::ffi::OsString;
+
+use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System, UpdateKind};
+
+use super::{MARK, TreeUsage};
+
+/// All processes; `None`: the system does not tell of them.
+fn all(what: ProcessRefreshKind) -> Option<System> {
+    let mut system = System::new().ok()?;
+    system.refresh_processes_specifics(ProcessesToUpdate::All, true, what);
+    Some(system)
+}
+
+/// What the process `root` and all below it take.
+pub fn usage(root: u32) -> TreeUsage {
+    let Some(system) = all(ProcessRefreshKind::nothing().with_memory()) else { return TreeUsage::default() };
+    let processes = system.processes();
+    let mut tree = TreeUsage::default();
+    let mut next = vec![Pid::from_u32(root)];
+    while let Some(id) = next.pop() {
+        let Some(found) = processes.get(&id) else { continue };
+        tree.processes += 1;
+        tree.resident_bytes += found.memory();
+        // No process is its own grandparent, but for lists that are made while all changes.
+        if tree.processes <= processes.len() {
+            let is_child = |(other, process): &(&Pid, &sysinfo::Process)| process.parent() == Some(id) && **other != id;
+            next.extend(processes.iter().filter(is_child).map(|(id, _)| *id));
+        }
+    }
+    tree
+}
+
+/// All processes that carry this mark, as far as the system shows their environments.
+pub fn marked(mark: &str) -> Vec<u32> {
+    let wanted = OsString::from(format!("{MARK}={mark}"));
+    let Some(system) = all(ProcessRefreshKind::nothing().with_environ(UpdateKind::Always)) else { return Vec::new() };
+    let carries = system.processes().iter().filter(|(_, process)| process.environ().contains(&wanted));
+    carries.map(|(id, _)| id.as_u32()).collect()
+}
+
+/// Ends a process at once. Whether it was there.
+pub fn kill(process: u32) -> bool {
+    let id = Pid::from_u32(process);
+    let Ok(mut system) = System::new() else { return false };
+    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[id]), false, ProcessRefreshKind::nothing());
+    system.process(id).is_some_and(sysinfo::Process::kill)
+}

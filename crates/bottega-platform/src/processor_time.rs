@@ -1,0 +1,83 @@
+//! Time that the processors spend.
+
+/// Time that the processors have spent on this process so far, in seconds; `None`: the system does not tell. Other work on the
+/// machine disturbs it by what it leaves in caches, not by its share of the processors.
+#[cfg(unix)]
+pub fn own_seconds() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
+}
+
+/// Time that the processors have spent on this process so far, in seconds, to a millisecond; `None`: the system does not tell.
+#[cfg(not(unix))]
+pub fn own_seconds() -> Option<f64> {
+    use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
+    let own = sysinfo::get_current_pid().ok()?;
+    let mut system = System::new().ok()?;
+    system.refresh_processes_specifics(
+        ProcessesToUpdate::Some(&[own]),
+        false,
+        ProcessRefreshKind::nothing().with_cpu(),
+    );
+    Some(system.process(own)?.accumulated_cpu_time() as f64 / 1e3)
+}
+
+/// Time that the processors have spent on all children that have ended and been waited for, and on theirs, in seconds; `None`:
+/// the system does not tell (only Linux does).
+pub fn children_seconds() -> Option<f64> {
+    #[cfg(target_os = "linux")]
+    {
+        let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+        // What follows the name in brackets: cutime and cstime are fields 16 and 17 of the line, the state is the third.
+        let fields: Vec<&str> = stat.rsplit(')').next()?.split_whitespace().collect();
+        let ticks = |field: usize| fields.get(field - 3)?.parse::<f64>().ok();
+        Some((ticks(16)? + ticks(17)?) / rustix::param::clock_ticks_per_second() as f64)
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
+}
+
+/// Processor seconds of all that the machine did since it was started; `None`: the system does not tell (only Linux does).
+pub fn machine_seconds() -> Option<f64> {
+    cfg!(target_os = "linux")
+        .then(|| std::fs::read_to_string("/proc/stat").ok())
+        .flatten()
+        .and_then(|text| busy_seconds(&text))
+}
+
+/// The first line of `/proc/stat`: user, nice, system, interrupts; not idle, nor waiting for a disk.
+fn busy_seconds(stat: &str) -> Option<f64> {
+    /// The unit of that file on every architecture of Linux.
+    const TICKS_PER_SECOND: f64 = 100.0;
+    let line = stat.lines().next()?.strip_prefix("cpu ")?;
+    let ticks: Vec<u64> = line.split_ascii_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
+    // user nice system idle iowait irq softirq steal; what guests did is in the first two.
+    let busy = [0, 1, 2, 5, 6].map(|i| ticks.get(i).copied().unwrap_or_default());
+    Some(busy.iter().sum::<u64>() as f64 / TICKS_PER_SECOND)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_of_a_machine_is_that_of_its_first_line() {
+        let stat = "cpu  100 20 30 9999 50 4 6 7 60 0\ncpu0 1 2 3\n";
+        assert_eq!(busy_seconds(stat), Some(1.6));
+        assert_eq!(busy_seconds("intr 7"), None);
+    }
+
+    #[test]
+    fn this_process_is_seen_to_work() {
+        let begun = own_seconds().expect("every system that is known tells");
+        let mut sum = 0u64;
+        let started = std::time::Instant::now();
+        while own_seconds().is_some_and(|now| now - begun < 0.05) && started.elapsed().as_secs() < 20 {
+            sum = sum.wrapping_add(std::hint::black_box(1));
+        }
+        assert!(own_seconds().is_some_and(|now| now - begun >= 0.05));
+        if cfg!(target_os = "linux") {
+            assert!(machine_seconds().is_some_and(|all| all >= 0.05));
+        }
+    }
+}
