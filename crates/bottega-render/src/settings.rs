@@ -94,6 +94,13 @@ pub struct PhotonSettings {
     pub irradiance_cache: f32,
     /// Whether photons that go on behind what is lit decide where shadow rays are needed.
     pub shadow_photons: bool,
+    /// Whether half of the gathering rays go where indirect photons came from. It changes the noise, not the mean.
+    pub gather_directions: bool,
+    /// Whether photons that come straight from the lights and those that were scattered are kept in maps of their own, from which light
+    /// is estimated wherever it is asked for; else the irradiance is computed beforehand at places all over the surfaces.
+    pub separate_maps: bool,
+    /// Whether there is indirect light, but for that over mirrors and through glass alone.
+    pub indirect: bool,
     /// Whether each sample has photons of its own, and finds them within a radius that shrinks, so that with more and more
     /// samples the picture becomes that of the path tracer.
     pub progressive: bool,
@@ -114,6 +121,10 @@ pub struct AgentSettings {
     pub decides_irradiance: bool,
     /// With [`Oracle::Error`]: whether glossy surfaces ask it what light comes to them from where; else they send rays to all sides.
     pub decides_radiance: bool,
+    /// Whether it is asked if a path goes on that has come to where indirect light is not known well enough.
+    pub decides_halting: bool,
+    /// Whether the proximity network stays, and the median of an agent and its neighbors answers which shadow rays are to be traced.
+    pub asks_network: bool,
     /// With [`Oracle::Error`]: greatest relative error of indirect light that is interpolated.
     pub error: f32,
     /// With [`Oracle::Error`]: bytes that all the agents may take. Where they are too few, more is computed while the picture is
@@ -157,6 +168,8 @@ impl Default for AgentSettings {
             decides_shadows: true,
             decides_irradiance: true,
             decides_radiance: true,
+            decides_halting: false,
+            asks_network: false,
             error: 0.1,
             memory_bytes: 4 << 20,
         }
@@ -185,6 +198,9 @@ impl Default for PhotonSettings {
             filter: PhotonFilter::Epanechnikov,
             irradiance_cache: 0.0,
             shadow_photons: false,
+            gather_directions: true,
+            separate_maps: false,
+            indirect: true,
             progressive: false,
             agents: None,
         }

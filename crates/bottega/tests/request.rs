@@ -94,6 +94,8 @@ fn change() -> impl Strategy<Value = Apply> {
         of(option::of(1u32..100_000_000), |r, v| r.photons.count = v),
         of(option::of(1e-6f32..1.0), |r, v| r.photons.radius = v),
         of(any::<bool>(), |r, v| r.photons.shadow_photons = v),
+        of(any::<[bool; 2]>(), |r, v| [r.photons.separate_maps, r.photons.indirect] = v),
+        of(option::of(any::<bool>()), |r, v| r.photons.gather_directions = v),
         of((choice::<OracleChoice>(), 0.001f64..1.0), |r, (oracle, error)| {
             (r.lighting_agents.oracle, r.lighting_agents.error) = (oracle, error);
         }),

@@ -5,7 +5,7 @@ use std::{fmt::Write as _, io::Write, path::Path};
 use bottega_image::{Canvas, ColorMap};
 use bottega_render::{
     AgentSettings, Oracle, PathSettings, PhotonSettings, Prepass, View,
-    ala::{Criterion, Density, Dot, LocalSphere, Ludd, SampleSet, Samples},
+    ala::{Criterion, Density, Dot, LocalSphere, Ludd, SampleSet, Samples, network_dots},
 };
 use serde_json::{Value, json};
 
@@ -168,6 +168,24 @@ pub(super) fn draw(all: &[UsefulData], view: View, folder: &Path) -> Result<(), 
         canvas.write_png(folder.join(format!("map-{}.png", data.name)))?;
     }
     Ok(())
+}
+
+/// Draws the proximity network over the scene, in the colors of what it answers.
+///
+/// # Errors
+/// The scene cannot be painted, or a file not be written.
+pub(super) fn draw_network(scene: &PaintedScene<'_>, lighting_agents: u32) -> Result<Canvas, Error> {
+    let agents = AgentSettings { cast: lighting_agents, ..AgentSettings::default() };
+    let photons = PhotonSettings { bounces: scene.max_depth, agents: Some(agents), ..PhotonSettings::default() };
+    let settings = PathSettings { max_depth: scene.max_depth, photons: Some(photons), ..PathSettings::default() };
+    let dots = network_dots(&*scene.prepared()?, &Prepass::default(), scene.view, &settings)?;
+    let value = |dot: &Dot| match dot {
+        Dot::Nothing => f32::NAN,
+        Dot::Free => 0.0,
+        Dot::Sample(value) => *value,
+    };
+    let values: Vec<f32> = dots.iter().map(value).collect();
+    Ok(Canvas::heat_map(scene.view.width, scene.view.height, &values, 1.0, ColorMap::Viridis))
 }
 
 /// The value of the brightest color: one pixel in two hundred may be beyond.

@@ -4,6 +4,8 @@
 //! agents look around. Errors are to a converged picture. Who is faster is told at equal error: by the time until a picture is as
 //! good as that of photon mapping at last.
 
+mod elsewhere;
+mod figures;
 mod ludd;
 mod paper;
 mod plot;
@@ -31,11 +33,28 @@ pub const SCENE: &str = "ala/ala.xml";
 /// A converged picture of that scene.
 pub const REFERENCE: &str = "ala/reference/Mitsuba3.exr";
 
+/// Other scenes, with converged pictures of them: an interior, and one of glass.
+pub const ELSEWHERE: [[&str; 2]; 2] = [
+    ["peers/d_interior.xml", "peers/reference/ref_d_interior.exr"],
+    ["peers/c_goblets.xml", "peers/reference/ref_c_goblets.exr"],
+];
+
 /// The paper's picture.
 const SIZE: [f64; 2] = [1600.0, 1200.0];
 /// Budgets that are tried beside the paper's, as shares of it.
 const FEWER: [f64; 4] = [0.04, 0.1, 0.25, 0.3];
 const MORE: f64 = 3.0;
+/// The share of the agents whose network is drawn: few enough for links to be told apart.
+const NETWORK: f64 = 0.1;
+
+/// A scene with a converged picture of it.
+#[derive(Clone, Debug)]
+pub struct AlaScene {
+    /// The scene.
+    pub scene: PathBuf,
+    /// The picture; those that are painted take their size of it.
+    pub reference: PathBuf,
+}
 
 /// The scene of the measurement, and its numbers of photons and agents.
 #[derive(Clone, Debug)]
@@ -44,6 +63,8 @@ pub struct AlaOptions {
     pub scene: PathBuf,
     /// A converged picture of the scene, of which the pictures take their size; `None`: one is painted first.
     pub reference: Option<PathBuf>,
+    /// Other scenes in which agents are compared with photon mapping.
+    pub elsewhere: Vec<AlaScene>,
     /// Sides of a reference that is painted, as a share of the paper's 1600 × 1200.
     pub scale: f64,
     /// Samples a pixel of a reference that is painted.
@@ -105,35 +126,64 @@ fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error
     let by_photons = paint(LightMethod::photons(photons))?;
     let ways = [
         LightMethod::photons_as_in_the_paper(photons),
+        LightMethod::photons_in_four_maps(photons),
         LightMethod::paths(),
         LightMethod::agents(Oracle::Paper, lighting_agents, true),
         LightMethod::agents(Oracle::Error, lighting_agents, true),
     ];
     let others = ways.into_iter().map(&mut paint).collect::<Result<Vec<_>, _>>()?;
-    let part = |whole: u32, share: f64| ((f64::from(whole) * share) as u32).max(1);
     let agents = FEWER.map(|share| LightMethod::agents(Oracle::Error, part(lighting_agents, share), true));
     let more = [FEWER[1], FEWER[3], MORE].map(|share| LightMethod::photons(part(photons, share)));
     let budgets = agents.into_iter().chain(more).map(&mut paint).collect::<Result<Vec<_>, _>>()?;
+    let without = |way: LightMethod| way.without_indirect();
+    let without_indirect = [
+        LightMethod::photons_in_four_maps(photons),
+        LightMethod::agents(Oracle::Paper, lighting_agents, true),
+        LightMethod::agents(Oracle::Error, lighting_agents, true),
+    ]
+    .map(without)
+    .into_iter()
+    .map(&mut paint)
+    .collect::<Result<_, _>>()?;
     let mut shadows = Vec::new();
-    for (by_agents, oracle) in others[2..].iter().zip([Oracle::Paper, Oracle::Error]) {
+    let by_agents = others.iter().filter(|result| result.agents.is_some());
+    for (by_agents, oracle) in by_agents.zip([Oracle::Paper, Oracle::Error]) {
         let way = LightMethod::agents(oracle, lighting_agents, false);
         say(log, format_args!("painting {}, all shadow rays traced …", way.name));
         let by_rays = scene.paint(way, spp, &reference)?;
         shadows.push(Shadows::new(by_agents, &by_rays)?);
     }
     let useful_data = ludd::compare(&scene, photons, lighting_agents, log)?;
-    Ok(AlaReport { samples: spp, reference, photons: by_photons, others, budgets, shadows, useful_data })
+    let network = ludd::draw_network(&scene, part(lighting_agents, NETWORK))?;
+    let elsewhere = options.elsewhere.iter().map(|other| elsewhere::compare(options, other, log));
+    let elsewhere = elsewhere.collect::<Result<_, _>>()?;
+    Ok(AlaReport {
+        samples: spp,
+        reference,
+        photons: by_photons,
+        others,
+        budgets,
+        shadows,
+        without_indirect,
+        elsewhere,
+        network,
+        useful_data,
+    })
+}
+
+/// A part of so many.
+fn part(whole: u32, share: f64) -> u32 {
+    ((f64::from(whole) * share) as u32).max(1)
 }
 
 fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
     let json = serde_json::to_string_pretty(&report.as_json()).unwrap_or_default();
     write_file(&folder.join("ala.json"), &json)?;
     write_file(&folder.join("ala.svg"), &plot::svg(report))?;
-    let png = |name: &str, picture: &Picture| {
-        Canvas::of_picture(picture, 0.0, ToneMap::Agx).write_png(folder.join(name)).map_err(Error::from)
-    };
+    let png = |name: &str, picture: &Picture| write_png(folder, name, picture);
     png("reference.png", &report.reference)?;
-    for (name, result) in ["photons-cached", "paths", "agents-of-the-paper", "agents"].iter().zip(&report.others) {
+    let names = ["photons-cached", "photons-four-maps", "paths", "agents-of-the-paper", "agents"];
+    for (name, result) in names.iter().zip(&report.others) {
         png(&format!("{name}.png"), &result.picture)?;
         png(&format!("{name}-from-photons-x5.png"), &difference(&report.photons.picture, &result.picture))?;
     }
@@ -142,9 +192,15 @@ fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
         let [agents, rays] = &shadows.pictures;
         png(&format!("{name}-from-shadow-rays-x5.png"), &difference(rays, agents))?;
     }
+    figures::write(folder, report)?;
+    report.network.write_png(folder.join("network.png"))?;
     let Picture { width, height, .. } = report.reference;
     ludd::draw(&report.useful_data, View { camera: 0, width, height }, folder)?;
     Ok(())
+}
+
+fn write_png(folder: &Path, name: &str, picture: &Picture) -> Result<(), Error> {
+    Ok(Canvas::of_picture(picture, 0.0, ToneMap::Agx).write_png(folder.join(name))?)
 }
 
 /// Five times the absolute difference, as in the paper's figures 4 and 5.

@@ -1,8 +1,8 @@
 //! Times, memory and errors of all ways to paint.
 
-use bottega_image::{FlipOptions, Picture, flip};
+use bottega_image::{Canvas, FlipOptions, Picture, flip};
 
-use super::{ludd::UsefulData, ways::MethodResult};
+use super::{elsewhere::ElsewhereResult, ludd::UsefulData, ways::MethodResult};
 use crate::Error;
 
 /// FLIP above which a pixel looks wrong.
@@ -26,11 +26,17 @@ pub struct AlaReport {
     pub(super) reference: Picture,
     /// Photon mapping of the paper's comparison; all else is told beside it.
     pub(super) photons: MethodResult,
-    /// The same as the paper had it, paths, agents of the paper, and our own.
+    /// The same with cache and shadow photons, with the paper's four maps, paths, agents of the paper, and our own.
     pub(super) others: Vec<MethodResult>,
     /// Photons and our agents with other budgets.
     pub(super) budgets: Vec<MethodResult>,
     pub(super) shadows: Vec<Shadows>,
+    /// Photon mapping with four maps, agents of the paper and our own without indirect light.
+    pub(super) without_indirect: Vec<MethodResult>,
+    /// Agents beside photon mapping in other scenes.
+    pub(super) elsewhere: Vec<ElsewhereResult>,
+    /// The proximity network of some of our agents, over the scene of the paper.
+    pub(super) network: Canvas,
     pub(super) useful_data: Vec<UsefulData>,
 }
 
@@ -44,9 +50,14 @@ impl AlaReport {
         std::iter::once(&self.photons).chain(&self.others).chain(&self.budgets)
     }
 
+    /// Photon mapping with the four maps of the paper.
+    pub(super) fn four_maps(&self) -> Option<&MethodResult> {
+        self.others.get(1)
+    }
+
     /// Photon mapping, and photon mapping as the paper had it.
     pub(super) fn baselines(&self) -> impl Iterator<Item = &MethodResult> {
-        std::iter::once(&self.photons).chain(self.others.first())
+        std::iter::once(&self.photons).chain(self.others.iter().take(2))
     }
 
     /// Of all budgets of our agents the one that is first at the error of some photon mapping, casting included.

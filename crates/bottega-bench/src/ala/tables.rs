@@ -44,13 +44,13 @@ fn as_text(report: &AlaReport) -> String {
             result.error()
         ));
     }
-    line("\nmemory by map, MB: seen (caustic), irradiance, shadow photons, cache, agents".to_owned());
+    let names: String = report.photons.by_map().iter().map(|(name, _)| format!(" {name:>10}")).collect();
+    line(format!("\n{:<28}{names}", "memory by map, MB"));
     for result in std::iter::once(&report.photons).chain(&report.others) {
-        let bytes = &result.bytes;
-        let megabytes = [bytes.seen, bytes.irradiance, bytes.shadow, bytes.cache, bytes.agents];
-        let cells: String = megabytes.iter().map(|&bytes| format!(" {:>8.3}", bytes as f64 / 1e6)).collect();
-        line(format!("{:<28}{cells}", result.way.name));
+        let cells = result.by_map().map(|(_, bytes)| format!(" {:>10.3}", bytes as f64 / 1e6));
+        line(format!("{:<28}{}", result.way.name, cells.concat()));
     }
+    table_2(report, &mut line);
     line("\nshadow rays                   traced   pixels with FLIP > 0.1 beside all rays traced".to_owned());
     for shadows in &report.shadows {
         line(format!("{:<28} {:>6.1} %  {:.4} %", shadows.name, 100.0 * shadows.traced, 100.0 * shadows.wrong));
@@ -64,19 +64,48 @@ fn as_text(report: &AlaReport) -> String {
     line(format!("{:<34} {casting:>8.2} {maps:>6.2} {render:>24.2}", "the paper's own figures"));
     for baseline in report.baselines() {
         line(format!("beside {} (relMSE {:.2e}):", baseline.way.name, baseline.error()));
-        let named = |name: &str, result: &MethodResult| {
-            let Ratios { casting, maps, render, equal } = Ratios::new(baseline, result);
-            let equal = equal.map_or_else(|| "–".to_owned(), |ratio| format!("{ratio:.2}"));
-            format!("  {name:<32} {casting:>8.2} {maps:>6.3} {render:>24.2} {equal:>22}")
-        };
-        for result in report.others.iter().filter(|result| result.agents.is_some()) {
-            line(named(&result.way.name, result));
+        for result in report.others.iter().chain(&report.budgets).filter(|result| result.agents.is_some()) {
+            line(Ratios::new(baseline, result).row(&result.way.name));
         }
         if let Some(best) = report.best(baseline) {
-            line(named(&format!("first there: {}", best.way.name), best));
+            line(Ratios::new(baseline, best).row(&format!("first there: {}", best.way.name)));
         }
     }
+    for other in &report.elsewhere {
+        let photons = &other.photons;
+        line(format!("{}, beside {} (relMSE {:.2e}):", other.scene, photons.way.name, photons.error()));
+        other.agents.iter().for_each(|result| line(Ratios::new(photons, result).row(&result.way.name)));
+    }
     text + &ludd::as_text(&report.useful_data)
+}
+
+/// The paper's table 2: what photon maps and agents take, and why the gain of casting is another one.
+fn table_2(report: &AlaReport, line: &mut dyn FnMut(String)) {
+    let agents = report.others.iter().find(|result| result.agents.is_some());
+    let (Some(photons), Some(agents)) = (report.four_maps(), agents) else { return };
+    line(format!(
+        "\n{:<34} {:>10} {:>10} {:>8} {:>10} {:>8}",
+        "table 2", "photons", "agents", "ratio", "the paper", "ratio"
+    ));
+    let row = |name: &str, [photons, agents]: [f64; 2], paper: [f64; 2]| {
+        let (ratio, paper_ratio) = (agents / photons, paper[1] / paper[0]);
+        let paper = format!("{}, {}", paper[0], paper[1]);
+        format!("{name:<34} {photons:>10.2} {agents:>10.2} {ratio:>8.2} {paper:>10} {paper_ratio:>8.2}")
+    };
+    line(row("casting and looking around, s", [photons.casting, agents.casting], paper::CASTING));
+    let maps = ["direct", "indirect", "caustic", "shadow"];
+    let four =
+        photons.by_map().iter().filter(|(name, _)| maps.contains(name)).map(|(_, bytes)| *bytes as f64 / 1e6).sum();
+    line(row("four maps, and agents, MB", [four, agents.megabytes()], [paper::MAPS.iter().sum(), paper::AGENTS]));
+    let report = agents.agents.unwrap_or_default();
+    let [cast, sensed] = [report.casting, report.sensing].map(|time| time.as_secs_f64());
+    if agents.casting / photons.casting > paper::CASTING[1] / paper::CASTING[0] {
+        line(format!(
+            "The paper's gain is not had: of the agents' time {cast:.2} s is casting and {sensed:.2} s looking around, where {} \
+             irradiance sensors follow 256 paths each, while a photon is traced once.",
+            report.sensors[3]
+        ));
+    }
 }
 
 /// What a way takes, as shares of what some photon mapping takes.
@@ -99,6 +128,12 @@ impl Ratios {
         }
     }
 
+    fn row(&self, name: &str) -> String {
+        let Self { casting, maps, render, equal } = self;
+        let equal = equal.map_or_else(|| "–".to_owned(), |ratio| format!("{ratio:.2}"));
+        format!("  {name:<32} {casting:>8.2} {maps:>6.3} {render:>24.2} {equal:>22}")
+    }
+
     fn as_json(&self) -> Value {
         let Self { casting, maps, render, equal } = self;
         json!({ "casting": casting, "maps": maps, "render": render, "render_at_equal_error": equal })
@@ -107,17 +142,12 @@ impl Ratios {
 
 fn as_json(report: &AlaReport) -> Value {
     let told = |result: &MethodResult| {
-        let bytes = &result.bytes;
+        let bytes: serde_json::Map<_, _> =
+            result.by_map().into_iter().map(|(name, bytes)| (name.to_owned(), json!(bytes))).collect();
         json!({
             "name": result.way.name,
             "casting_seconds": result.casting,
-            "map_bytes": {
-                "seen": bytes.seen,
-                "irradiance": bytes.irradiance,
-                "shadow": bytes.shadow,
-                "cache": bytes.cache,
-                "agents": bytes.agents,
-            },
+            "map_bytes": bytes,
             "curve": result.marks.iter().map(|mark| json!({
                 "samples": mark.samples,
                 "seconds": mark.seconds,
@@ -140,6 +170,14 @@ fn as_json(report: &AlaReport) -> Value {
             "rel_mse": baseline.error(),
             "first": report.best(baseline).map(|best| best.way.name.as_str()),
             "over": report.best(baseline).map(|best| Ratios::new(baseline, best).as_json()),
+        })).collect::<Vec<_>>(),
+        "elsewhere": report.elsewhere.iter().map(|other| json!({
+            "scene": other.scene,
+            "photons": told(&other.photons),
+            "agents": other.agents.iter().map(|result| {
+                let over = Ratios::new(&other.photons, result).as_json();
+                json!({ "agents": told(result), "over_photons": over })
+            }).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
         "useful_data": ludd::as_json(&report.useful_data),
         "shadows": report.shadows.iter().map(|shadows| json!({

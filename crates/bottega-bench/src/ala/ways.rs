@@ -67,9 +67,31 @@ impl LightMethod {
 
     /// As in the paper: with shadow photons and an irradiance cache, too.
     pub(super) fn photons_as_in_the_paper(count: u32) -> Self {
-        let photons =
-            PhotonSettings { count, irradiance_cache: 0.15, shadow_photons: true, ..PhotonSettings::default() };
+        let photons = PhotonSettings {
+            count,
+            irradiance_cache: 0.15,
+            shadow_photons: true,
+            gather_directions: false,
+            ..PhotonSettings::default()
+        };
         Self { name: format!("{} photons, cached", counted(count)), photons: Some(photons) }
+    }
+
+    /// The same with the four maps of the paper: direct and indirect photons are kept apart and counted where rays end, and these go
+    /// where indirect photons came from.
+    pub(super) fn photons_in_four_maps(count: u32) -> Self {
+        let Self { photons, .. } = Self::photons_as_in_the_paper(count);
+        let photons = photons.map(|it| PhotonSettings { separate_maps: true, gather_directions: true, ..it });
+        Self { name: format!("{} photons, four maps", counted(count)), photons }
+    }
+
+    /// The same without indirect light, but for that over mirrors and glass.
+    pub(super) fn without_indirect(self) -> Self {
+        let without = |photons: PhotonSettings| {
+            let agents = photons.agents.map(|agents| AgentSettings { decides_irradiance: false, ..agents });
+            PhotonSettings { indirect: false, agents, ..photons }
+        };
+        Self { name: format!("{}, no indirect light", self.name), photons: self.photons.map(without) }
     }
 
     /// - `is_asked_for_shadows`: else all shadow rays are traced.
@@ -102,8 +124,22 @@ impl MethodResult {
 
     /// Megabytes of all maps.
     pub(super) fn megabytes(&self) -> f64 {
-        let MapBytes { seen, irradiance, shadow, cache, agents } = self.bytes;
-        (seen + irradiance + shadow + cache + agents) as f64 / 1e6
+        self.by_map().iter().map(|(_, bytes)| *bytes as f64 / 1e6).sum()
+    }
+
+    /// Bytes of each map, by its name.
+    pub(super) fn by_map(&self) -> [(&'static str, usize); 8] {
+        let MapBytes { seen, irradiance, direct, indirect, arrivals, shadow, cache, agents } = self.bytes;
+        [
+            ("direct", direct),
+            ("indirect", indirect),
+            ("caustic", seen),
+            ("shadow", shadow),
+            ("irradiance", irradiance),
+            ("directions", arrivals),
+            ("cache", cache),
+            ("agents", agents),
+        ]
     }
 
     /// The share of shadow rays that were traced.

@@ -3,7 +3,7 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use bottega::devices::processors;
-use bottega_bench::ala::{AlaOptions, REFERENCE, SCENE, measure};
+use bottega_bench::ala::{AlaOptions, AlaScene, ELSEWHERE, REFERENCE, SCENE, measure};
 use clap::{Args, ValueHint};
 
 use super::result::{no_scene, print};
@@ -56,7 +56,13 @@ pub(super) struct AlaArgs {
 pub(super) fn run(args: &AlaArgs) -> Result<ExitCode, CliError> {
     let in_folder = |name: &str| args.scenes.as_ref().map(|folder| folder.join(name));
     let known = || in_folder(REFERENCE).filter(|_| args.scene.is_none() && args.scale.is_none());
+    let elsewhere =
+        ELSEWHERE.into_iter().filter(|_| args.scene.is_none() && args.scale.is_none()).filter_map(|names| {
+            let [Some(scene), Some(reference)] = names.map(in_folder) else { return None };
+            Some(AlaScene { scene, reference })
+        });
     let options = AlaOptions {
+        elsewhere: elsewhere.collect(),
         scene: args.scene.clone().or_else(|| in_folder(SCENE)).ok_or_else(no_scene)?,
         reference: args.reference.clone().or_else(known),
         scale: args.scale.unwrap_or(SCALE),

@@ -37,6 +37,18 @@ pub(crate) struct PhotonArgs {
     /// Trace shadow rays only where photons that went on behind lit surfaces have not settled what is lit and what is not.
     #[arg(long)]
     shadow_photons: bool,
+    /// Whether half of the gathering rays go where indirect photons came from: less noise for more time. Default: true, but false
+    /// with --irradiance-cache, which gathers at few places.
+    #[arg(long, value_name = "BOOL")]
+    gather_directions: Option<bool>,
+    /// Keep direct and indirect photons in maps of their own and count them wherever a gathering ray ends, instead of computing
+    /// the irradiance at some places beforehand: slower, and more memory.
+    #[arg(long)]
+    separate_maps: bool,
+    /// Leave out all indirect light but that over mirrors and through glass alone: direct light, shadows and caustics. For
+    /// lighting agents, too.
+    #[arg(long)]
+    no_indirect: bool,
     /// Photons of its own for each sample, looked for within a radius that shrinks: with more and more samples the picture
     /// becomes that of path tracing, caustics that paths do not find among it.
     #[arg(long, conflicts_with = "final_rays")]
@@ -51,6 +63,9 @@ impl PhotonArgs {
         set(&mut photons.final_rays, self.final_rays);
         set(&mut photons.irradiance_cache, self.irradiance_cache);
         photons.shadow_photons |= self.shadow_photons;
+        set(&mut photons.gather_directions, self.gather_directions);
+        photons.separate_maps |= self.separate_maps;
+        photons.indirect &= !self.no_indirect;
         photons.progressive |= self.progressive;
     }
 }
@@ -64,10 +79,13 @@ pub(crate) struct LightingAgentArgs {
     /// By which rules lighting agents answer. Default: error.
     #[arg(long, value_name = "RULES", value_parser = choice::<OracleChoice>())]
     oracle: Option<OracleChoice>,
-    /// What lighting agents are asked: which shadow rays must be traced, and where indirect light may be interpolated. What
-    /// they are not asked is computed everywhere. Default: all of it.
+    /// What lighting agents are asked: which shadow rays must be traced, where indirect light may be interpolated, and whether paths go
+    /// on where it may not. What they are not asked is computed everywhere. Default: shadows,irradiance,radiance.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = choice::<OracleQuestion>())]
     oracle_decides: Option<Vec<OracleQuestion>>,
+    /// Keep the proximity network, and let the median of an agent and its neighbors answer which shadow rays must be traced.
+    #[arg(long)]
+    oracle_network: bool,
     /// Greatest relative error of indirect light that is interpolated, with --oracle error. Default: 0.1.
     #[arg(long, value_name = "SHARE", value_parser = parse_oracle_error)]
     oracle_error: Option<f64>,
@@ -82,6 +100,7 @@ impl LightingAgentArgs {
         change(&mut agents.cast, self.lighting_agents);
         change(&mut agents.oracle, self.oracle);
         change(&mut agents.decides, self.oracle_decides.clone());
+        agents.network |= self.oracle_network;
         change(&mut agents.error, self.oracle_error);
         change(&mut agents.memory_mb, self.oracle_memory);
     }

@@ -130,11 +130,15 @@ fn light(words: &mut OptionWords, request: &Request, usual: &Request) {
     words.option("--final-rays", photons.final_rays);
     words.option("--irradiance-cache", photons.irradiance_cache);
     words.switch("--shadow-photons", photons.shadow_photons);
+    words.option("--gather-directions", photons.gather_directions);
+    words.switch("--separate-maps", photons.separate_maps);
+    words.switch("--no-indirect", !photons.indirect);
     words.switch("--progressive", photons.progressive);
     let (agents, usual_agents) = (&request.lighting_agents, &usual.lighting_agents);
     words.changed("--lighting-agents", &agents.cast, &usual_agents.cast);
     words.choice("--oracle", agents.oracle, usual_agents.oracle);
     words.option("--oracle-decides", (agents.decides != usual_agents.decides).then(|| list(&agents.decides)));
+    words.switch("--oracle-network", agents.network);
     words.changed("--oracle-error", &agents.error, &usual_agents.error);
     words.changed("--oracle-memory", &agents.memory_mb, &usual_agents.memory_mb);
     words.option("--guide", request.guide.by.map(GuideChoice::word));

@@ -318,7 +318,7 @@ pub enum Dot {
 }
 
 /// What a camera ray of a pixel meets first.
-fn first_place(scene: &PreparedScene, camera: &PathIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
+pub(super) fn first_place(scene: &PreparedScene, camera: &PathIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
     let (ray, _) = camera.camera_ray(&PixelSampler::new(0, x, y, 0), x, y);
     let hit = scene.accel().intersect(&Ray { t_max: ray.reach, ..Ray::new(ray.origin, ray.direction) });
     hit.is_some().then(|| ray.origin + ray.direction * hit.t)

@@ -206,6 +206,23 @@ impl Agents {
         self.is_taken(&estimate).then_some(surroundings)
     }
 
+    /// About how much indirect irradiance comes to a place, however unsure; `None`: nobody tells, or nobody is to be asked.
+    ///
+    /// - `normal`: that the surface is shaded with, on the side that is asked for.
+    #[inline(always)]
+    pub(crate) fn rough_irradiance_at(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
+        let Indirect::Records(cache, _) = &self.indirect else { return None };
+        if !self.settings.decides_halting {
+            return None;
+        }
+        cache.estimate(p, normal, u32::MAX).map(|estimate| estimate.irradiance)
+    }
+
+    /// What the network answers at a place where an agent or a link of it lies; see [`super::network_dots`].
+    pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
+        self.visibility.network_at(p, width)
+    }
+
     /// What share of the indirect light that is known of a place has been scattered how often; `None`: nobody tells.
     ///
     /// - `normal`: that the surface is shaded with, on the side that is asked for.

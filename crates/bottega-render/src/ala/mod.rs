@@ -7,6 +7,7 @@
 mod agent;
 mod bytes;
 mod cast;
+mod drawing;
 mod ludd;
 mod map;
 mod network;
@@ -22,6 +23,7 @@ mod visibility;
 
 pub use agent::Agent;
 pub(crate) use cast::cast_agents;
+pub use drawing::network_dots;
 pub use ludd::{Criterion, Density, Dot, LocalSphere, Ludd, SampleSet, Samples, UnknownCriterion, useful_data_density};
 pub(crate) use map::Agents;
 pub use report::{AgentReport, Tally};

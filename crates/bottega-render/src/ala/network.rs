@@ -6,7 +6,7 @@ use super::swarm::{NEAREST, Swarm};
 use crate::photon::Nearest;
 
 /// Neighbors that an agent is linked to.
-const LINKS: usize = 6;
+pub(super) const LINKS: usize = 6;
 
 /// Who is next to whom, by index of the agent; the nearest first.
 #[derive(Debug, Default)]

@@ -129,7 +129,7 @@ impl Agents {
         let answers = paper::answers(network, &sensed.discoveries);
         let (sensors, object_distance) = (IrradianceMap::new(sensed.irradiance), swarm.object_distance);
         let indirect = Indirect::Fitted(paper::Fitted { sensors, object_distance });
-        let visibility = Arc::new(Visibility::new(swarm, network, &answers));
+        let visibility = Arc::new(Visibility::new(swarm, network, &answers, settings.asks_network));
         Ok((Self::of(settings, visibility, indirect, &answers), sensed.sensors))
     }
 }

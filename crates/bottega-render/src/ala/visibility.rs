@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::{network::Network, swarm::Swarm};
+use super::{
+    network::{LINKS, Network},
+    swarm::Swarm,
+};
 use crate::photon::{
     Photon, PhotonMap,
     bytes::{Reader, Writer},
@@ -35,18 +38,31 @@ pub(super) struct Visibility {
     /// The lights of which somebody answers something else than "trace", in the order of their numbers, and how far such words go
     /// at most. Where a light is not among them nobody needs to be looked for.
     answered: Vec<(u32, f32)>,
+    /// The proximity network, where it is asked: the neighbors of each by number in the map; [`NOBODY`] where there are fewer.
+    links: Vec<[u32; LINKS]>,
 }
+
+/// Nobody's number.
+const NOBODY: u32 = u32::MAX;
 
 impl Visibility {
     /// - `answers`: by index of the agent.
-    pub(super) fn new(swarm: &Swarm, network: &Network, answers: &[ShadowVerdict]) -> Self {
-        let numbers = 0..swarm.len() as u32;
-        let reach: Vec<f32> = numbers.map(|number| network.reach(swarm.by_number(number).0)).collect();
+    /// - `keeps_network`: whether neighbors are asked, too.
+    pub(super) fn new(swarm: &Swarm, network: &Network, answers: &[ShadowVerdict], keeps_network: bool) -> Self {
+        let indices: Vec<u32> = (0..swarm.len() as u32).map(|number| swarm.by_number(number).0).collect();
+        let reach: Vec<f32> = indices.iter().map(|&index| network.reach(index)).collect();
         let tag = |index: u32| swarm.agents[index as usize].light << 2 | answers[index as usize] as u32;
-        Self::of(swarm.tree.clone().retagged(tag), reach)
+        let mut numbers = vec![NOBODY; indices.len()];
+        indices.iter().zip(0..).for_each(|(&index, number)| numbers[index as usize] = number);
+        let links = |&index: &u32| {
+            let mut near = network.neighbors(index).map(|other| numbers[other as usize]);
+            std::array::from_fn(|_| near.next().unwrap_or(NOBODY))
+        };
+        let links = if keeps_network { indices.iter().map(links).collect() } else { Vec::new() };
+        Self::of(swarm.tree.clone().retagged(tag), reach, links)
     }
 
-    fn of(places: PhotonMap, reach: Vec<f32>) -> Self {
+    fn of(places: PhotonMap, reach: Vec<f32>, links: Vec<[u32; LINKS]>) -> Self {
         let mut farthest: BTreeMap<u32, f32> = BTreeMap::new();
         for (photon, &reach) in places.iter().zip(&reach) {
             let tag = photon.mark().tag();
@@ -55,7 +71,7 @@ impl Visibility {
                 *most = most.max(reach);
             }
         }
-        Self { places, reach, answered: farthest.into_iter().collect() }
+        Self { places, reach, answered: farthest.into_iter().collect(), links }
     }
 
     /// Whether a light is seen; `None`: nobody knows.
@@ -74,6 +90,14 @@ impl Visibility {
         if self.places.photon(number).p.distance_squared(p) > reach * reach {
             return None;
         }
+        match self.links.get(number as usize) {
+            Some(links) => self.median(number, links),
+            None => self.answer(number),
+        }
+    }
+
+    #[inline(always)]
+    fn answer(&self, number: u32) -> Option<bool> {
         match self.places.mark(number).tag() & ANSWER {
             tag if tag == ShadowVerdict::Lit as u32 => Some(true),
             tag if tag == ShadowVerdict::Shaded as u32 => Some(false),
@@ -81,15 +105,58 @@ impl Visibility {
         }
     }
 
+    /// What lies in the middle of the answers of an agent and its neighbors, "trace" between the other two.
+    #[inline(always)]
+    fn median(&self, number: u32, links: &[u32; LINKS]) -> Option<bool> {
+        let (mut lit, mut shaded, mut count) = (0, 0, 0);
+        for &who in links.iter().filter(|&&who| who != NOBODY).chain([&number]) {
+            let answer = self.answer(who);
+            lit += u32::from(answer == Some(true));
+            shaded += u32::from(answer == Some(false));
+            count += 1;
+        }
+        match count / 2 {
+            half if lit > half => Some(true),
+            half if shaded > half => Some(false),
+            _ => None,
+        }
+    }
+
+    /// What the nearest agent and its neighbors answer where it or a link of it is nearer than so much: 1 lit, a quarter shaded, and
+    /// something between where a ray is traced.
+    pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
+        let number = self.places.nearest_where(p, f32::INFINITY, |_| true)?;
+        let links = self.links.get(number as usize)?;
+        let place = |who: u32| self.places.photon(who).p;
+        let own = place(number);
+        let is_on_link = |who: u32| {
+            let along = place(who) - own;
+            let share = ((p - own).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+            (own + along * share).distance(p) <= width
+        };
+        let is_near = own.distance(p) <= 2.0 * width || links.iter().any(|&who| who != NOBODY && is_on_link(who));
+        is_near.then(|| match self.median(number, links) {
+            Some(true) => 1.0,
+            Some(false) => 0.25,
+            None => 0.6,
+        })
+    }
+
     pub(super) fn write(&self, to: &mut Writer) {
         to.map(&self.places);
         self.reach.iter().for_each(|&reach| to.value(reach));
+        to.numbers(self.links.as_flattened());
     }
 
     pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let places = from.map()?;
         let reach = (0..places.len()).map(|_| from.value()).collect::<Option<Vec<_>>>()?;
-        Some(Self::of(places, reach))
+        let links = from.numbers()?;
+        let (links, rest) = links.as_chunks::<LINKS>();
+        let is_sound = rest.is_empty()
+            && (links.is_empty() || links.len() == places.len())
+            && links.as_flattened().iter().all(|&who| who == NOBODY || (who as usize) < places.len());
+        is_sound.then(|| Self::of(places, reach, links.to_vec()))
     }
 
     /// Where the agents are.
@@ -98,7 +165,10 @@ impl Visibility {
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
-        self.places.memory_bytes() + size_of_val(&*self.reach) + size_of_val(&*self.answered)
+        self.places.memory_bytes()
+            + size_of_val(&*self.reach)
+            + size_of_val(&*self.answered)
+            + size_of_val(&*self.links)
     }
 
     /// How much of its light arrives at one of [`places`](Self::places), as it answers: 1 where it is lit, 0 where it is shaded,

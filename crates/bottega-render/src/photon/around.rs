@@ -14,8 +14,8 @@ pub(crate) const SECTORS: usize = 32;
 /// Rings and sectors of directions that make a cell: few enough for detail, rays enough for a mean.
 const RINGS_JOINED: usize = 2;
 const SECTORS_JOINED: usize = 4;
-const CELL_RINGS: usize = RINGS / RINGS_JOINED;
-const CELL_SECTORS: usize = SECTORS / SECTORS_JOINED;
+pub(crate) const CELL_RINGS: usize = RINGS / RINGS_JOINED;
+pub(crate) const CELL_SECTORS: usize = SECTORS / SECTORS_JOINED;
 /// Cells of the hemisphere, which all weigh alike by the cosine.
 pub(crate) const CELLS: usize = CELL_RINGS * CELL_SECTORS;
 
@@ -69,7 +69,7 @@ impl CellsAround {
 
 /// The cell that a unit direction falls into.
 #[inline(always)]
-fn cell_of(n: Vec3, w: Vec3) -> usize {
+pub(crate) fn cell_of(n: Vec3, w: Vec3) -> usize {
     let (s, t) = orthonormal_basis(n);
     let cosine = w.dot(n).max(0.0);
     let ring = (((1.0 - cosine * cosine) * CELL_RINGS as f32) as usize).min(CELL_RINGS - 1);

@@ -15,6 +15,18 @@ use crate::{PhotonSettings, extent::Extent, settings::PhotonFilter};
 /// How far off the plane of a surface photons count that lie on it, as a share of how far they may be in all.
 pub(super) const FLATNESS: f32 = 0.25;
 
+/// Whether a place that is known lies on the surface of a point, and not beside it, such as the floor below a shelf.
+///
+/// - `normal`: of the surface, on the side that is asked for.
+/// - `reach`: how far such places may be.
+#[inline(always)]
+pub(super) fn is_on_surface(place: &Photon, p: Vec3, normal: Vec3, reach: f32) -> bool {
+    let away = place.p - p;
+    let off_plane = away.dot(normal);
+    let is_flat = off_plane * off_plane <= FLATNESS * FLATNESS * (reach * reach).min(4.0 * away.length_squared());
+    is_flat && is_alike(place.mark().normal(), normal)
+}
+
 /// What a photon brings to a point near it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PhotonContribution {

@@ -5,9 +5,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
+    arrivals::{Arrival, Arrivals},
     bounces::{IrradianceMap, IrradiancePlaces},
     bytes::{Reader, Writer},
-    estimator::{Estimator, FLATNESS},
+    estimator::{Estimator, PhotonContribution, is_on_surface},
     irradiance::{IrradianceAt, irradiance_count},
     map::{Nearest, PhotonMap},
     plan::PhotonPlan,
@@ -38,6 +39,12 @@ pub(crate) struct PhotonMaps {
     pub(crate) seen: PhotonMap,
     /// The irradiance by all light.
     pub(crate) irradiance: IrradianceMap,
+    /// Straight from the lights, and scattered before otherwise than by mirrors and glass alone; where these maps are kept apart
+    /// they stand for the irradiance.
+    pub(crate) direct: PhotonMap,
+    pub(crate) indirect: PhotonMap,
+    /// Where indirect light comes from.
+    pub(crate) arrivals: Arrivals,
     /// Where light arrives straight, and where not.
     pub(crate) visibility: PhotonMap,
     pub(crate) estimator: Estimator,
@@ -116,7 +123,8 @@ pub(crate) fn photon_counts(prepared: &PreparedScene, plan: &PhotonPlan, setting
     let is_gathered = settings.final_rays > 0 && !settings.progressive;
     let is_wanted = (settings.agents.is_some() || is_gathered) && settings.count > 0;
     let sent = if is_wanted && !plan.projection(prepared).is_empty() { settings.count.div_ceil(SHARE) } else { 0 };
-    [if settings.agents.is_some() { 0 } else { settings.count }, sent]
+    let are_kept = settings.indirect || settings.shadow_photons || !is_gathered;
+    [if settings.agents.is_some() || !are_kept { 0 } else { settings.count }, sent]
 }
 
 /// All photons of a pass, traced on the threads of the present pool.
@@ -171,6 +179,9 @@ impl PhotonMaps {
         let mut maps = Self {
             seen: PhotonMap::default(),
             irradiance: IrradianceMap::default(),
+            direct: PhotonMap::default(),
+            indirect: PhotonMap::default(),
+            arrivals: Arrivals::default(),
             visibility: PhotonMap::new(traced.visibility),
             estimator,
             reach: Reach::Share(1.0),
@@ -181,11 +192,26 @@ impl PhotonMaps {
             maps.seen = PhotonMap::new(caustics);
             reach = CAUSTIC_REACH;
         } else if settings.final_rays > 0 && !settings.progressive {
-            all = Some(PhotonMap::new([traced.direct, traced.indirect, traced.caustic].concat()));
+            let TracedPhotons { direct, indirect, caustic, .. } = traced;
             maps.seen = PhotonMap::new(caustics);
             reach = CAUSTIC_REACH;
+            if settings.indirect && !settings.separate_maps {
+                all = Some(PhotonMap::new([&*direct, &*indirect, &*caustic].concat()));
+            }
+            if settings.indirect && (settings.separate_maps || settings.gather_directions) {
+                maps.indirect = PhotonMap::new(indirect);
+            }
+            if settings.indirect && settings.gather_directions {
+                maps.arrivals = Arrivals::new(&maps.indirect, &estimator);
+            }
+            if settings.indirect && settings.separate_maps {
+                maps.direct = PhotonMap::new(direct);
+            } else {
+                maps.indirect = PhotonMap::default();
+            }
         } else {
-            maps.seen = PhotonMap::new([traced.indirect, traced.caustic].concat());
+            let indirect = if settings.indirect { traced.indirect } else { Vec::new() };
+            maps.seen = PhotonMap::new([indirect, traced.caustic].concat());
         }
         if settings.progressive {
             reach = settings.first_radius.unwrap_or(FIRST_RADIUS) * shrunk(pass);
@@ -198,20 +224,25 @@ impl PhotonMaps {
         to.value(self.reach.value());
         to.map(&self.seen);
         self.irradiance.write(to);
-        to.map(&self.visibility);
+        [&self.direct, &self.indirect, &self.visibility].into_iter().for_each(|map| to.map(map));
+        self.arrivals.write(to);
     }
 
     /// - `settings`, `extent`: of the picture.
     pub(crate) fn read(settings: &PhotonSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
         let reach = Reach::new(settings, from.value()?);
-        let (seen, irradiance, visibility) = (from.map()?, IrradianceMap::read(from)?, from.map()?);
-        let estimator = Estimator::new(settings, extent);
-        Some(Self { seen, irradiance, visibility, estimator, reach })
+        let (seen, irradiance) = (from.map()?, IrradianceMap::read(from)?);
+        let (direct, indirect, visibility) = (from.map()?, from.map()?, from.map()?);
+        let (arrivals, estimator) = (Arrivals::read(from)?, Estimator::new(settings, extent));
+        Some(Self { seen, irradiance, direct, indirect, arrivals, visibility, estimator, reach })
     }
 
     /// Bytes held.
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.seen.memory_bytes() + self.irradiance.memory_bytes() + self.visibility.memory_bytes()
+        let maps = [&self.seen, &self.direct, &self.indirect, &self.visibility];
+        maps.map(PhotonMap::memory_bytes).into_iter().sum::<usize>()
+            + self.irradiance.memory_bytes()
+            + self.arrivals.memory_bytes()
     }
 
     /// How far photons of `seen` may be from a place.
@@ -235,15 +266,40 @@ impl PhotonMaps {
     pub(crate) fn irradiance_near(&self, p: Vec3, normal: Vec3) -> Option<u32> {
         let reach = self.irradiance_reach_at(p);
         let places = self.irradiance.places();
-        let accept = |index: u32| {
-            let photon = places.photon(index);
-            let away = photon.p - p;
-            let off_plane = away.dot(normal);
-            let is_flat =
-                off_plane * off_plane <= FLATNESS * FLATNESS * (reach * reach).min(4.0 * away.length_squared());
-            is_flat && is_alike(photon.mark().normal(), normal)
-        };
+        let accept = |index: u32| is_on_surface(&places.photon(index), p, normal, reach);
         places.nearest_where(p, reach * reach, accept)
+    }
+
+    /// Where indirect light comes from to a place on a surface; `None`: nothing is known there.
+    ///
+    /// - `normals`: of the real surface, and the one that it is shaded with; on the side that is asked for.
+    #[inline(always)]
+    pub(crate) fn arrival_at(&self, p: Vec3, normals: [Vec3; 2]) -> Option<Arrival<'_>> {
+        self.arrivals.at(p, normals, self.irradiance_reach_at(p))
+    }
+
+    /// Tells `take` what each photon near a place brings to one side of its surface, where maps are kept apart. False: there are none.
+    ///
+    /// - `normal`: of that side.
+    #[inline(always)]
+    pub(crate) fn all_light_at(
+        &self,
+        p: Vec3,
+        normal: Vec3,
+        found: &mut Nearest,
+        mut take: impl FnMut(&PhotonContribution),
+    ) -> bool {
+        let reach = self.irradiance_reach_at(p);
+        let mut is_known = false;
+        for (map, reach) in [(&self.direct, reach), (&self.indirect, reach), (&self.seen, self.reach_at(p))] {
+            self.estimator.gather(map, p, normal, reach, found, |photon| {
+                if photon.is_before {
+                    take(photon);
+                }
+                is_known = true;
+            });
+        }
+        is_known
     }
 
     /// Whether a light is seen from a point, if all of enough photons near it say the same (Jensen and Christensen 1995,

@@ -4,6 +4,7 @@
 //! Illumination*.
 
 mod around;
+mod arrivals;
 pub(crate) mod bounces;
 pub(crate) mod bytes;
 pub(crate) mod cache;
@@ -21,6 +22,7 @@ mod trace;
 mod trial;
 mod units;
 
+pub(crate) use arrivals::Arrival;
 pub use bounces::IrradiancePlaces;
 pub(crate) use bounces::{BOUNCES_KEPT, ByBounces, IrradianceMap, kept};
 pub use cast::cast_photons;

@@ -32,6 +32,12 @@ pub struct MapBytes {
     pub seen: usize,
     /// Places where the irradiance is known.
     pub irradiance: usize,
+    /// Photons straight from the lights, and photons that were scattered before; where these maps are kept apart.
+    pub direct: usize,
+    /// See [`Self::direct`].
+    pub indirect: usize,
+    /// Places where it is known where indirect light comes from.
+    pub arrivals: usize,
     /// Shadow photons.
     pub shadow: usize,
     /// The irradiance cache.
@@ -94,6 +100,9 @@ impl Passes {
         MapBytes {
             seen: maps().map(|maps| maps.seen.memory_bytes()).sum(),
             irradiance: maps().map(|maps| maps.irradiance.memory_bytes()).sum(),
+            direct: maps().map(|maps| maps.direct.memory_bytes()).sum(),
+            indirect: maps().map(|maps| maps.indirect.memory_bytes()).sum(),
+            arrivals: maps().map(|maps| maps.arrivals.memory_bytes()).sum(),
             shadow: maps().map(|maps| maps.visibility.memory_bytes()).sum(),
             cache: self.cache_bytes(),
             agents: self.agents.get().map_or(0, Agents::memory_bytes),

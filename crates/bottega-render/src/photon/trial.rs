@@ -1,11 +1,17 @@
 //! Photons that find out where others must leave the lights to come to mirrors and glass.
 
+use std::ops::Range;
+
+use bottega_kernels::compiled::{self, Task};
+use rayon::prelude::*;
+
 use super::{
     projection::{CELLS, Projection, cell_of, ordered},
     trace::{TracedPhotons, Tracer},
 };
 use crate::{
     lights::{Emission, EmissionPlan},
+    parts::parts,
     prepare::PreparedScene,
 };
 
@@ -14,7 +20,10 @@ const TRIALS: u32 = 1 << 17;
 /// Surfaces that these may come to.
 const TRIAL_BOUNCES: u32 = 6;
 
-/// Tries out a scene on the calling thread.
+/// Photons that one processor tries out in a row.
+const BATCH: u32 = 4096;
+
+/// Tries out a scene on the threads that are meant for what is made once.
 pub(super) fn try_out(prepared: &PreparedScene, emission: &Emission, plan: &EmissionPlan) -> Projection {
     let tracer = Tracer {
         prepared,
@@ -28,17 +37,38 @@ pub(super) fn try_out(prepared: &PreparedScene, emission: &Emission, plan: &Emis
         strength: 1.0,
         projection: None,
     };
-    let mut found = vec![0.0; CELLS.iter().product()];
-    let (mut traced, mut sum) = (TracedPhotons::default(), 0.0);
-    for index in 0..TRIALS {
-        traced.caustic.clear();
-        let [u, v] = tracer.numbers(index);
-        tracer.trace(index, &mut traced);
-        if !traced.caustic.is_empty() {
-            let cell = ordered(u, v).iter().zip(CELLS).fold(0, |cell, (&u, count)| cell * count + cell_of(u, count));
-            found[cell] += 1.0;
-            sum += 1.0;
-        }
+    let batches: Vec<Range<u32>> = parts(TRIALS, BATCH).collect();
+    let try_batch = |indices| compiled::run(Trial { tracer, indices });
+    let met: Vec<Vec<usize>> = prepared.on_threads(|| batches.into_par_iter().map(try_batch).collect());
+    let (mut found, mut sum) = (vec![0.0; CELLS.iter().product()], 0.0);
+    for cell in met.into_iter().flatten() {
+        found[cell] += 1.0;
+        sum += 1.0;
     }
     Projection::new(&found, sum)
+}
+
+/// Some of the photons that try it out.
+struct Trial<'a> {
+    tracer: Tracer<'a>,
+    indices: Range<u32>,
+}
+
+impl Task for Trial<'_> {
+    /// The cells of those that came to mirrors or glass.
+    type Output = Vec<usize>;
+
+    #[inline(always)]
+    fn run(self) -> Vec<usize> {
+        let (mut traced, mut met) = (TracedPhotons::default(), Vec::new());
+        for index in self.indices {
+            traced.caustic.clear();
+            let [u, v] = self.tracer.numbers(index);
+            self.tracer.trace(index, &mut traced);
+            if !traced.caustic.is_empty() {
+                met.push(ordered(u, v).iter().zip(CELLS).fold(0, |cell, (&u, count)| cell * count + cell_of(u, count)));
+            }
+        }
+        met
+    }
 }

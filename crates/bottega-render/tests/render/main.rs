@@ -9,6 +9,7 @@ mod lighting_agents;
 mod media;
 mod mitsuba;
 mod no_negative_light;
+mod photon_options;
 mod photons;
 mod scenes;
 mod speckles;

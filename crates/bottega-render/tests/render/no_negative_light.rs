@@ -105,6 +105,11 @@ fn guides() -> Vec<(&'static str, PathSettings)> {
     ]
 }
 
+/// Agents that are asked all that can be asked.
+fn all_questions(agents: AgentSettings) -> AgentSettings {
+    AgentSettings { decides_halting: true, asks_network: true, ..agents }
+}
+
 /// All integrators that send out photons or agents.
 fn maps() -> Vec<(&'static str, PathSettings)> {
     let few = PhotonSettings { count: 2_000, ..PhotonSettings::default() };
@@ -115,8 +120,12 @@ fn maps() -> Vec<(&'static str, PathSettings)> {
         ("photons in a cone, no gathering", PhotonSettings { final_rays: 0, filter: cone, ..few }),
         ("cache", PhotonSettings { irradiance_cache: 0.4, shadow_photons: true, ..few }),
         ("progressive", PhotonSettings { progressive: true, ..few }),
+        ("no directions", PhotonSettings { gather_directions: false, ..few }),
+        ("four maps", PhotonSettings { irradiance_cache: 0.4, shadow_photons: true, separate_maps: true, ..few }),
+        ("no indirect light", PhotonSettings { indirect: false, ..few }),
         ("the paper's oracle", PhotonSettings { agents: agents(Oracle::Paper), ..few }),
         ("the oracle of errors", PhotonSettings { agents: agents(Oracle::Error), ..few }),
+        ("network and halting", PhotonSettings { agents: agents(Oracle::Error).map(all_questions), ..few }),
     ];
     let settings = |photons| PathSettings { photons: Some(photons), max_depth: 6, ..by_paths(false, NOBODY) };
     all.into_iter().map(|(what, photons)| (what, settings(photons))).collect()

@@ -17,29 +17,29 @@ use crate::scenes::{
     prepare, room_under_sky,
 };
 
-const SIZE: (u32, u32) = (24, 24);
+pub(crate) const SIZE: (u32, u32) = (24, 24);
 
-fn by_photons(photons: PhotonSettings, seed: u64, samples: u32) -> PathSettings {
+pub(crate) fn by_photons(photons: PhotonSettings, seed: u64, samples: u32) -> PathSettings {
     PathSettings { photons: Some(photons), planned_samples: samples, seed, guiding: false, ..PathSettings::default() }
 }
 
-fn few() -> PhotonSettings {
+pub(crate) fn few() -> PhotonSettings {
     PhotonSettings { count: 20_000, ..PhotonSettings::default() }
 }
 
 /// Mean of pictures of several seeds, and the square of its standard error, by channel.
-fn mean_of_seeds(scene: &Subject, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
+pub(crate) fn mean_of_seeds(scene: &Subject, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
     let means: Vec<Vec3> = (0..6).map(|seed| mean_color(&paint(scene, SIZE, samples, settings(seed)))).collect();
     let mean = means.iter().sum::<Vec3>() / 6.0;
     (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 30.0)
 }
 
-fn by_paths(scene: &Subject) -> (Vec3, Vec3) {
+pub(crate) fn by_paths(scene: &Subject) -> (Vec3, Vec3) {
     mean_of_seeds(scene, 512, |seed| PathSettings { seed: seed + 100, guiding: false, ..PathSettings::default() })
 }
 
 /// How many standard errors beyond a share of the mean two means are apart.
-fn distance(a: (Vec3, Vec3), b: (Vec3, Vec3), margin: f32) -> f32 {
+pub(crate) fn distance(a: (Vec3, Vec3), b: (Vec3, Vec3), margin: f32) -> f32 {
     let beyond = ((a.0 - b.0).abs() - b.0 * margin).max(Vec3::ZERO);
     (beyond / (a.1 + b.1).map(f32::sqrt).max(Vec3::splat(1e-9))).max_element()
 }
@@ -180,7 +180,7 @@ fn photons_at_the_first_surface_show_nearly_the_same() {
 }
 
 /// A closed room with a lamp below its ceiling and a ball; its back wall may be a mirror.
-fn closed_room(has_mirror: bool) -> Scene {
+pub(crate) fn closed_room(has_mirror: bool) -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 0.97), Vec3::ZERO, 1.2)], ..Scene::default() };
     add_room(&mut scene, Vec3::ONE, &matte(Vec3::new(0.7, 0.5, 0.4)));
     if has_mirror {

@@ -76,6 +76,8 @@ choices! {
         Irradiance,
         /// What light comes from where to surfaces that are not matte, with the oracle `error`.
         Radiance,
+        /// Whether a path goes on that has come to where they do not know the light well enough, with the oracle `error`.
+        Halting,
     }
 
     /// What paths learn of the light before the first sample.

@@ -227,6 +227,13 @@ sections! {
         irradiance_cache: Option<f32> = None,
         /// Whether shadow rays are traced only where photons behind lit surfaces have not settled what is lit.
         shadow_photons: bool = false,
+        /// Whether half of the gathering rays go where indirect photons came from; none: unless indirect light is taken from places near
+        /// by.
+        gather_directions: Option<bool> = None,
+        /// Whether direct and indirect photons are kept in maps of their own, and counted wherever a gathering ray ends.
+        separate_maps: bool = false,
+        /// Whether there is indirect light, but for that over mirrors and through glass alone; for lighting agents, too.
+        indirect: bool = true,
         /// Whether each sample has photons of its own, within a radius that shrinks.
         progressive: bool = false,
     }
@@ -239,6 +246,8 @@ sections! {
         oracle: OracleChoice = OracleChoice::Error,
         /// What they are asked; the rest is computed everywhere.
         decides: Vec<OracleQuestion> = vec![OracleQuestion::Shadows, OracleQuestion::Irradiance, OracleQuestion::Radiance],
+        /// Whether the median of an agent and its neighbors in the network answers which shadow rays must be traced.
+        network: bool = false,
         /// Greatest relative error of indirect light that is interpolated, with the oracle `error`.
         error: f64 = 0.1,
         /// Megabytes that they may take, with the oracle `error`.

@@ -34,6 +34,9 @@ pub fn photon_settings(options: &PhotonOptions, bounces: u32, hints: Option<Phot
         filter: PhotonFilter::default(),
         irradiance_cache: options.irradiance_cache.unwrap_or(0.0),
         shadow_photons: options.shadow_photons,
+        gather_directions: options.gather_directions.unwrap_or(options.irradiance_cache.is_none()),
+        separate_maps: options.separate_maps,
+        indirect: options.indirect,
         progressive,
         agents: None,
     }
@@ -51,8 +54,19 @@ pub fn agent_photons(options: &LightingAgentOptions, photons: PhotonSettings) ->
         error: options.error as f32,
         memory_bytes: options.memory_mb << 20,
         decides_shadows: decides(OracleQuestion::Shadows),
-        decides_irradiance: decides(OracleQuestion::Irradiance),
+        // Without indirect light there is nothing to know of it.
+        decides_irradiance: photons.indirect && decides(OracleQuestion::Irradiance),
         decides_radiance: decides(OracleQuestion::Radiance),
+        decides_halting: decides(OracleQuestion::Halting),
+        asks_network: options.network,
     };
-    PhotonSettings { agents: Some(agents), irradiance_cache: 0.0, shadow_photons: false, progressive: false, ..photons }
+    PhotonSettings {
+        agents: Some(agents),
+        irradiance_cache: 0.0,
+        shadow_photons: false,
+        gather_directions: false,
+        separate_maps: false,
+        progressive: false,
+        ..photons
+    }
 }

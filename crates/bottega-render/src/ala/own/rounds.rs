@@ -36,7 +36,7 @@ pub(in crate::ala) fn sense(
     } else {
         vec![ShadowVerdict::Trace; swarm.len()]
     };
-    let visibility = Visibility::new(swarm, network, &answers);
+    let visibility = Visibility::new(swarm, network, &answers, settings.asks_network);
     let mut agents = Arc::new(Agents::without_light(prepared, extent, settings, Arc::new(visibility), &answers));
     if settings.decides_irradiance {
         let all = candidates(swarm, settings);

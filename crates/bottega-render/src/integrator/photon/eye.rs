@@ -1,11 +1,14 @@
 //! One path from the camera, and those that it sends out to gather light.
 
+mod gathering;
 mod hands;
 mod light;
 mod maps;
 mod spot;
 mod surroundings;
 mod walk;
+
+use std::f32::consts::FRAC_1_PI;
 
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{Spectrum, Surface};
@@ -19,6 +22,7 @@ use crate::{
     camera::CameraRay,
     interaction::{Interaction, SurfaceQuery, is_there, shines},
     lights::Receiver,
+    luminance,
     photon::{
         BOUNCES_KEPT, ByBounces, PhotonMaps,
         cache::{IrradianceCache, Surroundings},
@@ -28,6 +32,7 @@ use crate::{
     shading::{BLEND, bsdf_at, exp, is_broad_sample, is_matte},
 };
 
+use gathering::{Aiming, Gathering};
 pub(crate) use hands::Hands;
 pub(super) use spot::Spot;
 use walk::{ArrivalKind, LightShare, Place, Remainder, Walk, scatter, survives};
@@ -208,7 +213,8 @@ impl<'a> Eye<'a> {
                     self.add_from(walk, &place, &known, &sample, 1.0);
                     walk.is_short = true;
                 }
-                scatter(prepared, walk, &place, &sample, 1.0) && survives(walk, u[3])
+                let worth = self.worth(walk, &place, bsdf);
+                scatter(prepared, walk, &place, &sample, 1.0) && survives(walk, worth, u[3])
             }
             _ => false,
         }
@@ -234,48 +240,51 @@ impl<'a> Eye<'a> {
                 return Remainder::Nothing;
             }
         }
-        let is_known = !is_first && has_agents && {
-            *surroundings = self.surroundings(walk, place, bsdf);
-            surroundings.is_none() && self.add_interpolated(walk, place, bsdf)
+        let known = if has_agents && photons.indirect { self.surroundings(walk, place, bsdf) } else { None };
+        let is_interpolated = match photons.indirect {
+            true => (is_first || has_agents) && known.is_none() && self.add_interpolated(walk, place, bsdf),
+            false => is_matte(bsdf),
         };
-        // Where the path ends nothing is left that might run into lights.
-        let is_end = is_known && self.prepared.lights().are_all_found();
+        // Where all indirect light is known nothing is left that might run into lights.
+        let is_end = is_interpolated && self.prepared.lights().are_all_found();
         let share = if is_end { LightShare::All } else { LightShare::Mis };
-        self.add_direct_light(walk, place, share);
+        let aiming = if is_first && !is_interpolated { self.aim(place, bsdf) } else { None };
+        self.add_direct_light(walk, place, share, aiming);
         if self.bounces_left(walk) >= 2 {
             self.add_photons(walk, place, is_gathered);
         }
         if !is_first {
-            return match (is_end, is_known) {
+            *surroundings = known;
+            return match (is_end, is_interpolated) {
                 (true, _) => Remainder::Nothing,
                 (false, true) => Remainder::Lamps,
                 (false, false) => Remainder::Light,
             };
         }
-        let known = self.surroundings(walk, place, bsdf);
         if let Some(known) = &known {
             self.add_surroundings(walk, place, known);
         }
-        let is_cached = known.is_none() && self.add_interpolated(walk, place, bsdf);
-        let is_short = is_cached || !is_gathered;
-        let count = if is_short { 1 } else { photons.final_rays.max(1) };
-        self.gather(walk, place, count, is_short, known.is_some());
+        if !is_end {
+            let is_short = is_interpolated || !is_gathered || !photons.indirect;
+            let count = if is_short { 1 } else { photons.final_rays.max(1) };
+            self.gather(walk, place, &Gathering { count, is_short, is_known: known.is_some(), aiming });
+        }
         Remainder::Light
     }
 
     /// Sends out rays that look for light, each of them to its end.
-    ///
-    /// - `is_known`: whether light from directions that the surface scatters to broadly has been added.
-    fn gather(&mut self, walk: &Walk, place: &Place<'_>, count: u32, is_short: bool, is_known: bool) {
+    fn gather(&mut self, walk: &Walk, place: &Place<'_>, how: &Gathering<'_>) {
+        let Gathering { count, is_known, .. } = *how;
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::scattering(VERTICES + walk.vertex), part, count);
-            let Some(sample) = place.bsdf.sample(u[0], [u[1], u[2]]) else { continue };
+            let Some((sample, density)) = how.drawn(place, u) else { continue };
             if sample.is_delta() {
                 continue;
             }
-            let is_short = is_short || (is_known && is_broad_sample(&sample));
+            let is_short = how.is_short || (is_known && is_broad_sample(&sample));
             let mut ray = Walk { vertex: VERTICES * (2 + walk.depth * count + part), is_short, ..*walk };
             if scatter(self.prepared, &mut ray, place, &sample, 1.0 / count as f32) {
+                ray.redraw(sample.pdf, density);
                 while self.step(&mut ray) {}
             }
         }
@@ -309,6 +318,36 @@ impl<'a> Eye<'a> {
         } else {
             self.prepared.accel().occluded(ray)
         }
+    }
+
+    /// The chance with which a path is worth going on at a surface, as far as agents can tell: what it can bring from there, over a part of
+    /// what has been found so far. Whatever they say, those that go on stand for those that do not.
+    fn worth(&self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> f32 {
+        /// What is worth a path of its own, as a share of what has been found.
+        const PART: f32 = 0.05;
+        const WORTH_MIN: f32 = 0.1;
+        let ask = |agents: &Agents| agents.rough_irradiance_at(place.point.p, place.point.frame[2]);
+        let Some(irradiance) = self.agents.filter(|_| !matches!(walk.comes, ArrivalKind::Camera)).and_then(ask) else {
+            return 1.0;
+        };
+        let light = luminance(walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI);
+        let found = PART * luminance(self.radiance);
+        if light < found { (light / found).max(WORTH_MIN) } else { 1.0 }
+    }
+
+    /// Where indirect light comes from to a surface that rays gather light for, if that is known and wanted.
+    fn aim(&self, place: &Place<'_>, bsdf: &Bsdf) -> Option<Aiming<'a>> {
+        let photons = &self.integrator.photons;
+        // A lobe as narrow as that of a polished surface tells more than some hundred photons.
+        const ROUGHNESS_MIN: f32 = 0.3;
+        let is_wanted =
+            photons.gather_directions && photons.indirect && self.is_gathered() && bsdf.roughness() >= ROUGHNESS_MIN;
+        if !is_wanted || bsdf.is_transmissive() {
+            return None;
+        }
+        let normal = if place.point.front { place.point.ng } else { -place.point.ng };
+        let arrival = self.maps.arrival_at(place.point.p, [normal, place.point.frame[2]])?;
+        Some(Aiming { arrival, is_matte: is_matte(bsdf) })
     }
 
     /// Whether light is gathered by rays.

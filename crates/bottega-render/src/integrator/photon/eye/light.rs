@@ -5,6 +5,7 @@ use bottega_scene::Spectrum;
 use super::{
     super::super::transport::{emitted_at, power_heuristic, shadow_ray},
     Eye,
+    gathering::Aiming,
     walk::{ArrivalKind, LightShare, Place, Walk},
 };
 use crate::{
@@ -19,7 +20,7 @@ impl Eye<'_> {
         match &walk.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { sharply: true } => 1.0,
             ArrivalKind::Mirrored { sharply: false } => 0.0,
-            ArrivalKind::Spread(receiver, pdf) => {
+            ArrivalKind::Spread { receiver, pdf, .. } => {
                 power_heuristic(*pdf, self.light_samples() as f32 * light_pdf(receiver))
             }
         }
@@ -32,7 +33,7 @@ impl Eye<'_> {
     pub(super) fn add_environment(&mut self, walk: &Walk) {
         let from = match &walk.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { .. } => walk.origin,
-            ArrivalKind::Spread(receiver, _) => receiver.p,
+            ArrivalKind::Spread { receiver, .. } => receiver.p,
         };
         let lights = self.prepared.lights();
         let radiance = lights.environment_radiance(self.prepared.scene(), from, walk.direction);
@@ -52,7 +53,15 @@ impl Eye<'_> {
     }
 
     /// Next-event estimation.
-    pub(super) fn add_direct_light(&mut self, walk: &Walk, place: &Place<'_>, share: LightShare) {
+    ///
+    /// - `aiming`: by what gathering rays are drawn beside the surface itself.
+    pub(super) fn add_direct_light(
+        &mut self,
+        walk: &Walk,
+        place: &Place<'_>,
+        share: LightShare,
+        aiming: Option<Aiming<'_>>,
+    ) {
         let prepared = self.prepared;
         if prepared.lights().is_empty() {
             return;
@@ -65,7 +74,8 @@ impl Eye<'_> {
             if (wi.z > 0.0) != place.point.is_reflection(light.wi) {
                 continue;
             }
-            let (value, bsdf_pdf) = place.bsdf.eval_pdf(wi);
+            let (value, own_pdf) = place.bsdf.eval_pdf(wi);
+            let bsdf_pdf = aiming.map_or(own_pdf, |aiming| aiming.pdf(light.wi, own_pdf));
             let expected = count as f32 * light.pdf;
             let is_whole = light.is_delta || share == LightShare::All;
             let weight = if is_whole { 1.0 } else { power_heuristic(expected, bsdf_pdf) };

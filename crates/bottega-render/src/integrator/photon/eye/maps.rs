@@ -3,6 +3,7 @@
 use std::f32::consts::FRAC_1_PI;
 
 use bottega_scene::Spectrum;
+use glam::Vec3;
 
 use super::{
     Eye,
@@ -73,6 +74,9 @@ impl Eye<'_> {
     pub(super) fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
         let point = place.point;
         let normal = if point.front { point.ng } else { -point.ng };
+        if self.integrator.photons.separate_maps {
+            return self.add_estimated(walk, place, bsdf, normal);
+        }
         let Some(number) = self.maps.irradiance_near(point.p, normal) else { return false };
         let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
         // It is scattered here once more.
@@ -85,6 +89,25 @@ impl Eye<'_> {
             }
         }
         true
+    }
+
+    /// The same from maps that are kept apart: the photons near the place are counted anew.
+    fn add_estimated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf, normal: Vec3) -> bool {
+        let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
+        let most = self.bounces_left(walk);
+        let Hands { found, by_bounces, .. } = &mut *self.hands;
+        let mut sum = Spectrum::ZERO;
+        let is_known = self.maps.all_light_at(place.point.p, normal, found, |photon| {
+            // It is scattered here once more.
+            if photon.bounces < most {
+                sum += reflected * photon.light;
+                if let Some(sums) = by_bounces {
+                    sums[kept(walk.depth + 1 + photon.bounces)] += reflected * photon.light;
+                }
+            }
+        });
+        self.radiance += sum;
+        is_known
     }
 
     /// Adds what a matte surface sends back of the indirect light that is kept for places near it, if there is any.

@@ -17,8 +17,14 @@ use crate::{
 pub(super) enum ArrivalKind {
     /// From the camera, over mirrors and glass at most: all that shines is seen.
     Camera,
-    /// From a point that spreads light, with the density of the direction: lights were sampled there, too.
-    Spread(Receiver, f32),
+    /// From a point that spreads light: lights were sampled there, too.
+    Spread {
+        receiver: Receiver,
+        /// Density with which the direction was drawn.
+        pdf: f32,
+        /// Whether the surface scatters there sharply.
+        is_sharp: bool,
+    },
     /// From such a point over mirrors and glass: photons stand for what shines, unless the point scattered sharply.
     Mirrored { sharply: bool },
 }
@@ -115,12 +121,13 @@ pub(super) fn scatter(
         walk.squeezed *= sample.eta * sample.eta;
     }
     if sample.is_delta() {
-        if let ArrivalKind::Spread(_, pdf) = walk.comes {
-            walk.comes = ArrivalKind::Mirrored { sharply: is_sharp(prepared, pdf) };
+        if let ArrivalKind::Spread { is_sharp, .. } = walk.comes {
+            walk.comes = ArrivalKind::Mirrored { sharply: is_sharp };
         }
     } else {
         walk.cone.spread = walk.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
-        walk.comes = ArrivalKind::Spread(place.receiver, sample.pdf);
+        let (receiver, pdf) = (place.receiver, sample.pdf);
+        walk.comes = ArrivalKind::Spread { receiver, pdf, is_sharp: is_sharp(prepared, pdf) };
     }
     (walk.origin, walk.direction) = (point.ray_origin(wi), wi);
     walk.depth += 1;
@@ -129,10 +136,16 @@ pub(super) fn scatter(
 }
 
 /// Russian roulette, as paths have it.
-pub(super) fn survives(walk: &mut Walk, u: f32) -> bool {
+///
+/// - `worth`: with what chance the path is worth going on beside that.
+pub(super) fn survives(walk: &mut Walk, worth: f32, u: f32) -> bool {
     /// Bounces before it.
     const SURE: u32 = 3;
-    transport::survives(&mut walk.throughput, walk.squeezed, walk.depth <= SURE, u)
+    if u >= worth {
+        return false;
+    }
+    walk.throughput /= worth;
+    transport::survives(&mut walk.throughput, walk.squeezed, walk.depth <= SURE, u / worth)
 }
 
 /// Whether light from a direction over mirrors and glass is found by going there and not by photons, of which too few come within

@@ -1,0 +1,47 @@
+//! Agents beside photon mapping in other scenes than that of the paper.
+
+use std::io::Write;
+
+use bottega_image::read_picture;
+use bottega_render::{Oracle, View};
+
+use super::{
+    AlaOptions, AlaScene, part,
+    ways::{LightMethod, MethodResult, PaintedScene},
+};
+use crate::{Error, say, shared_meshes};
+
+/// Budgets of our agents, as shares of the paper's.
+const BUDGETS: [f64; 4] = [1.0, 0.3, 0.2, 0.1];
+
+/// Photon mapping with an irradiance cache and shadow photons, and our agents, in one scene.
+pub(super) struct ElsewhereResult {
+    pub(super) scene: String,
+    pub(super) photons: MethodResult,
+    /// By budget.
+    pub(super) agents: Vec<MethodResult>,
+}
+
+/// Paints a scene by photons and by agents.
+///
+/// # Errors
+/// The scene cannot be painted, or the reference not be read.
+pub(super) fn compare(options: &AlaOptions, other: &AlaScene, log: &mut dyn Write) -> Result<ElsewhereResult, Error> {
+    let reference = read_picture(&other.reference)?;
+    let hints = bottega_scene::load(&other.scene, &shared_meshes())?.hints;
+    let scene = PaintedScene {
+        path: &other.scene,
+        view: View { camera: 0, width: reference.width, height: reference.height },
+        max_depth: hints.max_depth.unwrap_or(12),
+        threads: options.threads,
+    };
+    let name = other.scene.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let mut paint = |way: LightMethod| {
+        say(log, format_args!("painting {name}: {} …", way.name));
+        scene.paint(way, options.spp, &reference)
+    };
+    let photons = paint(LightMethod::photons_as_in_the_paper(options.photons))?;
+    let of = |share| LightMethod::agents(Oracle::Error, part(options.lighting_agents, share), true);
+    let agents = BUDGETS.map(of).into_iter().map(&mut paint).collect::<Result<_, _>>()?;
+    Ok(ElsewhereResult { scene: name, photons, agents })
+}

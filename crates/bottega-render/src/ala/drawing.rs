@@ -1,0 +1,43 @@
+//! The proximity network as it lies over what a camera sees.
+
+use rayon::prelude::*;
+
+use super::ludd::{Dot, first_place};
+use crate::{
+    AgentSettings, PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, View,
+    integrator::{PathIntegrator, PhotonIntegrator},
+};
+
+/// Half the width of a link, as a share of the radius of what is seen.
+const WIDTH: f32 = 0.0015;
+
+/// The agents of a picture and the links between them, drawn through the middle of each pixel: the value of a dot is 1 where the network
+/// answers that a light is seen, a quarter where it is not, and something between where a shadow ray is traced.
+///
+/// - `settings`: of the agents.
+///
+/// # Errors
+/// There is no such picture, or the scene has media.
+pub fn network_dots(
+    scene: &PreparedScene,
+    prepass: &Prepass,
+    view: View,
+    settings: &PathSettings,
+) -> Result<Vec<Dot>, RenderError> {
+    let photons = settings.photons.unwrap_or_default();
+    let agents = AgentSettings { asks_network: true, ..photons.agents.unwrap_or_default() };
+    let photons = PhotonSettings { agents: Some(agents), ..photons };
+    let settings = PathSettings { photons: Some(photons), ..*settings };
+    PhotonIntegrator::new(scene, prepass, view, &settings, photons)?.cast(0..1);
+    let passes = prepass.passes(scene, view, photons, settings.seed, 1);
+    let width = WIDTH * prepass.photon_plan(scene, view).extent().radius;
+    let camera = PathIntegrator::unguided(scene, view, &settings)?;
+    let dot = |index: u32| {
+        let place = first_place(scene, &camera, index % view.width, index / view.width);
+        place.map_or(Dot::Nothing, |p| {
+            passes.known_agents().and_then(|agents| agents.network_at(p, width)).map_or(Dot::Free, Dot::Sample)
+        })
+    };
+    let all = 0..view.width * view.height;
+    Ok(scene.on_threads(|| all.into_par_iter().map(dot).collect()))
+}
