@@ -93,7 +93,7 @@ pub use directory::{
     service_type,
 };
 pub use driver::{
-    AGENTS_MAX, JobError, JobReport, JobSettings, Link, Observer, Progress, StopSwitch, Times, VERIFY_MAX, assist,
+    AGENTS_MAX, JobError, JobReport, JobSettings, Link, MasterHandle, Observer, Progress, StopSwitch, Times, VERIFY_MAX, assist,
     benchmark, lead, run,
 };
 pub use engine_choice::EngineChoice;
