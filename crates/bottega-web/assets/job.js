@@ -50,7 +50,7 @@ class JobPage {
     this.viewer = new Viewer({ label: `Picture of job ${number}`, onPick: zone => this.#select(zone) });
     this.#addImportance();
     this.layers = new LayerChoice(shell, this.viewer, number, () => { [this.#tag, this.#shown] = [null, null]; this.#look(); });
-    this.viewer.extras.append(this.layers.element);
+    this.viewer.extras.after(this.layers.element);
     this.comparison = new Comparison(shell, this.viewer, number);
     this.viewer.element.append(this.comparison.element);
     this.frames = new FrameStrip(shell);
