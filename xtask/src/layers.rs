@@ -50,7 +50,7 @@ const LAYERS: &[(&str, &[&str])] = &[
             "bottega-scene",
         ],
     ),
-    ("bottega-web", &["bottega", "bottega-cluster"]),
+    ("bottega-web", &["bottega", "bottega-cluster", "bottega-image"]),
     ("bottega-python", &["bottega", "bottega-cluster", "bottega-image"]),
     (
         "bottega-bench",

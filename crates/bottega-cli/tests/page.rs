@@ -25,6 +25,11 @@ fn ten_thousand_zones_and_a_thousand_machines_are_answered_at_once() {
     browse("crowd.test.js");
 }
 
+#[test]
+fn a_scene_is_looked_around_in_and_its_pictures_are_looked_at_closely() {
+    browse("look.test.js");
+}
+
 /// Runs tests in a browser, against the newest NATS server.
 fn browse(file: &str) {
     let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);

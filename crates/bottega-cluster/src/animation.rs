@@ -21,9 +21,9 @@ use bottega::{
 use crate::{
     address::FarmAddress,
     cache::Cache,
-    client::{new_job, order, unfetched, write_picture},
+    client::{devices_of, new_job, order, unfetched, write_picture},
     error::Error,
-    job::{JobSpec, JobState, for_others},
+    job::{AnimationFrame, Job, JobSpec, JobState, for_others},
     job_board::{JobBoard, ended_badly},
     link::{Credentials, FarmLink, link},
     part::Member,
@@ -95,8 +95,8 @@ fn paint_with_others(
     reporter: &Arc<Reporter>,
 ) -> Result<(), Error> {
     let (threads, refusals) = (threads(request), Refusals::default());
-    let meter = UsageMeter::new(None);
-    let member = Member { board: board.clone(), name, threads, stop: stop.clone(), tags: Vec::new(), refusals, meter };
+    let (meter, devices, tags) = (UsageMeter::new(None), devices_of(request), Vec::new());
+    let member = Member { board: board.clone(), name, threads, devices, stop: stop.clone(), tags, refusals, meter };
     let only = wanted.keys().copied().collect();
     let over = Arc::new(AtomicBool::new(false));
     let collector = {
@@ -158,10 +158,8 @@ fn submit(
     board.sweep();
     let (order, sent) = order(board, me, &first, &material, stop, reporter)?;
     let mut wanted = BTreeMap::new();
-    for frame in missing {
-        let of_frame = request.at_frame(frame)?;
-        let mut job = new_job(&of_frame, &material, me);
-        job.scene = format!("{}, frame {frame}", job.scene);
+    let jobs = frame_jobs(request, &missing, |of_frame| new_job(of_frame, &material, me))?;
+    for (frame, of_frame, job) in jobs {
         let number = board.submit(&job, &JobSpec { request: for_others(&of_frame)?, ..order.clone() })?;
         let output = of_frame.output.file.unwrap_or_default();
         wanted.insert(number, WantedFrame { frame, work: job.work, output });
@@ -171,6 +169,30 @@ fn submit(
         reporter.tell(Event::Asked { job: first, last_job: Some(last) });
     }
     Ok(wanted)
+}
+
+/// The jobs of an animation, one for each frame, with their requests.
+///
+/// - `new_job`: the job of the request of a frame.
+///
+/// # Errors
+/// The name of the output has no place for the number of a frame.
+pub(crate) fn frame_jobs(
+    request: &Request,
+    frames: &[i32],
+    new_job: impl Fn(&Request) -> Job,
+) -> Result<Vec<(i32, Request, Job)>, Error> {
+    let mut animation: Option<String> = None;
+    let mut jobs = Vec::new();
+    for &frame in frames {
+        let of_frame = request.at_frame(frame)?;
+        let mut job = new_job(&of_frame);
+        job.scene = format!("{}, frame {frame}", job.scene);
+        let animation = animation.get_or_insert_with(|| format!("{:016x}", job.work)).clone();
+        job.animation = Some(AnimationFrame { animation, frame, frames: frames.len() as u32 });
+        jobs.push((frame, of_frame, job));
+    }
+    Ok(jobs)
 }
 
 /// Writes the pictures as they come, until all are there or the user wants to stop.

@@ -9,7 +9,7 @@ use std::{
 
 use bottega::{
     Event, Picture, Request, Session, SessionOptions, StopSwitch, Watcher, denoise,
-    devices::threads,
+    devices::{DeviceChoice, beside_processors, threads},
     engines::SceneFiles,
     request::EnvironmentLight,
     session::{PaintingTools, Reporter},
@@ -149,7 +149,8 @@ impl SubmittedJob {
         sent.keep();
         reporter.tell(Event::Asked { job: number, last_job: None });
         let (threads, stop, refusals) = (threads(request), stop.clone(), Refusals::default());
-        let member = Member { board, name, threads, stop, tags: Vec::new(), refusals, meter: UsageMeter::new(None) };
+        let (devices, tags) = (devices_of(request), Vec::new());
+        let member = Member { board, name, threads, devices, stop, tags, refusals, meter: UsageMeter::new(None) };
         Ok(Self { member, number, work: job.work })
     }
 
@@ -293,12 +294,18 @@ pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> J
         submitted: unix_seconds(),
         priority: request.farm.priority,
         require: request.farm.require.clone(),
+        animation: None,
         state: JobState::Active,
         log: Vec::new(),
     };
     job.say(format!("asked for by {from}"));
     material.method.iter().for_each(|method| job.say(method.clone()));
     job
+}
+
+/// What of this machine paints for a request beside the processors.
+pub(crate) fn devices_of(request: &Request) -> Vec<String> {
+    beside_processors(&DeviceChoice::of(&request.devices.names).unwrap_or_default())
 }
 
 /// What is asked for, as other machines understand it. The scene is sent, and is taken back unless a job comes of it.

@@ -58,6 +58,17 @@ impl JobState {
     }
 }
 
+/// A job that paints a frame of an animation.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct AnimationFrame {
+    /// What all frames of the animation have in common, and no other job has.
+    pub animation: String,
+    /// The number of the frame.
+    pub frame: i32,
+    /// How many frames were asked for.
+    pub frames: u32,
+}
+
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LogLine {
@@ -90,6 +101,9 @@ pub struct Job {
     /// Tags that a machine must have to paint it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub require: Vec<String>,
+    /// Of which animation it is a frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub animation: Option<AnimationFrame>,
     /// How it stands.
     #[serde(flatten)]
     pub state: JobState,

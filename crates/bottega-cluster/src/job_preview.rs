@@ -48,8 +48,12 @@ impl JobPreview {
     /// # Errors
     /// The farm does not answer, or the picture is too large to be shown.
     pub fn renew(&mut self, board: &JobBoard, job: &Job) -> Result<Option<Vec<u8>>, Error> {
-        if self.is_final {
+        if self.is_final && job.state.is_over() {
             return Ok(self.png.clone());
+        }
+        if self.is_final {
+            // What was over is painted again.
+            (self.canvas, self.is_final) = (None, false);
         }
         if !job.state.is_over() {
             if self.fetch_news(board, job)?

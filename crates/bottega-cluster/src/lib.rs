@@ -21,7 +21,7 @@
 //! | a machine as its seat shows it | `src/presence.rs` |
 //! | messages between the agents of a job, for those who look on | [`messages`] |
 //! | rules of a job, and what they say of a zone | [`rules_of_job`] |
-//! | steering of jobs and machines | [`jobs`], [`machine`] |
+//! | steering of jobs and machines | [`jobs`], [`machine`]; zones painted again: `src/requeue.rs` |
 //! | a job as it looks while it is painted | [`job_preview`] |
 //! | files sent piece by piece by one who is no machine of the farm, and jobs asked for with them | [`uploads`] |
 //! | what the HTTP doors of one farm know each other by: tokens, certificate | [`web_secrets`] |
@@ -68,6 +68,7 @@ mod power_counters;
 mod prepared_job;
 mod presence;
 pub mod refusals;
+mod requeue;
 pub mod room;
 pub mod rules_of_job;
 mod sent_files;

@@ -11,8 +11,8 @@ use std::{
 
 use bottega_engines::{RenderEngine, Survey};
 use bottega_farm::{
-    AgentRow, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Link, Observer, Partition, Progress,
-    RoundSummary, StopSwitch, Theft, WorkId, ZoneRow,
+    AgentRow, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Link, MasterHandle, Observer, Partition,
+    Progress, RoundSummary, StopSwitch, Theft, WorkId, ZoneRow,
 };
 use bottega_image::Canvas;
 
@@ -21,6 +21,7 @@ use crate::{
     job_board::{JobBoard, Lead, Lease, Presence, RENEW_EVERY},
     messages::MessageRecorder,
     refusals::{RefusalWatch, Refusals},
+    requeue::SettledZones,
     society::SeenSociety,
     together::{self, JobPeers},
     usage::UsageMeter,
@@ -41,6 +42,8 @@ pub(crate) struct Member {
     pub board: JobBoard,
     pub name: String,
     pub threads: usize,
+    /// What paints beside its processors.
+    pub devices: Vec<String>,
     /// The user wants to stop.
     pub stop: StopSwitch,
     /// What the machine says that it is.
@@ -55,8 +58,8 @@ impl Member {
     /// Its seat, while it paints a job or waits for one.
     pub(crate) fn seat(&self, job: Option<u32>) -> Presence {
         let (is_guest, refusals, usages) = (self.board.uplink.is_guest(), self.refusals.last(), self.meter.usages());
-        let tags = self.tags.clone();
-        Presence { is_guest, tags, refusals, usages, ..Presence::new(&self.name, self.threads, job) }
+        let (devices, tags) = (self.devices.clone(), self.tags.clone());
+        Presence { is_guest, tags, refusals, usages, devices, ..Presence::new(&self.name, self.threads, job) }
     }
 }
 
@@ -94,6 +97,8 @@ pub(crate) fn take_part(
         inner: Arc::clone(&tools.observer),
         lead: Mutex::default(),
         log: Mutex::default(),
+        master: Mutex::default(),
+        settled: Mutex::default(),
         society: Mutex::new(SeenSociety::after(board.society(number))),
         importance: Mutex::default(),
         recorder: Arc::default(),
@@ -209,6 +214,7 @@ impl Leading {
         }
         self.link.forget();
         board.forget_learnt(self.link.work.0);
+        board.forget_requeues(number);
         together::forget(board, self.link.work.0);
         Ok(())
     }
@@ -269,6 +275,7 @@ impl Guard {
                 renewed = Some(Instant::now());
                 self.renew();
                 self.keep_log();
+                self.requeue();
                 self.tell_society();
                 self.tell_messages();
                 self.keep_importance();
@@ -281,6 +288,15 @@ impl Guard {
             thread::sleep(LOOK_EVERY);
         }
         self.lay_down();
+    }
+
+    /// Has the Master paint zones again that somebody wants so.
+    fn requeue(&self) {
+        let master = self.told.master.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        if let Some(master) = master.filter(|_| self.lease.is_some()) {
+            let settled = self.told.settled.lock().unwrap_or_else(PoisonError::into_inner);
+            self.member.board.hand_on_requeues(self.number, &settled, &master);
+        }
     }
 
     fn is_to_leave(&mut self) -> bool {
@@ -430,6 +446,9 @@ struct LoggingObserver {
     inner: Arc<dyn Observer>,
     lead: Mutex<Lead>,
     log: Mutex<Vec<String>>,
+    /// The Master, where this process leads.
+    master: Mutex<Option<MasterHandle>>,
+    settled: Mutex<SettledZones>,
     society: Mutex<SeenSociety>,
     /// Until it is kept for those who look on.
     importance: Mutex<Option<Arc<ImportanceMap>>>,
@@ -456,7 +475,12 @@ impl Observer for LoggingObserver {
         self.inner.analyzed(map, partition);
     }
 
+    fn leads(&self, master: &MasterHandle) {
+        *self.master.lock().unwrap_or_else(PoisonError::into_inner) = Some(master.clone());
+    }
+
     fn zone_changed(&self, row: &ZoneRow) {
+        self.settled.lock().unwrap_or_else(PoisonError::into_inner).see(row);
         self.inner.zone_changed(row);
     }
 

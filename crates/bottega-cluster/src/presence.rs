@@ -46,6 +46,9 @@ pub struct Presence {
     pub name: String,
     /// Its processors.
     pub threads: usize,
+    /// What paints beside them: names of GPUs, addresses of boards.
+    #[serde(default)]
+    pub devices: Vec<String>,
     /// The identity of its build.
     pub version: String,
     /// The job that it paints.
@@ -74,6 +77,7 @@ impl Presence {
         Self {
             name: name.to_owned(),
             threads,
+            devices: Vec::new(),
             version: build().identity().to_owned(),
             job,
             standing: PresenceState::Active,

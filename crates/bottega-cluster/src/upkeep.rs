@@ -111,6 +111,7 @@ impl JobBoard {
         self.uplink.notices().remove(&job_name(number)).map_err(Error::Blob)?;
         self.uplink.notices().remove(&lead_name(number)).map_err(Error::Blob)?;
         self.forget_society(number);
+        self.forget_requeues(number);
         self.forget_watch(number);
         Ok(())
     }

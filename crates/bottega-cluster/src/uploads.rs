@@ -11,16 +11,21 @@ use std::{
     time::Duration,
 };
 
-use bottega::{Request, Session, StopSwitch, request::EnvironmentLight, session::Reporter};
+use bottega::{
+    Request, Session, StopSwitch,
+    request::{EnvironmentLight, FrameOptions},
+    session::Reporter,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    animation::frame_jobs,
     cache::Cache,
     chunks::{CHUNK_BYTES, ChunkStore, Contents, blob_name, hash_of, is_hash, several},
     client::{new_job, order},
     error::Error,
-    job::{JobSpec, for_others},
+    job::{Job, JobSpec, for_others},
     job_board::JobBoard,
     room::{MAKE_ROOM, bytes_said},
     sent_files::SentFiles,
@@ -30,6 +35,8 @@ use crate::{
 pub const PIECE_BYTES: usize = CHUNK_BYTES;
 /// Bytes of a file at most.
 pub const FILE_BYTES_MAX: u64 = 4 << 30;
+/// Frames of an animation at most.
+pub const FRAMES_MAX: usize = 1000;
 /// Files of a job at most.
 pub const FILES_MAX: usize = 4096;
 /// Characters of a file's name at most.
@@ -137,26 +144,69 @@ impl JobBoard {
         Ok(())
     }
 
-    /// Asks for a picture with files that the farm has. Returns the number of the job.
+    /// Asks for a picture with files that the farm has, or for the frames of an animation. Returns the numbers of the jobs, one
+    /// for each picture.
     ///
     /// - `from`: who asks, for people.
     /// - `cache`: where the scene is put together, to see whether it can be painted.
     ///
     /// # Errors
     /// The request or a name is none, a file was not uploaded, or the scene cannot be painted.
-    pub fn submit_uploaded(&self, asked: Submission, from: &str, cache: &Cache) -> Result<u32, Error> {
+    pub fn submit_uploaded(&self, asked: Submission, from: &str, cache: &Cache) -> Result<Vec<u32>, Error> {
+        let (spec, here) = self.spec_here(asked, cache)?;
+        // Whatever is wrong is found out with the first frame.
+        let here = match here.missing_frames(false)?.first() {
+            Some(first) => here.at_frame(*first)?,
+            None => here,
+        };
+        let material = Session::examine(&here)?;
+        let (stop, reporter) = (StopSwitch::new(), Reporter::new(Arc::new(())));
+        // Where the files are on this machine is nobody's business: the job holds the request as it was asked.
+        let (order, sent) = order(self, from, &here, &material, &stop, &reporter)?;
+        let new_job = |request: &Request| {
+            let mut job = new_job(request, &material, from);
+            material.warnings.iter().for_each(|warning| job.say(warning.clone()));
+            job
+        };
+        let mut jobs = Vec::new();
+        if spec.request.frames.is_none() {
+            jobs.push((new_job(&spec.request), for_others(&spec.request)?));
+        }
+        let frames = spec.request.missing_frames(false)?;
+        for (_, request, job) in frame_jobs(&spec.request, &frames, new_job)? {
+            jobs.push((job, for_others(&request)?));
+        }
+        let submit =
+            |(job, request): &(Job, Request)| self.submit(job, &JobSpec { request: request.clone(), ..order.clone() });
+        let numbers = jobs.iter().map(submit).collect::<Result<Vec<u32>, Error>>()?;
+        sent.keep();
+        Ok(numbers)
+    }
+
+    /// A request with its files, brought to this machine, to look at its scene before a picture is asked for.
+    ///
+    /// # Errors
+    /// As of [`Self::submit_uploaded`], but for the scene, which is not read.
+    pub fn uploaded_here(&self, asked: Submission, cache: &Cache) -> Result<Request, Error> {
+        self.spec_here(asked, cache).map(|(_, here)| here)
+    }
+
+    /// What is asked for, and the same with its files on this machine.
+    fn spec_here(&self, asked: Submission, cache: &Cache) -> Result<(JobSpec, Request), Error> {
         self.refuse_guests()?;
         let Submission { request, files, files_of_job } = asked;
         let origin = "the request".to_owned();
         let mut request = Request::from_value(request).map_err(|source| bottega::Error::Request { origin, source })?;
-        if request.frames.is_some() {
-            return Err(Error::usage(
-                "the request is of several frames, and a job is of one picture",
-                "ask for each frame: scene.time says when it is",
-            ));
+        let is_too_long = |frames: &FrameOptions| frames.list.iter().nth(FRAMES_MAX).is_some();
+        if request.frames.as_ref().is_some_and(is_too_long) {
+            let problem = format!("`frames.list` has more than {FRAMES_MAX} frames");
+            return Err(Error::usage(problem, "ask for them part by part"));
         }
         let output = request.output.file.get_or_insert_with(|| PathBuf::from(PICTURE)).clone();
         plain_name("output.file", &output.to_string_lossy())?;
+        if request.frames.is_some() {
+            request.validate().map_err(bottega::Error::from)?;
+        }
         let files = match (files_of_job, files.is_empty()) {
             (Some(number), true) => self.files_of(number, &request)?,
             (None, false) => self.uploaded(&request, &files)?,
@@ -170,16 +220,7 @@ impl JobBoard {
         let (scene, environment) = files.fetch(cache, self.uplink.blobs())?;
         let spec = JobSpec { request, files, engine: None, journal: None };
         let here = spec.on_this_machine(&scene, environment)?;
-        let material = Session::examine(&here)?;
-        let (stop, reporter) = (StopSwitch::new(), Reporter::new(Arc::new(())));
-        // Where the files are on this machine is nobody's business: the job holds the request as it was asked.
-        let (order, sent) = order(self, from, &here, &material, &stop, &reporter)?;
-        let request = for_others(&spec.request)?;
-        let mut job = new_job(&request, &material, from);
-        material.warnings.iter().for_each(|warning| job.say(warning.clone()));
-        let number = self.submit(&job, &JobSpec { request, ..order })?;
-        sent.keep();
-        Ok(number)
+        Ok((spec, here))
     }
 
     /// The files of a job that is known.

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
-    job::{Job, JobState},
+    job::{AnimationFrame, Job, JobState},
     job_board::{JobBoard, Lead, Presence},
     machine::{PresenceState, Roster},
 };
@@ -42,6 +42,8 @@ pub struct JobView {
     pub scene: String,
     /// The picture, as its asker calls it.
     pub output: String,
+    /// Of which animation it is a frame.
+    pub animation: Option<AnimationFrame>,
     /// The farm has the picture.
     pub kept: bool,
     /// Whether it will not change by itself any more.
@@ -82,6 +84,7 @@ impl JobView {
             submitted: job.submitted,
             scene: job.scene.clone(),
             output: job.output.clone(),
+            animation: job.animation.clone(),
             kept: matches!(job.state, JobState::Done { kept: true }),
             is_over: job.state.is_over(),
         }
@@ -106,8 +109,8 @@ impl MachineView {
 
     /// The machine as JSON.
     pub fn to_value(&self) -> serde_json::Value {
-        let Presence { name, threads, version, job, standing, takes_orders, tags, .. } = &self.seat;
-        serde_json::json!({ "machine": name, "state": standing.word(), "ordered": self.ordered.word(), "threads": threads,
+        let Presence { name, threads, devices, version, job, standing, takes_orders, tags, .. } = &self.seat;
+        serde_json::json!({ "machine": name, "state": standing.word(), "ordered": self.ordered.word(), "threads": threads, "devices": devices,
             "job": job, "version": version, "takes_orders": takes_orders, "tags": tags })
     }
 }

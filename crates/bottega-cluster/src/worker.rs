@@ -7,7 +7,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega::{StopSwitch, devices::processors};
+use bottega::{
+    StopSwitch,
+    devices::{beside_processors, processors},
+};
 use bottega_platform::folders::state_folder;
 
 pub use crate::prepared_job::WorkerDevices;
@@ -64,7 +67,8 @@ pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dy
     let JoinOptions { own, cache, cache_bytes, once, owner, tags, memory_bytes, watts } = options;
     let threads = own.threads.map_or_else(processors, usize::from);
     let (board, refusals, meter) = (JobBoard { uplink }, Refusals::default(), UsageMeter::new(watts));
-    let member = Member { board, name, threads, stop: stop.clone(), tags, refusals, meter };
+    let devices = beside_processors(&own.devices);
+    let member = Member { board, name, threads, devices, stop: stop.clone(), tags, refusals, meter };
     let folder = cache.unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, cache_bytes.unwrap_or(CACHE_BYTES));
     let mut worker = Worker::new(member, cache, own, None, say);
@@ -174,6 +178,7 @@ impl Worker {
 
     /// Takes part in a job, or waits a moment if there is none. Returns whether one came to its end.
     pub(crate) fn work_once(&mut self) -> bool {
+        self.forget_helped();
         let Member { board, name, .. } = &self.member;
         let others: Vec<Presence> = board.presences().into_iter().filter(|seat| seat.name != *name).collect();
         let wanting = wanting(board, |number, job| self.would(number, job));
@@ -200,6 +205,12 @@ impl Worker {
                 true
             }
         }
+    }
+
+    /// A job that was helped and is over may be wanted again.
+    fn forget_helped(&mut self) {
+        let is_over = |number| self.member.board.get(number).is_none_or(|job| job.state.is_over());
+        self.helped = self.helped.filter(|&number| !is_over(number));
     }
 
     /// Whether a job needs no more hands, though it is not over yet.

@@ -29,7 +29,7 @@ pub use self::{
     assist::assist,
     link::Link,
     machine::benchmark,
-    observer::Observer,
+    observer::{MasterHandle, Observer},
     progress::{Progress, Times},
     settings::{AGENTS_MAX, JobError, JobSettings, VERIFY_MAX},
     stop::StopSwitch,
@@ -138,6 +138,8 @@ pub fn lead(
     let uplink = shared.uplink()?;
     let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let master = populate(&platform, settings, work, kept, &shared)?;
+    let asked = master.clone();
+    shared.observer.leads(&MasterHandle { ask: Arc::new(move |completion| asked.complete(completion)) });
     let on_stop = Arc::downgrade(&shared);
     stop.when_requested(move || {
         if let Some(shared) = on_stop.upgrade() {

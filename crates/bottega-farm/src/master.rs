@@ -315,6 +315,7 @@ impl StateMachine for Master {
             FarmEvent::Completed(FarmCompletion::Compared { zone, results, outcome }) => {
                 self.looked_at(now, zone, results, outcome, actions);
             }
+            FarmEvent::Completed(FarmCompletion::Requeue { zone, fence }) => self.requeue(now, zone, fence, actions),
             FarmEvent::Completed(FarmCompletion::Stop) => {
                 self.stopping = true;
                 self.rounds.clear();

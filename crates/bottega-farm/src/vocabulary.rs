@@ -177,6 +177,13 @@ pub enum FarmCompletion {
         /// Why the samples could not be used.
         outcome: Result<(), String>,
     },
+    /// Somebody wants a zone painted again that is done or given up.
+    Requeue {
+        /// Which zone.
+        zone: ZoneId,
+        /// The token of the samples that are to go, so that no others do; `None`: it was given up.
+        fence: Option<Revision>,
+    },
     /// The user wants to stop: no more zones are given out.
     Stop,
 }

@@ -7,7 +7,7 @@
 
 use std::{
     collections::BTreeMap,
-    io::{Seek, SeekFrom, Write},
+    io::{Cursor, Seek, SeekFrom, Write},
     path::Path,
 };
 
@@ -98,6 +98,22 @@ pub fn write_picture_exr(
     write(&frame, &channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])
 }
 
+/// The bytes of a file of the RGB of a picture.
+pub(crate) fn picture_exr_bytes(
+    picture: &Picture,
+    metadata: &Metadata,
+    options: ExrOptions,
+) -> Result<Vec<u8>, ImageError> {
+    let channels = color_channels(options.depth, ["R", "G", "B"], 0);
+    let data_window = Rect::of_size(picture.width, picture.height);
+    let path = Path::new("picture.exr");
+    let frame = ExrFrame { path, data_window, display_size: picture.size(), metadata, options };
+    let row = picture.width as usize;
+    let mut bytes = Cursor::new(Vec::new());
+    write_to(&mut bytes, &frame, &channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])?;
+    Ok(bytes.into_inner())
+}
+
 impl Film {
     /// The channels that a file has of it, by name, each with its place in a pixel of [`values`](Self::values).
     pub fn channels(&self) -> Vec<(String, usize)> {
@@ -162,6 +178,17 @@ fn write(
     channels: &[ExrChannel],
     value: impl Fn(usize, u32, u32) -> f32 + Sync,
 ) -> Result<(), ImageError> {
+    let mut file = AtomicFile::create(frame.path)?;
+    write_to(file.writer(), frame, channels, value)?;
+    file.commit()
+}
+
+fn write_to<W: Write + Seek>(
+    out: &mut W,
+    frame: &ExrFrame<'_>,
+    channels: &[ExrChannel],
+    value: impl Fn(usize, u32, u32) -> f32 + Sync,
+) -> Result<(), ImageError> {
     let path = frame.path;
     if frame.data_window.is_empty() {
         return Err(ImageError::Empty { path: path.to_owned() });
@@ -185,12 +212,10 @@ fn write(
             }
         })
     };
-    let mut file = AtomicFile::create(path)?;
-    write_file(file.writer(), &header, frame.metadata, fetch).map_err(|error| match error {
+    write_file(out, &header, frame.metadata, fetch).map_err(|error| match error {
         Error::Io(source) => ImageError::write(path, source),
         other => ImageError::NotWritable { path: path.to_owned(), reason: other.to_string() },
-    })?;
-    file.commit()
+    })
 }
 
 /// Rounds to nearest; finite values stay finite, so that a bright pixel does not become infinite.

@@ -18,6 +18,7 @@
 //! | writing of OpenEXR and PNG; the format that a file name asks for | `src/exr_write.rs`, `src/png_write.rs`, `src/output.rs` |
 //! | reading of OpenEXR, Radiance and PNG, for scenes and for comparing | `src/read.rs`, `src/exr_read/`, `src/radiance_read.rs`, `src/png_read.rs`; whole files: `src/whole.rs` |
 //! | limits of what the header of a picture may announce | `src/limits.rs` |
+//! | layers of a file, each as a picture | `src/file_layers.rs` |
 //! | colours of other primaries | `src/colorimetry.rs` |
 //! | what a picture says of how it was made | `src/metadata.rs` |
 //! | tone mapping, transfer functions | `src/tone.rs` |
@@ -33,6 +34,7 @@ mod colorimetry;
 mod error;
 mod exr_read;
 mod exr_write;
+mod file_layers;
 mod film;
 mod layers;
 mod layout;
@@ -62,6 +64,7 @@ pub use colorimetry::{Chromaticities, Conversion, WhitePoint, adaptation};
 pub use error::ImageError;
 pub use exr_read::Planes;
 pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
+pub use file_layers::{FileLayer, LayerKind, LayerPicture};
 pub use film::Film;
 pub use layers::{CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, LayersError};
 pub use layout::Layout;

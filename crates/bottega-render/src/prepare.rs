@@ -3,14 +3,14 @@
 use std::{
     ops::Deref,
     sync::{
-        Arc,
+        Arc, PoisonError, RwLock,
         atomic::{AtomicU64, Ordering},
     },
 };
 
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_scene::{Instance, MediumId, Mesh, Scene, Sphere};
+use bottega_scene::{Camera, Instance, MediumId, Mesh, Scene, Sphere};
 
 use crate::{
     RenderError, View,
@@ -38,10 +38,12 @@ impl Default for PrepareOptions {
     }
 }
 
-/// A scene, its acceleration structure and its light tables. Immutable, and shared by all who paint it. What is found out
-/// of it before a picture is in a [`Prepass`](crate::Prepass).
+/// A scene, its acceleration structure and its light tables. Immutable, and shared by all who paint it; cameras may be added
+/// ([`Self::add_camera`]), and none changes. What is found out of it before a picture is in a [`Prepass`](crate::Prepass).
 pub struct PreparedScene {
     surfaces: Surfaces,
+    /// Those of the scene, then those that were added.
+    cameras: RwLock<Vec<Arc<Camera>>>,
     accel: Accel,
     /// Of the media that vary in space.
     majorants: Vec<Option<Majorants>>,
@@ -87,8 +89,10 @@ impl PreparedScene {
         let majorants = majorants.collect();
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
+        let cameras = RwLock::new(scene.cameras.iter().cloned().map(Arc::new).collect());
         Self {
             surfaces,
+            cameras,
             accel,
             majorants,
             lights,
@@ -100,6 +104,26 @@ impl PreparedScene {
             id,
             device_bytes: AtomicU64::new(0),
         }
+    }
+
+    /// The camera of a number: those of the scene have theirs, and those that were added follow.
+    pub fn camera(&self, number: usize) -> Option<Arc<Camera>> {
+        self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(number).cloned()
+    }
+
+    /// Adds a camera: the same scene, seen otherwise, with nothing prepared anew. Returns its number.
+    ///
+    /// - `camera`: one of the scene's that stands elsewhere, or has another lens or angle; its medium and its view of emitters
+    ///   must be those of one of the scene's.
+    pub fn add_camera(&self, camera: Camera) -> usize {
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        cameras.push(Arc::new(camera));
+        cameras.len() - 1
+    }
+
+    /// An error for a number that no camera has.
+    pub(crate) fn no_camera(&self, index: usize) -> RenderError {
+        RenderError::NoCamera { index, count: self.cameras.read().unwrap_or_else(PoisonError::into_inner).len() }
     }
 
     /// The acceleration structure.

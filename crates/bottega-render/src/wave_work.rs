@@ -67,7 +67,7 @@ impl Wave {
         settings: &PathSettings,
         layout: &Layout,
     ) -> Option<&'static str> {
-        let hides_emitters = prepared.scene().cameras.get(view.camera).is_some_and(|camera| camera.hides_emitters);
+        let hides_emitters = prepared.camera(view.camera).is_some_and(|camera| camera.hides_emitters);
         if settings.photons.is_some() {
             return Some("photons and lighting agents follow rays of their own");
         }

@@ -45,6 +45,18 @@ export async function fetchPicture(path, tag) {
   return { blob: await response.blob(), tag: response.headers.get("ETag") };
 }
 
+/** Waits for another frame of a viewport than the one of `tag`; null: there is none for now. */
+export async function fetchFrame(path, tag) {
+  const response = await fetch(`/api${path}`, tag ? { headers: { "If-None-Match": tag } } : {});
+  if (response.status === 304) return null;
+  if (!response.ok) throw new Problem(response.status, await response.json().catch(() => ({})));
+  const told = name => response.headers.get(`Bottega-${name}`);
+  return {
+    blob: await response.blob(), tag: response.headers.get("ETag"),
+    look: Number(told("Look")), samples: Number(told("Samples")), isDenoised: told("Denoised") === "true",
+  };
+}
+
 /** Follows a job: `state` is called with all that is known, `news` with what has changed since. Returns what ends it. */
 export function follow(job, { state, news, link }) {
   const source = new EventSource(`/api/jobs/${job}/events`);

@@ -1,12 +1,15 @@
 // One job: the picture while it is painted, its zones over it, the Blackboard, agents, log.
 
 import { agentRows, agentTable, auctionLine } from "./agents.js";
-import { fetchPicture, follow, get } from "./api.js";
+import { ask, fetchPicture, follow, get, maySteer } from "./api.js";
 import { blackboard, zonePanel } from "./blackboard.js";
+import { Comparison } from "./compare.js";
 import { energyFacts, usedText } from "./energy.js";
 import { TimeLeft } from "./eta.js";
 import { ago, button, element, setText, time } from "./format.js";
+import { FrameStrip } from "./frames.js";
 import { JobControls, progress, stateChip } from "./job_controls.js";
+import { LayerChoice } from "./layers.js";
 import { RulesSection } from "./rules.js";
 import { Viewer } from "./viewer.js";
 import { workOf } from "./zones.js";
@@ -32,6 +35,8 @@ class JobPage {
   #energy = null;
   #looks = 0;
   #isLooking = false;
+  /** Whether some pixels have samples. */
+  #isPainted = false;
 
   constructor(page, shell, number) {
     Object.assign(this, { shell, number });
@@ -44,6 +49,11 @@ class JobPage {
     this.links = element("div", { class: "row links" });
     this.viewer = new Viewer({ label: `Picture of job ${number}`, onPick: zone => this.#select(zone) });
     this.#addImportance();
+    this.layers = new LayerChoice(shell, this.viewer, number, () => { [this.#tag, this.#shown] = [null, null]; this.#look(); });
+    this.viewer.extras.after(this.layers.element);
+    this.comparison = new Comparison(shell, this.viewer, number);
+    this.viewer.element.append(this.comparison.element);
+    this.frames = new FrameStrip(shell);
     this.panel = element("section", { class: "panel", "aria-live": "polite", "aria-label": "Zone" });
     this.board = blackboard(zone => this.#select(zone));
     this.rules = new RulesSection(shell, number);
@@ -52,20 +62,25 @@ class JobPage {
     this.log = element("ol", { class: "log" });
     page.replaceChildren(
       element("div", { class: "job-head" }, element("div", { class: "row" }, this.title, this.chip), this.bar, this.facts, this.reason,
-        element("div", { class: "row" }, this.controls.element, this.links)),
+        element("div", { class: "row" }, this.controls.element, this.links), this.frames.element),
       element("div", { class: "studio" }, this.viewer.element, this.panel),
       element("h2", {}, "Blackboard"), this.board.element, this.rules.element,
       element("h2", {}, "Agents"), this.auction, this.agentTable.element,
       element("h2", {}, "Log"), this.log);
     this.board.element.classList.add("tall");
     this.#select(null);
-    this.end = follow(number, {
-      link: isUp => shell.link(isUp),
+    this.#follow();
+    this.timer = setInterval(() => this.#look(), LOOK_EVERY);
+    this.#look();
+  }
+
+  #follow() {
+    this.end?.();
+    this.end = follow(this.number, {
+      link: isUp => this.shell.link(isUp),
       state: events => { this.#zones.clear(); this.#agents.clear(); this.#take(events); },
       news: events => this.#take(events),
     });
-    this.timer = setInterval(() => this.#look(), LOOK_EVERY);
-    this.#look();
   }
 
   close() {
@@ -89,6 +104,10 @@ class JobPage {
     if (events.some(event => event.event === "note" || event.event === "warning")) this.#looks = 0;
     if (!events.some(event => event.event === "zone")) return;
     const zones = [...this.#zones.values()];
+    // The first pixels are not waited for.
+    const isSeen = this.#isPainted;
+    this.#isPainted = zones.some(zone => zone.samples > 0);
+    if (this.#isPainted && !isSeen) this.#look();
     this.viewer.setZones(zones);
     this.board.set(zones);
     this.#showAgents();
@@ -107,6 +126,9 @@ class JobPage {
     this.reason.hidden = !job.reason;
     setText(this.reason, job.reason ?? "");
     this.controls.set(job);
+    this.layers.set(job);
+    this.comparison.element.hidden = !job.kept;
+    this.frames.set(job);
     this.#showFacts();
     this.#showLinks();
   }
@@ -140,11 +162,10 @@ class JobPage {
     if (this.links.dataset.key === key) return;
     this.links.dataset.key = key;
     const file = kept ? element("a", { href: `/api/jobs/${this.number}/picture`, download: "", class: "button" }, `Download ${output}`) : null;
-    const layers = kept && output.endsWith(".exr") ? element("span", { class: "quiet" }, "The file has all layers that were asked for.") : null;
     const again = element("a", { href: `#/submit/${this.number}`, class: "button steers" }, "Paint this scene again …");
     const help = "What its agents say to each other, while they say it";
     const messages = element("a", { href: `#/messages/${this.number}`, class: "button", title: help }, "Messages");
-    this.links.replaceChildren(...[file, button("Save what is shown", () => this.#save()), messages, again, layers].filter(Boolean));
+    this.links.replaceChildren(...[file, button("Save what is shown", () => this.#save()), messages, again].filter(Boolean));
   }
 
   #save() {
@@ -175,7 +196,25 @@ class JobPage {
 
   #showZone(zone) {
     const used = zone && this.#energy?.zones?.find(({ id }) => id === zone.id);
-    this.panel.replaceChildren(...zonePanel(zone, used && usedText(used, this.#energy.currency)).filter(Boolean));
+    const parts = zonePanel(zone, used && usedText(used, this.#energy.currency)).filter(Boolean);
+    const isSettled = zone && ["done", "failed"].includes(zone.state) && maySteer;
+    if (isSettled) parts.splice(1, 0, button("Paint it again", () => this.#requeue(zone), { class: "steers", title: "The zone is open again, and whoever wins it paints it" }));
+    // A button that is pressed is not replaced meanwhile.
+    const key = `${zone?.id} ${isSettled}`;
+    if (this.panel.dataset.key === key && isSettled) parts[1] = this.panel.querySelector("button");
+    this.panel.dataset.key = key;
+    this.panel.replaceChildren(...parts);
+  }
+
+  /** Has a zone painted again. Of a job that is over the farm keeps no zones: all of them are. */
+  async #requeue(zone) {
+    const isOver = this.#job && !["active", "paused"].includes(this.#job.state);
+    const text = `Paint zone ${zone.id} again? The job is over and its zones are not kept, so that all of them are painted again.`;
+    if (isOver && !await this.shell.confirm(text, "Paint again")) return;
+    const job = await this.shell.attempt(() => ask("POST", `/jobs/${this.number}/zones/${zone.id}/requeue`));
+    if (!job || !isOver) return;
+    [this.#shown, this.#looks] = [null, 0];
+    this.#follow();
   }
 
   #showAgents() {
@@ -198,7 +237,7 @@ class JobPage {
   async #lookAtPicture() {
     const job = this.#job;
     // Until something is painted there is no picture; one that is over does not change.
-    if (!job || (!job.zones_done && !job.kept) || (this.#shown === job.state && job.state !== "active")) return;
+    if (!job || this.layers.isOn || (!job.zones_done && !job.kept && !this.#isPainted) || (this.#shown === job.state && job.state !== "active")) return;
     const { state } = job;
     const isPainted = !["active", "paused"].includes(state) ? job.kept : true;
     const found = isPainted ? await fetchPicture(`/jobs/${this.number}/preview.png`, this.#tag) : null;

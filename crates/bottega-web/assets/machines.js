@@ -60,6 +60,13 @@ function columns(shell, look) {
     },
     { name: "threads", head: "Processors", isNumber: true, value: machine => machine.threads, text: machine => `${machine.threads}` },
     {
+      name: "devices", head: "Devices", help: "What paints beside its processors, where a job lets it: GPUs, boards", value: machine => machine.devices.length,
+      fill(cell, { devices }) {
+        setText(cell, devices.join(", ") || "–");
+        cell.title = cell.textContent;
+      },
+    },
+    {
       name: "power", head: "V_cp", help: "Relative computing power in the job that it paints: 1 is the reference machine, 0.5 is twice as fast. The line is since this page was opened",
       value: powerOf, fill: fillLine("power", machine => decimals(powerOf(machine), 3)),
     },

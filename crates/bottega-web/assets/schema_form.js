@@ -11,7 +11,7 @@ const MAIN_FIELDS = new Map([
 
 /** What a page has no say in: files and programs of the machines that paint, and what jobs of a farm cannot have. */
 const LEFT_OUT = new Set([
-  "version", "devices", "frames", "scene.file", "scene.asset_roots", "scene.allow_outside", "engine.trust", "engine.manifests",
+  "version", "devices", "scene.file", "scene.asset_roots", "scene.allow_outside", "engine.trust", "engine.manifests",
   "work.agents", "goal.time",
 ]);
 

@@ -2,6 +2,7 @@
 
 import { ask, get } from "./api.js";
 import { button, bytes, element, fileName, setText, words } from "./format.js";
+import { LookAround, viewSize } from "./lookaround.js";
 import { chosenFiles, droppedFiles, lightOf, scenesOf } from "./scene_files.js";
 import { fieldNamed, formOf, requestOf } from "./schema_form.js";
 import { widget, WrongValue } from "./schema_widgets.js";
@@ -10,14 +11,15 @@ import { persist, sendFile } from "./upload.js";
 export function showSubmit(page, shell, ofJob) {
   const view = new SubmitPage(page, shell, ofJob);
   view.open();
-  return () => { view.isClosed = true; };
+  return () => view.close();
 }
 
 /** A request whose picture is called as its scene, where it has no name. */
 export function named(request) {
   const scene = request.scene?.file;
   if (!scene || request.output?.file) return request;
-  return { ...request, output: { ...request.output, file: `${fileName(scene).replace(/\.[^.]*$/, "")}.exr` } };
+  const frame = request.frames ? ".####" : "";
+  return { ...request, output: { ...request.output, file: `${fileName(scene).replace(/\.[^.]*$/, "")}${frame}.exr` } };
 }
 
 class SubmitPage {
@@ -38,7 +40,7 @@ class SubmitPage {
     this.status = element("p", { role: "status", class: "quiet" });
     this.bar = element("progress", { max: 1, value: 0, hidden: true, ariaLabel: "Sending" });
     this.form = element("form", { class: "submit", noValidate: true, onsubmit: event => { event.preventDefault(); this.#submit(); } },
-      this.#sceneSection(), this.fields,
+      this.#sceneSection(), this.#viewSection(), this.fields,
       element("details", {}, element("summary", {}, "The request as JSON"), this.json),
       element("div", { class: "row send" }, this.send, this.bar, this.status));
     page.replaceChildren(element("h1", {}, "New picture"), this.form);
@@ -86,6 +88,54 @@ class SubmitPage {
       if (files) taken(files);
     });
     return element("fieldset", {}, element("legend", {}, "Scene"), drop, this.list, this.sceneRow);
+  }
+
+  #viewSection() {
+    this.view = element("div");
+    this.look = button("Look around …", () => this.#lookAround());
+    this.viewNote = element("p", { class: "quiet", role: "status" });
+    return element("fieldset", { class: "steers" }, element("legend", {}, "View"), element("div", { class: "row" }, this.look), this.view, this.viewNote);
+  }
+
+  /** Shows the scene, so that a camera can be led through it. */
+  async #lookAround() {
+    if (this.#isBusy) return undefined;
+    const request = this.#request();
+    if (!request) return this.#showWrong();
+    if (!request.scene?.file) return this.shell.tellProblem("Choose a scene first.");
+    this.around?.close();
+    this.#isBusy = true;
+    this.look.disabled = true;
+    const around = this.around = new LookAround(this.shell, view => this.#takeView(view));
+    try {
+      const opened = await this.shell.attempt(async () => {
+        const asked = await this.#asked(this.#seen(request));
+        setText(this.status, "The scene is read …");
+        await around.open(asked);
+        return true;
+      });
+      if (this.isClosed || !opened) around.close();
+      else this.view.replaceChildren(around.element);
+    } finally {
+      this.#rest();
+      this.look.disabled = false;
+    }
+    return undefined;
+  }
+
+  /** A request as it is looked at: small, and of no file. */
+  #seen(request) {
+    const { output, frames, film, ...rest } = request;
+    const size = film?.size ? { size: viewSize(film.size) } : {};
+    return { ...rest, film: { ...film, ...size } };
+  }
+
+  #takeView({ camera, pose }) {
+    const write = (path, value) => this.#widgets.find(it => it.field.path === path)?.write(value);
+    write("view.camera", camera ? `${camera}` : "");
+    write("view.pose", pose);
+    setText(this.viewNote, "The picture will be painted from here. What is written under “View” below says so; empty it for the file's own view.");
+    this.#changed();
   }
 
   async #takeJob() {
@@ -150,18 +200,30 @@ class SubmitPage {
       const job = await this.shell.attempt(() => this.#send(request));
       if (job && !this.isClosed) location.hash = `#/job/${job.job}`;
     } finally {
-      this.#isBusy = false;
-      this.send.disabled = false;
-      this.bar.hidden = true;
-      setText(this.status, "");
+      this.#rest();
     }
     return undefined;
   }
 
+  #rest() {
+    this.#isBusy = false;
+    this.send.disabled = false;
+    this.bar.hidden = true;
+    setText(this.status, "");
+  }
+
+  close() {
+    this.isClosed = true;
+    this.around?.close();
+  }
+
+  /** A request with its files, which the farm has then. */
+  async #asked(request) {
+    return this.ofJob ? { request, files_of_job: this.ofJob } : { request, files: await this.#upload() };
+  }
+
   async #send(request) {
-    const asked = { request };
-    if (this.ofJob) asked.files_of_job = this.ofJob;
-    else asked.files = await this.#upload();
+    const asked = await this.#asked(request);
     setText(this.status, "The farm reads the scene …");
     try {
       return await persist(() => ask("POST", "/jobs", asked));

@@ -24,13 +24,14 @@ export class Viewer {
   constructor({ label, onPick }) {
     this.onPick = onPick;
     this.picture = element("img", { class: "picture", alt: label, draggable: false });
+    this.over = element("img", { class: "over", alt: "", hidden: true, draggable: false });
     this.importance = element("img", { class: "importance", alt: "", hidden: true, draggable: false });
     this.canvas = element("canvas", { class: "zones", "aria-hidden": "true" });
     this.tip = element("div", { class: "tip", hidden: true });
     this.empty = element("p", { class: "empty" }, "Nothing is painted yet.");
     const help = "Plus and minus zoom, 0 shows the whole picture, arrow keys move it";
     this.stage = element("div", { class: "stage", tabIndex: 0, role: "group", "aria-label": `${label}. ${help}`, title: "" },
-      this.picture, this.importance, this.canvas, this.tip, this.empty);
+      this.picture, this.over, this.importance, this.canvas, this.tip, this.empty);
     this.element = element("div", { class: "viewer" }, this.stage, this.#toolbar());
     this.#listen();
     this.observer = new ResizeObserver(() => this.#resize());
@@ -71,6 +72,19 @@ export class Viewer {
     this.draw();
   }
 
+  /** Lays another picture over this one; null: none. `how`: `slider`, `difference` or `flip`. */
+  lay(blob, how) {
+    if (this.over.src) URL.revokeObjectURL(this.over.src);
+    this.over.hidden = blob === null;
+    this.over.dataset.how = how ?? "";
+    if (blob) this.over.src = URL.createObjectURL(blob);
+    else this.over.removeAttribute("src");
+    this.draw();
+  }
+
+  /** Shows what lies over the picture from so many percent of its width on. */
+  part(percent) { this.over.style.clipPath = percent ? `inset(0 0 0 ${percent}%)` : ""; }
+
   select(zone) {
     this.#selected = zone?.id ?? null;
     this.draw();
@@ -78,7 +92,7 @@ export class Viewer {
 
   close() {
     this.observer.disconnect();
-    for (const image of [this.picture, this.importance]) if (image.src) URL.revokeObjectURL(image.src);
+    for (const image of [this.picture, this.over, this.importance]) if (image.src) URL.revokeObjectURL(image.src);
   }
 
   #toolbar() {
@@ -106,7 +120,7 @@ export class Viewer {
     const stops = Number(this.exposure.value);
     setText(this.stops, stops > 0 ? `+${stops}` : `${stops}`);
     for (const part of document.querySelectorAll("#exposure [slope]")) part.setAttribute("slope", 2 ** stops);
-    this.picture.style.filter = stops ? "url(#exposure)" : "";
+    for (const image of [this.picture, this.over]) image.style.filter = stops ? "url(#exposure)" : "";
   }
 
   get #size() { return { width: this.stage.clientWidth, height: this.stage.clientHeight }; }
@@ -223,7 +237,7 @@ export class Viewer {
     if (!this.#view) return;
     const { scale, x, y } = this.#view;
     const { width, height } = this.#pictureSize;
-    for (const image of [this.picture, this.importance]) {
+    for (const image of [this.picture, this.over, this.importance]) {
       image.style.width = `${width * scale}px`;
       image.style.height = `${height * scale}px`;
       image.style.transform = `translate(${x}px, ${y}px)`;

@@ -6,7 +6,7 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
-use bottega::{Event, StopSwitch};
+use bottega::{Event, Request, StopSwitch};
 use bottega_cluster::{
     energy::{JobEnergy, Tariff},
     job::{LogLine, unix_seconds},
@@ -59,6 +59,8 @@ struct PaintedState {
     log: Vec<LogLine>,
     preview: Option<Vec<u8>>,
     threads: usize,
+    /// What paints beside them.
+    devices: Vec<String>,
     /// Where the picture is, once it is.
     written: Option<String>,
 }
@@ -122,17 +124,19 @@ impl PaintedState {
             submitted: unix_seconds(),
             scene: String::new(),
             output: String::new(),
+            animation: None,
             kept: false,
             is_over: false,
         };
         let (zones, agents) = Default::default();
-        Self { view, zones, agents, log: Vec::new(), preview: None, threads: 0, written: None }
+        Self { view, zones, agents, log: Vec::new(), preview: None, threads: 0, devices: Vec::new(), written: None }
     }
 
     /// Takes an event in. What it replaces is forgotten.
     fn take(&mut self, event: &Event) {
         match event {
-            Event::Started { scene, output, threads, .. } => {
+            Event::Started { scene, output, threads, gpus, .. } => {
+                self.devices.clone_from(gpus);
                 (self.threads, self.view.zones, self.view.zones_done) = (*threads, 0, 0);
                 (self.view.scene, self.view.output) = (scene.clone(), output.clone());
                 self.zones.clear();
@@ -278,6 +282,7 @@ impl ShownFarm for PaintedJob {
             state: PresenceState::Active.word(),
             ordered: PresenceState::Active.word(),
             threads: state.threads,
+            devices: state.devices.clone(),
             job: Some(NUMBER).filter(|_| !state.view.is_over),
             version: bottega_cluster::build::build().identity().to_owned(),
             takes_orders: false,
@@ -301,6 +306,10 @@ impl ShownFarm for PaintedJob {
         }
     }
 
+    fn requeue(&self, _number: u32, _zone: u32) -> Result<(), Problem> {
+        Err(no_farm())
+    }
+
     fn tell(&self, _machine: &str, _standing: PresenceState) -> Result<(), Problem> {
         Err(no_farm())
     }
@@ -313,7 +322,11 @@ impl ShownFarm for PaintedJob {
         Err(no_farm())
     }
 
-    fn submit(&self, _asked: Submission) -> Result<u32, Problem> {
+    fn submit(&self, _asked: Submission) -> Result<Vec<u32>, Problem> {
+        Err(no_farm())
+    }
+
+    fn uploaded_here(&self, _asked: Submission) -> Result<Request, Problem> {
         Err(no_farm())
     }
 }

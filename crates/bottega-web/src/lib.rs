@@ -12,9 +12,12 @@
 //! | the routes, and what each answers | `src/route.rs`, `src/routes/`; as OpenAPI: `src/openapi.rs` |
 //! | what is shown: a farm, one picture | `src/source.rs`; `src/linked_farm.rs`, `src/dashboard.rs` |
 //! | a job as it changes; its messages | `src/live.rs`; `src/message_log.rs` |
+//! | scenes that are looked around in | `src/viewports.rs`, `src/routes/viewports.rs` |
+//! | pictures compared | `src/comparisons.rs`, `src/routes/comparisons.rs` |
 //! | errors; paths that nobody is told | `src/problem.rs`, `src/redact.rs` |
 //! | the page | `src/page.rs`, `assets/` |
 
+mod comparisons;
 mod dashboard;
 mod error;
 mod guard;
@@ -34,6 +37,7 @@ mod source;
 mod state;
 mod timed_io;
 mod tokens;
+mod viewports;
 
 pub use self::{
     dashboard::Dashboard,

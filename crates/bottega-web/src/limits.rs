@@ -15,6 +15,18 @@ pub const EVENT_STREAMS_MAX: usize = 64;
 pub(crate) const QUESTIONS_MAX: usize = 16;
 /// Jobs that are looked through at once, before they are asked for.
 pub(crate) const SUBMISSIONS_MAX: usize = 1;
+/// Pictures that were sent to be compared; the oldest one goes.
+pub(crate) const SENT_PICTURES_MAX: usize = 2;
+/// Bytes of each.
+pub(crate) const SENT_PICTURE_BYTES_MAX: usize = 64 << 20;
+/// So long for comparing two pictures.
+pub(crate) const COMPARISON_TIME: Duration = Duration::from_secs(120);
+/// Scenes that are looked around in at once; more are answered 503.
+pub(crate) const VIEWPORTS_MAX: usize = 4;
+/// A viewport of which nobody asks for so long is closed.
+pub(crate) const VIEWPORT_IDLE: Duration = Duration::from_secs(20);
+/// So long one waits for something new of a viewport.
+pub(crate) const FRAME_TIME: Duration = Duration::from_secs(5);
 /// Bytes of a body of JSON.
 pub const JSON_BYTES_MAX: usize = 1 << 20;
 /// Bytes of all headers of a request.

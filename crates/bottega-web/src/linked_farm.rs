@@ -4,13 +4,16 @@
 use std::{
     collections::{BTreeMap, HashMap},
     path::Path,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
     thread,
     time::{Duration, Instant},
 };
 
 use axum::http::StatusCode;
-use bottega::events::Event;
+use bottega::{Request, events::Event};
 use bottega_cluster::{
     Job, JobBoard, JobState,
     blackboard::RowNews,
@@ -69,6 +72,8 @@ struct ReadMessages {
 struct FollowedJob {
     work: u64,
     live: Arc<LiveJob>,
+    /// Nothing more is told of it: it was over.
+    has_ended: Arc<AtomicBool>,
 }
 
 /// A preview and when it was made.
@@ -243,7 +248,8 @@ impl ShownFarm for LinkedFarm {
         let fresh = self.preview_of(&job)?;
         let mut fresh = lock(&fresh);
         let is_over = job.state.is_over();
-        let is_stale = fresh.renewed.is_none_or(|at| at.elapsed() > PREVIEW_EVERY) || is_over != fresh.was_over;
+        let is_old = fresh.renewed.is_none_or(|at| at.elapsed() > PREVIEW_EVERY);
+        let is_stale = fresh.png.is_none() || is_old || is_over != fresh.was_over;
         if is_stale {
             fresh.png = fresh.preview.renew(&self.board, &job)?;
             (fresh.renewed, fresh.was_over) = (Some(Instant::now()), is_over);
@@ -272,15 +278,19 @@ impl ShownFarm for LinkedFarm {
     }
 
     fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem> {
-        let work = self.known(number)?.work;
+        let Job { work, state, .. } = self.known(number)?;
         let mut followed = lock(&self.live);
         // Whose thread has ended, and whom nobody watches.
         followed.retain(|_, job| Arc::strong_count(&job.live) > 1);
-        if let Some(job) = followed.get(&number).filter(|job| job.work == work) {
+        let known = followed.get(&number).filter(|job| job.work == work);
+        // One that was over may be painted again.
+        let goes_on = |job: &&FollowedJob| state.is_over() || !job.has_ended.load(Ordering::Relaxed);
+        if let Some(job) = known.filter(goes_on) {
             return Ok(Arc::clone(&job.live));
         }
-        let live = Arc::new(LiveJob::default());
-        followed.insert(number, FollowedJob { work, live: Arc::clone(&live) });
+        let live = known.map_or_else(Arc::default, |job| Arc::clone(&job.live));
+        let has_ended = Arc::new(AtomicBool::new(false));
+        followed.insert(number, FollowedJob { work, live: Arc::clone(&live), has_ended: Arc::clone(&has_ended) });
         let (board, told, all) = (self.board.clone(), Arc::clone(&live), Arc::clone(&self.live));
         // This thread and the table have it.
         let is_wanted = move |live: &Arc<LiveJob>| {
@@ -296,6 +306,7 @@ impl ShownFarm for LinkedFarm {
             // The one who asked for it may not have begun to listen.
             let is_wanted = || since.elapsed() < LOOK_EVERY || is_wanted(&told);
             follow(&board, number, &told, &is_wanted);
+            has_ended.store(true, Ordering::Relaxed);
         });
         match begun {
             Ok(_) => Ok(live),
@@ -331,6 +342,7 @@ impl ShownFarm for LinkedFarm {
                 state: seat.standing.word(),
                 ordered: board.order_to(&seat.name).standing.word(),
                 threads: seat.threads,
+                devices: seat.devices,
                 job: seat.job,
                 takes_orders: seat.takes_orders,
                 is_guest: seat.is_guest,
@@ -358,6 +370,17 @@ impl ShownFarm for LinkedFarm {
         Ok(())
     }
 
+    fn requeue(&self, number: u32, zone: u32) -> Result<(), Problem> {
+        self.known(number)?;
+        self.board.requeue(number, zone, &format!("the page that {} serves", host_name()))?;
+        // Those who watch a job that was over are told how it goes on.
+        let is_watched = lock(&self.live).contains_key(&number);
+        if is_watched {
+            self.live(number)?;
+        }
+        Ok(())
+    }
+
     fn tell(&self, machine: &str, standing: PresenceState) -> Result<(), Problem> {
         let seats = self.board.presences();
         let seat = seats.iter().find(|seat| seat.name == machine);
@@ -379,8 +402,12 @@ impl ShownFarm for LinkedFarm {
         Ok(self.board.put_piece(digest, bytes)?)
     }
 
-    fn submit(&self, asked: Submission) -> Result<u32, Problem> {
+    fn submit(&self, asked: Submission) -> Result<Vec<u32>, Problem> {
         let from = format!("web-{}", host_name());
         Ok(self.board.submit_uploaded(asked, &from, &self.cache)?)
+    }
+
+    fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem> {
+        Ok(self.board.uploaded_here(asked, &self.cache)?)
     }
 }

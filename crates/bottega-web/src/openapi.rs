@@ -60,7 +60,7 @@ fn operation(route: &Route, generator: &mut schemars::SchemaGenerator) -> Value 
         done["content"] = content;
     }
     let parameter = |name: &str| {
-        let schema = if ["id", "from", "zone"].contains(&name) {
+        let schema = if ["id", "from", "zone", "viewport", "picture"].contains(&name) {
             json!({ "type": "integer", "minimum": 0 })
         } else {
             json!({ "type": "string" })

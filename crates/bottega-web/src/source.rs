@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use bottega::events::{AgentEvent, Event};
+use bottega::{
+    Request,
+    events::{AgentEvent, Event},
+};
 use bottega_cluster::{
     energy::{JobEnergy, MachineEnergy},
     job::LogLine,
@@ -71,6 +74,8 @@ pub struct MachineStatus {
     pub ordered: &'static str,
     /// Its processors.
     pub threads: usize,
+    /// What paints beside them, where a job lets it: names of GPUs, addresses of boards.
+    pub devices: Vec<String>,
     /// The job that it paints.
     pub job: Option<u32>,
     /// The identity of its build.
@@ -199,6 +204,12 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// It cannot be done to this job, now or ever.
     fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem>;
 
+    /// Has a zone of a job painted again.
+    ///
+    /// # Errors
+    /// There is none of that number, or it is not done.
+    fn requeue(&self, number: u32, zone: u32) -> Result<(), Problem>;
+
     /// Tells a machine what to do.
     ///
     /// # Errors
@@ -217,9 +228,15 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// It is not what its digest says, or is not kept.
     fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Problem>;
 
-    /// Asks for a picture. Returns the number of the job.
+    /// Asks for a picture, or for the frames of an animation. Returns the numbers of the jobs.
     ///
     /// # Errors
     /// It cannot be painted.
-    fn submit(&self, asked: Submission) -> Result<u32, Problem>;
+    fn submit(&self, asked: Submission) -> Result<Vec<u32>, Problem>;
+
+    /// A request with its files on this machine, so that its scene can be looked at.
+    ///
+    /// # Errors
+    /// There is no such file, or this is no farm.
+    fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem>;
 }

@@ -6,11 +6,13 @@ use axum::http::StatusCode;
 use tokio::sync::Semaphore;
 
 use crate::{
+    comparisons::Comparisons,
     hosts::HostNames,
     limits::{EVENT_STREAMS_MAX, QUESTIONS_MAX, SUBMISSIONS_MAX, Tempo},
     problem::Problem,
     source::ShownFarm,
     tokens::Tokens,
+    viewports::Viewports,
 };
 
 /// From where a request comes.
@@ -28,6 +30,10 @@ pub(crate) struct DoorState {
     questions: Arc<Semaphore>,
     /// Jobs that are looked through.
     pub(crate) submissions: Arc<Semaphore>,
+    /// Scenes that are looked around in.
+    pub(crate) viewports: Arc<Viewports>,
+    /// Pictures that are compared.
+    pub(crate) comparisons: Arc<Comparisons>,
 }
 
 impl DoorState {
@@ -41,6 +47,8 @@ impl DoorState {
             streams: permits(EVENT_STREAMS_MAX),
             questions: permits(QUESTIONS_MAX),
             submissions: permits(SUBMISSIONS_MAX),
+            viewports: Arc::default(),
+            comparisons: Arc::default(),
         }
     }
 

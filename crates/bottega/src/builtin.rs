@@ -90,7 +90,7 @@ impl BuiltinPainter {
         let mut metadata = Metadata::new();
         metadata.set("scene", shown(&request.scene.file));
         metadata.set("scene_digest", &*subject.scene().digest);
-        metadata.set("camera", &*subject.scene().cameras[subject.view.camera].name);
+        metadata.set("camera", &*subject.camera().name);
         metadata.set("samples_per_pixel", settings.samples.to_string());
         match settings.goal {
             Goal::Samples => {}

@@ -1,6 +1,7 @@
 //! The difference of two pictures, in figures.
 
 use bottega_image::{FlipOptions, Picture, flip, mae, rel_mse, rel_mse_trimmed, rmse};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::error::Error;
@@ -12,7 +13,7 @@ const TRIMMED: f64 = 1e-3;
 const VISIBLE: f32 = 0.1;
 
 /// The difference of a picture from a reference.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Difference {
     /// Root of the mean squared error.
     pub rmse: f64,

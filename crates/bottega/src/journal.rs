@@ -97,7 +97,8 @@ pub fn name_of(request: &Request, subject: &LoadedScene, settings: &JobSettings)
     [
         format!("version={}", identity()),
         format!("scene={}", subject.scene().digest),
-        format!("camera={}", subject.view.camera),
+        format!("camera={}", subject.camera),
+        format!("pose={:?}", request.view.pose),
         format!("lens={:?}/{:?}", request.view.lens_radius, request.view.focus_distance),
         format!("size={}x{}", settings.width, settings.height),
         format!("crop={}", settings.crop),

@@ -32,6 +32,7 @@
 //! | animations: the request of a frame; which frames, under which names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
 //! | the journal beside a picture | [`journal`] |
 //! | what the Analyst makes of a scene; how two pictures differ | [`analysis`], [`difference`] |
+//! | a scene looked around in | [`viewport`] |
 //! | previews, denoising | `src/preview.rs`, [`denoise`] |
 //! | which build this is | [`identity`] |
 //! | what is kept for this user between runs | [`state`] |
@@ -61,6 +62,7 @@ pub mod session;
 pub mod settings;
 mod tev;
 pub mod text;
+pub mod viewport;
 
 pub use bottega_farm::StopSwitch;
 pub use bottega_scene as scene;

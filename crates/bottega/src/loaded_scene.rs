@@ -5,14 +5,15 @@ use std::{sync::Arc, time::Instant};
 use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, Prepass, View, build_accel};
 use bottega_scene::{
-    Environment, LoadOptions, Loaded, Metadata, Panorama, Projection, RenderHints, Scene, SceneFile, Spectrum, Warning,
+    Camera, Environment, LoadOptions, Loaded, Metadata, Panorama, Projection, RenderHints, Scene, SceneFile, Spectrum,
+    Warning,
 };
-use glam::Mat3;
+use glam::{DVec3, Mat3};
 
 use crate::{
     devices::threads,
     error::Error,
-    request::{EnvironmentLight, Request, SceneOptions, check_size},
+    request::{EnvironmentLight, Request, SceneOptions, ViewOptions, check_size},
 };
 
 /// Height of a picture of which only the shape is known.
@@ -26,6 +27,10 @@ pub struct LoadedScene {
     pub prepass: Arc<Prepass>,
     /// Camera and size.
     pub view: View,
+    /// The number of the camera in the file; it may stand elsewhere.
+    pub camera: usize,
+    /// The cameras as the file has them.
+    cameras: Vec<Camera>,
     /// What of the file is not as its author meant it.
     pub warnings: Vec<Warning>,
     /// What the file asks for. Its part of the picture is left out where the request says how large the picture is.
@@ -62,20 +67,40 @@ impl LoadedScene {
 
     fn of(loaded: Loaded, request: &Request) -> Result<Self, Error> {
         let Loaded { mut scene, warnings, mut hints, files, .. } = loaded;
-        let view = &request.view;
-        let camera = camera_index(&scene, view.camera.as_deref())?;
-        let lens = &mut scene.cameras[camera];
-        lens.lens_radius = view.lens_radius.unwrap_or(lens.lens_radius);
-        lens.focus_distance = view.focus_distance.unwrap_or(lens.focus_distance);
-        let asked = request.film.size;
-        let [width, height] = asked.or_else(|| hinted_size(&hints)).unwrap_or_else(|| default_size(&scene, camera));
-        hints.crop = hints.crop.filter(|_| asked.is_none());
+        let cameras = scene.cameras.clone();
+        let (camera, aimed) = aimed(&cameras, scene.origin, &request.view)?;
+        let [width, height] = size(request, &hints, &aimed);
+        scene.cameras[camera] = aimed;
+        hints.crop = hints.crop.filter(|_| request.film.size.is_none());
         let options = PrepareOptions { threads: threads(request), ..PrepareOptions::default() };
         let accel = build_accel(&scene, &options)?;
         let loaded = Instant::now();
         let prepared = Arc::new(PreparedScene::with_accel(Arc::new(scene), accel, &options));
         let view = View { camera, width, height };
-        Ok(Self { prepared, prepass: Arc::default(), view, warnings, hints, files, loaded })
+        Ok(Self { prepared, prepass: Arc::default(), view, camera, cameras, warnings, hints, files, loaded })
+    }
+
+    /// The same scene as another request sees it that differs in its view alone: nothing is read or prepared anew.
+    ///
+    /// # Errors
+    /// The scene has no such camera, or the camera cannot look so.
+    pub fn seen_as(self, request: &Request) -> Result<Self, Error> {
+        let (camera, aimed) = aimed(&self.cameras, self.scene().origin, &request.view)?;
+        let [width, height] = size(request, &self.hints, &aimed);
+        let view = View { camera: self.prepared.add_camera(aimed), width, height };
+        let mut hints = self.hints;
+        hints.crop = hints.crop.filter(|_| request.film.size.is_none());
+        Ok(Self { view, camera, prepass: Arc::default(), hints, ..self })
+    }
+
+    /// The camera of the picture.
+    pub fn camera(&self) -> Arc<Camera> {
+        self.prepared.camera(self.view.camera).expect("a view has a camera of its scene")
+    }
+
+    /// The cameras as the file has them.
+    pub fn cameras(&self) -> &[Camera] {
+        &self.cameras
     }
 
     /// The scene as it was read.
@@ -143,13 +168,58 @@ fn turn_environment(scene: &mut Scene, request: &Request) {
     }
 }
 
-fn camera_index(scene: &Scene, asked: Option<&str>) -> Result<usize, Error> {
+/// The camera that is asked for, as it is to stand, and its number.
+///
+/// - `origin`: where the origin of the scene lies in the coordinates of the file.
+fn aimed(cameras: &[Camera], origin: DVec3, view: &ViewOptions) -> Result<(usize, Camera), Error> {
+    let number = check_view(view, cameras.iter().map(|camera| (&*camera.name, has_angle(camera))))?;
+    let mut camera = cameras[number].clone();
+    camera.lens_radius = view.lens_radius.unwrap_or(camera.lens_radius);
+    camera.focus_distance = view.focus_distance.unwrap_or(camera.focus_distance);
+    let Some(pose) = view.pose else { return Ok((number, camera)) };
+    camera.world_from_camera = pose.looking(origin.to_array()).ok_or_else(|| {
+        let problem = "`view.pose` looks nowhere: seen from the middle of the scene, `eye` and `target` are one place";
+        Error::usage(problem, "move them apart")
+    })?;
+    if let (Some(fov), Projection::Perspective { vertical_fov }) = (pose.fov, &mut camera.projection) {
+        *vertical_fov = fov.to_radians();
+    }
+    Ok((number, camera))
+}
+
+fn has_angle(camera: &Camera) -> bool {
+    matches!(camera.projection, Projection::Perspective { .. })
+}
+
+/// The number of the camera that a view asks for, if the scene can be seen so.
+///
+/// - `cameras`: the name of each, and whether it has an angle.
+///
+/// # Errors
+/// There is no such camera, or it has no angle that could be another one.
+pub(crate) fn check_view<'a>(
+    view: &ViewOptions,
+    cameras: impl Iterator<Item = (&'a str, bool)>,
+) -> Result<usize, Error> {
+    let cameras: Vec<(&str, bool)> = cameras.collect();
+    let number = camera_index(&cameras, view.camera.as_deref())?;
+    let (name, has_angle) = cameras[number];
+    match view.pose.and_then(|pose| pose.fov) {
+        Some(fov) if !has_angle => {
+            let problem = format!("`view.pose.fov` is {fov}, and the camera {number} {name:?} has no angle");
+            Err(Error::usage(problem, "leave it out, or choose a camera with perspective"))
+        }
+        _ => Ok(number),
+    }
+}
+
+fn camera_index(cameras: &[(&str, bool)], asked: Option<&str>) -> Result<usize, Error> {
     let Some(asked) = asked else { return Ok(0) };
-    let by_name = scene.cameras.iter().position(|camera| camera.name == asked);
-    let by_number = asked.parse().ok().filter(|&index: &usize| index < scene.cameras.len());
+    let by_name = cameras.iter().position(|(name, _)| *name == asked);
+    let by_number = asked.parse().ok().filter(|&index: &usize| index < cameras.len());
     by_name.or(by_number).ok_or_else(|| {
         let names: Vec<String> =
-            scene.cameras.iter().enumerate().map(|(index, camera)| format!("{index} {:?}", camera.name)).collect();
+            cameras.iter().enumerate().map(|(index, (name, _))| format!("{index} {name:?}")).collect();
         Error::usage(format!("there is no camera `{asked}`"), format!("the scene has: {}", names.join(", ")))
     })
 }
@@ -159,8 +229,12 @@ fn hinted_size(hints: &RenderHints) -> Option<[u32; 2]> {
     hints.resolution.filter(|&[width, height]| check_size(width, height).is_ok())
 }
 
-fn default_size(scene: &Scene, camera: usize) -> [u32; 2] {
-    let camera = &scene.cameras[camera];
+/// The size of the picture: what the request says, or the file, or the camera.
+fn size(request: &Request, hints: &RenderHints, camera: &Camera) -> [u32; 2] {
+    request.film.size.or_else(|| hinted_size(hints)).unwrap_or_else(|| default_size(camera))
+}
+
+fn default_size(camera: &Camera) -> [u32; 2] {
     let aspect =
         camera.aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(match camera.projection {
             Projection::Perspective { .. } => 16.0 / 9.0,

@@ -170,6 +170,7 @@ mod tests {
             submitted: 0,
             scene: "s.glb".to_owned(),
             output: "p.exr".to_owned(),
+            animation: None,
             kept: false,
             is_over: !matches!(state, "active" | "paused"),
         }

@@ -308,6 +308,24 @@ impl ZoneRow {
         Self { state, attempt, rival: None, ..self.clone() }
     }
 
+    /// The row of a zone that is done or given up and is to be painted again from its first sample. It keeps what was chosen for
+    /// it, for which its neighbors' bands were made. `None`: it is neither.
+    pub fn requeued(&self) -> Option<Self> {
+        matches!(self.state, ZoneState::Done | ZoneState::Failed).then(|| Self {
+            state: ZoneState::Open,
+            attempt: 0,
+            agent: None,
+            result: None,
+            goal: None,
+            error: None,
+            time_measured: None,
+            rival: None,
+            votes: Vec::new(),
+            word_of: None,
+            ..self.clone()
+        })
+    }
+
     /// The row after a restart of the whole farm: no agent has it in hand any more, and that is nobody's fault.
     #[must_use]
     pub fn resumed(&self) -> Self {

@@ -2,14 +2,31 @@
 
 use std::sync::Arc;
 
-use bottega_agents::{AgentId, Time};
+use bottega_agents::{AgentId, Revision, Time};
 use bottega_engines::Survey;
 
 use super::progress::Progress;
-use crate::{AgentRow, FarmMessage, ImportanceMap, Partition, RoundSummary, Theft, ZoneRow};
+use crate::{AgentRow, FarmCompletion, FarmMessage, ImportanceMap, Partition, RoundSummary, Theft, ZoneId, ZoneRow};
+
+/// A Master, as somebody beside it may ask it for something.
+#[derive(Clone)]
+pub struct MasterHandle {
+    pub(super) ask: Arc<dyn Fn(FarmCompletion) + Send + Sync>,
+}
+
+impl MasterHandle {
+    /// Has a zone painted again that is done or given up.
+    ///
+    /// - `fence`: the token of the samples that are to go, so that no others do; `None`: it was given up.
+    pub fn requeue(&self, zone: ZoneId, fence: Option<Revision>) {
+        (self.ask)(FarmCompletion::Requeue { zone, fence });
+    }
+}
 
 /// Sees a job go on. All methods are called from the job's threads and must return soon.
 pub trait Observer: Send + Sync {
+    /// This process leads the job: what may be asked of its Master.
+    fn leads(&self, _master: &MasterHandle) {}
     /// The engine has had a look at the whole picture: the first that there is to see. Not called when a work is resumed.
     fn surveyed(&self, _survey: &Arc<Survey>) {}
     /// The Analyst has made map and zones. Not called when a work is resumed.

@@ -177,6 +177,17 @@ impl Master {
         }
     }
 
+    /// Somebody wants a zone painted again. What is in hand already, or has other samples by now, stays as it is: who asked twice
+    /// has it painted once.
+    pub(super) fn requeue(&mut self, now: Time, zone: ZoneId, fence: Option<Revision>, actions: &mut Vec<FarmAction>) {
+        let is_free = self.begun && !self.stopping && !self.finished && !self.writes.contains_key(&zone);
+        let row = self.board.zone(zone).filter(|_| is_free).map(|(_, row)| row);
+        let row = row.filter(|row| row.state == ZoneState::Failed || row.result.map(|result| result.fence) == fence);
+        if let Some(row) = row.and_then(ZoneRow::requeued) {
+            self.write(now, row, RowFollowUp::TakenBack, actions);
+        }
+    }
+
     /// The samples of a zone are nowhere.
     fn lose(&mut self, now: Time, zone: ZoneId, asked: bool, actions: &mut Vec<FarmAction>) {
         // Where it is being written it is painted again already, for the word of its painter counts no more.

@@ -11,8 +11,9 @@ use std::time::Duration;
 
 use bottega_agents::{AgentId, Time};
 use bottega_farm::{AuctionRule, FarmAgent, Goal};
+use bottega_image::Rect;
 
-use stage::{Scene, assert_whole, play, play_watched, troubled};
+use stage::{Play, Scene, Studio, assert_whole, play, play_watched, troubled};
 
 #[test]
 fn every_zone_is_composed_once_whatever_goes_wrong() {
@@ -32,6 +33,35 @@ fn every_zone_is_composed_once_where_agents_steal_whatever_goes_wrong() {
         let play = play(seed, &Scene { auction: AuctionRule::Stealing, ..troubled(seed) }, false);
         assert_whole(&play, seed);
     }
+}
+
+/// Zones that were painted again, of those that somebody wanted again.
+fn painted_again(play: &Play) -> Vec<Rect> {
+    let seen = play.seen.borrow();
+    let requeued = play.simulator.world().requeued.iter();
+    let again = requeued.filter(|(zone, fence)| seen.zones[zone].result.is_some_and(|it| it.fence != **fence));
+    again.map(|(zone, _)| seen.zones[zone].rect).collect()
+}
+
+#[test]
+fn a_zone_that_is_wanted_again_is_painted_once_more_and_the_film_is_whole() {
+    let mut again = 0;
+    for seed in 0..200 {
+        let play = play(seed, &Scene { requeues: 0.2, ..troubled(seed) }, false);
+        assert_whole(&play, seed);
+        again += painted_again(&play).len();
+    }
+    assert!(again > 200, "{again} zones were painted again");
+    // Where nothing goes wrong it costs what it must: who asks twice is heard once.
+    let scene = Scene { requeues: 0.3, zones: 16, samples: 512, shares_tail: false, ..Scene::calm(&[1.0, 2.0]) };
+    let play = play(9, &scene, false);
+    assert_whole(&play, 9);
+    let cost = |rect: &Rect| Studio::cost(rect, 512).as_secs_f64();
+    let first: f64 = play.seen.borrow().zones.values().map(|row| cost(&row.rect)).sum();
+    let again = painted_again(&play);
+    let wanted = first + again.iter().map(cost).sum::<f64>();
+    let painted = play.simulator.world().painted.as_secs_f64();
+    assert!(again.len() > 1 && (painted / wanted - 1.0).abs() < 1e-6, "{} zones: {painted} {wanted}", again.len());
 }
 
 #[test]

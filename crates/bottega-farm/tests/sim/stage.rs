@@ -49,6 +49,10 @@ pub(crate) struct Studio {
     pub(crate) sittings: BTreeMap<(AgentId, ZoneId, Revision), (Time, Time)>,
     /// Reference-machine time painted, whether it was of use or not.
     pub(crate) painted: Duration,
+    /// Share of zones that somebody wants painted again when they are in the film, each once.
+    pub(crate) requeues: f64,
+    /// Those of them for which that was asked.
+    pub(crate) requeued: BTreeMap<ZoneId, Revision>,
 }
 
 impl Studio {
@@ -135,6 +139,13 @@ impl World<FarmAgent> for Studio {
                 let row = &seen.zones[&zone];
                 assert_eq!((row.state, row.result), (ZoneState::Done, Some(result)));
                 reports.push((Duration::from_millis(1), FarmCompletion::Composed { zone, outcome: Ok(()) }));
+                if self.requeues > 0.0 && !self.requeued.contains_key(&zone) && random.unit() < self.requeues {
+                    self.requeued.insert(zone, result.fence);
+                    let fence = Some(result.fence);
+                    // Who asks may do so twice.
+                    let asked = [50, 250].map(Duration::from_millis);
+                    reports.extend(asked.map(|later| (later, FarmCompletion::Requeue { zone, fence })));
+                }
             }
             FarmEffect::Finish { failed } => {
                 assert!(seen.finished.is_none(), "the work ends once");
@@ -169,6 +180,8 @@ pub(crate) struct Scene {
     pub(crate) late: Duration,
     /// Agents find their Master in directories, which come so late; the longest time: never.
     pub(crate) directories: Option<Duration>,
+    /// Share of zones that are to be painted again.
+    pub(crate) requeues: f64,
 }
 
 impl Scene {
@@ -188,6 +201,7 @@ impl Scene {
             verify: 1,
             late: Duration::ZERO,
             directories: None,
+            requeues: 0.0,
         }
     }
 }
@@ -220,6 +234,8 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
         seen: Rc::clone(&seen),
         sittings: BTreeMap::new(),
         painted: Duration::ZERO,
+        requeues: scene.requeues,
+        requeued: BTreeMap::new(),
     };
     let mut simulator = Simulator::new(seed, scene.faults.clone(), studio);
     if trace {
@@ -331,6 +347,10 @@ pub(crate) fn check(simulator: &Simulator<FarmAgent, Studio>) {
     let Some(FarmAgent::Master(master)) = simulator.machine(&AgentId::new("master")) else { return };
     let seen = simulator.world().seen.borrow();
     for zone in &seen.composed {
+        // One that is to be painted again leaves the film with the next one.
+        if simulator.world().requeued.contains_key(zone) {
+            continue;
+        }
         if let Some((_, row)) = master.board().zone(*zone) {
             assert_eq!(row.state, ZoneState::Done, "{zone} is in the film and no longer done");
         }
@@ -402,5 +422,6 @@ pub(crate) fn troubled(seed: u64) -> Scene {
         verify: 1,
         late: Duration::from_secs(seed % 6),
         directories: (seed % 2 == 1).then(|| Duration::from_secs(seed % 9)),
+        requeues: 0.0,
     }
 }

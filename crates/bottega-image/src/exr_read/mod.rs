@@ -100,6 +100,25 @@ pub(crate) fn describe<R: BufRead + Seek>(source: &PictureSource<'_>, mut input:
     Ok(ColorHeader { color, window })
 }
 
+/// The full names of all channels.
+pub(crate) fn channel_names<R: BufRead + Seek>(
+    source: &PictureSource<'_>,
+    input: R,
+) -> Result<Vec<String>, ImageError> {
+    let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
+    let of_part = |header: &Header| {
+        let part = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
+        let names = header.channels.list.iter().map(|channel| channel.name.to_string());
+        let full = |name: String| if part.is_empty() || name.contains('.') { name } else { format!("{part}.{name}") };
+        names.map(full).collect::<Vec<String>>()
+    };
+    // The channels of the first part are those of no layer, whatever it is called.
+    let first =
+        reader.headers().first().map(|header| header.channels.list.iter().map(|it| it.name.to_string()).collect());
+    let others = reader.headers().iter().skip(1).flat_map(of_part);
+    Ok(first.unwrap_or_else(Vec::new).into_iter().chain(others).collect())
+}
+
 fn choose(source: &PictureSource<'_>, headers: &[Header]) -> Result<Color, ImageError> {
     find_color(headers).ok_or_else(|| ImageError::NoColor {
         path: source.path.to_owned(),

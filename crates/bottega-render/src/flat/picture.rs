@@ -21,14 +21,12 @@ impl FlatPicture {
     /// # Errors
     /// There is no such camera, or no pixel.
     pub fn new(prepared: &PreparedScene, view: View, filter: Filter) -> Result<Self, RenderError> {
-        let cameras = &prepared.scene().cameras;
-        let camera =
-            cameras.get(view.camera).ok_or(RenderError::NoCamera { index: view.camera, count: cameras.len() })?;
+        let camera = prepared.camera(view.camera).ok_or_else(|| prepared.no_camera(view.camera))?;
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
         let mut words = Words::default();
-        words.record(&CameraRays::new(camera, view.width, view.height).record());
+        words.record(&CameraRays::new(&camera, view.width, view.height).record());
         FilterSampler::new(filter).write(&mut words);
         Ok(Self { words: words.into_inner().0 })
     }

@@ -40,8 +40,11 @@ struct PriorityChange {
 /// A job that was asked for.
 #[derive(Debug, Serialize, JsonSchema)]
 struct AskedJob {
-    /// Its number.
+    /// Its number; of an animation that of its first frame.
     job: u32,
+    /// Of an animation: the jobs of all frames, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    jobs: Vec<u32>,
 }
 
 pub(super) fn routes() -> Vec<Route> {
@@ -95,7 +98,7 @@ pub(super) fn routes() -> Vec<Route> {
         Route::done(
             "post",
             "/api/jobs",
-            "Ask for a picture, with files that were uploaded or those of another job.",
+            "Ask for a picture, or the frames of an animation, with files that were uploaded or those of another job.",
             RouteBody::Json(schema::<Submission>),
             RouteAnswer::Json(schema::<AskedJob>),
             post(submit),
@@ -118,6 +121,14 @@ pub(super) fn routes() -> Vec<Route> {
             RouteBody::Json(schema::<PriorityChange>),
             shown,
             put(priority),
+        ),
+        Route::done(
+            "post",
+            "/api/jobs/{id}/zones/{zone}/requeue",
+            "Have a zone painted again that is done or failed.",
+            RouteBody::Nothing,
+            shown,
+            post(requeue),
         ),
         Route::done(
             "delete",
@@ -184,8 +195,14 @@ async fn submit(State(door): AtDoor, request: Request) -> RouteResult {
         let _permit = permit;
         farm.submit(asked)
     });
-    let job = job.await?;
-    let mut response = json_text(StatusCode::CREATED, redacted_json(&AskedJob { job }));
+    let mut jobs = job.await?;
+    let job = jobs.first().copied().ok_or_else(|| {
+        Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "`frames.list` has no frames", "name one at least")
+    })?;
+    if jobs.len() == 1 {
+        jobs.clear();
+    }
+    let mut response = json_text(StatusCode::CREATED, redacted_json(&AskedJob { job, jobs }));
     if let Ok(place) = format!("/api/jobs/{job}").parse() {
         response.headers_mut().insert(header::LOCATION, place);
     }
@@ -202,6 +219,14 @@ async fn resume(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
 
 async fn cancel(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     steer(&door, id, JobOrder::Cancel).await
+}
+
+async fn requeue(State(door): AtDoor, Param((id, zone)): Param<(u32, u32)>) -> RouteResult {
+    let job = door.ask(ANSWER_TIME, move |farm| {
+        farm.requeue(id, zone)?;
+        farm.job(id)
+    });
+    Ok(json(&job.await?))
 }
 
 async fn priority(State(door): AtDoor, Param(id): Param<u32>, request: Request) -> RouteResult {

@@ -1,10 +1,13 @@
 //! The routes of the API: a table, from which the server and its OpenAPI document are made.
 
+mod comparisons;
 mod events;
 mod jobs;
+mod layers;
 mod machines;
 mod pictures;
 mod uploads;
+mod viewports;
 
 use std::sync::Arc;
 
@@ -49,9 +52,12 @@ fn all() -> Vec<Route> {
     ];
     all.extend(jobs::routes());
     all.extend(pictures::routes());
+    all.extend(layers::routes());
+    all.extend(comparisons::routes());
     all.push(events::route());
     all.extend(uploads::routes());
     all.extend(machines::routes());
+    all.extend(viewports::routes());
     all
 }
 

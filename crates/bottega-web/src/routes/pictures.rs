@@ -55,7 +55,12 @@ async fn importance(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderM
 
 /// A PNG file, unless the client has it.
 fn shown(png: Vec<u8>, asked: &HeaderMap) -> Response {
-    let digest = blake3::hash(&png).to_hex();
+    tagged(png, "image/png", asked)
+}
+
+/// A file of a kind, unless the client has it.
+pub(super) fn tagged(bytes: Vec<u8>, kind: &'static str, asked: &HeaderMap) -> Response {
+    let digest = blake3::hash(&bytes).to_hex();
     let tag = format!("\"{}\"", &digest[..32]);
     let known = asked.get(header::IF_NONE_MATCH).and_then(|known| known.to_str().ok());
     let is_known = known.is_some_and(|known| known.split(',').any(|known| known.trim() == tag));
@@ -63,7 +68,7 @@ fn shown(png: Vec<u8>, asked: &HeaderMap) -> Response {
     if is_known {
         return (StatusCode::NOT_MODIFIED, headers).into_response();
     }
-    (headers, [(header::CONTENT_TYPE, "image/png")], png).into_response()
+    (headers, [(header::CONTENT_TYPE, kind)], bytes).into_response()
 }
 
 /// The file holds the request as it was asked, with its paths: those who look on get none that is absolute.

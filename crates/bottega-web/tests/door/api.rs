@@ -3,6 +3,7 @@
 use std::{
     collections::BTreeSet,
     io::{BufRead, BufReader, Read},
+    net::SocketAddr,
     time::Duration,
 };
 
@@ -10,6 +11,7 @@ use bottega::{
     Event, StopSwitch,
     events::{Progress, ZoneEvent},
 };
+use bottega_image::{ReadLimits, read_image_bytes};
 use bottega_web::{Dashboard, openapi_document};
 use serde_json::{Value, json};
 
@@ -22,6 +24,10 @@ fn filled(path: &str) -> String {
         .replace("{digest}", &"a".repeat(64))
         .replace("{zone}", "1")
         .replace("{from}", "5")
+        .replace("{viewport}", "1")
+        .replace("{layer}", "albedo.png")
+        .replace("{other}", "job-1")
+        .replace("{picture}", "1")
 }
 
 #[test]
@@ -43,7 +49,8 @@ fn the_document_and_the_door_know_the_same_routes() {
             };
             assert!(names.insert(route["operationId"].as_str().unwrap().to_owned()), "{route}");
             let is_steered = route["x-role"] == "steer";
-            assert_eq!(is_steered, method != "get", "{method} {path}");
+            // A viewport is its opener's.
+            assert_eq!(is_steered, method != "get" || path.starts_with("/api/viewports"), "{method} {path}");
             // One who may not is told so before anything else is looked at.
             let without = ask(at, &method.to_uppercase(), &filled(path), "", b"");
             assert_eq!(without.status, 401, "{method} {path}");
@@ -61,10 +68,18 @@ fn the_document_and_the_door_know_the_same_routes() {
                 }
                 Some("#/components/schemas/PriorityChange") => r#"{"priority":30}"#,
                 Some("#/components/schemas/UploadOffer") => r#"{"name":"a","size":0,"digest":"x","chunks":[]}"#,
+                Some("#/components/schemas/ViewOptions") => r#"{"pose":{"eye":[0,1,3],"target":[0,1,0]}}"#,
                 Some(other) => panic!("a new kind of body: {other}"),
+                None if path == "/api/pictures" => RADIANCE,
                 None => "",
             };
-            let done = post(at, &method.to_uppercase(), &filled(path), body);
+            if path.contains("{picture}") {
+                assert_eq!(post(at, "POST", "/api/pictures", RADIANCE).json()["width"], 2);
+            }
+            // One that is closed is looked at no more.
+            let viewport = path.contains("{viewport}").then(|| open_viewport(at));
+            let path = viewport.map_or_else(|| filled(path), |number| path.replace("{viewport}", &number.to_string()));
+            let done = post(at, &method.to_uppercase(), &path, body);
             let (status, said) = (done.status.to_string(), &route["responses"]);
             assert!(said.get(&status).is_some(), "{method} {path}: {done:?} is none of {said}");
             let content = said[&status]["content"].as_object();
@@ -82,6 +97,94 @@ fn the_document_and_the_door_know_the_same_routes() {
     }
 }
 
+/// A picture of two pixels, as a text: a Radiance file.
+const RADIANCE: &str = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n@@@@@@@@";
+
+#[test]
+fn layers_of_a_picture_are_listed_and_each_is_a_picture() {
+    let (_, door) = open();
+    let at = door.address();
+    assert_eq!(get(at, "/api/jobs/1/layers").json(), json!([{"name": "albedo", "kind": "color"}]));
+    let png = get(at, "/api/jobs/1/layers/albedo.png");
+    assert!(png.status == 200 && png.body.starts_with(b"\x89PNG") && png.header("etag").is_some(), "{png:?}");
+    let exr = get(at, "/api/jobs/1/layers/albedo.exr");
+    let read = read_image_bytes("albedo.exr", &exr.body, ReadLimits::default()).unwrap();
+    assert_eq!((exr.header("content-type"), read.picture.data[1]), (Some("image/x-exr"), [0.2, 0.4, 0.6]));
+    for (path, words) in [("nothing.png", "it has albedo"), ("albedo.gif", ".png or .exr")] {
+        let told = get(at, &format!("/api/jobs/1/layers/{path}"));
+        assert!(told.status == 404 && told.text().contains(words), "{told:?}");
+    }
+    // Of a file of another kind there are none.
+    assert_eq!(get(at, "/api/jobs/2/layers").json(), json!([]));
+}
+
+#[test]
+fn pictures_are_compared_with_those_of_jobs_and_those_that_are_sent() {
+    let (_, door) = open();
+    let at = door.address();
+    let same = get(at, "/api/jobs/1/difference/job-1").json();
+    assert_eq!((&same["flip"], &same["rmse"]), (&json!(0.0), &json!(0.0)));
+    let sent = post(at, "POST", "/api/pictures", RADIANCE);
+    assert_eq!((sent.status, sent.json()), (201, json!({"picture": 1, "width": 2, "height": 1})));
+    let other = get(at, "/api/jobs/1/difference/picture-1").json();
+    assert!(other["flip"].as_f64().unwrap() > 0.0 && other["flip_map"].is_null(), "{other}");
+    for path in ["/api/jobs/1/difference/picture-1/flip.png", "/api/pictures/1/shown.png"] {
+        let png = get(at, path);
+        let read = read_image_bytes("shown.png", &png.body, ReadLimits::default()).unwrap();
+        assert_eq!((png.status, read.picture.size()), (200, (2, 1)), "{path}");
+    }
+    let wide = RADIANCE.replace("+X 2\n", "+X 3\n@@@@");
+    assert_eq!(post(at, "POST", "/api/pictures", &wide).json()["width"], 3);
+    let unlike = get(at, "/api/jobs/1/difference/picture-2");
+    assert!(unlike.status == 422 && unlike.text().contains("2x1 and 3x1"), "{unlike:?}");
+    assert_eq!(post(at, "POST", "/api/pictures", "no picture").status, 422);
+    assert_eq!(get(at, "/api/jobs/1/difference/picture-9").status, 404);
+    // The oldest one has gone.
+    assert_eq!(post(at, "POST", "/api/pictures", RADIANCE).status, 201);
+    assert_eq!(get(at, "/api/pictures/1/shown.png").status, 404);
+}
+
+/// Looks around in a scene. Returns the number of the viewport.
+fn open_viewport(at: SocketAddr) -> u64 {
+    let opened = post(at, "POST", "/api/viewports", r#"{"request":{"scene":{"file":"a.glb"}},"files":{"a.glb":"x"}}"#);
+    assert_eq!(opened.status, 201, "{opened:?}");
+    opened.json()["viewport"].as_u64().unwrap()
+}
+
+#[test]
+fn a_viewport_shows_each_look_and_is_closed() {
+    let (_, door) = open();
+    let at = door.address();
+    let opened = post(at, "POST", "/api/viewports", r#"{"request":{},"files":{"a.glb":"x"}}"#).json();
+    assert_eq!((&opened["width"], &opened["height"], &opened["samples"]), (&json!(16), &json!(12), &json!(2)));
+    assert_eq!(opened["cameras"][0]["pose"]["up"].as_array().unwrap().len(), 3);
+    let place = format!("/api/viewports/{}", opened["viewport"]);
+    let steer = bearer(STEER);
+    let frame = |headers: &str| ask(at, "GET", &format!("{place}/frame.png"), &format!("{steer}{headers}"), b"");
+    let mut shown = frame("");
+    assert!(shown.status == 200 && shown.body.starts_with(b"\x89PNG") && shown.header("bottega-look") == Some("0"));
+    while shown.header("bottega-samples") != Some("2") {
+        shown = frame(&format!("If-None-Match: {}\r\n", shown.header("etag").unwrap()));
+        assert_eq!(shown.status, 200, "{shown:?}");
+    }
+    let look = |view: &str| post(at, "PUT", &format!("{place}/view"), view);
+    assert_eq!(look(r#"{"pose":{"eye":[0,1,3],"target":[0,1,0]}}"#).json()["look"], 1);
+    let other = frame(&format!("If-None-Match: {}\r\n", shown.header("etag").unwrap()));
+    assert_eq!((other.status, other.header("bottega-look")), (200, Some("1")));
+    let wrong = look(r#"{"pose":{"eye":[0,1,3],"target":[0,1,3]}}"#);
+    assert!(wrong.status == 422 && wrong.text().contains("view.pose.target"), "{wrong:?}");
+    // Few at once: the others are told so, until one is closed.
+    let others: Vec<u64> = (0..3).map(|_| open_viewport(at)).collect();
+    assert_eq!(post(at, "POST", "/api/viewports", r#"{"request":{},"files":{"a.glb":"x"}}"#).status, 503);
+    assert_eq!(ask(at, "DELETE", &place, &steer, b"").status, 204);
+    let closed = (0..100).any(|_| {
+        std::thread::sleep(Duration::from_millis(20));
+        frame("").status == 404
+    });
+    assert!(closed && others.len() == 3, "it is closed");
+    open_viewport(at);
+}
+
 #[test]
 fn those_who_look_on_are_told_all_and_no_absolute_path() {
     let (farm, door) = open();
@@ -91,6 +194,7 @@ fn those_who_look_on_are_told_all_and_no_absolute_path() {
         if path.ends_with("/events") {
             continue;
         }
+        // To those who may steer alone, and of no file: a viewport.
         let told = get(at, &filled(path));
         assert!(!told.text().contains("/home/") && !told.text().contains("anna"), "{path}: {}", told.text());
     }
@@ -118,6 +222,7 @@ fn jobs_and_machines_are_steered() {
         ("POST", "/api/jobs/1/pause", "", "1 Pause"),
         ("POST", "/api/jobs/1/resume", "", "1 Resume"),
         ("POST", "/api/jobs/1/cancel", "", "1 Cancel"),
+        ("POST", "/api/jobs/1/zones/2/requeue", "", "1 requeue 2"),
         ("PUT", "/api/jobs/1/priority", r#"{"priority":30}"#, "1 Priority(30)"),
         ("DELETE", "/api/jobs/2", "", "2 Remove"),
         ("POST", "/api/machines/machine/suspend", "", "machine Suspended"),
@@ -134,6 +239,8 @@ fn jobs_and_machines_are_steered() {
         (created.status, created.header("location"), created.json()),
         (201, Some("/api/jobs/3"), json!({"job": 3}))
     );
+    let frames = r#"{"request":{"frames":{"list":"1..3"}},"files":{"a":"b"}}"#;
+    assert_eq!(post(at, "POST", "/api/jobs", frames).json(), json!({"job": 3, "jobs": [3, 4, 5]}));
 }
 
 #[test]

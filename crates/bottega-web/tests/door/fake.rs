@@ -8,7 +8,10 @@ use std::{
     time::Duration,
 };
 
-use bottega::events::{AgentEvent, Event, ZoneEvent};
+use bottega::{
+    Request,
+    events::{AgentEvent, Event, ZoneEvent},
+};
 use bottega_cluster::{
     energy::{JobEnergy, MachineEnergy},
     job::LogLine,
@@ -20,6 +23,7 @@ use bottega_cluster::{
     view::JobView,
     web_secrets::WebSecrets,
 };
+use bottega_image::{Aov, AovSet, ExrOptions, Film, Layout, Metadata, Rect, SampleValues, Tile, write_exr};
 use bottega_web::{Door, DoorOptions, JobAgents, JobOrder, LiveJob, MachineStatus, PictureFile, Problem, ShownFarm};
 
 pub(crate) const SEE: &str = "00000000000000000000000000000005";
@@ -73,6 +77,7 @@ pub(crate) fn job(number: u32) -> JobView {
         submitted: 1,
         scene: format!("{folder}scene.glb"),
         output: format!("{folder}picture.exr"),
+        animation: None,
         kept: is_over,
         is_over,
     }
@@ -152,6 +157,9 @@ impl ShownFarm for FakeFarm {
 
     fn picture(&self, number: u32) -> Result<PictureFile, Problem> {
         Self::known(number)?;
+        if number == 1 {
+            return Ok(PictureFile { name: "picture.exr".to_owned(), bytes: layered_picture() });
+        }
         // Larger than what a connection buffers.
         Ok(PictureFile { name: "pic\"\r\nture.exr".to_owned(), bytes: vec![7; 64 << 20] })
     }
@@ -166,6 +174,7 @@ impl ShownFarm for FakeFarm {
             state: "active",
             ordered: "active",
             threads: 4,
+            devices: vec!["A GPU".to_owned()],
             job: Some(1),
             version: "0.1".to_owned(),
             takes_orders: true,
@@ -180,6 +189,12 @@ impl ShownFarm for FakeFarm {
     fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem> {
         Self::known(number)?;
         self.note(format!("{number} {order:?}"));
+        Ok(())
+    }
+
+    fn requeue(&self, number: u32, zone: u32) -> Result<(), Problem> {
+        Self::known(number)?;
+        self.note(format!("{number} requeue {zone}"));
         Ok(())
     }
 
@@ -199,10 +214,34 @@ impl ShownFarm for FakeFarm {
         Ok(())
     }
 
-    fn submit(&self, asked: Submission) -> Result<u32, Problem> {
+    fn submit(&self, asked: Submission) -> Result<Vec<u32>, Problem> {
         self.note(format!("submit {}", asked.files.len()));
-        Ok(3)
+        Ok(if asked.request.get("frames").is_some() { vec![3, 4, 5] } else { vec![3] })
     }
+
+    fn uploaded_here(&self, _asked: Submission) -> Result<Request, Problem> {
+        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell-box.glb");
+        let mut request = Request::new(scene);
+        (request.film.size, request.goal.samples) = (Some([16, 12]), Some(2));
+        Ok(request)
+    }
+}
+
+/// An OpenEXR file of two pixels with a layer, `albedo`.
+fn layered_picture() -> Vec<u8> {
+    let rect = Rect::of_size(2, 1);
+    let layout = Layout::new(AovSet::NONE.with(Aov::Albedo));
+    let mut tile = Tile::new(rect, layout.clone());
+    for x in 0..2 {
+        let values = SampleValues { radiance: [x as f32; 3], albedo: [0.2, 0.4, 0.6], ..SampleValues::default() };
+        tile.add(x, 0, &values);
+    }
+    let mut film = Film::new(rect, layout);
+    film.add_tile(&tile, |_, _| 1.0);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("picture.exr");
+    write_exr(&path, &film, &Metadata::new(), ExrOptions::default()).expect("it is written");
+    std::fs::read(path).expect("it is there")
 }
 
 /// A door to a fake farm.

@@ -137,6 +137,22 @@ fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
     cost.into_iter().chain(photons).collect()
 }
 
+/// What of this machine a choice means beside the processors: names of GPUs, addresses of boards. What is not there is left out.
+pub fn beside_processors(choice: &DeviceChoice) -> Vec<String> {
+    let name = |wanted: Option<&str>| GpuAdapter::choose(wanted).ok().map(|adapter| adapter.info().clone());
+    match choice {
+        DeviceChoice::Auto if may_have_gpu() => {
+            let best = name(None).filter(|info| info.kind != AdapterKind::Software);
+            best.into_iter().map(|info| info.name).collect()
+        }
+        DeviceChoice::Auto => Vec::new(),
+        DeviceChoice::These { gpus, boards, .. } => {
+            let gpus = gpus.iter().filter_map(|wanted| name(Some(wanted))).map(|info| info.name);
+            gpus.chain(boards.iter().cloned()).collect()
+        }
+    }
+}
+
 /// Whether it is worth asking the drivers, which takes a while and lets some of them talk.
 fn may_have_gpu() -> bool {
     // Without a node for a device there is none that is no software.

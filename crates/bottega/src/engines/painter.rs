@@ -259,6 +259,7 @@ fn check(asked: &Request) -> Result<(), Error> {
     let is_other = |method| method != IntegratorChoice::Path;
     let options = [
         ("--camera", asked.view.camera.is_some()),
+        ("view.pose", asked.view.pose.is_some()),
         ("--lens-radius", asked.view.lens_radius.is_some()),
         ("--env", asked.environment.light.is_some()),
         ("--env-strength", asked.environment.strength != 1.0),
@@ -322,7 +323,7 @@ fn own_view(asked: &Request, title: &str) -> Result<CameraView, Error> {
         )
     };
     let subject = LoadedScene::load(asked).map_err(|error| lacking(error.error_chain()))?;
-    let camera = &subject.scene().cameras[subject.view.camera];
+    let camera = subject.camera();
     match camera.projection {
         Projection::Perspective { vertical_fov } => {
             Ok(CameraView { world_from_camera: Mat4::from(camera.world_from_camera).to_cols_array(), vertical_fov })

@@ -98,6 +98,26 @@ pub enum EnvironmentLight {
     Sky,
 }
 
+/// The place of a camera, in the coordinates of the scene file.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraPose {
+    /// Where it stands.
+    pub eye: [f64; 3],
+    /// At what it looks.
+    pub target: [f64; 3],
+    /// The direction of the picture's upper edge; none: +y.
+    #[serde(default = "upward")]
+    pub up: [f64; 3],
+    /// The full angle between the upper and the lower edge, in degrees; none: as the camera has it.
+    #[serde(default)]
+    pub fov: Option<f32>,
+}
+
+fn upward() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
+}
+
 /// The width of the bands in which neighboring zones are blended. With optimization off there are none: zones agree to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -170,6 +190,8 @@ sections! {
     ViewOptions {
         /// The camera, by name or by number from 0; none: the file's first.
         camera: Option<String> = None,
+        /// Where it stands and at what it looks; none: as the file says. Its lens stays the file's.
+        pose: Option<CameraPose> = None,
         /// Radius of the lens in scene units: what is not at the focus distance blurs; 0: all is sharp.
         lens_radius: Option<f32> = None,
         /// Distance from the camera at which things are sharp, in scene units.

@@ -4,11 +4,14 @@ use std::ops::RangeInclusive;
 
 use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
+use bottega_scene::{COORDINATE_MAX, Camera};
+use glam::{Affine3A, DVec3};
 
 use super::{
-    BandChoice, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FarmOptions,
-    FilmOptions, GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions,
-    OutputOptions, PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
+    BandChoice, CameraPose, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions,
+    FarmOptions, FilmOptions, GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField,
+    LightingAgentOptions, OutputOptions, PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ViewOptions,
+    WorkOptions, limits::*,
 };
 use crate::frames::{FrameName, frame_name_help};
 
@@ -184,6 +187,7 @@ impl ViewOptions {
     fn validate(&self) -> Checked {
         self.lens_radius.map_or(Ok(()), |radius| not_negative("view.lens_radius", radius))?;
         self.focus_distance.map_or(Ok(()), |distance| positive("view.focus_distance", distance))?;
+        self.pose.map_or(Ok(()), |pose| pose.validate())?;
         match (self.lens_radius, self.focus_distance) {
             (Some(radius), None) => Err(InvalidField::new(
                 "view.lens_radius",
@@ -192,6 +196,36 @@ impl ViewOptions {
             )),
             _ => Ok(()),
         }
+    }
+}
+
+impl CameraPose {
+    fn validate(&self) -> Checked {
+        let Self { eye, target, up, fov } = self;
+        for (field, place) in [("view.pose.eye", eye), ("view.pose.target", target), ("view.pose.up", up)] {
+            let is_reached = place.iter().all(|value| value.abs() <= f64::from(COORDINATE_MAX));
+            if !is_reached {
+                let allowed = format!("three numbers from -{COORDINATE_MAX:e} to {COORDINATE_MAX:e} are needed");
+                return Err(InvalidField::new(field, format!("{place:?}"), allowed));
+            }
+        }
+        if self.looking([0.0; 3]).is_none() {
+            let allowed = "it may not lie at `eye`, nor straight in the direction of `up`";
+            return Err(InvalidField::new("view.pose.target", format!("{target:?}"), allowed));
+        }
+        match fov {
+            Some(fov) if !(*fov > 0.0 && *fov < 180.0) => {
+                Err(InvalidField::new("view.pose.fov", fov, "above 0 and below 180 degrees is needed"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Camera space to world space, about an origin in the file's coordinates. `None`: it looks nowhere.
+    pub(crate) fn looking(&self, origin: [f64; 3]) -> Option<Affine3A> {
+        let from_origin = |place: [f64; 3]| (DVec3::from_array(place) - DVec3::from_array(origin)).as_vec3();
+        let up = DVec3::from_array(self.up).try_normalize()?.as_vec3();
+        Camera::looking(from_origin(self.eye), from_origin(self.target), up)
     }
 }
 

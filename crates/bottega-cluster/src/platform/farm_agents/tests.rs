@@ -260,6 +260,7 @@ fn job(number: u32, state: &'static str, done: f64) -> JobView {
         submitted: 5,
         scene: "a scene.glb".to_owned(),
         output: "o.exr".to_owned(),
+        animation: None,
         kept: false,
         is_over: state == "done",
     }

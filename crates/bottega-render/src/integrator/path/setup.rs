@@ -42,16 +42,14 @@ impl<'a> PathIntegrator<'a> {
         view: View,
         settings: &'a PathSettings,
     ) -> Result<Self, RenderError> {
-        let cameras = &prepared.scene().cameras;
-        let camera =
-            cameras.get(view.camera).ok_or(RenderError::NoCamera { index: view.camera, count: cameras.len() })?;
+        let camera = prepared.camera(view.camera).ok_or_else(|| prepared.no_camera(view.camera))?;
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
         Ok(Self {
             prepared,
             settings,
-            camera: CameraRays::new(camera, view.width, view.height),
+            camera: CameraRays::new(&camera, view.width, view.height),
             size: Vec2::new(view.width as f32, view.height as f32),
             camera_medium: camera.medium,
             hides_emitters: camera.hides_emitters,

@@ -1,0 +1,122 @@
+//! Zones that somebody wants painted again.
+//!
+//! - `requeue/N/ZONE`: says so of a zone of job N, with the token of the samples that are to go. Whoever leads the job has its Master
+//!   do it, until its row says that it is done.
+
+use std::collections::BTreeMap;
+
+use bottega::events::Event;
+use bottega_agents::Revision;
+use bottega_farm::{MasterHandle, ZoneId, ZoneRow, ZoneState};
+use serde::{Deserialize, Serialize};
+
+use crate::{error::Error, job::JobState, job_board::JobBoard, jobs::known};
+
+/// What a notice says of a zone that is to be painted again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct WantedZone {
+    /// The token of the samples that are to go; none: it was given up.
+    fence: Option<u64>,
+}
+
+/// The zones of a job that are done or given up, as its leader sees them.
+#[derive(Debug, Default)]
+pub(crate) struct SettledZones(BTreeMap<ZoneId, Option<Revision>>);
+
+impl SettledZones {
+    /// Takes in the row of a zone.
+    pub(crate) fn see(&mut self, row: &ZoneRow) {
+        match row.state {
+            ZoneState::Done => _ = self.0.insert(row.zone, row.result.map(|result| result.fence)),
+            ZoneState::Failed => _ = self.0.insert(row.zone, None),
+            _ => _ = self.0.remove(&row.zone),
+        }
+    }
+
+    /// Whether a zone is still as it was when somebody wanted it painted again.
+    fn is_as(&self, zone: ZoneId, wanted: WantedZone) -> bool {
+        self.0.get(&zone).is_some_and(|fence| fence.map(|fence| fence.0) == wanted.fence)
+    }
+}
+
+impl JobBoard {
+    /// Has a zone painted again that is done or could not be painted. Of a job that is over the farm has no zones any more: all of
+    /// them are painted again, and the picture is another file with the same bits.
+    ///
+    /// - `by`: who wants it, for people.
+    ///
+    /// # Errors
+    /// There is no such zone, it is under way, or the farm does not have the picture.
+    pub fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Error> {
+        let job = known(self, number)?;
+        if !job.state.is_over() {
+            let rows = self.zone_rows(&job)?;
+            let row = rows.iter().find(|row| row.zone == ZoneId(zone)).ok_or_else(|| no_zone(number, zone))?;
+            let fence = match (row.state, row.result) {
+                (ZoneState::Done, Some(result)) => Some(result.fence.0),
+                (ZoneState::Failed, _) => None,
+                _ => return Err(Error::failed(format!("zone {zone} is not done yet"), "it will be painted")),
+            };
+            self.refuse_guests()?;
+            self.put_notice(&name_of(number, ZoneId(zone)), &WantedZone { fence })?;
+            self.log(number, &format!("zone {zone} is to be painted again, says {by}"));
+            return Ok(());
+        }
+        let is_there = |event: &Event| matches!(event, Event::Zone(row) if row.id == zone);
+        if !self.rows(&job)?.iter().any(is_there) {
+            return Err(no_zone(number, zone));
+        }
+        match &job.state {
+            JobState::Done { kept: true } | JobState::Failed { .. } => {}
+            state => {
+                let problem = format!("job {number} is {}, and its picture is not at the farm", state.word());
+                return Err(Error::failed(problem, "ask for the picture anew"));
+            }
+        }
+        self.change(number, |job| {
+            job.say(format!(
+                "zone {zone} is to be painted again, says {by}: so are all, for no zones are kept of what is over"
+            ));
+            job.state = JobState::Active;
+            true
+        })?;
+        Ok(())
+    }
+
+    /// Has the Master of a job do what is wanted of its zones. What is done, or wants other samples gone, is wanted no more.
+    pub(crate) fn hand_on_requeues(&self, number: u32, zones: &SettledZones, master: &MasterHandle) {
+        for notice in self.uplink.notices().all(&prefix(number)) {
+            let zone = notice.name.rsplit('/').next().and_then(|zone| zone.parse().ok()).map(ZoneId);
+            let wanted = serde_json::from_slice::<WantedZone>(&notice.text).ok();
+            match (zone, wanted) {
+                (Some(zone), Some(wanted)) if zones.is_as(zone, wanted) => {
+                    master.requeue(zone, wanted.fence.map(Revision))
+                }
+                _ => self.forget_notice(&notice.name),
+            }
+        }
+    }
+
+    /// Nobody wants any zone of a job painted again.
+    pub(crate) fn forget_requeues(&self, number: u32) {
+        self.uplink.notices().all(&prefix(number)).iter().for_each(|notice| self.forget_notice(&notice.name));
+    }
+
+    fn forget_notice(&self, name: &str) {
+        if let Err(error) = self.uplink.notices().remove(name) {
+            tracing::debug!(%error, name, "the farm does not answer");
+        }
+    }
+}
+
+fn no_zone(number: u32, zone: u32) -> Error {
+    Error::failed(format!("job {number} has no zone {zone}"), "its Blackboard has those that there are")
+}
+
+fn prefix(number: u32) -> String {
+    format!("requeue/{number}/")
+}
+
+fn name_of(number: u32, zone: ZoneId) -> String {
+    format!("{}{}", prefix(number), zone.0)
+}

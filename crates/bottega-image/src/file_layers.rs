@@ -1,0 +1,216 @@
+//! The layers that an OpenEXR file has beside its color: which there are, and each as a picture.
+
+use std::{io::Cursor, path::Path};
+
+use crate::{
+    Canvas, ColorMap, ExrOptions, ImageError, Metadata, Picture, Rect, ToneMap,
+    exr_read::{self, WantedChannels},
+    exr_write::picture_exr_bytes,
+    limits::ReadLimits,
+    source::{PictureSource, guarded},
+};
+
+/// Channels that are the color's where they belong to no layer.
+const OF_COLOR: [&str; 7] = ["R", "G", "B", "A", "X", "Y", "Z"];
+/// The order of the channels of a layer.
+const ORDER: &str = "RGBXYZ";
+/// So large a share of the values of a layer of numbers has colors of its own; the greatest ones share the brightest.
+const WHITE_SHARE: f64 = 0.999;
+
+/// What the values of a layer are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayerKind {
+    /// Light or reflectance: red, green and blue.
+    Color,
+    /// A direction: x, y and z, from −1 to 1.
+    Direction,
+    /// A number.
+    Number,
+}
+
+/// A layer of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileLayer {
+    /// Its name: `albedo`, say.
+    pub name: String,
+    /// What its values are.
+    pub kind: LayerKind,
+    /// The full names of its channels, at most three.
+    channels: Vec<String>,
+}
+
+/// A layer with its values.
+#[derive(Clone, Debug)]
+pub struct LayerPicture {
+    /// Which layer.
+    pub layer: FileLayer,
+    /// Its values; a number stands in all three channels.
+    pub picture: Picture,
+}
+
+impl FileLayer {
+    /// The layers of a file whose bytes these are, in the order of their names, without its color. `name` stands in errors. Files
+    /// of other formats have none.
+    ///
+    /// # Errors
+    /// It is no sound OpenEXR file.
+    pub fn all(name: impl AsRef<Path>, bytes: &[u8]) -> Result<Vec<Self>, ImageError> {
+        if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+            return Ok(Vec::new());
+        }
+        let source = PictureSource::new(name.as_ref(), ReadLimits::default());
+        let channels = guarded(&source, "EXR", || exr_read::channel_names(&source, Cursor::new(bytes)))?;
+        Ok(layers_of(&channels))
+    }
+
+    /// Reads the layer out of the file that it is of.
+    ///
+    /// # Errors
+    /// The file cannot be read, or has no such layer.
+    pub fn read(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPicture, ImageError> {
+        let source = PictureSource::new(name.as_ref(), ReadLimits::default());
+        let wanted = WantedChannels { names: &self.channels, alpha: false };
+        let read = guarded(&source, "EXR", || exr_read::read(&source, Cursor::new(bytes), wanted))?;
+        let planes: Option<Vec<Vec<f32>>> = read.planes.into_iter().collect();
+        let planes = planes.ok_or_else(|| source.malformed("EXR", format!("it has no layer `{}`", self.name)))?;
+        let Picture { width, height, .. } = read.file.picture;
+        let value = |channel: usize, pixel: usize| match (planes.get(channel), self.kind) {
+            (Some(plane), _) => plane[pixel],
+            (None, LayerKind::Number) => planes[0][pixel],
+            (None, _) => 0.0,
+        };
+        let count = width as usize * height as usize;
+        let data = (0..count).map(|pixel| [0, 1, 2].map(|channel| value(channel, pixel))).collect();
+        Ok(LayerPicture { layer: self.clone(), picture: Picture { width, height, data } })
+    }
+}
+
+/// The layers of which these are the channels.
+fn layers_of(channels: &[String]) -> Vec<FileLayer> {
+    let mut layers: Vec<FileLayer> = Vec::new();
+    for full in channels {
+        let (layer, channel) = full.rsplit_once('.').unwrap_or((full, ""));
+        if (channel.is_empty() && OF_COLOR.contains(&layer)) || channel == "A" {
+            continue;
+        }
+        match layers.iter_mut().find(|known| known.name == layer) {
+            Some(known) => known.channels.push(full.clone()),
+            None => {
+                layers.push(FileLayer { name: layer.to_owned(), kind: LayerKind::Number, channels: vec![full.clone()] })
+            }
+        }
+    }
+    for layer in &mut layers {
+        let place = |full: &String| ORDER.find(full.rsplit('.').next().unwrap_or_default()).unwrap_or(ORDER.len());
+        layer.channels.sort_by_key(place);
+        layer.channels.truncate(3);
+        layer.kind = match layer.channels.iter().map(place).collect::<Vec<_>>()[..] {
+            [0, 1, 2] => LayerKind::Color,
+            [3, 4, 5] => LayerKind::Direction,
+            _ => LayerKind::Number,
+        };
+        if layer.kind == LayerKind::Number {
+            layer.channels.truncate(1);
+        }
+    }
+    layers.sort_by(|a, b| a.name.cmp(&b.name));
+    layers
+}
+
+impl LayerPicture {
+    /// As a person looks at it: colors as a display shows them, directions as colors, numbers in false colors.
+    ///
+    /// - `tone`: of colors that may be brighter than a display.
+    pub fn canvas(&self, tone: ToneMap) -> Canvas {
+        let Picture { width, height, data } = &self.picture;
+        match self.layer.kind {
+            LayerKind::Color => {
+                let is_bounded = data.iter().flatten().all(|value| (0.0..=1.0).contains(value));
+                Canvas::of_picture(&self.picture, 0.0, if is_bounded { ToneMap::Linear } else { tone })
+            }
+            LayerKind::Direction => {
+                let shade = |value: f32| ((0.5 * value + 0.5).clamp(0.0, 1.0) * 255.0).round() as u8;
+                Canvas { width: *width, height: *height, pixels: data.iter().map(|it| it.map(shade)).collect() }
+            }
+            LayerKind::Number => {
+                let values: Vec<f32> = data.iter().map(|it| it[0]).collect();
+                Canvas::heat_map(*width, *height, &values, white(&values), ColorMap::Inferno)
+            }
+        }
+    }
+
+    /// The bytes of an OpenEXR file of it alone, with the channels `R G B`.
+    ///
+    /// # Errors
+    /// It has no pixels.
+    pub fn to_exr(&self) -> Result<Vec<u8>, ImageError> {
+        picture_exr_bytes(&self.picture, &Metadata::new(), ExrOptions::default())
+    }
+
+    /// All of its pixels.
+    pub fn rect(&self) -> Rect {
+        Rect::of_size(self.picture.width, self.picture.height)
+    }
+}
+
+/// The value that has the brightest color.
+fn white(values: &[f32]) -> f32 {
+    let mut sound: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sound.sort_by(f32::total_cmp);
+    let place = (sound.len() as f64 * WHITE_SHARE) as usize;
+    sound.get(place.min(sound.len().saturating_sub(1))).copied().unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Aov, AovSet, Film, Layout, SampleValues, Tile, read_image_bytes, write_exr};
+
+    fn names(channels: &[&str]) -> Vec<(String, LayerKind, usize)> {
+        let channels: Vec<String> = channels.iter().map(|&name| name.to_owned()).collect();
+        layers_of(&channels).into_iter().map(|it| (it.name, it.kind, it.channels.len())).collect()
+    }
+
+    #[test]
+    fn channels_are_taken_together_by_layers() {
+        let found = names(&[
+            "A", "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "cost", "depth.Z", "n.A", "n.X", "n.Y", "n.Z",
+        ]);
+        let of = |name: &str, kind, count| (name.to_owned(), kind, count);
+        let wanted = [
+            of("albedo", LayerKind::Color, 3),
+            of("cost", LayerKind::Number, 1),
+            of("depth", LayerKind::Number, 1),
+            of("n", LayerKind::Direction, 3),
+        ];
+        assert_eq!(found, wanted);
+    }
+
+    #[test]
+    fn a_layer_of_a_film_is_read_shown_and_written() {
+        let rect = Rect::of_size(2, 1);
+        let layout = Layout::new(AovSet::NONE.with(Aov::Albedo).with(Aov::Depth));
+        let mut tile = Tile::new(rect, layout.clone());
+        for (x, albedo) in [(0, [0.2, 0.4, 0.6]), (1, [0.0, 1.0, 0.5])] {
+            tile.add(x, 0, &SampleValues { albedo, depth: 1.0 + x as f32, ..SampleValues::default() });
+        }
+        let mut film = Film::new(rect, layout);
+        film.add_tile(&tile, |_, _| 1.0);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.exr");
+        write_exr(&path, &film, &Metadata::new(), ExrOptions::default()).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let layers = FileLayer::all("p.exr", &bytes).unwrap();
+        assert_eq!(layers.iter().map(|it| &*it.name).collect::<Vec<_>>(), ["albedo", "depth"]);
+        let albedo = layers[0].read("p.exr", &bytes).unwrap();
+        assert_eq!(albedo.picture.data, [[0.2, 0.4, 0.6], [0.0, 1.0, 0.5]]);
+        let depth = layers[1].read("p.exr", &bytes).unwrap();
+        assert_eq!((depth.picture.data[1], depth.rect()), ([2.0; 3], rect));
+        let shown = depth.canvas(ToneMap::Agx).pixels;
+        assert!(shown[0] != shown[1], "{shown:?}");
+        let again = read_image_bytes("albedo.exr", &albedo.to_exr().unwrap(), ReadLimits::default()).unwrap();
+        assert_eq!(again.picture.data, albedo.picture.data);
+        assert!(FileLayer::all("a.png", b"\x89PNG").unwrap().is_empty());
+        assert!(FileLayer::all("a.exr", &bytes[..200]).is_err());
+    }
+}

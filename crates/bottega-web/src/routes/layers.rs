@@ -1,0 +1,94 @@
+//! The layers of a picture that is done, each as a picture of its own.
+
+use axum::{
+    extract::State,
+    http::HeaderMap,
+    response::{IntoResponse, Response},
+    routing::get,
+};
+use bottega_image::{FileLayer, ImageError, LayerKind, ToneMap};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::pictures::tagged;
+use crate::{
+    limits::ANSWER_TIME,
+    problem::Problem,
+    route::{AtDoor, Param, Route, RouteAnswer, RouteResult, json, schema},
+    source::PictureFile,
+};
+
+/// A layer of a picture.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PictureLayer {
+    /// Its name.
+    name: String,
+    /// What its values are: `color`, `direction` or `number`.
+    kind: &'static str,
+}
+
+pub(super) fn routes() -> Vec<Route> {
+    vec![
+        Route::told(
+            "/api/jobs/{id}/layers",
+            "The layers that the picture has beside its color, once it is done.",
+            RouteAnswer::Json(schema::<Vec<PictureLayer>>),
+            get(list),
+        ),
+        Route::told(
+            "/api/jobs/{id}/layers/{layer}",
+            "A layer of the picture that is done: `albedo.exr` its values, `albedo.png` for people to look at.",
+            RouteAnswer::Media("image/png"),
+            get(layer),
+        ),
+    ]
+}
+
+async fn list(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    let layers = door.ask(ANSWER_TIME, move |farm| {
+        let PictureFile { name, bytes } = farm.picture(id)?;
+        FileLayer::all(name, &bytes).map_err(|error| unread(&error))
+    });
+    let told = |FileLayer { name, kind, .. }| PictureLayer { name, kind: word(kind) };
+    Ok(json(&layers.await?.into_iter().map(told).collect::<Vec<_>>()))
+}
+
+async fn layer(
+    State(door): AtDoor,
+    Param((id, wanted)): Param<(u32, String)>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (bytes, kind) = door.ask(ANSWER_TIME, move |farm| file_of(farm.picture(id)?, &wanted)).await?;
+    Ok(tagged(bytes, kind, &headers).into_response())
+}
+
+/// The file of a layer, and its kind.
+///
+/// - `wanted`: the layer's name with `.png` or `.exr` behind it.
+fn file_of(PictureFile { name, bytes }: PictureFile, wanted: &str) -> Result<(Vec<u8>, &'static str), Problem> {
+    let (wanted, format) = wanted.rsplit_once('.').unwrap_or((wanted, "png"));
+    let layers = FileLayer::all(&name, &bytes).map_err(|error| unread(&error))?;
+    let layer = layers.iter().find(|layer| layer.name == wanted).ok_or_else(|| {
+        let known: Vec<&str> = layers.iter().map(|layer| &*layer.name).collect();
+        let known = if known.is_empty() { "it has none".to_owned() } else { format!("it has {}", known.join(", ")) };
+        Problem::unknown(format!("the picture has no layer `{wanted}`"), known)
+    })?;
+    let read = layer.read(&name, &bytes).map_err(|error| unread(&error))?;
+    match format {
+        "exr" => Ok((read.to_exr().map_err(|error| unread(&error))?, "image/x-exr")),
+        "png" => Ok((read.canvas(ToneMap::Agx).to_png().map_err(|error| unread(&error))?, "image/png")),
+        _ => Err(Problem::unknown(format!("`{format}` is no format of layers"), "name it .png or .exr")),
+    }
+}
+
+fn word(kind: LayerKind) -> &'static str {
+    match kind {
+        LayerKind::Color => "color",
+        LayerKind::Direction => "direction",
+        LayerKind::Number => "number",
+    }
+}
+
+fn unread(error: &ImageError) -> Problem {
+    Problem::conflict(format!("the picture cannot be read: {error}"), "fetch its file")
+}

@@ -1,0 +1,179 @@
+//! Viewports: a scene that is looked around in before its picture is asked for.
+
+use std::{sync::Arc, time::Duration};
+
+use axum::{
+    extract::{Request, State},
+    http::{HeaderMap, HeaderName, StatusCode, header},
+    response::{IntoResponse, Response},
+    routing::{delete, get, post, put},
+};
+use bottega::{
+    Error,
+    error::error_chain,
+    request::ViewOptions,
+    viewport::{Viewport, ViewportCamera, ViewportFrame},
+};
+use bottega_cluster::uploads::Submission;
+use schemars::JsonSchema;
+use serde::Serialize;
+use tokio::time::Instant;
+
+use crate::{
+    limits::{FRAME_TIME, SUBMISSION_TIME},
+    problem::Problem,
+    redact::redacted_json,
+    route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, json_body, json_text, schema},
+};
+
+/// How often is looked for something new of a viewport that somebody waits for.
+const LOOK_EVERY: Duration = Duration::from_millis(8);
+/// Of which look a frame is.
+const LOOK: HeaderName = HeaderName::from_static("bottega-look");
+/// Samples that each pixel of a frame has.
+const SAMPLES: HeaderName = HeaderName::from_static("bottega-samples");
+/// Whether noise was removed of a frame.
+const DENOISED: HeaderName = HeaderName::from_static("bottega-denoised");
+
+/// A viewport that was opened.
+#[derive(Debug, Serialize, JsonSchema)]
+struct OpenViewport {
+    /// Its number.
+    viewport: u32,
+    /// Columns.
+    width: u32,
+    /// Rows.
+    height: u32,
+    /// Samples of a pixel after which nothing more is painted.
+    samples: u32,
+    /// Whether noise is removed.
+    denoises: bool,
+    /// The cameras of the scene, as `view.camera` numbers them.
+    cameras: Vec<ViewportCamera>,
+    /// What loading the scene has taken.
+    seconds: f64,
+}
+
+/// The number of a look: frames of it say so.
+#[derive(Debug, Serialize, JsonSchema)]
+struct LookNumber {
+    /// The number.
+    look: u64,
+}
+
+pub(super) fn routes() -> Vec<Route> {
+    vec![
+        Route::done(
+            "post",
+            "/api/viewports",
+            "Look around in a scene: it is painted again and again, finer and finer, as it is seen from wherever one wants.",
+            RouteBody::Json(schema::<Submission>),
+            RouteAnswer::Json(schema::<OpenViewport>),
+            post(open),
+        )
+        .with_status(StatusCode::CREATED),
+        Route::done(
+            "put",
+            "/api/viewports/{viewport}/view",
+            "Look from elsewhere.",
+            RouteBody::Json(schema::<ViewOptions>),
+            RouteAnswer::Json(schema::<LookNumber>),
+            put(look),
+        ),
+        Route::done(
+            "get",
+            "/api/viewports/{viewport}/frame.png",
+            "What is to be seen now. With If-None-Match it waits up to 5 s for something else. `Bottega-Look` says of which look it is.",
+            RouteBody::Nothing,
+            RouteAnswer::Media("image/png"),
+            get(frame),
+        ),
+        Route::done(
+            "delete",
+            "/api/viewports/{viewport}",
+            "Close it.",
+            RouteBody::Nothing,
+            RouteAnswer::Nothing,
+            delete(close),
+        ),
+    ]
+}
+
+async fn open(State(door): AtDoor, request: Request) -> RouteResult {
+    let asked: Submission = json_body(request).await?;
+    let place = door.viewports.place()?;
+    let busy = || {
+        let detail = "another scene is looked through";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "ask again in a moment")
+    };
+    let permit = Arc::clone(&door.submissions).try_acquire_owned().map_err(|_| busy())?;
+    let opened = door.ask(SUBMISSION_TIME, move |farm| {
+        let _permit = permit;
+        let request = farm.uploaded_here(asked)?;
+        let begun = std::time::Instant::now();
+        Ok((Viewport::open(&request).map_err(|error| refused(&error))?, begun.elapsed()))
+    });
+    let (viewport, took) = opened.await?;
+    let (width, height) = viewport.size();
+    let (samples, denoises, cameras) = (viewport.samples(), viewport.denoises(), viewport.cameras().to_vec());
+    let viewport = place.fill(viewport);
+    let seconds = took.as_secs_f64();
+    let opened = OpenViewport { viewport, width, height, samples, denoises, cameras, seconds };
+    let mut response = json_text(StatusCode::CREATED, redacted_json(&opened));
+    if let Ok(place) = format!("/api/viewports/{viewport}").parse() {
+        response.headers_mut().insert(header::LOCATION, place);
+    }
+    Ok(response)
+}
+
+async fn look(State(door): AtDoor, Param(number): Param<u32>, request: Request) -> RouteResult {
+    let view: ViewOptions = json_body(request).await?;
+    let look = door.viewports.get(number)?.look(&view).map_err(|error| refused(&error))?;
+    Ok(json(&LookNumber { look }))
+}
+
+async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMap) -> RouteResult {
+    let known = headers.get(header::IF_NONE_MATCH).and_then(|known| known.to_str().ok());
+    // A tag of another viewport, or none: whatever there is.
+    let after = known.and_then(|known| known.trim_matches('"').strip_prefix(&format!("{number}-"))?.parse().ok());
+    let begun = Instant::now();
+    loop {
+        let viewport = door.viewports.get(number)?;
+        // Making the file takes a while.
+        let shown = tokio::task::spawn_blocking(move || viewport.frame(after.unwrap_or(0))).await;
+        let shown = shown.map_err(|_| Problem::conflict("the viewport cannot be shown", "open it anew"))?;
+        if let Some(frame) = shown.map_err(|error| refused(&error))? {
+            return Ok(shown_frame(number, frame));
+        }
+        if begun.elapsed() > FRAME_TIME {
+            return Ok(StatusCode::NOT_MODIFIED.into_response());
+        }
+        tokio::time::sleep(LOOK_EVERY).await;
+    }
+}
+
+fn shown_frame(viewport: u32, frame: ViewportFrame) -> Response {
+    let ViewportFrame { number, look, samples, is_denoised, png } = frame;
+    let headers = [
+        (header::CONTENT_TYPE, "image/png".to_owned()),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+        (header::ETAG, format!("\"{viewport}-{number}\"")),
+        (LOOK, look.to_string()),
+        (SAMPLES, samples.to_string()),
+        (DENOISED, is_denoised.to_string()),
+    ];
+    (headers, png).into_response()
+}
+
+async fn close(State(door): AtDoor, Param(number): Param<u32>) -> RouteResult {
+    door.viewports.get(number)?;
+    let viewports = Arc::clone(&door.viewports);
+    // Who paints it ends within a moment, for which nobody waits.
+    tokio::task::spawn_blocking(move || viewports.close(number));
+    Ok(StatusCode::NO_CONTENT.into_response())
+}
+
+/// Why a scene cannot be looked at.
+fn refused(error: &Error) -> Problem {
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, error_chain(error), error.remedy().unwrap_or_default())
+}

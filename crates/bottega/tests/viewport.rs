@@ -1,0 +1,119 @@
+//! A scene seen from elsewhere, without reading it again.
+
+use std::{
+    path::Path,
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega::{
+    Request, Session, StopSwitch,
+    request::{CameraPose, ViewOptions},
+    viewport::{Viewport, ViewportFrame},
+};
+use bottega_image::{ReadLimits, read_image_bytes};
+
+fn request() -> Request {
+    let mut request = Request::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb"));
+    request.film.size = Some([48, 32]);
+    request.goal.samples = Some(4);
+    request
+}
+
+fn from_above() -> ViewOptions {
+    let pose = CameraPose { eye: [0.4, 1.6, 2.0], target: [0.0, 0.8, 0.0], up: [0.0, 1.0, 0.0], fov: Some(45.0) };
+    ViewOptions { pose: Some(pose), ..ViewOptions::default() }
+}
+
+fn bits(session: Session) -> Vec<u32> {
+    let picture = session.render(Arc::new(()), &StopSwitch::new()).expect("it is painted");
+    picture.film().values().iter().map(|value| value.to_bits()).collect()
+}
+
+#[test]
+fn a_session_that_looks_from_elsewhere_paints_the_bits_of_one_that_was_opened_so() {
+    let (request, view) = (request(), from_above());
+    let there = Request { view: view.clone(), ..request.clone() };
+    let wanted = bits(Session::open(&there).expect("it is opened"));
+    let own = bits(Session::open(&request).expect("it is opened"));
+    assert_ne!(own, wanted, "the view is another one");
+    let looked = Session::open(&request).and_then(|session| session.look(&view)).expect("it looks");
+    assert_eq!(looked.name().unwrap(), Session::open(&there).and_then(|session| session.name()).unwrap());
+    assert_eq!(bits(looked), wanted);
+    let back = Session::open(&there).and_then(|session| session.look(&ViewOptions::default())).expect("it looks back");
+    assert_eq!(bits(back), own);
+    // By photons too, which are sent to what the camera sees.
+    let photons =
+        |request: &Request| request.with("integrator.method", "photon").unwrap().with("photons.count", "2000").unwrap();
+    let wanted = bits(Session::open(&photons(&there)).expect("it is opened"));
+    let looked = Session::open(&photons(&request)).and_then(|session| session.look(&view)).expect("it looks");
+    assert_eq!(bits(looked), wanted);
+}
+
+#[test]
+fn a_pose_that_looks_nowhere_is_refused_by_its_field() {
+    for (field, pose) in [
+        ("view.pose.target", r#"{"eye": [1, 2, 3], "target": [1, 2, 3]}"#),
+        ("view.pose.target", r#"{"eye": [0, 2, 0], "target": [0, 1, 0]}"#),
+        ("view.pose.eye", r#"{"eye": [1e30, 0, 0], "target": [1, 2, 3]}"#),
+        ("view.pose.fov", r#"{"eye": [0, 0, 1], "target": [1, 2, 3], "fov": 180}"#),
+    ] {
+        let error = request().with("view.pose", pose).unwrap_err();
+        let error = bottega::error::error_chain(&error);
+        assert!(error.contains(field), "{error}");
+    }
+    let there = request().with("view.pose", r#"{"eye": [0, 0, 1], "target": [1, 2, 3]}"#).unwrap();
+    assert!(there.validate().is_ok() && there.view.pose.is_some_and(|pose| pose.up == [0.0, 1.0, 0.0]));
+}
+
+/// The first frame that is as wanted, and how long it took.
+fn frame(viewport: &Viewport, wanted: impl Fn(&ViewportFrame) -> bool) -> (ViewportFrame, Duration) {
+    let begun = Instant::now();
+    let mut after = 0;
+    while begun.elapsed() < Duration::from_secs(60) {
+        if let Some(frame) = viewport.frame(after).expect("it is shown") {
+            after = frame.number;
+            if wanted(&frame) {
+                return (frame, begun.elapsed());
+            }
+        }
+        thread::sleep(Duration::from_millis(2));
+    }
+    panic!("nothing like that was shown in a minute");
+}
+
+#[test]
+fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
+    let request =
+        Request { goal: bottega::request::GoalOptions { samples: Some(8), ..Default::default() }, ..request() };
+    let viewport = Viewport::open(&request).expect("it is opened");
+    assert_eq!((viewport.size(), viewport.samples(), viewport.cameras().len()), ((48, 32), 8, 1));
+    let (first, took) = frame(&viewport, |_| true);
+    println!("first pixels after {} ms", took.as_millis());
+    assert_eq!((first.look, first.samples <= 8), (0, true));
+    let (last, _) = frame(&viewport, |frame| frame.samples == 8);
+    let read =
+        |frame: &ViewportFrame| read_image_bytes("frame.png", &frame.png, ReadLimits::default()).unwrap().picture;
+    assert_eq!((read(&last).size(), last.is_denoised), ((48, 32), viewport.denoises()));
+    assert_eq!(viewport.frame(last.number).unwrap(), None, "nothing new is to be seen");
+
+    let look = viewport.look(&from_above()).expect("it looks");
+    let (other, took) = frame(&viewport, |frame| frame.look == look);
+    println!("another view after {} ms", took.as_millis());
+    assert!(other.number > last.number);
+    let (there, _) = frame(&viewport, |frame| frame.look == look && frame.samples == 8);
+    assert_ne!(read(&there).data, read(&last).data);
+    // The camera as the file has it, said as a pose, is the camera.
+    let own = ViewOptions { pose: Some(viewport.cameras()[0].pose), ..ViewOptions::default() };
+    let look = viewport.look(&own).expect("it looks");
+    let (back, _) = frame(&viewport, |frame| frame.look == look && frame.samples == 8);
+    let differ = read(&back).data.iter().zip(&read(&last).data).filter(|(a, b)| a != b).count();
+    assert!(differ < 48 * 32 / 20, "{differ} pixels differ by the rounding of a pose");
+
+    // What cannot be leaves what is.
+    let error = viewport.look(&ViewOptions { camera: Some("9".to_owned()), ..from_above() }).unwrap_err();
+    assert!(error.to_string().contains("no camera `9`"), "{error}");
+    let (still, _) = frame(&viewport, |frame| frame.look == look);
+    assert_eq!(still.number, back.number);
+}
