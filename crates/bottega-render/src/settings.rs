@@ -94,7 +94,7 @@ pub struct PhotonSettings {
     pub irradiance_cache: f32,
     /// Whether photons that go on behind what is lit decide where shadow rays are needed.
     pub shadow_photons: bool,
-    /// Whether half of the gathering rays go where indirect photons came from. It changes the noise, not the mean.
+    /// Whether gathering rays go where indirect photons came from, as far as that tells more than chance. It changes the noise, not the mean.
     pub gather_directions: bool,
     /// Whether photons that come straight from the lights and those that were scattered are kept in maps of their own, from which light
     /// is estimated wherever it is asked for; else the irradiance is computed beforehand at places all over the surfaces.

@@ -37,7 +37,7 @@ pub(crate) struct PhotonArgs {
     /// Trace shadow rays only where photons that went on behind lit surfaces have not settled what is lit and what is not.
     #[arg(long)]
     shadow_photons: bool,
-    /// Whether half of the gathering rays go where indirect photons came from: less noise for more time. Default: true, but false
+    /// Whether gathering rays go where indirect photons came from: less noise for a little more time. Default: true, but false
     /// with --irradiance-cache, which gathers at few places.
     #[arg(long, value_name = "BOOL")]
     gather_directions: Option<bool>,

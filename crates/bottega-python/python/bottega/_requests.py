@@ -113,10 +113,11 @@ more where it is great, and answer where it is small. paper: Those of Herubel, B
 """
 
 
-OracleQuestion = Literal["shadows", "irradiance", "radiance"]
+OracleQuestion = Literal["shadows", "irradiance", "radiance", "halting"]
 """What lighting agents can be asked. shadows: Which shadow rays must be traced. irradiance: Where
 indirect light may be interpolated. radiance: What light comes from where to surfaces that are not
-matte, with the oracle `error`.
+matte, with the oracle `error`. halting: Whether a path goes on that has come to where they do not
+know the light well enough, with the oracle `error`.
 """
 
 
@@ -471,6 +472,10 @@ class LightingAgentOptions(Section):
     """Greatest relative error of indirect light that is interpolated, with the oracle `error`."""
     memory_mb: int = 4
     """Megabytes that they may take, with the oracle `error`."""
+    network: bool = False
+    """Whether the median of an agent and its neighbors in the network answers which shadow rays must
+    be traced.
+    """
     oracle: OracleChoice = 'error'
     """By which rules they answer."""
 
@@ -515,6 +520,14 @@ class PhotonOptions(Section):
     """
     gather: int | None = None
     """Photons from which the light at a point is estimated; none: 60."""
+    gather_directions: bool | None = None
+    """Whether gathering rays go where indirect photons came from; none: unless indirect light is taken
+    from places near by.
+    """
+    indirect: bool = True
+    """Whether there is indirect light, but for that over mirrors and through glass alone; for lighting
+    agents, too.
+    """
     irradiance_cache: float | None = None
     """Greatest error of indirect light on matte surfaces that is taken from places near by; none:
     gathered anew.
@@ -523,6 +536,10 @@ class PhotonOptions(Section):
     """Whether each sample has photons of its own, within a radius that shrinks."""
     radius: float | None = None
     """How far such photons may lie, as a share of the radius of what the camera sees; none: 0.1."""
+    separate_maps: bool = False
+    """Whether direct and indirect photons are kept in maps of their own, and counted wherever a
+    gathering ray ends.
+    """
     shadow_photons: bool = False
     """Whether shadow rays are traced only where photons behind lit surfaces have not settled what is
     lit.

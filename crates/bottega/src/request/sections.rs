@@ -249,7 +249,7 @@ sections! {
         irradiance_cache: Option<f32> = None,
         /// Whether shadow rays are traced only where photons behind lit surfaces have not settled what is lit.
         shadow_photons: bool = false,
-        /// Whether half of the gathering rays go where indirect photons came from; none: unless indirect light is taken from places near
+        /// Whether gathering rays go where indirect photons came from; none: unless indirect light is taken from places near
         /// by.
         gather_directions: Option<bool> = None,
         /// Whether direct and indirect photons are kept in maps of their own, and counted wherever a gathering ray ends.

@@ -269,7 +269,8 @@ impl<'a> Eye<'a> {
             let count = if is_short { 1 } else { photons.final_rays.max(1) };
             self.gather(walk, place, &Gathering { count, is_short, is_known: known.is_some(), aiming });
         }
-        Remainder::Light
+        // A matte surface has no mirrors for the path to go on over.
+        if is_matte(bsdf) { Remainder::Nothing } else { Remainder::Light }
     }
 
     /// Sends out rays that look for light, each of them to its end.
