@@ -10,12 +10,7 @@ use bottega_agents::Revision;
 use bottega_farm::{MasterHandle, ZoneId, ZoneRow, ZoneState};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    error::Error,
-    job::JobState,
-    job_board::JobBoard,
-    jobs::known,
-};
+use crate::{error::Error, job::JobState, job_board::JobBoard, jobs::known};
 
 /// What a notice says of a zone that is to be painted again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -79,7 +74,9 @@ impl JobBoard {
             }
         }
         self.change(number, |job| {
-            job.say(format!("zone {zone} is to be painted again, says {by}: so are all, for no zones are kept of what is over"));
+            job.say(format!(
+                "zone {zone} is to be painted again, says {by}: so are all, for no zones are kept of what is over"
+            ));
             job.state = JobState::Active;
             true
         })?;
@@ -92,7 +89,9 @@ impl JobBoard {
             let zone = notice.name.rsplit('/').next().and_then(|zone| zone.parse().ok()).map(ZoneId);
             let wanted = serde_json::from_slice::<WantedZone>(&notice.text).ok();
             match (zone, wanted) {
-                (Some(zone), Some(wanted)) if zones.is_as(zone, wanted) => master.requeue(zone, wanted.fence.map(Revision)),
+                (Some(zone), Some(wanted)) if zones.is_as(zone, wanted) => {
+                    master.requeue(zone, wanted.fence.map(Revision))
+                }
                 _ => self.forget_notice(&notice.name),
             }
         }

@@ -176,9 +176,8 @@ impl JobBoard {
         for (_, request, job) in frame_jobs(&spec.request, &frames, new_job)? {
             jobs.push((job, for_others(&request)?));
         }
-        let submit = |(job, request): &(Job, Request)| {
-            self.submit(job, &JobSpec { request: request.clone(), ..order.clone() })
-        };
+        let submit =
+            |(job, request): &(Job, Request)| self.submit(job, &JobSpec { request: request.clone(), ..order.clone() });
         let numbers = jobs.iter().map(submit).collect::<Result<Vec<u32>, Error>>()?;
         sent.keep();
         Ok(numbers)

@@ -93,8 +93,8 @@ pub use directory::{
     service_type,
 };
 pub use driver::{
-    AGENTS_MAX, JobError, JobReport, JobSettings, Link, MasterHandle, Observer, Progress, StopSwitch, Times, VERIFY_MAX, assist,
-    benchmark, lead, run,
+    AGENTS_MAX, JobError, JobReport, JobSettings, Link, MasterHandle, Observer, Progress, StopSwitch, Times,
+    VERIFY_MAX, assist, benchmark, lead, run,
 };
 pub use engine_choice::EngineChoice;
 pub use experience::{Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone};

@@ -95,11 +95,9 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
         }
         match layers.iter_mut().find(|known| known.name == layer) {
             Some(known) => known.channels.push(full.clone()),
-            None => layers.push(FileLayer {
-                name: layer.to_owned(),
-                kind: LayerKind::Number,
-                channels: vec![full.clone()],
-            }),
+            None => {
+                layers.push(FileLayer { name: layer.to_owned(), kind: LayerKind::Number, channels: vec![full.clone()] })
+            }
         }
     }
     for layer in &mut layers {
@@ -175,7 +173,9 @@ mod tests {
 
     #[test]
     fn channels_are_taken_together_by_layers() {
-        let found = names(&["A", "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "cost", "depth.Z", "n.A", "n.X", "n.Y", "n.Z"]);
+        let found = names(&[
+            "A", "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "cost", "depth.Z", "n.A", "n.X", "n.Y", "n.Z",
+        ]);
         let of = |name: &str, kind, count| (name.to_owned(), kind, count);
         let wanted = [
             of("albedo", LayerKind::Color, 3),

@@ -70,7 +70,12 @@ impl Comparisons {
     /// How the picture of a job differs from another one.
     ///
     /// - `other`: `job-2`, or `picture-1` for one that was sent.
-    pub(crate) fn compare(&self, farm: &dyn ShownFarm, job: u32, other: &str) -> Result<Arc<ComparedPictures>, Problem> {
+    pub(crate) fn compare(
+        &self,
+        farm: &dyn ShownFarm,
+        job: u32,
+        other: &str,
+    ) -> Result<Arc<ComparedPictures>, Problem> {
         let one = farm.picture(job)?;
         let other = match other.split_once('-').map(|(kind, number)| (kind, number.parse::<u32>())) {
             Some(("job", Ok(number))) => Arc::new(farm.picture(number)?),

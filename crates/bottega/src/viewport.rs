@@ -141,7 +141,7 @@ impl Viewport {
         if request.film.size.is_none() {
             let JobSettings { width, height, .. } = *session.settings();
             request.film.size = Some(fitted((width, height), PIXELS));
-            session = session.seen(request.clone())?;
+            session = session.seen(&request)?;
         }
         let settings = session.settings().clone();
         let cameras = session.subject().map(cameras).unwrap_or_default();
@@ -274,8 +274,7 @@ impl ViewportShared {
             self.show(ShownView { preview: Arc::clone(preview), look, samples, is_denoised });
         };
         let preview = fresh();
-        let survey =
-            engine.survey(frame.width().div_ceil(COARSE_CELL), frame.height().div_ceil(COARSE_CELL))?;
+        let survey = engine.survey(frame.width().div_ceil(COARSE_CELL), frame.height().div_ceil(COARSE_CELL))?;
         let coarse = survey.pixels.iter().map(|pixel| pixel.color).collect();
         preview.show_coarse(&Picture { width: survey.width, height: survey.height, data: coarse }, frame);
         show(&preview, 0, false);

@@ -44,7 +44,8 @@ fn a_session_that_looks_from_elsewhere_paints_the_bits_of_one_that_was_opened_so
     let back = Session::open(&there).and_then(|session| session.look(&ViewOptions::default())).expect("it looks back");
     assert_eq!(bits(back), own);
     // By photons too, which are sent to what the camera sees.
-    let photons = |request: &Request| request.with("integrator.method", "photon").unwrap().with("photons.count", "2000").unwrap();
+    let photons =
+        |request: &Request| request.with("integrator.method", "photon").unwrap().with("photons.count", "2000").unwrap();
     let wanted = bits(Session::open(&photons(&there)).expect("it is opened"));
     let looked = Session::open(&photons(&request)).and_then(|session| session.look(&view)).expect("it looks");
     assert_eq!(bits(looked), wanted);
@@ -84,20 +85,22 @@ fn frame(viewport: &Viewport, wanted: impl Fn(&ViewportFrame) -> bool) -> (Viewp
 
 #[test]
 fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
-    let request = Request { goal: bottega::request::GoalOptions { samples: Some(8), ..Default::default() }, ..request() };
+    let request =
+        Request { goal: bottega::request::GoalOptions { samples: Some(8), ..Default::default() }, ..request() };
     let viewport = Viewport::open(&request).expect("it is opened");
     assert_eq!((viewport.size(), viewport.samples(), viewport.cameras().len()), ((48, 32), 8, 1));
     let (first, took) = frame(&viewport, |_| true);
-    println!("first pixels after {} ms", took.as_millis());
+    eprintln!("first pixels after {} ms", took.as_millis());
     assert_eq!((first.look, first.samples <= 8), (0, true));
     let (last, _) = frame(&viewport, |frame| frame.samples == 8);
-    let read = |frame: &ViewportFrame| read_image_bytes("frame.png", &frame.png, ReadLimits::default()).unwrap().picture;
+    let read =
+        |frame: &ViewportFrame| read_image_bytes("frame.png", &frame.png, ReadLimits::default()).unwrap().picture;
     assert_eq!((read(&last).size(), last.is_denoised), ((48, 32), viewport.denoises()));
     assert_eq!(viewport.frame(last.number).unwrap(), None, "nothing new is to be seen");
 
     let look = viewport.look(&from_above()).expect("it looks");
     let (other, took) = frame(&viewport, |frame| frame.look == look);
-    println!("another view after {} ms", took.as_millis());
+    eprintln!("another view after {} ms", took.as_millis());
     assert!(other.number > last.number);
     let (there, _) = frame(&viewport, |frame| frame.look == look && frame.samples == 8);
     assert_ne!(read(&there).data, read(&last).data);

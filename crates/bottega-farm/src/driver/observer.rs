@@ -6,9 +6,7 @@ use bottega_agents::{AgentId, Revision, Time};
 use bottega_engines::Survey;
 
 use super::progress::Progress;
-use crate::{
-    AgentRow, FarmCompletion, FarmMessage, ImportanceMap, Partition, RoundSummary, Theft, ZoneId, ZoneRow,
-};
+use crate::{AgentRow, FarmCompletion, FarmMessage, ImportanceMap, Partition, RoundSummary, Theft, ZoneId, ZoneRow};
 
 /// A Master, as somebody beside it may ask it for something.
 #[derive(Clone)]

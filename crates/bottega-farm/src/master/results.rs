@@ -179,13 +179,7 @@ impl Master {
 
     /// Somebody wants a zone painted again. What is in hand already, or has other samples by now, stays as it is: who asked twice
     /// has it painted once.
-    pub(super) fn requeue(
-        &mut self,
-        now: Time,
-        zone: ZoneId,
-        fence: Option<Revision>,
-        actions: &mut Vec<FarmAction>,
-    ) {
+    pub(super) fn requeue(&mut self, now: Time, zone: ZoneId, fence: Option<Revision>, actions: &mut Vec<FarmAction>) {
         let is_free = self.begun && !self.stopping && !self.finished && !self.writes.contains_key(&zone);
         let row = self.board.zone(zone).filter(|_| is_free).map(|(_, row)| row);
         let row = row.filter(|row| row.state == ZoneState::Failed || row.result.map(|result| result.fence) == fence);

@@ -113,7 +113,8 @@ pub(crate) fn channel_names<R: BufRead + Seek>(
         names.map(full).collect::<Vec<String>>()
     };
     // The channels of the first part are those of no layer, whatever it is called.
-    let first = reader.headers().first().map(|header| header.channels.list.iter().map(|it| it.name.to_string()).collect());
+    let first =
+        reader.headers().first().map(|header| header.channels.list.iter().map(|it| it.name.to_string()).collect());
     let others = reader.headers().iter().skip(1).flat_map(of_part);
     Ok(first.unwrap_or_else(Vec::new).into_iter().chain(others).collect())
 }

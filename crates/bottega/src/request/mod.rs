@@ -26,9 +26,9 @@ pub use self::{
     json::{REQUEST_BYTES_MAX, RequestError},
     limits::*,
     sections::{
-        BandChoice, CameraPose, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FarmOptions, FilmOptions,
-        FrameOptions, GoalOptions, GuideOptions, IntegratorOptions, LightingAgentOptions, OutputOptions, PhotonOptions,
-        RulesSource, RulesText, SceneOptions, ViewOptions, WorkOptions,
+        BandChoice, CameraPose, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FarmOptions,
+        FilmOptions, FrameOptions, GoalOptions, GuideOptions, IntegratorOptions, LightingAgentOptions, OutputOptions,
+        PhotonOptions, RulesSource, RulesText, SceneOptions, ViewOptions, WorkOptions,
     },
 };
 

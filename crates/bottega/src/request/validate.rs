@@ -8,9 +8,9 @@ use bottega_scene::{COORDINATE_MAX, Camera};
 use glam::{Affine3A, DVec3};
 
 use super::{
-    BandChoice, CameraPose, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FilmOptions,
-    GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions, OutputOptions,
-    PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
+    BandChoice, CameraPose, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions,
+    FilmOptions, GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField, LightingAgentOptions,
+    OutputOptions, PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ViewOptions, WorkOptions, limits::*,
 };
 use crate::frames::{FrameName, frame_name_help};
 
