@@ -46,13 +46,16 @@ pub struct Lead {
     pub zones_done: usize,
     /// All zones.
     pub zones: usize,
+    /// Whether there is something to see of it.
+    #[serde(default)]
+    pub seen: bool,
 }
 
 impl Lead {
     /// How far the job is, by the one who leads it; one who has no zones yet cannot tell.
     fn or_as_before(self, before: Option<Self>) -> Self {
         match before {
-            Some(before) if self.zones == 0 => Self { leader: self.leader, ..before },
+            Some(before) if self.zones == 0 => Self { leader: self.leader, seen: self.seen || before.seen, ..before },
             _ => self,
         }
     }
@@ -374,8 +377,13 @@ mod tests {
 
     #[test]
     fn who_begins_to_lead_says_no_less_than_the_one_before() {
-        let lead =
-            |leader: &str, done, zones_done, zones| Lead { leader: Some(leader.to_owned()), done, zones_done, zones };
+        let lead = |leader: &str, done, zones_done, zones| Lead {
+            leader: Some(leader.to_owned()),
+            done,
+            zones_done,
+            zones,
+            seen: false,
+        };
         let before = Some(lead("a", 0.5, 12, 24));
         assert_eq!(lead("b", 0.0, 0, 0).or_as_before(before.clone()), lead("b", 0.5, 12, 24));
         assert_eq!(lead("b", 0.4, 10, 25).or_as_before(before), lead("b", 0.4, 10, 25));

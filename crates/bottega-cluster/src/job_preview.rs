@@ -83,13 +83,15 @@ impl JobPreview {
     /// Fetches the pixels that are new. Returns whether there are any.
     fn fetch_news(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
         let rows = board.zone_rows(job)?;
-        let Some(rect) = rows.iter().map(|row| row.rect).reduce(around) else { return Ok(false) };
+        let Some(rect) = rows.iter().map(|row| row.rect).reduce(around) else { return self.look_first(board, job) };
         if self.canvas.as_ref().is_none_or(|(before, _)| *before != rect) {
             if rect.area() > PIXELS_MAX {
                 let problem = format!("the picture has {} pixels, and at most {PIXELS_MAX} are shown", rect.area());
                 return Err(Error::usage(problem, "wait until it is done, and fetch it"));
             }
-            self.canvas = Some((rect, Preview::new(rect, self.exposure, self.tone)));
+            let preview = Preview::new(rect, self.exposure, self.tone);
+            board.first_look(job)?.filter(|look| look.crop() == rect).iter().for_each(|look| look.show(&preview));
+            self.canvas = Some((rect, preview));
             self.shown.clear();
         }
         let is_news = |zone: &ZoneId, result: &ResultRef| self.shown.get(zone) != Some(&result.digest);
@@ -115,6 +117,22 @@ impl JobPreview {
         let is_new = !fetched.is_empty();
         self.shown.extend(fetched);
         Ok(is_new)
+    }
+}
+
+impl JobPreview {
+    /// Shows what its leader has seen of the picture before it was cut. Returns whether that is new.
+    fn look_first(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
+        if self.canvas.is_some() {
+            return Ok(false);
+        }
+        let Some(look) = board.first_look(job)?.filter(|look| look.crop().area() <= PIXELS_MAX) else {
+            return Ok(false);
+        };
+        let preview = Preview::new(look.crop(), self.exposure, self.tone);
+        look.show(&preview);
+        self.canvas = Some((look.crop(), preview));
+        Ok(true)
     }
 }
 

@@ -22,13 +22,13 @@
 //! | messages between the agents of a job, for those who look on | [`messages`] |
 //! | rules of a job, and what they say of a zone | [`rules_of_job`] |
 //! | steering of jobs and machines | [`jobs`], [`machine`]; zones painted again: `src/requeue.rs` |
-//! | a job as it looks while it is painted | [`job_preview`] |
+//! | a job as it looks while it is painted; before | [`job_preview`]; `src/first_look.rs` |
 //! | files sent piece by piece by one who is no machine of the farm, and jobs asked for with them | [`uploads`] |
 //! | what the HTTP doors of one farm know each other by: tokens, certificate | [`web_secrets`] |
 //! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
 //! | when the owner of a machine lets it paint | [`owner`] |
-//! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs` |
+//! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs`, `src/part_observer.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
 //! | the farm as a FIPA platform; its jobs and machines as agents; agents of other platforms that paint | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
 //! | agents of jobs in the directories; those of processes that were killed | [`directories`] |
@@ -48,6 +48,7 @@ mod discovery;
 pub mod energy;
 pub mod error;
 mod experience;
+mod first_look;
 pub mod job;
 pub mod job_board;
 pub mod job_preview;
@@ -61,6 +62,7 @@ pub mod names;
 pub mod own_server;
 pub mod owner;
 mod part;
+mod part_observer;
 mod patience;
 mod pieces;
 pub mod platform;

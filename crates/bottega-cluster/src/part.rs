@@ -2,26 +2,23 @@
 
 use std::{
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
 
-use bottega_engines::{RenderEngine, Survey};
-use bottega_farm::{
-    AgentRow, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Link, MasterHandle, Observer, Partition,
-    Progress, RoundSummary, StopSwitch, Theft, WorkId, ZoneRow,
-};
+use bottega_engines::RenderEngine;
+use bottega_farm::{Goal, JobReport, JobSettings, Link, StopSwitch, WorkId};
 use bottega_image::Canvas;
 
 use crate::{
+    first_look::FirstLook,
     job::{Job, JobState},
     job_board::{JobBoard, Lead, Lease, Presence, RENEW_EVERY},
-    messages::MessageRecorder,
+    part_observer::LoggingObserver,
     refusals::{RefusalWatch, Refusals},
-    requeue::SettledZones,
     society::SeenSociety,
     together::{self, JobPeers},
     usage::UsageMeter,
@@ -32,9 +29,6 @@ use crate::error::Error;
 
 /// How often is looked whether somebody wants something else.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-
-/// Lines that wait to be written into the log of a job at most.
-const LOG_WAITING_MAX: usize = 64;
 
 /// A process at a farm.
 #[derive(Clone)]
@@ -96,6 +90,7 @@ pub(crate) fn take_part(
     let told = Arc::new(LoggingObserver {
         inner: Arc::clone(&tools.observer),
         lead: Mutex::default(),
+        seen: AtomicBool::default(),
         log: Mutex::default(),
         master: Mutex::default(),
         settled: Mutex::default(),
@@ -120,6 +115,9 @@ pub(crate) fn take_part(
     };
     let watch = PartWatch::begin(guard)?;
     let begun = Instant::now();
+    if leads && let Some(look) = FirstLook::take(&tools.settings, &*tools.engine) {
+        told.seen.store(board.keep_first_look(job.work, &look), Ordering::Relaxed);
+    }
     prepare_together(member, number, job, tools, &this);
     let prepared = begun.elapsed();
     if this.is_requested() {
@@ -132,7 +130,10 @@ pub(crate) fn take_part(
     if leads {
         let settings = &JobSettings { credits: board.credits(), ..settings.clone() };
         let (store, kept) = (tools.store.take(), tools.kept.take());
+        let leading = Arc::clone(&told);
         let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
+        // It knows the agents, who know this observer.
+        *leading.master.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let mut report = Box::new(report.map_err(Error::job)?);
         board.keep_lessons(&report.lessons);
         report.times.total += prepared;
@@ -215,6 +216,7 @@ impl Leading {
         self.link.forget();
         board.forget_learnt(self.link.work.0);
         board.forget_requeues(number);
+        board.forget_first_look(self.link.work.0);
         together::forget(board, self.link.work.0);
         Ok(())
     }
@@ -438,98 +440,5 @@ impl Guard {
         {
             tracing::debug!(%error, "the lead was not laid down");
         }
-    }
-}
-
-/// An observer that remembers how far the job is, and what is to be written into its log.
-struct LoggingObserver {
-    inner: Arc<dyn Observer>,
-    lead: Mutex<Lead>,
-    log: Mutex<Vec<String>>,
-    /// The Master, where this process leads.
-    master: Mutex<Option<MasterHandle>>,
-    settled: Mutex<SettledZones>,
-    society: Mutex<SeenSociety>,
-    /// Until it is kept for those who look on.
-    importance: Mutex<Option<Arc<ImportanceMap>>>,
-    recorder: Arc<MessageRecorder>,
-}
-
-impl LoggingObserver {
-    fn society(&self) -> MutexGuard<'_, SeenSociety> {
-        self.society.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn lead(&self) -> Lead {
-        self.lead.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-}
-
-impl Observer for LoggingObserver {
-    fn surveyed(&self, survey: &Arc<Survey>) {
-        self.inner.surveyed(survey);
-    }
-
-    fn analyzed(&self, map: &Arc<ImportanceMap>, partition: &Arc<Partition>) {
-        *self.importance.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(map));
-        self.inner.analyzed(map, partition);
-    }
-
-    fn leads(&self, master: &MasterHandle) {
-        *self.master.lock().unwrap_or_else(PoisonError::into_inner) = Some(master.clone());
-    }
-
-    fn zone_changed(&self, row: &ZoneRow) {
-        self.settled.lock().unwrap_or_else(PoisonError::into_inner).see(row);
-        self.inner.zone_changed(row);
-    }
-
-    fn agent_changed(&self, row: &AgentRow) {
-        self.society().see_agent(row);
-        self.inner.agent_changed(row);
-    }
-
-    fn round_closed(&self, round: &RoundSummary) {
-        self.society().see_round(round);
-        self.inner.round_closed(round);
-    }
-
-    fn stolen(&self, theft: &Theft) {
-        self.society().see_theft(theft);
-        self.inner.stolen(theft);
-    }
-
-    fn progress(&self, progress: &Progress) {
-        let Progress { zones_done, zones, cost_done, .. } = *progress;
-        *self.lead.lock().unwrap_or_else(PoisonError::into_inner) =
-            Lead { leader: None, done: cost_done, zones_done, zones };
-        self.inner.progress(progress);
-    }
-
-    fn message(&self, now: bottega_agents::Time, message: &FarmMessage) {
-        self.recorder.see_said(now, message);
-        self.inner.message(now, message);
-    }
-
-    fn heard(&self, now: bottega_agents::Time, message: &FarmMessage) {
-        self.recorder.see_heard(now, message);
-        self.inner.heard(now, message);
-    }
-
-    fn left_out(&self, agent: &bottega_agents::AgentId, reason: &str) {
-        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
-        if log.len() < LOG_WAITING_MAX {
-            log.push(format!("{agent} is left out: {reason}"));
-        }
-        drop(log);
-        self.inner.left_out(agent, reason);
-    }
-
-    fn too_few(&self, present: usize, needed: usize) {
-        self.inner.too_few(present, needed);
-    }
-
-    fn not_kept(&self, error: &std::io::Error) {
-        self.inner.not_kept(error);
     }
 }

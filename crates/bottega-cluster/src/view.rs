@@ -25,6 +25,8 @@ pub struct JobView {
     pub zones_done: usize,
     /// All zones.
     pub zones: usize,
+    /// Whether there is something to see of it while it is painted, coarse at first.
+    pub seen: bool,
     /// How urgent it is.
     pub priority: u32,
     /// Tags that a machine must have to paint it.
@@ -75,6 +77,7 @@ impl JobView {
             done: if is_done { 1.0 } else { lead.done },
             zones_done: lead.zones_done,
             zones: lead.zones,
+            seen: lead.seen,
             priority: job.priority,
             require: job.require.clone(),
             // A machine that was killed does not say that it has left.

@@ -37,6 +37,8 @@ class JobPage {
   #isLooking = false;
   /** Whether some pixels have samples. */
   #isPainted = false;
+  /** Whether the farm has told that there is something to see. */
+  #isSeen = false;
 
   constructor(page, shell, number) {
     Object.assign(this, { shell, number });
@@ -121,6 +123,8 @@ class JobPage {
     if (job.state === "active") this.#timeLeft.take(Date.now() / 1000, job.done);
     else this.#timeLeft.clear();
     setText(this.title, `Job ${job.job}: ${job.scene}`);
+    if (job.seen && !this.#isSeen) setTimeout(() => this.#look());
+    this.#isSeen = job.seen;
     this.chip.set(job.state);
     this.bar.set(job.done, `job ${job.job}`);
     this.reason.hidden = !job.reason;
@@ -237,7 +241,7 @@ class JobPage {
   async #lookAtPicture() {
     const job = this.#job;
     // Until something is painted there is no picture; one that is over does not change.
-    if (!job || this.layers.isOn || (!job.zones_done && !job.kept && !this.#isPainted) || (this.#shown === job.state && job.state !== "active")) return;
+    if (!job || this.layers.isOn || (!job.zones_done && !job.kept && !this.#isPainted && !job.seen) || (this.#shown === job.state && job.state !== "active")) return;
     const { state } = job;
     const isPainted = !["active", "paused"].includes(state) ? job.kept : true;
     const found = isPainted ? await fetchPicture(`/jobs/${this.number}/preview.png`, this.#tag) : null;

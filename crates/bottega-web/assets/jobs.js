@@ -107,8 +107,8 @@ class JobCard {
 
   /** Only of cards that are seen, and only where something was painted since. */
   async #renewPicture(job) {
-    const isPainted = job.kept || (["active", "paused"].includes(job.state) && job.zones_done > 0);
-    const key = `${job.state} ${job.zones_done}`;
+    const isPainted = job.kept || (["active", "paused"].includes(job.state) && (job.seen || job.zones_done > 0));
+    const key = `${job.state} ${job.seen} ${job.zones_done}`;
     if (!this.#isVisible || !isPainted || key === this.#seen || Date.now() - this.#at < PICTURE_EVERY) return;
     [this.#seen, this.#at] = [key, Date.now()];
     const found = await fetchPicture(`/jobs/${this.number}/preview.png`, this.#tag);

@@ -103,7 +103,8 @@ impl Dashboard {
 
     /// From now on `png`, a PNG file, is what is painted. Whoever looks is told by [`Event::Preview`].
     pub fn set_preview(&self, png: Vec<u8>) {
-        self.painted.state().preview = Some(png);
+        let mut state = self.painted.state();
+        (state.preview, state.view.seen) = (Some(png), true);
     }
 }
 
@@ -116,6 +117,7 @@ impl PaintedState {
             done: 0.0,
             zones_done: 0,
             zones: 0,
+            seen: false,
             priority: 0,
             require: Vec::new(),
             machines: 1,

@@ -20,7 +20,7 @@
 //! |---|---|
 //! | what may be asked for: sections, words, limits, checks | [`request`]: `src/request/sections.rs`, `src/request/choices.rs`, `src/request/limits.rs`, `src/request/validate.rs` |
 //! | requests as JSON; one field set by its path | `src/request/json.rs`, `src/request/set.rs` |
-//! | the way from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs` |
+//! | the way from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs`, `src/session/looking.rs` |
 //! | what is told meanwhile, and to whom | [`events`]; `src/session/reporter.rs`, `src/session/watcher.rs` |
 //! | the picture, its files and its metadata | [`picture`] |
 //! | what a request means to engines and farm | [`settings`]; its scene: [`loaded_scene`]; which integrator paints it: [`method`] |

@@ -141,7 +141,7 @@ impl Viewport {
         if request.film.size.is_none() {
             let JobSettings { width, height, .. } = *session.settings();
             request.film.size = Some(fitted((width, height), PIXELS));
-            session = session.seen(request.clone())?;
+            session = session.seen(&request)?;
         }
         let settings = session.settings().clone();
         let cameras = session.subject().map(cameras).unwrap_or_default();

@@ -90,7 +90,7 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
     let viewport = Viewport::open(&request).expect("it is opened");
     assert_eq!((viewport.size(), viewport.samples(), viewport.cameras().len()), ((48, 32), 8, 1));
     let (first, took) = frame(&viewport, |_| true);
-    println!("first pixels after {} ms", took.as_millis());
+    eprintln!("first pixels after {} ms", took.as_millis());
     assert_eq!((first.look, first.samples <= 8), (0, true));
     let (last, _) = frame(&viewport, |frame| frame.samples == 8);
     let read =
@@ -100,7 +100,7 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
 
     let look = viewport.look(&from_above()).expect("it looks");
     let (other, took) = frame(&viewport, |frame| frame.look == look);
-    println!("another view after {} ms", took.as_millis());
+    eprintln!("another view after {} ms", took.as_millis());
     assert!(other.number > last.number);
     let (there, _) = frame(&viewport, |frame| frame.look == look && frame.samples == 8);
     assert_ne!(read(&there).data, read(&last).data);

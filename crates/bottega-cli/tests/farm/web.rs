@@ -152,6 +152,9 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     farm.until("its machine is seen", || machine()[0]["name"].is_string());
     let name = machine()[0]["name"].as_str().expect("a name").to_owned();
     assert_eq!(see.post(&format!("/api/machines/{name}/suspend"), &json!({})).0, 403);
+    // There is something to see before a zone is done.
+    farm.until("a first look", || steer.job(1)["seen"] == true);
+    assert!(see.get("/api/jobs/1/preview.png").1.starts_with(b"\x89PNG"), "{}", farm.logs());
     // The stream tells of each zone and of the end.
     let (mut line, mut done) = (String::new(), std::collections::BTreeSet::new());
     let mut has_ended = false;

@@ -70,6 +70,7 @@ pub(crate) fn job(number: u32) -> JobView {
         done: if is_over { 1.0 } else { 0.25 },
         zones_done: 1,
         zones: 4,
+        seen: true,
         priority: 10,
         machines: 1,
         leader: Some("machine".to_owned()),

@@ -1,6 +1,7 @@
 //! A request being painted: from its scene to its picture.
 
 mod lighting_agents;
+mod looking;
 mod occupation;
 mod painter;
 mod painting;
@@ -34,7 +35,7 @@ use crate::{
     loaded_scene::LoadedScene,
     picture::Picture,
     preview::{LivePreview, PreviewView, check_preview},
-    request::{Request, ViewOptions},
+    request::Request,
     rules::{engine_choice, experts},
     settings::{goal, job_settings, shared_goal, tone},
     tev::TevMirror,
@@ -209,34 +210,6 @@ impl Session {
         let session = Self::new(request, SessionOptions::default(), painter, notes, begun);
         let settings = JobSettings { engine_choice: choice, ..session.settings.clone() };
         Ok(Self { settings, asked: part.asked.clone(), ..session })
-    }
-
-    /// The same picture seen otherwise: by another camera, or from elsewhere. Nothing is read or prepared anew, and the picture has
-    /// the same bits as one of a session that was opened so.
-    ///
-    /// # Errors
-    /// The scene has no such camera, or another engine paints, which sees the scene as its file says.
-    pub fn look(self, view: &ViewOptions) -> Result<Self, Error> {
-        let request = Request { view: view.clone(), ..self.request.clone() };
-        self.seen(request)
-    }
-
-    /// The same by a request that differs in its view and the size of its picture.
-    pub(crate) fn seen(self, request: Request) -> Result<Self, Error> {
-        let begun = Instant::now();
-        let Self { options, painter, denoiser, .. } = self;
-        Self::check(&request, &options)?;
-        let Painter::Own(own) = painter else {
-            return Err(Error::usage("other engines see a scene as its file says", "leave out the engine"));
-        };
-        let BuiltinPainter { subject, .. } = *own;
-        let (experts, notes) = experts(agent_rules(&request)?)?;
-        let own = BuiltinPainter::open(&request, subject.seen_as(&request)?, experts, goal(&request, begun)?)?;
-        let painter = Painter::Own(Box::new(own));
-        let session = Self { denoiser, ..Self::new(&request, options, painter, notes, begun) };
-        let resume = session.options.resume;
-        let journal = PictureJournal::of_request(&request, &session.name()?, resume)?;
-        Ok(Self { journal, ..session })
     }
 
     /// Without denoiser and journal.
@@ -467,19 +440,6 @@ impl Session {
             mirror.iter().for_each(|mirror| mirror.painted(tile));
         });
         Ok(tev)
-    }
-
-    /// The scene, where our own engine has read it.
-    pub(crate) fn subject(&self) -> Option<&LoadedScene> {
-        match &self.painter {
-            Painter::Own(own) => Some(&own.subject),
-            Painter::Other(_) => None,
-        }
-    }
-
-    /// The denoiser, where one was asked for.
-    pub(crate) fn denoiser(&self) -> Option<&Denoiser> {
-        self.denoiser.as_ref()
     }
 
     /// Has a function see the blocks that are painted.
