@@ -67,6 +67,10 @@ function columns(shell, look) {
       },
     },
     {
+      name: "tags", head: "Tags", help: "What the machine says that it is (join --tag): a job may ask for it (farm.require)",
+      value: machine => machine.tags.join(" "), text: machine => machine.tags.join(" ") || "–",
+    },
+    {
       name: "power", head: "V_cp", help: "Relative computing power in the job that it paints: 1 is the reference machine, 0.5 is twice as fast. The line is since this page was opened",
       value: powerOf, fill: fillLine("power", machine => decimals(powerOf(machine), 3)),
     },

@@ -289,6 +289,7 @@ impl ShownFarm for PaintedJob {
             version: bottega_cluster::build::build().identity().to_owned(),
             takes_orders: false,
             is_guest: false,
+            tags: Vec::new(),
             reliability: None,
             agents: agents.collect(),
             refusals: Vec::new(),

@@ -346,6 +346,7 @@ impl ShownFarm for LinkedFarm {
                 job: seat.job,
                 takes_orders: seat.takes_orders,
                 is_guest: seat.is_guest,
+                tags: seat.tags,
                 reliability: reliabilities.get(machine).copied(),
                 agents: agents.unwrap_or_default(),
                 refusals: seat.refusals.iter().map(refusal).collect(),

@@ -84,6 +84,8 @@ pub struct MachineStatus {
     pub takes_orders: bool,
     /// Whether it may paint and no more.
     pub is_guest: bool,
+    /// What it says that it is, by which jobs ask for it.
+    pub tags: Vec<String>,
     /// How far its promises held in the jobs so far: 1, when what it promised took as long as it said. `null`: not known.
     pub reliability: Option<f64>,
     /// V_cp, credit and failures in the job that it paints; there may be several agents.

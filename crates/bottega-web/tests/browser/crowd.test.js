@@ -101,7 +101,7 @@ test("a thousand machines: few rows are in the page, and it answers within 200 m
   await page.goto(farm.steering);
   const machine = i => ({
     name: `machine-${i}.0${i}`, state: "active", ordered: "active", threads: 8 + i % 5, job: i % 3 ? 7 : null, version: "1", takes_orders: true,
-    is_guest: i % 10 === 0, reliability: 0.9, refusals: [], agents: [{ agent: `render-1@machine-${i}`, power: 0.2 + Math.random(), credit: Math.random(), lanes: 8, reliability: 1, failures: 0 }],
+    is_guest: i % 10 === 0, tags: [], devices: [], reliability: 0.9, refusals: [], agents: [{ agent: `render-1@machine-${i}`, power: 0.2 + Math.random(), credit: Math.random(), lanes: 8, reliability: 1, failures: 0 }],
   });
   await page.route("**/api/machines", route => route.fulfill({ json: Array.from({ length: MACHINES }, (_, i) => machine(i)) }));
   await page.evaluate(() => { location.hash = "#/machines"; });

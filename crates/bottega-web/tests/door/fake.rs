@@ -180,6 +180,7 @@ impl ShownFarm for FakeFarm {
             version: "0.1".to_owned(),
             takes_orders: true,
             is_guest: false,
+            tags: vec!["gpu".to_owned()],
             reliability: Some(0.5),
             agents: Vec::new(),
             refusals: Vec::new(),
