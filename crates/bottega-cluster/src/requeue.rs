@@ -10,7 +10,11 @@ use bottega_agents::Revision;
 use bottega_farm::{MasterHandle, ZoneId, ZoneRow, ZoneState};
 use serde::{Deserialize, Serialize};
 
-use crate::{error::Error, job::JobState, job_board::JobBoard, jobs::known};
+use crate::{
+    error::Error,
+    job::JobState,
+    job_board::{JobBoard, no_such},
+};
 
 /// What a notice says of a zone that is to be painted again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -48,7 +52,7 @@ impl JobBoard {
     /// # Errors
     /// There is no such zone, it is under way, or the farm does not have the picture.
     pub fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Error> {
-        let job = known(self, number)?;
+        let job = self.get(number).ok_or_else(|| no_such(number))?;
         if !job.state.is_over() {
             let rows = self.zone_rows(&job)?;
             let row = rows.iter().find(|row| row.zone == ZoneId(zone)).ok_or_else(|| no_zone(number, zone))?;
@@ -90,7 +94,7 @@ impl JobBoard {
             let wanted = serde_json::from_slice::<WantedZone>(&notice.text).ok();
             match (zone, wanted) {
                 (Some(zone), Some(wanted)) if zones.is_as(zone, wanted) => {
-                    master.requeue(zone, wanted.fence.map(Revision))
+                    master.requeue(zone, wanted.fence.map(Revision));
                 }
                 _ => self.forget_notice(&notice.name),
             }

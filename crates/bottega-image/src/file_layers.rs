@@ -96,7 +96,8 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
         match layers.iter_mut().find(|known| known.name == layer) {
             Some(known) => known.channels.push(full.clone()),
             None => {
-                layers.push(FileLayer { name: layer.to_owned(), kind: LayerKind::Number, channels: vec![full.clone()] })
+                let (name, channels) = (layer.to_owned(), vec![full.clone()]);
+                layers.push(FileLayer { name, kind: LayerKind::Number, channels });
             }
         }
     }
