@@ -271,10 +271,12 @@ impl IrradianceRecord {
         (1.0 - error / tolerance).max(0.0)
     }
 
-    /// What it says of another place.
+    /// What it says of another place: half or twice of what it has found at most. A change that is as steep as its rays say does not go
+    /// on for so long, and who followed it would come to places that seem black.
     pub(super) fn at(&self, p: Vec3, n: Vec3) -> Spectrum {
         let (turned, moved) = (self.n.cross(n), p - self.p);
         let change = |channel: usize| self.turning[channel].dot(turned) + self.moving[channel].dot(moved);
-        (self.irradiance + Vec3::new(change(0), change(1), change(2))).max(Vec3::ZERO)
+        let said = self.irradiance + Vec3::new(change(0), change(1), change(2));
+        said.clamp(0.5 * self.irradiance, 2.0 * self.irradiance)
     }
 }
