@@ -282,7 +282,7 @@ mod tests {
         {
             assert_eq!(reserve(disk_bytes), expected, "{disk_bytes}");
         }
-        assert_eq!(fitting_limit(3 * GB, (20 * GB, 100 * GB)), 18 * GB);
+        assert_eq!(fitting_limit(3 * GB, DiskSpace { free: 20 * GB, total: 100 * GB }), 18 * GB);
         assert_eq!(fitting_limit(3 * GB, DiskSpace { free: GB, total: 100 * GB }), 3 * GB, "what is there stays");
     }
 

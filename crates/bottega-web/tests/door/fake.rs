@@ -72,6 +72,7 @@ pub(crate) fn job(number: u32) -> JobView {
         zones: 4,
         seen: true,
         priority: 10,
+        require: Vec::new(),
         machines: 1,
         leader: Some("machine".to_owned()),
         from: "machine".to_owned(),

@@ -255,6 +255,7 @@ fn job(number: u32, state: &'static str, done: f64) -> JobView {
         zones: 24,
         seen: false,
         priority: 10,
+        require: Vec::new(),
         machines: 1,
         leader: None,
         from: "m-1".to_owned(),
