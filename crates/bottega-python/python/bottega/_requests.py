@@ -293,6 +293,23 @@ KEYWORDS: Mapping[str, str] = {'spp': 'goal.samples',
 
 
 @dataclass(kw_only=True, slots=True)
+class CameraPose(Section):
+    """The place of a camera, in the coordinates of the scene file."""
+
+    eye: tuple[float, float, float]
+    """Where it stands."""
+    fov: float | None = None
+    """The full angle between the upper and the lower edge, in degrees; none: as the camera has it."""
+    target: tuple[float, float, float]
+    """At what it looks."""
+    up: tuple[float, float, float] = field(default_factory=lambda: [0.0, 1.0, 0.0])
+    """The direction of the picture's upper edge; none: +y."""
+
+    _parts: ClassVar[Mapping[str, type[Section]]] = {}
+    _tuples: ClassVar[frozenset[str]] = frozenset(['eye', 'target', 'up'])
+
+
+@dataclass(kw_only=True, slots=True)
 class DeviceOptions(Section):
     """The processors and devices of this machine that paint. Another machine has its own."""
 
@@ -353,6 +370,10 @@ class FarmOptions(Section):
 
     priority: int = 10
     """How urgent the picture is: jobs have machines in proportion to their priorities."""
+    require: Sequence[str] = field(default_factory=lambda: [])
+    """Tags that a machine must have to paint it (`bottega join --tag`); the one who asks paints in any
+    case.
+    """
     strangers: bool = False
     """Whether agents of other platforms may paint zones, with engines of their own (FIPA). The picture
     then depends on who painted it.
@@ -605,8 +626,10 @@ class ViewOptions(Section):
     """Distance from the camera at which things are sharp, in scene units."""
     lens_radius: float | None = None
     """Radius of the lens in scene units: what is not at the focus distance blurs; 0: all is sharp."""
+    pose: CameraPose | None = None
+    """Where it stands and at what it looks; none: as the file says. Its lens stays the file's."""
 
-    _parts: ClassVar[Mapping[str, type[Section]]] = {}
+    _parts: ClassVar[Mapping[str, type[Section]]] = {"pose": CameraPose}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
 
 
