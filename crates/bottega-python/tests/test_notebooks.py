@@ -13,9 +13,9 @@ EXAMPLES = Path(ROOT, "examples")
 
 
 def run(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[list[str]]:
-    """Runs a notebook in the repository's folder; returns the words of each line that it prints."""
+    """Runs a notebook in its folder; returns the words of each line that it prints."""
     cells = json.loads((EXAMPLES / f"{name}.ipynb").read_text())["cells"]
-    monkeypatch.chdir(ROOT)
+    monkeypatch.chdir(EXAMPLES)
     names: dict[str, object] = {}
     for cell in cells:
         if cell["cell_type"] == "code":

@@ -218,12 +218,15 @@ impl IrradianceCache {
     }
 
     /// Adds a record. No radius may be greater than that of a neighbour and the way to it: what is near to something is not
-    /// far from it a little farther on.
+    /// far from it a little farther on. Who looks to the other side of a wall says nothing of that.
     pub(crate) fn add(&mut self, mut record: IrradianceRecord) {
         let mut near = Vec::new();
         self.visit_numbers(record.p, |number| near.push(number));
         for &number in &near {
             let other = &mut self.records[number as usize];
+            if other.n.dot(record.n) < -0.5 {
+                continue;
+            }
             let distance = (other.p - record.p).length();
             record.radius = record.radius.min(other.radius + distance);
             other.radius = other.radius.min(record.radius + distance);
@@ -366,6 +369,20 @@ mod tests {
         assert_eq!(cache.len(), 1);
         assert!(at(&cache, Vec3::ZERO, Vec3::Y).is_some() && at(&cache, Vec3::X * 0.2, Vec3::Y).is_some());
         assert!(at(&cache, Vec3::X * 3.0, Vec3::Y).is_none() && at(&cache, Vec3::ZERO, Vec3::X).is_none());
+    }
+
+    #[test]
+    fn nobody_speaks_for_the_other_side_of_a_wall() {
+        let dark = |_: Vec3, _: Vec3| GatherSample { radiance: Vec3::ZERO, distance: 5.0 };
+        let mut cache = IrradianceCache::new(Vec3::splat(-10.0), 20.0, 0.3);
+        // The inside of a wall of a width of 0.4, at its far side.
+        cache.add(record(Vec3::ZERO, Vec3::Y, &dark));
+        assert!(cache.estimate(Vec3::X * 0.4, Vec3::Y, u32::MAX).is_some());
+        assert!(cache.estimate(Vec3::Y * 0.4, Vec3::Y, u32::MAX).is_none());
+        // The outside sees far, however narrow it is inside.
+        let narrow = |_: Vec3, _: Vec3| GatherSample { radiance: Vec3::ZERO, distance: 0.1 };
+        cache.add(record(Vec3::X * 0.4, Vec3::NEG_Y, &narrow));
+        assert!(cache.estimate(Vec3::X * 0.8, Vec3::Y, u32::MAX).is_some());
     }
 
     #[test]

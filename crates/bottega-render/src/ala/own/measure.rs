@@ -7,6 +7,9 @@ use super::super::{
 };
 use crate::integrator::{Hands, SensorPlace as Place};
 
+/// Least radius of a record on the back of a surface, in least radii of others.
+const BACK_REACH: f32 = 0.05;
+
 /// Some of the candidates measure what the others do not know.
 pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> SensorReadings {
     let mut sensed = SensorReadings::default();
@@ -20,7 +23,9 @@ pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: 
         }
         let Some(point) = probe.place(SensorKind::Irradiance, 0, 0.0, normal) else { continue };
         let sampler = probe.sampler(u32::from(is_back), 1);
-        let reach = others.reach_of_records(probe.agent.p, probe.reach);
+        let [least, most] = others.reach_of_records(probe.agent.p, probe.reach);
+        // A back may be the inside of a thin wall, whose other side must not believe it.
+        let reach = [if is_back { BACK_REACH * least } else { least }, most];
         let effort = others.effort_at(probe.agent.p, normal);
         let place = Place { point, width: probe.reach, reach, effort, is_directed };
         let record = sensing.integrator.record(sensing.maps, place, sampler, others, &mut hands);

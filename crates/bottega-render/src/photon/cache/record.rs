@@ -250,7 +250,7 @@ impl IrradianceRecord {
         Some(Self { p, n, irradiance, shares, turning, moving, radius, effort, variance, noise, around })
     }
 
-    /// How much it counts at another place; nothing where it is too far off, or before that place.
+    /// How much it counts at another place; nothing where it is too far off, before that place or behind it.
     pub(super) fn weight(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
         match self.nearness(p, n, tolerance) {
             0.0 => 0.0,
@@ -263,20 +263,19 @@ impl IrradianceRecord {
     pub(super) fn nearness(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
         let way = p - self.p;
         let (distance_squared, reach) = (way.length_squared(), tolerance * self.radius);
-        // Most of those that are asked are too far off: no roots for them.
-        if distance_squared >= reach * reach || way.dot(n + self.n) < -0.1 * self.radius {
+        // Most of those that are asked are too far off: no roots for them. On a smooth surface the way is across both normals alike;
+        // what lies before a place is on another surface, and what lies behind it may be the inside of a thin wall.
+        if distance_squared >= reach * reach || way.dot(n + self.n).abs() > 0.1 * self.radius {
             return 0.0;
         }
         let error = distance_squared.sqrt() / self.radius + (1.0 - n.dot(self.n)).max(0.0).sqrt();
         (1.0 - error / tolerance).max(0.0)
     }
 
-    /// What it says of another place: half or twice of what it has found at most. A change that is as steep as its rays say does not go
-    /// on for so long, and who followed it would come to places that seem black.
+    /// What it says of another place.
     pub(super) fn at(&self, p: Vec3, n: Vec3) -> Spectrum {
         let (turned, moved) = (self.n.cross(n), p - self.p);
         let change = |channel: usize| self.turning[channel].dot(turned) + self.moving[channel].dot(moved);
-        let said = self.irradiance + Vec3::new(change(0), change(1), change(2));
-        said.clamp(0.5 * self.irradiance, 2.0 * self.irradiance)
+        (self.irradiance + Vec3::new(change(0), change(1), change(2))).max(Vec3::ZERO)
     }
 }
