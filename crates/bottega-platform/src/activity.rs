@@ -1,16 +1,19 @@
-//! What the owner of the machine does: when somebody touched it, and how many processors others keep at work.
+//! Activity of the machine's owner: when somebody touched it, and how many processors others keep at work.
 
-#[cfg(not(target_os = "linux"))]
-#[path = "activity/others_listed.rs"]
-mod others_listed;
 #[cfg(target_os = "linux")]
-#[path = "activity/linux.rs"]
-mod system;
+mod linux;
 #[cfg(target_os = "macos")]
-#[path = "activity/macos.rs"]
-mod system;
+mod macos;
+#[cfg(not(target_os = "linux"))]
+mod others_listed;
 #[cfg(not(any(target_os = "linux", target_os = "macos")))]
-#[path = "activity/windows.rs"]
-mod system;
+mod windows;
 
-pub use system::{BusyClock, idle, idle_terminals};
+#[cfg(target_os = "linux")]
+pub use linux::{BusyClock, idle, idle_terminals};
+#[cfg(target_os = "macos")]
+pub use macos::{idle, idle_terminals};
+#[cfg(not(target_os = "linux"))]
+pub use others_listed::BusyClock;
+#[cfg(not(any(target_os = "linux", target_os = "macos")))]
+pub use windows::{idle, idle_terminals};

@@ -1,4 +1,4 @@
-//! Who may read a file.
+//! Permissions of files: who may read them.
 
 use std::{fs, io, path::Path};
 

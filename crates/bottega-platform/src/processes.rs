@@ -4,30 +4,26 @@
 //! is found by a mark in the environment (Linux, macOS).
 
 #[cfg(target_os = "linux")]
-#[path = "processes/linux.rs"]
-mod system;
+mod linux;
 #[cfg(not(target_os = "linux"))]
-#[path = "processes/listed.rs"]
-mod system;
+mod listed;
+#[cfg(unix)]
+mod signals;
+mod tree_usage;
 
 use std::{
     io,
     process::{Child, Command, ExitStatus},
 };
 
-pub use system::{kill, marked, usage};
-
-/// The variable that marks whatever a child has started, so that it is found even when it left the group.
-const MARK: &str = "BOTTEGA_ENGINE_CHILD";
-
-/// What a child and all that it has started take.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TreeUsage {
-    /// How many processes they are; 0: none is left.
-    pub processes: usize,
-    /// Memory that they keep, bytes.
-    pub resident_bytes: u64,
-}
+#[cfg(target_os = "linux")]
+pub use linux::{kill, marked, usage};
+#[cfg(not(target_os = "linux"))]
+pub use listed::{kill, marked, usage};
+#[cfg(unix)]
+use signals::signal;
+use tree_usage::MARK;
+pub use tree_usage::TreeUsage;
 
 /// A child and all that it has started.
 #[derive(Debug)]
@@ -110,12 +106,6 @@ pub fn end(process: u32) -> bool {
     return signal(process, rustix::process::Signal::TERM);
     #[cfg(not(unix))]
     kill(process)
-}
-
-#[cfg(unix)]
-fn signal(process: u32, signal: rustix::process::Signal) -> bool {
-    let id = i32::try_from(process).ok().and_then(rustix::process::Pid::from_raw);
-    id.is_some_and(|id| rustix::process::kill_process(id, signal).is_ok())
 }
 
 /// How a process ended, in words.

@@ -1,4 +1,4 @@
-//! When and where this process is run.
+//! Scheduling of this process: its priority, and the processors that it may use.
 
 use std::io;
 

@@ -6,7 +6,7 @@ use bottega_image::read_picture;
 use bottega_render::{Oracle, View};
 
 use super::{
-    AlaOptions, AlaScene, part,
+    options::{AlaOptions, AlaScene, part},
     ways::{LightMethod, MethodResult, PaintedScene},
 };
 use crate::{Error, say, shared_meshes};

@@ -4,7 +4,11 @@ use std::path::Path;
 
 use bottega_image::Picture;
 
-use super::{difference, report::AlaReport, ways::MethodResult, write_png};
+use super::{
+    drawings::{difference, write_png},
+    report::AlaReport,
+    ways::MethodResult,
+};
 use crate::Error;
 
 /// Writes `figure-4.png` (without indirect light) and `figure-5.png` (with all light), and the same with our own agents.

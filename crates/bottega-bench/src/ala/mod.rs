@@ -4,27 +4,31 @@
 //! agents look around. Errors are to a converged picture. Who is faster is told at equal error: by the time until a picture is as
 //! good as that of photon mapping at last.
 
+mod drawings;
 mod elsewhere;
 mod figures;
 mod ludd;
+mod options;
 mod paper;
 mod plot;
 mod report;
 mod tables;
 mod ways;
 
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::{io::Write, path::Path};
 
-use bottega_image::{Canvas, Picture, ToneMap, read_picture};
+use bottega_image::{Picture, read_picture};
 use bottega_render::{Oracle, View};
 
-pub use self::report::AlaReport;
 use self::{
+    drawings::{difference, write_png},
+    options::part,
     report::Shadows,
     ways::{LightMethod, PaintedScene},
+};
+pub use self::{
+    options::{AlaOptions, AlaScene},
+    report::AlaReport,
 };
 use crate::{Error, Report, create_folder, say, shared_meshes, write_file};
 
@@ -46,40 +50,6 @@ const FEWER: [f64; 4] = [0.04, 0.1, 0.25, 0.3];
 const MORE: f64 = 3.0;
 /// The share of the agents whose network is drawn: few enough for links to be told apart.
 const NETWORK: f64 = 0.1;
-
-/// A scene with a converged picture of it.
-#[derive(Clone, Debug)]
-pub struct AlaScene {
-    /// The scene.
-    pub scene: PathBuf,
-    /// The picture; those that are painted take their size of it.
-    pub reference: PathBuf,
-}
-
-/// The scene of the measurement, and its numbers of photons and agents.
-#[derive(Clone, Debug)]
-pub struct AlaOptions {
-    /// The scene.
-    pub scene: PathBuf,
-    /// A converged picture of the scene, of which the pictures take their size; `None`: one is painted first.
-    pub reference: Option<PathBuf>,
-    /// Other scenes in which agents are compared with photon mapping.
-    pub elsewhere: Vec<AlaScene>,
-    /// Sides of a reference that is painted, as a share of the paper's 1600 × 1200.
-    pub scale: f64,
-    /// Samples a pixel of a reference that is painted.
-    pub reference_spp: u32,
-    /// Most samples a pixel; errors are measured at 1, 2, 4 and so on.
-    pub spp: u32,
-    /// Photons of the paper's comparison.
-    pub photons: u32,
-    /// Lighting agents of the paper's comparison.
-    pub lighting_agents: u32,
-    /// Threads that paint.
-    pub threads: usize,
-    /// Folder for `ala.json`, `ala.svg`, and the pictures.
-    pub output: Option<PathBuf>,
-}
 
 /// Paints the scene in every way of the paper, and writes what `output` asks for.
 ///
@@ -171,11 +141,6 @@ fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error
     })
 }
 
-/// A part of so many.
-fn part(whole: u32, share: f64) -> u32 {
-    ((f64::from(whole) * share) as u32).max(1)
-}
-
 fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
     let json = serde_json::to_string_pretty(&report.as_json()).unwrap_or_default();
     write_file(&folder.join("ala.json"), &json)?;
@@ -197,14 +162,4 @@ fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
     let Picture { width, height, .. } = report.reference;
     ludd::draw(&report.useful_data, View { camera: 0, width, height }, folder)?;
     Ok(())
-}
-
-fn write_png(folder: &Path, name: &str, picture: &Picture) -> Result<(), Error> {
-    Ok(Canvas::of_picture(picture, 0.0, ToneMap::Agx).write_png(folder.join(name))?)
-}
-
-/// Five times the absolute difference, as in the paper's figures 4 and 5.
-fn difference(a: &Picture, b: &Picture) -> Picture {
-    let pixel = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|i| 5.0 * (a[i] - b[i]).abs());
-    Picture { data: a.data.iter().zip(&b.data).map(pixel).collect(), ..*a }
 }

@@ -5,8 +5,6 @@ use std::{
     time::Duration,
 };
 
-pub use super::others_listed::BusyClock;
-
 /// For how long nobody has touched this machine.
 pub fn idle() -> Option<Duration> {
     let mut command = Command::new("/usr/sbin/ioreg");

@@ -2,8 +2,6 @@
 
 use std::time::Duration;
 
-pub use super::others_listed::BusyClock;
-
 /// For how long nobody has touched this machine.
 #[allow(unsafe_code, reason = "two calls of the system that no library wraps")]
 pub fn idle() -> Option<Duration> {

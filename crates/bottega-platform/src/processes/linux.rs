@@ -2,7 +2,10 @@
 
 use std::{collections::BTreeMap, fs};
 
-use super::{MARK, TreeUsage};
+use super::{
+    signals::signal,
+    tree_usage::{MARK, TreeUsage},
+};
 
 struct Stat {
     parent: u32,
@@ -52,5 +55,5 @@ pub fn marked(mark: &str) -> Vec<u32> {
 
 /// Ends a process at once. Whether it was there.
 pub fn kill(process: u32) -> bool {
-    super::signal(process, rustix::process::Signal::KILL)
+    signal(process, rustix::process::Signal::KILL)
 }

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 
 use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System, UpdateKind};
 
-use super::{MARK, TreeUsage};
+use super::tree_usage::{MARK, TreeUsage};
 
 /// All processes; `None`: the system does not tell of them.
 fn all(what: ProcessRefreshKind) -> Option<System> {

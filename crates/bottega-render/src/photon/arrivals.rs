@@ -1,4 +1,4 @@
-//! Where indirect light comes from: the directions of the photons near places all over the surfaces (Jensen 1995, *Importance
+//! Directions from which indirect light comes: those of the photons near places all over the surfaces (Jensen 1995, *Importance
 //! Driven Path Tracing Using the Photon Map*).
 //!
 //! Jensen looks for photons wherever a path is scattered. Here that is done beforehand at places beside photons, as with the
@@ -51,7 +51,7 @@ pub(crate) struct Arrivals {
 
 /// Directions from which light comes to a place: as probable as there is light from there, weighed by the cosine.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Arrival<'a> {
+pub(crate) struct LightDirections<'a> {
     frame: [Vec3; 3],
     shares: &'a Shares,
 }
@@ -82,14 +82,14 @@ impl Arrivals {
     /// - `normal`: of the surface, on the side that is asked for.
     /// - `shading`: the one that it is shaded with.
     #[inline(always)]
-    pub(crate) fn at(&self, p: Vec3, [normal, shading]: [Vec3; 2], reach: f32) -> Option<Arrival<'_>> {
+    pub(crate) fn at(&self, p: Vec3, [normal, shading]: [Vec3; 2], reach: f32) -> Option<LightDirections<'_>> {
         let accept = |index: u32| is_on_surface(&self.places.photon(index), p, normal, reach);
         let mark = self.places.mark(self.places.nearest_where(p, reach * reach, accept)?);
         // The sectors begin where they began at the place, as nearly as the surface lets them.
         let (s, _) = orthonormal_basis(mark.normal());
         let s = (s - shading * s.dot(shading)).try_normalize()?;
         let frame = [s, shading.cross(s), shading];
-        Some(Arrival { frame, shares: &self.shares[mark.label() as usize] })
+        Some(LightDirections { frame, shares: &self.shares[mark.label() as usize] })
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -189,7 +189,7 @@ fn part_of<const N: usize>(shares: &[u16; N], part: usize) -> (f32, f32) {
     (f32::from(below), f32::from(shares[part] - below))
 }
 
-impl Arrival<'_> {
+impl LightDirections<'_> {
     /// Share of the directions that are drawn by where light comes from at surfaces that are not matte; others are drawn by the surface.
     pub(crate) const SHARE: f32 = 0.5;
 

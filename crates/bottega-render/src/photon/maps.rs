@@ -5,7 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    arrivals::{Arrival, Arrivals},
+    arrivals::{Arrivals, LightDirections},
     bounces::{IrradianceMap, IrradiancePlaces},
     bytes::{Reader, Writer},
     estimator::{Estimator, PhotonContribution, is_on_surface},
@@ -274,7 +274,7 @@ impl PhotonMaps {
     ///
     /// - `normals`: of the real surface, and the one that it is shaded with; on the side that is asked for.
     #[inline(always)]
-    pub(crate) fn arrival_at(&self, p: Vec3, normals: [Vec3; 2]) -> Option<Arrival<'_>> {
+    pub(crate) fn arrival_at(&self, p: Vec3, normals: [Vec3; 2]) -> Option<LightDirections<'_>> {
         self.arrivals.at(p, normals, self.irradiance_reach_at(p))
     }
 

@@ -22,7 +22,7 @@ mod trace;
 mod trial;
 mod units;
 
-pub(crate) use arrivals::Arrival;
+pub(crate) use arrivals::LightDirections;
 pub use bounces::IrradiancePlaces;
 pub(crate) use bounces::{BOUNCES_KEPT, ByBounces, IrradianceMap, kept};
 pub use cast::cast_photons;

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::walk::{ArrivalKind, Place, Walk};
 use crate::{
     bsdf::{BsdfSample, LobeFlags},
-    photon::Arrival,
+    photon::LightDirections,
     sampler::Quad,
 };
 
@@ -23,7 +23,7 @@ pub(super) struct Gathering<'a> {
 /// Where gathering rays go that are sent where light comes from.
 #[derive(Clone, Copy)]
 pub(super) struct Aiming<'a> {
-    pub(super) arrival: Arrival<'a>,
+    pub(super) arrival: LightDirections<'a>,
     /// Then the surface has no say in it.
     pub(super) is_matte: bool,
 }
@@ -46,7 +46,7 @@ impl Gathering<'_> {
             let sample = place.bsdf.sample(u[0], [u[1], u[2]])?;
             return Some((sample, sample.pdf));
         };
-        if !aiming.is_matte && u[3] >= Arrival::SHARE {
+        if !aiming.is_matte && u[3] >= LightDirections::SHARE {
             let sample = place.bsdf.sample(u[0], [u[1], u[2]])?;
             return Some((sample, aiming.pdf(place.point.to_world(sample.wi), sample.pdf)));
         }
