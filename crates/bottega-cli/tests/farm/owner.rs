@@ -51,7 +51,7 @@ fn the_owner_has_the_machine_back_at_once_and_no_pixel_is_lost() {
     fs::write(farm.path("touched"), "0\n").expect("a file");
     let begun = Instant::now();
     farm.until_says("desk", "suspended by its owner: somebody is at it");
-    println!("the owner has the machine back after {:?}", begun.elapsed());
+    eprintln!("the owner has the machine back after {:?}", begun.elapsed());
     // Others have the processors of the test, too: more than what is promised.
     assert!(begun.elapsed() < 3 * BACK_IN, "{:?}: {}", begun.elapsed(), farm.logs());
     assert!(farm.said("desk").contains("job 1: left"), "{}", farm.logs());
@@ -98,7 +98,7 @@ fn a_job_that_asks_for_a_tag_is_painted_by_machines_that_have_it_and_one_that_is
     let mut tagged = joined("tagged", &["--tag", "gpu", "--tag", "studio-a"]);
     assert!(farm.succeed(&["machines", "list"]).contains("gpu studio-a"));
     let ask = |output: &str, tag: &str| {
-        assert!(farm.render(output, &["--detach", "--require", tag]).wait(), "{}", farm.logs())
+        assert!(farm.render(output, &["--detach", "--require", tag]).wait(), "{}", farm.logs());
     };
     ask("a.exr", "studio-a");
     farm.until_state(1, "done");
