@@ -18,7 +18,6 @@
 //! | awards a second, on a real NATS server | [`farm`]: `src/farm/` |
 //! | painting that several measurements share | `src/painting.rs` |
 //! | processes that a measurement starts | `src/part_process.rs` |
-//! | time of the processors | [`clock`] |
 
 pub mod ala;
 pub mod devices;

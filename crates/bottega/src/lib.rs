@@ -35,7 +35,6 @@
 //! | a scene looked around in | [`viewport`] |
 //! | previews, denoising | `src/preview.rs`, [`denoise`] |
 //! | which build this is | [`identity`] |
-//! | what is kept for this user between runs | [`state`] |
 //! | ten lines; a scene made in memory | `examples/ten_lines.rs`, `examples/in_memory.rs` |
 
 pub mod analysis;
