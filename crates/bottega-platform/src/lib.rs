@@ -1,8 +1,8 @@
 //! The differences between Linux, macOS and Windows, behind one face.
 //!
 //! Whoever needs something of the system asks here, so that no other crate asks which system it is on; `cargo xtask test` holds
-//! them to it. Each function says what it gives where a system does not tell. Linux is tested; Windows is compiled, and was tried
-//! under Wine; macOS is compiled and **untested**.
+//! them to it. Each function says what it gives where a system does not tell. Linux is tested; Windows and
+//! macOS are compiled and **untested**.
 //!
 //! # Where is what
 //!
