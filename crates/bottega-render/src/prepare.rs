@@ -43,7 +43,8 @@ impl Default for PrepareOptions {
 pub struct PreparedScene {
     surfaces: Surfaces,
     /// Those of the scene, then those that were added.
-    cameras: RwLock<Vec<Arc<Camera>>>,
+    /// One that was taken away leaves its place: no number means two cameras.
+    cameras: RwLock<Vec<Option<Arc<Camera>>>>,
     accel: Accel,
     /// Of the media that vary in space.
     majorants: Vec<Option<Majorants>>,
@@ -89,7 +90,7 @@ impl PreparedScene {
         let majorants = majorants.collect();
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        let cameras = RwLock::new(scene.cameras.iter().cloned().map(Arc::new).collect());
+        let cameras = RwLock::new(scene.cameras.iter().cloned().map(Arc::new).map(Some).collect());
         Self {
             surfaces,
             cameras,
@@ -108,7 +109,7 @@ impl PreparedScene {
 
     /// The camera of a number: those of the scene have theirs, and those that were added follow.
     pub fn camera(&self, number: usize) -> Option<Arc<Camera>> {
-        self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(number).cloned()
+        self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(number).cloned().flatten()
     }
 
     /// Adds a camera: the same scene, seen otherwise, with nothing prepared anew. Returns its number.
@@ -117,8 +118,16 @@ impl PreparedScene {
     ///   must be those of one of the scene's.
     pub fn add_camera(&self, camera: Camera) -> usize {
         let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
-        cameras.push(Arc::new(camera));
+        cameras.push(Some(Arc::new(camera)));
         cameras.len() - 1
+    }
+
+    /// Takes a camera away that was added; those of the scene stay. Nobody may see by it any more.
+    pub fn remove_camera(&self, number: usize) {
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        if let Some(added) = cameras.get_mut(number).filter(|_| number >= self.scene().cameras.len()) {
+            *added = None;
+        }
     }
 
     /// An error for a number that no camera has.

@@ -88,6 +88,8 @@ impl LoadedScene {
         let (camera, aimed) = aimed(&self.cameras, self.scene().origin, &request.view)?;
         let [width, height] = size(request, &self.hints, &aimed);
         let view = View { camera: self.prepared.add_camera(aimed), width, height };
+        // Whoever looks around for hours leaves no cameras behind.
+        self.prepared.remove_camera(self.view.camera);
         let mut hints = self.hints;
         hints.crop = hints.crop.filter(|_| request.film.size.is_none());
         Ok(Self { view, camera, prepass: Arc::default(), hints, ..self })

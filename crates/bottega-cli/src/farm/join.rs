@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode, time::Duration};
 use bottega::{
     StopSwitch,
     devices::DeviceChoice,
-    request::{RulesSource, TAG_FORM, is_tag},
+    request::{RulesSource, TAG_FORM, TAGS_MAX, is_tag},
     rules::{experts, rule_texts},
 };
 use bottega_cluster::{
@@ -86,6 +86,10 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     // What is wrong with them is said before anything is painted.
     for note in experts(rules.clone())?.1 {
         println!("{note}");
+    }
+    if args.tags.len() > TAGS_MAX {
+        let problem = format!("{} tags are too many", args.tags.len());
+        return Err(CliError::usage(problem, format!("--tag may be said {TAGS_MAX} times")));
     }
     if let Some(steps) = args.nice {
         // Before there are threads that paint.

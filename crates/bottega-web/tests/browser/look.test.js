@@ -3,49 +3,13 @@
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
-import { after, before, test as nodeTest } from "node:test";
-import { fileURLToPath } from "node:url";
-import { barriers, keep, launch, openPage } from "./browser.js";
-import { TestFarm, until } from "./farm.js";
+import { barriers, keep, openPage } from "./browser.js";
+import { until } from "./farm.js";
+import { SCENE, JOB_WAIT, browser, chip, farm, go, noProblems, number, page, press, test } from "./story.js";
 
-const SCENE = fileURLToPath(new URL("../../../../scenes/cornell-box.glb", import.meta.url));
-const JOB_WAIT = { timeout: 90_000 };
 /** Far more than it takes on a machine that does nothing else: tests share theirs. */
 const [FIRST_MAX, RESTART_MAX] = [10_000, 5_000];
 
-const farm = new TestFarm();
-let browser, page;
-let hasFailed = false;
-
-/** A step of one story: after one that failed the others say nothing. */
-const test = (name, work) => nodeTest(name, async context => {
-  if (hasFailed) return context.skip("an earlier step failed");
-  hasFailed = true;
-  await work();
-  hasFailed = false;
-  return undefined;
-});
-
-before(async () => {
-  await farm.start();
-  browser = await launch();
-  page = await openPage(browser, { acceptDownloads: true });
-  await page.goto(farm.steering);
-});
-
-after(async () => {
-  await browser?.close();
-  await farm.stop();
-});
-
-const go = async view => {
-  await page.goto(`http://127.0.0.1:${farm.web}/#/${view}`);
-  await page.locator("h1").waitFor();
-};
-const press = name => page.getByRole("button", { name, exact: true }).click();
-const chip = state => page.locator(`.chip[data-state=${state}]`).first();
-const number = () => Number(page.url().split("/").pop());
-const noProblems = () => assert.deepEqual(page.problems.splice(0), []);
 const around = () => page.locator(".stage.around");
 const told = name => around().getAttribute(`data-${name}`);
 const looked = async () => Number(await told("look") ?? -1);
