@@ -138,6 +138,8 @@ def default_of(node: dict[str, Any], required: bool, defs: dict[str, Any]) -> st
     if "$ref" in node and is_section(defs[name_of(node["$ref"])]):
         return f" = field(default_factory={name_of(node['$ref'])})"
     value = node.get("default")
+    if isinstance(value, list) and type_of(node).startswith("tuple["):
+        return f" = {tuple(value)!r}"
     if isinstance(value, (list, dict)):
         return f" = field(default_factory=lambda: {pprint.pformat(value, width=200)})"
     return f" = {value!r}"

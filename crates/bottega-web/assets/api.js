@@ -46,8 +46,8 @@ export async function fetchPicture(path, tag) {
 }
 
 /** Waits for another frame of a viewport than the one of `tag`; null: there is none for now. */
-export async function fetchFrame(path, tag) {
-  const response = await fetch(`/api${path}`, tag ? { headers: { "If-None-Match": tag } } : {});
+export async function fetchFrame(path, tag, signal) {
+  const response = await fetch(`/api${path}`, { signal, headers: tag ? { "If-None-Match": tag } : {} });
   if (response.status === 304) return null;
   if (!response.ok) throw new Problem(response.status, await response.json().catch(() => ({})));
   const told = name => response.headers.get(`Bottega-${name}`);

@@ -28,6 +28,8 @@ export class LookAround {
   #isStale = false;
   #asked = [];
   #first = null;
+  /** Ends what is being asked when the viewport is closed: nothing answers for it any more. */
+  #asking = new AbortController();
   isClosed = false;
 
   constructor(shell, onTake) {
@@ -70,6 +72,7 @@ export class LookAround {
   close() {
     if (this.isClosed) return;
     this.isClosed = true;
+    this.#asking.abort();
     removeEventListener("pagehide", this.#leave);
     if (this.picture.src) URL.revokeObjectURL(this.picture.src);
     if (this.#viewport) this.#end(this.#viewport.viewport);
@@ -84,7 +87,7 @@ export class LookAround {
     let [tag, misses] = [null, 0];
     const begun = performance.now();
     while (!this.isClosed) {
-      const frame = await this.shell.poll(() => fetchFrame(`/viewports/${this.#viewport.viewport}/frame.png`, tag), error => {
+      const frame = await this.shell.poll(() => this.#fetch(tag), error => {
         this.shell.tellProblem(error.message);
         this.close();
       });
@@ -102,6 +105,14 @@ export class LookAround {
       this.#asked = this.#asked.filter(({ look }) => look > frame.look);
       this.stage.dataset.first = Math.round(this.#first);
     }
+  }
+
+  /** Waits for another frame than the one of `tag`; null: there is none, or nobody waits any more. */
+  #fetch(tag) {
+    return fetchFrame(`/viewports/${this.#viewport.viewport}/frame.png`, tag, this.#asking.signal).catch(error => {
+      if (this.isClosed) return null;
+      throw error;
+    });
   }
 
   async #show({ blob, look, samples, isDenoised }) {

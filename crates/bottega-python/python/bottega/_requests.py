@@ -302,7 +302,7 @@ class CameraPose(Section):
     """The full angle between the upper and the lower edge, in degrees; none: as the camera has it."""
     target: tuple[float, float, float]
     """At what it looks."""
-    up: tuple[float, float, float] = field(default_factory=lambda: [0.0, 1.0, 0.0])
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
     """The direction of the picture's upper edge; none: +y."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}

@@ -25,7 +25,7 @@ export async function openPage(browser, options = {}) {
   page.problems = [];
   page.on("pageerror", error => page.problems.push(error.message));
   page.on("console", message => {
-    if (message.type() === "error" || message.type() === "warning") page.problems.push(message.text());
+    if (message.type() === "error" || message.type() === "warning") page.problems.push(`${message.text()} ${message.location().url}`.trim());
   });
   return page;
 }
