@@ -4,9 +4,9 @@ use std::ffi::OsStr;
 
 use anyhow::Result;
 
-use crate::{cargo::cargo, deny, needs, suite};
+use crate::{cargo::cargo, deny, needs, suite, systems};
 
-/// Format, lints, documentation, dependencies, tests.
+/// Format, lints, documentation, dependencies, other systems, tests.
 pub(crate) fn ci() -> Result<()> {
     cargo(&["fmt", "--all", "--check"], &[])?;
     // With the bindings of Embree, which no other build has.
@@ -14,6 +14,7 @@ pub(crate) fn ci() -> Result<()> {
     cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])?;
     needs::install(false);
     deny::deny()?;
+    systems::systems()?;
     suite::run(&needs::variables())
 }
 

@@ -17,7 +17,7 @@ use crate::{
 /// What `cargo xtask manual` takes.
 #[derive(clap::Args)]
 pub(crate) struct ManualArgs {
-    /// Make the book, too: `target/manual/index.html`. Needs `mdbook` (`cargo install mdbook`).
+    /// Make the book, too: `target/manual/index.html`. mdBook is compiled for it, where it is not installed.
     #[arg(long)]
     book: bool,
 }
@@ -38,12 +38,44 @@ pub(crate) fn manual(args: &ManualArgs) -> Result<()> {
         fs::write(root().join(page), output.stdout).with_context(|| format!("cannot write {page}"))?;
         println!("{page}");
     }
-    if args.book { book() } else { Ok(()) }
+    if !args.book {
+        return Ok(());
+    }
+    ensure!(has_mdbook() || install_mdbook(), "{MDBOOK} cannot be compiled");
+    book()
+}
+
+/// The release of mdBook that the book is made with where none is installed.
+pub(crate) const MDBOOK: &str = "mdbook@0.5.4";
+
+/// Where mdBook is installed to: a program beside cargo's, not a dependency.
+fn own_mdbook() -> PathBuf {
+    root().join("target/mdbook")
+}
+
+/// mdBook: the one at hand, or that of `target/mdbook`.
+fn mdbook() -> Option<PathBuf> {
+    let own = own_mdbook().join("bin").join(format!("mdbook{}", std::env::consts::EXE_SUFFIX));
+    [PathBuf::from("mdbook"), own].into_iter().find(|program| answers(&program.to_string_lossy(), &["--version"]))
+}
+
+/// Whether the book can be made.
+pub(crate) fn has_mdbook() -> bool {
+    mdbook().is_some()
+}
+
+/// Compiles mdBook into `target/mdbook`, without its server, and as fast as that goes.
+pub(crate) fn install_mdbook() -> bool {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["install", "--quiet", "--locked", "--debug", "--no-default-features", MDBOOK, "--root"]);
+    // Outside of the workspace, whose settings are not those of programs that are installed.
+    cargo.arg(own_mdbook()).current_dir(std::env::temp_dir());
+    cargo.env_remove("CARGO_TARGET_DIR").status().is_ok_and(|status| status.success())
 }
 
 /// Makes the book of a copy of `docs/`, into which the files of the repository are laid that pages link to.
 fn book() -> Result<()> {
-    ensure!(answers("mdbook", &["--version"]), "there is no mdbook: `cargo install mdbook` (some minutes) brings it");
+    let mdbook = mdbook().context("there is no mdbook: `cargo install mdbook` brings it")?;
     let place = root().join("target/manual-source");
     if place.exists() {
         fs::remove_dir_all(&place)?;
@@ -55,7 +87,7 @@ fn book() -> Result<()> {
         fs::write(&page, with_outer_files(&text, inner, &place)?)?;
     }
     let target = root().join("target/manual");
-    let mut mdbook = Command::new("mdbook");
+    let mut mdbook = Command::new(mdbook);
     mdbook.arg("build").arg("--dest-dir").arg(&target).arg(&place);
     ensure!(mdbook.status()?.success(), "mdbook failed");
     println!("{}", target.join("index.html").display());
@@ -110,7 +142,7 @@ mod tests {
 
     #[test]
     fn the_book_can_be_made() {
-        if !answers("mdbook", &["--version"]) {
+        if !has_mdbook() {
             println!("skipped: there is no mdbook; contents and links of the manual are checked without it");
             return;
         }

@@ -10,7 +10,7 @@ use std::{
 
 use crate::{
     bars::root,
-    node,
+    manual, node,
     python::{self, Requirements},
 };
 
@@ -61,8 +61,8 @@ pub(crate) fn install(large: bool) {
     let lists = [python::TESTS, python::LARGE_ENGINES];
     let lacking_lists: Vec<_> =
         lists.into_iter().take(if large { 2 } else { 1 }).filter(|list| !list.are_installed()).collect();
-    let lacks_browser_driver = !node::are_installed();
-    announce(&lacking, &lacking_lists, lacks_browser_driver);
+    let (lacks_browser_driver, lacks_mdbook) = (!node::are_installed(), !manual::has_mdbook());
+    announce(&lacking, &lacking_lists, lacks_browser_driver, lacks_mdbook);
     if !lacking.is_empty() && !run("apt-get", &["update"]) {
         println!("cannot update the lists of packages (no apt-get, or not root)");
     }
@@ -82,11 +82,14 @@ pub(crate) fn install(large: bool) {
     if lacks_browser_driver && !node::install() {
         println!("cannot install {} into target/node: tests of the page in a browser are skipped", node::PACKAGES);
     }
+    if lacks_mdbook && !manual::install_mdbook() {
+        println!("cannot install mdbook into target/mdbook: the book is not made");
+    }
 }
 
 /// Says what is about to be installed.
-fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_driver: bool) {
-    if packages.is_empty() && lists.is_empty() && !lacks_browser_driver {
+fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_driver: bool, lacks_mdbook: bool) {
+    if packages.is_empty() && lists.is_empty() && !lacks_browser_driver && !lacks_mdbook {
         println!("All that the tests need is installed.");
         return;
     }
@@ -99,6 +102,9 @@ fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_
     }
     if lacks_browser_driver {
         println!("  npm      {} (into target/node)", node::PACKAGES);
+    }
+    if lacks_mdbook {
+        println!("  cargo    {} (into target/mdbook)", manual::MDBOOK);
     }
 }
 

@@ -395,6 +395,7 @@ fn faults() -> Faults {
     Faults {
         latency_min: Duration::from_millis(1),
         latency_extra_mean: Duration::from_millis(20),
+        store_latency: Duration::ZERO,
         loss: 0.05,
         duplication: 0.05,
         crash_every: Some(Duration::from_secs(4)),

@@ -135,6 +135,7 @@ fn faults(seed: u64) -> Faults {
     Faults {
         latency_min: Duration::from_millis(1),
         latency_extra_mean: Duration::from_millis(5 * (seed % 4)),
+        store_latency: Duration::ZERO,
         loss: 0.15 * (seed % 3) as f64,
         duplication: 0.05 * (seed % 2) as f64,
         crash_every: (!seed.is_multiple_of(5)).then_some(seconds(20)),

@@ -93,6 +93,7 @@ fn everything_wrong() -> Faults {
     Faults {
         latency_min: Duration::from_micros(200),
         latency_extra_mean: Duration::from_millis(5),
+        store_latency: Duration::ZERO,
         loss: 0.1,
         duplication: 0.1,
         crash_every: Some(Duration::from_secs(10)),

@@ -25,7 +25,7 @@ mod verify;
 mod watched;
 
 use std::{
-    collections::{BTreeMap, VecDeque},
+    collections::{BTreeMap, BTreeSet, VecDeque},
     sync::Arc,
     time::Duration,
 };
@@ -181,6 +181,9 @@ pub struct Master {
     rounds: BTreeMap<u64, Round>,
     /// Whether a zone has come to wait for a winner since the agent that would have it soonest was looked for.
     recalls: bool,
+    /// Who bid in rounds that gave nothing away, since something was given or a zone came to wait: asked again at once, they would bid
+    /// the same. A zone whose row is being written is offered already, but cannot be given.
+    in_vain: BTreeSet<MemberId>,
     /// Those of them in which all have answered.
     answered: Vec<u64>,
     /// Pieces that were cut off and have no row yet, with the zones that say so.
@@ -237,6 +240,7 @@ impl Master {
             lacking: 0,
             rounds: BTreeMap::new(),
             recalls: false,
+            in_vain: BTreeSet::new(),
             answered: Vec::new(),
             owed: BTreeMap::new(),
             due: Vec::new(),

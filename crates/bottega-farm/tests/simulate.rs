@@ -34,6 +34,7 @@ fn troubled(seed: u64) -> Plan {
     let faults = Faults {
         latency_min: Duration::from_millis(1),
         latency_extra_mean: Duration::from_millis(40),
+        store_latency: Duration::ZERO,
         loss: 0.15 * random.unit(),
         duplication: 0.15 * random.unit(),
         crash_every: (!seed.is_multiple_of(3)).then(|| Duration::from_secs(8)),

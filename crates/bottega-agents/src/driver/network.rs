@@ -34,6 +34,8 @@ pub struct Faults {
     pub latency_min: Duration,
     /// What is added to it on the average; a few take five times as long, so that messages overtake each other.
     pub latency_extra_mean: Duration,
+    /// What a request to the store takes on top of that: a write is kept by several servers before it is told of.
+    pub store_latency: Duration,
     /// Share of messages that are lost, 0..1.
     pub loss: f64,
     /// Share of messages that arrive twice, 0..1.
@@ -55,6 +57,7 @@ impl Faults {
     pub const NONE: Self = Self {
         latency_min: Duration::from_millis(1),
         latency_extra_mean: Duration::ZERO,
+        store_latency: Duration::ZERO,
         loss: 0.0,
         duplication: 0.0,
         crash_every: None,
@@ -298,7 +301,7 @@ impl<M: StateMachine> Network<M> {
         let is_watch = matches!(request, StoreRequest::Watch { .. });
         let id = if is_watch { RequestId::NONE } else { self.plan.open_request(self.now, from, ticket) };
         if is_watch || !self.chance(self.faults.loss) {
-            let after = self.latency();
+            let after = self.latency() + self.faults.store_latency;
             self.plan(after, Happening::ToStore { from, id, ticket, request });
         }
     }

@@ -174,10 +174,15 @@ impl Master {
         for award in &winners {
             self.give(now, award, conversation, actions);
         }
-        for agent in bidders {
+        for &agent in &bidders {
             self.roster.release(agent);
         }
         self.recalls = true;
+        if winners.is_empty() {
+            self.in_vain.extend(bidders);
+        } else {
+            self.in_vain.clear();
+        }
     }
 
     /// The largest zone that nobody took waits for the agent that would have finished it soonest. That one may have been
@@ -187,11 +192,11 @@ impl Master {
             return;
         }
         if self.config.auction == AuctionRule::Paper {
-            return self.roster.ask_again();
+            return self.roster.ask_again(&self.in_vain);
         }
         let Some(time) = self.ledger.open.largest_waiting() else { return };
         let soonest = self.roster.field().soonest(now.elapsed().as_secs_f64(), time.as_secs_f64());
-        if let Some((_, agent)) = soonest {
+        if let Some((_, agent)) = soonest.filter(|(_, agent)| !self.in_vain.contains(agent)) {
             self.roster.reconsider(agent);
         }
     }

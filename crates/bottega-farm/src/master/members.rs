@@ -222,7 +222,8 @@ impl Master {
     pub(super) fn look(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         self.next_look = Some(now + self.config.timing.heartbeat);
         self.roster.wake(now);
-        self.roster.ask_again();
+        self.in_vain.clear();
+        self.roster.ask_again(&self.in_vain);
         self.roster.rest_orders();
         let lease = self.config.timing.lease;
         if now.elapsed() > lease {

@@ -322,10 +322,12 @@ impl Roster {
         }
     }
 
-    /// Something has changed: who was passed over may bid again.
-    pub(super) fn ask_again(&mut self) {
+    /// Something has changed: who was passed over may bid again, but for `except`.
+    pub(super) fn ask_again(&mut self, except: &BTreeSet<MemberId>) {
         for id in std::mem::take(&mut self.passed_over) {
-            if let Some(member) = self.members[id.index()].as_mut() {
+            if except.contains(&id) {
+                self.passed_over.insert(id);
+            } else if let Some(member) = self.members[id.index()].as_mut() {
                 member.passed_over = false;
                 self.place(id);
             }

@@ -106,7 +106,10 @@ impl Master {
         self.composition.see(row);
         self.doubt(row);
         self.note_cut(row);
-        self.recalls |= row.state == ZoneState::Profiled;
+        if row.state == ZoneState::Profiled {
+            self.recalls = true;
+            self.in_vain.clear();
+        }
         match self.writes.get(&zone) {
             Some(write) if revision > write.expected_revision => {
                 let is_written = Arc::ptr_eq(&write.row, row) || write.row == *row;

@@ -9,7 +9,7 @@ mod stage;
 
 use std::time::Duration;
 
-use bottega_agents::{AgentId, Time};
+use bottega_agents::{AgentId, Time, driver::Faults};
 use bottega_farm::{AuctionRule, FarmAgent, Goal};
 use bottega_image::Rect;
 
@@ -32,6 +32,28 @@ fn every_zone_is_composed_once_where_agents_steal_whatever_goes_wrong() {
     for seed in 0..400 {
         let play = play(seed, &Scene { auction: AuctionRule::Stealing, ..troubled(seed) }, false);
         assert_whole(&play, seed);
+    }
+}
+
+/// Agents answer in microseconds, and a row takes milliseconds to be written: nobody is asked again who would say the same.
+#[test]
+fn agents_are_not_called_again_and_again_while_rows_are_written() {
+    let network = Faults { latency_min: Duration::from_micros(5), ..Faults::NONE };
+    for store_latency in [0, 3, 30].map(Duration::from_millis) {
+        for (seed, auction) in (0..12).flat_map(|seed| [(seed, AuctionRule::FinishingTime), (seed, AuctionRule::Paper)])
+        {
+            let faults = Faults { store_latency, ..network.clone() };
+            let powers = [&[1.0, 1.0][..], &[1.0, 3.0], &[0.5, 1.0, 8.0]][seed as usize % 3];
+            let scene = Scene { auction, faults, zones: 2 + seed as u32 % 7, samples: 8, ..Scene::calm(powers) };
+            let play = play(seed, &scene, false);
+            assert_whole(&play, seed);
+            let seen = play.seen.borrow();
+            let [rounds, awards] = [seen.rounds, seen.awards];
+            assert!(
+                rounds <= 4 * awards + 8,
+                "seed {seed}, {auction:?}, {store_latency:?}: {rounds} rounds for {awards} awards"
+            );
+        }
     }
 }
 

@@ -32,6 +32,9 @@ pub(crate) struct ObservedAgent {
     pub(crate) finished: Option<Vec<ZoneId>>,
     pub(crate) films: usize,
     pub(crate) surveyed: usize,
+    /// Rounds of the auction, and what they gave away.
+    pub(crate) rounds: usize,
+    pub(crate) awards: usize,
 }
 
 /// Machines of given speeds that paint one zone after the other.
@@ -151,10 +154,11 @@ impl World<FarmAgent> for Studio {
                 assert!(seen.finished.is_none(), "the work ends once");
                 seen.finished = Some(failed);
             }
-            FarmEffect::AgentChanged(_)
-            | FarmEffect::RoundClosed(_)
-            | FarmEffect::Stolen(_)
-            | FarmEffect::Analyzed { .. } => {}
+            FarmEffect::RoundClosed(round) => {
+                seen.rounds += 1;
+                seen.awards += round.awards as usize;
+            }
+            FarmEffect::AgentChanged(_) | FarmEffect::Stolen(_) | FarmEffect::Analyzed { .. } => {}
             FarmEffect::Abandon { reason } => panic!("{reason}"),
         }
     }
@@ -392,6 +396,7 @@ pub(crate) fn bad_network(seed: u64) -> Faults {
     Faults {
         latency_min: Duration::from_millis(1),
         latency_extra_mean: Duration::from_millis(40),
+        store_latency: Duration::from_millis(30 * (seed % 2)),
         loss: 0.15 * random.unit(),
         duplication: 0.15 * random.unit(),
         crash_every: (!seed.is_multiple_of(3)).then(|| Duration::from_secs(8)),
