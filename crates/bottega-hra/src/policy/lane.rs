@@ -205,9 +205,10 @@ impl LaneState {
         missing.map_or(0.0, |data| self.cable.moving_ns(data.bytes))
     }
 
-    /// Nanoseconds that the bytes of a unit take there, and those of its answer back.
-    pub(crate) fn way_ns(&self, bytes: CableBytes) -> f64 {
-        if self.flow.is_some() { self.cable.way_ns(bytes) } else { 0.0 }
+    /// Nanoseconds that the bytes of a unit, with data that is not there, take there, and those of its answer back.
+    pub(crate) fn longest_way_ns(&self, unit: &UnitNeeds) -> f64 {
+        let way_ns = if self.flow.is_some() { self.cable.way_ns(unit.bytes) } else { 0.0 };
+        self.moving_ns(unit.data) + way_ns
     }
 
     /// Nanoseconds for which work occupies the resource or its cable, whichever is longer; `None` while nothing is known.

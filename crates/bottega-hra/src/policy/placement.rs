@@ -13,7 +13,7 @@ use super::core::{Core, FollowUps};
 use super::lane::{Health, LaneState};
 use super::plan::{self, ByPrimitive, PlannedPacket, ResourceKind};
 use super::time::Time;
-use super::unit::{Data, UnitNeeds};
+use super::unit::{Data, Meta, UnitNeeds};
 use crate::{Primitive, ResourceId};
 
 /// A plan is believed for this part of the time that it plans for, but no longer than this part of the time that work has come
@@ -45,7 +45,20 @@ impl<T> Core<T> {
         if self.bin.len() == 0 {
             return LaneChoice::Nothing;
         }
-        if let Some(unit) = self.bin.take_retry(|meta| self.roster.may_try(id, meta)) {
+        let (lane, lanes, roster) = (&self.lanes[id.index()], &self.lanes, &self.roster);
+        let near_can = |meta: &Meta| {
+            let is_near = |(other, _): &(&LaneState, u32)| other.flow.is_none() && other.health != Health::Retired;
+            lanes
+                .iter()
+                .zip(0..)
+                .filter(is_near)
+                .any(|(_, near)| roster.can(ResourceId(near), meta.primitive, meta.data))
+        };
+        // What a near resource had no time for failed nowhere: it is not carried a long way.
+        let is_for_near = |meta: &Meta| {
+            meta.failed_on.is_empty() && lane.longest_way_ns(&meta.needs()) > TRIED_WITHIN && near_can(meta)
+        };
+        if let Some(unit) = self.bin.take_retry(|meta| roster.may_try(id, meta) && !is_for_near(meta)) {
             return LaneChoice::Retry(unit);
         }
         let able = self.roster.primitives(id);
@@ -255,7 +268,7 @@ impl<T> Core<T> {
             lanes.filter(move |&(lane, other)| other != id && lane.health == Health::Up && able(other))
         };
         let lane = &self.lanes[id.index()];
-        let way_ns = lane.moving_ns(needs.data) + lane.way_ns(needs.bytes);
+        let way_ns = lane.longest_way_ns(needs);
         let (mine, pace) = match pace {
             Some(pace) if lane.knows(needs.primitive) => (lane.finish(now, needs)?, pace),
             // At least that: so much is not sent only to see how fast it would be done.

@@ -286,6 +286,23 @@ fn who_is_behind_a_cable_that_takes_longer_than_the_processors_is_left_alone() {
 }
 
 #[test]
+fn what_a_near_resource_had_no_time_for_is_not_carried_a_long_way() {
+    let link = Link { latency: Duration::from_millis(1), bandwidth: 1e5 };
+    let far = ResourceDescriptor { name: "b".to_owned(), primitives: PrimitiveSet::ALL, memory_bytes: None, link };
+    let resources = vec![near("a", PrimitiveSet::ALL, None), (far, Some(Window::default()))];
+    let mut core = Core::new(HraConfig::default(), resources, &CostBook::new(""));
+    let mut out = FollowUps::default();
+    let bytes = CableBytes { there: 100_000, back: 0 };
+    let unit = Unit { meta: Meta { bytes, ..meta(Intersect, 0, 60_000) }, load: 7 };
+    assert!(core.give_back(Time::ZERO, A, unit.clone(), false, &mut out).is_none());
+    assert!(order(&mut core, B, Time::ZERO).is_empty());
+    assert_eq!(order(&mut core, A, Time::ZERO), [7]);
+    // What failed there is.
+    assert!(core.give_back(Time::ZERO, A, unit, true, &mut out).is_none());
+    assert_eq!(order(&mut core, B, Time::ZERO), [7]);
+}
+
+#[test]
 fn units_past_their_life_time_are_told() {
     let mut core = core(&[PrimitiveSet::ALL]);
     let mut out = FollowUps::default();
