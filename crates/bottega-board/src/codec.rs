@@ -1,11 +1,13 @@
 //! Shapes, rays and hits as bytes.
 
+use std::time::Duration;
+
 use bottega_kernels::{Hit, InstanceGeometry, MeshGeometry, Ray, SphereGeometry};
 use bottega_render::SceneGeometry;
 use bytemuck::{Pod, cast_slice, pod_collect_to_vec};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
-use crate::BoardError;
+use crate::{BoardError, timed_reader::Receipt};
 
 /// Floats of a ray: origin, least parameter, direction, greatest parameter.
 const RAY_FLOATS: usize = 8;
@@ -115,9 +117,11 @@ pub(crate) fn rays_of(bytes: &[u8]) -> Result<Vec<Ray>, BoardError> {
     Ok(floats.chunks_exact(RAY_FLOATS).map(ray).collect())
 }
 
-pub(crate) fn hits_to_bytes(hits: &[Hit]) -> Vec<u8> {
+/// Appends hits.
+pub(crate) fn put_hits(bytes: &mut Vec<u8>, hits: &[Hit]) {
     let words = |hit: &Hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.instance, hit.primitive];
-    cast_slice(&hits.iter().flat_map(words).collect::<Vec<_>>()).to_vec()
+    bytes.reserve(4 * HIT_WORDS * hits.len());
+    hits.iter().for_each(|hit| bytes.extend_from_slice(cast_slice(&words(hit))));
 }
 
 /// # Errors
@@ -134,10 +138,26 @@ pub(crate) fn hits_of(bytes: &[u8], count: usize) -> Result<Vec<Hit>, BoardError
     Ok(words.chunks_exact(HIT_WORDS).map(hit).collect())
 }
 
-/// One bit for each, the lowest of a byte first.
-pub(crate) fn flags_to_bytes(flags: &[bool]) -> Vec<u8> {
+/// Appends one bit for each, the lowest of a byte first.
+pub(crate) fn put_flags(bytes: &mut Vec<u8>, flags: &[bool]) {
     let byte = |eight: &[bool]| eight.iter().rev().fold(0, |byte, &flag| byte << 1 | u8::from(flag));
-    flags.chunks(8).map(byte).collect()
+    bytes.extend(flags.chunks(8).map(byte));
+}
+
+/// What an answer begins with: how fast its rays came.
+pub(crate) fn receipt_to_bytes(receipt: &Receipt) -> Vec<u8> {
+    let time = u64::try_from(receipt.time.as_nanos()).unwrap_or(u64::MAX);
+    cast_slice(&[receipt.timed_bytes, time]).to_vec()
+}
+
+/// How fast the rays of an answer came, and the rest of it.
+///
+/// # Errors
+/// It is cut off.
+pub(crate) fn receipt_of(bytes: &[u8]) -> Result<(Receipt, &[u8]), BoardError> {
+    let mut reader = Reader(bytes);
+    let [timed_bytes, time] = reader.array::<u64, 2>()?;
+    Ok((Receipt { timed_bytes, time: Duration::from_nanos(time) }, reader.0))
 }
 
 /// # Errors
@@ -206,10 +226,16 @@ mod tests {
         assert_eq!(rays_of(&bytes).unwrap(), rays);
         assert!(rays_of(&bytes[1..]).is_err());
         let hits = [Hit::NONE, Hit { t: 1.5, u: 0.25, v: 0.5, instance: 3, primitive: 7 }];
-        assert_eq!(hits_of(&hits_to_bytes(&hits), 2).unwrap(), hits);
-        assert!(hits_of(&hits_to_bytes(&hits), 3).is_err());
+        let receipt = Receipt { timed_bytes: 17, time: Duration::from_micros(3) };
+        let mut answer = receipt_to_bytes(&receipt);
+        put_hits(&mut answer, &hits);
+        let (read, rest) = receipt_of(&answer).unwrap();
+        assert_eq!((read, &*hits_of(rest, 2).unwrap()), (receipt, &hits[..]));
+        assert!(hits_of(rest, 3).is_err() && receipt_of(&answer[..15]).is_err());
         let flags: Vec<bool> = (0..19).map(|i| i % 3 == 0).collect();
-        assert_eq!(flags_of(&flags_to_bytes(&flags), 19).unwrap(), flags);
-        assert!(flags_of(&flags_to_bytes(&flags), 25).is_err());
+        let mut bytes = Vec::new();
+        put_flags(&mut bytes, &flags);
+        assert_eq!(flags_of(&bytes, 19).unwrap(), flags);
+        assert!(flags_of(&bytes, 25).is_err());
     }
 }

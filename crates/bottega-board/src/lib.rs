@@ -16,12 +16,14 @@
 //! | frames on the wire | `src/wire.rs` |
 //! | shapes and rays as bytes | `src/codec.rs` |
 //! | a cable that is slower than it is | `src/throttle.rs` |
+//! | how fast bytes come | `src/timed_reader.rs` |
 
 mod codec;
 mod error;
 mod remote;
 mod server;
 mod throttle;
+mod timed_reader;
 mod wire;
 
 pub use error::BoardError;

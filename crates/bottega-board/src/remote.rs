@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     fmt,
-    io::{BufReader, BufWriter},
+    io::BufWriter,
     net::{Shutdown, TcpStream, ToSocketAddrs},
     sync::{
         Arc, Mutex, PoisonError,
@@ -14,13 +14,14 @@ use std::{
 };
 
 use bottega_hra::{
-    DataId, Link, Packet, Primitive, PrimitiveSet, Reply, ResourceDescriptor, WindowedResource, Work as _,
+    DataId, Link, Packet, Primitive, PrimitiveSet, Reply, ResourceDescriptor, Transfer, WindowedResource, Work as _,
 };
 use bottega_render::{PreparedScene, RenderOutput, RenderWork, SceneGeometry};
 
 use crate::{
     BoardError,
-    codec::{flags_of, hits_of, put_rays, shapes_to_bytes},
+    codec::{flags_of, hits_of, put_rays, receipt_of, shapes_to_bytes},
+    timed_reader::{Receipt, TimedReader, begin, receipt},
     wire::{BYTES_MAX, Frame, FrameKind},
 };
 
@@ -81,6 +82,8 @@ struct SentPackets {
 struct SentPacket {
     /// Rays of each work.
     counts: Vec<usize>,
+    /// Bytes of the packet.
+    bytes: u64,
     primitive: Primitive,
     reply: Reply<RenderWork>,
 }
@@ -165,9 +168,10 @@ impl BoardLink {
         if waiting.is_over {
             return;
         }
-        waiting.packets.insert(sequence, SentPacket { counts, primitive, reply });
+        let frame = Frame::new(kind, sequence, id.0, bytes);
+        waiting.packets.insert(sequence, SentPacket { counts, bytes: frame.size(), primitive, reply });
         drop(waiting);
-        _ = self.frames.send(Frame::new(kind, sequence, id.0, bytes));
+        _ = self.frames.send(frame);
     }
 }
 
@@ -199,9 +203,10 @@ fn write_all(stream: TcpStream, frames: &Receiver<Frame>) {
 }
 
 fn listen(stream: TcpStream, waiting: &Mutex<SentPackets>) {
-    let mut reader = BufReader::with_capacity(64 << 10, stream);
+    let mut reader = TimedReader::buffered(stream, 64 << 10);
     let ended = loop {
-        let frame = match Frame::read(&mut reader, BYTES_MAX) {
+        let frame = begin(&mut reader).map_err(BoardError::from).and_then(|()| Frame::read(&mut reader, BYTES_MAX));
+        let frame = match frame {
             Ok(frame) => frame,
             Err(error) => break error,
         };
@@ -210,7 +215,7 @@ fn listen(stream: TcpStream, waiting: &Mutex<SentPackets>) {
         }
         let sent = waiting.lock().unwrap_or_else(PoisonError::into_inner).packets.remove(&frame.number);
         let Some(sent) = sent else { continue };
-        if let Err(error) = sent.answer(&frame.bytes) {
+        if let Err(error) = sent.answer(&frame, &receipt(&reader)) {
             break error;
         }
     };
@@ -222,8 +227,10 @@ fn listen(stream: TcpStream, waiting: &Mutex<SentPackets>) {
 }
 
 impl SentPacket {
-    fn answer(self, bytes: &[u8]) -> Result<(), BoardError> {
-        let Self { counts, primitive, reply } = self;
+    /// - `back`: how fast the answer came.
+    fn answer(self, frame: &Frame, back: &Receipt) -> Result<(), BoardError> {
+        let Self { counts, bytes: sent, primitive, reply } = self;
+        let (there, bytes) = receipt_of(&frame.bytes)?;
         let total = counts.iter().sum();
         let outcomes: Vec<RenderOutput> = if primitive == Primitive::Occluded {
             let mut flags = flags_of(bytes, total)?.into_iter();
@@ -232,7 +239,10 @@ impl SentPacket {
             let mut hits = hits_of(bytes, total)?.into_iter();
             counts.iter().map(|&count| RenderOutput::Hits(hits.by_ref().take(count).collect())).collect()
         };
-        reply.send(outcomes.into_iter().map(Ok).collect());
+        let transfer =
+            |bytes, receipt: &Receipt| Transfer { bytes, timed_bytes: receipt.timed_bytes, time: receipt.time };
+        let transfers = [transfer(sent, &there), transfer(frame.size(), back)];
+        reply.send_transferred(outcomes.into_iter().map(Ok).collect(), transfers);
         Ok(())
     }
 }

@@ -3,8 +3,10 @@
 use std::{
     collections::BTreeMap,
     io::{BufReader, BufWriter},
-    net::{SocketAddr, TcpListener, TcpStream},
+    net::{Shutdown, SocketAddr, TcpListener, TcpStream},
+    sync::mpsc::{Receiver, SyncSender, sync_channel},
     thread,
+    time::{Duration, Instant},
 };
 
 use bottega_kernels::{Accel, BuildOptions, Hit, Ray};
@@ -12,13 +14,19 @@ use rayon::prelude::*;
 
 use crate::{
     BoardError,
-    codec::{flags_to_bytes, hits_to_bytes, rays_of, shapes_of},
+    codec::{put_flags, put_hits, rays_of, receipt_to_bytes, shapes_of},
     throttle::Throttled,
+    timed_reader::{Receipt, TimedReader, begin, receipt},
     wire::{BYTES_MAX, Frame, FrameKind},
 };
 
 /// Rays that a thread follows at once.
 const RAYS_AT_ONCE: usize = 1024;
+
+/// Packets that wait to be computed, and answers that wait to be sent: more would only wait longer.
+const FRAMES_AHEAD: usize = 4;
+/// Whoever was away from the cable for longer than this does not know when the next bytes came.
+const PROMPT: Duration = Duration::from_millis(1);
 
 /// The options of a board.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,9 +88,17 @@ impl BoardServer {
     }
 }
 
+/// A connection: one thread reads, one computes and one writes, so that while the rays of one packet are followed those of the next
+/// come and the answers to the one before go.
 struct ServedClient<'a> {
-    reader: BufReader<Throttled<TcpStream>>,
+    stream: TcpStream,
+    reader: BufReader<TimedReader<Throttled<TcpStream>>>,
     writer: BufWriter<Throttled<TcpStream>>,
+    scenes: ServedScenes<'a>,
+}
+
+/// The scenes of a connection, and who follows rays in them.
+struct ServedScenes<'a> {
     options: &'a BoardOptions,
     pool: &'a rayon::ThreadPool,
     /// By number, with the bytes that they came as.
@@ -92,50 +108,99 @@ struct ServedClient<'a> {
 impl<'a> ServedClient<'a> {
     fn open(stream: TcpStream, options: &'a BoardOptions, pool: &'a rayon::ThreadPool) -> Result<Self, BoardError> {
         stream.set_nodelay(true)?;
-        let reader = BufReader::new(Throttled::new(stream.try_clone()?, options.bandwidth));
-        let writer = BufWriter::with_capacity(64 << 10, Throttled::new(stream, options.bandwidth));
-        Ok(Self { reader, writer, options, pool, scenes: BTreeMap::new() })
+        let reader = TimedReader::buffered(Throttled::new(stream.try_clone()?, options.bandwidth), 16 << 10);
+        let writer = BufWriter::with_capacity(64 << 10, Throttled::new(stream.try_clone()?, options.bandwidth));
+        Ok(Self { stream, reader, writer, scenes: ServedScenes { options, pool, scenes: BTreeMap::new() } })
     }
 
-    fn serve(mut self) -> Result<(), BoardError> {
+    fn serve(self) -> Result<(), BoardError> {
+        let Self { stream, mut reader, mut writer, mut scenes } = self;
+        let options = scenes.options;
         // Whoever comes says first who it is; more than that is not read of strangers.
-        let hello = Frame::read(&mut self.reader, 256)?;
-        if hello.kind != FrameKind::Hello || hello.bytes != self.options.build.as_bytes() {
-            let refusal = format!("this board is of the build {}", self.options.build);
-            return self.answer(&Frame::new(FrameKind::Refusal, 0, 0, refusal.into_bytes()));
+        let hello = Frame::read(&mut reader, 256)?;
+        if hello.kind != FrameKind::Hello || hello.bytes != options.build.as_bytes() {
+            let refusal = format!("this board is of the build {}", options.build);
+            return Frame::new(FrameKind::Refusal, 0, 0, refusal.into_bytes()).write(&mut writer);
         }
-        self.answer(&Frame::new(FrameKind::Hello, self.options.memory, 0, hello.bytes))?;
-        loop {
-            let frame = Frame::read(&mut self.reader, BYTES_MAX)?;
-            let answered = self.take(frame);
-            if let Err(error) = answered {
-                let _ = self.answer(&Frame::new(FrameKind::Refusal, 0, 0, error.to_string().into_bytes()));
-                return Err(error);
+        Frame::new(FrameKind::Hello, options.memory, 0, hello.bytes).write(&mut writer)?;
+        let (arrivals, inbox) = sync_channel(FRAMES_AHEAD);
+        let (answers, outbox) = sync_channel::<Frame>(FRAMES_AHEAD);
+        thread::scope(|scope| {
+            let builder = || thread::Builder::new().name("board".to_owned());
+            let reading = builder().spawn_scoped(scope, move || read_all(&mut reader, &arrivals));
+            let writing =
+                builder().spawn_scoped(scope, move || outbox.iter().try_for_each(|frame| frame.write(&mut writer)));
+            let served = match (reading, writing) {
+                (Ok(_), Ok(_)) => scenes.serve(&inbox, &answers),
+                (Err(error), _) | (_, Err(error)) => Err(error.into()),
+            };
+            // Whoever reads waits no longer; what is to be written still is.
+            drop((inbox, answers));
+            _ = stream.shutdown(Shutdown::Read);
+            served
+        })
+    }
+}
+
+/// Reads until nothing comes or nobody takes it.
+fn read_all(
+    reader: &mut BufReader<TimedReader<Throttled<TcpStream>>>,
+    arrivals: &SyncSender<(Frame, Receipt)>,
+) -> Result<(), BoardError> {
+    let mut is_prompt = true;
+    loop {
+        begin(reader)?;
+        let frame = Frame::read(reader, BYTES_MAX)?;
+        // What came while nobody read says nothing of the cable.
+        let receipt = if is_prompt { receipt(reader) } else { Receipt::default() };
+        let read = Instant::now();
+        if arrivals.send((frame, receipt)).is_err() {
+            return Ok(());
+        }
+        is_prompt = read.elapsed() < PROMPT;
+    }
+}
+
+impl ServedScenes<'_> {
+    /// Answers what comes, until nothing does.
+    ///
+    /// # Errors
+    /// What came cannot be; that is answered, too.
+    fn serve(&mut self, inbox: &Receiver<(Frame, Receipt)>, answers: &SyncSender<Frame>) -> Result<(), BoardError> {
+        for (frame, receipt) in inbox {
+            let answer = match self.take(frame, &receipt) {
+                Ok(answer) => answer,
+                Err(error) => {
+                    _ = answers.send(Frame::new(FrameKind::Refusal, 0, 0, error.to_string().into_bytes()));
+                    return Err(error);
+                }
+            };
+            if answer.is_some_and(|answer| answers.send(answer).is_err()) {
+                break;
             }
         }
+        Ok(())
     }
 
-    fn answer(&mut self, frame: &Frame) -> Result<(), BoardError> {
-        frame.write(&mut self.writer)
-    }
-
-    fn take(&mut self, frame: Frame) -> Result<(), BoardError> {
+    /// - `receipt`: how fast the frame came.
+    fn take(&mut self, frame: Frame, receipt: &Receipt) -> Result<Option<Frame>, BoardError> {
         let Frame { kind, number, scene, bytes } = frame;
         match kind {
-            FrameKind::Echo => self.answer(&Frame::new(FrameKind::Echo, number, 0, bytes)),
+            FrameKind::Echo => Ok(Some(Frame::new(FrameKind::Echo, number, 0, bytes))),
             FrameKind::Evict => {
                 self.scenes.remove(&number);
-                Ok(())
+                Ok(None)
             }
-            FrameKind::Scene => self.keep(number, &bytes),
+            FrameKind::Scene => self.keep(number, &bytes).map(|()| None),
             FrameKind::Intersect | FrameKind::Occluded => {
                 let rays = rays_of(&bytes)?;
                 let (accel, _) = self.scenes.get(&scene).ok_or(BoardError::Malformed("its scene is not here"))?;
-                let answer = match kind {
-                    FrameKind::Intersect => hits_to_bytes(&self.pool.install(|| intersect(accel, &rays))),
-                    _ => flags_to_bytes(&self.pool.install(|| occluded(accel, &rays))),
-                };
-                self.answer(&Frame::new(FrameKind::Answer, number, scene, answer))
+                let mut answer = receipt_to_bytes(receipt);
+                match kind {
+                    FrameKind::Intersect => put_hits(&mut answer, &self.pool.install(|| intersect(accel, &rays))),
+                    _ => put_flags(&mut answer, &self.pool.install(|| occluded(accel, &rays))),
+                }
+                Ok(Some(Frame::new(FrameKind::Answer, number, scene, answer)))
             }
             FrameKind::Hello | FrameKind::Answer | FrameKind::Refusal => {
                 Err(BoardError::Malformed("it is nothing that a board is told"))

@@ -2,12 +2,14 @@
 
 use std::{
     io::{self, Read, Write},
+    ops::RangeInclusive,
     thread,
     time::{Duration, Instant},
 };
 
-/// Bytes that pass at once.
-const BYTES_AT_ONCE: usize = 16 << 10;
+/// How long pieces occupy the cable, and the bounds of what passes at once.
+const PIECE_TIME: f64 = 0.005;
+const PIECE_BYTES: RangeInclusive<usize> = 1 << 10..=16 << 10;
 
 /// One direction of a connection, with a bound on what passes in a second.
 pub(crate) struct Throttled<S> {
@@ -24,7 +26,9 @@ impl<S> Throttled<S> {
     }
 
     fn most(&self, bytes: usize) -> usize {
-        if self.bandwidth.is_some() { bytes.min(BYTES_AT_ONCE) } else { bytes }
+        let piece =
+            |bandwidth: f64| ((bandwidth * PIECE_TIME) as usize).clamp(*PIECE_BYTES.start(), *PIECE_BYTES.end());
+        self.bandwidth.map_or(bytes, |bandwidth| bytes.min(piece(bandwidth)))
     }
 
     fn passed(&mut self, bytes: usize) {
@@ -46,9 +50,10 @@ impl<S: Read> Read for Throttled<S> {
 
 impl<S: Write> Write for Throttled<S> {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
-        let written = self.inner.write(&buffer[..self.most(buffer.len())])?;
-        self.passed(written);
-        Ok(written)
+        let piece = &buffer[..self.most(buffer.len())];
+        self.passed(piece.len()); // It is there when it is through.
+        self.inner.write_all(piece)?;
+        Ok(piece.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {

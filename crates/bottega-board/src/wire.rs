@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::BoardError;
 
 /// What both sides begin with, and the version of what follows.
-const MAGIC: u64 = u64::from_le_bytes(*b"BTGBRD01");
+const MAGIC: u64 = u64::from_le_bytes(*b"BTGBRD02");
 /// Larger frames are refused.
 pub(crate) const BYTES_MAX: u64 = 4 << 30;
 /// Bytes that are read before more memory is taken: who announces much must send it.

@@ -10,7 +10,7 @@ use std::{
 
 use bottega::{
     Watcher,
-    events::{AuctionEvent, Event, ForecastEvent, LightingAgents, Progress},
+    events::{AuctionEvent, CableTraffic, Event, ForecastEvent, LightingAgents, Progress},
     text::duration,
 };
 use bottega_agents::Time;
@@ -315,7 +315,7 @@ fn told_forecast(forecast: &ForecastEvent) -> String {
 
 /// Who was at work for how much of the time, in one line.
 fn at_work(event: &Event) -> String {
-    let Event::Resources { resources, bin_full, bin_empty, .. } = event else { return String::new() };
+    let Event::Resources { resources, bin_full, bin_empty, expired, .. } = event else { return String::new() };
     let (processors, devices): (Vec<_>, Vec<_>) = resources.iter().partition(|it| it.name.starts_with("cpu"));
     let mean = processors.iter().map(|it| it.occupation).sum::<f64>() / processors.len().max(1) as f64;
     let least = processors.iter().map(|it| it.occupation).fold(1.0, f64::min);
@@ -330,13 +330,31 @@ fn at_work(event: &Event) -> String {
             }
             _ => String::new(),
         };
-        format!("{} {:.1} %{memory}", device.name, 100.0 * device.occupation)
+        let cable = device.cable.as_ref().map_or_else(String::new, told_cable);
+        format!("{} {:.1} %{memory}{cable}", device.name, 100.0 * device.occupation)
     }));
+    let expired = if *expired > 0 { format!("; {expired} units past their life time") } else { String::new() };
     format!(
-        "{}; work bin full {:.0} %, empty {:.0} % of the time",
+        "{}; work bin full {:.0} %, empty {:.0} % of the time{expired}",
         parts.join("; "),
         100.0 * bin_full,
         100.0 * bin_empty
+    )
+}
+
+/// What passed on a board's cable.
+fn told_cable(cable: &CableTraffic) -> String {
+    let rate = |bandwidth: Option<f64>| bandwidth.map_or("?".to_owned(), |it| format!("{:.3}", it / 1e6));
+    let packets = cable.packet_seconds.map_or(String::new(), |seconds| {
+        let bytes = cable.sent_bytes as f64 / cable.packets.max(1) as f64;
+        format!(", {} packets of {:.1} kB that took {:.1} ms each", cable.packets, bytes / 1e3, 1e3 * seconds)
+    });
+    format!(
+        ", {:.1} MB sent at {} MB/s, {:.1} MB back at {} MB/s{packets}",
+        cable.sent_bytes as f64 / 1e6,
+        rate(cable.bandwidth_there),
+        cable.received_bytes as f64 / 1e6,
+        rate(cable.bandwidth_back),
     )
 }
 

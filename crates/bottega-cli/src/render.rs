@@ -27,7 +27,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     }
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
-    let voice: Arc<dyn Watcher> = Arc::new(voice(args, &stop)?);
+    let voice: Arc<dyn Watcher> = Arc::new(voice(args, &request, &stop)?);
     if args.notifications.is_empty() {
         return paint(args, &request, &voice, &stop);
     }
@@ -114,17 +114,21 @@ fn options(args: &RenderArgs) -> SessionOptions {
         record: args.record.clone(),
         timeline: args.timeline.clone(),
         tev: args.tev.clone(),
+        ..SessionOptions::default()
     }
 }
 
 /// Who is told: people or programs, the dashboard, the trace.
-fn voice(args: &RenderArgs, stop: &StopSwitch) -> Result<ConsoleWatcher, CliError> {
+fn voice(args: &RenderArgs, request: &Request, stop: &StopSwitch) -> Result<ConsoleWatcher, CliError> {
     let form = match (args.scene.json, args.quiet) {
         (true, _) => OutputForm::Json,
         (_, true) => OutputForm::Quiet,
         _ => OutputForm::Text,
     };
     let dashboard = args.dashboard.map(|address| Dashboard::serve(address, stop)).transpose()?;
+    if let (Some(dashboard), None, None) = (&dashboard, &request.frames, &args.farm) {
+        dashboard.show_request(request);
+    }
     ConsoleWatcher::new(form, dashboard, args.trace.as_deref(), args.detach)
 }
 

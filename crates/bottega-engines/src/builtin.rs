@@ -2,21 +2,22 @@
 
 mod resources;
 mod shared;
+mod urgency;
 mod waves;
 mod zone;
 
 use std::{
     sync::{
-        Arc, Mutex, OnceLock,
+        Arc, Mutex, OnceLock, PoisonError,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
     thread::{self, JoinHandle},
 };
 
-use bottega_hra::HraReport;
+use bottega_hra::{HraClient, HraReport, LifeTime};
 use bottega_image::Tile;
 use bottega_render::{
-    AgentUse, PreparedScene, Prepass, View,
+    AgentUse, PreparedScene, Prepass, RenderWork, View,
     ala::AgentReport,
     integrator::{PathIntegrator, learn_together},
     photon::{MapBytes, cast_photons},
@@ -26,6 +27,7 @@ pub(crate) use self::shared::NAME;
 pub use self::{
     resources::{Devices, Resources},
     shared::BuiltinOptions,
+    urgency::Urgency,
 };
 use self::{
     shared::{SAMPLE_NS_GUESSED, Shared},
@@ -39,6 +41,10 @@ pub struct BuiltinEngine {
     resources: Arc<Resources>,
     /// What the resources had done before.
     before: HraReport,
+    urgency: Urgency,
+    /// The life times of all units of a look, and whether nobody looks any more.
+    lives: Mutex<Vec<LifeTime<RenderWork>>>,
+    is_left: AtomicBool,
     zones: Mutex<Vec<JoinHandle<()>>>,
 }
 
@@ -86,7 +92,49 @@ impl BuiltinEngine {
             watcher: OnceLock::new(),
         };
         let before = resources.hra.report();
-        Self { shared: Arc::new(shared), resources, before, zones: Mutex::default() }
+        Self {
+            shared: Arc::new(shared),
+            resources,
+            before,
+            urgency: Urgency::default(),
+            lives: Mutex::default(),
+            is_left: AtomicBool::new(false),
+            zones: Mutex::default(),
+        }
+    }
+
+    /// The same for a picture that is wanted so soon.
+    #[must_use]
+    pub fn with_urgency(mut self, urgency: Urgency) -> Self {
+        self.urgency = urgency;
+        self
+    }
+
+    /// Nobody looks at the picture any more: its units that wait are painted by nobody, those under way are dropped. What is painted of
+    /// it from now on ends at once, and not complete. Does nothing for a picture that is no [`Urgency::Look`].
+    pub fn leave(&self) {
+        if self.urgency != Urgency::Look {
+            return;
+        }
+        self.shared.cancelled.store(true, Ordering::SeqCst);
+        self.is_left.store(true, Ordering::SeqCst);
+        let lives = std::mem::take(&mut *self.lives.lock().unwrap_or_else(PoisonError::into_inner));
+        lives.iter().for_each(LifeTime::end);
+    }
+
+    /// A client for units of the picture.
+    fn client(&self, priority: i32) -> HraClient<RenderWork> {
+        let client = self.resources.hra.client_of(priority);
+        if self.urgency == Urgency::Look {
+            let mut lives = self.lives.lock().unwrap_or_else(PoisonError::into_inner);
+            lives.retain(|life| !life.is_over());
+            lives.push(client.life_time());
+            drop(lives);
+            if self.is_left.load(Ordering::SeqCst) {
+                client.expire();
+            }
+        }
+        client
     }
 
     /// Samples taken so far, all pixels together; those of zones under way are in it.
@@ -131,7 +179,7 @@ impl BuiltinEngine {
         let prepared = match (settings.photons, others) {
             (None, None) => PathIntegrator::new(scene, prepass, view, settings).map(|_| ()),
             (None, Some(others)) => learn_together(scene, prepass, view, settings, others),
-            (Some(_), _) => cast_photons(scene, prepass, view, settings, &self.resources.hra.client(), others),
+            (Some(_), _) => cast_photons(scene, prepass, view, settings, &self.client(self.urgency.priority()), others),
         };
         prepared.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
@@ -152,7 +200,7 @@ impl RenderEngine for BuiltinEngine {
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
         let view = View { camera: self.shared.options.view.camera, width, height };
         let max_depth = self.shared.options.settings.max_depth;
-        bottega_render::survey(&self.shared.scene, view, max_depth, &self.resources.hra.client())
+        bottega_render::survey(&self.shared.scene, view, max_depth, &self.client(self.urgency.first_look()))
             .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
@@ -177,9 +225,9 @@ impl RenderEngine for BuiltinEngine {
 
     fn start(&self, task: ZoneTask, done: ZoneCallback) {
         let shared = Arc::clone(&self.shared);
-        let client = self.resources.hra.client();
+        let client = self.client(self.urgency.priority());
         let zone = thread::spawn(move || done(ZonePainter::new(&shared, client, task).paint()));
-        let mut zones = self.zones.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut zones = self.zones.lock().unwrap_or_else(PoisonError::into_inner);
         zones.retain(|zone| !zone.is_finished());
         zones.push(zone);
     }
@@ -188,7 +236,7 @@ impl RenderEngine for BuiltinEngine {
 impl Drop for BuiltinEngine {
     fn drop(&mut self) {
         self.shared.cancelled.store(true, Ordering::Relaxed);
-        let zones = self.zones.get_mut().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let zones = self.zones.get_mut().unwrap_or_else(PoisonError::into_inner);
         // Whoever was told of the last zone may be the last to know the engine: a thread does not wait for itself.
         let others = zones.drain(..).filter(|zone| zone.thread().id() != thread::current().id());
         for zone in others {

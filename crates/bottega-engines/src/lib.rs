@@ -9,7 +9,7 @@
 //! |---|---|
 //! | the contract between farm and engine | `src/engine.rs` |
 //! | the built-in engine: zones as work units, blocks or waves of paths | `src/builtin.rs`, `src/builtin/zone.rs`, `src/builtin/waves.rs` |
-//! | processors and devices behind one allocator | `src/builtin/resources.rs` |
+//! | processors and devices behind one allocator; which picture goes first there | `src/builtin/resources.rs`, `src/builtin/urgency.rs` |
 //! | what would be shared with other machines, done alone by the clock | `src/lone_hand.rs` |
 //! | two engines that paint one picture | `src/mixed.rs` |
 //! | manifests: read, found, shipped | `src/external/manifest.rs`, `src/external/shelf.rs`, `src/external/shipped.rs`; the files: `engines/` |
@@ -32,7 +32,7 @@ pub use bottega_render::{
     RenderError, Sharing, SpeedProbe,
     survey::{Survey, SurveyPixel},
 };
-pub use builtin::{BuiltinEngine, BuiltinOptions, Devices, Resources};
+pub use builtin::{BuiltinEngine, BuiltinOptions, Devices, Resources, Urgency};
 pub use engine::{
     CancelSwitch, EngineDescription, EngineError, EnginePreference, Painted, RenderEngine, TaskProgress, Tunables,
     ZoneCallback, ZoneTask,

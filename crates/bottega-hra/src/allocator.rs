@@ -90,7 +90,12 @@ impl<W: Work> Hra<W> {
 
     /// A new client, with a results bin of its own.
     pub fn client(&self) -> HraClient<W> {
-        HraClient::new(Arc::clone(&self.shared))
+        self.client_of(0)
+    }
+
+    /// The same for units that all have so much more priority than each says.
+    pub fn client_of(&self, priority: i32) -> HraClient<W> {
+        HraClient::new(Arc::clone(&self.shared), priority)
     }
 
     /// What each resource did so far.

@@ -1,6 +1,6 @@
 //! The renderer's side: units in, answers out.
 
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use crate::threads::clients::ClientId;
@@ -24,6 +24,31 @@ struct ClientHandle<W: Work> {
     shared: Arc<AllocatorState<W>>,
     id: ClientId,
     results: Arc<ResultsBin<W::Output>>,
+    priority: i32,
+}
+
+/// The life time of a client's units, for somebody who may end it. It does not keep the client.
+pub struct LifeTime<W: Work>(Weak<ClientHandle<W>>);
+
+impl<W: Work> LifeTime<W> {
+    /// As [`HraClient::expire`]; nothing where the client is gone.
+    pub fn end(&self) {
+        if let Some(handle) = self.0.upgrade() {
+            handle.expire();
+        }
+    }
+
+    /// Whether the client is gone.
+    pub fn is_over(&self) -> bool {
+        self.0.strong_count() == 0
+    }
+}
+
+impl<W: Work> ClientHandle<W> {
+    fn expire(&self) {
+        self.results.end();
+        self.shared.expire(self.id);
+    }
 }
 
 impl<W: Work> Clone for HraClient<W> {
@@ -33,14 +58,26 @@ impl<W: Work> Clone for HraClient<W> {
 }
 
 impl<W: Work> HraClient<W> {
-    pub(crate) fn new(shared: Arc<AllocatorState<W>>) -> Self {
+    pub(crate) fn new(shared: Arc<AllocatorState<W>>, priority: i32) -> Self {
         let inlet = shared.inlets.assign();
         let (id, results) = shared.clients.enter();
-        Self { handle: Arc::new(ClientHandle { shared, id, results }), inlet }
+        Self { handle: Arc::new(ClientHandle { shared, id, results, priority }), inlet }
     }
 
     fn as_submitter(&self) -> Submitter<'_, W::Output> {
-        Submitter { client: self.handle.id, results: &self.handle.results, inlet: self.inlet }
+        let ClientHandle { id, results, priority, .. } = &*self.handle;
+        Submitter { client: *id, results, inlet: self.inlet, priority: *priority }
+    }
+
+    /// Ends the life time of all units of this client, also of those to come: those that wait are answered by
+    /// [`UnitError::Expired`](crate::UnitError::Expired) now and done by nobody, those under way when their resource answers.
+    pub fn expire(&self) {
+        self.handle.expire();
+    }
+
+    /// The life time of its units, for whoever may end it.
+    pub fn life_time(&self) -> LifeTime<W> {
+        LifeTime(Arc::downgrade(&self.handle))
     }
 
     /// Puts a unit into the work bin; waits while the bin is full.

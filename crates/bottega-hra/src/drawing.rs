@@ -21,7 +21,8 @@ const LINE: f64 = 18.0;
 pub fn timeline_svg(report: &HraReport, window: Option<(Time, Time)>) -> String {
     let (from, to) = window.unwrap_or((Time::ZERO, Time::at(report.uptime)));
     let rows = TOP + ROW * report.resources.len() as f64;
-    let height = rows + BIN + 40.0 + LINE * report.incidents.len() as f64;
+    let lines = report.incidents.len() + usize::from(report.expiries.count() > 0);
+    let height = rows + BIN + 40.0 + LINE * lines as f64;
     let mut svg = String::new();
     // Writing to a string does not fail.
     let _ = write!(
@@ -44,6 +45,7 @@ pub fn timeline_svg(report: &HraReport, window: Option<(Time, Time)>) -> String 
         let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{axis:.1}\" text-anchor=\"middle\">{seconds:.3} s</text>");
     }
     draw_incidents(&mut svg, report, axis + LINE, &scale);
+    draw_expiries(&mut svg, report, (rows, axis + LINE * (1 + report.incidents.len()) as f64), &scale);
     svg.push_str("</svg>\n");
     svg
 }
@@ -156,6 +158,25 @@ fn draw_incidents(svg: &mut String, report: &HraReport, top: f64, scale: &TimeSc
     }
 }
 
+/// A line of text for units past their life time, and a bar above the bin from the first of them to the last.
+fn draw_expiries(svg: &mut String, report: &HraReport, (bin, line): (f64, f64), scale: &TimeScale) {
+    let expired = &report.expiries;
+    if expired.count() == 0 {
+        return;
+    }
+    let [first, last] = [expired.first, expired.last].map(|at| at.since(Time::ZERO).as_secs_f64());
+    let (left, right) = (scale.x(expired.first), scale.x(expired.last));
+    let _ = writeln!(
+        svg,
+        "<rect x=\"{left:.1}\" y=\"{bin:.1}\" width=\"{:.1}\" height=\"3\" fill=\"#a33a3a\"/>\n<text x=\"8\" y=\"{line:.1}\" \
+         fill=\"#a33a3a\">{} units were past their life time, {} of them before anybody began with them, from {first:.3} s to \
+         {last:.3} s</text>",
+        (right - left).max(2.0),
+        expired.count(),
+        expired.waiting,
+    );
+}
+
 fn colour(activity: Activity) -> &'static str {
     match activity {
         Activity::Idle => "#e6e6e6",
@@ -211,5 +232,17 @@ mod tests {
         // What waits is drawn: ten units, one of which is at work at once.
         let bin = &outcome.report.bin;
         assert!(bin.mean_waiting > 3.0 && bin.mean_waiting < 9.0, "{bin:?}");
+    }
+
+    #[test]
+    fn units_past_their_life_time_are_a_line() {
+        let mut load = Load::batch(10, 100, &[Primitive::Intersect]);
+        load.arrivals[9].validity = std::time::Duration::from_millis(50);
+        let outcome = simulate(HraConfig::default(), &[Model::near("cpu", 1e5)], &load, &CostBook::new(""), 0);
+        assert_eq!((outcome.done(), outcome.report.expiries.waiting), (9, 1));
+        let svg = timeline_svg(&outcome.report, None);
+        assert!(svg.contains("1 units were past their life time, 1 of them before anybody began"), "{svg}");
+        let told = crate::timeline_json(&outcome.report);
+        assert!(told.contains("\"expired\":{\"waiting\":1,\"late\":0,\"first\":0.05"), "{told}");
     }
 }

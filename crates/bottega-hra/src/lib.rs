@@ -43,7 +43,7 @@
 //! | units, primitives, resources | `src/work.rs`, `src/primitive.rs`, `src/resource.rs` |
 //! | the allocator and its clients | `src/allocator.rs`, `src/client.rs` |
 //! | everything that decides | `src/policy/` |
-//! | how many packets go to a far resource; who does what | `src/policy/flow.rs`, `src/policy/plan.rs`, `src/policy/placement.rs` |
+//! | how many packets go to a far resource, how large; who does what | `src/policy/flow.rs`, `src/policy/cable.rs`, `src/policy/plan.rs`, `src/policy/placement.rs` |
 //! | what primitives cost, kept between runs | `src/policy/cost.rs`, `src/policy/book.rs` |
 //! | the policy run by threads | `src/threads/` |
 //! | the policy in virtual time | `src/simulate/` |
@@ -65,16 +65,18 @@ mod resource_id;
 pub mod simulate;
 mod threads;
 mod timeline;
+mod transfer;
 mod work;
 
 pub use activity::Activity;
 pub use allocator::{Hra, Lane};
-pub use client::HraClient;
+pub use client::{HraClient, LifeTime};
 pub use config::HraConfig;
 pub use drawing::timeline_svg;
 pub use policy::bin_log::{BinReport, BinStep};
 pub use policy::book::{CostBook, CostBookError};
 pub use policy::cost::{CostModel, split_work};
+pub use policy::expiries::Expiries;
 pub use policy::incident::{Fault, Incident};
 pub use policy::time::Time;
 pub use policy::timeline::Span;
@@ -86,4 +88,5 @@ pub use resource_id::ResourceId;
 pub use threads::far::{Packet, Reply, WindowedResource};
 pub use threads::simulated::{Simulated, SimulatedModel};
 pub use timeline::timeline_json;
+pub use transfer::{CableUse, Transfer};
 pub use work::{Closed, Completed, Failed, SubmitError, TrySubmit, UnitError, Work, WorkUnit};

@@ -5,7 +5,9 @@ use std::time::Duration;
 use crate::policy::bin_log::BinReport;
 use crate::policy::core::Core;
 use crate::policy::time::Time;
-use crate::{Activity, CostBook, CostModel, Incident, Primitive, ResourceDescriptor, ResourceId, Span};
+use crate::{
+    Activity, CableUse, CostBook, CostModel, Expiries, Incident, Primitive, ResourceDescriptor, ResourceId, Span,
+};
 
 /// The allocator at one moment.
 #[derive(Clone, Debug)]
@@ -22,6 +24,8 @@ pub struct HraReport {
     pub resources: Vec<ResourceReport>,
     /// What went wrong with resources, for the user to be told.
     pub incidents: Vec<Incident>,
+    /// Units past their life time.
+    pub expiries: Expiries,
 }
 
 /// One resource since the allocator was made.
@@ -45,6 +49,8 @@ pub struct ResourceReport {
     pub suspended: Duration,
     /// Bytes of data that it holds.
     pub resident_bytes: u64,
+    /// What passed on its cable, if it has one.
+    pub cable: Option<CableUse>,
     /// Learnt costs of the primitives that it has done, by primitive.
     pub costs: Vec<(Primitive, CostModel)>,
     /// What it was at, in the order of time; empty unless [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
@@ -65,6 +71,7 @@ impl ResourceReport {
             busy: self.busy.saturating_sub(before.busy),
             idle: self.idle.saturating_sub(before.idle),
             suspended: self.suspended.saturating_sub(before.suspended),
+            cable: self.cable.map(|cable| cable.since(&before.cable.unwrap_or_default())),
             spans: spans.map(moved).collect(),
             ..self.clone()
         }
@@ -108,6 +115,7 @@ impl HraReport {
             bin_capacity: self.bin_capacity,
             bin: self.bin.since(&before.bin, before.uptime, self.uptime),
             incidents: incidents.collect(),
+            expiries: self.expiries.since(&before.expiries, start),
             resources: resources.map(|(now, before)| now.since(before, start)).collect(),
         }
     }
@@ -128,6 +136,7 @@ impl HraReport {
                 idle: spent(Activity::Idle),
                 suspended: spent(Activity::Suspended),
                 resident_bytes: lane.residency.used(),
+                cable: lane.flow.as_ref().map(|_| lane.cable.report()),
                 costs: costs.filter(|(_, cost)| cost.units() > 0).collect(),
                 spans: lane.account.spans(now),
             }
@@ -139,6 +148,7 @@ impl HraReport {
             bin,
             resources: resources.collect(),
             incidents: core.incidents().list(),
+            expiries: core.expiries(),
         }
     }
 }

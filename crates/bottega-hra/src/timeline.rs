@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::{Activity, HraReport, ResourceReport, Time};
+use crate::{Activity, CableUse, HraReport, ResourceReport, Time};
 
 #[derive(Serialize)]
 struct Timeline<'a> {
@@ -11,6 +11,28 @@ struct Timeline<'a> {
     resources: Vec<ResourceLine<'a>>,
     bin: BinLine,
     incidents: Vec<IncidentLine<'a>>,
+    expired: ExpiredLine,
+}
+
+/// Units past their life time.
+#[derive(Serialize)]
+struct ExpiredLine {
+    waiting: u64,
+    late: u64,
+    first: f64,
+    last: f64,
+}
+
+#[derive(Serialize)]
+struct CableLine {
+    sent_bytes: u64,
+    received_bytes: u64,
+    /// Bytes a second; none where nothing is known to be slow.
+    bandwidth_there: Option<f64>,
+    bandwidth_back: Option<f64>,
+    packets: u64,
+    /// Seconds between the sending of a packet and its answer, in the mean.
+    packet_seconds: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -25,6 +47,7 @@ struct ResourceLine<'a> {
     failures: u64,
     resident_bytes: u64,
     memory_bytes: Option<u64>,
+    cable: Option<CableLine>,
     /// From, until, at what.
     spans: Vec<(f64, f64, &'static str)>,
 }
@@ -87,6 +110,12 @@ pub fn timeline_json(report: &HraReport) -> String {
                 reason: &incident.reason,
             })
             .collect(),
+        expired: ExpiredLine {
+            waiting: report.expiries.waiting,
+            late: report.expiries.late,
+            first: seconds(report.expiries.first),
+            last: seconds(report.expiries.last),
+        },
     };
     serde_json::to_string(&timeline).unwrap_or_default()
 }
@@ -103,6 +132,19 @@ fn line_of(resource: &ResourceReport) -> ResourceLine<'_> {
         failures: resource.failures,
         resident_bytes: resource.resident_bytes,
         memory_bytes: resource.descriptor.memory_bytes,
+        cable: resource.cable.as_ref().map(cable_of),
         spans: spans.map(|span| (seconds(span.from), seconds(span.to), word(span.activity))).collect(),
+    }
+}
+
+fn cable_of(cable: &CableUse) -> CableLine {
+    let finite = |bandwidth: f64| Some(bandwidth).filter(|bandwidth| bandwidth.is_finite());
+    CableLine {
+        sent_bytes: cable.sent_bytes,
+        received_bytes: cable.received_bytes,
+        bandwidth_there: finite(cable.bandwidth_there),
+        bandwidth_back: finite(cable.bandwidth_back),
+        packets: cable.packets,
+        packet_seconds: cable.packet_time().map(|time| time.as_secs_f64()),
     }
 }

@@ -33,6 +33,11 @@ pub trait Work: Send + Sized + 'static {
         0
     }
 
+    /// Bytes that its answer takes on the way back.
+    fn answer_bytes(&self) -> u64 {
+        0
+    }
+
     /// A copy to go back to when a resource dies in the middle of the work (a panic, a lost link). It is taken
     /// before each attempt, so it must be cheap beside the work itself. `None`: such a unit is not tried again, and
     /// answered by [`UnitError::Lost`].

@@ -64,7 +64,7 @@ impl PySession {
         let preview = preview.map(path_of).transpose()?;
         let record = record.map(path_of).transpose()?;
         let timeline = timeline.map(path_of).transpose()?;
-        let options = SessionOptions { resume, preview, shows: live, record, timeline, tev: None };
+        let options = SessionOptions { resume, preview, shows: live, record, timeline, ..SessionOptions::default() };
         let scene = scene.map(|scene| scene.get().finished()).transpose()?;
         let opened = Caller::new(py).wait_for(move |_, _| open(&request, scene, options))?.whole()?;
         let session = opened.map_err(|error| errors::raised(&error))?;

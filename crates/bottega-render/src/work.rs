@@ -245,6 +245,22 @@ impl Work for RenderWork {
         }
     }
 
+    fn answer_bytes(&self) -> u64 {
+        match self {
+            Self::Rays { rays, .. } => (rays.len() * size_of::<Hit>()) as u64,
+            // Bits.
+            Self::Occlusion { rays, .. } => rays.len().div_ceil(8) as u64,
+            // Running sums come back as they went.
+            Self::Block(_) => self.payload_bytes(),
+            Self::Wave(_)
+            | Self::Probe(_)
+            | Self::Photons(_)
+            | Self::Irradiance(_)
+            | Self::Agents(_)
+            | Self::Sensors(_) => 0,
+        }
+    }
+
     /// Rays have as many answers: who followed them may be another process, and what is missing would be black.
     fn check(output: &RenderOutput, size: u64) -> Result<(), String> {
         let count = match output {

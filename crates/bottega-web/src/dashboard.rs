@@ -3,9 +3,10 @@
 use std::{
     net::SocketAddr,
     path::Path,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
 };
 
+use axum::http::StatusCode;
 use bottega::{Event, Request, StopSwitch};
 use bottega_cluster::{
     energy::{JobEnergy, Tariff},
@@ -50,6 +51,8 @@ struct PaintedJob {
     stop: StopSwitch,
     meter: UsageMeter,
     messages: Mutex<MessageLog>,
+    /// What is painted.
+    request: OnceLock<Request>,
 }
 
 struct PaintedState {
@@ -75,7 +78,8 @@ impl Dashboard {
     pub fn serve(address: SocketAddr, stop: &StopSwitch) -> Result<Self, ServeError> {
         let state = Mutex::new(PaintedState::new());
         let (live, messages, meter) = (Arc::default(), Mutex::default(), UsageMeter::new(None));
-        let painted = Arc::new(PaintedJob { state, live, stop: stop.clone(), meter, messages });
+        let painted =
+            Arc::new(PaintedJob { state, live, stop: stop.clone(), meter, messages, request: OnceLock::new() });
         let secrets = WebSecrets::fresh().map_err(|error| ServeError::Secrets(error.error_chain()))?;
         let options = DoorOptions { address, is_firm: true, secrets, names: Vec::new() };
         let door = Door::open(Arc::clone(&painted) as _, options)?;
@@ -85,6 +89,11 @@ impl Dashboard {
     /// Where it is seen, with the token that lets one in.
     pub fn url(&self) -> String {
         self.door.steering_url()
+    }
+
+    /// What is painted is this: one may look around in its scene meanwhile.
+    pub fn show_request(&self, request: &Request) {
+        _ = self.painted.request.set(request.clone());
     }
 
     /// Shows an event to all who look, and to those who come later.
@@ -329,7 +338,21 @@ impl ShownFarm for PaintedJob {
         Err(no_farm())
     }
 
-    fn uploaded_here(&self, _asked: Submission) -> Result<Request, Problem> {
-        Err(no_farm())
+    /// The picture itself, seen as `view` of the request says: nothing else can be looked at here.
+    fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem> {
+        let painted = self.request.get().filter(|_| asked.files.is_empty() && asked.files_of_job == Some(NUMBER));
+        let mut request = painted.cloned().ok_or_else(no_farm)?;
+        if let Some(view) = asked.request.get("view") {
+            let refused = |error: serde_json::Error| {
+                Problem::new(
+                    StatusCode::UNPROCESSABLE_ENTITY,
+                    format!("`view` cannot be read: {error}"),
+                    "see the API's schema",
+                )
+            };
+            request.view = serde_json::from_value(view.clone()).map_err(refused)?;
+        }
+        request.output.file = None;
+        Ok(request)
     }
 }

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use bottega_engines::{BuiltinEngine, BuiltinOptions};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, Urgency};
 use bottega_farm::{Expert, Goal, JobReport, JobSettings};
 use bottega_image::Metadata;
 use bottega_render::{PathSettings, integrator::Wave};
 
 use crate::{
-    devices::{DeviceChoice, DeviceSet, costs, incident_line},
+    devices::{DeviceChoice, DeviceSet, PainterWish, costs, incident_line},
     error::Error,
     journal::name_of,
     loaded_scene::LoadedScene,
@@ -31,15 +31,18 @@ pub(crate) struct BuiltinPainter {
 impl BuiltinPainter {
     /// - `subject`: the scene of the request.
     /// - `goal`: when a zone is finished.
+    /// - `urgency`: at least that of a part of a picture, where a part is asked for.
     pub(crate) fn open(
         request: &Request,
         subject: LoadedScene,
         experts: Vec<Expert>,
         goal: Goal,
+        urgency: Urgency,
     ) -> Result<Self, Error> {
         let method = Method::of(request, &subject, max_depth(request, &subject));
         let settings = JobSettings { goal, ..job_settings(request, &subject, experts)? };
-        let (engine, crew) = own_engine(request, &subject, &settings)?;
+        let urgency = urgency.max(if request.film.crop.is_some() { Urgency::Crop } else { Urgency::Picture });
+        let (engine, crew) = engine_for(request, &subject, &settings, urgency)?;
         Ok(Self { subject, engine: Arc::new(engine), crew, method, settings })
     }
 
@@ -135,6 +138,15 @@ pub fn own_engine(
     subject: &LoadedScene,
     job: &JobSettings,
 ) -> Result<(BuiltinEngine, DeviceSet), Error> {
+    engine_for(request, subject, job, Urgency::Picture)
+}
+
+fn engine_for(
+    request: &Request,
+    subject: &LoadedScene,
+    job: &JobSettings,
+    urgency: Urgency,
+) -> Result<(BuiltinEngine, DeviceSet), Error> {
     let depth = max_depth(request, subject);
     let photons = Method::of(request, subject, depth).photons;
     let settings = PathSettings {
@@ -152,12 +164,13 @@ pub fn own_engine(
         .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed))?
         .exactly(request.devices.exact)?;
     let memory = request.devices.memory_mb.map(|mib| u64::from(mib) << 20);
-    let crew = DeviceSet::gather(&choice, job.processors, &subject.prepared, &job.layout, photons.is_some(), memory)?;
+    let wanted = PainterWish { threads: job.processors, memory, joins: urgency == Urgency::Look };
+    let crew = DeviceSet::gather(&choice, &wanted, &subject.prepared, &job.layout, photons.is_some())?;
     let wavefront =
         wants_waves(request, &crew) && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
     let options =
         BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads, wavefront };
     let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
-    let engine = BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources));
+    let engine = BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources)).with_urgency(urgency);
     Ok((engine, crew))
 }

@@ -148,6 +148,9 @@ pub enum Event {
         bin_full: f64,
         /// Share of the time in which it was empty.
         bin_empty: f64,
+        /// Units past their life time: of a view that nobody looks at any more.
+        #[serde(default)]
+        expired: u64,
     },
     /// The same is written as a drawing or as data.
     Timeline {
@@ -214,6 +217,29 @@ pub struct ResourceUse {
     /// Bytes of scenes that it was sent since this program opened it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sent_bytes: Option<u64>,
+    /// What passed on its cable, if it is a board behind one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cable: Option<CableTraffic>,
+}
+
+/// The traffic on a board's cable.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CableTraffic {
+    /// Bytes sent, scenes included.
+    pub sent_bytes: u64,
+    /// Bytes of answers.
+    pub received_bytes: u64,
+    /// Bytes a second that pass there, as measured last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bandwidth_there: Option<f64>,
+    /// The same on the way back.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bandwidth_back: Option<f64>,
+    /// Packets that were answered.
+    pub packets: u64,
+    /// Seconds between the sending of a packet and its answer, in the mean.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub packet_seconds: Option<f64>,
 }
 
 /// A zone of the picture.

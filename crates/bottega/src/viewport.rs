@@ -1,7 +1,7 @@
 //! A scene looked around in: painted over and over, finer and finer, from wherever one wants to see it.
 //!
-//! One thread paints. A new look ends the pass that is under way within some milliseconds; the first thing to be seen of it is
-//! coarse, and each pass over the whole picture takes as many samples as all before.
+//! One thread paints. A new look ends the life time of all units of the one before; the first thing to be seen of it is coarse, and
+//! each pass over the whole picture takes as many samples as all before. What else this process paints waits meanwhile.
 
 use std::{
     ops::{ControlFlow, Range},
@@ -11,7 +11,7 @@ use std::{
 };
 
 use bottega_denoise::Denoiser;
-use bottega_engines::{CancelSwitch, EnginePreference, RenderEngine, TaskProgress, ZoneTask};
+use bottega_engines::{BuiltinEngine, CancelSwitch, EnginePreference, RenderEngine, TaskProgress, ZoneTask};
 use bottega_farm::JobSettings;
 use bottega_image::{Film, Picture, Preview, Rect, Tile};
 use bottega_scene::{Camera, Projection};
@@ -24,7 +24,7 @@ use crate::{
     error::Error,
     loaded_scene::{LoadedScene, check_view},
     request::{CameraPose, GuideChoice, GuideOptions, IntegratorChoice, Request, ViewOptions},
-    session::Session,
+    session::{Session, SessionOptions, Urgency},
     settings::tone,
 };
 
@@ -87,8 +87,8 @@ struct ViewportShared {
 struct ViewportState {
     view: ViewOptions,
     look: u64,
-    /// Ends the pass that is under way.
-    cancel: CancelSwitch,
+    /// Paints the look that is under way.
+    engine: Option<Arc<BuiltinEngine>>,
     shown: Option<ShownView>,
     number: u64,
     given: Option<(u64, Instant)>,
@@ -137,7 +137,8 @@ impl Viewport {
             return Err(Error::usage("only our own engine shows a scene from elsewhere", "leave out the engine"));
         }
         let mut request = as_viewed(request, Denoiser::load().is_ok());
-        let mut session = Session::open(&request)?;
+        let options = SessionOptions { urgency: Urgency::Look, ..SessionOptions::default() };
+        let mut session = Session::open_with(&request, options)?;
         if request.film.size.is_none() {
             let JobSettings { width, height, .. } = *session.settings();
             request.film.size = Some(fitted((width, height), PIXELS));
@@ -149,7 +150,7 @@ impl Viewport {
         let state = Mutex::new(ViewportState {
             view: request.view.clone(),
             look: 0,
-            cancel: CancelSwitch::default(),
+            engine: None,
             shown: None,
             number: 0,
             given: None,
@@ -190,12 +191,16 @@ impl Viewport {
     pub fn look(&self, view: &ViewOptions) -> Result<u64, Error> {
         Request { view: view.clone(), ..self.request.clone() }.validate()?;
         check_view(view, self.cameras.iter().map(|camera| (&*camera.name, camera.pose.fov.is_some())))?;
-        let mut state = self.shared.state();
-        state.view = view.clone();
-        state.look += 1;
-        state.cancel.cancel();
+        let (left, look) = {
+            let mut state = self.shared.state();
+            state.view = view.clone();
+            state.look += 1;
+            (state.engine.take(), state.look)
+        };
         self.shared.wanted.notify_all();
-        Ok(state.look)
+        // What waits of the look before is painted by nobody.
+        left.iter().for_each(|engine| engine.leave());
+        Ok(look)
     }
 
     /// What is to be seen, if it is newer than the frame `after`; each look has its first one at once.
@@ -223,11 +228,13 @@ impl Viewport {
 
 impl Drop for Viewport {
     fn drop(&mut self) {
-        let mut state = self.shared.state();
-        state.is_closed = true;
-        state.cancel.cancel();
-        drop(state);
+        let left = {
+            let mut state = self.shared.state();
+            state.is_closed = true;
+            state.engine.take()
+        };
         self.shared.wanted.notify_all();
+        left.iter().for_each(|engine| engine.leave());
         if let Some(painter) = self.painter.take() {
             // A panic in there was already reported by the thread itself; there is nothing left to lose.
             let _ = painter.join();
@@ -267,14 +274,21 @@ impl ViewportShared {
     /// Paints a look until another one is wanted, or it has all samples.
     fn paint_look(self: &Arc<Self>, session: &Session, look: u64) -> Result<(), Error> {
         let (settings, output) = (session.settings(), &session.request().output);
-        let engine = session.tools().engine;
+        let Some(engine) = session.own_engine() else { return Ok(()) };
+        if !self.begin(engine, look) {
+            return Ok(());
+        }
         let frame = Rect::of_size(settings.width, settings.height);
         let fresh = || Arc::new(Preview::new(frame, output.exposure, tone(output.tonemap)));
         let show = |preview: &Arc<Preview>, samples, is_denoised| {
             self.show(ShownView { preview: Arc::clone(preview), look, samples, is_denoised });
         };
         let preview = fresh();
-        let survey = engine.survey(frame.width().div_ceil(COARSE_CELL), frame.height().div_ceil(COARSE_CELL))?;
+        let survey = engine.survey(frame.width().div_ceil(COARSE_CELL), frame.height().div_ceil(COARSE_CELL));
+        if !self.is_wanted(look) {
+            return Ok(());
+        }
+        let survey = survey?;
         let coarse = survey.pixels.iter().map(|pixel| pixel.color).collect();
         preview.show_coarse(&Picture { width: survey.width, height: survey.height, data: coarse }, frame);
         show(&preview, 0, false);
@@ -286,7 +300,7 @@ impl ViewportShared {
         let (mut tile, mut done) = (None, 0);
         while done < settings.samples {
             let until = (2 * done).max(1).min(settings.samples);
-            tile = match self.pass(&*engine, settings, (done..until, tile), look)? {
+            tile = match self.pass(&**engine, settings, (done..until, tile), look)? {
                 Some(painted) => Some(painted),
                 None => return Ok(()),
             };
@@ -304,6 +318,19 @@ impl ViewportShared {
         Ok(())
     }
 
+    /// Whoever looks elsewhere leaves what this engine paints. Returns whether he has not yet.
+    fn begin(&self, engine: &Arc<BuiltinEngine>, look: u64) -> bool {
+        let mut state = self.state();
+        let is_wanted = state.look == look && !state.is_closed;
+        state.engine = is_wanted.then(|| Arc::clone(engine));
+        is_wanted
+    }
+
+    fn is_wanted(&self, look: u64) -> bool {
+        let state = self.state();
+        state.look == look && !state.is_closed
+    }
+
     /// Some more samples of all pixels; `None`: something else is wanted.
     fn pass(
         &self,
@@ -312,13 +339,8 @@ impl ViewportShared {
         (samples, tile): (Range<u32>, Option<Tile>),
         look: u64,
     ) -> Result<Option<Tile>, Error> {
-        let cancel = CancelSwitch::default();
-        {
-            let mut state = self.state();
-            if state.look != look || state.is_closed {
-                return Ok(None);
-            }
-            state.cancel = cancel.clone();
+        if !self.is_wanted(look) {
+            return Ok(None);
         }
         let task = ZoneTask {
             rect: Rect::of_size(settings.width, settings.height),
@@ -327,7 +349,7 @@ impl ViewportShared {
             leaning: EnginePreference::default(),
             tile,
             parts: None,
-            cancel,
+            cancel: CancelSwitch::default(),
             progress: TaskProgress::default(),
         };
         let (told, painted) = mpsc::channel();
@@ -339,10 +361,7 @@ impl ViewportShared {
 
     /// The picture without noise; `None`: nobody removes it, or something else is wanted.
     fn without_noise(&self, session: &Session, film: &Film, look: u64) -> Option<Picture> {
-        let mut told = |_| {
-            let state = self.state();
-            if state.look == look && !state.is_closed { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-        };
+        let mut told = |_| if self.is_wanted(look) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
         let denoised = session.denoiser()?.denoise(film, threads(session.request()), &mut told);
         denoised.ok().map(|denoised| denoised.film.to_picture())
     }

@@ -9,7 +9,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega::{Picture, Request, Session, SessionOptions, StopSwitch, Watcher, events::Event, identity::identity};
+use bottega::{
+    Picture, Request, Session, SessionOptions, StopSwitch, Watcher,
+    events::{Event, ResourceUse},
+    identity::identity,
+};
 use bottega_board::{BoardOptions, BoardServer};
 
 #[derive(Default)]
@@ -41,6 +45,12 @@ fn request(devices: &[&str]) -> Request {
 
 /// The picture, and how many units the board has done.
 fn paint(request: &Request) -> (Picture, u64) {
+    let (picture, used) = paint_with(request);
+    (picture, used.map_or(0, |used| used.units))
+}
+
+/// The picture, and what the board did.
+fn paint_with(request: &Request) -> (Picture, Option<ResourceUse>) {
     let notes = Arc::new(Notes::default());
     let session = Session::open_with(request, SessionOptions::default()).unwrap();
     let picture = session.render(Arc::clone(&notes) as _, &StopSwitch::new()).unwrap();
@@ -49,8 +59,8 @@ fn paint(request: &Request) -> (Picture, u64) {
         Event::Resources { resources, .. } => resources.iter().find(|it| it.name.starts_with("tcp://")).cloned(),
         _ => None,
     });
-    let units = used.map_or(0, |used| used.units);
-    (picture, units)
+    drop(told);
+    (picture, used)
 }
 
 fn bits(picture: &Picture) -> Vec<[u32; 4]> {
@@ -64,6 +74,15 @@ fn a_board_follows_rays_and_the_picture_has_the_same_bits() {
     let (both, units) = paint(&request(&["cpu", &board(None, identity())]));
     assert!(units > 0, "the board did nothing");
     assert!(bits(&alone) == bits(&both));
+}
+
+#[test]
+fn what_passed_on_the_cable_is_told_with_its_bandwidth() {
+    let (_, used) = paint_with(&request(&["cpu", &board(Some(10e6), identity())]));
+    let cable = used.and_then(|used| used.cable).expect("a board has a cable");
+    assert!(cable.packets > 0 && cable.sent_bytes > 10_000 && cable.received_bytes > 10_000, "{cable:?}");
+    let bandwidth = cable.bandwidth_there.expect("it is slow");
+    assert!((0.5..1.5).contains(&(bandwidth / 10e6)), "{cable:?}");
 }
 
 #[test]
@@ -98,7 +117,7 @@ fn a_board_of_another_build_or_none_at_all_is_refused() {
 fn what_a_board_is_told_that_cannot_be_ends_the_connection_and_nothing_else() {
     let name = board(None, identity());
     let address = name.strip_prefix("tcp://").unwrap();
-    let magic = u64::from_le_bytes(*b"BTGBRD01");
+    let magic = u64::from_le_bytes(*b"BTGBRD02");
     let header = |kind: u32, number: u64, scene: u64, bytes: u64| {
         let words = [magic, u64::from(kind), number, scene, bytes];
         words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>()

@@ -2,13 +2,13 @@
 
 use std::{
     path::Path,
-    sync::Arc,
+    sync::{Arc, Mutex},
     thread,
     time::{Duration, Instant},
 };
 
 use bottega::{
-    Request, Session, StopSwitch,
+    Event, Request, Session, StopSwitch, Watcher,
     request::{CameraPose, ViewOptions},
     viewport::{Viewport, ViewportFrame},
 };
@@ -116,4 +116,42 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
     assert!(error.to_string().contains("no camera `9`"), "{error}");
     let (still, _) = frame(&viewport, |frame| frame.look == look);
     assert_eq!(still.number, back.number);
+}
+
+#[derive(Default)]
+struct Notes(Mutex<Vec<Event>>);
+
+impl Watcher for Notes {
+    fn told(&self, event: Event) {
+        self.0.lock().unwrap().push(event);
+    }
+}
+
+#[test]
+fn a_viewport_beside_a_picture_goes_first_and_what_was_looked_away_from_is_told() {
+    let long = request().with("goal.samples", "100000").unwrap().with("devices.threads", "1").unwrap();
+    let (notes, stop) = (Arc::new(Notes::default()), StopSwitch::new());
+    let session = Session::open(&long).expect("it is opened");
+    let painting = {
+        let (notes, stop) = (Arc::clone(&notes), stop.clone());
+        thread::spawn(move || session.render(notes, &stop))
+    };
+    thread::sleep(Duration::from_millis(300));
+    // It asks for other threads, and joins those that paint all the same: else nobody could go first.
+    let wanted = request().with("goal.samples", "1024").unwrap().with("devices.threads", "2").unwrap();
+    let viewport = Viewport::open(&wanted).expect("it is opened");
+    for _ in 0..3 {
+        let look = viewport.look(&from_above()).expect("it looks");
+        let (_, took) = frame(&viewport, |frame| frame.look == look && frame.samples >= 4);
+        eprintln!("four samples of another view after {} ms", took.as_millis());
+    }
+    drop(viewport);
+    stop.request();
+    drop(painting.join().expect("no panic"));
+    let told = notes.0.lock().unwrap();
+    let expired = told.iter().find_map(|event| match event {
+        Event::Resources { expired, .. } => Some(*expired),
+        _ => None,
+    });
+    assert!(expired.is_some_and(|expired| expired > 0), "{expired:?} units past their life time");
 }

@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use bottega_hra::{Completed, HraClient, WorkUnit};
+use bottega_hra::{Completed, HraClient, UnitError, WorkUnit};
 use bottega_image::{Aov, Layout, Rect, Tile};
 use bottega_render::{
     BlockWork, PathSettings, RenderOutput, RenderWork, WaveWork,
@@ -194,6 +194,7 @@ impl<'a> ZonePainter<'a> {
             }
             Ok(RenderOutput::Refused(error)) => return Err(self.failure(&error)),
             Ok(_) => unreachable!("a block was asked for"),
+            Err(UnitError::Expired) => return self.give_up(ticket),
             Err(error) => return Err(self.failure(&error)),
         };
         let Some(mut block) = self.under_way[ticket].take() else { unreachable!("a unit that was never handed out") };
@@ -205,6 +206,14 @@ impl<'a> ZonePainter<'a> {
             self.learn(completed.busy, samples);
         }
         self.keep(ticket, block, tile)
+    }
+
+    /// Nobody looks at the block any more.
+    fn give_up(&mut self, ticket: usize) -> Result<(), EngineError> {
+        self.under_way[ticket] = None;
+        self.waiting.clear();
+        self.complete = false;
+        Ok(())
     }
 
     /// Takes in samples of a block, and goes on with it or with the next one.
@@ -255,9 +264,11 @@ impl<'a> ZonePainter<'a> {
         let output = match completed.output {
             Ok(RenderOutput::Refused(error)) => return Err(self.failure(&error)),
             Ok(output) => output,
+            Err(UnitError::Expired) => return self.give_up(ticket),
             Err(error) => return Err(self.failure(&error)),
         };
-        let Some(block) = &mut self.under_way[ticket] else { unreachable!("a unit that was never handed out") };
+        // Of a wave that was given up there may be answers to come.
+        let Some(block) = &mut self.under_way[ticket] else { return Ok(()) };
         block.busy += completed.busy;
         let Some(wave) = &mut block.wave else { unreachable!("a block without a wave") };
         match wave.take(output) {

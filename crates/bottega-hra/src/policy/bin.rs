@@ -3,8 +3,9 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::cable::CableBytes;
 use super::time::Time;
-use super::unit::{Chunk, Data, Meta, Unit};
+use super::unit::{Chunk, Data, Meta, Unit, UnitNeeds};
 use crate::{DataId, Primitive, PrimitiveSet};
 
 /// Sets of data of one priority that are looked at for one that is resident.
@@ -21,11 +22,9 @@ pub(crate) struct ChunkOrder {
 /// A chunk from which a resource may be served.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BinHead {
-    pub(crate) primitive: Primitive,
     pub(crate) order: ChunkOrder,
-    /// Items of the unit in front.
-    pub(crate) size: u64,
-    pub(crate) data: Option<Data>,
+    /// Of the unit in front.
+    pub(crate) needs: UnitNeeds,
     pub(crate) late: Time,
 }
 
@@ -37,6 +36,14 @@ impl BinHead {
     pub(crate) fn sequence(&self) -> u64 {
         self.order.sequence
     }
+}
+
+/// How much is handed over at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PacketBound {
+    pub(crate) units: usize,
+    /// For a resource behind a slow cable.
+    pub(crate) bytes: Option<CableBytes>,
 }
 
 /// What waits for one primitive.
@@ -75,9 +82,9 @@ impl<T> Shelf<T> {
         Some(chunk)
     }
 
-    fn head(&self, primitive: Primitive, order: ChunkOrder) -> Option<BinHead> {
+    fn head(&self, order: ChunkOrder) -> Option<BinHead> {
         let front = self.chunks.get(&order)?.front()?;
-        Some(BinHead { primitive, order, size: front.size, data: front.data, late: front.late })
+        Some(BinHead { order, needs: front.needs(), late: front.late })
     }
 
     /// The first chunk after `order` that is of other data or lower priority.
@@ -143,9 +150,9 @@ impl<T> Bin<T> {
         let first = |primitive: Primitive| {
             let shelf = &self.shelves[primitive.index()];
             let late = shelf.late.iter().take_while(|(late, _)| *late <= until);
-            late.filter_map(|&(_, order)| shelf.head(primitive, order)).find(|head| holds(head.data))
+            late.filter_map(|&(_, order)| shelf.head(order)).find(|head| holds(head.needs.data))
         };
-        able.iter().filter_map(first).min_by_key(|head| (head.late, head.primitive, head.order))
+        able.iter().filter_map(first).min_by_key(|head| (head.late, head.needs.primitive, head.order))
     }
 
     /// Where to draw from for `primitive`: of the highest priority that has data which the resource `holds`, what is
@@ -161,13 +168,13 @@ impl<T> Bin<T> {
         let mut next = shelf.chunks.first_key_value().map(|(&order, _)| order);
         let mut looked_at = 0;
         while let Some(order) = next {
-            let head = shelf.head(primitive, order)?;
+            let head = shelf.head(order)?;
             if best.is_some_and(|best| best.priority() > head.priority() || looked_at >= DATA_LOOKED_AT) {
                 break;
             }
-            if holds(head.data) {
+            if holds(head.needs.data) {
                 looked_at += 1;
-                if head.data.is_some_and(|data| resident(data.id)) {
+                if head.needs.data.is_some_and(|data| resident(data.id)) {
                     return Some(head);
                 }
                 if best.is_none_or(|best| head.sequence() < best.sequence()) {
@@ -179,17 +186,26 @@ impl<T> Bin<T> {
         best
     }
 
-    /// Takes up to `count` units from `head` on, of the same priority and data.
-    pub(crate) fn draw(&mut self, head: &BinHead, count: usize) -> Vec<Unit<T>> {
-        let shelf = &mut self.shelves[head.primitive.index()];
-        let mut drawn = Vec::new();
+    /// Takes units from `head` on, of the same priority and data: as many as the bound lets, and at least one.
+    pub(crate) fn draw(&mut self, head: &BinHead, bound: PacketBound) -> Vec<Unit<T>> {
+        let shelf = &mut self.shelves[head.needs.primitive.index()];
+        let (mut drawn, mut bytes) = (Vec::new(), CableBytes::default());
         let mut next = Some(head.order);
         while let Some(order) = next
-            && drawn.len() < count
+            && drawn.len() < bound.units
         {
             let Some(mut chunk) = shelf.remove(order) else { break };
-            chunk.draw(count - drawn.len(), &mut drawn);
+            let is_full = match bound.bytes {
+                None => {
+                    chunk.draw(bound.units - drawn.len(), &mut drawn);
+                    false
+                }
+                Some(most) => !chunk.draw_bytes((bound.units, most), &mut drawn, &mut bytes),
+            };
             shelf.put(order, chunk);
+            if is_full {
+                break;
+            }
             let following = shelf.chunks.range(order..).next().map(|(&order, _)| order);
             next = following.filter(|next| (next.priority, next.data) == (order.priority, order.data));
         }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::bin::BinHead;
+use super::bin::{BinHead, PacketBound};
 use super::time::Time;
 use super::unit::Unit;
 use crate::ResourceId;
@@ -14,8 +14,8 @@ pub(super) const ASK_AGAIN_MIN: Duration = Duration::from_micros(200);
 pub(super) enum LaneChoice<T> {
     /// A unit that failed elsewhere.
     Retry(Unit<T>),
-    /// So many units from there.
-    Draw { head: BinHead, units: usize },
+    /// Units from there.
+    Draw { head: BinHead, bound: PacketBound },
     /// Nothing before that time: others will be sooner, those named first of all, who must be awake to be so.
     Decline { until: Time, sooner: Vec<ResourceId> },
     /// There is nothing that it can do.

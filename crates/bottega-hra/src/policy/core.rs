@@ -5,6 +5,7 @@ use std::time::Duration;
 use super::account::Account;
 use super::bin::Bin;
 use super::bin_log::{BinLog, BinReport};
+use super::cable::CableBytes;
 use super::choice::LaneChoice;
 use super::demand::Demand;
 use super::flow::Flow;
@@ -15,7 +16,9 @@ use super::plan::PlannedPacket;
 use super::roster::Capabilities;
 use super::time::Time;
 use super::unit::{Chunk, Unit};
-use crate::{Activity, CostBook, DataId, HraConfig, Primitive, ResourceDescriptor, ResourceId, Window};
+use crate::{
+    Activity, CostBook, DataId, Expiries, HraConfig, Primitive, ResourceDescriptor, ResourceId, Transfer, Window,
+};
 
 /// State and decisions of an allocator whose units carry a `T`.
 pub(crate) struct Core<T> {
@@ -27,6 +30,7 @@ pub(crate) struct Core<T> {
     bin_log: BinLog,
     pub(super) demand: Demand,
     pub(super) incidents: Incidents,
+    pub(super) expiries: Expiries,
     pub(super) planned: Option<PlannedPacket>,
     pub(super) closed: bool,
     /// Resources that wait to be woken.
@@ -69,8 +73,7 @@ pub(crate) struct FollowUps<T> {
     /// These packets have no answer long after there should have been one. If their units can be done again, call
     /// [`Core::hung`], else [`Core::spare`].
     pub(crate) overdue: Vec<(ResourceId, u64)>,
-    /// Nothing else is left to do, nobody knows how long these packets should take, and others could have done them long
-    /// since. If their units can be done again, call [`Core::hung`].
+    /// Nothing else is left to do, these packets take longer than they should, and others could have done them long since. If their units can be done again, call [`Core::hung`].
     pub(crate) doubtful: Vec<(ResourceId, u64)>,
 }
 
@@ -91,6 +94,10 @@ pub(crate) struct PacketLanding {
     pub(crate) fault: Option<(Fault, String)>,
     /// The time that it took, where that was measured at the resource.
     pub(crate) busy: Option<Duration>,
+    /// What passed on the cable there and back, where that was measured.
+    pub(crate) transfers: Option<[Transfer; 2]>,
+    /// Units that are done, but too late.
+    pub(crate) expired: u64,
 }
 
 /// What became of a packet that landed.
@@ -129,6 +136,7 @@ impl<T> Core<T> {
             length,
             demand,
             incidents: Incidents::default(),
+            expiries: Expiries::default(),
             planned: None,
             closed: false,
             dozing: 0,
@@ -172,7 +180,8 @@ impl<T> Core<T> {
     /// Takes in units. After the end, and where nobody can do them, they come back as orphans.
     pub(crate) fn submit(&mut self, now: Time, mut chunk: Chunk<T>, out: &mut FollowUps<T>) {
         let Some(front) = chunk.front() else { return };
-        let (primitive, size, data) = (front.primitive, front.size, front.data);
+        let needs = front.needs();
+        let (primitive, data) = (needs.primitive, needs.data);
         self.length.may_wait(front.late.since(front.submitted));
         if chunk.announced {
             self.demand.arrived(primitive, chunk.items());
@@ -187,12 +196,31 @@ impl<T> Core<T> {
         let units = chunk.len();
         self.bin.push(chunk);
         self.note_bin(now);
-        self.call(now, (primitive, size, data), units, out);
+        self.call(now, &needs, units, out);
     }
 
     /// Takes out the units for which `wanted` holds.
     pub(crate) fn cancel(&mut self, wanted: impl Fn(&Unit<T>) -> bool) -> Vec<Unit<T>> {
         self.bin.extract(wanted)
+    }
+
+    /// Ends the life time of the units for which `over` holds.
+    pub(crate) fn expire(&mut self, now: Time, over: impl Fn(&Unit<T>) -> bool, out: &mut FollowUps<T>) {
+        let expired = self.bin.extract(over);
+        self.expiries.note_waiting(now, expired.len() as u64);
+        out.expired.extend(expired);
+    }
+
+    /// Units were done whose life time had ended meanwhile.
+    pub(crate) fn note_late(&mut self, now: Time, units: u64) {
+        self.expiries.note_late(now, units);
+    }
+
+    /// Takes out what waits past its life time.
+    fn take_expired(&mut self, now: Time, out: &mut FollowUps<T>) {
+        let before = out.expired.len();
+        self.bin.take_expired(now, &mut out.expired);
+        self.expiries.note_waiting(now, (out.expired.len() - before) as u64);
     }
 
     /// Hands out nothing any more; gives back what waits.
@@ -205,7 +233,7 @@ impl<T> Core<T> {
 
     /// A resource asks what to do.
     pub(crate) fn next(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) -> Next<T> {
-        self.bin.take_expired(now, &mut out.expired);
+        self.take_expired(now, out);
         let lane = &mut self.lanes[id.index()];
         self.dozing -= usize::from(std::mem::take(&mut lane.dozes));
         self.called -= usize::from(std::mem::take(&mut lane.called));
@@ -225,8 +253,8 @@ impl<T> Core<T> {
         }
         let (packet, until) = match self.choose(now, id) {
             LaneChoice::Retry(unit) => (self.launch(now, id, vec![unit]), None),
-            LaneChoice::Draw { head, units } => {
-                let drawn = self.bin.draw(&head, units);
+            LaneChoice::Draw { head, bound } => {
+                let drawn = self.bin.draw(&head, bound);
                 (self.launch(now, id, drawn), None)
             }
             LaneChoice::Decline { until, sooner } => {
@@ -273,9 +301,11 @@ impl<T> Core<T> {
             },
         };
         let items = units.iter().map(|unit| unit.meta.size).fold(0, u64::saturating_add);
+        let bytes = units.iter().map(|unit| unit.meta.bytes).fold(CableBytes::default(), CableBytes::add);
         let (evicted, moved_bytes) =
             admission.map_or((Vec::new(), 0), |admission| (admission.evicted, admission.moved_bytes));
-        let launch = Launch { primitive, units: units.len(), items, data: data.map(|data| data.id), moved_bytes };
+        let launch =
+            Launch { primitive, units: units.len(), items, bytes, data: data.map(|data| data.id), moved_bytes };
         let sequence = lane.launch(now, &launch, &self.config);
         lane.account.enter(Activity::Working, now);
         self.length.taken(now, units.len(), self.bin.len());
@@ -299,10 +329,12 @@ impl<T> Core<T> {
             self.returned(now, id);
             return None;
         };
-        let PacketLanding { done, done_items, failed, fault, busy } = landing;
+        let PacketLanding { done, done_items, failed, fault, busy, transfers, expired } = landing;
         lane.account.units += done as u64;
+        self.expiries.note_late(now, expired);
         if done > 0 {
             lane.goes_on(now, sequence);
+            lane.cable.answered(flight.bytes, now.since(flight.sent), transfers.as_ref());
         }
         let sent_units = flight.units;
         let mut landed = LandedPacket { busy: busy.unwrap_or(Duration::ZERO), evicted: Vec::new(), blamed: true };
@@ -355,7 +387,7 @@ impl<T> Core<T> {
 
     /// Looks at what time alone brings: units that expire, packets that are overdue.
     pub(crate) fn tick(&mut self, now: Time, out: &mut FollowUps<T>) {
-        self.bin.take_expired(now, &mut out.expired);
+        self.take_expired(now, out);
         for (lane, id) in self.lanes.iter().zip(0..) {
             let overdue = lane.flights.iter().filter(|(_, flight)| flight.deadline <= now);
             out.overdue.extend(overdue.map(|(&sequence, _)| (ResourceId(id), sequence)));
@@ -365,11 +397,11 @@ impl<T> Core<T> {
         }
     }
 
-    /// Whether a packet on trial keeps all waiting: nothing else is left to do, and another resource that has nothing to do
-    /// would have done it several times over since it was sent, or could have tried.
+    /// Whether a packet keeps all waiting: it has taken longer than expected, nothing else is left to do, and another resource that
+    /// has nothing to do would have done it several times over since it was sent, or could have tried.
     fn is_doubtful(&self, now: Time, id: ResourceId, flight: &Flight) -> bool {
         let age = now.since(flight.sent);
-        if !flight.is_trial || self.bin.len() > 0 || age < flight.doubt_after {
+        if self.bin.len() > 0 || age < flight.doubt_after {
             return false;
         }
         let is_far_better = |(lane, other): (&LaneState, u32)| {
@@ -403,5 +435,9 @@ impl<T> Core<T> {
 
     pub(crate) fn incidents(&self) -> &Incidents {
         &self.incidents
+    }
+
+    pub(crate) fn expiries(&self) -> Expiries {
+        self.expiries
     }
 }

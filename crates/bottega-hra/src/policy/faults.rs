@@ -138,20 +138,21 @@ impl<T> Core<T> {
         if self.closed {
             return Some((unit, GiveUp::Closed));
         } else if meta.expires <= now {
+            self.expiries.note_late(now, 1);
             return Some((unit, GiveUp::Expired));
         } else if meta.attempts >= self.config.max_attempts.max(1) {
             return Some((unit, GiveUp::Failed));
         } else if !self.roster.anybody_can(meta.primitive, bytes) {
             return Some((unit, GiveUp::NoResource));
         }
-        let (primitive, size, data) = (meta.primitive, meta.size, meta.data);
+        let needs = meta.needs();
         let lanes: Vec<ResourceId> = (0..self.lanes.len() as u32).map(ResourceId).collect();
         let may = |lane: &ResourceId| self.roster.may_try(*lane, meta);
         let fit = lanes
             .into_iter()
             .filter(may)
             .filter(|lane| self.lanes[lane.index()].dozes)
-            .min_by_key(|lane| self.lanes[lane.index()].finish(now, primitive, size, data));
+            .min_by_key(|lane| self.lanes[lane.index()].finish(now, &needs));
         self.bin.push_retry(unit);
         if let Some(lane) = fit {
             self.wake(lane, out);

@@ -22,7 +22,7 @@
 //!
 //! **Packet.** As many units as are done in an eighth of the round trip: larger ones would not wait any shorter. More
 //! where handing over a packet, the cost model's fixed part, would otherwise cost more than [`OVERHEAD_MAX`] of its
-//! time. Never more than a fair part of what is left to do.
+//! time. Never more than a fair part of what is left to do. Behind a slow cable bytes decide instead ([`super::cable`]).
 
 use std::time::Duration;
 
@@ -137,7 +137,6 @@ impl Flow {
     /// Units that packet number `sequence` should have. Given is what a packet costs before its first unit, and each
     /// unit, in nanoseconds; none while that is not known.
     pub(crate) fn units(&self, cost: Option<(f64, f64)>, sequence: u64) -> usize {
-        let bound = self.units_allowed.min((2 * self.largest_answered).max(1));
         let wanted = match cost {
             None => 1,
             Some((fixed_ns, unit_ns)) if unit_ns > 0.0 => {
@@ -148,7 +147,12 @@ impl Flow {
             }
             Some(_) => usize::MAX,
         };
-        wanted.clamp(1, bound)
+        wanted.clamp(1, self.units_bound())
+    }
+
+    /// Most units in a packet.
+    pub(crate) fn units_bound(&self) -> usize {
+        self.units_allowed.min((2 * self.largest_answered).max(1))
     }
 
     /// A packet goes out. Returns whether nothing else is under way.

@@ -5,11 +5,13 @@ use std::time::Duration;
 
 use super::account::Account;
 use super::backoff::Backoff;
+use super::bin::PacketBound;
+use super::cable::{Cable, CableBytes};
 use super::cost::CostModel;
 use super::flow::Flow;
 use super::residency::Residency;
 use super::time::Time;
-use super::unit::Data;
+use super::unit::{Data, UnitNeeds};
 use crate::{DataId, HraConfig, Primitive, ResourceDescriptor};
 
 /// How long a near resource is kept from asking again: several units go to it at once, up to so much work.
@@ -40,6 +42,7 @@ pub(crate) struct Flight {
     pub(crate) sent: Time,
     pub(crate) units: usize,
     pub(crate) items: u64,
+    pub(crate) bytes: CableBytes,
     pub(crate) primitive: Primitive,
     pub(crate) data: Option<DataId>,
     /// Of data that went along.
@@ -47,26 +50,26 @@ pub(crate) struct Flight {
     pub(crate) predicted_ns: f64,
     /// Without an answer by then the resource hangs.
     pub(crate) deadline: Time,
-    /// Nobody knew how long it should take, so it has all the time that there is, or it is the first since the resource failed; unless
-    /// it is the last that is waited for.
-    pub(crate) is_trial: bool,
-    /// From this age on a packet on trial is looked at, if it is the last that is waited for.
+    /// From this age on it is looked at whether it is all that is waited for, and others could have done it long since. Never, for one
+    /// of a near resource of which is known how long it takes.
     pub(crate) doubt_after: Duration,
     /// How long it may take, what is before it included.
     patience: Duration,
     alone: bool,
 }
 
-/// A packet on trial that is older than [`HraConfig::hang_min`] is looked at so many times in that time; one that goes to a resource
-/// that has just failed from such a part of it on.
+/// A packet that may be doubted is looked at so many times in [`HraConfig::hang_min`]: from that age on where nobody knew how long it
+/// should take, from such a part of it on where that is known, or the resource has just failed.
 const LOOKS: u32 = 8;
+/// No packet is doubted before it has taken so many times what was expected, uncertainty on top.
+const DOUBT_FACTOR: f64 = 3.0;
 
 impl Flight {
     /// When it is next to be looked at whether it is overdue.
     pub(crate) fn next_look(&self, now: Time, hang_min: Duration) -> Time {
         let first = self.sent.after(self.doubt_after);
         let next = if now < first { first } else { now.after((hang_min / LOOKS).max(Duration::from_millis(1))) };
-        if self.is_trial { self.deadline.min(next) } else { self.deadline }
+        self.deadline.min(next)
     }
 }
 
@@ -77,6 +80,8 @@ pub(crate) struct LaneState {
     pub(crate) backoff: Backoff,
     pub(crate) flights: BTreeMap<u64, Flight>,
     pub(crate) residency: Residency,
+    /// What is between here and there; not used by a near one.
+    pub(crate) cable: Cable,
     pub(crate) account: Account,
     /// Waits to be woken.
     pub(crate) dozes: bool,
@@ -110,6 +115,7 @@ impl LaneState {
                 None if descriptor.link.bandwidth.is_infinite() => Residency::here(),
                 memory => Residency::new(memory),
             },
+            cable: Cable::new(&descriptor.link),
             account,
             dozes: false,
             called: false,
@@ -196,17 +202,25 @@ impl LaneState {
     /// Nanoseconds that data takes to get there, if it is not there.
     pub(crate) fn moving_ns(&self, data: Option<Data>) -> f64 {
         let missing = data.filter(|data| !self.residency.is_resident(data.id));
-        missing.map_or(0.0, |data| self.transfer_ns(data.bytes))
+        missing.map_or(0.0, |data| self.cable.moving_ns(data.bytes))
     }
 
-    fn transfer_ns(&self, bytes: u64) -> f64 {
-        let ns = bytes as f64 / self.descriptor.link.bandwidth * 1e9;
-        if ns.is_finite() { ns.max(0.0) } else { 0.0 }
+    /// Nanoseconds that the bytes of a unit, with data that is not there, take there, and those of its answer back.
+    pub(crate) fn longest_way_ns(&self, unit: &UnitNeeds) -> f64 {
+        let way_ns = if self.flow.is_some() { self.cable.way_ns(unit.bytes) } else { 0.0 };
+        self.moving_ns(unit.data) + way_ns
+    }
+
+    /// Nanoseconds for which work occupies the resource or its cable, whichever is longer; `None` while nothing is known.
+    fn occupied_ns(&self, primitive: Primitive, items: u64, bytes: CableBytes) -> Option<f64> {
+        let service = self.predict_ns(primitive, items)?;
+        Some(if self.flow.is_some() { service.max(self.cable.ns(bytes)) } else { service })
     }
 
     /// When a unit that is handed over now would be answered; `None` while nothing is known.
-    pub(crate) fn finish(&self, now: Time, primitive: Primitive, size: u64, data: Option<Data>) -> Option<Time> {
-        let service = self.predict_ns(primitive, size)? + self.moving_ns(data);
+    pub(crate) fn finish(&self, now: Time, unit: &UnitNeeds) -> Option<Time> {
+        let &UnitNeeds { primitive, size, bytes, data } = unit;
+        let service = self.occupied_ns(primitive, size, bytes)? + self.moving_ns(data);
         Some(now.plus_ns(self.latency_ns()).max(self.free_at(now)).plus_ns(service))
     }
 
@@ -221,45 +235,57 @@ impl LaneState {
         if self.flow.is_some() { fixed_ns } else { fixed_ns.max(NEAR_HANDOVER_NS) }
     }
 
-    /// Units to be handed over at once, if the one in front has `size` items.
-    pub(crate) fn packet_units(&self, primitive: Primitive, size: u64) -> usize {
+    /// What is to be handed over at once, if such a unit is in front.
+    pub(crate) fn packet_bound(&self, unit: &UnitNeeds) -> PacketBound {
         let most = if self.flow.is_some() { usize::MAX } else { 2 * self.last_units };
-        self.usual_units(primitive, size).min(most)
+        let usual = self.usual_bound(unit);
+        PacketBound { units: usual.units.min(most), ..usual }
     }
 
-    /// Units that are handed over at once in the long run.
-    pub(crate) fn usual_units(&self, primitive: Primitive, size: u64) -> usize {
-        let cost = &self.costs[primitive.index()];
-        match (&self.flow, self.cost_ns(primitive, size)) {
+    /// What is handed over at once in the long run.
+    pub(crate) fn usual_bound(&self, unit: &UnitNeeds) -> PacketBound {
+        let cost = &self.costs[unit.primitive.index()];
+        let known = self.cost_ns(unit.primitive, unit.size);
+        let most = known.and_then(|(_, unit_ns)| self.cable.most_bytes(unit.bytes, unit_ns));
+        if let (Some(flow), Some(most)) = (&self.flow, most) {
+            return PacketBound { units: most.units(unit.bytes).min(flow.units_bound()), bytes: Some(most) };
+        }
+        let units = match (&self.flow, known) {
             (Some(flow), known) => flow.units(known, self.next_sequence),
             (None, Some(_)) => {
-                let unit_ns = cost.predict_ns(size).unwrap_or(QUANTUM_NS).max(1.0);
+                let unit_ns = cost.predict_ns(unit.size).unwrap_or(QUANTUM_NS).max(1.0);
                 ((QUANTUM_NS / unit_ns) as usize).clamp(1, NEAR_UNITS_MAX)
             }
             (None, None) => 1,
-        }
+        };
+        PacketBound { units, bytes: None }
     }
 
     /// Sends a packet on its way. Returns its number.
     pub(crate) fn launch(&mut self, now: Time, packet: &Launch, config: &HraConfig) -> u64 {
-        let &Launch { primitive, units, items, data, moved_bytes } = packet;
-        let moving_ns = self.transfer_ns(moved_bytes);
+        let &Launch { primitive, units, items, bytes, data, moved_bytes } = packet;
+        let moving_ns = self.cable.moving_ns(moved_bytes);
+        self.cable.moved(moved_bytes);
         let cost = self.costs[primitive.index()];
-        let known = self.predict_ns(primitive, items).map(|ns| ns + moving_ns);
+        let known = self.occupied_ns(primitive, items, bytes).map(|ns| ns + moving_ns);
         let predicted_ns = known.unwrap_or(moving_ns);
-        let patience = match known {
-            None => self.patience,
+        let soon = config.hang_min / LOOKS;
+        let (patience, doubt_after) = match known {
+            None => (self.patience, if self.backoff.has_failed() { soon } else { config.hang_min }),
             Some(_) => {
-                let answer = self.free_at(now).max(now.plus_ns(self.latency_ns())).plus_ns(predicted_ns);
+                let answer = self.free_at(now).max(now.plus_ns(self.latency_ns())).plus_ns(predicted_ns).since(now);
                 let spread = 1.0 + 2.0 * cost.uncertainty().unwrap_or(1.0);
-                let times = config.hang_factor * spread;
-                let times = if times > 1.0 { times.min(1e3) } else { 1.0 }; // Also where it is no number.
-                answer.since(now).mul_f64(times).clamp(config.hang_min.min(self.patience), self.patience)
+                let times = |factor: f64| if factor * spread > 1.0 { (factor * spread).min(1e3) } else { 1.0 }; // Also where it is no number.
+                let patience =
+                    answer.mul_f64(times(config.hang_factor)).clamp(config.hang_min.min(self.patience), self.patience);
+                let doubt_after = match (&self.flow, self.backoff.has_failed()) {
+                    (_, true) => soon,
+                    (Some(_), false) => answer.mul_f64(times(DOUBT_FACTOR)).max(soon),
+                    (None, false) => Duration::MAX,
+                };
+                (patience, doubt_after)
             }
         };
-        let has_failed = self.backoff.has_failed();
-        let is_trial = known.is_none() || has_failed;
-        let doubt_after = if has_failed { config.hang_min / LOOKS } else { config.hang_min };
         let alone = self.flow.as_mut().is_none_or(|flow| flow.sent(predicted_ns));
         self.last_units = units.max(self.last_units / 2);
         let deadline = now.after(patience);
@@ -268,12 +294,12 @@ impl LaneState {
             sent,
             units,
             items,
+            bytes,
             primitive,
             data,
             moved_bytes,
             predicted_ns,
             deadline,
-            is_trial,
             doubt_after,
             patience,
             alone,
@@ -349,6 +375,7 @@ pub(crate) struct Launch {
     pub(crate) primitive: Primitive,
     pub(crate) units: usize,
     pub(crate) items: u64,
+    pub(crate) bytes: CableBytes,
     pub(crate) data: Option<DataId>,
     pub(crate) moved_bytes: u64,
 }

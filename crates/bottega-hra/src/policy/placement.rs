@@ -7,13 +7,13 @@
 
 use std::time::Duration;
 
-use super::bin::BinHead;
+use super::bin::{BinHead, PacketBound};
 use super::choice::{ASK_AGAIN_MIN, LaneChoice};
 use super::core::{Core, FollowUps};
 use super::lane::{Health, LaneState};
 use super::plan::{self, ByPrimitive, PlannedPacket, ResourceKind};
 use super::time::Time;
-use super::unit::Data;
+use super::unit::{Data, Meta, UnitNeeds};
 use crate::{Primitive, ResourceId};
 
 /// A plan is believed for this part of the time that it plans for, but no longer than this part of the time that work has come
@@ -25,6 +25,8 @@ const PLAN_VALID_MIN: Duration = Duration::from_millis(5);
 const SHARE_MIN: f64 = 0.01;
 /// Part of what is left to do that one packet may hold of a resource's own share.
 const PACKET_SHARE: f64 = 0.2;
+/// Nanoseconds of way there and back up to which a resource is tried before anything is known of the others.
+const TRIED_WITHIN: f64 = 10e6;
 /// Longest time after which a resource that got nothing asks again.
 const ASK_AGAIN_MAX: Duration = Duration::from_secs(1);
 
@@ -43,14 +45,27 @@ impl<T> Core<T> {
         if self.bin.len() == 0 {
             return LaneChoice::Nothing;
         }
-        if let Some(unit) = self.bin.take_retry(|meta| self.roster.may_try(id, meta)) {
+        let (lane, lanes, roster) = (&self.lanes[id.index()], &self.lanes, &self.roster);
+        let near_can = |meta: &Meta| {
+            let is_near = |(other, _): &(&LaneState, u32)| other.flow.is_none() && other.health != Health::Retired;
+            lanes
+                .iter()
+                .zip(0..)
+                .filter(is_near)
+                .any(|(_, near)| roster.can(ResourceId(near), meta.primitive, meta.data))
+        };
+        // What a near resource had no time for failed nowhere: it is not carried a long way.
+        let is_for_near = |meta: &Meta| {
+            meta.failed_on.is_empty() && lane.longest_way_ns(&meta.needs()) > TRIED_WITHIN && near_can(meta)
+        };
+        if let Some(unit) = self.bin.take_retry(|meta| roster.may_try(id, meta) && !is_for_near(meta)) {
             return LaneChoice::Retry(unit);
         }
         let able = self.roster.primitives(id);
         let holds = |data: Option<Data>| self.roster.holds(id, data);
         if let Some(head) = self.bin.latest(able, now.after(self.lead()), holds) {
-            let units = self.lanes[id.index()].packet_units(head.primitive, head.size);
-            return LaneChoice::Draw { head, units };
+            let bound = self.lanes[id.index()].packet_bound(&head.needs);
+            return LaneChoice::Draw { head, bound };
         }
         let lane = &self.lanes[id.index()];
         let resident = |data| lane.residency.is_resident(data);
@@ -60,10 +75,11 @@ impl<T> Core<T> {
             return if self.starves(id) { LaneChoice::shortly(now) } else { LaneChoice::Nothing };
         };
         let lane = &self.lanes[id.index()];
-        heads.retain(|head| head.priority() == priority && !lane.is_trying(head.primitive));
+        heads.retain(|head| head.priority() == priority && !lane.is_trying(head.needs.primitive));
         self.replan(now);
-        let suits =
-            |head: &BinHead| !self.lanes[id.index()].knows(head.primitive) || self.has_share(id, head.primitive);
+        let suits = |head: &BinHead| {
+            !self.lanes[id.index()].knows(head.needs.primitive) || self.has_share(id, head.needs.primitive)
+        };
         if !heads.iter().any(suits) && self.starves(id) {
             return LaneChoice::shortly(now);
         }
@@ -77,9 +93,9 @@ impl<T> Core<T> {
                     sooner.push(who);
                 }
                 None => {
-                    let units = self.packet_units(id, &head, pace.as_ref());
-                    self.owe(id, &head, units);
-                    return LaneChoice::Draw { head, units };
+                    let bound = self.packet_bound(id, &head.needs, pace.as_ref());
+                    self.owe(id, &head.needs, bound.units);
+                    return LaneChoice::Draw { head, bound };
                 }
             }
         }
@@ -169,17 +185,17 @@ impl<T> Core<T> {
     /// only work of one who cannot; then first come.
     fn sort(&self, id: ResourceId, heads: &mut [BinHead]) {
         let Some(planned) = &self.planned else {
-            heads.sort_by_key(|head| (self.roster.count_of(head.primitive), head.sequence()));
+            heads.sort_by_key(|head| (self.roster.count_of(head.needs.primitive), head.sequence()));
             return;
         };
         let lane = &self.lanes[id.index()];
         let rank = |head: &BinHead| {
-            let p = head.primitive.index();
-            if !lane.knows(head.primitive) {
+            let (primitive, p) = (head.needs.primitive, head.needs.primitive.index());
+            if !lane.knows(primitive) {
                 return (true, f64::INFINITY); // Tried first, so that it becomes known.
             }
-            let has_share = self.has_share(id, head.primitive);
-            let pay = planned.plan.prices[p] / lane.ns_per_item(head.primitive).unwrap_or(1.0);
+            let has_share = self.has_share(id, primitive);
+            let pay = planned.plan.prices[p] / lane.ns_per_item(primitive).unwrap_or(1.0);
             (has_share, if has_share { planned.owed[id.index()][p] } else { pay })
         };
         heads.sort_by(|a, b| {
@@ -189,14 +205,14 @@ impl<T> Core<T> {
     }
 
     /// Books that `id` spends time on a primitive.
-    fn owe(&mut self, id: ResourceId, head: &BinHead, units: usize) {
+    fn owe(&mut self, id: ResourceId, needs: &UnitNeeds, units: usize) {
         let Some(planned) = &mut self.planned else { return };
-        let time = self.lanes[id.index()].predict_ns(head.primitive, head.size).unwrap_or(0.0) * units as f64;
+        let time = self.lanes[id.index()].predict_ns(needs.primitive, needs.size).unwrap_or(0.0) * units as f64;
         let owed = &mut planned.owed[id.index()];
         for (owed, share) in owed.iter_mut().zip(&planned.plan.shares[planned.rows[id.index()]]) {
             *owed += share * time;
         }
-        owed[head.primitive.index()] -= time;
+        owed[needs.primitive.index()] -= time;
     }
 
     /// How fast what is left gets less; `None` while that is not known.
@@ -217,18 +233,20 @@ impl<T> Core<T> {
         };
         let rates: Vec<f64> = self.lanes.iter().zip(0..).map(rate).collect();
         let worth = live().map(|primitive| prices[primitive.index()] * backlog[primitive.index()]).sum();
-        Some(DrainRate { worth, rate: rates.iter().sum(), rates })
+        let rate = rates.iter().sum();
+        (rate > 0.0).then_some(DrainRate { worth, rate, rates })
     }
 
     /// Units that `id` gets at once: what suits it, but not more than its part of what is left. Where handing over costs much, a
     /// packet still has units for as long as that takes: a shorter one would not end much sooner.
-    fn packet_units(&self, id: ResourceId, head: &BinHead, pace: Option<&DrainRate>) -> usize {
+    fn packet_bound(&self, id: ResourceId, needs: &UnitNeeds, pace: Option<&DrainRate>) -> PacketBound {
         let lane = &self.lanes[id.index()];
-        let wanted = lane.packet_units(head.primitive, head.size);
-        match (pace, lane.cost_ns(head.primitive, head.size)) {
-            (Some(pace), Some((fixed_ns, unit_ns))) if wanted > 1 && unit_ns > 0.0 && pace.rate > 0.0 => {
+        let wanted = lane.packet_bound(needs);
+        match (pace, lane.cost_ns(needs.primitive, needs.size)) {
+            (Some(pace), Some((fixed_ns, unit_ns))) if wanted.units > 1 && unit_ns > 0.0 && pace.rate > 0.0 => {
                 let fair_ns = PACKET_SHARE * pace.worth / pace.rate - fixed_ns;
-                wanted.min((fair_ns.max(lane.least_ns(fixed_ns)) / unit_ns) as usize).max(1)
+                let fair = (fair_ns.max(lane.least_ns(fixed_ns)) / unit_ns) as usize;
+                PacketBound { units: wanted.units.min(fair).max(1), ..wanted }
             }
             _ => wanted,
         }
@@ -243,29 +261,30 @@ impl<T> Core<T> {
         head: &BinHead,
         pace: Option<&DrainRate>,
     ) -> Option<(Time, ResourceId)> {
-        let pace = pace?;
+        let needs = &head.needs;
+        let others = || {
+            let able = |id: ResourceId| self.roster.can(id, needs.primitive, needs.data);
+            let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
+            lanes.filter(move |&(lane, other)| other != id && lane.health == Health::Up && able(other))
+        };
         let lane = &self.lanes[id.index()];
-        let moving_ns = lane.moving_ns(head.data);
-        let mine = if lane.knows(head.primitive) {
-            lane.finish(now, head.primitive, head.size, head.data)?
-        } else if moving_ns > 0.0 {
-            // At least that: data for so much work is not sent only to see how fast it would be.
-            now.plus_ns(lane.latency_ns() + moving_ns)
-        } else {
-            return None; // How else would it become known?
+        let way_ns = lane.longest_way_ns(needs);
+        let (mine, pace) = match pace {
+            Some(pace) if lane.knows(needs.primitive) => (lane.finish(now, needs)?, pace),
+            // At least that: so much is not sent only to see how fast it would be done.
+            Some(pace) if way_ns > 0.0 => (now.plus_ns(lane.latency_ns() + way_ns), pace),
+            // Those who are near are soon known.
+            None if !lane.knows(needs.primitive) && way_ns > TRIED_WITHIN => {
+                let (_, near) = others().find(|(lane, _)| lane.flow.is_none())?;
+                return Some((now.plus_ns(0.1 * TRIED_WITHIN), near));
+            }
+            _ => return None, // How else would it become known?
         };
         let at_least = Duration::try_from_secs_f64(pace.worth / pace.rate * 1e-9).unwrap_or(Duration::MAX);
         if mine <= now.after(at_least.max(self.demand.overshoot())) {
             return None;
         }
-        let others = || {
-            let able = |id: ResourceId| self.roster.can(id, head.primitive, head.data);
-            let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
-            lanes.filter(move |&(lane, other)| other != id && lane.health == Health::Up && able(other))
-        };
-        let finish = |(lane, other): (&LaneState, ResourceId)| {
-            Some((lane.finish(now, head.primitive, head.size, head.data)?, other))
-        };
+        let finish = |(lane, other): (&LaneState, ResourceId)| Some((lane.finish(now, needs)?, other));
         let (soonest, who) = others().filter_map(finish).min()?;
         if mine <= soonest || mine <= self.all_done(now, pace) {
             return None;
@@ -291,25 +310,18 @@ impl<T> Core<T> {
     }
 
     /// Wakes resources for so many units: as many as will take all of them, less those that are on their way here anyway.
-    pub(super) fn call(
-        &mut self,
-        now: Time,
-        unit: (Primitive, u64, Option<Data>),
-        count: usize,
-        out: &mut FollowUps<T>,
-    ) {
+    pub(super) fn call(&mut self, now: Time, unit: &UnitNeeds, count: usize, out: &mut FollowUps<T>) {
         if self.dozing == 0 {
             return;
         }
-        let (primitive, size, data) = unit;
         let coming = self.lanes.iter().zip(0..).filter(|(lane, _)| lane.called);
-        let coming = coming.filter(|&(_, index)| self.roster.can(ResourceId(index), primitive, data));
-        let taken: usize = coming.map(|(lane, _)| lane.usual_units(primitive, size)).sum();
+        let coming = coming.filter(|&(_, index)| self.roster.can(ResourceId(index), unit.primitive, unit.data));
+        let taken: usize = coming.map(|(lane, _)| lane.usual_bound(unit).units).sum();
         let mut left = count.saturating_sub(taken);
         while left > 0
             && let Some(id) = self.best_of_dozing(now, unit)
         {
-            left = left.saturating_sub(self.lanes[id.index()].usual_units(primitive, size));
+            left = left.saturating_sub(self.lanes[id.index()].usual_bound(unit).units);
             self.wake(id, out);
         }
     }
@@ -325,20 +337,18 @@ impl<T> Core<T> {
                 lanes.any(|(lane, index)| lane.dozes && self.roster.can(ResourceId(index), primitive, data))
             };
             if let Some(head) = self.bin.head(primitive, dozing, |_| false) {
-                let units = self.bin.items_of(primitive).div_ceil(head.size.max(1));
-                self.call(now, (primitive, head.size, head.data), usize::try_from(units).unwrap_or(usize::MAX), out);
+                let units = self.bin.items_of(primitive).div_ceil(head.needs.size.max(1));
+                self.call(now, &head.needs, usize::try_from(units).unwrap_or(usize::MAX), out);
             }
         }
     }
 
     /// Of the resources that wait to be woken, the one that would end such a unit first.
-    fn best_of_dozing(&self, now: Time, (primitive, size, data): (Primitive, u64, Option<Data>)) -> Option<ResourceId> {
+    fn best_of_dozing(&self, now: Time, unit: &UnitNeeds) -> Option<ResourceId> {
         let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
-        let fit = lanes.filter(|&(lane, id)| lane.dozes && self.roster.can(id, primitive, data));
+        let fit = lanes.filter(|&(lane, id)| lane.dozes && self.roster.can(id, unit.primitive, unit.data));
         // Who can do the least besides goes first among equals.
-        let best = fit.min_by_key(|(lane, id)| {
-            (lane.finish(now, primitive, size, data), self.roster.primitives(*id).iter().count())
-        });
+        let best = fit.min_by_key(|(lane, id)| (lane.finish(now, unit), self.roster.primitives(*id).iter().count()));
         best.map(|(_, id)| id)
     }
 }

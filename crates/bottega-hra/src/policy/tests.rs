@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::cable::CableBytes;
 use super::core::{Core, FollowUps, Next, PacketLanding};
 use super::faults::GiveUp;
 use super::incident::Fault;
@@ -32,6 +33,7 @@ fn meta(primitive: Primitive, priority: i32, delay_ms: u64) -> Meta {
     Meta {
         primitive,
         size: 1,
+        bytes: CableBytes::default(),
         data: None,
         priority,
         submitted: Time::ZERO,
@@ -238,4 +240,102 @@ fn the_window_is_little_more_than_a_round_trip_and_keeps_the_resource_busy() {
             "latency {latency_ms} ms: {work_under_way} s of work under way for a round trip of {round_trip} s"
         );
     }
+}
+
+/// What passed on the cable of a board of this bandwidth that does 20,000 units of 3,200 bytes, and how many units it did. Computing
+/// takes a thirtieth of what sending does at 100 MB/s; handing over a packet is expensive.
+fn cable(bandwidth: f64, beside: Option<Model>, units: usize) -> (crate::CableUse, u64, f64) {
+    let link = Link { latency: Duration::from_micros(100), bandwidth };
+    let board = Model { time_per_packet: Duration::from_micros(300), ..Model::far("board", 10.0, link) };
+    let mut load = Load::batch(units, 100, &[Intersect]);
+    for arrival in &mut load.arrivals {
+        (arrival.payload_bytes, arrival.answer_bytes) = (3_200, 2_000);
+    }
+    let models: Vec<Model> = [board].into_iter().chain(beside).collect();
+    let outcome = simulate(HraConfig::default(), &models, &load, &CostBook::new(""), 5);
+    assert_eq!(outcome.done(), units);
+    let board = &outcome.report.resources[0];
+    (board.cable.expect("a board has a cable"), board.units, outcome.end.since(Time::ZERO).as_secs_f64())
+}
+
+#[test]
+fn a_slower_cable_gets_smaller_packets_and_is_kept_busy() {
+    let bytes_of_a_packet = [1e8, 1e7, 1e6].map(|bandwidth| {
+        let (used, units, seconds) = cable(bandwidth, None, 20_000);
+        let sent = 3_200.0 * units as f64;
+        assert_eq!(used.sent_bytes as f64, sent);
+        assert!((used.bandwidth_there / bandwidth - 1.0).abs() < 0.01, "{used:?}");
+        assert!(seconds < 1.1 * sent / bandwidth, "{seconds} s for {} s of sending", sent / bandwidth);
+        // Three are under way, and each occupies the cable for some 10 ms.
+        let away = used.packet_time().expect("there were packets");
+        assert!(away < Duration::from_millis(50), "{bandwidth}: a packet was away for {away:?}");
+        sent / used.packets as f64
+    });
+    for (bytes, bandwidth) in bytes_of_a_packet.into_iter().zip([1e8, 1e7, 1e6]) {
+        assert!((0.4..1.05).contains(&(bytes / (0.01 * bandwidth))), "{bytes_of_a_packet:?}");
+    }
+}
+
+#[test]
+fn who_is_behind_a_cable_that_takes_longer_than_the_processors_is_left_alone() {
+    // The processor does all within 0.1 s; the bytes of one unit take 0.52 s there and back.
+    let (used, units, _) = cable(1e4, Some(Model::near("cpu", 1_000.0)), 1_000);
+    assert_eq!((units, used.sent_bytes), (0, 0));
+    let (_, units, seconds) = cable(1e8, Some(Model::near("cpu", 1_000.0)), 1_000);
+    assert!(units > 500 && seconds < 0.06, "{units} units by a fast one, {seconds} s");
+}
+
+#[test]
+fn what_a_near_resource_had_no_time_for_is_not_carried_a_long_way() {
+    let link = Link { latency: Duration::from_millis(1), bandwidth: 1e5 };
+    let far = ResourceDescriptor { name: "b".to_owned(), primitives: PrimitiveSet::ALL, memory_bytes: None, link };
+    let resources = vec![near("a", PrimitiveSet::ALL, None), (far, Some(Window::default()))];
+    let mut core = Core::new(HraConfig::default(), resources, &CostBook::new(""));
+    let mut out = FollowUps::default();
+    let bytes = CableBytes { there: 100_000, back: 0 };
+    let unit = Unit { meta: Meta { bytes, ..meta(Intersect, 0, 60_000) }, load: 7 };
+    assert!(core.give_back(Time::ZERO, A, unit.clone(), false, &mut out).is_none());
+    assert!(order(&mut core, B, Time::ZERO).is_empty());
+    assert_eq!(order(&mut core, A, Time::ZERO), [7]);
+    // What failed there is.
+    assert!(core.give_back(Time::ZERO, A, unit, true, &mut out).is_none());
+    assert_eq!(order(&mut core, B, Time::ZERO), [7]);
+}
+
+#[test]
+fn units_past_their_life_time_are_told() {
+    let mut core = core(&[PrimitiveSet::ALL]);
+    let mut out = FollowUps::default();
+    for (load, expires) in [(0, ms(10)), (1, ms(20)), (2, Time::NEVER), (3, Time::NEVER)] {
+        submit(&mut core, load, Meta { expires, ..meta(Intersect, 0, 60_000) });
+    }
+    core.tick(ms(12), &mut out);
+    core.expire(ms(15), |unit| unit.load == 3, &mut out);
+    assert_eq!(out.expired.iter().map(|unit| unit.load).collect::<Vec<_>>(), [0, 3]);
+    assert_eq!(order(&mut core, A, ms(25)), [2], "nobody does the others");
+    let told = core.expiries();
+    assert_eq!((told.waiting, told.late, told.first, told.last), (3, 0, ms(12), ms(25)));
+}
+
+#[test]
+fn a_packet_that_takes_far_longer_than_expected_is_doubted_when_all_wait_for_it() {
+    let mut book = CostBook::new("");
+    for (name, ns) in [("a", 1e7), ("b", 1e6)] {
+        book.set(name, Intersect, crate::CostModel::known(100, 100, 0.0, ns, 0.0));
+    }
+    let far = ResourceDescriptor {
+        name: "b".to_owned(),
+        primitives: PrimitiveSet::ALL,
+        memory_bytes: None,
+        link: Link { latency: Duration::from_millis(1), bandwidth: f64::INFINITY },
+    };
+    let resources = vec![near("a", PrimitiveSet::ALL, None), (far, Some(Window::default()))];
+    let mut core = Core::new(HraConfig::default(), resources, &book);
+    let mut out = FollowUps::default();
+    submit(&mut core, 0, meta(Intersect, 0, 60_000));
+    let Next::Packet(packet) = core.next(Time::ZERO, B, &mut out) else { panic!("it would be done with it first") };
+    let look = core.next_event(Time::ZERO).expect("it is looked at");
+    assert!((ms(100)..ms(300)).contains(&look), "{look:?}");
+    core.tick(look, &mut out);
+    assert_eq!(out.doubtful, [(B, packet.sequence)]);
 }

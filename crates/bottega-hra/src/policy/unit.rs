@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use super::cable::CableBytes;
 use super::time::Time;
 use crate::{DataId, Primitive, ResourceId};
 
@@ -12,12 +13,25 @@ pub(crate) struct Data {
     pub(crate) bytes: u64,
 }
 
+/// What a unit asks of a resource.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct UnitNeeds {
+    pub(crate) primitive: Primitive,
+    /// Items.
+    pub(crate) size: u64,
+    /// Bytes on a cable.
+    pub(crate) bytes: CableBytes,
+    pub(crate) data: Option<Data>,
+}
+
 /// All that decides where and when a unit is done.
 #[derive(Clone, Debug)]
 pub(crate) struct Meta {
     pub(crate) primitive: Primitive,
     /// Items.
     pub(crate) size: u64,
+    /// Bytes on a cable.
+    pub(crate) bytes: CableBytes,
     pub(crate) data: Option<Data>,
     /// Higher goes first.
     pub(crate) priority: i32,
@@ -29,6 +43,13 @@ pub(crate) struct Meta {
     pub(crate) attempts: u32,
     /// Who tried and failed.
     pub(crate) failed_on: Vec<ResourceId>,
+}
+
+impl Meta {
+    pub(crate) fn needs(&self) -> UnitNeeds {
+        let &Self { primitive, size, bytes, data, .. } = self;
+        UnitNeeds { primitive, size, bytes, data }
+    }
 }
 
 /// What the policy carries about: facts for itself, and a load that only the driver understands.
@@ -106,6 +127,27 @@ impl<T> Chunk<T> {
         }
     }
 
+    /// Takes units from the front until there are as many, or the next does not fit; the first of all always does. Returns whether
+    /// more may follow.
+    pub(crate) fn draw_bytes(
+        &mut self,
+        (units, most): (usize, CableBytes),
+        drawn: &mut Vec<Unit<T>>,
+        bytes: &mut CableBytes,
+    ) -> bool {
+        while drawn.len() < units
+            && let Some(front) = self.front()
+        {
+            let with_it = bytes.add(front.bytes);
+            if !drawn.is_empty() && !with_it.fits(most) {
+                return false;
+            }
+            *bytes = with_it;
+            drawn.extend(self.pop());
+        }
+        drawn.len() < units
+    }
+
     /// The facts of the unit in front.
     pub(crate) fn front(&self) -> Option<&Meta> {
         self.units.front().map(|unit| &unit.meta)
@@ -143,6 +185,7 @@ mod tests {
         let meta = Meta {
             primitive: Primitive::Intersect,
             size: load,
+            bytes: CableBytes::default(),
             data: None,
             priority: 0,
             submitted: Time::ZERO,

@@ -4,16 +4,17 @@ use std::collections::BTreeMap;
 
 use super::model::Model;
 use super::random::LoadRandom;
+use crate::policy::cable::CableBytes;
 use crate::policy::incident::Fault;
 use crate::policy::time::Time;
-use crate::{DataId, Primitive};
+use crate::{DataId, Primitive, Transfer};
 
 /// A packet as the device sees it.
 pub(super) struct Parcel {
     pub(super) primitive: Primitive,
     pub(super) units: usize,
     pub(super) items: u64,
-    pub(super) payload_bytes: u64,
+    pub(super) bytes: CableBytes,
     pub(super) data: Option<(DataId, u64)>,
 }
 
@@ -31,6 +32,7 @@ pub(super) struct SimulatedDevice {
     random: LoadRandom,
     link_free: Time,
     free: Time,
+    back_free: Time,
     /// Down until then.
     down_until: Option<Time>,
     /// Counts up when all that is in hand is lost.
@@ -43,8 +45,8 @@ pub(super) struct SimulatedDevice {
 impl SimulatedDevice {
     pub(super) fn new(model: Model, seed: u64) -> Self {
         let (held, random) = (BTreeMap::new(), LoadRandom::new(seed));
-        let (link_free, free) = (Time::ZERO, Time::ZERO);
-        Self { model, random, link_free, free, down_until: None, generation: 0, held, overfull: false }
+        let (link_free, free, back_free) = (Time::ZERO, Time::ZERO, Time::ZERO);
+        Self { model, random, link_free, free, back_free, down_until: None, generation: 0, held, overfull: false }
     }
 
     pub(super) fn is_far(&self) -> bool {
@@ -102,8 +104,16 @@ impl SimulatedDevice {
         kinds.into_iter().find(|&(_, chance)| chance > 0.0 && self.random.chance(chance)).map(|(fault, _)| fault)
     }
 
+    /// What a driver would measure of the cable, where bytes take time on it.
+    pub(super) fn transfers(&self, bytes: CableBytes) -> Option<[Transfer; 2]> {
+        let link = self.model.link;
+        let passed =
+            |bytes| Transfer { bytes, timed_bytes: bytes, time: link.transfer(bytes).saturating_sub(link.latency) };
+        (self.is_far() && link.bandwidth.is_finite()).then(|| [passed(bytes.there), passed(bytes.back)])
+    }
+
     /// When a packet is answered that goes out now: it occupies the link for its bytes, arrives after the latency,
-    /// waits for the packets before it, is served, and its answer takes the latency again.
+    /// waits for the packets before it, is served, and its answer occupies the way back and takes the latency again.
     fn serve(&mut self, now: Time, parcel: &Parcel, moved_bytes: u64) -> Time {
         let per_item = self.model.time_per_item[parcel.primitive.index()].unwrap_or(0.0);
         let noise = 1.0 + self.model.noise * self.random.between(-1.0, 1.0);
@@ -112,10 +122,12 @@ impl SimulatedDevice {
             return now.plus_ns(service);
         }
         let link = self.model.link;
-        let bytes = parcel.payload_bytes.saturating_add(moved_bytes);
-        self.link_free = self.link_free.max(now).after(link.transfer(bytes).saturating_sub(link.latency));
+        let passing = |bytes| link.transfer(bytes).saturating_sub(link.latency);
+        let bytes = parcel.bytes.there.saturating_add(moved_bytes);
+        self.link_free = self.link_free.max(now).after(passing(bytes));
         self.free = self.free.max(self.link_free.after(link.latency)).plus_ns(service);
-        self.free.after(link.latency)
+        self.back_free = self.back_free.max(self.free).after(passing(parcel.bytes.back));
+        self.back_free.after(link.latency)
     }
 
     /// Makes data resident. Returns the bytes that must travel.

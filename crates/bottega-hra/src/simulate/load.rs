@@ -15,6 +15,8 @@ pub struct Arrival {
     pub size: u64,
     /// Bytes that travel with it.
     pub payload_bytes: u64,
+    /// Bytes of its answer.
+    pub answer_bytes: u64,
     /// Data that it needs, and bytes of it.
     pub data: Option<(DataId, u64)>,
     /// Higher goes first.
@@ -29,7 +31,7 @@ impl Arrival {
     /// A unit without data that may wait for ever.
     pub fn new(at: Time, primitive: Primitive, size: u64) -> Self {
         let (max_delay, validity) = (Duration::MAX, Duration::MAX);
-        Self { at, primitive, size, payload_bytes: 0, data: None, priority: 0, max_delay, validity }
+        Self { at, primitive, size, payload_bytes: 0, answer_bytes: 0, data: None, priority: 0, max_delay, validity }
     }
 }
 

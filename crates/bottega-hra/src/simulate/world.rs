@@ -7,13 +7,14 @@ use std::time::Duration;
 use super::device::{Fate, Parcel, SimulatedDevice};
 use super::load::{Arrival, Load};
 use super::model::Model;
+use crate::policy::cable::CableBytes;
 use crate::policy::core::{Core, FollowUps, Next, Packet, PacketLanding};
 use crate::policy::faults::GiveUp;
 use crate::policy::incident::Fault;
 use crate::policy::ledger::Ledger;
 use crate::policy::time::Time;
 use crate::policy::unit::{Chunk, Data, Meta, Unit};
-use crate::{CostBook, HraConfig, HraReport, ResourceId, UnitError};
+use crate::{CostBook, HraConfig, HraReport, ResourceId, Transfer, UnitError};
 
 /// A unit and its answer.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,6 +99,8 @@ struct VirtualWorld<'a> {
     waiting_max: usize,
     /// By lane and packet: how it will end.
     fates: Vec<BTreeMap<u64, Option<Fault>>>,
+    /// What a far device measures of its cable.
+    transfers: Vec<BTreeMap<u64, [Transfer; 2]>>,
     events: BinaryHeap<Reverse<(Time, u64, WorldEvent)>>,
     event_count: u64,
     next_tick: Time,
@@ -124,6 +127,7 @@ impl<'a> VirtualWorld<'a> {
             doubled: 0,
             waiting_max: 0,
             fates: models.iter().map(|_| BTreeMap::new()).collect(),
+            transfers: models.iter().map(|_| BTreeMap::new()).collect(),
             events: BinaryHeap::new(),
             event_count: 0,
             next_tick: Time::NEVER,
@@ -191,6 +195,8 @@ impl<'a> VirtualWorld<'a> {
                 }
             }
             WorldEvent::Ask(lane) => self.to_ask.push_back(ResourceId(lane)),
+            // One that was set before an earlier one was is none any more: it would set another each time.
+            WorldEvent::Tick if self.now < self.next_tick => {}
             WorldEvent::Tick => {
                 self.next_tick = Time::NEVER;
                 self.with_core(Core::tick);
@@ -276,11 +282,13 @@ impl<'a> VirtualWorld<'a> {
     }
 
     fn unit(&mut self, index: usize) -> Unit<usize> {
-        let Arrival { primitive, size, data, priority, max_delay, validity, .. } = self.load[index];
+        let Arrival { primitive, size, data, priority, max_delay, validity, payload_bytes, answer_bytes, .. } =
+            self.load[index];
         self.submitted[index] = self.now;
         let meta = Meta {
             primitive,
             size,
+            bytes: CableBytes { there: payload_bytes, back: answer_bytes },
             data: data.map(|(id, bytes)| Data { id, bytes }),
             priority,
             submitted: self.now,
@@ -326,11 +334,14 @@ impl<'a> VirtualWorld<'a> {
             primitive: first.primitive,
             units: units.len(),
             items: units.iter().map(|unit| unit.meta.size).sum(),
-            payload_bytes: units.iter().map(|unit| self.load[unit.load].payload_bytes).sum(),
+            bytes: units.iter().map(|unit| unit.meta.bytes).fold(CableBytes::default(), CableBytes::add),
             data: first.data.map(|data| (data.id, data.bytes)),
         };
         for unit in &units {
             self.first_waits[unit.load].get_or_insert(self.now.since(unit.meta.submitted));
+        }
+        if let Some(transfers) = device.transfers(parcel.bytes) {
+            self.transfers[id.index()].insert(sequence, transfers);
         }
         let before = device.generation;
         let Fate { at, fault } = device.send(self.now, &parcel);
@@ -357,6 +368,8 @@ impl<'a> VirtualWorld<'a> {
             return;
         };
         let mut landing = PacketLanding::default();
+        landing.transfers = self.transfers[id.index()].remove(&sequence);
+        landing.expired = units.iter().filter(|unit| fault.is_none() && unit.meta.expires <= self.now).count() as u64;
         match fault {
             None => {
                 landing.done = units.len();

@@ -16,7 +16,7 @@ use super::sync::lock;
 use crate::policy::core::Next;
 use crate::policy::incident::Fault;
 use crate::policy::time::Time;
-use crate::{DataId, Failed, ResourceDescriptor, ResourceId, Work};
+use crate::{DataId, Failed, ResourceDescriptor, ResourceId, Transfer, Work};
 
 /// A resource that takes packets without answering at once. Called from a thread of its own.
 pub trait WindowedResource<W: Work>: Send {
@@ -65,20 +65,25 @@ impl<W: Work> Reply<W> {
     /// Answers the packet: an outcome for each work, in the packet's order. Units beyond the end of `outcomes` count
     /// as lost; outcomes beyond the last unit are dropped.
     pub fn send(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>) {
-        self.answer(outcomes, None, Fault::Refused);
+        self.answer(outcomes, None, None, Fault::Refused);
+    }
+
+    /// Answers as [`Reply::send`] does, and says what passed on the cable there and back: packets are cut by that.
+    pub fn send_transferred(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, transfers: [Transfer; 2]) {
+        self.answer(outcomes, None, Some(transfers), Fault::Refused);
     }
 
     /// Answers as [`Reply::send`] does, and says how long the resource was at work on the packet, which is then not
     /// concluded from the time between answers.
     pub fn send_timed(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, busy: Duration) {
-        self.answer(outcomes, Some(busy), Fault::Refused);
+        self.answer(outcomes, Some(busy), None, Fault::Refused);
     }
 
     /// Says that the resource has not the memory for this packet, and gives all of it back. It will be sent less at
     /// once, and what cannot be done here even alone is done elsewhere.
     pub fn out_of_memory(mut self, works: Vec<W>) {
         let failed = |work| Err(Failed { work, reason: "out of memory".to_owned() });
-        self.answer(works.into_iter().map(failed).collect(), None, Fault::OutOfMemory);
+        self.answer(works.into_iter().map(failed).collect(), None, None, Fault::OutOfMemory);
     }
 
     /// Whether anybody waits for the answer: not after the packet was given up, for then its units are done elsewhere. Who
@@ -87,9 +92,15 @@ impl<W: Work> Reply<W> {
         lock(&self.shared.lanes[self.lane.index()].ledger).look(self.sequence).is_some()
     }
 
-    fn answer(&mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, busy: Option<Duration>, fault: Fault) {
+    fn answer(
+        &mut self,
+        outcomes: Vec<Result<W::Output, Failed<W>>>,
+        busy: Option<Duration>,
+        transfers: Option<[Transfer; 2]>,
+        fault: Fault,
+    ) {
         self.answered = true;
-        let answer = PacketAnswer { sequence: self.sequence, outcomes, busy, fault };
+        let answer = PacketAnswer { sequence: self.sequence, outcomes, busy, transfers, fault };
         let lane = &self.shared.lanes[self.lane.index()];
         lock(&lane.inbox).push(answer);
         lane.post.wake();
@@ -99,7 +110,7 @@ impl<W: Work> Reply<W> {
 impl<W: Work> Drop for Reply<W> {
     fn drop(&mut self) {
         if !self.answered {
-            self.answer(Vec::new(), None, Fault::Died);
+            self.answer(Vec::new(), None, None, Fault::Died);
         }
     }
 }
@@ -165,7 +176,7 @@ impl<W: Work> Driver<'_, W> {
 
     /// Settles the units of a packet.
     fn read(&mut self, answer: PacketAnswer<W>) {
-        let PacketAnswer { sequence, outcomes, busy, fault } = answer;
+        let PacketAnswer { sequence, outcomes, busy, transfers, fault } = answer;
         let sent = self.sent.remove(&sequence).unwrap_or_default();
         let Some(units) = lock(&self.shared.lanes[self.id.index()].ledger).settle(sequence) else {
             return; // Given up before; its units are done elsewhere.
@@ -182,7 +193,7 @@ impl<W: Work> Driver<'_, W> {
         let mut outcomes = outcomes.into_iter();
         let attempts: Vec<_> = shares.into_iter().map(|share| (attempt(outcomes.next()), share)).collect();
         let mut settled = self.shared.sort(self.id, units, attempts, sent);
-        settled.landing.busy = busy;
+        (settled.landing.busy, settled.landing.transfers) = (busy, transfers);
         let (landed, ()) = self.shared.land(self.id, sequence, settled, |_, _, _| ());
         if fault == Fault::OutOfMemory {
             for data in landed.into_iter().flat_map(|landed| landed.evicted) {

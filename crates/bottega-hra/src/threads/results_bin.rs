@@ -1,7 +1,7 @@
 //! The results bin of one client: answers in the order in which they were computed.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use std::vec;
@@ -15,6 +15,8 @@ pub(crate) struct ResultsBin<O> {
     arrived: Condvar,
     /// Units that were ever submitted, or are being so.
     expected: AtomicUsize,
+    /// Whether the life time of all its units is over.
+    over: AtomicBool,
 }
 
 struct ResultsState<O> {
@@ -35,7 +37,21 @@ impl<O> ResultsState<O> {
 impl<O> ResultsBin<O> {
     pub(crate) fn new() -> Self {
         let state = ResultsState { batches: VecDeque::new(), settled: 0, takers: 0 };
-        Self { state: Mutex::new(state), arrived: Condvar::new(), expected: AtomicUsize::new(0) }
+        Self {
+            state: Mutex::new(state),
+            arrived: Condvar::new(),
+            expected: AtomicUsize::new(0),
+            over: AtomicBool::new(false),
+        }
+    }
+
+    /// From now on nobody wants an output of these units.
+    pub(crate) fn end(&self) {
+        self.over.store(true, Ordering::SeqCst);
+    }
+
+    pub(crate) fn is_over(&self) -> bool {
+        self.over.load(Ordering::SeqCst)
     }
 
     fn lock(&self) -> MutexGuard<'_, ResultsState<O>> {

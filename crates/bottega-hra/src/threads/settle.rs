@@ -57,13 +57,21 @@ impl<W: Work> Mail<W> {
         }
     }
 
-    /// Delivers to clients that are still there.
-    fn send(self, clients: &Clients<W::Output>) {
-        for (client, answers) in self.0 {
-            if let Some(results) = clients.results(client) {
-                results.deliver(answers);
+    /// Delivers to clients that are still there. No output is delivered where the life time of all units is over; returns how many
+    /// are kept back so.
+    fn send(self, clients: &Clients<W::Output>) -> u64 {
+        let mut late = 0;
+        for (client, mut answers) in self.0 {
+            let Some(results) = clients.results(client) else { continue };
+            if results.is_over() {
+                for answer in answers.iter_mut().filter(|answer| answer.output.is_ok()) {
+                    answer.output = Err(UnitError::Expired);
+                    late += 1;
+                }
             }
+            results.deliver(answers);
         }
+        late
     }
 }
 
@@ -94,7 +102,9 @@ impl<W: Work> AllocatorState<W> {
                 Attempt::Done(output) => {
                     settled.landing.done += 1;
                     settled.landing.done_items = settled.landing.done_items.saturating_add(unit.meta.size);
-                    let output = if unit.meta.expires <= now { Err(UnitError::Expired) } else { Ok(output) };
+                    let is_late = unit.meta.expires <= now;
+                    settled.landing.expired += u64::from(is_late);
+                    let output = if is_late { Err(UnitError::Expired) } else { Ok(output) };
                     let answer = completed(&unit, output, Some(id), sent, busy);
                     settled.mail.add(unit.load.client, answer, more);
                 }
@@ -131,7 +141,10 @@ impl<W: Work> AllocatorState<W> {
             (landed, then(core, now, out))
         });
         // After the books are kept, so that who has an answer finds it in the report.
-        mail.send(&self.clients);
+        let late = mail.send(&self.clients);
+        if late > 0 {
+            self.with_core(|core, now, _| core.note_late(now, late));
+        }
         self.answer_failed(id, answers);
         (landed, then)
     }

@@ -14,7 +14,7 @@ use crate::policy::incident::Fault;
 use crate::policy::ledger::Ledger;
 use crate::policy::time::Time;
 use crate::policy::unit::Unit;
-use crate::{Failed, Primitive, ResourceDescriptor, ResourceId, Work};
+use crate::{Failed, Primitive, ResourceDescriptor, ResourceId, Transfer, Work};
 
 /// What a unit carries.
 pub(crate) struct UnitPayload<W: Work> {
@@ -40,6 +40,7 @@ pub(crate) struct PacketAnswer<W: Work> {
     pub(crate) sequence: u64,
     pub(crate) outcomes: Vec<Result<W::Output, Failed<W>>>,
     pub(crate) busy: Option<Duration>,
+    pub(crate) transfers: Option<[Transfer; 2]>,
     /// What it means if a unit came back undone.
     pub(crate) fault: Fault,
 }
@@ -216,5 +217,10 @@ impl<W: Work> AllocatorState<W> {
     /// Takes out the units of a client that still wait.
     pub(crate) fn cancel(&self, client: ClientId) -> Vec<Unit<UnitPayload<W>>> {
         self.with_core(|core, _, _| core.cancel(|unit| unit.load.client == client))
+    }
+
+    /// Ends the life time of all units of a client that wait; they are answered so.
+    pub(crate) fn expire(&self, client: ClientId) {
+        self.with_core(|core, now, out| core.expire(now, |unit| unit.load.client == client, out));
     }
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use super::clients::ClientId;
 use super::results_bin::ResultsBin;
 use super::shared::{AllocatorState, UnitPayload};
+use crate::policy::cable::CableBytes;
 use crate::policy::time::Time;
 use crate::policy::unit::{Chunk, Data, Meta, Unit};
 use crate::{Closed, Primitive, SubmitError, TrySubmit, Work, WorkUnit};
@@ -18,6 +19,8 @@ pub(crate) struct Submitter<'a, O> {
     pub(crate) results: &'a ResultsBin<O>,
     /// Where its units go in.
     pub(crate) inlet: usize,
+    /// On top of that of each unit.
+    pub(crate) priority: i32,
 }
 
 impl<W: Work> AllocatorState<W> {
@@ -100,10 +103,10 @@ impl<W: Work> AllocatorState<W> {
 
     /// Puts a unit for which there is a place into the bin.
     fn put(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) {
-        let unit = self.write_down(from.client, self.now(), unit);
+        let unit = self.write_down(from, self.now(), unit);
         let expires = unit.meta.expires;
         self.inlets.push(from.inlet, unit);
-        self.tell_of_arrival(expires);
+        self.tell_of_arrival(from, expires);
     }
 
     /// Puts units for which there are places into the bin.
@@ -119,7 +122,7 @@ impl<W: Work> AllocatorState<W> {
         let mut chunks: Vec<Chunk<UnitPayload<W>>> =
             Vec::with_capacity(left.div_ceil(Chunk::<UnitPayload<W>>::UNITS_MAX));
         for unit in units {
-            let unit = self.write_down(from.client, now, unit);
+            let unit = self.write_down(from, now, unit);
             first_expiry = first_expiry.min(unit.meta.expires);
             match chunks.last_mut() {
                 Some(last) if last.accepts(&unit.meta, announced) => last.push(unit),
@@ -128,27 +131,31 @@ impl<W: Work> AllocatorState<W> {
             left -= 1;
         }
         self.inlets.push_all(from.inlet, chunks);
-        self.tell_of_arrival(first_expiry);
+        self.tell_of_arrival(from, first_expiry);
     }
 
     /// Writes down what the policy must know of a unit.
-    fn write_down(&self, client: ClientId, now: Time, unit: WorkUnit<W>) -> Unit<UnitPayload<W>> {
+    fn write_down(&self, from: &Submitter<'_, W::Output>, now: Time, unit: WorkUnit<W>) -> Unit<UnitPayload<W>> {
         let WorkUnit { work, ticket, max_delay, priority, validity } = unit;
         let meta = Meta {
             primitive: work.primitive(),
             size: work.size(),
+            bytes: CableBytes { there: work.payload_bytes(), back: work.answer_bytes() },
             data: data_of(&work),
-            priority,
+            priority: priority.saturating_add(from.priority),
             submitted: now,
             late: now.after(max_delay.min(self.max_delay_bound)),
             expires: now.after(validity),
             attempts: 0,
             failed_on: Vec::new(),
         };
-        Unit { meta, load: UnitPayload { work: Some(work), client, ticket } }
+        Unit { meta, load: UnitPayload { work: Some(work), client: from.client, ticket } }
     }
 
-    fn tell_of_arrival(&self, first_expiry: Time) {
+    fn tell_of_arrival(&self, from: &Submitter<'_, W::Output>, first_expiry: Time) {
+        if from.results.is_over() {
+            self.expire(from.client); // Whoever ended its life time may have looked before these units were there.
+        }
         self.announce_arrival();
         if first_expiry < Time::NEVER {
             self.alarm.set(first_expiry);

@@ -350,6 +350,19 @@ fn the_picture_of_one_process_has_the_same_routes() {
     assert_eq!(get("/api/jobs").json()[0]["done"], 0.25);
     assert_eq!(get("/api/jobs/2").status, 404);
     assert_eq!(get("/api/jobs/1/picture").status, 409);
+    // The scene of the picture can be looked around in, once it is known.
+    let asked = br#"{"request":{"view":{"pose":{"eye":[0.4,1.6,2],"target":[0,0.8,0]}}},"files_of_job":1}"#;
+    let headers_of_json = format!("{headers}Content-Type: application/json\r\n");
+    let open = || ask(at, "POST", "/api/viewports", &headers_of_json, asked);
+    assert_eq!(open().status, 409);
+    let scene = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb");
+    let request = bottega::Request::new(scene).with("film.size", "[32, 32]").unwrap();
+    dashboard.show_request(&request);
+    let opened = open();
+    assert_eq!((opened.status, &opened.json()["width"]), (201, &json!(32)));
+    let place = format!("/api/viewports/{}", opened.json()["viewport"]);
+    assert_eq!(get(&format!("{place}/frame.png")).status, 200);
+    assert_eq!(ask(at, "DELETE", &place, &headers, b"").status, 204);
     assert_eq!(get("/api/openapi.json").json(), openapi_document());
     assert_eq!(ask(at, "POST", "/api/jobs/1/pause", &headers, b"").status, 409);
     assert!(!stop.is_requested());

@@ -8,11 +8,23 @@ use bottega_gpu::{AdapterKind, EncodedScene, GpuAdapter, GpuError, GpuScenes, ad
 use bottega_image::{Aov, Layout};
 use bottega_render::PreparedScene;
 
-use super::kept;
+use super::kept::{self, ResourceKey};
 use crate::{
     error::{Error, error_chain},
     request::DeviceChoice,
 };
+
+/// Who is wanted to paint.
+#[derive(Clone, Copy, Debug)]
+pub struct PainterWish {
+    /// Processors.
+    pub threads: usize,
+    /// Bytes that scenes may take on a GPU; `None`: nearly all that it has.
+    pub memory: Option<u64>,
+    /// Whether those that paint something else in this process do, however many processors they are: then what is more urgent goes
+    /// first, which it cannot where each picture has threads of its own.
+    pub joins: bool,
+}
 
 /// The devices that will paint.
 pub struct DeviceSet {
@@ -34,17 +46,15 @@ impl DeviceSet {
     /// Finds those who can paint this scene with these values a pixel.
     ///
     /// - `photons`: whether it is painted by photons.
-    /// - `memory`: bytes that scenes may take on a GPU; `None`: nearly all that it has.
     ///
     /// # Errors
     /// A device that was asked for by name is not there, or cannot, and no processor may instead.
     pub fn gather(
         choice: &DeviceChoice,
-        threads: usize,
+        &PainterWish { threads, memory, joins }: &PainterWish,
         scene: &Arc<PreparedScene>,
         layout: &Layout,
         photons: bool,
-        memory: Option<u64>,
     ) -> Result<Self, Error> {
         let lacks = lacks(layout, photons);
         let mut wanted = WantedDevices { threads, gpus: Vec::new(), boards: Vec::new(), notes: Vec::new() };
@@ -69,14 +79,15 @@ impl DeviceSet {
         if !boards.is_empty() {
             RemoteBoard::tell_bytes(scene);
         }
-        let opened = kept::resources(threads, &adapters, memory, &boards, &encoded);
-        let (resources, scenes) = match opened {
+        let key = |gpus: &[GpuAdapter], boards: &[String]| ResourceKey::new(threads, gpus, boards, memory);
+        let opened = kept::resources(key(&adapters, &boards), joins, &adapters, &encoded);
+        let (resources, scenes, threads) = match opened {
             Ok(opened) => opened,
             Err(error) if threads == 0 || !boards.is_empty() => return Err(error),
             // Refused to that device, not to the picture.
             Err(error) => {
                 notes.push(format!("{} does not take part: {}", names.join(", "), error_chain(&error)));
-                let (resources, scenes) = kept::resources(threads, &[], memory, &[], &[])?;
+                let (resources, scenes, threads) = kept::resources(key(&[], &[]), joins, &[], &[])?;
                 return Ok(Self { threads, resources, gpus: Vec::new(), boards, scenes, notes });
             }
         };

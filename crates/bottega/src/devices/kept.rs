@@ -27,11 +27,26 @@ static KEPT: Mutex<Vec<KeptResources>> = Mutex::new(Vec::new());
 
 /// What two pictures must have in common to share resources.
 #[derive(Clone, PartialEq, Eq)]
-struct ResourceKey {
+pub(super) struct ResourceKey {
     threads: usize,
     gpus: Vec<String>,
     boards: Vec<String>,
     memory: Option<u64>,
+}
+
+impl ResourceKey {
+    /// - `memory`: bytes that scenes may take on a GPU.
+    /// - `boards`: addresses of boards that follow rays.
+    pub(super) fn new(threads: usize, gpus: &[GpuAdapter], boards: &[String], memory: Option<u64>) -> Self {
+        let gpus = gpus.iter().map(|gpu| gpu.info().name.clone()).collect();
+        Self { threads, gpus, boards: boards.to_vec(), memory }
+    }
+
+    /// Whether these are the same devices, beside whatever number of processors.
+    fn differs_in_threads(&self, other: &Self) -> bool {
+        let have_threads = self.threads > 0 && other.threads > 0;
+        have_threads && Self { threads: other.threads, ..self.clone() } == *other
+    }
 }
 
 struct KeptResources {
@@ -43,23 +58,23 @@ struct KeptResources {
 /// Processors and GPUs behind one allocator: those that an earlier picture has left, or new ones. The GPUs are told of the
 /// picture's scene.
 ///
+/// - `joins`: whether those are as good that paint now, whatever the number of processors. Returned is how many they are.
 /// - `encoded`: the scene, for each of the GPUs.
-/// - `memory`: bytes that scenes may take on a GPU.
-/// - `boards`: addresses of boards that follow rays.
 ///
 /// # Errors
 /// A GPU cannot be opened, its kernels cannot be compiled, or a board cannot be reached.
 pub(super) fn resources(
-    threads: usize,
+    key: ResourceKey,
+    joins: bool,
     gpus: &[GpuAdapter],
-    memory: Option<u64>,
-    boards: &[String],
     encoded: &[EncodedScene],
-) -> Result<(Arc<Resources>, Vec<GpuScenes>), Error> {
-    let gpu_names = gpus.iter().map(|gpu| gpu.info().name.clone()).collect();
-    let key = ResourceKey { threads, gpus: gpu_names, boards: boards.to_vec(), memory };
+) -> Result<(Arc<Resources>, Vec<GpuScenes>, usize), Error> {
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-    let found = match kept.iter().position(|known| known.key == key) {
+    let is_painting = |known: &KeptResources| Arc::strong_count(&known.resources) > 1;
+    let may_join = |known: &KeptResources| joins && is_painting(known) && known.key.differs_in_threads(&key);
+    let painting = kept.iter().position(|known| known.key == key && is_painting(known));
+    let found = painting.or_else(|| kept.iter().position(may_join));
+    let found = match found.or_else(|| kept.iter().position(|known| known.key == key)) {
         Some(at) => kept.remove(at),
         None => {
             make_room(&mut kept, &key);
@@ -69,7 +84,7 @@ pub(super) fn resources(
     let admitted = found.scenes.iter().zip(encoded).try_for_each(|(scenes, encoded)| scenes.admit(encoded));
     // A device that failed is not kept: the next picture opens it anew.
     admitted?;
-    let opened = (Arc::clone(&found.resources), found.scenes.clone());
+    let opened = (Arc::clone(&found.resources), found.scenes.clone(), found.key.threads);
     kept.push(found);
     Ok(opened)
 }

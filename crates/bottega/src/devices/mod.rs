@@ -11,7 +11,7 @@ use bottega_hra::{HraReport, Incident, Lane};
 use bottega_render::{PreparedScene, RenderWork};
 
 pub use self::{
-    choice::{DeviceSet, beside_gpus, beside_processors},
+    choice::{DeviceSet, PainterWish, beside_gpus, beside_processors},
     kept::release,
 };
 pub use crate::request::DeviceChoice;

@@ -1,8 +1,9 @@
 //! A session that looks at its scene from elsewhere.
 
-use std::time::Instant;
+use std::{sync::Arc, time::Instant};
 
 use bottega_denoise::Denoiser;
+use bottega_engines::BuiltinEngine;
 
 use super::{Session, painter::Painter};
 use crate::{
@@ -37,7 +38,8 @@ impl Session {
         };
         let BuiltinPainter { subject, .. } = *own;
         let (experts, notes) = experts(agent_rules(request)?)?;
-        let own = BuiltinPainter::open(request, subject.seen_as(request)?, experts, goal(request, begun)?)?;
+        let (scene, goal) = (subject.seen_as(request)?, goal(request, begun)?);
+        let own = BuiltinPainter::open(request, scene, experts, goal, options.urgency)?;
         let painter = Painter::Own(Box::new(own));
         let session = Self { denoiser, ..Self::new(request, options, painter, notes, begun) };
         let resume = session.options.resume;
@@ -49,6 +51,14 @@ impl Session {
     pub(crate) fn subject(&self) -> Option<&LoadedScene> {
         match &self.painter {
             Painter::Own(own) => Some(&own.subject),
+            Painter::Other(_) => None,
+        }
+    }
+
+    /// Our own engine, where that paints.
+    pub(crate) fn own_engine(&self) -> Option<&Arc<BuiltinEngine>> {
+        match &self.painter {
+            Painter::Own(own) => Some(&own.engine),
             Painter::Other(_) => None,
         }
     }

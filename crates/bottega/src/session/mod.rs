@@ -17,6 +17,7 @@ use std::{
 
 use bottega_denoise::Denoiser;
 use bottega_engines::RenderEngine;
+pub use bottega_engines::Urgency;
 use bottega_farm::{
     JobError, JobReport, JobSettings, JournalContents, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
 };
@@ -56,6 +57,8 @@ pub struct SessionOptions {
     pub timeline: Option<PathBuf>,
     /// `HOST` or `HOST:PORT` of a viewer, tev, that shows all layers while they are painted.
     pub tev: Option<String>,
+    /// How soon it is wanted, among the pictures that this process paints.
+    pub urgency: Urgency,
 }
 
 /// A part in a picture that others paint, too: see [`Session::for_others`].
@@ -119,7 +122,8 @@ impl Session {
         Self::check(request, &options)?;
         let (experts, notes) = experts(agent_rules(request)?)?;
         let (painter, notes) = if request.engine.is_builtin() {
-            let own = BuiltinPainter::open(request, LoadedScene::load(request)?, experts, goal(request, begun)?)?;
+            let (scene, goal) = (LoadedScene::load(request)?, goal(request, begun)?);
+            let own = BuiltinPainter::open(request, scene, experts, goal, options.urgency)?;
             let notes = notes.into_iter().chain(own.notes(request)).collect();
             (Painter::Own(Box::new(own)), notes)
         } else {
@@ -163,7 +167,7 @@ impl Session {
         }
         let (experts, notes) = experts(agent_rules(request)?)?;
         let subject = LoadedScene::of_scene(scene, request)?;
-        let own = BuiltinPainter::open(request, subject, experts, goal(request, begun)?)?;
+        let own = BuiltinPainter::open(request, subject, experts, goal(request, begun)?, options.urgency)?;
         let notes = own.notes(request).into_iter().chain(notes).collect();
         let painter = Painter::Own(Box::new(own));
         let denoiser = denoise::ready(request)?;
@@ -186,7 +190,8 @@ impl Session {
         let choice = choice_rules(request)?.map(engine_choice).transpose()?;
         let painter = match part.engine {
             None => {
-                let mut own = BuiltinPainter::open(request, LoadedScene::load(request)?, experts, goal)?;
+                let mut own =
+                    BuiltinPainter::open(request, LoadedScene::load(request)?, experts, goal, Urgency::Picture)?;
                 own.settings.agents = 1;
                 Painter::Own(Box::new(own))
             }

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use bottega_hra::{HraReport, timeline_json, timeline_svg};
+use bottega_hra::{CableUse, HraReport, timeline_json, timeline_svg};
 
 use super::reporter::Reporter;
 use crate::{
     builtin::BuiltinPainter,
     error::Error,
-    events::{Event, ResourceUse},
+    events::{CableTraffic, Event, ResourceUse},
     text::shown,
 };
 
@@ -71,6 +71,10 @@ fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
         memory_bytes: resource.descriptor.memory_bytes,
         resident_bytes: scenes.map(bottega_gpu::GpuScenes::resident_bytes),
         sent_bytes: scenes.map(bottega_gpu::GpuScenes::sent_bytes),
+        cable: resource
+            .cable
+            .filter(|_| painter.crew.boards.contains(&resource.descriptor.name))
+            .map(|it| traffic(&it)),
     });
     Event::Resources {
         resources: resources.collect(),
@@ -78,6 +82,19 @@ fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
         bin_waiting: report.bin.mean_waiting,
         bin_full: report.bin.full.as_secs_f64() / seconds,
         bin_empty: report.bin.empty.as_secs_f64() / seconds,
+        expired: report.expiries.count(),
+    }
+}
+
+fn traffic(cable: &CableUse) -> CableTraffic {
+    let finite = |bandwidth: f64| Some(bandwidth).filter(|bandwidth| bandwidth.is_finite());
+    CableTraffic {
+        sent_bytes: cable.sent_bytes,
+        received_bytes: cable.received_bytes,
+        bandwidth_there: finite(cable.bandwidth_there),
+        bandwidth_back: finite(cable.bandwidth_back),
+        packets: cable.packets,
+        packet_seconds: cable.packet_time().map(|time| time.as_secs_f64()),
     }
 }
 

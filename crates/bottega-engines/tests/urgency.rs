@@ -1,0 +1,129 @@
+//! Two pictures on the same processors, one of which somebody looks at.
+
+use std::{
+    sync::{Arc, mpsc},
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega_engines::{
+    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EnginePreference, RenderEngine, Resources, TaskProgress,
+    Tunables, Urgency, ZoneTask,
+};
+use bottega_image::{AovSet, Layout, Rect};
+use bottega_render::{PathSettings, PrepareOptions, PreparedScene, Prepass, View};
+use bottega_scene::{Camera, Layered, Material, Mesh, Scene, Spectrum};
+use glam::Vec3;
+
+const SIDE: u32 = 128;
+
+fn scene() -> Arc<PreparedScene> {
+    let mut scene = Scene::default();
+    let floor = scene.push_material(Layered { roughness: 0.3.into(), ..Layered::default() }.into());
+    let light = scene.push_material(Material { emission: Spectrum::splat(5.0).into(), ..Material::default() });
+    let quad = Mesh::quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0);
+    scene.push_surface(quad.with_material(floor));
+    scene.push_sphere(Vec3::Y, 0.8, floor);
+    let quad = Mesh::quad(Vec3::new(-0.5, 3.0, -0.5), Vec3::X, Vec3::Z);
+    scene.push_surface(quad.with_material(light));
+    let ball = (Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0));
+    scene.cameras.push(Camera::framing_from(Vec3::new(0.0, 0.5, 2.0), ball, 1.2));
+    scene.validate().expect("a sound scene");
+    Arc::new(PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).expect("a scene"))
+}
+
+fn engine(scene: &Arc<PreparedScene>, resources: &Arc<Resources>, urgency: Urgency) -> BuiltinEngine {
+    let options = BuiltinOptions {
+        view: View { camera: 0, width: SIDE, height: SIDE },
+        settings: PathSettings::default(),
+        layout: Layout::new(AovSet::NONE),
+        threads: 1,
+        wavefront: false,
+    };
+    let prepass: Arc<Prepass> = Arc::default();
+    BuiltinEngine::on(Arc::clone(scene), prepass, options, Arc::clone(resources)).with_urgency(urgency)
+}
+
+/// Has the whole picture painted, with more samples than there will be time for. Tells whether it is complete.
+fn begin(engine: &BuiltinEngine, cancel: &CancelSwitch) -> mpsc::Receiver<bool> {
+    let (sender, receiver) = mpsc::channel();
+    let task = ZoneTask {
+        rect: Rect::of_size(SIDE, SIDE),
+        samples: 0..1 << 20,
+        tunables: Tunables { max_depth: 6, light_samples: 1 },
+        leaning: EnginePreference::default(),
+        tile: None,
+        parts: None,
+        cancel: cancel.clone(),
+        progress: TaskProgress::default(),
+    };
+    let done = move |painted: Result<bottega_engines::Painted, _>| _ = sender.send(painted.expect("a tile").complete);
+    engine.start(task, Box::new(done));
+    receiver
+}
+
+/// How long the coarse first look and then the first block of a preview take in the middle of a long picture of sixteen zones.
+fn first_pixels(urgency: Urgency) -> (Duration, Duration) {
+    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
+    let (long, cancel) = (engine(&scene, &resources, Urgency::Picture), CancelSwitch::default());
+    let zones: Vec<_> = (0..16).map(|_| begin(&long, &cancel)).collect();
+    thread::sleep(Duration::from_millis(300));
+    let preview = engine(&scene, &resources, urgency);
+    let asked = Instant::now();
+    preview.survey(SIDE / 8, SIDE / 8).expect("a look");
+    let coarse = asked.elapsed();
+    let (told, seen) = mpsc::channel();
+    preview.watch(move |_| _ = told.send(()));
+    let painted = begin(&preview, &cancel);
+    seen.recv_timeout(Duration::from_secs(60)).expect("a block");
+    let block = asked.elapsed();
+    cancel.cancel();
+    zones.iter().chain([&painted]).for_each(|zone| _ = zone.recv());
+    (coarse, block)
+}
+
+#[test]
+fn a_preview_in_the_middle_of_a_long_picture_is_seen_sooner_by_its_priority() {
+    let (coarse, block) = first_pixels(Urgency::Look);
+    let (coarse_without, block_without) = first_pixels(Urgency::Picture);
+    eprintln!("coarse {coarse:?}, first block {block:?}; without priority {coarse_without:?}, {block_without:?}");
+    // The coarse look of any picture goes before blocks: what differs is the first block.
+    assert!(2 * block < block_without, "{block:?} with priority, {block_without:?} without");
+}
+
+#[test]
+fn a_look_that_is_left_is_painted_no_further_and_that_is_told() {
+    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
+    let (long, cancel) = (engine(&scene, &resources, Urgency::Picture), CancelSwitch::default());
+    let picture = begin(&long, &cancel);
+    let look = engine(&scene, &resources, Urgency::Look);
+    let painted = begin(&look, &CancelSwitch::default());
+    let begun = Instant::now();
+    while look.samples_done() == 0 && begun.elapsed() < Duration::from_secs(60) {
+        thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(look.report().expiries.count(), 0);
+    look.leave();
+    assert!(!painted.recv().expect("a report"), "it is not whole");
+    let (expired, samples) = (look.report().expiries, look.samples_done());
+    assert!(expired.waiting >= 1, "units that waited were painted by nobody: {expired:?}");
+    // What is asked of it later is not painted either, and what others paint goes on.
+    let before = long.samples_done();
+    assert!(!begin(&look, &CancelSwitch::default()).recv().expect("a report"));
+    assert!(look.survey(8, 8).is_err());
+    while long.samples_done() == before && begun.elapsed() < Duration::from_secs(60) {
+        thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(look.samples_done(), samples);
+    cancel.cancel();
+    assert!(!picture.recv().expect("a report"));
+}
+
+#[test]
+fn a_picture_is_not_left() {
+    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
+    let picture = engine(&scene, &resources, Urgency::Crop);
+    picture.leave();
+    assert!(picture.survey(8, 8).is_ok());
+    assert_eq!(picture.report().expiries.count(), 0);
+}
