@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use bottega_denoise::Denoiser;
+use bottega_engines::BuiltinEngine;
 
 use super::{Session, painter::Painter};
 use crate::{
@@ -49,6 +50,14 @@ impl Session {
     pub(crate) fn subject(&self) -> Option<&LoadedScene> {
         match &self.painter {
             Painter::Own(own) => Some(&own.subject),
+            Painter::Other(_) => None,
+        }
+    }
+
+    /// Our own engine, where it paints.
+    pub(crate) fn builtin(&self) -> Option<&BuiltinEngine> {
+        match &self.painter {
+            Painter::Own(own) => Some(&own.engine),
             Painter::Other(_) => None,
         }
     }
