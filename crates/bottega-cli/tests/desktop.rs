@@ -83,7 +83,8 @@ impl Drop for Bus {
 /// Paints a small picture on a desktop of this bus. What was said.
 fn paint(folder: &Path, bus: &str) -> String {
     let output = folder.join("p.png");
-    let words = ["render", "diffuse-box.glb", "-o", text(&output), "--size", "24x18", "--spp", "2", "--on", "done=desktop"];
+    let words =
+        ["render", "diffuse-box.glb", "-o", text(&output), "--size", "24x18", "--spp", "2", "--on", "done=desktop"];
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");
     let mut command = bottega(&words);
     let ran = command.current_dir(scenes).env("DBUS_SESSION_BUS_ADDRESS", bus).output().expect("the program starts");

@@ -67,7 +67,8 @@ fn noise_goes_and_the_noisy_color_is_kept() {
         (last, shares) = (share, shares + 1);
         ControlFlow::Continue(())
     };
-    let Denoised { film: clean, guides } = denoiser.denoise(&film, GuideUse::Denoised, 2, &mut told).expect("it is denoised");
+    let Denoised { film: clean, guides } =
+        denoiser.denoise(&film, GuideUse::Denoised, 2, &mut told).expect("it is denoised");
     assert_eq!(guides, [Aov::Albedo, Aov::Normal]);
     assert!(shares > 2 && last > 0.99, "told {shares} times, up to {last}");
     let error = |picture: &Picture| rmse(picture, &truth()).expect("one size");
@@ -93,8 +94,9 @@ fn noise_goes_and_the_noisy_color_is_kept() {
         assert_eq!(plane, Some(expected), "nothing is lost");
     }
     // Without what helps it, it knows less.
-    let Denoised { film: alone, guides } =
-        denoiser.denoise(&noisy(AovSet::NONE), GuideUse::Denoised, 2, &mut |_| ControlFlow::Continue(())).expect("it is denoised");
+    let Denoised { film: alone, guides } = denoiser
+        .denoise(&noisy(AovSet::NONE), GuideUse::Denoised, 2, &mut |_| ControlFlow::Continue(()))
+        .expect("it is denoised");
     assert!(guides.is_empty());
     let alone = error(&alone.to_picture());
     assert!(after < alone && alone < before, "{after}, {alone}, {before}");

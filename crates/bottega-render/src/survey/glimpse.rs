@@ -63,10 +63,7 @@ pub fn glimpse(
     if let Some(error) = failure {
         return Err(error);
     }
-    let picture = || Picture {
-        width: view.width,
-        height: view.height,
-        data: pixels.iter().map(|pixel| pixel.color).collect(),
-    };
+    let picture =
+        || Picture { width: view.width, height: view.height, data: pixels.iter().map(|pixel| pixel.color).collect() };
     Ok((!is_over).then(picture))
 }
