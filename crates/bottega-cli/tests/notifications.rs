@@ -13,7 +13,7 @@ use std::{
     time::Duration,
 };
 
-use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
+use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 use ring::hmac;
 use rustls::{ServerConfig, ServerConnection, StreamOwned, pki_types::PrivateKeyDer};
 use serde_json::Value;
@@ -60,6 +60,7 @@ fn secure_server(name: &str, authority: &Path, answers: usize) -> (String, mpsc:
     let key = KeyPair::generate().expect("a key");
     let mut params = CertificateParams::new(Vec::new()).expect("names");
     params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+    params.distinguished_name.push(DnType::CommonName, format!("who vouches for {name}"));
     fs::write(authority, params.self_signed(&key).expect("a certificate").pem()).expect("a file");
     let issuer = Issuer::new(params, key);
     let key = KeyPair::generate().expect("a key");
@@ -218,8 +219,10 @@ fn a_server_that_is_trusted_is_told_in_secret_and_another_one_is_not() {
     let address = listener.local_addr().expect("an address");
     thread::spawn(move || {
         let (mut stream, _) = listener.accept().expect("a connection");
-        // It is gone as soon as it sees what that is.
-        _ = stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n");
+        stream.read(&mut [0; 4096]).expect("a greeting that it does not know");
+        stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").expect("an answer");
+        // Whoever has asked ends it.
+        _ = stream.read_to_end(&mut Vec::new());
     });
     let (_, said) = paint(folder.path(), &["--on", &format!("done=https://{address}/")]);
     assert!(said.contains("it does not speak TLS"), "{said}");
