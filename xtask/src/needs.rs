@@ -49,6 +49,11 @@ const SYSTEM_PACKAGES: &[SystemPackages] = &[
         tests: "scripts of the page",
         are_installed: || answers("node", &["--version"]) && answers("npm", &["--version"]),
     },
+    SystemPackages {
+        names: &["dbus-daemon"],
+        tests: "notifications on the desktop",
+        are_installed: || answers("dbus-daemon", &["--version"]),
+    },
     SystemPackages { names: &["chromium"], tests: "the page in a browser", are_installed: has_chromium },
 ];
 

@@ -6,14 +6,16 @@ mod support;
 use std::{
     fs,
     io::{BufRead, BufReader, Read, Write},
-    net::{TcpListener, TcpStream},
+    net::TcpListener,
     path::Path,
-    sync::mpsc,
+    sync::{Arc, mpsc},
     thread,
     time::Duration,
 };
 
+use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 use ring::hmac;
+use rustls::{ServerConfig, ServerConnection, StreamOwned, pki_types::PrivateKeyDer};
 use serde_json::Value;
 use support::{bottega, text};
 
@@ -46,18 +48,51 @@ fn server(answers: Vec<String>) -> (String, mpsc::Receiver<Delivery>) {
         for answer in answers {
             let (stream, _) = listener.accept().expect("a connection");
             // Nobody may wait for it any more.
-            _ = told.send(take(stream, &answer));
+            _ = told.send(take(stream, &answer).expect("a request"));
         }
     });
     (address, taken)
 }
 
-fn take(mut stream: TcpStream, answer: &str) -> Delivery {
-    let mut reader = BufReader::new(stream.try_clone().expect("a stream"));
+/// The same behind a certificate for `name`, which an authority of its own has signed: it is written to `authority`. What does
+/// not come to a secure connection is no delivery.
+fn secure_server(name: &str, authority: &Path, answers: usize) -> (String, mpsc::Receiver<Delivery>) {
+    let key = KeyPair::generate().expect("a key");
+    let mut params = CertificateParams::new(Vec::new()).expect("names");
+    params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+    params.distinguished_name.push(DnType::CommonName, format!("who vouches for {name}"));
+    fs::write(authority, params.self_signed(&key).expect("a certificate").pem()).expect("a file");
+    let issuer = Issuer::new(params, key);
+    let key = KeyPair::generate().expect("a key");
+    let params = CertificateParams::new(vec![name.to_owned()]).expect("a name");
+    let certificate = params.signed_by(&key, &issuer).expect("a certificate");
+    let key = PrivateKeyDer::try_from(key.serialize_der()).expect("a key");
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let config = ServerConfig::builder_with_provider(provider).with_safe_default_protocol_versions().expect("versions");
+    let config = config.with_no_client_auth().with_single_cert(vec![certificate.der().clone()], key).expect("a key");
+    let config = Arc::new(config);
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = format!("localhost:{}", listener.local_addr().expect("an address").port());
+    let (told, taken) = mpsc::channel();
+    thread::spawn(move || {
+        for _ in 0..answers {
+            let (stream, _) = listener.accept().expect("a connection");
+            let connection = ServerConnection::new(Arc::clone(&config)).expect("a connection");
+            if let Some(delivery) = take(StreamOwned::new(connection, stream), "204 No Content") {
+                _ = told.send(delivery);
+            }
+        }
+    });
+    (address, taken)
+}
+
+/// Takes a request, and answers it; none where the connection ends before.
+fn take(mut stream: impl Read + Write, answer: &str) -> Option<Delivery> {
+    let mut reader = BufReader::new(&mut stream);
     let mut lines = Vec::new();
     loop {
         let mut line = String::new();
-        reader.read_line(&mut line).expect("a line");
+        reader.read_line(&mut line).ok().filter(|&count| count > 0)?;
         match line.trim_end() {
             "" => break,
             line => lines.push(line.to_owned()),
@@ -70,16 +105,23 @@ fn take(mut stream: TcpStream, answer: &str) -> Delivery {
     let mut body = vec![0; length];
     reader.read_exact(&mut body).expect("a body");
     write!(stream, "HTTP/1.1 {answer}\r\nContent-Length: 0\r\n\r\n").expect("an answer");
-    Delivery { line: lines[0].clone(), headers, body }
+    stream.flush().expect("it is sent");
+    Some(Delivery { line: lines[0].clone(), headers, body })
 }
 
 /// Paints a small picture. Returns how it went and what was said.
 fn paint(folder: &Path, more: &[&str]) -> (Option<i32>, String) {
+    paint_with(folder, more, &[])
+}
+
+/// The same with variables of the environment.
+fn paint_with(folder: &Path, more: &[&str], variables: &[(&str, &str)]) -> (Option<i32>, String) {
     let output = folder.join("p.png");
     let words = ["render", "diffuse-box.glb", "-o", text(&output), "--size", "24x18", "--spp", "2", "--threads", "1"];
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");
     let mut command = bottega(&[&words, more].concat());
-    let ran = command.current_dir(scenes).env("BOTTEGA_ON_SECRET", "").output().expect("the program starts");
+    command.current_dir(scenes).env("BOTTEGA_ON_SECRET", "").envs(variables.iter().copied());
+    let ran = command.output().expect("the program starts");
     (ran.status.code(), String::from_utf8_lossy(&ran.stderr).into_owned())
 }
 
@@ -145,6 +187,45 @@ fn a_redirect_is_followed_to_the_same_server_and_to_no_other() {
     let (_, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/first")]);
     let lines: Vec<String> = taken.try_iter().map(|delivery| delivery.line).collect();
     assert_eq!(lines, ["POST /first HTTP/1.1", "POST /next HTTP/1.1"], "{said}");
+}
+
+#[test]
+fn a_server_that_is_trusted_is_told_in_secret_and_another_one_is_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [authority, other] = ["authority.pem", "other.pem"].map(|name| folder.path().join(name));
+    let (address, taken) = secure_server("localhost", &authority, 2);
+    let on = format!("done=https://{address}/hook");
+    let (code, said) = paint_with(folder.path(), &["--on", &on], &[("SSL_CERT_FILE", text(&authority))]);
+    assert!(code == Some(0) && !said.contains("was not told"), "{said}");
+    let delivery = taken.recv_timeout(WAIT).expect("it is told");
+    assert_eq!((delivery.line.as_str(), delivery.header("host")), ("POST /hook HTTP/1.1", address.as_str()));
+    assert_eq!(delivery.json()["event"], "done");
+
+    // One whose certificate says nothing to this machine, and one that is another's: what is told stays here.
+    let (elsewhere, strange) = secure_server("example.org", &other, 1);
+    for (address, trusted, why) in [
+        (&address, &other, "nobody who is trusted here has signed its certificate"),
+        (&elsewhere, &other, "its certificate is for another name"),
+    ] {
+        let on = format!("done=https://{address}/secret-path");
+        let (code, said) = paint_with(folder.path(), &["--on", &on], &[("SSL_CERT_FILE", text(trusted))]);
+        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(code == Some(0) && said.contains("was not told of `done`") && said.contains(why), "{said}");
+        assert!(said.contains("SSL_CERT_FILE") && !said.contains("tries)") && !said.contains("secret-path"), "{said}");
+    }
+    assert_eq!((taken.try_iter().count(), strange.try_iter().count()), (0, 0));
+    // One that speaks in the clear.
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("an address");
+    thread::spawn(move || {
+        let (mut stream, _) = listener.accept().expect("a connection");
+        stream.read(&mut [0; 4096]).expect("a greeting that it does not know");
+        stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").expect("an answer");
+        // Whoever has asked ends it.
+        _ = stream.read_to_end(&mut Vec::new());
+    });
+    let (_, said) = paint(folder.path(), &["--on", &format!("done=https://{address}/")]);
+    assert!(said.contains("it does not speak TLS"), "{said}");
 }
 
 #[test]

@@ -30,10 +30,19 @@ use library::{Images, Library};
 /// The layer that keeps the color as it was.
 pub const NOISY: &str = "noisy";
 
-/// A denoiser, ready for pictures.
-#[derive(Debug)]
+/// A denoiser, ready for pictures. Clones use the same library.
+#[derive(Clone, Debug)]
 pub struct Denoiser {
     library: Library,
+}
+
+/// How a denoiser takes the layers that help it: these have noise themselves, of lenses and edges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GuideUse {
+    /// Each is denoised first, and then taken as clean: for a picture that is finished.
+    Denoised,
+    /// As they were painted, in a third of the time: for a picture that is painted on.
+    AsPainted,
 }
 
 /// A picture without noise.
@@ -62,9 +71,7 @@ impl Denoiser {
 
     /// Denoises the color of a film, with the help of its albedo and its normals where it has them.
     ///
-    /// These have noise themselves, of lenses and edges, which would end in the picture: where both are there each is denoised
-    /// first, and then taken as clean.
-    ///
+    /// - `use_guides`: how these are taken.
     /// - `threads`: processors to use.
     /// - `progress`: is told the share that is done, now and then; may end it.
     ///
@@ -73,6 +80,7 @@ impl Denoiser {
     pub fn denoise(
         &self,
         film: &Film,
+        use_guides: GuideUse,
         threads: usize,
         progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Denoised, DenoiseError> {
@@ -82,7 +90,8 @@ impl Denoiser {
         let mut albedo = layer(film, Aov::Albedo);
         // The library knows normals only as a help beside albedo.
         let mut normal = layer(film, Aov::Normal).filter(|_| albedo.is_some());
-        let passes = 1 + usize::from(albedo.is_some()) + usize::from(normal.is_some());
+        let are_clean = use_guides == GuideUse::Denoised;
+        let passes = 1 + usize::from(are_clean && albedo.is_some()) + usize::from(are_clean && normal.is_some());
         let mut passes_done = 0;
         let mut run = |images: Images<'_>, done: &mut usize| {
             let mut told = |share: f64| progress((*done as f64 + share.clamp(0.0, 1.0)) / passes as f64);
@@ -90,14 +99,14 @@ impl Denoiser {
             *done += 1;
             Ok::<(), DenoiseError>(())
         };
-        if let Some(albedo) = &mut albedo {
+        if let Some(albedo) = albedo.as_mut().filter(|_| are_clean) {
             run(Images::albedo(albedo), &mut passes_done)?;
         }
-        if let Some(normal) = &mut normal {
+        if let Some(normal) = normal.as_mut().filter(|_| are_clean) {
             run(Images::normal(normal), &mut passes_done)?;
         }
         let guides = [(Aov::Albedo, albedo.is_some()), (Aov::Normal, normal.is_some())];
-        run(Images::color(&mut color, albedo.as_ref(), normal.as_ref()), &mut passes_done)?;
+        run(Images::color(&mut color, albedo.as_ref(), normal.as_ref(), are_clean), &mut passes_done)?;
         let guides = guides.into_iter().filter_map(|(aov, is_there)| is_there.then_some(aov)).collect();
         Ok(Denoised { film: film.with_color(&color, NOISY)?, guides })
     }

@@ -51,7 +51,7 @@ struct OidnFunctions {
 }
 
 /// The library, loaded.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Library {
     functions: OidnFunctions,
     version: c_int,
@@ -133,26 +133,34 @@ pub(crate) struct Images<'a> {
     main: &'a mut Picture,
     /// What `main` is to the library.
     name: &'static CStr,
-    /// Clean pictures that help.
+    /// Pictures that help.
     guides: Vec<(&'static CStr, &'a Picture)>,
+    /// Whether these have no noise.
+    are_clean: bool,
 }
 
 impl<'a> Images<'a> {
     /// Light, and what helps if it is there.
-    pub(crate) fn color(color: &'a mut Picture, albedo: Option<&'a Picture>, normal: Option<&'a Picture>) -> Self {
+    pub(crate) fn color(
+        color: &'a mut Picture,
+        albedo: Option<&'a Picture>,
+        normal: Option<&'a Picture>,
+        are_clean: bool,
+    ) -> Self {
         let guides = [(c"albedo", albedo), (c"normal", normal)];
-        let guides = guides.into_iter().filter_map(|(name, picture)| Some((name, picture?))).collect();
-        Self { main: color, name: c"color", guides }
+        let guides: Vec<_> = guides.into_iter().filter_map(|(name, picture)| Some((name, picture?))).collect();
+        let are_clean = are_clean && !guides.is_empty();
+        Self { main: color, name: c"color", guides, are_clean }
     }
 
     /// Albedo by itself.
     pub(crate) fn albedo(albedo: &'a mut Picture) -> Self {
-        Self { main: albedo, name: c"albedo", guides: Vec::new() }
+        Self { main: albedo, name: c"albedo", guides: Vec::new(), are_clean: false }
     }
 
     /// Normals by themselves.
     pub(crate) fn normal(normal: &'a mut Picture) -> Self {
-        Self { main: normal, name: c"normal", guides: Vec::new() }
+        Self { main: normal, name: c"normal", guides: Vec::new(), are_clean: false }
     }
 }
 
@@ -171,7 +179,7 @@ impl OidnDevice {
         images: Images<'_>,
         progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<(), DenoiseError> {
-        let Images { main, name, guides } = images;
+        let Images { main, name, guides, are_clean } = images;
         assert!(main.size() == size && guides.iter().all(|(_, guide)| guide.size() == size), "pictures of one size");
         let functions = self.functions;
         // SAFETY: the device is alive.
@@ -201,7 +209,7 @@ impl OidnDevice {
         unsafe {
             if is_color {
                 (functions.set_bool)(filter.handle, c"hdr".as_ptr(), true);
-                (functions.set_bool)(filter.handle, c"cleanAux".as_ptr(), !guides.is_empty());
+                (functions.set_bool)(filter.handle, c"cleanAux".as_ptr(), are_clean);
                 (functions.set_float)(filter.handle, c"inputScale".as_ptr(), scale);
             }
             (functions.set_monitor)(filter.handle, told, ptr::from_mut(&mut monitor).cast());

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use bottega_denoise::{DenoiseError, Denoised, Denoiser, NOISY};
+use bottega_denoise::{DenoiseError, Denoised, Denoiser, GuideUse, NOISY};
 use bottega_image::{Aov, AovSet, Film, Layout, Picture, Rect, SampleValues, Tile, read_channels, rmse};
 
 const SIDE: u32 = 96;
@@ -67,12 +67,23 @@ fn noise_goes_and_the_noisy_color_is_kept() {
         (last, shares) = (share, shares + 1);
         ControlFlow::Continue(())
     };
-    let Denoised { film: clean, guides } = denoiser.denoise(&film, 2, &mut told).expect("it is denoised");
+    let Denoised { film: clean, guides } =
+        denoiser.denoise(&film, GuideUse::Denoised, 2, &mut told).expect("it is denoised");
     assert_eq!(guides, [Aov::Albedo, Aov::Normal]);
     assert!(shares > 2 && last > 0.99, "told {shares} times, up to {last}");
     let error = |picture: &Picture| rmse(picture, &truth()).expect("one size");
     let (before, after) = (error(&film.to_picture()), error(&clean.to_picture()));
     assert!(after < 0.15 * before, "from {before} to {after}");
+    // As they were painted they help, too.
+    let mut shares = Vec::new();
+    let mut told = |share| {
+        shares.push(share);
+        ControlFlow::Continue(())
+    };
+    let passing = denoiser.denoise(&film, GuideUse::AsPainted, 2, &mut told).expect("it is denoised");
+    assert_eq!(passing.guides, guides);
+    let passing = error(&passing.film.to_picture());
+    assert!(passing < 0.2 * before && shares.is_sorted(), "from {before} to {passing}");
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.exr");
     bottega_image::write_exr(&path, &clean, &Default::default(), Default::default()).expect("written");
@@ -83,8 +94,9 @@ fn noise_goes_and_the_noisy_color_is_kept() {
         assert_eq!(plane, Some(expected), "nothing is lost");
     }
     // Without what helps it, it knows less.
-    let Denoised { film: alone, guides } =
-        denoiser.denoise(&noisy(AovSet::NONE), 2, &mut |_| ControlFlow::Continue(())).expect("it is denoised");
+    let Denoised { film: alone, guides } = denoiser
+        .denoise(&noisy(AovSet::NONE), GuideUse::Denoised, 2, &mut |_| ControlFlow::Continue(()))
+        .expect("it is denoised");
     assert!(guides.is_empty());
     let alone = error(&alone.to_picture());
     assert!(after < alone && alone < before, "{after}, {alone}, {before}");
@@ -95,7 +107,7 @@ fn the_same_picture_comes_out_by_any_number_of_threads() {
     let Some(denoiser) = denoiser() else { return };
     let film = noisy([Aov::Albedo, Aov::Normal].into_iter().collect());
     let by = |threads| {
-        let denoised = denoiser.denoise(&film, threads, &mut |_| ControlFlow::Continue(()));
+        let denoised = denoiser.denoise(&film, GuideUse::Denoised, threads, &mut |_| ControlFlow::Continue(()));
         denoised.expect("it is denoised").film.to_picture()
     };
     let expected = by(1);
@@ -113,7 +125,7 @@ fn a_dark_picture_is_denoised_like_a_bright_one() {
         let picture = film.to_picture();
         let dark = Picture::from_fn(SIDE, SIDE, |x, y| picture.pixel(x, y).map(|value| value * scale));
         let film = film.with_color(&dark, "bright").expect("there is room");
-        let denoised = denoiser.denoise(&film, 2, &mut |_| ControlFlow::Continue(()));
+        let denoised = denoiser.denoise(&film, GuideUse::Denoised, 2, &mut |_| ControlFlow::Continue(()));
         denoised
             .expect("it is denoised")
             .film
@@ -133,6 +145,6 @@ fn a_dark_picture_is_denoised_like_a_bright_one() {
 #[test]
 fn who_wants_to_stop_can() {
     let Some(denoiser) = denoiser() else { return };
-    let stopped = denoiser.denoise(&noisy(AovSet::NONE), 2, &mut |_| ControlFlow::Break(()));
+    let stopped = denoiser.denoise(&noisy(AovSet::NONE), GuideUse::Denoised, 2, &mut |_| ControlFlow::Break(()));
     assert!(matches!(stopped, Err(DenoiseError::Cancelled)), "{stopped:?}");
 }

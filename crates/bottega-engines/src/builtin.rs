@@ -15,12 +15,13 @@ use std::{
 };
 
 use bottega_hra::{HraClient, HraReport, LifeTime};
-use bottega_image::Tile;
+use bottega_image::{Picture, Tile};
 use bottega_render::{
     AgentUse, PreparedScene, Prepass, RenderWork, View,
     ala::AgentReport,
     integrator::{PathIntegrator, learn_together},
     photon::{MapBytes, cast_photons},
+    survey::{GlimpseOptions, glimpse},
 };
 
 pub(crate) use self::shared::NAME;
@@ -33,7 +34,7 @@ use self::{
     shared::{SAMPLE_NS_GUESSED, Shared},
     zone::ZonePainter,
 };
-use crate::{EngineDescription, EngineError, RenderEngine, Sharing, Survey, ZoneCallback, ZoneTask};
+use crate::{CancelSwitch, EngineDescription, EngineError, RenderEngine, Sharing, Survey, ZoneCallback, ZoneTask};
 
 /// The built-in engine over the processors of this machine.
 pub struct BuiltinEngine {
@@ -152,6 +153,26 @@ impl BuiltinEngine {
     /// watcher: a second call does nothing.
     pub fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
         let _ = self.shared.watcher.set(Box::new(watcher));
+    }
+
+    /// What the picture looks like, small and coarse: see [`glimpse`]. `None`: it was ended by the switch.
+    ///
+    /// - `size`: columns and rows; the camera sees what their ratio says.
+    /// - `samples`: paths of each of these pixels.
+    ///
+    /// # Errors
+    /// The allocator has failed.
+    pub fn glimpse(
+        &self,
+        (width, height): (u32, u32),
+        samples: u32,
+        cancel: &CancelSwitch,
+    ) -> Result<Option<Picture>, EngineError> {
+        let Shared { scene, options, .. } = &*self.shared;
+        let view = View { camera: options.view.camera, width, height };
+        let asked = GlimpseOptions { max_depth: options.settings.max_depth, samples };
+        glimpse(scene, view, asked, &self.client(self.urgency.first_look()), &|| cancel.is_cancelled())
+            .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
     /// What the lighting agents of the picture were like and what they were asked so far, if it has any.

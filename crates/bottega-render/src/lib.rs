@@ -25,7 +25,7 @@
 //! | lighting agents: by the paper, by expected error; what a picture asks them | `src/ala/sense.rs`, `src/ala/paper/`, `src/ala/own/`, `src/integrator/photon/eye.rs` |
 //! | useful data density | `src/ala/ludd.rs` |
 //! | casting shared out among machines; photons and agents as bytes | `src/sharing.rs`, `src/photon/bytes.rs`, `src/ala/bytes.rs` |
-//! | what a place costs, the survey | `src/survey.rs`, `src/survey/probe.rs` |
+//! | what a place costs, the survey; a glimpse for who looks around | `src/survey.rs`, `src/survey/probe.rs`, `src/survey/glimpse.rs` |
 //! | a scene for devices, and the layout of its records | `src/flat.rs`, `src/flat/`, `src/flat/layout.rs` |
 //! | paths in waves: rays asked of others, shading between | `src/integrator/wave.rs`, `src/wave_work.rs` |
 //! | work units of the allocator | `src/work.rs`, `src/photon/units.rs`, `src/ala/units.rs` |

@@ -3,6 +3,7 @@
 //! Two passes, both by work units alone: levels of recursion, by following mirrored and refracted rays breadth first
 //! in batches; and a few paths a pixel, for what pixels look like and what they cost.
 
+mod glimpse;
 mod probe;
 
 use std::sync::Arc;
@@ -23,6 +24,7 @@ use crate::{
     sharing::run,
 };
 
+pub use glimpse::{GlimpseOptions, glimpse};
 pub use probe::SurveyPixel;
 pub(crate) use probe::probe;
 
@@ -66,19 +68,30 @@ pub fn survey(
     max_depth: u32,
     client: &HraClient<RenderWork>,
 ) -> Result<Survey, RenderError> {
-    let settings = PathSettings {
-        max_depth: max_depth.min(PROBE_DEPTH_MAX),
-        filter: Filter::PIXEL,
-        guiding: false,
-        ..PathSettings::default()
-    };
-    let settings = Arc::new(settings);
+    let settings = Arc::new(probe_settings(max_depth));
     let mut pixels = probe_all(scene, view, &settings, client)?;
     let levels = recursion_levels(scene, view, &settings, client)?;
     for (pixel, levels) in pixels.iter_mut().zip(levels) {
         pixel.recursion_levels = levels;
     }
     Ok(Survey { width: view.width, height: view.height, pixels, zones_max: None })
+}
+
+/// How probes follow paths; `max_depth` is that of the picture.
+fn probe_settings(max_depth: u32) -> PathSettings {
+    PathSettings {
+        max_depth: max_depth.min(PROBE_DEPTH_MAX),
+        filter: Filter::PIXEL,
+        guiding: false,
+        ..PathSettings::default()
+    }
+}
+
+/// Puts the pixels of a block where they are in the whole.
+fn take_in(pixels: &mut [SurveyPixel], whole: Rect, block: Rect, seen: &[SurveyPixel]) {
+    for ((x, y), pixel) in block.pixels().zip(seen) {
+        pixels[whole.index(x, y)] = *pixel;
+    }
 }
 
 fn probe_all(
@@ -96,9 +109,7 @@ fn probe_all(
     let mut pixels = vec![SurveyPixel::default(); whole.area() as usize];
     for (rect, output) in blocks.iter().zip(run(client, works.collect())?) {
         let RenderOutput::Probe(seen) = output else { return Err(RenderError::Unanswered) };
-        for ((x, y), pixel) in rect.pixels().zip(seen) {
-            pixels[whole.index(x, y)] = pixel;
-        }
+        take_in(&mut pixels, whole, *rect, &seen);
     }
     Ok(pixels)
 }

@@ -63,6 +63,8 @@ export class Comparison {
     this.#other = this.others.value || null;
     setText(this.figures, "");
     this.ways.hidden = this.#other === null;
+    // What is written over a picture would hide what differs.
+    if (this.#other !== null) this.viewer.showZones.checked = false;
     await this.#show();
     const other = this.#other;
     if (other === null) return;

@@ -42,7 +42,7 @@ export class LookAround {
     this.status = element("output", { class: "quiet" });
     this.element = element("div", { class: "viewer" }, this.stage, element("div", { class: "toolbar" },
       element("label", {}, "Camera ", this.cameras),
-      button("Back to it", () => this.#takeCamera(this.#camera), { title: "Where the file has the camera" }),
+      button("Back to the camera", () => this.#takeCamera(this.#camera), { title: "Where the file has it" }),
       button("Take this view", () => this.#take(), { class: "primary" }), this.status),
     element("p", { class: "quiet hint" }, `${help}.`));
     this.#listen();

@@ -19,6 +19,7 @@ export class Viewer {
   #isFitted = true;
   #selected = null;
   #pointers = new Map();
+  #part = 0;
   draw = oncePerFrame(() => this.#drawNow());
 
   constructor({ label, onPick }) {
@@ -82,8 +83,12 @@ export class Viewer {
     this.draw();
   }
 
-  /** Shows what lies over the picture from so many percent of its width on. */
-  part(percent) { this.over.style.clipPath = percent ? `inset(0 0 0 ${percent}%)` : ""; }
+  /** Shows what lies over the picture from so many percent of its width on, with a line there. */
+  part(percent) {
+    this.over.style.clipPath = percent ? `inset(0 0 0 ${percent}%)` : "";
+    this.#part = percent;
+    this.draw();
+  }
 
   select(zone) {
     this.#selected = zone?.id ?? null;
@@ -248,14 +253,24 @@ export class Viewer {
     this.#drawZones();
   }
 
+  /** The line between two pictures that are compared, to be seen on both. */
+  #drawPart(pen) {
+    const at = this.#view.x + this.#pictureSize.width * this.#view.scale * this.#part / 100;
+    for (const [color, width] of [["#000", 4], ["#fff", 2]]) {
+      pen.fillStyle = color;
+      pen.fillRect(at - width / 2, 0, width, this.#size.height);
+    }
+  }
+
   #drawZones() {
     const { canvas } = this;
     const pen = canvas.getContext("2d");
     const ratio = devicePixelRatio;
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.clearRect(0, 0, canvas.width, canvas.height);
-    if (!this.showZones.checked) return;
     pen.scale(ratio, ratio);
+    if (this.#part && !this.over.hidden) this.#drawPart(pen);
+    if (!this.showZones.checked) return;
     const window = this.#size;
     const { scale, x, y } = this.#view;
     const hueOf = COLORINGS[this.coloring.value].of;

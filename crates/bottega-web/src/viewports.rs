@@ -8,6 +8,7 @@ use std::{
 
 use axum::http::StatusCode;
 use bottega::viewport::Viewport;
+use tokio::sync::watch;
 
 use crate::{
     limits::{VIEWPORT_IDLE, VIEWPORTS_MAX},
@@ -33,6 +34,8 @@ struct ViewportTable {
 
 struct WatchedViewport {
     viewport: Arc<Viewport>,
+    /// Changes when there may be a new frame.
+    news: watch::Receiver<()>,
     asked: Instant,
 }
 
@@ -55,10 +58,15 @@ impl Viewports {
 
     /// The viewport of a number, for which somebody has asked now.
     pub(crate) fn get(&self, number: u32) -> Result<Arc<Viewport>, Problem> {
+        self.watched(number).map(|(viewport, _)| viewport)
+    }
+
+    /// The same with what changes when there may be a new frame, and ends when it is closed.
+    pub(crate) fn watched(&self, number: u32) -> Result<(Arc<Viewport>, watch::Receiver<()>), Problem> {
         let mut state = self.state();
         let known = state.open.get_mut(&number).map(|known| {
             known.asked = Instant::now();
-            Arc::clone(&known.viewport)
+            (Arc::clone(&known.viewport), known.news.clone())
         });
         known.ok_or_else(|| Problem::unknown(format!("there is no viewport {number}"), "open one: POST /api/viewports"))
     }
@@ -87,13 +95,15 @@ impl Viewports {
 impl ViewportPlace {
     /// Puts a viewport there. Returns its number. It is closed when nobody asks for it any more.
     pub(crate) fn fill(self, viewport: Viewport) -> u32 {
+        let (tell, news) = watch::channel(());
+        viewport.watch(move || _ = tell.send_replace(()));
         let number = {
             let mut state = self.all.state();
             // This place goes on as that of the viewport.
             state.taken += 1;
             state.last += 1;
             let number = state.last;
-            state.open.insert(number, WatchedViewport { viewport: Arc::new(viewport), asked: Instant::now() });
+            state.open.insert(number, WatchedViewport { viewport: Arc::new(viewport), news, asked: Instant::now() });
             number
         };
         let all = Arc::clone(&self.all);

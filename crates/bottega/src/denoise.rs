@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_denoise::{DenoiseError, Denoised, Denoiser};
+use bottega_denoise::{DenoiseError, Denoised, Denoiser, GuideUse};
 use bottega_farm::{JobReport, StopSwitch};
 use bottega_image::{Aov, Metadata, ReadLimits, read_image_bytes};
 
@@ -63,7 +63,7 @@ pub fn denoise(
     told: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Duration, DenoiseError> {
     let begun = Instant::now();
-    let Denoised { film, guides } = denoiser.denoise(&report.film, threads(request), told)?;
+    let Denoised { film, guides } = denoiser.denoise(&report.film, GuideUse::Denoised, threads(request), told)?;
     report.film = film;
     let helped: Vec<&str> = std::iter::once("color").chain(guides.into_iter().map(Aov::name)).collect();
     metadata.set(KEY, format!("Open Image Denoise {} of {}", denoiser.version(), helped.join(", ")));

@@ -2,7 +2,10 @@
 
 use std::{
     path::Path,
-    sync::{Arc, Mutex},
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
     thread,
     time::{Duration, Instant},
 };
@@ -89,6 +92,9 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
         Request { goal: bottega::request::GoalOptions { samples: Some(8), ..Default::default() }, ..request() };
     let viewport = Viewport::open(&request).expect("it is opened");
     assert_eq!((viewport.size(), viewport.samples(), viewport.cameras().len()), ((48, 32), 8, 1));
+    let told = Arc::new(AtomicUsize::new(0));
+    let tell = Arc::clone(&told);
+    viewport.watch(move || _ = tell.fetch_add(1, Ordering::Relaxed));
     let (first, took) = frame(&viewport, |_| true);
     eprintln!("first pixels after {} ms", took.as_millis());
     assert_eq!((first.look, first.samples <= 8), (0, true));
@@ -97,11 +103,14 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
         |frame: &ViewportFrame| read_image_bytes("frame.png", &frame.png, ReadLimits::default()).unwrap().picture;
     assert_eq!((read(&last).size(), last.is_denoised), ((48, 32), viewport.denoises()));
     assert_eq!(viewport.frame(last.number).unwrap(), None, "nothing new is to be seen");
+    assert_eq!(viewport.due(last.number), None);
+    assert!(viewport.due(0).is_some_and(|due| due < Duration::from_secs(1)), "who has seen nothing is shown it");
+    let told_before = told.load(Ordering::Relaxed);
 
     let look = viewport.look(&from_above()).expect("it looks");
     let (other, took) = frame(&viewport, |frame| frame.look == look);
     eprintln!("another view after {} ms", took.as_millis());
-    assert!(other.number > last.number);
+    assert!(other.number > last.number && told.load(Ordering::Relaxed) > told_before, "it is told of");
     let (there, _) = frame(&viewport, |frame| frame.look == look && frame.samples == 8);
     assert_ne!(read(&there).data, read(&last).data);
     // The camera as the file has it, said as a pose, is the camera.

@@ -10,7 +10,7 @@ use hyper::{
 };
 use hyper_util::rt::TokioIo;
 use ring::hmac;
-use rustls::{ClientConfig, RootCertStore, pki_types::ServerName};
+use rustls::{CertificateError, ClientConfig, RootCertStore, pki_types::ServerName};
 use tokio::{
     io::{AsyncRead, AsyncWrite},
     net::TcpStream,
@@ -133,10 +133,6 @@ impl Poster {
         let response = if is_secure {
             let name = ServerName::try_from(bare.to_owned())
                 .map_err(|error| FailedTry { why: format!("`{host}` has no certificate: {error}"), may_pass: false })?;
-            let insecure = |error: io::Error| FailedTry {
-                why: format!("no secure connection: {error}; SSL_CERT_FILE names certificates to trust"),
-                may_pass: true,
-            };
             exchange(self.tls.connect(name, stream).await.map_err(insecure)?, request).await
         } else {
             exchange(stream, request).await
@@ -161,6 +157,29 @@ impl Poster {
             .body(Full::new(Bytes::from(body.to_owned())))
             .map_err(|error| FailedTry { why: format!("the address is none for HTTP: {error}"), may_pass: false })
     }
+}
+
+/// Why there is no secure connection. Who is not trusted now is not trusted in some seconds.
+fn insecure(error: io::Error) -> FailedTry {
+    let told = error.get_ref().and_then(|inner| inner.downcast_ref::<rustls::Error>());
+    let (reason, may_pass) = match told {
+        Some(rustls::Error::InvalidCertificate(problem)) => {
+            let reason = match problem {
+                CertificateError::UnknownIssuer => "nobody who is trusted here has signed its certificate",
+                CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. } => {
+                    "its certificate is for another name"
+                }
+                CertificateError::Expired | CertificateError::ExpiredContext { .. } => "its certificate is of the past",
+                _ => "its certificate is not trusted",
+            };
+            (format!("{reason} ({error}); SSL_CERT_FILE names certificates to trust"), false)
+        }
+        Some(rustls::Error::InvalidMessage(_)) => {
+            (format!("it does not speak TLS ({error}): write http:// where that is meant"), false)
+        }
+        _ => (error.to_string(), true),
+    };
+    FailedTry { why: format!("no secure connection: {reason}"), may_pass }
 }
 
 fn is_https(url: &Uri) -> bool {

@@ -121,6 +121,9 @@ impl<'a> ZonePainter<'a> {
         }
         while let Some(completed) = self.client.take() {
             self.finish_unit(completed)?;
+            if self.is_cancelled() {
+                self.take_back();
+            }
         }
         Ok(Painted { tile: self.tile, busy: self.busy, parts: self.parts, complete: self.complete })
     }
@@ -233,6 +236,22 @@ impl<'a> ZonePainter<'a> {
         self.tile.copy_from(&tile);
         self.parts.push((block.rect, block.busy));
         self.start_block(ticket)
+    }
+
+    /// Takes back what waits for a processor: who ends a zone waits for what is under way alone.
+    fn take_back(&mut self) {
+        // Of a wave some rays may be under way while others wait: it goes on to its end.
+        if self.shared.options.wavefront {
+            return;
+        }
+        for unit in self.client.cancel_pending() {
+            self.complete = false;
+            let Some(block) = self.under_way[unit.ticket as usize].take() else { continue };
+            if let RenderWork::Block(work) = unit.work {
+                self.tile.copy_from(&work.tile);
+                self.parts.push((block.rect, block.busy));
+            }
+        }
     }
 
     /// Begins the paths of a block's next samples.

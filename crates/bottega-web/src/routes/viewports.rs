@@ -26,8 +26,6 @@ use crate::{
     route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, json_body, json_text, schema},
 };
 
-/// How often is looked for something new of a viewport that somebody waits for.
-const LOOK_EVERY: Duration = Duration::from_millis(8);
 /// Of which look a frame is.
 const LOOK: HeaderName = HeaderName::from_static("bottega-look");
 /// Samples that each pixel of a frame has.
@@ -136,19 +134,29 @@ async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMa
     let known = headers.get(header::IF_NONE_MATCH).and_then(|known| known.to_str().ok());
     // A tag of another viewport, or none: whatever there is.
     let after = known.and_then(|known| known.trim_matches('"').strip_prefix(&format!("{number}-"))?.parse().ok());
+    let after: u64 = after.unwrap_or(0);
     let begun = Instant::now();
     loop {
-        let viewport = door.viewports.get(number)?;
-        // Making the file takes a while.
-        let shown = tokio::task::spawn_blocking(move || viewport.frame(after.unwrap_or(0))).await;
-        let shown = shown.map_err(|_| Problem::conflict("the viewport cannot be shown", "open it anew"))?;
-        if let Some(frame) = shown.map_err(|error| refused(&error))? {
-            return Ok(shown_frame(number, frame));
+        let (viewport, mut news) = door.viewports.watched(number)?;
+        news.borrow_and_update();
+        let due = viewport.due(after);
+        if due == Some(Duration::ZERO) {
+            // Making the file takes a while.
+            let shown = tokio::task::spawn_blocking(move || viewport.frame(after)).await;
+            let shown = shown.map_err(|_| Problem::conflict("the viewport cannot be shown", "open it anew"))?;
+            if let Some(frame) = shown.map_err(|error| refused(&error))? {
+                return Ok(shown_frame(number, frame));
+            }
+            continue;
         }
-        if begun.elapsed() > FRAME_TIME {
+        // Nobody who waits keeps a viewport that is closed.
+        drop(viewport);
+        let left = FRAME_TIME.saturating_sub(begun.elapsed());
+        if left.is_zero() {
             return Ok(StatusCode::NOT_MODIFIED.into_response());
         }
-        tokio::time::sleep(LOOK_EVERY).await;
+        // Late, closed or changed: the next turn finds out.
+        _ = tokio::time::timeout(due.unwrap_or(left).min(left), news.changed()).await;
     }
 }
 

@@ -1,0 +1,70 @@
+//! A glimpse of a picture: its colors, by a path or two a pixel, for who looks around in a scene.
+
+use std::sync::Arc;
+
+use bottega_hra::{HraClient, UnitError, WorkUnit};
+use bottega_image::{Picture, Rect};
+
+use super::{SurveyPixel, probe_settings, take_in};
+use crate::{PreparedScene, ProbeWork, RenderError, RenderOutput, RenderWork, View};
+
+/// Side of a block, in pixels: some milliseconds at most, for it may be ended between two of them.
+const BLOCK_SIDE: u32 = 8;
+
+/// The size and the cost of a glimpse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GlimpseOptions {
+    /// Bounces of the paths that the picture will be painted with.
+    pub max_depth: u32,
+    /// Paths of each pixel.
+    pub samples: u32,
+}
+
+/// Paints the whole picture `view`, which should be small, unless it is ended before: `None`.
+///
+/// All heavy work goes through `client`, which nobody else may use meanwhile. What comes of it depends on the scene, the
+/// view and the options alone.
+///
+/// - `is_ended`: asked after each block.
+///
+/// # Errors
+/// The scene has no such camera, or the allocator has failed.
+pub fn glimpse(
+    scene: &Arc<PreparedScene>,
+    view: View,
+    options: GlimpseOptions,
+    client: &HraClient<RenderWork>,
+    is_ended: &dyn Fn() -> bool,
+) -> Result<Option<Picture>, RenderError> {
+    let settings = Arc::new(probe_settings(options.max_depth));
+    let whole = Rect::of_size(view.width, view.height);
+    let blocks: Vec<Rect> = whole.blocks(BLOCK_SIDE).collect();
+    let unit = |(&rect, ticket)| {
+        let (scene, settings) = (Arc::clone(scene), Arc::clone(&settings));
+        let work = ProbeWork { scene, view, settings, rect, sample_count: options.samples };
+        WorkUnit::new(RenderWork::Probe(work), ticket)
+    };
+    client.submit_group(blocks.iter().zip(0..).map(unit).collect())?;
+    let mut pixels = vec![SurveyPixel::default(); whole.area() as usize];
+    let (mut failure, mut is_over) = (None, false);
+    // All answers are taken even after a failure: none may be left for the client's next user.
+    while let Some(completed) = client.take() {
+        match completed.output {
+            Ok(RenderOutput::Probe(seen)) => take_in(&mut pixels, whole, blocks[completed.ticket as usize], &seen),
+            Ok(RenderOutput::Refused(error)) => failure = Some(RenderError::Refused(error)),
+            Ok(_) => failure = Some(RenderError::Unanswered),
+            Err(UnitError::Expired) => is_over = true,
+            Err(error) => failure = Some(error.into()),
+        }
+        if !is_over && (failure.is_some() || is_ended()) {
+            is_over = true;
+            client.cancel_pending();
+        }
+    }
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    let picture =
+        || Picture { width: view.width, height: view.height, data: pixels.iter().map(|pixel| pixel.color).collect() };
+    Ok((!is_over).then(picture))
+}

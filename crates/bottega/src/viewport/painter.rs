@@ -1,0 +1,247 @@
+//! The painter of a viewport: one thread, which paints what is wanted, finer and finer.
+
+use std::{
+    ops::{ControlFlow, Range},
+    sync::{
+        Arc,
+        mpsc::{self, RecvTimeoutError},
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use bottega_denoise::GuideUse;
+use bottega_engines::{BuiltinEngine, CancelSwitch, EnginePreference, RenderEngine, TaskProgress, ZoneTask};
+use bottega_farm::JobSettings;
+use bottega_image::{Film, Picture, Preview, Rect, Tile};
+
+use super::shown::{ShownView, ViewportShared};
+use crate::{devices::threads, error::Error, session::Session, settings::tone};
+
+/// So long the first thing to be seen of a look is painted.
+const FIRST_TIME: Duration = Duration::from_millis(25);
+/// Paths a second, before any was timed.
+const PACE_GUESSED: f64 = 60_000.0;
+/// Paths of each of its pixels; all that is finer has one at first.
+const FIRST_SAMPLES: u32 = 2;
+/// Pixels of the first thing to be seen, at least.
+const FIRST_PIXELS: f64 = 192.0;
+/// What is coarse is as many times finer, pixel for pixel, as what was coarse before.
+const FINER: f64 = 4.0;
+/// Pixels of the picture that one of the finest of what is coarse stands for.
+const FINEST: f64 = 9.0;
+/// Samples of a pixel from which on noise is removed.
+const DENOISED_FROM: u32 = 4;
+/// How often is looked whether something else is wanted while noise is removed.
+const LOOK_EVERY: Duration = Duration::from_millis(2);
+
+/// Who paints a viewport.
+pub(super) struct ViewportPainter {
+    shared: Arc<ViewportShared>,
+    /// Paths a second, of late.
+    pace: f64,
+    noise: NoiseRemover,
+}
+
+impl ViewportPainter {
+    pub(super) fn new(shared: Arc<ViewportShared>) -> Self {
+        Self { shared, pace: PACE_GUESSED, noise: NoiseRemover::default() }
+    }
+
+    /// Paints what is wanted until nothing is any more.
+    pub(super) fn paint(mut self, session: Session) {
+        let (mut session, mut look) = (session, 0);
+        loop {
+            let painted = self.paint_look(&session, look);
+            let Some((view, next)) = self.shared.next_look(look) else { return };
+            match painted.and_then(|()| session.look(&view)) {
+                Ok(other) => (session, look) = (other, next),
+                Err(error) => return self.shared.fail(&error),
+            }
+        }
+    }
+
+    /// Paints a look until another one is wanted, or it has all samples.
+    fn paint_look(&mut self, session: &Session, look: u64) -> Result<(), Error> {
+        let Some(engine) = session.own_engine() else { return Ok(()) };
+        let settings = session.settings();
+        let frame = Rect::of_size(settings.width, settings.height);
+        let Some(coarse) = self.paint_coarse(session, engine, look)? else { return Ok(()) };
+        let preview = fresh(session, frame);
+        preview.show_coarse(&coarse, frame);
+        let shared = Arc::clone(&self.shared);
+        let show = |preview: &Arc<Preview>, samples, is_denoised| {
+            shared.show(ShownView { preview: Arc::clone(preview), look, samples, is_denoised });
+        };
+        show(&preview, 0, false);
+        let (painted, shared) = (Arc::clone(&preview), Arc::clone(&self.shared));
+        session.watch(move |tile| {
+            painted.show(tile);
+            shared.touch(&painted);
+        });
+        let (mut tile, mut done) = (None, 0);
+        while done < settings.samples {
+            let until = (2 * done).max(1).min(settings.samples);
+            let Some(cancel) = self.shared.begin(look, engine) else { return Ok(()) };
+            tile = match pass(engine, settings, (done..until, tile), cancel.clone())? {
+                Some(painted) => Some(painted),
+                None => return Ok(()),
+            };
+            done = until;
+            let film = tile.as_ref().filter(|_| done >= DENOISED_FROM).map(film_of);
+            match film.and_then(|film| self.noise.remove(session, film, &cancel)) {
+                None => self.shared.note_samples(look, done),
+                Some(clean) => {
+                    let preview = fresh(session, frame);
+                    preview.show_coarse(&clean, frame);
+                    show(&preview, done, true);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Paints a look coarsely: first what takes a moment, then finer. Returns the finest; `None`: something else is wanted.
+    fn paint_coarse(
+        &mut self,
+        session: &Session,
+        engine: &Arc<BuiltinEngine>,
+        look: u64,
+    ) -> Result<Option<Picture>, Error> {
+        let size = (session.settings().width, session.settings().height);
+        let pixels = f64::from(size.0) * f64::from(size.1);
+        let in_time = self.pace * FIRST_TIME.as_secs_f64() / f64::from(FIRST_SAMPLES);
+        let (mut cells, mut samples) = (in_time.max(FIRST_PIXELS), FIRST_SAMPLES);
+        // Who leads the camera on and on sees something of each look that was begun: the first step goes on to its end.
+        let mut cancel = self.shared.closing.clone();
+        loop {
+            let size = similar_size(size, cells.min(pixels / FINEST));
+            let begun = Instant::now();
+            let Some(coarse) = engine.glimpse(size, samples, &cancel)? else { return Ok(None) };
+            let paths = f64::from(size.0) * f64::from(size.1) * f64::from(samples);
+            self.pace = 0.5 * (self.pace + paths / begun.elapsed().as_secs_f64().max(1e-6));
+            let shape = Rect::of_size(size.0, size.1);
+            let preview = fresh(session, shape);
+            preview.show_coarse(&coarse, shape);
+            self.shared.show(ShownView { preview, look, samples: 0, is_denoised: false });
+            let Some(next) = self.shared.begin(look, engine) else { return Ok(None) };
+            if cells * FINER > pixels / FINEST {
+                return Ok(Some(coarse));
+            }
+            (cells, samples, cancel) = (cells * FINER, 1, next);
+        }
+    }
+}
+
+/// Somebody who removes noise, on a thread of its own: the library ends between two of its steps, and who wants to see something
+/// else does not wait for that.
+#[derive(Default)]
+struct NoiseRemover {
+    under_way: Option<JoinHandle<()>>,
+}
+
+impl NoiseRemover {
+    /// The picture without noise; `None`: nobody removes it, or something else is wanted.
+    fn remove(&mut self, session: &Session, film: Film, cancel: &CancelSwitch) -> Option<Picture> {
+        let denoiser = session.denoiser()?.clone();
+        self.wait();
+        let (threads, ended) = (threads(session.request()), cancel.clone());
+        let (told, removed) = mpsc::channel();
+        let remove = move || {
+            let mut go_on = |_| if ended.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            let denoised = denoiser.denoise(&film, GuideUse::AsPainted, threads, &mut go_on);
+            // Nobody may wait for it any more.
+            _ = told.send(denoised.ok().map(|denoised| denoised.film.to_picture()));
+        };
+        self.under_way = thread::Builder::new().name("viewport-noise".to_owned()).spawn(remove).ok();
+        while !cancel.is_cancelled() {
+            match removed.recv_timeout(LOOK_EVERY) {
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return None,
+                Ok(picture) => return picture,
+            }
+        }
+        None
+    }
+
+    /// Waits until nothing is under way.
+    fn wait(&mut self) {
+        if let Some(thread) = self.under_way.take() {
+            // A panic in there was already reported by the thread itself; the picture keeps its noise.
+            _ = thread.join();
+        }
+    }
+}
+
+impl Drop for NoiseRemover {
+    fn drop(&mut self) {
+        self.wait();
+    }
+}
+
+/// A black preview, as the request of a session has pictures shown.
+fn fresh(session: &Session, rect: Rect) -> Arc<Preview> {
+    let output = &session.request().output;
+    Arc::new(Preview::new(rect, output.exposure, tone(output.tonemap)))
+}
+
+/// Columns and rows of about so many pixels, of which the ratio is that of another size as nearly as can be.
+fn similar_size((width, height): (u32, u32), pixels: f64) -> (u32, u32) {
+    let ratio = f64::from(width) / f64::from(height);
+    let rows_max = (pixels / ratio).sqrt().max(1.0) as u32;
+    let columns = |rows: u32| (f64::from(rows) * ratio).round().max(1.0);
+    let error = |rows: u32| (columns(rows) / f64::from(rows) / ratio - 1.0).abs();
+    // Of those that are as near the largest one.
+    let rows = (3 * rows_max / 4).max(1)..=rows_max;
+    let rows = rows.rev().min_by(|&a, &b| error(a).total_cmp(&error(b))).unwrap_or(1);
+    (columns(rows) as u32, rows)
+}
+
+/// Some more samples of all pixels; `None`: it was ended.
+fn pass(
+    engine: &BuiltinEngine,
+    settings: &JobSettings,
+    (samples, tile): (Range<u32>, Option<Tile>),
+    cancel: CancelSwitch,
+) -> Result<Option<Tile>, Error> {
+    let task = ZoneTask {
+        rect: Rect::of_size(settings.width, settings.height),
+        samples,
+        tunables: settings.tunables,
+        leaning: EnginePreference::default(),
+        tile,
+        parts: None,
+        cancel,
+        progress: TaskProgress::default(),
+    };
+    let (told, painted) = mpsc::channel();
+    engine.start(task, Box::new(move |painted| _ = told.send(painted)));
+    let gone = |_| Error::failed("the engine does not answer", "look at the scene anew");
+    let painted = painted.recv().map_err(gone)??;
+    Ok(painted.complete.then_some(painted.tile))
+}
+
+fn film_of(tile: &Tile) -> Film {
+    let mut film = Film::new(tile.rect(), tile.layout().clone());
+    film.add_tile(tile, |_, _| 1.0);
+    film
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coarse_picture_has_the_shape_of_the_fine_one() {
+        for (size, pixels, expected) in [
+            ((720, 480), 1350.0, (45, 30)),
+            ((320, 240), 1000.0, (36, 27)),
+            ((1280, 720), 600.0, (32, 18)),
+            ((48, 32), 170.0, (15, 10)),
+            ((10_000, 1), 192.0, (10_000, 1)),
+            ((1, 1), 1.0, (1, 1)),
+        ] {
+            assert_eq!(similar_size(size, pixels), expected, "{size:?}");
+        }
+    }
+}
