@@ -96,7 +96,7 @@ impl ViewportPlace {
     /// Puts a viewport there. Returns its number. It is closed when nobody asks for it any more.
     pub(crate) fn fill(self, viewport: Viewport) -> u32 {
         let (tell, news) = watch::channel(());
-        viewport.watch(move || _ = tell.send_replace(()));
+        viewport.watch(move || tell.send_replace(()));
         let number = {
             let mut state = self.all.state();
             // This place goes on as that of the viewport.

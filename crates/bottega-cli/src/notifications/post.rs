@@ -133,7 +133,7 @@ impl Poster {
         let response = if is_secure {
             let name = ServerName::try_from(bare.to_owned())
                 .map_err(|error| FailedTry { why: format!("`{host}` has no certificate: {error}"), may_pass: false })?;
-            exchange(self.tls.connect(name, stream).await.map_err(insecure)?, request).await
+            exchange(self.tls.connect(name, stream).await.map_err(|error| insecure(&error))?, request).await
         } else {
             exchange(stream, request).await
         };
@@ -160,7 +160,7 @@ impl Poster {
 }
 
 /// Why there is no secure connection. Who is not trusted now is not trusted in some seconds.
-fn insecure(error: io::Error) -> FailedTry {
+fn insecure(error: &io::Error) -> FailedTry {
     let told = error.get_ref().and_then(|inner| inner.downcast_ref::<rustls::Error>());
     let (reason, may_pass) = match told {
         Some(rustls::Error::InvalidCertificate(problem)) => {
