@@ -132,7 +132,9 @@ impl ViewportShared {
         if state.problem.is_some() {
             return Some(Duration::ZERO);
         }
-        let shown = state.shown.as_ref().filter(|_| state.number > after)?;
+        // A fine frame of a view that is left would delay the first one of the next: it takes long to encode and to send.
+        let is_wanted = |shown: &&ShownView| shown.look == state.look || shown.samples == 0;
+        let shown = state.shown.as_ref().filter(|_| state.number > after).filter(is_wanted)?;
         let given = state.given.filter(|&(look, _)| look == shown.look);
         Some(given.map_or(Duration::ZERO, |(_, at)| FRAME_EVERY.saturating_sub(at.elapsed())))
     }
