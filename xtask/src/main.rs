@@ -18,6 +18,7 @@ mod leaks;
 mod links;
 mod manual;
 mod maps;
+mod mdbook;
 #[cfg(test)]
 mod module_heads;
 #[cfg(test)]

@@ -11,7 +11,7 @@ use anyhow::{Context, Result, ensure};
 use crate::{
     bars::root,
     links::{links, pages, plain},
-    needs::answers,
+    mdbook,
 };
 
 /// What `cargo xtask manual` takes.
@@ -41,41 +41,13 @@ pub(crate) fn manual(args: &ManualArgs) -> Result<()> {
     if !args.book {
         return Ok(());
     }
-    ensure!(has_mdbook() || install_mdbook(), "{MDBOOK} cannot be compiled");
+    ensure!(mdbook::program().is_some() || mdbook::install(), "{} cannot be compiled", mdbook::RELEASE);
     book()
-}
-
-/// The release of mdBook that the book is made with where none is installed.
-pub(crate) const MDBOOK: &str = "mdbook@0.5.4";
-
-/// Where mdBook is installed to: a program beside cargo's, not a dependency.
-fn own_mdbook() -> PathBuf {
-    root().join("target/mdbook")
-}
-
-/// mdBook: the one at hand, or that of `target/mdbook`.
-fn mdbook() -> Option<PathBuf> {
-    let own = own_mdbook().join("bin").join(format!("mdbook{}", std::env::consts::EXE_SUFFIX));
-    [PathBuf::from("mdbook"), own].into_iter().find(|program| answers(&program.to_string_lossy(), &["--version"]))
-}
-
-/// Whether the book can be made.
-pub(crate) fn has_mdbook() -> bool {
-    mdbook().is_some()
-}
-
-/// Compiles mdBook into `target/mdbook`, without its server, and as fast as that goes.
-pub(crate) fn install_mdbook() -> bool {
-    let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["install", "--quiet", "--locked", "--debug", "--no-default-features", MDBOOK, "--root"]);
-    // Outside of the workspace, whose settings are not those of programs that are installed.
-    cargo.arg(own_mdbook()).current_dir(std::env::temp_dir());
-    cargo.env_remove("CARGO_TARGET_DIR").status().is_ok_and(|status| status.success())
 }
 
 /// Makes the book of a copy of `docs/`, into which the files of the repository are laid that pages link to.
 fn book() -> Result<()> {
-    let mdbook = mdbook().context("there is no mdbook: `cargo install mdbook` brings it")?;
+    let mdbook = mdbook::program().context("there is no mdbook: `cargo install mdbook` brings it")?;
     let place = root().join("target/manual-source");
     if place.exists() {
         fs::remove_dir_all(&place)?;
@@ -142,7 +114,7 @@ mod tests {
 
     #[test]
     fn the_book_can_be_made() {
-        if !has_mdbook() {
+        if mdbook::program().is_none() {
             println!("skipped: there is no mdbook; contents and links of the manual are checked without it");
             return;
         }

@@ -10,7 +10,7 @@ use std::{
 
 use crate::{
     bars::root,
-    manual, node,
+    mdbook, node,
     python::{self, Requirements},
 };
 
@@ -66,7 +66,7 @@ pub(crate) fn install(large: bool) {
     let lists = [python::TESTS, python::LARGE_ENGINES];
     let lacking_lists: Vec<_> =
         lists.into_iter().take(if large { 2 } else { 1 }).filter(|list| !list.are_installed()).collect();
-    let (lacks_browser_driver, lacks_mdbook) = (!node::are_installed(), !manual::has_mdbook());
+    let (lacks_browser_driver, lacks_mdbook) = (!node::are_installed(), mdbook::program().is_none());
     announce(&lacking, &lacking_lists, lacks_browser_driver, lacks_mdbook);
     if !lacking.is_empty() && !run("apt-get", &["update"]) {
         println!("cannot update the lists of packages (no apt-get, or not root)");
@@ -87,7 +87,7 @@ pub(crate) fn install(large: bool) {
     if lacks_browser_driver && !node::install() {
         println!("cannot install {} into target/node: tests of the page in a browser are skipped", node::PACKAGES);
     }
-    if lacks_mdbook && !manual::install_mdbook() {
+    if lacks_mdbook && !mdbook::install() {
         println!("cannot install mdbook into target/mdbook: the book is not made");
     }
 }
@@ -109,7 +109,7 @@ fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_
         println!("  npm      {} (into target/node)", node::PACKAGES);
     }
     if lacks_mdbook {
-        println!("  cargo    {} (into target/mdbook)", manual::MDBOOK);
+        println!("  cargo    {} (into target/mdbook)", mdbook::RELEASE);
     }
 }
 

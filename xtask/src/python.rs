@@ -82,8 +82,9 @@ fn folder() -> PathBuf {
     root().join("target/python")
 }
 
-fn works(python: &Path) -> bool {
-    let mut command = Command::new(python);
+/// Whether a program says its version.
+pub(crate) fn works(program: &Path) -> bool {
+    let mut command = Command::new(program);
     command.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command.status().is_ok_and(|status| status.success())
 }

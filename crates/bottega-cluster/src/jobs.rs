@@ -25,9 +25,9 @@ pub fn known(board: &JobBoard, number: u32) -> Result<Job, Error> {
 }
 
 /// Waits a moment until this process knows of a job that another link of it has asked for: what a farm notes takes its time to
-/// every link.
+/// every link, and seconds where a server has forgotten a consumer and another one is begun.
 pub fn wait_until_known(board: &JobBoard, number: u32) {
-    const MOMENT: Duration = Duration::from_secs(5);
+    const MOMENT: Duration = Duration::from_secs(30);
     let begun = Instant::now();
     while board.get(number).is_none() && begun.elapsed() < MOMENT {
         thread::sleep(Duration::from_millis(5));

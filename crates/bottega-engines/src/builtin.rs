@@ -117,10 +117,11 @@ impl BuiltinEngine {
         if self.urgency != Urgency::Look {
             return;
         }
-        self.shared.cancelled.store(true, Ordering::SeqCst);
         self.is_left.store(true, Ordering::SeqCst);
         let lives = std::mem::take(&mut *self.lives.lock().unwrap_or_else(PoisonError::into_inner));
         lives.iter().for_each(LifeTime::end);
+        // After that, so that nobody takes units back which are to be counted.
+        self.shared.cancelled.store(true, Ordering::SeqCst);
     }
 
     /// A client for units of the picture.
