@@ -367,9 +367,12 @@ impl<'a> VirtualWorld<'a> {
             self.with_core(|core, now, out| core.landed(now, id, sequence, PacketLanding::default(), out));
             return;
         };
-        let mut landing = PacketLanding::default();
-        landing.transfers = self.transfers[id.index()].remove(&sequence);
-        landing.expired = units.iter().filter(|unit| fault.is_none() && unit.meta.expires <= self.now).count() as u64;
+        let is_late = |unit: &&Unit<usize>| fault.is_none() && unit.meta.expires <= self.now;
+        let mut landing = PacketLanding {
+            transfers: self.transfers[id.index()].remove(&sequence),
+            expired: units.iter().filter(is_late).count() as u64,
+            ..PacketLanding::default()
+        };
         match fault {
             None => {
                 landing.done = units.len();
