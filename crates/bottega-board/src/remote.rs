@@ -32,7 +32,7 @@ const ECHO_BYTES: usize = 64 << 10;
 /// No further one is sent when they have taken so long: what takes long is not disturbed by other programs, but slow.
 const ECHOES_TIME: Duration = Duration::from_millis(200);
 /// The most of them.
-const ECHOES_MAX: usize = 8;
+const ECHOES_MAX: usize = 4;
 
 /// The address of a board: `tcp://HOST:PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
