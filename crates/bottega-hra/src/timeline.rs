@@ -138,12 +138,11 @@ fn line_of(resource: &ResourceReport) -> ResourceLine<'_> {
 }
 
 fn cable_of(cable: &CableUse) -> CableLine {
-    let finite = |bandwidth: f64| Some(bandwidth).filter(|bandwidth| bandwidth.is_finite());
     CableLine {
         sent_bytes: cable.sent_bytes,
         received_bytes: cable.received_bytes,
-        bandwidth_there: finite(cable.bandwidth_there),
-        bandwidth_back: finite(cable.bandwidth_back),
+        bandwidth_there: cable.bandwidth_there,
+        bandwidth_back: cable.bandwidth_back,
         packets: cable.packets,
         packet_seconds: cable.packet_time().map(|time| time.as_secs_f64()),
     }

@@ -20,10 +20,10 @@ pub struct CableUse {
     pub sent_bytes: u64,
     /// Bytes of answers.
     pub received_bytes: u64,
-    /// Bytes a second that pass there, as measured last; infinite where nothing is known to be slow.
-    pub bandwidth_there: f64,
+    /// Bytes a second that pass there, as measured last; `None` where nothing is known to be slow.
+    pub bandwidth_there: Option<f64>,
     /// The same on the way back.
-    pub bandwidth_back: f64,
+    pub bandwidth_back: Option<f64>,
     /// Packets that were answered.
     pub packets: u64,
     /// Time from sending to the answer, all of them together.

@@ -87,12 +87,11 @@ fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
 }
 
 fn traffic(cable: &CableUse) -> CableTraffic {
-    let finite = |bandwidth: f64| Some(bandwidth).filter(|bandwidth| bandwidth.is_finite());
     CableTraffic {
         sent_bytes: cable.sent_bytes,
         received_bytes: cable.received_bytes,
-        bandwidth_there: finite(cable.bandwidth_there),
-        bandwidth_back: finite(cable.bandwidth_back),
+        bandwidth_there: cable.bandwidth_there,
+        bandwidth_back: cable.bandwidth_back,
         packets: cable.packets,
         packet_seconds: cable.packet_time().map(|time| time.as_secs_f64()),
     }
