@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 
 use anyhow::Result;
 
-use crate::{cargo::cargo, deny, needs, suite, systems};
+use crate::{beside::CheckBeside, cargo::cargo, deny, needs, suite};
 
 /// Format, lints, documentation, dependencies, other systems, tests.
 pub(crate) fn ci() -> Result<()> {
@@ -14,8 +14,9 @@ pub(crate) fn ci() -> Result<()> {
     cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])?;
     needs::install(false);
     deny::deny()?;
-    systems::systems()?;
-    suite::run(&needs::variables())
+    let systems = CheckBeside::start("systems")?;
+    let tested = suite::run(&needs::variables());
+    systems.finish().and(tested)
 }
 
 /// Every test, after what they need has been installed.

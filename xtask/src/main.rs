@@ -4,6 +4,7 @@
 
 mod absences;
 mod bars;
+mod beside;
 mod cargo;
 mod ci;
 #[cfg(test)]
@@ -42,7 +43,7 @@ use clap::Parser;
 #[derive(Parser)]
 #[command(bin_name = "cargo xtask", version)]
 enum Command {
-    /// All that continuous integration runs: format, lints, documentation, dependencies (cargo deny), then `test`.
+    /// All that continuous integration runs: format, lints, documentation, dependencies (cargo deny), then `test` with `systems` beside it.
     Ci,
     /// Every test, with a summary of what failed and what was skipped. Says first what it installs: packages of the system
     /// (Mesa's software Vulkan, `xmllint`, a NATS server, POV-Ray, Python, Chromium), pinned Python packages below `target/python`, and what drives the browser below

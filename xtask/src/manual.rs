@@ -10,6 +10,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{
     bars::root,
+    cargo,
     links::{links, pages, plain},
     mdbook,
 };
@@ -28,7 +29,7 @@ pub(crate) struct ManualArgs {
 /// The program does not compile, a page cannot be written, or there is no mdBook for the book.
 pub(crate) fn manual(args: &ManualArgs) -> Result<()> {
     // With the features that the tests have, so that nothing is compiled twice.
-    let mut build = Command::new(env!("CARGO"));
+    let mut build = cargo::command();
     build.args(["build", "--workspace", "--bin", "bottega"]).current_dir(root());
     ensure!(build.status().context("cannot start cargo")?.success(), "the program does not compile");
     for (part, page) in [("commands", "docs/reference/commands.md"), ("request", "docs/reference/request.md")] {

@@ -5,13 +5,13 @@ use std::{
     collections::BTreeMap,
     ffi::OsString,
     io::{BufRead, BufReader},
-    process::{Command, Stdio},
+    process::Stdio,
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result, ensure};
 
-use crate::bars::root;
+use crate::{bars::root, cargo};
 
 /// Runs `cargo test` over the workspace.
 ///
@@ -22,7 +22,7 @@ pub(crate) fn run(environment: &[(&'static str, OsString)]) -> Result<()> {
     let arguments = ["test", "--workspace", "--no-fail-fast", "--", "--show-output"];
     eprintln!("+ cargo {}", arguments.join(" "));
     let start = Instant::now();
-    let mut command = Command::new(env!("CARGO"));
+    let mut command = cargo::command();
     command.args(arguments).current_dir(root()).envs(environment.iter().map(|(name, value)| (name, value)));
     let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn().context("cannot start cargo test")?;
     let mut summary = Summary::default();

@@ -11,6 +11,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{
     bars::root,
+    cargo,
     python::{WHEEL, interpreter, program},
 };
 
@@ -45,7 +46,7 @@ pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     let begun = Instant::now();
     let glibc = format!("{TARGET}.{GLIBC}");
     let packages = ["--package", "bottega-cli", "--package", "bottega-python"];
-    run("cargo-zigbuild", &[&["zigbuild", "--release", "--target", &glibc][..], &packages].concat())?;
+    run("cargo-zigbuild", &[&["zigbuild", "--profile", "dist", "--target", &glibc][..], &packages].concat())?;
     let wheels = root().join("target/wheels");
     let made = pack(&wheels)?;
     if args.sdist {
@@ -76,7 +77,7 @@ fn pack(wheels: &Path) -> Result<PathBuf> {
     let (package, scripts) = (folder.join("bottega"), folder.join(format!("{name}.data/scripts")));
     fs::create_dir_all(&package)?;
     fs::create_dir_all(&scripts)?;
-    let built = root().join("target").join(TARGET).join("release");
+    let built = root().join("target").join(TARGET).join("dist");
     fs::copy(built.join("bottega"), scripts.join("bottega"))?;
     fs::copy(built.join("libbottega_python.so"), package.join("_native.abi3.so"))?;
     for entry in fs::read_dir(root().join("crates/bottega-python/python/bottega"))? {
@@ -108,6 +109,7 @@ pub(crate) fn run(tool: &str, arguments: &[&str]) -> Result<()> {
     let path = env::join_paths([tools].into_iter().chain(env::split_paths(&env::var_os("PATH").unwrap_or_default())))?;
     let mut command = Command::new(program(tool));
     command.args(arguments).current_dir(root()).env("PATH", path).env("CARGO", env!("CARGO"));
+    cargo::forget_package(&mut command);
     ensure!(command.status().with_context(|| format!("cannot start {tool}"))?.success(), "{tool} failed");
     Ok(())
 }
@@ -117,7 +119,7 @@ pub(crate) fn run(tool: &str, arguments: &[&str]) -> Result<()> {
 /// # Errors
 /// The module does not compile, or there is no Python.
 pub(crate) fn python_stubs() -> Result<()> {
-    let mut build = Command::new(env!("CARGO"));
+    let mut build = cargo::command();
     build.args(["build", "--package", "bottega-python"]).current_dir(root());
     ensure!(build.status()?.success(), "the module does not compile");
     let name = format!("target/debug/{}bottega_python{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX);

@@ -62,9 +62,18 @@ impl fmt::Display for BoardAddress {
 pub struct RemoteBoard {
     address: BoardAddress,
     build: String,
-    memory: u64,
+    greeting: BoardGreeting,
     link: Link,
     connection: Option<BoardLink>,
+}
+
+/// What a board says of itself when somebody connects.
+#[derive(Clone, Copy)]
+struct BoardGreeting {
+    /// Bytes that scenes may take there.
+    memory: u64,
+    /// Threads that follow rays; 0: none is said to.
+    threads: u64,
 }
 
 struct BoardLink {
@@ -100,8 +109,8 @@ impl RemoteBoard {
     /// # Errors
     /// Nobody is there, or it is no board of this build.
     pub fn connect(address: BoardAddress, build: &str) -> Result<Self, BoardError> {
-        let (connection, memory, link) = BoardLink::open(&address, build)?;
-        Ok(Self { address, build: build.to_owned(), memory, link, connection: Some(connection) })
+        let (connection, greeting, link) = BoardLink::open(&address, build)?;
+        Ok(Self { address, build: build.to_owned(), greeting, link, connection: Some(connection) })
     }
 
     /// Says what a scene takes of a board's memory, so that the allocator knows.
@@ -113,10 +122,15 @@ impl RemoteBoard {
     pub fn link(&self) -> Link {
         self.link
     }
+
+    /// Threads that follow rays there.
+    pub fn threads(&self) -> u64 {
+        self.greeting.threads
+    }
 }
 
 impl BoardLink {
-    fn open(address: &BoardAddress, build: &str) -> Result<(Self, u64, Link), BoardError> {
+    fn open(address: &BoardAddress, build: &str) -> Result<(Self, BoardGreeting, Link), BoardError> {
         let unreachable = |source| BoardError::Unreachable { address: address.to_string(), source };
         let places = address.0.to_socket_addrs().map_err(unreachable)?;
         let mut stream = Err(std::io::Error::from(std::io::ErrorKind::AddrNotAvailable));
@@ -143,7 +157,8 @@ impl BoardLink {
         let builder = || thread::Builder::new().name("board".to_owned());
         builder().spawn(move || write_all(out, &outbox))?;
         builder().spawn(move || listen(inbox, &listened))?;
-        Ok((Self { stream, frames, waiting, scenes: BTreeSet::new() }, hello.number, link))
+        let greeting = BoardGreeting { memory: hello.number, threads: hello.scene };
+        Ok((Self { stream, frames, waiting, scenes: BTreeSet::new() }, greeting, link))
     }
 
     /// Sends a packet. Who has gone drops its reply, which says that it is lost.
@@ -263,7 +278,7 @@ impl WindowedResource<RenderWork> for RemoteBoard {
         ResourceDescriptor {
             name: self.address.to_string(),
             primitives: PrimitiveSet::from([Primitive::Intersect, Primitive::Occluded]),
-            memory_bytes: Some(self.memory),
+            memory_bytes: Some(self.greeting.memory),
             link: self.link,
         }
     }
@@ -276,9 +291,9 @@ impl WindowedResource<RenderWork> for RemoteBoard {
 
     fn recover(&mut self) -> Result<(), String> {
         self.connection = None;
-        let (connection, memory, link) =
+        let (connection, greeting, link) =
             BoardLink::open(&self.address, &self.build).map_err(|error| error.to_string())?;
-        (self.connection, self.memory, self.link) = (Some(connection), memory, link);
+        (self.connection, self.greeting, self.link) = (Some(connection), greeting, link);
         Ok(())
     }
 

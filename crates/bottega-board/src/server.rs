@@ -122,7 +122,7 @@ impl<'a> ServedClient<'a> {
             let refusal = format!("this board is of the build {}", options.build);
             return Frame::new(FrameKind::Refusal, 0, 0, refusal.into_bytes()).write(&mut writer);
         }
-        Frame::new(FrameKind::Hello, options.memory, 0, hello.bytes).write(&mut writer)?;
+        Frame::new(FrameKind::Hello, options.memory, options.threads as u64, hello.bytes).write(&mut writer)?;
         let (arrivals, inbox) = sync_channel(FRAMES_AHEAD);
         let (answers, outbox) = sync_channel::<Frame>(FRAMES_AHEAD);
         thread::scope(|scope| {

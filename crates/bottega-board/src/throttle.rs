@@ -10,6 +10,8 @@ use std::{
 /// How long pieces occupy the cable, and the bounds of what passes at once.
 const PIECE_TIME: f64 = 0.005;
 const PIECE_BYTES: RangeInclusive<usize> = 1 << 10..=16 << 10;
+/// Whoever sleeps wakes up late: what was lost by that is made up for, if it was no longer ago.
+const LATENESS_MAX: Duration = Duration::from_micros(300);
 
 /// One direction of a connection, with a bound on what passes in a second.
 pub(crate) struct Throttled<S> {
@@ -34,7 +36,8 @@ impl<S> Throttled<S> {
     fn passed(&mut self, bytes: usize) {
         let Some(bandwidth) = self.bandwidth else { return };
         let now = Instant::now();
-        self.free_at = self.free_at.max(now) + Duration::from_secs_f64((bytes as f64 / bandwidth).min(60.0));
+        let begun = self.free_at.max(now.checked_sub(LATENESS_MAX).unwrap_or(now));
+        self.free_at = begun + Duration::from_secs_f64((bytes as f64 / bandwidth).min(60.0));
         thread::sleep(self.free_at.saturating_duration_since(now));
     }
 }

@@ -17,7 +17,7 @@ const BYTES_AT_ONCE: u64 = 1 << 20;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(crate) enum FrameKind {
-    /// Who speaks: the build, and of a board the memory for scenes.
+    /// Who speaks: the build, and of a board the memory for scenes as its number, and its threads in the place of the scene.
     Hello = 1,
     /// Shapes, to be kept by their number.
     Scene = 2,

@@ -8,7 +8,7 @@ use bottega_image::Metadata;
 use bottega_render::{PathSettings, integrator::Wave};
 
 use crate::{
-    devices::{DeviceChoice, DeviceSet, PainterWish, costs, incident_line},
+    devices::{DeviceChoice, DeviceSet, PainterWish, are_worth_waves, costs, incident_line, left_alone},
     error::Error,
     journal::name_of,
     loaded_scene::LoadedScene,
@@ -58,7 +58,11 @@ impl BuiltinPainter {
         notes.extend(self.crew.notes.iter().cloned());
         let has_paths = self.method.photons.is_none()
             && self.subject.prepared.can_learn(self.subject.view, planned_samples(&self.settings));
-        if wants_waves(request, &self.crew) {
+        let Self { crew, .. } = self;
+        if !(crew.boards.is_empty() || wants_waves(request, crew)) {
+            notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
+        }
+        if wants_waves(request, crew) {
             let paths = PathSettings { photons: self.method.photons, ..PathSettings::default() };
             let (prepared, layout) = (&self.subject.prepared, &self.settings.layout);
             let refusal = Wave::refusal(prepared, self.subject.view, &paths, layout);
@@ -124,9 +128,9 @@ impl BuiltinPainter {
     }
 }
 
-/// Whether rays are to be units of their own: boards do nothing else.
+/// Whether rays are to be units of their own: boards do nothing else, and a GPU paints whole paths far faster than it follows rays.
 fn wants_waves(request: &Request, crew: &DeviceSet) -> bool {
-    request.integrator.wavefront || !crew.boards.is_empty()
+    request.integrator.wavefront || (crew.gpus.is_empty() && are_worth_waves(&crew.boards, crew.threads))
 }
 
 /// Our own engine for a scene, and who paints for it.

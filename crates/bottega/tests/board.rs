@@ -40,6 +40,8 @@ fn request(devices: &[&str]) -> Request {
     request.goal.samples = Some(16);
     request.devices.threads = Some(1);
     request.devices.names = devices.iter().map(|&name| name.to_owned()).collect();
+    // Also where a board would be left alone, as on a busy machine, which takes its cable for slow.
+    request.integrator.wavefront = true;
     request
 }
 
@@ -51,6 +53,12 @@ fn paint(request: &Request) -> (Picture, u64) {
 
 /// The picture, and what the board did.
 fn paint_with(request: &Request) -> (Picture, Option<ResourceUse>) {
+    let (picture, used, _) = paint_and_listen(request);
+    (picture, used)
+}
+
+/// And what the user was warned of.
+fn paint_and_listen(request: &Request) -> (Picture, Option<ResourceUse>, Vec<String>) {
     let notes = Arc::new(Notes::default());
     let session = Session::open_with(request, SessionOptions::default()).unwrap();
     let picture = session.render(Arc::clone(&notes) as _, &StopSwitch::new()).unwrap();
@@ -59,8 +67,13 @@ fn paint_with(request: &Request) -> (Picture, Option<ResourceUse>) {
         Event::Resources { resources, .. } => resources.iter().find(|it| it.name.starts_with("tcp://")).cloned(),
         _ => None,
     });
+    let warnings = told.iter().filter_map(|event| match event {
+        Event::Warning { message } => Some(message.clone()),
+        _ => None,
+    });
+    let warnings = warnings.collect();
     drop(told);
-    (picture, used)
+    (picture, used, warnings)
 }
 
 fn bits(picture: &Picture) -> Vec<[u32; 4]> {
@@ -93,6 +106,25 @@ fn a_board_behind_a_slow_cable_is_left_alone() {
     let (both, slow) = paint(&request(&["cpu", &board(Some(20e3), identity())]));
     assert!(bits(&alone) == bits(&both));
     assert!(slow * 4 < fast.max(4), "{slow} units where one with a fast cable has {fast}");
+}
+
+/// Waves take processors longer than blocks: they are painted where boards save more than that, or where they are asked for.
+#[test]
+fn where_a_board_saves_nothing_the_picture_is_painted_in_blocks() {
+    let automatic = |name: &str| {
+        let mut request = request(&["cpu", name]);
+        request.integrator.wavefront = false;
+        let (picture, used, warnings) = paint_and_listen(&request);
+        let is_told = warnings.iter().any(|warning| warning.contains("left alone"));
+        (bits(&picture), used.map_or(0, |used| used.units), is_told)
+    };
+    let (alone, _) = paint(&request(&["cpu"]));
+    // Over 5 MB/s its rays take longer than on the processor.
+    let (slow, units, is_told) = automatic(&board(Some(5e6), identity()));
+    assert!(units == 0 && is_told, "{units} units, told: {is_told}");
+    let (fast, units, is_told) = automatic(&board(None, identity()));
+    assert!((units > 0) != is_told, "{units} units, told: {is_told}");
+    assert!(slow == bits(&alone) && fast == bits(&alone));
 }
 
 #[test]

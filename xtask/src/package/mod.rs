@@ -13,12 +13,12 @@ use std::{fs, path::PathBuf, process::Command};
 use anyhow::{Result, ensure};
 
 use self::tools::{VERSION, call};
-use crate::bars::root;
+use crate::{bars::root, cargo};
 
 /// What `cargo xtask package` takes.
 #[derive(clap::Args)]
 pub(crate) struct PackageArgs {
-    /// Pack this program; without it the release build is made first.
+    /// Pack this program; without it the one of the profile `dist` is built first.
     #[arg(long, value_name = "PATH")]
     program: Option<PathBuf>,
     /// Where the packages go.
@@ -38,11 +38,9 @@ pub(crate) fn package(args: &PackageArgs) -> Result<()> {
         Some(program) => program.clone(),
         None => {
             call(
-                Command::new(env!("CARGO"))
-                    .args(["build", "--release", "--package", "bottega-cli"])
-                    .current_dir(root()),
+                cargo::command().args(["build", "--profile", "dist", "--package", "bottega-cli"]).current_dir(root()),
             )?;
-            root().join("target/release/bottega")
+            root().join("target/dist/bottega")
         }
     };
     ensure!(program.is_file(), "there is no program `{}`", program.display());

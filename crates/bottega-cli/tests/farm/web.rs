@@ -201,7 +201,7 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
         steer_there.post("/api/jobs", &json!({ "request": request("goblets.glb", 2000), "files_of_job": 1 }));
     assert_eq!((status, &told["job"]), (201, &json!(2)), "{told}");
     assert_eq!(steer.post("/api/jobs/2/pause", &json!({})).1["state"], "paused");
-    assert_eq!(steer_there.job(2)["state"], "paused");
+    farm.until("the other door knows", || steer_there.job(2)["state"] == "paused");
     let urgent = json!({ "priority": 30 }).to_string();
     assert_eq!(steer.ask("PUT", "/api/jobs/2/priority", "application/json", urgent.as_bytes()).0, 200);
     assert_eq!(steer.post("/api/jobs/2/resume", &json!({})).1["priority"], 30);

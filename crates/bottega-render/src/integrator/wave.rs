@@ -26,6 +26,8 @@ pub struct Wave {
     /// Pixels, each with the index of a sample.
     samples: Vec<(u32, u32, u32)>,
     paths: Vec<WavePath>,
+    /// Paths that have not ended.
+    live_count: usize,
     /// Light that waits for its ray, and which path it is for.
     deferred: Vec<(u32, Spectrum)>,
     /// What came of the samples, in their order.
@@ -51,8 +53,18 @@ struct WavePath {
     factor: f32,
     /// Parts of it that wait.
     branches: Vec<Branch>,
-    /// Whether it goes no further, and only waits for light.
-    is_over: bool,
+    stage: Stage,
+}
+
+/// How far a path is.
+#[derive(Clone, Copy, PartialEq)]
+enum Stage {
+    /// Its ray is asked for.
+    Ray,
+    /// It goes no further, and waits for light alone.
+    Light,
+    /// Its record is there. It stays in its place, for to move the others costs more than to pass it by.
+    Ended,
 }
 
 impl Wave {
@@ -73,12 +85,12 @@ impl Wave {
 
     /// Whether all paths are at their end.
     pub fn is_over(&self) -> bool {
-        !self.samples.is_empty() && self.paths.is_empty() && self.records.len() == self.samples.len()
+        !self.samples.is_empty() && self.live_count == 0 && self.records.len() == self.samples.len()
     }
 
     /// Paths that are to be shaded next: the size of that work.
     pub(crate) fn path_count(&self) -> u64 {
-        if self.records.is_empty() { self.samples.len() as u64 } else { self.paths.len() as u64 }
+        if self.records.is_empty() { self.samples.len() as u64 } else { self.live_count as u64 }
     }
 
     pub(crate) fn samples(&self) -> &[(u32, u32, u32)] {
@@ -97,7 +109,7 @@ impl Wave {
 
 impl fmt::Debug for Wave {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} of {} paths, {} rays", self.paths.len(), self.samples.len(), self.rays.len())
+        write!(f, "{} of {} paths, {} rays", self.live_count, self.samples.len(), self.rays.len())
     }
 }
 
@@ -132,7 +144,9 @@ impl Wave {
             self.take_light(&answers.occluded);
             self.meet::<AGENTS>(integrators, &answers.hits);
         }
-        self.rays = Arc::new(self.paths.iter().filter(|it| !it.is_over).map(|it| it.path.ray()).collect());
+        let mut rays = Vec::with_capacity(self.live_count);
+        rays.extend(self.paths.iter().filter(|it| it.stage == Stage::Ray).map(|it| it.path.ray()));
+        self.rays = Arc::new(rays);
     }
 
     #[inline(always)]
@@ -146,9 +160,10 @@ impl Wave {
             if AGENTS {
                 path.expect(integrator.place(x, y));
             }
-            WavePath { path: path.suspend(), sample, factor, branches: Vec::new(), is_over: false }
+            WavePath { path: path.suspend(), sample, factor, branches: Vec::new(), stage: Stage::Ray }
         });
         self.paths = begun.collect();
+        self.live_count = self.paths.len();
     }
 
     /// Adds the light that nothing is in front of.
@@ -168,35 +183,40 @@ impl Wave {
         assert_eq!(hits.len(), self.rays.len(), "a hit for every ray");
         let mut hits = hits.iter();
         let (mut shadow_rays, mut deferred, mut lights) = (Vec::new(), Vec::new(), Vec::<DeferredLight>::new());
-        let mut paths = Vec::with_capacity(self.paths.len());
-        for mut it in std::mem::take(&mut self.paths) {
+        // Most of those that ended are let go of at once, and seldom.
+        if 2 * self.live_count < self.paths.len() {
+            self.paths.retain(|it| it.stage != Stage::Ended);
+        }
+        for (it, at) in self.paths.iter_mut().zip(0..) {
+            if it.stage == Stage::Ended {
+                continue;
+            }
             let (x, y, _) = self.samples[it.sample as usize];
             let integrator = integrators.of_pixel(x, y);
-            if !it.is_over {
+            if it.stage == Stage::Ray {
                 let Some(hit) = hits.next() else { return };
                 let mut path = integrator.resume(&it.path);
-                it.is_over = !path.meet::<AGENTS, true>(hit, &mut it.branches, &mut lights);
+                if !path.meet::<AGENTS, true>(hit, &mut it.branches, &mut lights) {
+                    it.stage = Stage::Light;
+                }
                 it.path = path.suspend();
             }
             let waits = !lights.is_empty();
-            let at = paths.len() as u32;
             for DeferredLight { ray, light } in lights.drain(..) {
                 shadow_rays.push(ray);
                 deferred.push((at, light));
             }
-            if it.is_over && !waits {
+            if it.stage == Stage::Light && !waits {
                 if let Some(branch) = it.branches.pop() {
                     it.path.go_back(branch);
-                    it.is_over = false;
+                    it.stage = Stage::Ray;
                 } else {
-                    let record = integrator.resume(&it.path).finish().scaled(it.factor);
-                    self.records[it.sample as usize] = record;
-                    continue;
+                    self.records[it.sample as usize] = integrator.resume(&it.path).finish().scaled(it.factor);
+                    it.stage = Stage::Ended;
+                    self.live_count -= 1;
                 }
             }
-            paths.push(it);
         }
-        self.paths = paths;
         self.deferred = deferred;
         self.shadow_rays = Arc::new(shadow_rays);
     }

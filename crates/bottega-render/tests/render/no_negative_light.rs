@@ -48,9 +48,8 @@ const OWN: [&str; 13] = [
 ];
 
 /// Files below the folder that `BOTTEGA_SCENES` names.
-const SHARED: [&str; 29] = [
+const SHARED: [&str; 25] = [
     "ala/ala.pbrt",
-    "ala/ala.xml",
     "coffee/pbrt/scene-v4.pbrt",
     "cornell-box/mitsuba/scene_v3.xml",
     "cornell-box/pbrt/scene-v4.pbrt",
@@ -71,11 +70,8 @@ const SHARED: [&str; 29] = [
     "peers/b_ala.xml",
     "peers/c_goblets.xml",
     "peers/d_interior.xml",
-    "staircase2/mitsuba/scene.xml",
     "staircase2/pbrt/scene-v4.pbrt",
-    "veach-bidir/mitsuba/scene_v3.xml",
     "veach-bidir/pbrt/scene-v4.pbrt",
-    "veach-mis/mitsuba/scene_v3.xml",
     "veach-mis/pbrt/scene-v4.pbrt",
     "volumetric-caustic/pbrt/scene-v4.pbrt",
 ];

@@ -8,7 +8,10 @@ use bottega_gpu::{AdapterKind, EncodedScene, GpuAdapter, GpuError, GpuScenes, ad
 use bottega_image::{Aov, Layout};
 use bottega_render::PreparedScene;
 
-use super::kept::{self, ResourceKey};
+use super::{
+    board::ConnectedBoard,
+    kept::{self, KeptResources, ResourceKey},
+};
 use crate::{
     error::{Error, error_chain},
     request::DeviceChoice,
@@ -34,8 +37,8 @@ pub struct DeviceSet {
     pub resources: Arc<Resources>,
     /// Names of the GPUs.
     pub gpus: Vec<String>,
-    /// Addresses of the boards that follow rays.
-    pub boards: Vec<String>,
+    /// The boards that can follow rays.
+    pub boards: Vec<ConnectedBoard>,
     /// The GPUs' memory, in the same order.
     pub scenes: Vec<GpuScenes>,
     /// Why others do not, for the user.
@@ -81,22 +84,22 @@ impl DeviceSet {
         }
         let key = |gpus: &[GpuAdapter], boards: &[String]| ResourceKey::new(threads, gpus, boards, memory);
         let opened = kept::resources(key(&adapters, &boards), joins, &adapters, &encoded);
-        let (resources, scenes, threads) = match opened {
-            Ok(opened) => opened,
+        let (opened, gpus) = match opened {
+            Ok(opened) => (opened, names),
             Err(error) if threads == 0 || !boards.is_empty() => return Err(error),
             // Refused to that device, not to the picture.
             Err(error) => {
                 notes.push(format!("{} does not take part: {}", names.join(", "), error_chain(&error)));
-                let (resources, scenes, threads) = kept::resources(key(&[], &[]), joins, &[], &[])?;
-                return Ok(Self { threads, resources, gpus: Vec::new(), boards, scenes, notes });
+                (kept::resources(key(&[], &[]), joins, &[], &[])?, Vec::new())
             }
         };
-        Ok(Self { threads, resources, gpus: names, boards, scenes, notes })
+        let KeptResources { resources, boards, scenes, .. } = opened;
+        Ok(Self { threads: opened.key.threads(), resources, gpus, boards, scenes, notes })
     }
 
     /// Who paints, in words.
     pub fn names(&self) -> String {
-        let boards = self.boards.iter().cloned();
+        let boards = self.boards.iter().map(|board| board.name.clone());
         names(self.threads, &self.gpus.iter().cloned().chain(boards).collect::<Vec<_>>())
     }
 }

@@ -12,6 +12,7 @@ use bottega_gpu::{EncodedScene, GpuAdapter, GpuPaths, GpuScenes};
 use bottega_hra::{Lane, Window};
 
 use super::{
+    board::{ConnectedBoard, are_worth_waves},
     costs,
     gpu::{lane_of, path_options},
 };
@@ -42,6 +43,11 @@ impl ResourceKey {
         Self { threads, gpus, boards: boards.to_vec(), memory }
     }
 
+    /// Processors; 0: none.
+    pub(super) fn threads(&self) -> usize {
+        self.threads
+    }
+
     /// Whether these are the same devices, beside whatever number of processors.
     fn differs_in_threads(&self, other: &Self) -> bool {
         let have_threads = self.threads > 0 && other.threads > 0;
@@ -49,16 +55,29 @@ impl ResourceKey {
     }
 }
 
-struct KeptResources {
-    key: ResourceKey,
-    resources: Arc<Resources>,
-    scenes: Vec<GpuScenes>,
+#[derive(Clone)]
+pub(super) struct KeptResources {
+    pub(super) key: ResourceKey,
+    pub(super) resources: Arc<Resources>,
+    pub(super) boards: Vec<ConnectedBoard>,
+    pub(super) scenes: Vec<GpuScenes>,
+}
+
+impl KeptResources {
+    fn is_painting(&self) -> bool {
+        Arc::strong_count(&self.resources) > 1
+    }
+
+    /// Whether boards were too slow for these processors when they were connected. They may be faster now.
+    fn are_boards_slow(&self) -> bool {
+        !self.boards.is_empty() && !are_worth_waves(&self.boards, self.key.threads)
+    }
 }
 
 /// Processors and GPUs behind one allocator: those that an earlier picture has left, or new ones. The GPUs are told of the
 /// picture's scene.
 ///
-/// - `joins`: whether those are as good that paint now, whatever the number of processors. Returned is how many they are.
+/// - `joins`: whether those are as good that paint now, whatever the number of processors; the key that is returned says how many.
 /// - `encoded`: the scene, for each of the GPUs.
 ///
 /// # Errors
@@ -68,11 +87,11 @@ pub(super) fn resources(
     joins: bool,
     gpus: &[GpuAdapter],
     encoded: &[EncodedScene],
-) -> Result<(Arc<Resources>, Vec<GpuScenes>, usize), Error> {
+) -> Result<KeptResources, Error> {
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-    let is_painting = |known: &KeptResources| Arc::strong_count(&known.resources) > 1;
-    let may_join = |known: &KeptResources| joins && is_painting(known) && known.key.differs_in_threads(&key);
-    let painting = kept.iter().position(|known| known.key == key && is_painting(known));
+    kept.retain(|known| known.is_painting() || !known.are_boards_slow());
+    let may_join = |known: &KeptResources| joins && known.is_painting() && known.key.differs_in_threads(&key);
+    let painting = kept.iter().position(|known| known.key == key && known.is_painting());
     let found = painting.or_else(|| kept.iter().position(may_join));
     let found = match found.or_else(|| kept.iter().position(|known| known.key == key)) {
         Some(at) => kept.remove(at),
@@ -84,13 +103,12 @@ pub(super) fn resources(
     let admitted = found.scenes.iter().zip(encoded).try_for_each(|(scenes, encoded)| scenes.admit(encoded));
     // A device that failed is not kept: the next picture opens it anew.
     admitted?;
-    let opened = (Arc::clone(&found.resources), found.scenes.clone(), found.key.threads);
-    kept.push(found);
-    Ok(opened)
+    kept.push(found.clone());
+    Ok(found)
 }
 
 fn open(key: ResourceKey, gpus: &[GpuAdapter]) -> Result<KeptResources, Error> {
-    let (mut lanes, mut scenes) = (Vec::new(), Vec::new());
+    let (mut lanes, mut scenes, mut boards) = (Vec::new(), Vec::new(), Vec::new());
     for adapter in gpus {
         let options = path_options(Some(adapter.info().name.clone()), key.memory);
         let gpu = GpuPaths::open(adapter.clone(), &options)?;
@@ -99,16 +117,17 @@ fn open(key: ResourceKey, gpus: &[GpuAdapter]) -> Result<KeptResources, Error> {
     }
     for address in &key.boards {
         let board = RemoteBoard::connect(BoardAddress::of(address)?, identity())?;
+        boards.push(ConnectedBoard::of(address, &board));
         lanes.push(Lane::Windowed(Box::new(board) as _, Window { patience: BOARD_PATIENCE, ..Window::default() }));
     }
     let costs = if gpus.is_empty() { None } else { costs::read() };
     let resources = Arc::new(Resources::new(key.threads, Devices { lanes, costs }));
-    Ok(KeptResources { key, resources, scenes })
+    Ok(KeptResources { key, resources, boards, scenes })
 }
 
 /// Lets go of what nobody uses: where there are too many, and where a GPU that is wanted is held by other resources.
 fn make_room(kept: &mut Vec<KeptResources>, key: &ResourceKey) {
-    let is_idle = |known: &KeptResources| Arc::strong_count(&known.resources) == 1;
+    let is_idle = |known: &KeptResources| !known.is_painting();
     kept.retain(|known| !(is_idle(known) && known.key.gpus.iter().any(|gpu| key.gpus.contains(gpu))));
     while kept.len() >= KEPT_MAX {
         let Some(at) = kept.iter().position(is_idle) else { return };
@@ -120,7 +139,7 @@ fn make_room(kept: &mut Vec<KeptResources>, key: &ResourceKey) {
 pub fn release() {
     let idle: Vec<_> = {
         let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.extract_if(.., |known| Arc::strong_count(&known.resources) == 1).collect()
+        kept.extract_if(.., |known| !known.is_painting()).collect()
     };
     drop(idle); // Outside the lock: devices may take a moment to end.
 }

@@ -1,5 +1,6 @@
 //! The devices of this machine: processors and GPUs.
 
+mod board;
 mod choice;
 pub mod costs;
 mod gpu;
@@ -10,7 +11,9 @@ use std::{sync::Arc, thread};
 use bottega_hra::{HraReport, Incident, Lane};
 use bottega_render::{PreparedScene, RenderWork};
 
+pub(crate) use self::board::{are_worth_waves, left_alone};
 pub use self::{
+    board::ConnectedBoard,
     choice::{DeviceSet, PainterWish, beside_gpus, beside_processors},
     kept::release,
 };

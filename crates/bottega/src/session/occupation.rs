@@ -73,7 +73,7 @@ fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
         sent_bytes: scenes.map(bottega_gpu::GpuScenes::sent_bytes),
         cable: resource
             .cable
-            .filter(|_| painter.crew.boards.contains(&resource.descriptor.name))
+            .filter(|_| painter.crew.boards.iter().any(|board| board.name == resource.descriptor.name))
             .map(|it| traffic(&it)),
     });
     Event::Resources {
