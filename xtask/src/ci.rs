@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 
 use anyhow::Result;
 
-use crate::{beside::CheckBeside, cargo::cargo, deny, needs, suite};
+use crate::{beside::CheckBeside, cargo::cargo, deny, needs, suite, systems};
 
 /// Format, lints, documentation, dependencies, other systems, tests.
 pub(crate) fn ci() -> Result<()> {
@@ -14,6 +14,8 @@ pub(crate) fn ci() -> Result<()> {
     cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])?;
     needs::install(false);
     deny::deny()?;
+    // Before the tests, which have the same Python.
+    systems::bring_zig();
     let systems = CheckBeside::start("systems")?;
     let tested = suite::run(&needs::variables());
     systems.finish().and(tested)

@@ -16,7 +16,7 @@ const TARGETS: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
 /// # Errors
 /// Something does not compile there.
 pub(crate) fn systems() -> Result<()> {
-    let has_zig = WHEEL.are_installed() || WHEEL.install();
+    let has_zig = bring_zig();
     for target in TARGETS {
         let has_library = Command::new("rustup").args(["target", "add", target]).status().is_ok_and(|it| it.success());
         if !(has_zig && has_library) {
@@ -28,6 +28,11 @@ pub(crate) fn systems() -> Result<()> {
         ensure!(run("cargo-zigbuild", &arguments).is_ok(), "the workspace does not compile for {target}");
     }
     Ok(())
+}
+
+/// Installs zig below `target/python`, if it is not there. Whether it is then.
+pub(crate) fn bring_zig() -> bool {
+    WHEEL.are_installed() || WHEEL.install()
 }
 
 #[cfg(test)]

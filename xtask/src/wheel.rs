@@ -46,7 +46,7 @@ pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     let begun = Instant::now();
     let glibc = format!("{TARGET}.{GLIBC}");
     let packages = ["--package", "bottega-cli", "--package", "bottega-python"];
-    run("cargo-zigbuild", &[&["zigbuild", "--profile", "dist", "--target", &glibc][..], &packages].concat())?;
+    run("cargo-zigbuild", &[&["zigbuild", "--release", "--target", &glibc][..], &packages].concat())?;
     let wheels = root().join("target/wheels");
     let made = pack(&wheels)?;
     if args.sdist {
@@ -77,7 +77,7 @@ fn pack(wheels: &Path) -> Result<PathBuf> {
     let (package, scripts) = (folder.join("bottega"), folder.join(format!("{name}.data/scripts")));
     fs::create_dir_all(&package)?;
     fs::create_dir_all(&scripts)?;
-    let built = root().join("target").join(TARGET).join("dist");
+    let built = root().join("target").join(TARGET).join("release");
     fs::copy(built.join("bottega"), scripts.join("bottega"))?;
     fs::copy(built.join("libbottega_python.so"), package.join("_native.abi3.so"))?;
     for entry in fs::read_dir(root().join("crates/bottega-python/python/bottega"))? {

@@ -3,7 +3,7 @@
 use std::{
     path::Path,
     sync::{
-        Arc, Mutex,
+        Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicUsize, Ordering},
     },
     thread,
@@ -16,6 +16,12 @@ use bottega::{
     viewport::{Viewport, ViewportFrame},
 };
 use bottega_image::{ReadLimits, read_image_bytes};
+
+/// A viewport joins whoever paints in this process: tests that paint do so one after the other.
+fn processors() -> MutexGuard<'static, ()> {
+    static PROCESSORS: Mutex<()> = Mutex::new(());
+    PROCESSORS.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 fn request() -> Request {
     let mut request = Request::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb"));
@@ -36,6 +42,7 @@ fn bits(session: Session) -> Vec<u32> {
 
 #[test]
 fn a_session_that_looks_from_elsewhere_paints_the_bits_of_one_that_was_opened_so() {
+    let _alone = processors();
     let (request, view) = (request(), from_above());
     let there = Request { view: view.clone(), ..request.clone() };
     let wanted = bits(Session::open(&there).expect("it is opened"));
@@ -88,6 +95,7 @@ fn frame(viewport: &Viewport, wanted: impl Fn(&ViewportFrame) -> bool) -> (Viewp
 
 #[test]
 fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
+    let _alone = processors();
     let request =
         Request { goal: bottega::request::GoalOptions { samples: Some(8), ..Default::default() }, ..request() };
     let viewport = Viewport::open(&request).expect("it is opened");
@@ -138,6 +146,7 @@ impl Watcher for Notes {
 
 #[test]
 fn a_viewport_beside_a_picture_goes_first_and_what_was_looked_away_from_is_told() {
+    let _alone = processors();
     let long = request().with("goal.samples", "100000").unwrap().with("devices.threads", "1").unwrap();
     let (notes, stop) = (Arc::new(Notes::default()), StopSwitch::new());
     let session = Session::open(&long).expect("it is opened");
@@ -149,10 +158,12 @@ fn a_viewport_beside_a_picture_goes_first_and_what_was_looked_away_from_is_told(
     // It asks for other threads, and joins those that paint all the same: else nobody could go first.
     let wanted = request().with("goal.samples", "1024").unwrap().with("devices.threads", "2").unwrap();
     let viewport = Viewport::open(&wanted).expect("it is opened");
-    for _ in 0..3 {
+    // At some of these moments work of the view waits; at others its next step is being asked for.
+    for moment in 0..12 {
         let look = viewport.look(&from_above()).expect("it looks");
         let (_, took) = frame(&viewport, |frame| frame.look == look && frame.samples >= 4);
         eprintln!("four samples of another view after {} ms", took.as_millis());
+        thread::sleep(Duration::from_millis(moment));
     }
     drop(viewport);
     stop.request();

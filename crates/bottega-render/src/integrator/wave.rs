@@ -53,12 +53,12 @@ struct WavePath {
     factor: f32,
     /// Parts of it that wait.
     branches: Vec<Branch>,
-    stage: Stage,
+    stage: PathStage,
 }
 
 /// How far a path is.
 #[derive(Clone, Copy, PartialEq)]
-enum Stage {
+enum PathStage {
     /// Its ray is asked for.
     Ray,
     /// It goes no further, and waits for light alone.
@@ -145,7 +145,7 @@ impl Wave {
             self.meet::<AGENTS>(integrators, &answers.hits);
         }
         let mut rays = Vec::with_capacity(self.live_count);
-        rays.extend(self.paths.iter().filter(|it| it.stage == Stage::Ray).map(|it| it.path.ray()));
+        rays.extend(self.paths.iter().filter(|it| it.stage == PathStage::Ray).map(|it| it.path.ray()));
         self.rays = Arc::new(rays);
     }
 
@@ -160,7 +160,7 @@ impl Wave {
             if AGENTS {
                 path.expect(integrator.place(x, y));
             }
-            WavePath { path: path.suspend(), sample, factor, branches: Vec::new(), stage: Stage::Ray }
+            WavePath { path: path.suspend(), sample, factor, branches: Vec::new(), stage: PathStage::Ray }
         });
         self.paths = begun.collect();
         self.live_count = self.paths.len();
@@ -185,19 +185,19 @@ impl Wave {
         let (mut shadow_rays, mut deferred, mut lights) = (Vec::new(), Vec::new(), Vec::<DeferredLight>::new());
         // Most of those that ended are let go of at once, and seldom.
         if 2 * self.live_count < self.paths.len() {
-            self.paths.retain(|it| it.stage != Stage::Ended);
+            self.paths.retain(|it| it.stage != PathStage::Ended);
         }
         for (it, at) in self.paths.iter_mut().zip(0..) {
-            if it.stage == Stage::Ended {
+            if it.stage == PathStage::Ended {
                 continue;
             }
             let (x, y, _) = self.samples[it.sample as usize];
             let integrator = integrators.of_pixel(x, y);
-            if it.stage == Stage::Ray {
+            if it.stage == PathStage::Ray {
                 let Some(hit) = hits.next() else { return };
                 let mut path = integrator.resume(&it.path);
                 if !path.meet::<AGENTS, true>(hit, &mut it.branches, &mut lights) {
-                    it.stage = Stage::Light;
+                    it.stage = PathStage::Light;
                 }
                 it.path = path.suspend();
             }
@@ -206,13 +206,13 @@ impl Wave {
                 shadow_rays.push(ray);
                 deferred.push((at, light));
             }
-            if it.stage == Stage::Light && !waits {
+            if it.stage == PathStage::Light && !waits {
                 if let Some(branch) = it.branches.pop() {
                     it.path.go_back(branch);
-                    it.stage = Stage::Ray;
+                    it.stage = PathStage::Ray;
                 } else {
                     self.records[it.sample as usize] = integrator.resume(&it.path).finish().scaled(it.factor);
-                    it.stage = Stage::Ended;
+                    it.stage = PathStage::Ended;
                     self.live_count -= 1;
                 }
             }
