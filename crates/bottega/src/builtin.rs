@@ -58,11 +58,7 @@ impl BuiltinPainter {
         notes.extend(self.crew.notes.iter().cloned());
         let has_paths = self.method.photons.is_none()
             && self.subject.prepared.can_learn(self.subject.view, planned_samples(&self.settings));
-        let Self { crew, .. } = self;
-        if !(crew.boards.is_empty() || wants_waves(request, crew)) {
-            notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
-        }
-        if wants_waves(request, crew) {
+        if wants_waves(request, &self.crew) {
             let paths = PathSettings { photons: self.method.photons, ..PathSettings::default() };
             let (prepared, layout) = (&self.subject.prepared, &self.settings.layout);
             let refusal = Wave::refusal(prepared, self.subject.view, &paths, layout);
@@ -169,7 +165,11 @@ fn engine_for(
         .exactly(request.devices.exact)?;
     let memory = request.devices.memory_mb.map(|mib| u64::from(mib) << 20);
     let wanted = PainterWish { threads: job.processors, memory, joins: urgency == Urgency::Look };
-    let crew = DeviceSet::gather(&choice, &wanted, &subject.prepared, &job.layout, photons.is_some())?;
+    let mut crew = DeviceSet::gather(&choice, &wanted, &subject.prepared, &job.layout, photons.is_some())?;
+    if !(crew.boards.is_empty() || wants_waves(request, &crew)) {
+        crew.notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
+        crew.boards.clear();
+    }
     let wavefront =
         wants_waves(request, &crew) && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
     let options =

@@ -36,7 +36,8 @@ impl ConnectedBoard {
 ///
 /// - `processors`: those that paint.
 pub(crate) fn are_worth_waves(boards: &[ConnectedBoard], processors: usize) -> bool {
-    boards.iter().map(ConnectedBoard::worth).sum::<f64>() >= SHARE_MIN * processors as f64
+    let worth: f64 = boards.iter().map(ConnectedBoard::worth).sum();
+    !boards.is_empty() && worth >= SHARE_MIN * processors as f64
 }
 
 /// Why boards are left alone, for the user.
@@ -80,7 +81,7 @@ mod tests {
         assert!(!are_worth_waves(&[board(64, 20.0)], 1), "the cable is too slow");
         assert!(!are_worth_waves(&[board(4, 1000.0)], 16), "too few threads");
         assert!(are_worth_waves(&[board(4, 1000.0), board(16, 2000.0)], 16));
-        assert!(!are_worth_waves(&[], 1));
+        assert!(!are_worth_waves(&[], 1) && !are_worth_waves(&[], 0), "there is none");
     }
 
     #[test]

@@ -37,7 +37,7 @@ pub struct DeviceSet {
     pub resources: Arc<Resources>,
     /// Names of the GPUs.
     pub gpus: Vec<String>,
-    /// The boards that can follow rays.
+    /// The boards that follow rays; none where they are left alone.
     pub boards: Vec<ConnectedBoard>,
     /// The GPUs' memory, in the same order.
     pub scenes: Vec<GpuScenes>,
