@@ -11,8 +11,8 @@ use anyhow::{Context, Result, ensure};
 
 use crate::bars::root;
 
-/// A command of xtask that runs with what processors others leave, and builds in a folder of its own: two calls of cargo in one
-/// folder wait for each other.
+/// A command of xtask that runs with what processors others leave. It takes what they have compiled for this machine (macros, build
+/// scripts), so it must not begin before they have: two calls of cargo that compile wait for each other.
 pub(crate) struct CheckBeside {
     name: &'static str,
     child: Child,
@@ -23,14 +23,11 @@ impl CheckBeside {
     /// # Errors
     /// It cannot be started.
     pub(crate) fn start(name: &'static str) -> Result<Self> {
-        let folder = root().join("target").join(name);
-        fs::create_dir_all(&folder)?;
-        let log = folder.join("log");
+        let log = root().join("target").join(name).with_extension("log");
         let file = File::create(&log).with_context(|| format!("cannot write {}", log.display()))?;
         let mut command = Command::new("nice");
         command.args(["-n", "19"]).arg(env::current_exe()?).arg(name);
-        command.current_dir(root()).env("CARGO_TARGET_DIR", &folder);
-        let child = command.stdout(file.try_clone()?).stderr(file).spawn();
+        let child = command.current_dir(root()).stdout(file.try_clone()?).stderr(file).spawn();
         eprintln!("+ cargo xtask {name}, beside the tests");
         Ok(Self { name, child: child.with_context(|| format!("cannot start {name}"))?, log })
     }

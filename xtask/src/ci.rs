@@ -1,6 +1,6 @@
 //! The commands that continuous integration runs.
 
-use std::ffi::OsStr;
+use std::{ffi::OsStr, thread};
 
 use anyhow::Result;
 
@@ -8,21 +8,32 @@ use crate::{beside::CheckBeside, cargo::cargo, deny, needs, suite, systems};
 
 /// Format, lints, documentation, dependencies, other systems, tests.
 pub(crate) fn ci() -> Result<()> {
+    // What is installed comes over the network while processors read sources.
+    thread::scope(|scope| {
+        let install = scope.spawn(|| {
+            needs::install(false);
+            // Before the tests, which have the same Python.
+            systems::bring_zig();
+        });
+        let read = lints();
+        install.join().expect("an installer that ends");
+        read
+    })?;
+    deny::deny()?;
+    let mut systems = None;
+    let tested = suite::run(&needs::variables(), || systems = Some(CheckBeside::start("systems")));
+    systems.map_or(Ok(()), |check| check?.finish()).and(tested)
+}
+
+fn lints() -> Result<()> {
     cargo(&["fmt", "--all", "--check"], &[])?;
     // With the bindings of Embree, which no other build has.
     cargo(&["clippy", "--workspace", "--all-targets", "--all-features", "--quiet", "--", "-D", "warnings"], &[])?;
-    cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])?;
-    needs::install(false);
-    deny::deny()?;
-    // Before the tests, which have the same Python.
-    systems::bring_zig();
-    let systems = CheckBeside::start("systems")?;
-    let tested = suite::run(&needs::variables());
-    systems.finish().and(tested)
+    cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])
 }
 
 /// Every test, after what they need has been installed.
 pub(crate) fn test() -> Result<()> {
     needs::install(false);
-    suite::run(&needs::variables())
+    suite::run(&needs::variables(), || {})
 }

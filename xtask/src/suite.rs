@@ -15,9 +15,11 @@ use crate::{bars::root, cargo};
 
 /// Runs `cargo test` over the workspace.
 ///
+/// - `compiled`: called when everything has been compiled and the first test begins.
+///
 /// # Errors
 /// A test failed, or something did not compile: after all tests have run.
-pub(crate) fn run(environment: &[(&'static str, OsString)]) -> Result<()> {
+pub(crate) fn run(environment: &[(&'static str, OsString)], compiled: impl FnOnce()) -> Result<()> {
     // What passing tests print is read for the reasons why they were skipped.
     let arguments = ["test", "--workspace", "--no-fail-fast", "--", "--show-output"];
     eprintln!("+ cargo {}", arguments.join(" "));
@@ -27,8 +29,13 @@ pub(crate) fn run(environment: &[(&'static str, OsString)]) -> Result<()> {
     let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn().context("cannot start cargo test")?;
     let mut summary = Summary::default();
     let output = BufReader::new(child.stdout.take().context("cargo test has no output")?);
+    let mut compiled = Some(compiled);
     for line in output.split(b'\n') {
         let line = line.context("cannot read what cargo test prints")?;
+        // Cargo says what it compiles elsewhere.
+        if let Some(tell) = compiled.take() {
+            tell();
+        }
         if let Some(shown) = summary.read(&String::from_utf8_lossy(&line)) {
             println!("{shown}");
         }

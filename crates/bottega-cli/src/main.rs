@@ -61,16 +61,13 @@ use clap::{CommandFactory, FromArgMatches};
 use cli::{Cli, Command};
 use error::CliError;
 use output::Purpose;
+use tracing_subscriber::{filter::Targets, layer::SubscriberExt, util::SubscriberInitExt};
 
 /// What is written to the log where nobody asks for more: who cannot link up with a server tells that himself.
 const LOGGED: &str = "warn,async_nats=off";
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("BOTTEGA_LOG").unwrap_or_else(|_| LOGGED.into()))
-        .with_writer(|| output::LogWriter)
-        .with_ansi(output::has_colors())
-        .init();
+    start_log();
     let command = match command_line() {
         Ok(Ok(cli)) => cli.command,
         Ok(Err(usage)) => return output::print_usage(&usage),
@@ -82,6 +79,20 @@ fn main() -> ExitCode {
     // Drivers end better while the process is whole.
     bottega::devices::release();
     output::finish(code)
+}
+
+/// Logs to standard error what `BOTTEGA_LOG` lets through: a level, or levels of targets (`warn,bottega_farm=debug`).
+fn start_log() {
+    let asked = std::env::var("BOTTEGA_LOG").ok().filter(|it| !it.is_empty());
+    let targets = asked.as_deref().map(str::parse::<Targets>).transpose();
+    let filter = targets.as_ref().ok().cloned().flatten().unwrap_or_else(|| LOGGED.parse().unwrap_or_default());
+    let lines = tracing_subscriber::fmt::layer().with_writer(|| output::LogWriter).with_ansi(output::has_colors());
+    tracing_subscriber::registry().with(filter).with(lines).init();
+    if let Err(error) = targets {
+        tracing::warn!(
+            "BOTTEGA_LOG is not a filter ({error}): `{LOGGED}` is used; it may be `info` or `warn,bottega_farm=debug`"
+        );
+    }
 }
 
 /// Reads the command line, the environment and the configuration file.

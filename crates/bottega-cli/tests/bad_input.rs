@@ -225,6 +225,17 @@ fn a_log_that_cannot_be_written_costs_no_picture() {
     }
 }
 
+#[test]
+fn a_filter_of_the_log_that_is_none_is_told() {
+    for (filter, is_told) in [("bottega=loud", true), ("warn,bottega=debug", false), ("", false)] {
+        let output =
+            support::bottega(&["info", "cornell-box.glb"]).env("BOTTEGA_LOG", filter).output().expect("an end");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{filter}: {said}");
+        assert_eq!(said.contains("BOTTEGA_LOG is not a filter"), is_told, "{filter}: {said}");
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn whoever_reads_events_may_leave_before_the_picture_is_done() {

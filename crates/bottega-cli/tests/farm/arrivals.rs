@@ -66,20 +66,19 @@ fn a_second_up_says_the_lines_and_leaves_the_farm_alone() {
 
 #[test]
 fn a_server_that_hangs_is_started_again() {
-    for server in servers() {
-        let farm = Farm::start(&server);
-        let plain = farm.plain();
-        let _one = farm.join("one");
-        assert!(farm.render("a.exr", &["--detach"]).wait(), "{}", farm.logs());
-        farm.until_painted(1, 0.1);
-        farm.signal_server("-STOP");
-        farm.until_says("up.log", "does not answer; it is started again");
-        farm.until("it answers", || farm.run(&["jobs", "show", "1", "--json"]).status.success());
-        farm.until_state(1, "done");
-        farm.succeed(&["jobs", "fetch", "1"]);
-        assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
-        assert!(!farm.said("up.log").contains('\u{1b}'), "a file is no terminal");
-    }
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start(&server);
+    let plain = farm.plain();
+    let _one = farm.join("one");
+    assert!(farm.render("a.exr", &["--detach"]).wait(), "{}", farm.logs());
+    farm.until_painted(1, 0.1);
+    farm.signal_server("-STOP");
+    farm.until_says("up.log", "does not answer; it is started again");
+    farm.until("it answers", || farm.run(&["jobs", "show", "1", "--json"]).status.success());
+    farm.until_state(1, "done");
+    farm.succeed(&["jobs", "fetch", "1"]);
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
+    assert!(!farm.said("up.log").contains('\u{1b}'), "a file is no terminal");
 }
 
 #[test]

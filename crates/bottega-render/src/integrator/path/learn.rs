@@ -86,7 +86,7 @@ impl<'a> PathIntegrator<'a> {
                 Arc::new(training.guide())
             });
             let trial = Trial::first(&integrator, samples, &guide);
-            if !trial.findings(&paint(&trial, 0)?).are_promising() {
+            if !budget.is_promising(noise, trial.findings(&paint(&trial, 0)?).shown_ratio()) {
                 return Ok(Guide::default());
             }
             taken = before;

@@ -42,8 +42,6 @@ const TRIM: f64 = 0.005;
 /// of them.
 const GAIN_MIN: f64 = 1.05;
 const LOSS_MAX: f64 = 1.25;
-/// The same mean below which more learning is worth a try.
-const PROMISE: f64 = 0.95;
 /// Pixels tried for each zone that the picture is cut into, and zones along a side at most. What all pixels say counts in each zone
 /// as much as so many of its own.
 const PIXELS_PER_ZONE: f64 = 64.0;
@@ -241,9 +239,12 @@ pub(super) struct Findings {
 }
 
 impl Findings {
-    /// Whether more learning may pay.
-    pub(super) fn are_promising(&self) -> bool {
-        self.common.is_some_and(|common| self.ways.iter().any(|&way| common.mean(way) < PROMISE))
+    /// Error times work of the best way over that of the plain one, by what a display shows: relative errors have rare great ones, which
+    /// few pixels do not meet.
+    pub(super) fn shown_ratio(&self) -> f64 {
+        let tried = self.ways.iter().filter(|&&way| way != PaintingWay::Plain);
+        let ratios = self.common.iter().flat_map(|Scores(scores)| tried.clone().map(|&way| scores[way.number()][1]));
+        ratios.fold(f64::INFINITY, f64::min)
     }
 
     /// Which way pays in each zone.

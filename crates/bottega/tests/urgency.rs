@@ -1,0 +1,49 @@
+//! Two pictures in one process, one of which is a part that somebody waits for.
+
+use std::{
+    path::Path,
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega::{Request, Session, StopSwitch};
+
+const SIZE: [u32; 2] = [64, 48];
+
+fn request(samples: u32) -> Request {
+    let mut request = Request::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb"));
+    request.film.size = Some(SIZE);
+    request.goal.samples = Some(samples);
+    request.devices.threads = Some(1);
+    request
+}
+
+/// How long a picture takes in the middle of a longer one that has the same thread.
+fn time_beside_another(request: &Request) -> Duration {
+    let long = Session::open(&self::request(800)).expect("it is opened");
+    let stop = StopSwitch::new();
+    let painting = {
+        let stop = stop.clone();
+        thread::spawn(move || long.render(Arc::new(()), &stop))
+    };
+    thread::sleep(Duration::from_millis(300));
+    let session = Session::open(request).expect("it is opened");
+    let begun = Instant::now();
+    session.render(Arc::new(()), &StopSwitch::new()).expect("it is painted");
+    let took = begun.elapsed();
+    stop.request();
+    drop(painting.join().expect("no panic"));
+    took
+}
+
+#[test]
+fn a_part_of_a_picture_goes_before_a_whole_one() {
+    let whole = request(256);
+    // As many pixels: what differs is that they are asked for as a part.
+    let mut part = whole.clone();
+    part.film.crop = Some([0, 0, SIZE[0], SIZE[1]]);
+    let (part, whole) = (time_beside_another(&part), time_beside_another(&whole));
+    eprintln!("the part took {part:?}, the whole {whole:?}");
+    assert!(part * 4 < whole * 3, "{part:?} for a part, {whole:?} for a whole picture");
+}
