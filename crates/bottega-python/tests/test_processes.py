@@ -20,6 +20,9 @@ INTERRUPT = """
 import os, signal, threading
 import bottega
 
+# A shell has what it runs in the background ignore it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 def press_once_it_paints(event):
     if event["event"] == "progress" and event["samples_done"] > 100_000 and not pressed:
         pressed.append(event)

@@ -51,16 +51,18 @@ class MessagesPage {
     this.panel = element("section", { class: "panel", "aria-live": "polite", "aria-label": "Message" });
     this.view = new SequenceView({ label: "Messages", onSelect: message => { this.follow.checked = false; this.#showMessage(message); } });
     this.chosen = element("input", { type: "file", class: "unseen", tabIndex: -1, ariaLabel: "Trace file", onchange: () => this.#read(this.chosen.files[0]) });
+    this.studio = element("div", { class: "studio" }, this.view.element, this.panel);
+    this.saves = [
+      button("Save SVG", () => this.#saveDrawing(), { title: "The messages that are shown, as a drawing" }),
+      button("Save text", () => save(toText(this.#wanted()), "messages.txt", "text/plain"), { title: "A line for each message that is shown" }),
+      button("Save Mermaid", () => save(toMermaid(this.#wanted()), "messages.mmd", "text/plain"), { title: "A sequence diagram as text, for Mermaid" })];
     const title = number === undefined ? "Messages" : `Messages of job ${number}`;
     page.replaceChildren(
       element("h1", {}, title),
       element("div", { class: "row filter" }, this.agent, this.protocol, this.performative, this.zone,
         number === undefined ? null : element("label", { title: "Keep the newest message in sight" }, this.follow, " Follow"), this.count),
-      element("div", { class: "studio" }, this.view.element, this.panel),
-      element("div", { class: "row" },
-        button("Save SVG", () => this.#saveDrawing(), { title: "The messages that are shown, as a drawing" }),
-        button("Save text", () => save(toText(this.#wanted()), "messages.txt", "text/plain"), { title: "A line for each message that is shown" }),
-        button("Save Mermaid", () => save(toMermaid(this.#wanted()), "messages.mmd", "text/plain"), { title: "A sequence diagram as text, for Mermaid" }),
+      this.studio,
+      element("div", { class: "row" }, this.saves,
         button("Open a trace …", () => this.chosen.click(), { title: "A file that bottega render --trace FILE wrote; or drop it here" }), this.chosen,
         number === undefined ? null : element("a", { class: "button", href: `#/job/${number}` }, `Job ${number}`)));
     this.page = page;
@@ -92,6 +94,8 @@ class MessagesPage {
     const wanted = this.#wanted();
     this.protocol.offer(valuesOf(this.#messages, "protocol"));
     this.performative.offer(valuesOf(this.#messages, "performative"));
+    // Where nothing was said there is nothing to look at or to save.
+    for (const part of [this.studio, ...this.saves]) part.hidden = !this.#messages.length;
     this.view.set(wanted, this.follow.checked);
     setText(this.count, this.#countText(wanted.length));
   }

@@ -256,6 +256,8 @@ test("with optimization the rules that fire for a zone are told, and what the ag
 
 test("a recorded trace is opened, and ten thousand messages stay at hand", async () => {
   await go("messages");
+  await page.getByText("Drop a trace here").waitFor();
+  assert.ok(await page.locator(".sequence").isHidden(), "there is nothing to look at");
   const line = i => `${(i / 1000).toFixed(6)} master@here -> render-${1 + (i % 6)}@here CallForProposal fipa-contract-net #${i % 50} "Offers([Offer { zone: ZoneId(${i % 90}) }])"`;
   const trace = Array.from({ length: 10_000 }, (_, i) => line(i)).join("\n");
   await page.getByLabel("Trace file").setInputFiles({ name: "trace.txt", mimeType: "text/plain", buffer: Buffer.from(trace) });

@@ -1,11 +1,9 @@
 //! A run is recorded and run again in virtual time.
 
-mod support;
-
 use std::fs;
 
+use crate::support::{run, succeed, text};
 use serde_json::Value;
-use support::{run, succeed, text};
 
 fn simulate(arguments: &[&str]) -> Value {
     let told = succeed(&[&["simulate", "--json"], arguments].concat());

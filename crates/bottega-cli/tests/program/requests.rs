@@ -1,7 +1,5 @@
 //! A picture asked for is a value: the same bits through every door.
 
-mod support;
-
 use std::{
     fs,
     io::Write,
@@ -10,9 +8,9 @@ use std::{
     sync::Arc,
 };
 
+use crate::support::{bottega, example, run, scenes, succeed, text};
 use bottega::{Request, Session, SessionOptions, StopSwitch, picture::request_of};
 use bottega_farm::simulate::{CrewSpec, Plan, Record, Workpiece, simulate};
-use support::{bottega, example, run, scenes, succeed, text};
 
 /// What is asked for, in options.
 const OPTIONS: [&str; 9] = [

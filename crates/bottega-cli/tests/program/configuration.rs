@@ -1,11 +1,9 @@
 //! The configuration file and variables of the environment: what they say is asked for as if it were typed.
 
-mod support;
-
 use std::{fs, process::Command};
 
+use crate::support::bottega;
 use bottega::Request;
-use support::bottega;
 
 const FILE: &str = r#"
 [render]

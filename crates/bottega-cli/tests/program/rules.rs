@@ -1,11 +1,9 @@
 //! `bottega rules check | eval | plot`, and rules given to `render`.
 
-mod support;
-
 use std::{fs, path::Path, process::Output};
 
+use crate::support::{run, succeed, text};
 use serde_json::Value;
-use support::{run, succeed, text};
 
 const FAN: &str = "FUNCTION_BLOCK fan
 VAR_INPUT heat : REAL; noise : REAL; END_VAR

@@ -1,11 +1,9 @@
 //! Bad input gets a clear error that names the file, the place and the remedy, and an exit code: 2 for what was asked
 //! wrongly, 1 for what failed. Never a panic.
 
-mod support;
-
 use std::{fs, process::Output};
 
-use support::{run, scenes, succeed, text};
+use crate::support::{self, run, scenes, succeed, text};
 
 fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()

@@ -1,13 +1,10 @@
 //! `render --denoise`, with the real library where there is one.
 
-#[path = "support/mod.rs"]
-mod support;
-
 use std::{fs, process::Command};
 
+use crate::support::{self, bottega, text};
 use bottega_denoise::{DenoiseError, Denoiser};
 use bottega_image::{ReadLimits, read_channels, read_image};
-use support::{bottega, text};
 
 /// Whether there is a library; says so where there is none.
 fn is_here() -> bool {

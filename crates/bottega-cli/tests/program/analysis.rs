@@ -1,12 +1,10 @@
 //! `bottega analyze` on scenes, and its zones in a picture.
 
-mod support;
-
 use std::{fs, path::Path};
 
+use crate::support::{succeed, text};
 use bottega_image::{ExrOptions, FlipOptions, Picture, Rect, flip, read_picture, write_picture_exr};
 use serde_json::Value;
-use support::{succeed, text};
 
 const SIZE: &str = "192x144";
 

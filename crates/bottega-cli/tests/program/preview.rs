@@ -1,7 +1,5 @@
 //! Previews while a picture is painted, and where and how they are written.
 
-mod support;
-
 use std::{
     fs,
     io::{BufRead, BufReader},
@@ -9,8 +7,8 @@ use std::{
     process::Stdio,
 };
 
+use crate::support::{bottega, run, scenes, signal, succeed, text};
 use bottega_image::{Picture, read_picture, rmse};
-use support::{bottega, run, scenes, signal, succeed, text};
 
 const SIZE: (u32, u32) = (96, 72);
 

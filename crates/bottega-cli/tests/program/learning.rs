@@ -1,11 +1,9 @@
 //! The learning of a machine: how well it knows the time of zones from one run to the next.
 
-mod support;
-
 use std::{fs, path::Path, process::Output, thread};
 
+use crate::support::{bottega, text};
 use serde_json::Value;
-use support::{bottega, text};
 
 /// Runs the program with a state of its own.
 fn run_in(state: &Path, arguments: &[&str]) -> Output {

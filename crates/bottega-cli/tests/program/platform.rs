@@ -1,7 +1,5 @@
 //! `bottega platform`: two processes over one file, one of which is killed; questions; the trace.
 
-mod support;
-
 use std::{
     fs,
     io::{BufRead, BufReader, Read},
@@ -10,8 +8,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::support::{bottega, run, signal, succeed, text};
 use serde_json::Value;
-use support::{bottega, run, signal, succeed, text};
 
 /// A process that serves, killed when the test is over.
 struct Serving {

@@ -1,9 +1,8 @@
 //! A JADE platform talks to ours over a real socket: its recorded bytes in, answers that it can read out.
 
-mod support;
-
 use std::thread;
 
+use crate::support::{self, Jade, Line, TAKEN, is, node};
 use bottega_agents::{
     AgentId, Performative as P,
     driver::node::Node,
@@ -14,7 +13,6 @@ use bottega_agents::{
     },
     wire::XML_FORM,
 };
-use support::{Jade, Line, TAKEN, is, node};
 
 #[test]
 fn it_asks_the_ams_what_the_platform_is() {

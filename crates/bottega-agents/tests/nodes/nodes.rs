@@ -1,14 +1,13 @@
 //! Platforms of ours among each other: federation, replicas, the life cycle, and what strangers may say to agents.
 #![allow(clippy::disallowed_methods, reason = "what goes over real sockets takes real time")]
 
-mod support;
-
 use std::{
     sync::Arc,
     thread,
     time::{Duration, Instant},
 };
 
+use crate::support::{self, Jade, Line, TAKEN, WAIT, config, is, node, node_over};
 use bottega_agents::{
     Action, ActionOf, AgentId, Event, EventOf, Performative as P, StateMachine, Time,
     driver::node::Node,
@@ -21,7 +20,6 @@ use bottega_agents::{
     },
     wire::{DateTime, Form, WireMessage},
 };
-use support::{Jade, Line, TAKEN, WAIT, config, is, node, node_over};
 
 fn id(name: &str) -> AgentId {
     AgentId::new(name)

@@ -1,11 +1,9 @@
 //! Pictures against an independent renderer. The references lie in the folder that `BOTTEGA_SCENES` names.
 
-mod support;
-
 use std::path::{Path, PathBuf};
 
+use crate::support::{succeed, text};
 use bottega_image::Picture;
-use support::{succeed, text};
 
 /// Side of the blocks of pixels whose means are compared.
 const BLOCK: u32 = 32;

@@ -1,11 +1,9 @@
 //! A picture depends on scene, settings and seed; not on who paints it.
 
-mod support;
-
 use std::{fs, path::Path};
 
+use crate::support::{interrupt, scenes, succeed, text};
 use proptest::prelude::*;
-use support::{interrupt, scenes, succeed, text};
 
 const SIZE: &str = "48x36";
 

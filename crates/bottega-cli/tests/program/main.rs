@@ -1,0 +1,16 @@
+//! The program, as a user runs it on one machine.
+
+mod analysis;
+mod bad_input;
+mod configuration;
+mod denoise;
+mod learning;
+mod platform;
+mod preview;
+mod references;
+mod requests;
+mod rules;
+mod same_bits;
+mod simulate;
+#[path = "../support/mod.rs"]
+mod support;
