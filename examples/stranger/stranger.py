@@ -153,8 +153,7 @@ class Painter:
         if depth not in self.integrators:
             self.integrators[depth] = mi.load_dict({"type": self.kind, "max_depth": depth + 1})
         seed = (number("seed") * 1000003 + number("zone") * 8191 + number("order")) & 0xFFFFFFFF
-        image = mi.render(self.scene, sensor=self.sensor, integrator=self.integrators[depth], spp=number("samples"),
-                          seed=seed)
+        image = mi.render(self.scene, sensor=self.sensor, integrator=self.integrators[depth], spp=number("samples"), seed=seed)
         path = os.path.join(self.folder.name, "zone.exr")
         mi.Bitmap(image[:, :, :3]).write(path)
         with open(path, "rb") as file:
@@ -164,8 +163,7 @@ class Painter:
 class Stranger:
     def __init__(self, options):
         self.options = options
-        self.heard = queue.Queue()
-        self.orders = queue.Queue()
+        self.heard, self.orders = queue.Queue(), queue.Queue()
         self.withdrawn = set()
         self.painter, self.master = None, None
         self.lock, self.speed, self.load, self.painted = threading.Lock(), 1.0, 0.0, 0
@@ -263,7 +261,8 @@ class Stranger:
         if first["act"] != "agree":
             sys.exit(f"{self.master[0]} does not want this agent: {write(first['content'][0])}")
         print(f"{self.transport.name} takes part in the work of {self.master[0]}", flush=True)
-        threading.Thread(target=self.paint_all, daemon=True).start()
+        painting = threading.Thread(target=self.paint_all, daemon=True)
+        painting.start()
         try:
             while True:
                 told = self.heard.get()
@@ -278,10 +277,13 @@ class Stranger:
                     sys.exit(f"{self.master[0]} wants nothing more of this agent: {write(content)}")
         except KeyboardInterrupt:
             self.transport.send("cancel", self.master, [wish], conversation, "fipa-subscribe")
+        finally:
+            self.orders.queue.clear()  # Mitsuba must come to an end before Python does.
+            self.orders.put(None)
+            painting.join()
 
     def paint_all(self):
-        while True:
-            order, told = self.orders.get()
+        for order, told in iter(self.orders.get, None):
             while self.painter is None:
                 time.sleep(0.05)
             if order["order"] not in self.withdrawn:
