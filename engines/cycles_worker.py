@@ -33,6 +33,16 @@ PICKED = {"depth", "position", "object_index", "material_index"}
 SHARED = {"normal"}
 
 
+def mend_numpy():
+    """Debian 12 has an importer of glTF that uses a name which its NumPy has dropped."""
+    try:
+        import numpy
+    except ImportError:
+        return
+    if not hasattr(numpy, "bool"):
+        numpy.bool = bool
+
+
 def set_where_known(thing, **values):
     """Sets properties that this version of Blender has."""
     for name, value in values.items():
@@ -115,6 +125,7 @@ class Cycles:
             bpy.ops.wm.read_factory_settings(use_empty=True)
             if not hasattr(bpy.types, "IMPORT_SCENE_OT_gltf"):
                 bpy.ops.preferences.addon_enable(module="io_scene_gltf2")
+            mend_numpy()
             # Lights in the units of emissive surfaces, as glTF has them: Blender's own way makes them 683 times darker.
             asked = {"filepath": path, "export_import_convert_lighting_mode": "COMPAT"}
             known = bpy.ops.import_scene.gltf.get_rna_type().properties

@@ -191,6 +191,17 @@ fn two_machines_paint_one_picture() {
 }
 
 #[test]
+fn what_blender_exports_is_painted() {
+    if Command::new("blender").arg("--version").output().is_err() {
+        eprintln!(
+            "skipped: no program `blender`; to test the tutorial: apt install --no-install-recommends blender python3-numpy"
+        );
+        return;
+    }
+    follow("tutorials/from-blender.md", false);
+}
+
+#[test]
 fn rules_of_ones_own_are_written_checked_and_used() {
     follow("tutorials/own-rules.md", false);
 }

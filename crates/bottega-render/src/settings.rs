@@ -138,6 +138,11 @@ impl AgentSettings {
         0.3
     }
 
+    /// Whether agents send scouts to what no light shines at straight: the paper has none.
+    pub(crate) fn has_scouts(&self) -> bool {
+        self.oracle == Oracle::Error && self.decides_irradiance
+    }
+
     /// How many agents are kept.
     pub(crate) fn agents_max(&self) -> usize {
         /// What an agent takes where it is found by place.
@@ -171,7 +176,7 @@ impl Default for AgentSettings {
             decides_halting: false,
             asks_network: false,
             error: 0.1,
-            memory_bytes: 4 << 20,
+            memory_bytes: 16 << 20,
         }
     }
 }

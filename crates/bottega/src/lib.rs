@@ -39,6 +39,7 @@
 
 pub mod analysis;
 mod animation;
+mod brightness;
 mod builtin;
 pub mod denoise;
 pub mod devices;

@@ -13,6 +13,7 @@ use bottega_image::{
 use bottega_scene::RenderHints;
 
 use crate::{
+    brightness::told_brightness,
     error::Error,
     events::Event,
     request::{PIXELS_MAX, Request},
@@ -117,6 +118,7 @@ impl Picture {
         {
             reporter.warn(format!("cannot remove {}: {error}", journal.display()));
         }
+        self.warn_of_brightness();
         let painting = report.times.painting.as_secs_f64() / settings.processors as f64;
         let overhead = (1.0 - painting / seconds).max(0.0);
         reporter.tell_auction();
@@ -130,6 +132,17 @@ impl Picture {
             composition: report.times.composition.as_secs_f64() / seconds,
         });
         Ok(self)
+    }
+
+    /// Warns of a picture for a screen on which nothing can be seen.
+    fn warn_of_brightness(&self) {
+        let output = &self.request.output;
+        let Some(file) = &output.file else { return };
+        if let (Ok(OutputFormat::Png), Some(told)) =
+            (OutputFormat::of(file), told_brightness(self.film(), output.exposure))
+        {
+            self.reporter.warn(format!("{} {told}", shown(file)));
+        }
     }
 }
 

@@ -29,7 +29,7 @@ pub(crate) fn cast_agents(
     let begun = Instant::now();
     let works = parts(settings.cast, AGENTS).map(|indices| {
         let (scene, prepass) = (Arc::clone(scene), Arc::clone(prepass));
-        RenderWork::Agents(AgentWork { scene, prepass, view, seed, indices })
+        RenderWork::Agents(AgentWork { scene, prepass, view, seed, indices, has_scouts: settings.has_scouts() })
     });
     let answer = |output| if let RenderOutput::Agents(part) = output { Some(part) } else { None };
     let agents = hands.run(works.collect(), answer)?;

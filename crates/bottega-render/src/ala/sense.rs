@@ -46,7 +46,8 @@ impl Task for Sensing<'_> {
 fn cast(prepared: &PreparedScene, plan: &PhotonPlan, settings: AgentSettings, seed: u64) -> Vec<Agent> {
     let works: Vec<_> = parts(settings.cast, AGENTS).collect();
     let (sources, plan) = (&*plan.sources, &plan.emission);
-    let cast = |indices| compiled::run(Casting { prepared, sources, plan, seed, indices });
+    let has_scouts = settings.has_scouts();
+    let cast = |indices| compiled::run(Casting { prepared, sources, plan, seed, indices, has_scouts });
     let parts: Vec<Vec<Agent>> = works.into_par_iter().map(cast).collect();
     parts.concat()
 }

@@ -29,6 +29,8 @@ pub struct AgentWork {
     pub seed: u64,
     /// Which of them.
     pub indices: Range<u32>,
+    /// Whether they send scouts to what no light shines at straight.
+    pub(crate) has_scouts: bool,
 }
 
 /// Sensors to be deployed.
@@ -48,9 +50,16 @@ pub struct SensorWork {
 impl AgentWork {
     /// Casts them on the calling thread.
     pub fn perform(self) -> Vec<Agent> {
-        let Self { scene, prepass, view, seed, indices } = self;
+        let Self { scene, prepass, view, seed, indices, has_scouts } = self;
         let plan = prepass.photon_plan(&scene, view);
-        compiled::run(Casting { prepared: &scene, sources: &plan.sources, plan: &plan.emission, seed, indices })
+        compiled::run(Casting {
+            prepared: &scene,
+            sources: &plan.sources,
+            plan: &plan.emission,
+            seed,
+            indices,
+            has_scouts,
+        })
     }
 }
 

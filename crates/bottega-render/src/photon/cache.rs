@@ -386,6 +386,31 @@ mod tests {
     }
 
     #[test]
+    fn nobody_speaks_for_another_room() {
+        // A wall that is no thicker than paper stands on the floor at x = 0.4, and far away there is much else.
+        let room = |p: Vec3, w: Vec3| {
+            let distance = (0.4 - p.x) / w.x;
+            let is_wall = w.x > 0.0 && (p + w * distance).y < 3.0;
+            GatherSample { radiance: Vec3::ONE, distance: if is_wall { distance } else { 8.0 } }
+        };
+        let mut cache = IrradianceCache::new(Vec3::splat(-10.0), 20.0, 0.3);
+        cache.add(record(Vec3::ZERO, Vec3::Y, &room));
+        let is_known = |p: Vec3| cache.estimate(p, Vec3::Y, u32::MAX).is_some();
+        for w in [Vec3::X, Vec3::new(0.8, 0.0, 0.6), Vec3::new(0.8, 0.0, -0.6)] {
+            assert!(is_known(w * 0.3 / w.x) && !is_known(w * 0.45 / w.x), "{w}");
+        }
+        for w in [Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z] {
+            assert!(is_known(w * 0.45), "{w}");
+        }
+        // What is told to others knows as much.
+        let mut to = Writer::default();
+        cache.write(&mut to);
+        let told = IrradianceCache::read(0.3, &mut Reader(&to.0)).unwrap();
+        assert!(told.estimate(Vec3::X * 0.45, Vec3::Y, u32::MAX).is_none());
+        assert!(told.estimate(Vec3::X * 0.35, Vec3::Y, u32::MAX).is_some());
+    }
+
+    #[test]
     fn records_tell_light_apart_by_its_bounces() {
         let mut light = [Spectrum::ZERO; BOUNCES_KEPT];
         (light[2], light[4]) = (Vec3::new(3.0, 1.0, 0.0), Vec3::new(1.0, 1.0, 0.0));

@@ -81,6 +81,21 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
     }
 }
 
+/// A lamp in the ceiling shines at no part of it straight, so nobody comes there but who was sent on from where it shines.
+#[test]
+fn scouts_look_at_what_no_light_shines_at() {
+    let mut scene = cornell();
+    scene.cameras[0] = camera(Vec3::new(0.0, -0.6, 0.0), Vec3::Y, 1.2);
+    let scene = prepare(scene);
+    let expected = paint(&scene, SIZE, 512, PathSettings { seed: 9, guiding: false, ..PathSettings::default() });
+    let settings = by(AgentSettings { cast: 10_000, ..few(Oracle::Error) }, 1);
+    let found = paint(&scene, SIZE, 64, settings);
+    let tally = report(&scene, &settings).tally;
+    assert!(tally.irradiance_interpolated > 10 * tally.irradiance_computed, "{tally:?}");
+    let (found, expected) = (mean_color(&found), mean_color(&expected));
+    assert!(((found - expected) / expected).abs().max_element() < 0.03, "{found} {expected}");
+}
+
 /// The sky over a floor, as the lower half of a ball sees it: by light that came back once.
 /// A ball on the ground, under a sky that is the same everywhere.
 pub(crate) fn ball_under_sky() -> Scene {

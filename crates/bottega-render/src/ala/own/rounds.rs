@@ -79,6 +79,8 @@ fn look_for_lights(
 /// Who may measure, in the order of their identities: each first agents of a stratified sequence lie all over the scene.
 fn candidates(swarm: &Swarm, settings: AgentSettings) -> Vec<Candidate> {
     let is_asked = |agent: &Agent| agent.is_matte || (agent.is_glossy && settings.decides_radiance);
-    let asked = swarm.agents.iter().zip(0..).filter(|(agent, _)| is_asked(agent)).map(|(_, index)| index);
-    asked.flat_map(|index| [false, true].map(|is_back| Candidate { index, is_back })).collect()
+    // Scouts are sent to sides that face the light of others; what is behind is for those who went through.
+    let sides = |agent: &Agent| if agent.is_scout() { &[false][..] } else { &[false, true] };
+    let asked = swarm.agents.iter().zip(0..).filter(|(agent, _)| is_asked(agent));
+    asked.flat_map(|(agent, index)| sides(agent).iter().map(move |&is_back| Candidate { index, is_back })).collect()
 }

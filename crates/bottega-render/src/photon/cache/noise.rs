@@ -15,6 +15,8 @@ use crate::{
 
 /// Records that tell together.
 const TOGETHER: usize = 64;
+/// So many of them with no wall between are asked alone: what is behind a wall is lit otherwise.
+const CLEAR_MIN: f32 = 16.0;
 
 impl IrradianceCache {
     /// Lets each record be told by those nearest to it how noisy it is, on the threads of the present pool.
@@ -29,12 +31,19 @@ impl IrradianceCache {
             tree.nearest(record.p, f32::INFINITY, found);
             let near = found.iter().map(|(number, _)| all[tree.mark(number).tag() as usize]);
             let near = near.filter(|other| is_alike(other.n, record.n));
-            let (mut variance, mut light, mut count) = (0.0, 0.0, 0.0);
+            let [mut all, mut clear] = [(0.0, 0.0, 0.0); 2];
             for other in near {
-                variance += other.variance * other.effort as f32;
-                light += luminance(other.irradiance);
-                count += 1.0;
+                let add = |(variance, light, count): &mut (f32, f32, f32)| {
+                    *variance += other.variance * other.effort as f32;
+                    *light += luminance(other.irradiance);
+                    *count += 1.0;
+                };
+                add(&mut all);
+                if record.is_clear(other.p - record.p) {
+                    add(&mut clear);
+                }
             }
+            let (variance, light, count) = if clear.2 >= CLEAR_MIN { clear } else { all };
             let light = light.max(faint * count);
             if variance > 0.0 { variance * count / (light * light * record.effort as f32) } else { 0.0 }
         };

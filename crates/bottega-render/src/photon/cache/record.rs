@@ -31,6 +31,8 @@ pub(crate) struct IrradianceRecord {
     pub(super) moving: [Vec3; 3],
     /// Distance to other surfaces, on the harmonic mean.
     pub(super) radius: f32,
+    /// How far its surface is free of walls, to each side; see [`clearance`].
+    pub(super) clearance: Clearance,
     /// Rays to a cell.
     pub(super) effort: u32,
     /// Variance of the luminance of the irradiance, by how much its own rays differ.
@@ -40,6 +42,12 @@ pub(crate) struct IrradianceRecord {
     /// Where the light comes from; on surfaces that do not send it to all sides alike.
     pub(super) around: Option<Arc<CellsAround>>,
 }
+
+/// Sides to which it is known how far a surface is free of walls.
+pub(super) const SIDES: usize = 8;
+
+/// Distances to eight sides, in the upper half of the bits of an `f32`.
+pub(super) type Clearance = [u16; SIDES];
 
 /// A share of red, green and blue, each in 65535ths.
 pub(super) type Share = [u16; 3];
@@ -92,6 +100,19 @@ impl GatherSample {
     fn inverse_distance(&self) -> f32 {
         1.0 / self.distance.max(1e-9)
     }
+}
+
+/// How far a surface is free of walls to each side: as far as the nearest thing that rays have met that left it at some twenty degrees.
+/// Lower ones meet a hollow surface itself.
+fn clearance(looks: &[GatherSample]) -> Clearance {
+    const RING: usize = RINGS - 2;
+    let sine = ((RING as f32 + 0.5) / RINGS as f32).sqrt();
+    std::array::from_fn(|side| {
+        let first = RING * SECTORS + side * (SECTORS / SIDES);
+        let nearest =
+            looks[first..first + SECTORS / SIDES].iter().map(|look| look.distance).fold(f32::INFINITY, f32::min);
+        ((nearest * sine).max(0.0).to_bits() >> 16) as u16
+    })
 }
 
 /// A direction in cell `index` of [`RAYS`]: by the cosine, stratified. `u`: where in its cell.
@@ -158,6 +179,7 @@ impl IrradianceRecord {
             turning,
             moving,
             radius: radius.clamp(reach[0], reach[1].max(reach[0])),
+            clearance: clearance(looks),
             effort: found.effort,
             variance: found.variance,
             noise: 0.0,
@@ -209,12 +231,14 @@ impl IrradianceRecord {
     }
 
     /// Bytes of one that knows no directions.
-    pub(crate) const BYTES_MIN: usize = 4 * 33;
+    pub(crate) const BYTES_MIN: usize = 4 * (33 + SIDES);
 
     pub(crate) fn write(&self, to: &mut Writer) {
-        let Self { p, n, irradiance, shares, turning, moving, radius, effort, variance, noise, around } = self;
+        let Self { p, n, irradiance, shares, turning, moving, radius, clearance, effort, variance, noise, around } =
+            self;
         [*p, *n, *irradiance].iter().chain(turning).chain(moving).for_each(|&vector| to.vector(vector));
         to.value(*radius);
+        clearance.iter().for_each(|&distance| to.number(u32::from(distance)));
         to.number(*effort);
         to.value(*variance);
         to.value(*noise);
@@ -229,7 +253,12 @@ impl IrradianceRecord {
         let [p, n, irradiance] = [vector()?, vector()?, vector()?];
         let turning = [vector()?, vector()?, vector()?];
         let moving = [vector()?, vector()?, vector()?];
-        let (radius, effort, variance, noise) = (from.value()?, from.number()?, from.value()?, from.value()?);
+        let radius = from.value()?;
+        let mut clearance = [0; SIDES];
+        for distance in &mut clearance {
+            *distance = u16::try_from(from.number()?).ok()?;
+        }
+        let (effort, variance, noise) = (from.number()?, from.value()?, from.value()?);
         if radius < 0.0 || variance < 0.0 || noise < 0.0 || !(1..=EFFORT_MAX).contains(&effort) {
             return None;
         }
@@ -247,7 +276,7 @@ impl IrradianceRecord {
         let count = from.count(size_of::<u32>() * 3)?;
         let mut share = || from.number().map(|number| number.min(u32::from(u16::MAX)) as u16);
         let shares = (0..count).map(|_| Some([share()?, share()?, share()?])).collect::<Option<_>>()?;
-        Some(Self { p, n, irradiance, shares, turning, moving, radius, effort, variance, noise, around })
+        Some(Self { p, n, irradiance, shares, turning, moving, radius, clearance, effort, variance, noise, around })
     }
 
     /// How much it counts at another place; nothing where it is too far off, before that place or behind it.
@@ -268,8 +297,32 @@ impl IrradianceRecord {
         if distance_squared >= reach * reach || way.dot(n + self.n).abs() > 0.1 * self.radius {
             return 0.0;
         }
+        if !self.is_clear(way) {
+            return 0.0;
+        }
         let error = distance_squared.sqrt() / self.radius + (1.0 - n.dot(self.n)).max(0.0).sqrt();
         (1.0 - error / tolerance).max(0.0)
+    }
+
+    /// Whether no wall stands between it and a place on its surface: behind a wall is another room, however thin the wall is.
+    #[inline(always)]
+    pub(super) fn is_clear(&self, way: Vec3) -> bool {
+        let (s, t) = orthonormal_basis(self.n);
+        let (x, y) = (way.dot(s), way.dot(t));
+        // Sides go around as sectors do: each is an eighth of a turn.
+        let (is_below, is_left, is_steep) = (y < 0.0, x < 0.0, y.abs() > x.abs());
+        let side = match (is_below, is_left, is_steep) {
+            (false, false, false) => 0,
+            (false, false, true) => 1,
+            (false, true, true) => 2,
+            (false, true, false) => 3,
+            (true, true, false) => 4,
+            (true, true, true) => 5,
+            (true, false, true) => 6,
+            (true, false, false) => 7,
+        };
+        let distance = f32::from_bits(u32::from(self.clearance[side]) << 16);
+        x * x + y * y <= distance * distance
     }
 
     /// What it says of another place.
