@@ -179,9 +179,9 @@ pub struct Master {
     lacking: u32,
     /// Rounds under way, by conversation. Each has its own zones and its own bidders.
     rounds: BTreeMap<u64, Round>,
-    /// Whether a zone has come to wait for a winner since the agent that would have it soonest was looked for.
+    /// Whether a zone has come to wait for a winner, or somebody has less to do, since the agent that would have it soonest was looked for.
     recalls: bool,
-    /// Who bid in rounds that gave nothing away, since something was given or a zone came to wait: asked again at once, they would bid
+    /// Who bid in rounds that gave nothing away, since something was given or painted or a zone came to wait: asked again at once, they would bid
     /// the same. A zone whose row is being written is offered already, but cannot be given.
     in_vain: BTreeSet<MemberId>,
     /// Those of them in which all have answered.

@@ -193,6 +193,23 @@ fn who_cannot_finish_is_told() {
     assert!(matches!(error, SimulationError::Unfinished { zones: 16, .. }), "{error}");
 }
 
+/// Who bids for the last zone while another is expected to have it sooner is asked again when that one has ended, not at the next
+/// heartbeat, which comes each second.
+#[test]
+fn a_short_work_does_not_wait_for_a_heartbeat() {
+    for (seed, spec) in (0..300).flat_map(|seed| [(seed, "4"), (seed, "2x0.5,2x1.0,1x3.0")]) {
+        for auction in [AuctionRule::FinishingTime, AuctionRule::Paper] {
+            let crew: CrewSpec = spec.parse().expect("a crew");
+            let spread = SyntheticSpread { mean_seconds: 0.05, profiling: 0.2, ..SyntheticSpread::default() };
+            let piece = Arc::new(Workpiece::synthetic(12, &spread, seed).expect("so many zones can be"));
+            let least = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
+            let outcome = run(&piece, &Plan { auction, ..Plan::calm(crew, seed) });
+            let late = outcome.makespan.saturating_sub(least);
+            assert!(late < Duration::from_millis(700), "seed {seed}, {spec}, {auction:?}: {late:?} after {least:?}");
+        }
+    }
+}
+
 /// Where messages take long nobody waits for a round.
 #[test]
 fn who_steals_is_done_sooner_than_who_bids_where_the_way_is_long() {

@@ -1,4 +1,4 @@
-//! How bright a picture is beside what a screen can show.
+//! The brightness of a picture beside what a screen can show.
 
 use bottega_image::Film;
 

@@ -301,8 +301,12 @@ fn a_gltf_without_a_camera_is_seen_alike_by_cycles_and_by_our_own_engine() {
         sums
     };
     let size = blocks(&own).iter().sum::<f64>() / 256.0;
+    // Before 4.0 Blender's Principled BSDF adds gloss and takes nothing away for it: pictures are some percent brighter.
+    let list = bottega(&["engines", "list"]).output().expect("the program starts").stdout;
+    let is_old = String::from_utf8_lossy(&list).lines().any(|line| line.starts_with("cycles") && line.contains(" 3."));
+    let most = if is_old { 0.12 } else { 0.05 };
     for (who, picture) in [("cycles", &other), ("both", &both)] {
         let apart = blocks(picture).iter().zip(blocks(&own)).map(|(a, b)| (a - b).abs()).sum::<f64>() / 256.0;
-        assert!(apart < 0.05 * size, "{who}: {apart} apart on average, of {size}");
+        assert!(apart < most * size, "{who}: {apart} apart on average, of {size}");
     }
 }

@@ -200,6 +200,8 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     let (status, told) =
         steer_there.post("/api/jobs", &json!({ "request": request("goblets.glb", 2000), "files_of_job": 1 }));
     assert_eq!((status, &told["job"]), (201, &json!(2)), "{told}");
+    // What one door was told the other hears over the farm.
+    farm.until("the first door knows it", || steer.job(2)["state"].is_string());
     assert_eq!(steer.post("/api/jobs/2/pause", &json!({})).1["state"], "paused");
     farm.until("the other door knows", || steer_there.job(2)["state"] == "paused");
     let urgent = json!({ "priority": 30 }).to_string();

@@ -106,7 +106,8 @@ impl Master {
         self.composition.see(row);
         self.doubt(row);
         self.note_cut(row);
-        if row.state == ZoneState::Profiled {
+        // A zone has come to wait, or somebody has less to do: those who bid in vain may be the next to have one soonest.
+        if matches!(row.state, ZoneState::Profiled | ZoneState::Done | ZoneState::Failed) {
             self.recalls = true;
             self.in_vain.clear();
         }
