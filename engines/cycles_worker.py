@@ -34,11 +34,16 @@ SHARED = {"normal"}
 
 
 def mend_numpy():
-    """Debian 12 has an importer of glTF that uses a name which its NumPy has dropped."""
+    """Debian's Blender looks for NumPy beside the first Python of the search path, which may be another one than Debian's; and
+    Debian 12 has an importer of glTF that uses a name which its NumPy has dropped."""
     try:
         import numpy
     except ImportError:
-        return
+        sys.path.append("/usr/lib/python3/dist-packages")
+        try:
+            import numpy
+        except ImportError:
+            return
     if not hasattr(numpy, "bool"):
         numpy.bool = bool
 
