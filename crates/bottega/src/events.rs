@@ -259,7 +259,7 @@ pub struct EngineShare {
 pub struct LightingAgents {
     /// Agents that the lights cast.
     pub cast: u32,
-    /// Agents that are stored, clones among them.
+    /// Agents that are stored, clones and scouts among them.
     pub agents: u64,
     /// Those behind the first surface.
     pub clones: u64,

@@ -10,9 +10,9 @@ use std::{
 pub struct AgentReport {
     /// Agents that were sent out.
     pub cast: u32,
-    /// Agents that are stored, clones among them.
+    /// Agents that are stored, clones and scouts among them.
     pub agents: u64,
-    /// Those behind the first surface.
+    /// Clones: those behind the first surface.
     pub clones: u64,
     /// Sensors of geometry, proximity, penumbra and irradiance.
     pub sensors: [u64; 4],

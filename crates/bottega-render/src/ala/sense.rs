@@ -106,7 +106,7 @@ impl Agents {
         agents.report = AgentReport {
             cast: settings.cast,
             agents: swarm.len() as u64,
-            clones: swarm.agents.iter().filter(|agent| agent.clone > 0).count() as u64,
+            clones: swarm.agents.iter().filter(|agent| agent.clone > 0 && !agent.is_scout()).count() as u64,
             sensors,
             links: network.link_count(),
             object_distance: swarm.object_distance,
