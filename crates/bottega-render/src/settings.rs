@@ -176,7 +176,7 @@ impl Default for AgentSettings {
             decides_halting: false,
             asks_network: false,
             error: 0.1,
-            memory_bytes: 16 << 20,
+            memory_bytes: 4 << 20,
         }
     }
 }

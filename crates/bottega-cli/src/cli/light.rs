@@ -90,7 +90,7 @@ pub(crate) struct LightingAgentArgs {
     #[arg(long, value_name = "SHARE", value_parser = parse_oracle_error)]
     oracle_error: Option<f64>,
     /// Megabytes that lighting agents may take, with --oracle error. Where they are too few, more is computed while the picture
-    /// is painted. Default: 16.
+    /// is painted. Default: 4.
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(0..=ORACLE_MEMORY_MAX))]
     oracle_memory: Option<u64>,
 }

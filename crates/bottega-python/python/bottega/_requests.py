@@ -491,7 +491,7 @@ class LightingAgentOptions(Section):
     """What they are asked; the rest is computed everywhere."""
     error: float = 0.1
     """Greatest relative error of indirect light that is interpolated, with the oracle `error`."""
-    memory_mb: int = 16
+    memory_mb: int = 4
     """Megabytes that they may take, with the oracle `error`."""
     network: bool = False
     """Whether the median of an agent and its neighbors in the network answers which shadow rays must
