@@ -1,11 +1,15 @@
 //! The brightness of a picture beside what a screen can show.
 
-use bottega_image::Film;
+use bottega_image::{Film, luminance};
 
 /// What a screen shows as the middle between black and white: a grey card.
 const MIDDLE_GREY: f32 = 0.18;
 /// So far from it nothing is left to be seen, whatever the curve.
 const STOPS_MAX: f32 = 6.0;
+/// The share of the lit pixels that are not brighter: what is brighter than these is lamps and noise.
+const BRIGHT: f32 = 0.99;
+/// Pixels that are looked at.
+const PIXELS: usize = 1 << 20;
 
 /// What is wrong with the brightness of a picture that a screen is to show, and what would mend it.
 ///
@@ -13,59 +17,65 @@ const STOPS_MAX: f32 = 6.0;
 ///
 /// - `exposure`: in stops, as it is shown with.
 pub(crate) fn told_brightness(film: &Film, exposure: f32) -> Option<String> {
-    let luminance = |(x, y)| {
+    let step = (film.rect().area() as usize).div_ceil(PIXELS).max(1);
+    let shown = |(x, y)| {
         let [r, g, b, _] = film.color(x, y);
-        0.2126 * r + 0.7152 * g + 0.0722 * b
+        luminance([r, g, b])
     };
-    told(film.rect().pixels().map(luminance), exposure)
+    told(film.rect().pixels().step_by(step).map(shown), exposure)
 }
 
+/// White is where half of what is lit is too bright, black where all of it is too dark: a dark background is none.
 fn told(luminances: impl Iterator<Item = f32>, exposure: f32) -> Option<String> {
-    let (mut logarithms, mut lit) = (0.0, 0_u64);
-    for luminance in luminances {
-        if luminance > 0.0 && luminance.is_finite() {
-            logarithms += f64::from(luminance.log2());
-            lit += 1;
-        }
-    }
-    if lit == 0 {
+    let mut lit: Vec<f32> = luminances.filter(|&it| it > 0.0 && it.is_finite()).collect();
+    if lit.is_empty() {
         return Some(
             "is black: no light comes from what the camera sees; `--env 1,1,1` adds some from all around".to_owned(),
         );
     }
-    let stops = logarithms / lit as f64 - f64::from(MIDDLE_GREY.log2()) + f64::from(exposure);
-    if stops.abs() <= f64::from(STOPS_MAX) {
-        return None;
-    }
-    let (how, side) = if stops > 0.0 { ("white", "above") } else { ("black", "below") };
-    let away = stops.abs();
-    Some(format!(
-        "is nearly {how}: its light is {away:.1} stops {side} middle grey; `--exposure {:.1}` shows it",
-        f64::from(exposure) - stops
-    ))
+    let last = lit.len() - 1;
+    let mut stops_at = |share: f32| {
+        let (_, &mut value, _) = lit.select_nth_unstable_by((share * last as f32) as usize, f32::total_cmp);
+        (value / MIDDLE_GREY).log2() + exposure
+    };
+    let (middle, bright) = (stops_at(0.5), stops_at(BRIGHT));
+    let (what, stops) = match () {
+        () if middle > STOPS_MAX => (format!("white: half of it is {middle:.1} stops and more above"), middle),
+        () if bright < -STOPS_MAX => {
+            (format!("black: nearly all of it is {:.1} stops and more below", -bright), bright)
+        }
+        () => return None,
+    };
+    Some(format!("is nearly {what} middle grey; `--exposure {:.1}` shows it", exposure - stops))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Two pixels, one of them dark.
-    fn told_of(value: f32, exposure: f32) -> Option<String> {
-        told([0.0, value].into_iter(), exposure)
+    /// Of a hundred pixels one is dark, and so many of the others have a value; the rest is faintly lit.
+    fn told_of(value: f32, count: usize, exposure: f32) -> Option<String> {
+        let faint = std::iter::repeat_n(1e-6, 99 - count);
+        told([0.0].into_iter().chain(std::iter::repeat_n(value, count)).chain(faint), exposure)
     }
 
     #[test]
     fn only_what_cannot_be_seen_is_told() {
-        assert!([0.01, 0.18, 1.0, 8.0].into_iter().all(|value| told_of(value, 0.0).is_none()));
-        let bright = told_of(0.18 * 1024.0, 0.0).unwrap();
-        assert!(
-            bright.contains("nearly white")
-                && bright.contains("10.0 stops above")
-                && bright.contains("--exposure -10.0")
-        );
-        assert!(told_of(0.18 * 1024.0, -10.0).is_none());
-        let dark = told_of(0.18 / 256.0, 1.0).unwrap();
-        assert!(dark.contains("nearly black") && dark.contains("7.0 stops below") && dark.contains("--exposure 8.0"));
-        assert!(told_of(0.0, 0.0).unwrap().contains("--env"));
+        assert!([0.01, 0.18, 1.0, 8.0].into_iter().all(|value| told_of(value, 99, 0.0).is_none()));
+        let bright = told_of(0.18 * 1024.0, 99, 0.0).unwrap();
+        assert!(bright.contains("white: half of it is 10.0 stops and more above"), "{bright}");
+        assert!(bright.contains("--exposure -10.0"), "{bright}");
+        assert!(told_of(0.18 * 1024.0, 99, -10.0).is_none());
+        let dark = told_of(0.18 / 256.0, 99, 1.0).unwrap();
+        assert!(dark.contains("black: nearly all of it is 7.0 stops and more below"), "{dark}");
+        assert!(dark.contains("--exposure 8.0"), "{dark}");
+        assert!(told_of(0.0, 0, 0.0).unwrap().contains("nearly black"));
+        assert!(told([0.0; 4].into_iter(), 0.0).unwrap().contains("--env"));
+    }
+
+    #[test]
+    fn what_stands_in_the_dark_or_beside_a_window_is_seen() {
+        assert!(told_of(0.2, 10, 0.0).is_none(), "a lit thing before a dark background");
+        assert!(told([vec![0.2; 60], vec![1e4; 40]].concat().into_iter(), 0.0).is_none(), "a bright window");
     }
 }
