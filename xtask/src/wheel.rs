@@ -21,6 +21,8 @@ const TARGET: &str = "x86_64-unknown-linux-gnu";
 const GLIBC: &str = "2.28";
 /// Which Pythons load the module: 3.10 and newer.
 const PYTHON: &str = "cp310-abi3";
+/// How it is compiled: as what is handed out.
+const PROFILE: &str = "dist";
 /// The wheel is at most so large, in megabytes.
 const MEGABYTES_MAX: f64 = 40.0;
 
@@ -46,7 +48,7 @@ pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     let begun = Instant::now();
     let glibc = format!("{TARGET}.{GLIBC}");
     let packages = ["--package", "bottega-cli", "--package", "bottega-python"];
-    run("cargo-zigbuild", &[&["zigbuild", "--release", "--target", &glibc][..], &packages].concat())?;
+    run("cargo-zigbuild", &[&["zigbuild", "--profile", PROFILE, "--target", &glibc][..], &packages].concat())?;
     let wheels = root().join("target/wheels");
     let made = pack(&wheels)?;
     if args.sdist {
@@ -77,7 +79,7 @@ fn pack(wheels: &Path) -> Result<PathBuf> {
     let (package, scripts) = (folder.join("bottega"), folder.join(format!("{name}.data/scripts")));
     fs::create_dir_all(&package)?;
     fs::create_dir_all(&scripts)?;
-    let built = root().join("target").join(TARGET).join("release");
+    let built = root().join("target").join(TARGET).join(PROFILE);
     fs::copy(built.join("bottega"), scripts.join("bottega"))?;
     fs::copy(built.join("libbottega_python.so"), package.join("_native.abi3.so"))?;
     for entry in fs::read_dir(root().join("crates/bottega-python/python/bottega"))? {

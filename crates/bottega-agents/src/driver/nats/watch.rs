@@ -1,9 +1,9 @@
 //! All entries below a name, and every change to one from then on.
 
-use std::time::Duration;
+use std::{ops::Range, time::Duration};
 
 use async_nats::{
-    Client,
+    Client, HeaderMap,
     jetstream::{
         Message,
         consumer::{AckPolicy, DeliverPolicy, ReplayPolicy, push},
@@ -11,6 +11,7 @@ use async_nats::{
         stream::LastRawMessageErrorKind,
     },
 };
+use bytes::Bytes;
 use tokio_stream::StreamExt;
 
 /// After what time a watch that broke is begun again.
@@ -36,21 +37,27 @@ pub(super) struct WrittenEntry {
     pub(super) key: String,
     pub(super) revision: u64,
     /// `None`: it was taken out.
-    pub(super) value: Option<bytes::Bytes>,
+    pub(super) value: Option<Bytes>,
 }
 
 /// Tells of all entries below a name, and from then on of every change, until `tell` says that it is enough. After an
 /// interruption all are told again.
 ///
-/// Neither the number of entries that wait, which the server tells with each, nor that a consumer goes on delivering is relied
-/// on: where entries are written while a consumer begins, servers (2.9.10) may count wrongly and never come to 0. What is known is
-/// compared with the last entry that there is instead.
+/// Neither the number of entries that wait, which the server tells with each, nor that a consumer delivers all of them is relied
+/// on: servers (2.9.10) may count wrongly and never come to 0 where entries are written while a consumer begins, and under load they
+/// pass over entries that are written in quick succession. What is known is compared with the last entry that there is, and where
+/// numbers are missing between two entries the server is asked what was written there.
 pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(WatchNews) -> bool) {
     let filter = format!("{}{below}", store.prefix);
     while tell(WatchNews::Nothing) {
+        // Those that are there are told by the last of each name; of what is written after them nothing may be missing.
+        let Ok(there) = last_written(store, &filter).await else {
+            tokio::time::sleep(AGAIN_AFTER).await;
+            continue;
+        };
         match open(client, store, &filter).await {
             Ok(messages) => {
-                if !listen(store, &filter, messages, &mut tell).await {
+                if !listen(store, &filter, messages, there, &mut tell).await {
                     return;
                 }
             }
@@ -61,10 +68,13 @@ pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut 
 }
 
 /// Tells of what a consumer delivers until it breaks. Returns whether to go on with another one.
+///
+/// - `there`: the number of the last writing before the consumer began.
 async fn listen(
     store: &kv::Store,
     filter: &str,
     mut messages: push::Ordered,
+    there: u64,
     tell: &mut impl FnMut(WatchNews) -> bool,
 ) -> bool {
     // Entries come in the order of their writing: with this one all have come that were there at the beginning.
@@ -79,6 +89,14 @@ async fn listen(
         match tokio::time::timeout(LOOK_EVERY, messages.next()).await {
             Ok(Some(Ok(message))) => {
                 let Some(entry) = written(store, &message) else { continue };
+                let Ok(passed_over) = passed_over(store, filter, told.max(there) + 1..entry.revision).await else {
+                    return true;
+                };
+                for entry in passed_over {
+                    if !tell(WatchNews::Entry(entry)) {
+                        return false;
+                    }
+                }
                 told = told.max(entry.revision);
                 is_late = false;
                 if !tell(WatchNews::Entry(entry)) {
@@ -103,6 +121,27 @@ async fn listen(
             }
         }
     }
+}
+
+/// The entries of these numbers that are still there: a consumer did not deliver them. Those that somebody has written anew since are
+/// delivered later.
+async fn passed_over(store: &kv::Store, filter: &str, numbers: Range<u64>) -> Result<Vec<WrittenEntry>, String> {
+    let (mut from, mut entries) = (numbers.start, Vec::new());
+    while from < numbers.end {
+        match store.stream.get_first_raw_message_by_subject(filter, from).await {
+            Ok(message) if message.sequence < numbers.end => {
+                from = message.sequence + 1;
+                tracing::debug!(filter, number = message.sequence, "an entry was not delivered");
+                let key = message.subject.strip_prefix(&*store.prefix).map(str::to_owned);
+                let (revision, value) = (message.sequence, value_of(Some(&message.headers), &message.payload));
+                entries.extend(key.map(|key| WrittenEntry { key, revision, value }));
+            }
+            Ok(_) => break,
+            Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => break,
+            Err(error) => return Err(error.to_string()),
+        }
+    }
+    Ok(entries)
 }
 
 /// The number of the last writing below a name; 0: there is none.
@@ -150,8 +189,12 @@ async fn open(client: &Client, store: &kv::Store, filter: &str) -> Result<push::
 fn written(store: &kv::Store, message: &Message) -> Option<WrittenEntry> {
     let info = message.info().ok()?;
     let key = message.subject.strip_prefix(&*store.prefix)?.to_owned();
-    let operation = message.headers.as_ref().and_then(|headers| headers.get(OPERATION));
-    let is_there = operation.is_none_or(|operation| operation.as_str() == "PUT");
-    let value = is_there.then(|| message.payload.clone());
+    let value = value_of(message.headers.as_ref(), &message.payload);
     Some(WrittenEntry { key, revision: info.stream_sequence, value })
+}
+
+/// What an entry says; `None`: that it is no more.
+fn value_of(headers: Option<&HeaderMap>, payload: &Bytes) -> Option<Bytes> {
+    let operation = headers.and_then(|headers| headers.get(OPERATION));
+    operation.is_none_or(|operation| operation.as_str() == "PUT").then(|| payload.clone())
 }
