@@ -213,7 +213,7 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
         Event::Asked { job, last_job } => vec![asked(*job, *last_job, is_detached)],
         Event::Frame { output, done, all } => vec![format!("{output} ({done} of {all})")],
         Event::Preview { number: 1, seconds } => vec![format!("first preview {} after loading", length(*seconds))],
-        Event::LightingAgents(agents) => lighting_agents(agents).into(),
+        Event::LightingAgents(agents) => lighting_agents(agents),
         Event::Mixed { engines, seams_z, seams_p } => {
             let zones: Vec<String> =
                 engines.iter().map(|share| format!("{} by {}", share.zones, share.engine)).collect();
@@ -379,10 +379,14 @@ fn finished(event: &Event) -> Vec<String> {
 }
 
 /// What a swarm was like, what it cost and what it spared.
-fn lighting_agents(agents: &LightingAgents) -> [String; 2] {
+fn lighting_agents(agents: &LightingAgents) -> Vec<String> {
     let [geometry, proximity, penumbra, irradiance] = agents.sensors;
     let (traced, spared) = (agents.shadow_rays_traced, agents.shadow_rays_spared);
-    [
+    let lookouts = agents.caustics_seen.map(|[blind, sent]| {
+        let [blind, sent] = [blind, sent].map(|share| 100.0 * share);
+        format!("lookouts: the camera sees {sent:.0} % of the photons for caustics ({blind:.0} % without them)")
+    });
+    let swarm = [
         format!(
             "lighting agents: {} cast, {} stored ({} clones), {:.1} MB; cast in {}, {penumbra} penumbra, {irradiance} \
              irradiance, {geometry} geometry and {proximity} proximity sensors in {}",
@@ -400,7 +404,8 @@ fn lighting_agents(agents: &LightingAgents) -> [String; 2] {
             agents.irradiance_computed,
             agents.irradiance_interpolated,
         ),
-    ]
+    ];
+    swarm.into_iter().chain(lookouts).collect()
 }
 
 fn length(seconds: f64) -> String {

@@ -74,10 +74,15 @@ impl PreparedJob {
     }
 
     /// Denoises a picture that is painted, if that was asked for and can be done here. What the picture says of itself.
-    pub(crate) fn finish(&self, board: &JobBoard, number: u32, report: &mut JobReport) -> Metadata {
+    ///
+    /// The log of the job says what is wrong with it.
+    pub(crate) fn finish(&self, board: &JobBoard, (number, job): (u32, &Job), report: &mut JobReport) -> Metadata {
         let (metadata, denoised) = self.session.finish_for_others(report);
         if let Err(error) = denoised {
             board.log(number, &format!("the picture keeps its noise: {}", error.error_chain()));
+        }
+        if let Some(told) = self.session.wrong_brightness(Path::new(&job.output), &report.film) {
+            board.log(number, &format!("the picture {told}"));
         }
         metadata
     }

@@ -262,7 +262,7 @@ impl Worker {
         if let PartOutcome::Led(mut report, leading) = part {
             let state = match report.failed.len() {
                 0 => {
-                    let metadata = studio.finish(board, number, &mut report);
+                    let metadata = studio.finish(board, (number, job), &mut report);
                     let picture = (&report.film, &metadata);
                     patiently(stop, say, || studio.keep_picture(board, job, picture, &self.cache))?;
                     JobState::Done { kept: true }

@@ -6,7 +6,7 @@ use bottega::{
     scene::Scene,
     settings::{importance_function, level},
 };
-use numpy::{IntoPyArray, PyArray2, ndarray::Array2};
+use numpy::{IntoPyArray, PyArray2, PyUntypedArrayMethods, ndarray::Array2};
 use pyo3::{exceptions::PyValueError, prelude::*};
 
 use crate::{errors, process::refuse_forked, request::request_of, scene::PyScene, values::to_python, waiting::Caller};
@@ -27,6 +27,14 @@ pub(crate) struct PyAnalysis {
     size: (u32, u32),
     /// Render Agents for which it is cut.
     agents: usize,
+}
+
+#[pymethods]
+impl PyAnalysis {
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let ((width, height), zones) = (self.size, self.rects.bind(py).shape()[0]);
+        format!("<bottega.Analysis {width}x{height}, {zones} zones for {} agents>", self.agents)
+    }
 }
 
 /// What is handed from the thread that analyzes.

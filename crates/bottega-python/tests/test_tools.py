@@ -26,6 +26,7 @@ def test_zones_are_those_of_the_command_line(box: Path, program: str, tmp_path: 
     words = ["--agents", "4", "--size", "160x120", "-o", str(tmp_path), "--json"]
     told = printed(program, "analyze", str(box), *words)
     found = bottega.analyze(box, agents=4, size=(160, 120), work={"level": 2})
+    assert repr(found) == f"<bottega.Analysis 160x120, {len(found.zones)} zones for 4 agents>"
     zones = next(level["zones"] for level in told["levels"] if level["level"] == 2)
     assert found.rects.tolist() == [zone["rect"] for zone in zones]
     assert [zone["complexity"] for zone in found.zones] == pytest.approx([zone["complexity"] for zone in zones])

@@ -64,7 +64,9 @@ impl Prepass {
         seed: u64,
     ) -> Option<AgentReport> {
         photons.agents?;
-        self.passes(prepared, view, photons, seed, 1).known_agents().map(Agents::report)
+        let passes = self.passes(prepared, view, photons, seed, 1);
+        let report = passes.known_agents().map(Agents::report)?;
+        Some(AgentReport { caustics_seen: passes.plan().shares_seen(), ..report })
     }
 
     /// What the maps of a picture by photons take.

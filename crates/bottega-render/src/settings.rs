@@ -92,6 +92,9 @@ pub struct PhotonSettings {
     /// Greatest error with which indirect light on matte surfaces is taken from places near by instead of gathered anew, as
     /// a share (Ward's a): 0.1 careful, 0.4 coarse, 0 never.
     pub irradiance_cache: f32,
+    /// Whether photons for caustics are sent where agents that the camera casts look out for them, or to all mirrors and glass alike. It
+    /// changes the noise, not the mean.
+    pub lookouts: bool,
     /// Whether photons that go on behind what is lit decide where shadow rays are needed.
     pub shadow_photons: bool,
     /// Whether gathering rays go where indirect photons came from, as far as that tells more than chance. It changes the noise, not the mean.
@@ -202,6 +205,7 @@ impl Default for PhotonSettings {
             bounces: 16,
             filter: PhotonFilter::Epanechnikov,
             irradiance_cache: 0.0,
+            lookouts: true,
             shadow_photons: false,
             gather_directions: true,
             separate_maps: false,

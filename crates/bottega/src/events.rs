@@ -271,6 +271,10 @@ pub struct LightingAgents {
     pub answers: [u64; 3],
     /// Mean distance between objects, in scene units.
     pub object_distance: f32,
+    /// Of the photons that come to mirrors and glass, the shares whose light the camera sees: sent without asking lookouts, and sent
+    /// by them. Missing where nobody was asked, or none comes there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub caustics_seen: Option<[f64; 2]>,
     /// Bytes of their maps.
     pub map_bytes: u64,
     /// Seconds that casting took.

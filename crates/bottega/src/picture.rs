@@ -136,14 +136,17 @@ impl Picture {
 
     /// Warns of a picture for a screen on which nothing can be seen.
     fn warn_of_brightness(&self) {
-        let output = &self.request.output;
-        let Some(file) = &output.file else { return };
-        if let (Ok(OutputFormat::Png), Some(told)) =
-            (OutputFormat::of(file), told_brightness(self.film(), output.exposure))
-        {
+        let Some(file) = &self.request.output.file else { return };
+        if let Some(told) = wrong_brightness(&self.request, file, self.film()) {
             self.reporter.warn(format!("{} {told}", shown(file)));
         }
     }
+}
+
+/// What is wrong with the brightness of a picture, if its file is one for screens.
+pub(crate) fn wrong_brightness(request: &Request, file: &Path, film: &Film) -> Option<String> {
+    let is_for_screens = matches!(OutputFormat::of(file), Ok(OutputFormat::Png));
+    if is_for_screens { told_brightness(film, request.output.exposure) } else { None }
 }
 
 /// Samples of all pixels. Where cells stop by their error only the film knows them.

@@ -93,6 +93,7 @@ fn change() -> impl Strategy<Value = Apply> {
         of(1u32..1024, |r, v| r.integrator.light_samples = v),
         of(option::of(1u32..100_000_000), |r, v| r.photons.count = v),
         of(option::of(1e-6f32..1.0), |r, v| r.photons.radius = v),
+        of(any::<bool>(), |r, v| r.photons.lookouts = v),
         of(any::<bool>(), |r, v| r.photons.shadow_photons = v),
         of(any::<[bool; 2]>(), |r, v| [r.photons.separate_maps, r.photons.indirect] = v),
         of(option::of(any::<bool>()), |r, v| r.photons.gather_directions = v),

@@ -70,6 +70,7 @@ impl LightMethod {
         let photons = PhotonSettings {
             count,
             irradiance_cache: 0.15,
+            lookouts: false,
             shadow_photons: true,
             gather_directions: false,
             ..PhotonSettings::default()
@@ -97,7 +98,8 @@ impl LightMethod {
     /// - `is_asked_for_shadows`: else all shadow rays are traced.
     pub(super) fn agents(oracle: Oracle, cast: u32, is_asked_for_shadows: bool) -> Self {
         let agents = AgentSettings { cast, oracle, decides_shadows: is_asked_for_shadows, ..AgentSettings::default() };
-        let photons = PhotonSettings { agents: Some(agents), ..PhotonSettings::default() };
+        let lookouts = oracle == Oracle::Error;
+        let photons = PhotonSettings { agents: Some(agents), lookouts, ..PhotonSettings::default() };
         let whose = if oracle == Oracle::Paper { " of the paper" } else { "" };
         Self { name: format!("{} agents{whose}", counted(cast)), photons: Some(photons) }
     }

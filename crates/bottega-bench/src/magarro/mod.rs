@@ -2,8 +2,8 @@
 //!
 //! For each partition and optimization the picture is painted by one agent on one thread, which gives the time of one
 //! agent and what each zone took, and by two agents in two processes. More agents are replayed in the simulator, each on a
-//! machine of its own that is as fast as this one, and so are one and two: a replay that is far off the measured pair is no
-//! measurement. Measured and replayed figures are told apart wherever they are shown.
+//! machine of its own that is as fast as this one. So is the measured pair, each as fast as a processor is beside another one: a
+//! replay that is far off is no measurement. Measured and replayed figures are told apart wherever they are shown.
 
 mod equal_time;
 mod paper;
@@ -17,7 +17,7 @@ use std::{io::Write, path::Path, sync::Arc, time::Duration};
 
 use bottega_farm::{
     AdaptationRule, AuctionRule, Level, Optimization,
-    simulate::{CrewSpec, Plan, Workpiece, simulate},
+    simulate::{CrewSpec, MachineSpec, Plan, Workpiece, simulate},
 };
 use bottega_image::{Canvas, ColorMap, FlipOptions, Picture, ToneMap, flip, rmse, srgb_from_linear};
 
@@ -127,17 +127,23 @@ impl MagarroScene<'_> {
         let settings = self.settings(level, optimization, ways);
         let (record, picture) = self.paint(&settings, seed)?;
         let piece = Arc::new(Workpiece::recorded(&record, 1)?);
-        let mut replayed = [0.0; 4];
-        for (time, agents) in replayed.iter_mut().zip(AGENTS) {
-            let mut plan = Plan::calm(CrewSpec::equal(agents), seed);
+        let replay = |agents: usize, speed: f64| -> Result<f64, Error> {
+            let mut crew = CrewSpec::default();
+            crew.add(agents, MachineSpec { processors: 1, speed });
+            let mut plan = Plan::calm(crew, seed);
             plan.faults.latency_min = LATENCY;
             if ways == Ways::Papers {
                 plan.auction = AuctionRule::Paper;
                 plan.adaptation = AdaptationRule::Paper;
             }
-            *time = simulate(&piece, &plan)?.makespan.as_secs_f64();
+            Ok(simulate(&piece, &plan)?.makespan.as_secs_f64())
+        };
+        let mut replayed = [0.0; 4];
+        for (time, agents) in replayed.iter_mut().zip(AGENTS) {
+            *time = replay(agents, 1.0)?;
         }
-        let pair = pair.map(|pair| pair.seconds(self, level, optimization, ways)).transpose()?.flatten();
+        let pair = pair.map(|pair| pair.measure(self, (level, optimization, ways), &record)).transpose()?.flatten();
+        let replayed_pair = pair.map(|pair| replay(2, pair.speed)).transpose()?;
         let row = MagarroRow {
             level,
             optimization,
@@ -145,6 +151,7 @@ impl MagarroScene<'_> {
             measured: record.total.as_secs_f64(),
             survey: record.survey.as_secs_f64(),
             pair,
+            replayed_pair,
             replayed,
             zones: record.zones.len(),
             error: None,

@@ -3,6 +3,8 @@
 use bottega_farm::{Level, Optimization};
 use bottega_image::Picture;
 
+use super::second_agent::MeasuredPair;
+
 /// What is as in the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ways {
@@ -40,7 +42,9 @@ pub(super) struct MagarroRow {
     /// Wall time of the look at the scene within it.
     pub(super) survey: f64,
     /// Two agents in two processes of one thread each, if that was measured.
-    pub(super) pair: Option<f64>,
+    pub(super) pair: Option<MeasuredPair>,
+    /// Those two replayed, each as fast as it was beside the other.
+    pub(super) replayed_pair: Option<f64>,
     /// Replayed, by [`AGENTS`].
     pub(super) replayed: [f64; 4],
     pub(super) zones: usize,

@@ -3,7 +3,7 @@
 use std::{fmt, io, io::Write, path::Path, process::Command, str::FromStr, sync::Arc};
 
 use bottega_cluster::own_server::{Entry, OwnServer};
-use bottega_farm::{Level, Link, Optimization, StopSwitch, assist, lead};
+use bottega_farm::{Level, Link, Optimization, StopSwitch, ZoneRow, assist, lead, simulate::Record};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -59,6 +59,15 @@ struct SecondAgentReport {
     ended: bool,
 }
 
+/// A pair of agents, measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeasuredPair {
+    /// The time of both together, from when both have loaded the scene.
+    pub(super) seconds: f64,
+    /// Of a processor beside another one that paints; alone it is 1.
+    pub(super) speed: f64,
+}
+
 /// Two agents on one server, which lives as long as this.
 pub(super) struct AgentPair<'a> {
     server: OwnServer,
@@ -75,15 +84,15 @@ impl<'a> AgentPair<'a> {
         Ok(Self { server: OwnServer::start(program, &folder.0)?, _folder: folder, command })
     }
 
-    /// The time of both agents together, in seconds, from when both have loaded the scene. `None`: one had painted all before the
-    /// other was there.
-    pub(super) fn seconds(
+    /// Paints with both agents together. `None`: one had painted all before the other was there.
+    ///
+    /// - `alone`: what the zones took one agent.
+    pub(super) fn measure(
         &self,
         scene: &MagarroScene<'_>,
-        level: Level,
-        optimization: Optimization,
-        ways: Ways,
-    ) -> Result<Option<f64>, Error> {
+        (level, optimization, ways): (Level, Optimization, Ways),
+        alone: &Record,
+    ) -> Result<Option<MeasuredPair>, Error> {
         let row = SharedRow { level, optimization, ways, work: unix_micros() };
         let entry = self.server.entry.clone();
         let link = link(&entry, row.work, 0)?;
@@ -98,8 +107,22 @@ impl<'a> AgentPair<'a> {
         let report = report?;
         // Where all was painted before the Master came to know the second agent, there is no pair.
         let took_part = told.transpose()?.is_some_and(|SecondAgentReport { ended }| ended);
-        Ok(took_part.then_some(report.times.total.as_secs_f64()))
+        let seconds = report.times.total.as_secs_f64();
+        Ok(took_part.then(|| MeasuredPair { seconds, speed: speed_beside(&report.rows, alone) }))
     }
+}
+
+/// How fast a processor was while another one painted, against alone: they share caches, memory and often a core. The median of the
+/// zones that were painted whole with as many samples.
+fn speed_beside(rows: &[ZoneRow], alone: &Record) -> f64 {
+    let speed = |row: &ZoneRow| {
+        let samples = row.choice.filter(|_| row.piece.is_none() && row.cut.is_none())?.samples;
+        let zone = alone.zones.iter().find(|zone| zone.rect == row.rect && zone.choice.samples == samples)?;
+        Some(zone.total().as_secs_f64() / row.time_measured?.as_secs_f64())
+    };
+    let mut speeds: Vec<f64> = rows.iter().filter_map(speed).filter(|speed| speed.is_finite()).collect();
+    speeds.sort_by(f64::total_cmp);
+    speeds.get(speeds.len() / 2).copied().unwrap_or(1.0)
 }
 
 /// Paints as the second agent until the work is done, or standard input ends because the first process is gone.

@@ -32,7 +32,7 @@ fn clock(seconds: f64) -> String {
 /// Time of one agent, measured; of two, measured where it could be; of more, replayed.
 pub(super) fn times(row: &MagarroRow) -> [f64; 4] {
     let [_, replayed, four, eight] = row.replayed;
-    [row.measured, row.pair.unwrap_or(replayed), four, eight]
+    [row.measured, row.pair.map_or(replayed, |pair| pair.seconds), four, eight]
 }
 
 fn as_text(report: &MagarroReport) -> String {
@@ -121,16 +121,21 @@ fn kind(row: &MagarroRow, index: usize) -> &'static str {
     if index == 0 || index == 1 && row.pair.is_some() { "m" } else { "r" }
 }
 
-/// Replayed times of two agents over measured ones.
+/// Replayed times of two agents, as fast as they were beside each other, over measured ones.
 fn validation(report: &MagarroReport) -> String {
     let rows = report.levels.iter().chain([&report.off, &report.paper]).chain(&report.optimizations);
-    let off: Vec<f64> = rows.filter_map(|row| Some(row.replayed[1] / row.pair?)).collect();
+    let pairs: Vec<(f64, f64)> = rows
+        .filter_map(|row| row.pair.and_then(|pair| Some((row.replayed_pair? / pair.seconds, pair.speed))))
+        .collect();
+    let off: Vec<f64> = pairs.iter().map(|pair| pair.0).collect();
     if off.is_empty() {
         return "two agents were not measured: the replay is not checked\n".to_owned();
     }
     let within = off.iter().filter(|ratio| (*ratio - 1.0).abs() <= REPLAY_OFF_MAX).count();
     format!(
-        "replayed over measured, 2 agents: {}; {within} of {} within {:.0} %\n",
+        "speed of a processor beside the other, 2 agents: {}\n\
+         replayed at that speed over measured: {}; {within} of {} within {:.0} %\n",
+        ratios(pairs.iter().map(|pair| pair.1)),
         ratios(off.iter().copied()),
         off.len(),
         100.0 * REPLAY_OFF_MAX
@@ -167,7 +172,9 @@ fn as_json(report: &MagarroReport) -> Value {
         json!({
             "level": row.level as u8, "optimize": name(row.optimization), "ways": row.ways.name(),
             "zones": row.zones, "agents": AGENTS, "measured_seconds_1_agent": row.measured,
-            "survey_seconds": row.survey, "measured_seconds_2_agents": row.pair, "replayed_seconds": row.replayed, "speedup_8_agents": speedup(row),
+            "survey_seconds": row.survey, "measured_seconds_2_agents": row.pair.map(|pair| pair.seconds),
+            "speed_beside_another": row.pair.map(|pair| pair.speed), "replayed_seconds_2_agents_at_that_speed": row.replayed_pair,
+            "replayed_seconds": row.replayed, "speedup_8_agents": speedup(row),
             "error": error(row.error),
         })
     };
@@ -195,7 +202,7 @@ mod tests {
     use bottega_image::Picture;
 
     use super::{
-        super::{Pictures, paper::OPTIMIZATIONS, report::Ways},
+        super::{Pictures, paper::OPTIMIZATIONS, report::Ways, second_agent::MeasuredPair},
         *,
     };
 
@@ -208,7 +215,8 @@ mod tests {
             ways: Ways::Ours,
             measured,
             survey: 0.1,
-            pair: Some(measured / 1.95),
+            pair: Some(MeasuredPair { seconds: measured / 1.95, speed: 0.97 }),
+            replayed_pair: Some(measured / 1.94),
             replayed,
             zones: 64,
             error,

@@ -34,6 +34,10 @@ pub(crate) struct PhotonArgs {
     /// coarse. Fast at many samples a pixel. Default: gather it anew for each sample.
     #[arg(long, value_name = "E", value_parser = parse_share, conflicts_with = "progressive")]
     irradiance_cache: Option<f32>,
+    /// Whether photons for caustics are sent where agents that the camera casts look out for them, or to all mirrors and glass
+    /// alike. For lighting agents, too. Default: true.
+    #[arg(long, value_name = "BOOL")]
+    photon_lookouts: Option<bool>,
     /// Trace shadow rays only where photons that went on behind lit surfaces have not settled what is lit and what is not.
     #[arg(long)]
     shadow_photons: bool,
@@ -62,6 +66,7 @@ impl PhotonArgs {
         set(&mut photons.radius, self.photon_radius);
         set(&mut photons.final_rays, self.final_rays);
         set(&mut photons.irradiance_cache, self.irradiance_cache);
+        change(&mut photons.lookouts, self.photon_lookouts);
         photons.shadow_photons |= self.shadow_photons;
         set(&mut photons.gather_directions, self.gather_directions);
         photons.separate_maps |= self.separate_maps;

@@ -129,6 +129,7 @@ fn light(words: &mut OptionWords, request: &Request, usual: &Request) {
     words.option("--photon-radius", photons.radius);
     words.option("--final-rays", photons.final_rays);
     words.option("--irradiance-cache", photons.irradiance_cache);
+    words.changed("--photon-lookouts", &photons.lookouts, &usual.photons.lookouts);
     words.switch("--shadow-photons", photons.shadow_photons);
     words.option("--gather-directions", photons.gather_directions);
     words.switch("--separate-maps", photons.separate_maps);

@@ -265,7 +265,14 @@ fn check_entry(file: &ConfigFile, (name, value): NamedValue<'_>, command: &Comma
         command.get_arguments().filter_map(|option| option.get_long()).collect()
     };
     let near = known.into_iter().map(|known| (distance(known, key), known)).min().filter(|(far, _)| *far <= 2);
-    let near = near.map(|(_, known)| format!("; did you mean `{known}`?")).unwrap_or_default();
+    let near = near.map(|(_, known)| format!("; did you mean `{known}`?"));
+    // Whoever leaves the command out means most often the first one that has such an option.
+    let has_it = |it: &&Command| table(value).is_none() && it.get_arguments().any(|one| one.get_long() == Some(key));
+    let elsewhere = || {
+        let name = command.get_subcommands().find(has_it)?.get_name();
+        Some(format!("; `{name}` has: it stands below a table `{name}`"))
+    };
+    let near = near.or_else(elsewhere).unwrap_or_default();
     let what = if table(value).is_some() { "command" } else { "option" };
     Err(file.wrong(name.span(), &format!("`{}` has no {what} `{key}`{near}", command.get_name())))
 }
@@ -356,7 +363,8 @@ mod tests {
             ("[render\nspp = 16", "line 1"),
             ("[profile]\ndraft = 3", "line 2, column 1: `draft` is no table"),
             ("profile = 3", "profiles are tables"),
-            ("spp = 3", "`bottega` has no option `spp`"),
+            ("spp = 3", "`bottega` has no option `spp`; `render` has: it stands below a table `render`"),
+            ("[profile.draft]\nsize = \"8x6\"", "`size`; `render` has"),
         ] {
             let error = words_of(config, "bottega render a.glb -o a.png").unwrap_err();
             assert!(error.contains(told), "{config}: {error}");

@@ -116,11 +116,15 @@ fn list(board: &JobBoard, as_json: bool) {
     }
     let idle = |standing| seats.iter().filter(|seat| seat.job.is_none() && seat.standing == standing).count();
     if !as_json {
-        for (standing, what) in [(PresenceState::Active, "wait for work"), (PresenceState::Suspended, "are suspended")]
-        {
+        let kinds = [
+            (PresenceState::Active, ["waits for work", "wait for work"]),
+            (PresenceState::Suspended, ["is suspended", "are suspended"]),
+        ];
+        for (standing, [one, several]) in kinds {
             match idle(standing) {
                 0 => {}
-                count => println!("{count} machines {what}"),
+                1 => println!("1 machine {one}"),
+                count => println!("{count} machines {several}"),
             }
         }
     }

@@ -74,12 +74,15 @@ fn a_machine_that_brings_its_own_rules_paints_by_them() {
     fs::write(&own, rules.replace("FUNCTION_BLOCK paper", "FUNCTION_BLOCK of_this_machine")).unwrap();
     let [line, _] = farm.lines();
     let _one = farm.spawn_in("state-of-one", &["join", &line, "--threads", "1", "--rules", text(&own)], "one");
-    assert!(farm.render("a.exr", &["--detach", "--optimize", "b"]).wait(), "{}", farm.logs());
+    let dark = ["--detach", "--optimize", "b", "--exposure=-30"];
+    assert!(farm.render("a.png", &dark).wait(), "{}", farm.logs());
     farm.until_state(1, "done");
     for zone in zones(&farm, "1") {
         let reasons = zone["reasons"].as_str().unwrap_or_default();
         assert!(reasons.starts_with("of_this_machine: "), "{zone}");
     }
+    // The one who asked is told that nothing can be seen of it.
+    assert!(farm.log_of(1).contains("the picture is nearly black"), "{}", farm.log_of(1));
 }
 
 #[test]

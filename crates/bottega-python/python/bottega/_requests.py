@@ -553,6 +553,10 @@ class PhotonOptions(Section):
     """Greatest error of indirect light on matte surfaces that is taken from places near by; none:
     gathered anew.
     """
+    lookouts: bool = True
+    """Whether photons for caustics are sent where agents that the camera casts look out for them; else
+    to all mirrors and glass alike. For lighting agents, too.
+    """
     progressive: bool = False
     """Whether each sample has photons of its own, within a radius that shrinks."""
     radius: float | None = None

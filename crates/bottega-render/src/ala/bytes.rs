@@ -111,6 +111,7 @@ impl Agents {
             map_bytes: long()?,
             sensors: [long()?, long()?, long()?, long()?],
             answers: [long()?, long()?, long()?],
+            caustics_seen: None,
             casting: Duration::from_nanos(long()?),
             sensing: Duration::from_nanos(long()?),
             tally: Tally::default(),

@@ -24,6 +24,9 @@ pub struct AgentReport {
     pub object_distance: f32,
     /// Bytes of the maps that are kept.
     pub map_bytes: u64,
+    /// Of the photons that come to mirrors and glass, the share whose light the camera sees: sent without asking lookouts, and sent by
+    /// them. `None`: nobody was asked, or none comes there.
+    pub caustics_seen: Option<[f64; 2]>,
     /// How long casting took.
     pub casting: Duration,
     /// How long sensing took.

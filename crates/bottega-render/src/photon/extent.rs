@@ -3,24 +3,13 @@
 //! A room on a terrain, or a ball on a plain, is small beside the scene. Where it is a quarter of the scene or more, the scene
 //! itself is the measure.
 
-use bottega_kernels::Ray;
 use glam::Vec3;
 
-use crate::{
-    PathSettings, View,
-    camera::RayCone,
-    extent::Extent,
-    integrator::PathIntegrator,
-    interaction::Interaction,
-    prepare::PreparedScene,
-    sampler::{DimensionSet, PixelSampler},
-    shading::{BLEND, bsdf_at},
-};
+use super::lookouts::places_seen;
+use crate::{View, extent::Extent, prepare::PreparedScene};
 
 /// Rays from the camera along a side of the picture.
 const SIDE: u32 = 32;
-/// Mirrors and panes on the way of one.
-const MIRRORS_MAX: u32 = 8;
 /// Half of what is seen lies within the radius divided by this.
 const MARGIN: f32 = 2.0;
 /// How much wider than what is seen a scene must be for it to matter.
@@ -30,45 +19,14 @@ impl Extent {
     /// Of what a view shows.
     pub(crate) fn of_view(prepared: &PreparedScene, view: View) -> Self {
         let whole = Self::whole(prepared);
-        let Some((center, median)) = middle(&places_seen(prepared, view)) else { return whole };
+        let Some((center, median)) =
+            middle(&places_seen(prepared, view, SIDE).iter().map(|it| it.p).collect::<Vec<_>>())
+        else {
+            return whole;
+        };
         let radius = MARGIN * median;
         if radius > 0.0 && WIDE * radius < whole.radius { Self { center, radius, whole: whole.radius } } else { whole }
     }
-}
-
-/// What camera rays come to first that spreads light, over mirrors and through glass.
-fn places_seen(prepared: &PreparedScene, view: View) -> Vec<Vec3> {
-    let settings = PathSettings::default();
-    let Ok(integrator) = PathIntegrator::unguided(prepared, view, &settings) else { return Vec::new() };
-    let pixel = |i: u32, count: u32| ((2 * i + 1) * count / (2 * SIDE)).min(count.saturating_sub(1));
-    let all = (0..SIDE * SIDE).map(|i| (pixel(i % SIDE, view.width), pixel(i / SIDE, view.height), i));
-    let seen = all.filter_map(|(x, y, i)| {
-        let sampler = PixelSampler::new(0, x, y, i);
-        let ray = integrator.camera_ray(&sampler, x, y).0;
-        place_seen(prepared, &sampler, ray.origin, ray.direction)
-    });
-    seen.filter(|p| p.is_finite()).collect()
-}
-
-fn place_seen(prepared: &PreparedScene, sampler: &PixelSampler, mut origin: Vec3, mut direction: Vec3) -> Option<Vec3> {
-    for vertex in 0..=MIRRORS_MAX {
-        let hit = prepared.accel().intersect(&Ray::new(origin, direction));
-        if hit.is_none() {
-            return None;
-        }
-        let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
-        let mut place = None;
-        let chance = || sampler.hashed(BLEND ^ u64::from(vertex) << 56 ^ u64::from(point.material));
-        let bsdf = bsdf_at(prepared, &point, chance, &mut place);
-        if bsdf.has_non_delta() {
-            return Some(point.p);
-        }
-        let u = sampler.quad(DimensionSet::scattering(vertex));
-        let sample = bsdf.sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
-        direction = point.to_world(sample.wi);
-        origin = point.ray_origin(direction);
-    }
-    None
 }
 
 /// The middle of some places, and how far half of them are from it.
@@ -90,7 +48,10 @@ mod tests {
     use glam::Affine3A;
 
     use super::*;
-    use crate::{PhotonSettings, PrepareOptions, Prepass, photon::PhotonMaps};
+    use crate::{
+        PhotonSettings, PrepareOptions, Prepass,
+        photon::{PhotonMaps, lookouts::Lookout},
+    };
 
     const VIEW: View = View { camera: 0, width: 48, height: 48 };
 
@@ -154,7 +115,7 @@ mod tests {
             let plan = Prepass::default().photon_plan(scene, VIEW);
             let maps = PhotonMaps::new(scene, &plan, &settings, 0, 0);
             let mut asked = 0_u64;
-            for p in places_seen(scene, VIEW) {
+            for Lookout { p, .. } in places_seen(scene, VIEW, SIDE) {
                 maps.seen.within(p, maps.reach_at(p).powi(2), |_, _| asked += 1);
             }
             (maps.seen.len() as f64, asked as f64)

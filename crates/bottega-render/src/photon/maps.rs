@@ -111,7 +111,7 @@ pub(crate) fn caustic_tracer<'a>(
     settings: &PhotonSettings,
     seed: u64,
 ) -> Tracer<'a> {
-    let projection = Some(plan.projection(prepared));
+    let projection = Some(plan.projection(prepared, settings.lookouts));
     // An estimate divides by the number of all photons, whoever they are.
     let strength = settings.count as f32 / settings.count.div_ceil(SHARE).max(1) as f32;
     let all = tracer(prepared, plan, settings, seed, 0);
@@ -122,7 +122,11 @@ pub(crate) fn caustic_tracer<'a>(
 pub(crate) fn photon_counts(prepared: &PreparedScene, plan: &PhotonPlan, settings: &PhotonSettings) -> [u32; 2] {
     let is_gathered = settings.final_rays > 0 && !settings.progressive;
     let is_wanted = (settings.agents.is_some() || is_gathered) && settings.count > 0;
-    let sent = if is_wanted && !plan.projection(prepared).is_empty() { settings.count.div_ceil(SHARE) } else { 0 };
+    let sent = if is_wanted && !plan.projection(prepared, settings.lookouts).is_empty() {
+        settings.count.div_ceil(SHARE)
+    } else {
+        0
+    };
     let are_kept = settings.indirect || settings.shadow_photons || !is_gathered;
     [if settings.agents.is_some() || !are_kept { 0 } else { settings.count }, sent]
 }

@@ -12,6 +12,7 @@ mod cast;
 mod estimator;
 mod extent;
 mod irradiance;
+mod lookouts;
 mod map;
 mod maps;
 mod plan;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{projection::Projection, trial::try_out};
+use super::{lookouts::Lookouts, projection::Projection, trial::try_out};
 use crate::{
     View,
     extent::Extent,
@@ -10,18 +10,20 @@ use crate::{
     prepare::PreparedScene,
 };
 
-/// What photons of a view go by. Views of which each shows the whole scene share one.
+/// What photons of a view go by.
 pub(crate) struct PhotonPlan {
+    pub(super) view: View,
     /// What emits photons in the scene.
     pub(crate) sources: Arc<Emission>,
-    /// Where photons are sent.
-    pub(crate) emission: EmissionPlan,
+    /// Where photons are sent; views of which each shows the whole scene share one.
+    pub(crate) emission: Arc<EmissionPlan>,
     projection: OnceLock<Projection>,
+    projection_of_lookouts: OnceLock<Projection>,
 }
 
 impl PhotonPlan {
-    fn new(prepared: &PreparedScene, sources: Arc<Emission>, extent: Extent) -> Self {
-        Self { emission: sources.plan(prepared, extent), sources, projection: OnceLock::new() }
+    fn new(view: View, sources: Arc<Emission>, emission: Arc<EmissionPlan>) -> Self {
+        Self { view, sources, emission, projection: OnceLock::new(), projection_of_lookouts: OnceLock::new() }
     }
 
     /// Where what is seen is, and how wide.
@@ -29,9 +31,21 @@ impl PhotonPlan {
         self.emission.extent()
     }
 
+    /// Of the photons that come to mirrors and glass, the share whose light the camera sees: sent without asking lookouts, and sent by
+    /// them; once somebody has sent some.
+    pub(crate) fn shares_seen(&self) -> Option<[f64; 2]> {
+        self.projection_of_lookouts.get()?.shares_seen()
+    }
+
     /// Where photons must leave the lights to come to mirrors and glass; the first who asks tries it out.
-    pub(crate) fn projection(&self, prepared: &PreparedScene) -> &Projection {
-        self.projection.get_or_init(|| try_out(prepared, &self.sources, &self.emission))
+    ///
+    /// - `by_lookouts`: only those count much that the camera sees where they come to then.
+    pub(crate) fn projection(&self, prepared: &PreparedScene, by_lookouts: bool) -> &Projection {
+        let place = if by_lookouts { &self.projection_of_lookouts } else { &self.projection };
+        place.get_or_init(|| {
+            let lookouts = by_lookouts.then(|| prepared.on_threads(|| Lookouts::of_view(prepared, self.view)));
+            try_out(prepared, &self.sources, &self.emission, lookouts.as_ref())
+        })
     }
 }
 
@@ -52,9 +66,11 @@ impl PhotonPlans {
             return Arc::clone(plan);
         }
         let extent = Extent::of_view(prepared, view);
-        let same = plans.iter().find(|(_, plan)| *plan.extent() == extent).map(|(_, plan)| Arc::clone(plan));
-        let sources = || Arc::clone(self.sources.get_or_init(|| Arc::new(Emission::new(prepared))));
-        let plan = same.unwrap_or_else(|| Arc::new(PhotonPlan::new(prepared, sources(), extent)));
+        let sources = Arc::clone(self.sources.get_or_init(|| Arc::new(Emission::new(prepared))));
+        let same = plans.iter().find(|(_, plan)| *plan.extent() == extent);
+        let emission =
+            same.map_or_else(|| Arc::new(sources.plan(prepared, extent)), |(_, it)| Arc::clone(&it.emission));
+        let plan = Arc::new(PhotonPlan::new(view, sources, emission));
         if plans.len() == VIEWS_MAX {
             plans.remove(0);
         }

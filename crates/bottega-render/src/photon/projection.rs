@@ -21,13 +21,15 @@ pub(crate) struct Projection {
     /// Probabilities, by number of cells chosen so far: the last are those of single cells. Empty: nothing comes to mirrors or
     /// glass.
     levels: Vec<Vec<f32>>,
+    /// Of what comes to mirrors and glass, the shares whose light the camera's lookouts see: sent without asking them, and sent so.
+    shares_seen: Option<[f64; 2]>,
 }
 
 impl Projection {
-    /// From how much was found in each cell, and in all of them together.
-    pub(super) fn new(found: &[f64], sum: f64) -> Self {
-        if sum == 0.0 {
-            return Self { levels: Vec::new() };
+    /// From how much was found in each cell.
+    pub(super) fn new(found: &[f64]) -> Self {
+        if found.iter().all(|&found| found == 0.0) {
+            return Self { levels: Vec::new(), shares_seen: None };
         }
         // What is met with probability p has a mean square of p: its root makes the least noise.
         let wanted: Vec<f64> = spread(found).into_iter().map(f64::sqrt).collect();
@@ -39,7 +41,30 @@ impl Projection {
             levels.push(std::mem::replace(&mut level, above));
         }
         levels.reverse();
-        Self { levels }
+        Self { levels, shares_seen: None }
+    }
+
+    /// The share that is seen of what comes to mirrors and glass.
+    ///
+    /// - `counts`: how many of those that left without a map came there from each cell, unseen and seen.
+    pub(super) fn share_seen(&self, counts: &[[f64; 2]]) -> f64 {
+        let Some(probabilities) = self.levels.last() else { return 0.0 };
+        let sums = probabilities.iter().zip(counts).fold([0.0; 2], |[all, seen], (&probability, count)| {
+            let probability = f64::from(probability);
+            [all + probability * (count[0] + count[1]), seen + probability * count[1]]
+        });
+        sums[1] / sums[0].max(f64::MIN_POSITIVE)
+    }
+
+    /// The same with the shares of what is seen, sent without asking lookouts and sent by them.
+    #[must_use]
+    pub(super) fn with_shares_seen(self, shares: [f64; 2]) -> Self {
+        Self { shares_seen: Some(shares).filter(|_| !self.is_empty()), ..self }
+    }
+
+    /// The shares that are seen, sent without asking lookouts and sent by them, where they were asked.
+    pub(super) fn shares_seen(&self) -> Option<[f64; 2]> {
+        self.shares_seen
     }
 
     /// Whether no photon comes to mirrors or glass.
@@ -115,7 +140,7 @@ mod tests {
             let above = levels[0].chunks_exact(count).map(|cells| cells.iter().sum()).collect();
             levels.insert(0, above);
         }
-        let projection = Projection { levels };
+        let projection = Projection { levels, shares_seen: None };
         let (all, mut sum, mut inside) = (1 << 17, 0.0, 0.0);
         for i in 0..all {
             let at = |place: u64| (mix64(8 * i + place) >> 40) as f32 / (1 << 24) as f32;

@@ -64,7 +64,11 @@ impl PhotonStore {
     ) -> Arc<Passes> {
         let of = (settings, seed, pass_count);
         let mut pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_it = |passes: &&Arc<Passes>| passes.of == of && passes.plan.extent() == plan.extent();
+        let is_alike = |other: &PhotonPlan| {
+            // Lookouts are those of one view.
+            other.extent() == plan.extent() && (!settings.lookouts || settings.progressive || other.view == plan.view)
+        };
+        let is_it = |passes: &&Arc<Passes>| passes.of == of && is_alike(&passes.plan);
         if let Some(passes) = pictures.iter().find(is_it) {
             return Arc::clone(passes);
         }

@@ -6,6 +6,7 @@ mod furnace;
 mod guiding;
 mod known_answers;
 mod lighting_agents;
+mod lookouts;
 mod media;
 mod mitsuba;
 mod no_negative_light;

@@ -247,6 +247,9 @@ sections! {
         final_rays: Option<u32> = None,
         /// Greatest error of indirect light on matte surfaces that is taken from places near by; none: gathered anew.
         irradiance_cache: Option<f32> = None,
+        /// Whether photons for caustics are sent where agents that the camera casts look out for them; else to all mirrors and
+        /// glass alike. For lighting agents, too.
+        lookouts: bool = true,
         /// Whether shadow rays are traced only where photons behind lit surfaces have not settled what is lit.
         shadow_photons: bool = false,
         /// Whether gathering rays go where indirect photons came from; none: unless indirect light is taken from places near

@@ -17,6 +17,7 @@ pub(super) fn tell(swarm: &AgentReport, reporter: &Reporter, metadata: &mut Meta
         links: swarm.links,
         answers: swarm.answers,
         object_distance: swarm.object_distance,
+        caustics_seen: swarm.caustics_seen,
         map_bytes: swarm.map_bytes,
         casting_seconds: swarm.casting.as_secs_f64(),
         sensing_seconds: swarm.sensing.as_secs_f64(),

@@ -394,6 +394,12 @@ impl Session {
         (metadata, denoised)
     }
 
+    /// What is wrong with the brightness of a picture of this request, where nothing could be seen of it on a screen that its
+    /// file is for.
+    pub fn wrong_brightness(&self, file: &Path, film: &Film) -> Option<String> {
+        crate::picture::wrong_brightness(&self.request, file, film)
+    }
+
     /// Writes a picture of this request to a file.
     ///
     /// # Errors

@@ -33,6 +33,7 @@ pub fn photon_settings(options: &PhotonOptions, bounces: u32, hints: Option<Phot
         bounces,
         filter: PhotonFilter::default(),
         irradiance_cache: options.irradiance_cache.unwrap_or(0.0),
+        lookouts: options.lookouts,
         shadow_photons: options.shadow_photons,
         gather_directions: options.gather_directions.unwrap_or(options.irradiance_cache.is_none()),
         separate_maps: options.separate_maps,

@@ -297,11 +297,10 @@ impl IrradianceRecord {
         if distance_squared >= reach * reach || way.dot(n + self.n).abs() > 0.1 * self.radius {
             return 0.0;
         }
-        if !self.is_clear(way) {
-            return 0.0;
-        }
         let error = distance_squared.sqrt() / self.radius + (1.0 - n.dot(self.n)).max(0.0).sqrt();
-        (1.0 - error / tolerance).max(0.0)
+        let nearness = 1.0 - error / tolerance;
+        // Walls are looked for only where it counts.
+        if nearness > 0.0 && self.is_clear(way) { nearness } else { 0.0 }
     }
 
     /// Whether no wall stands between it and a place on its surface: behind a wall is another room, however thin the wall is.

@@ -1,0 +1,128 @@
+//! Lookouts: agents that the camera casts, who tell where it matters what photons bring.
+//!
+//! Herubel, Biri and Deverly 2009, §6: agents "could also force photon casting in importance direction"; importance from the camera
+//! as Peter and Pietrek 1998, *Importance driven construction of photon maps*.
+
+use bottega_kernels::Ray;
+use glam::Vec3;
+
+use super::{
+    map::{Nearest, PhotonMap},
+    record::Photon,
+    trace::is_alike,
+};
+use crate::{
+    PathSettings, View,
+    camera::RayCone,
+    integrator::PathIntegrator,
+    interaction::Interaction,
+    prepare::PreparedScene,
+    sampler::{DimensionSet, PixelSampler},
+    shading::{BLEND, bsdf_at},
+};
+
+/// Rays from the camera along a side of the picture.
+const SIDE: u32 = 64;
+/// Mirrors and panes on the way of one.
+const MIRRORS_MAX: u32 = 8;
+/// A lookout sees as far as to so many others, and so many times that.
+const NEIGHBORS: usize = 4;
+const REACH: f32 = 2.0;
+/// A place that the camera sees, over mirrors and through glass, where light is spread.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lookout {
+    /// World space.
+    pub(super) p: Vec3,
+    /// Of the surface, on the side that is seen; unit length.
+    normal: Vec3,
+}
+
+/// The lookouts of a view.
+#[derive(Debug)]
+pub(super) struct Lookouts {
+    /// Where they are; in place of a power how far they see, as bits.
+    tree: PhotonMap,
+    reach_max: f32,
+    reach_median: f32,
+}
+
+impl Lookouts {
+    /// Casts them. The pool of the present thread builds the tree.
+    pub(super) fn of_view(prepared: &PreparedScene, view: View) -> Self {
+        let seen = places_seen(prepared, view, SIDE);
+        let photons = seen.iter().map(|it| Photon::tagged(it.p, it.normal, it.normal, 0)).collect();
+        let tree = PhotonMap::new(photons);
+        let mut found = Nearest::new(NEIGHBORS + 1);
+        let reach = |photon: Photon| {
+            tree.nearest(photon.p, f32::INFINITY, &mut found);
+            REACH * found.iter().map(|(_, squared)| squared).fold(0.0, f32::max).sqrt()
+        };
+        let mut reaches: Vec<f32> = tree.iter().map(reach).collect();
+        let tagged = |(it, reach): (Photon, &f32)| {
+            let normal = it.mark().normal();
+            Photon::tagged(it.p, normal, normal, reach.to_bits())
+        };
+        let tree = PhotonMap::new(tree.iter().zip(&reaches).map(tagged).collect());
+        reaches.sort_unstable_by(f32::total_cmp);
+        let reach_median = reaches.get(reaches.len() / 2).copied().unwrap_or_default();
+        Self { tree, reach_max: reaches.last().copied().unwrap_or_default(), reach_median }
+    }
+
+    /// How much of what a photon brings is seen, from 0 to 1: 1 where lookouts are as close together as most of them are, or where
+    /// there are none at all.
+    pub(super) fn importance(&self, photon: &Photon) -> f64 {
+        let normal = photon.mark().normal();
+        let reach_of = |number| f32::from_bits(self.tree.mark(number).tag());
+        let is_theirs = |number| {
+            let lookout = self.tree.photon(number);
+            is_alike(lookout.mark().normal(), normal) && lookout.p.distance(photon.p) <= reach_of(number)
+        };
+        if self.tree.is_empty() {
+            return 1.0;
+        }
+        let nearest = self.tree.nearest_where(photon.p, self.reach_max.powi(2), is_theirs);
+        nearest.map_or(0.0, |number| f64::from(self.reach_median / reach_of(number)).powi(2).min(1.0))
+    }
+}
+
+/// What camera rays come to first that spreads light, over mirrors and through glass.
+///
+/// - `side`: rays along a side of the picture.
+pub(super) fn places_seen(prepared: &PreparedScene, view: View, side: u32) -> Vec<Lookout> {
+    let settings = PathSettings::default();
+    let Ok(integrator) = PathIntegrator::unguided(prepared, view, &settings) else { return Vec::new() };
+    let pixel = |i: u32, count: u32| ((2 * i + 1) * count / (2 * side)).min(count.saturating_sub(1));
+    let all = (0..side * side).map(|i| (pixel(i % side, view.width), pixel(i / side, view.height), i));
+    let seen = all.filter_map(|(x, y, i)| {
+        let sampler = PixelSampler::new(0, x, y, i);
+        let ray = integrator.camera_ray(&sampler, x, y).0;
+        place_seen(prepared, &sampler, ray.origin, ray.direction)
+    });
+    seen.filter(|it| it.p.is_finite()).collect()
+}
+
+fn place_seen(
+    prepared: &PreparedScene,
+    sampler: &PixelSampler,
+    mut origin: Vec3,
+    mut direction: Vec3,
+) -> Option<Lookout> {
+    for vertex in 0..=MIRRORS_MAX {
+        let hit = prepared.accel().intersect(&Ray::new(origin, direction));
+        if hit.is_none() {
+            return None;
+        }
+        let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
+        let mut place = None;
+        let chance = || sampler.hashed(BLEND ^ u64::from(vertex) << 56 ^ u64::from(point.material));
+        let bsdf = bsdf_at(prepared, &point, chance, &mut place);
+        if bsdf.has_non_delta() {
+            return Some(Lookout { p: point.p, normal: if point.front { point.ng } else { -point.ng } });
+        }
+        let u = sampler.quad(DimensionSet::scattering(vertex));
+        let sample = bsdf.sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
+        direction = point.to_world(sample.wi);
+        origin = point.ray_origin(direction);
+    }
+    None
+}
