@@ -3,8 +3,6 @@
 use bottega_farm::{Level, Optimization};
 use bottega_image::Picture;
 
-use super::second_agent::MeasuredPair;
-
 /// What is as in the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ways {
@@ -29,6 +27,15 @@ impl Ways {
     pub(super) fn named(name: &str) -> Option<Self> {
         [Self::Ours, Self::PapersRules, Self::Papers].into_iter().find(|ways| ways.name() == name)
     }
+}
+
+/// A pair of agents, measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeasuredPair {
+    /// The time of both together, from when both have loaded the scene.
+    pub(super) seconds: f64,
+    /// Of a processor beside another one that paints; alone it is 1.
+    pub(super) speed: f64,
 }
 
 /// Times of one way to paint, in seconds, by number of agents.

@@ -7,7 +7,7 @@ use bottega_farm::{Level, Link, Optimization, StopSwitch, ZoneRow, assist, lead,
 use serde::{Deserialize, Serialize};
 
 use super::{
-    report::Ways,
+    report::{MeasuredPair, Ways},
     scene::{MagarroOptions, MagarroScene},
 };
 use crate::{
@@ -57,15 +57,6 @@ pub type SecondAgentCommand<'a> = &'a dyn Fn(&SharedRow, &Entry) -> io::Result<C
 struct SecondAgentReport {
     /// Whether the work had come to its end.
     ended: bool,
-}
-
-/// A pair of agents, measured.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct MeasuredPair {
-    /// The time of both together, from when both have loaded the scene.
-    pub(super) seconds: f64,
-    /// Of a processor beside another one that paints; alone it is 1.
-    pub(super) speed: f64,
 }
 
 /// Two agents on one server, which lives as long as this.

@@ -202,7 +202,11 @@ mod tests {
     use bottega_image::Picture;
 
     use super::{
-        super::{Pictures, paper::OPTIMIZATIONS, report::Ways, second_agent::MeasuredPair},
+        super::{
+            Pictures,
+            paper::OPTIMIZATIONS,
+            report::{MeasuredPair, Ways},
+        },
         *,
     };
 

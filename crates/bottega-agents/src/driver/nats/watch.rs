@@ -12,12 +12,16 @@ use async_nats::{
     },
 };
 use bytes::Bytes;
+use tokio::time::Instant;
 use tokio_stream::StreamExt;
 
 /// After what time a watch that broke is begun again.
 const AGAIN_AFTER: Duration = Duration::from_millis(250);
 /// How often one who follows entries is asked whether it is enough, when nothing happens.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// How often a second the server is asked at most what it passed over: where entries are written anew faster than they are told, numbers
+/// are missing between nearly all of them, and what is missing comes again soon.
+const QUESTIONS_MAX: u32 = 200;
 /// The header by which a message says that an entry is no more.
 const OPERATION: &str = "KV-Operation";
 
@@ -82,6 +86,7 @@ async fn listen(
     let (mut told, mut is_caught_up) = (0, false);
     // There was something a while ago that had not come.
     let mut is_late = false;
+    let mut questions = Questions { begun: Instant::now(), asked: 0 };
     loop {
         if told >= last && !std::mem::replace(&mut is_caught_up, true) && !tell(WatchNews::CaughtUp) {
             return false;
@@ -89,12 +94,13 @@ async fn listen(
         match tokio::time::timeout(LOOK_EVERY, messages.next()).await {
             Ok(Some(Ok(message))) => {
                 let Some(entry) = written(store, &message) else { continue };
-                let Ok(passed_over) = passed_over(store, filter, told.max(there) + 1..entry.revision).await else {
-                    return true;
-                };
-                for entry in passed_over {
-                    if !tell(WatchNews::Entry(entry)) {
-                        return false;
+                let missing = told.max(there) + 1..entry.revision;
+                if !missing.is_empty() && questions.may_ask() {
+                    let Ok(passed_over) = passed_over(store, filter, missing).await else { return true };
+                    for entry in passed_over {
+                        if !tell(WatchNews::Entry(entry)) {
+                            return false;
+                        }
                     }
                 }
                 told = told.max(entry.revision);
@@ -120,6 +126,23 @@ async fn listen(
                 }
             }
         }
+    }
+}
+
+/// The questions of a second.
+struct Questions {
+    begun: Instant,
+    asked: u32,
+}
+
+impl Questions {
+    /// Whether one more may be asked, which counts it.
+    fn may_ask(&mut self) -> bool {
+        if self.begun.elapsed() > LOOK_EVERY {
+            *self = Self { begun: Instant::now(), asked: 0 };
+        }
+        self.asked += 1;
+        self.asked <= QUESTIONS_MAX
     }
 }
 
