@@ -2,8 +2,8 @@
 //!
 //! For each partition and optimization the picture is painted by one agent on one thread, which gives the time of one
 //! agent and what each zone took, and by two agents in two processes. More agents are replayed in the simulator, each on a
-//! machine of its own that is as fast as this one. So is the measured pair, each as fast as a processor is beside another one: a
-//! replay that is far off is no measurement. Measured and replayed figures are told apart wherever they are shown.
+//! machine of its own that is as fast as this one. So is the measured pair, each as fast as a processor is beside another one,
+//! the second from when the Master knew it: a replay that is far off is no measurement. Measured and replayed figures are told apart wherever they are shown.
 
 mod equal_time;
 mod paper;
@@ -67,6 +67,14 @@ pub fn measure(
 impl MagarroScene<'_> {
     fn report(&self, pair: Option<&AgentPair<'_>>, log: &mut dyn Write) -> Result<MagarroReport, Error> {
         let mut said = |what: &str| say(log, format_args!("painting {what} …"));
+        let speed_beside = match pair {
+            None => 1.0,
+            Some(_) => {
+                said("twice alone and twice beside another");
+                self.speed_beside()?
+            }
+        };
+        let pair = pair.map(|pair| (pair, speed_beside));
         said("without partition and optimization");
         let (whole, _) = self.row(pair, Level::Whole, Optimization::Off, Ways::Ours, 0)?;
         said("level 3 without optimization");
@@ -104,6 +112,7 @@ impl MagarroScene<'_> {
             samples: spp,
             light_samples,
             max_depth,
+            speed_beside,
             whole,
             off,
             noise,
@@ -115,10 +124,31 @@ impl MagarroScene<'_> {
         })
     }
 
+    /// How fast a processor is while another one paints the same: they share caches, memory and often a core. Alone it is 1.
+    fn speed_beside(&self) -> Result<f64, Error> {
+        let settings = self.settings(Level::Balanced, Optimization::Normal, Ways::Ours);
+        let seconds = || self.paint(&settings, 0).map(|(record, _)| record.total.as_secs_f64());
+        let (mut alone, mut beside) = (0.0, 0.0);
+        for _ in 0..2 {
+            alone += seconds()?;
+            let both = std::thread::scope(|scope| {
+                let other = scope.spawn(seconds);
+                // A panic of the other one is its own.
+                [seconds(), other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))]
+            });
+            for one in both {
+                beside += 0.5 * one?;
+            }
+        }
+        Ok(alone / beside)
+    }
+
     /// Paints the picture with one agent on one thread, then with a pair of them, and replays it with more.
+    ///
+    /// - `pair`: and how fast a processor is while another one paints.
     fn row(
         &self,
-        pair: Option<&AgentPair<'_>>,
+        pair: Option<(&AgentPair<'_>, f64)>,
         level: Level,
         optimization: Optimization,
         ways: Ways,
@@ -127,11 +157,15 @@ impl MagarroScene<'_> {
         let settings = self.settings(level, optimization, ways);
         let (record, picture) = self.paint(&settings, seed)?;
         let piece = Arc::new(Workpiece::recorded(&record, 1)?);
-        let replay = |agents: usize, speed: f64| -> Result<f64, Error> {
+        let replay = |agents: usize, speed: f64, last_joins: Duration| -> Result<f64, Error> {
             let mut crew = CrewSpec::default();
             crew.add(agents, MachineSpec { processors: 1, speed });
+            if let Some(last) = crew.agents.last_mut() {
+                last.joins = last_joins;
+            }
             let mut plan = Plan::calm(crew, seed);
             plan.faults.latency_min = LATENCY;
+            plan.expert = settings.experts.first().cloned().unwrap_or(plan.expert);
             if ways == Ways::Papers {
                 plan.auction = AuctionRule::Paper;
                 plan.adaptation = AdaptationRule::Paper;
@@ -140,17 +174,18 @@ impl MagarroScene<'_> {
         };
         let mut replayed = [0.0; 4];
         for (time, agents) in replayed.iter_mut().zip(AGENTS) {
-            *time = replay(agents, 1.0)?;
+            *time = replay(agents, 1.0, Duration::ZERO)?;
         }
-        let pair = pair.map(|pair| pair.measure(self, (level, optimization, ways), &record)).transpose()?.flatten();
-        let replayed_pair = pair.map(|pair| replay(2, pair.speed)).transpose()?;
+        let measured = pair.map(|(pair, _)| pair.measure(self, level, optimization, ways)).transpose()?.flatten();
+        let both = pair.zip(measured);
+        let replayed_pair = both.map(|((_, speed), pair)| replay(2, speed, pair.joins)).transpose()?;
         let row = MagarroRow {
             level,
             optimization,
             ways,
             measured: record.total.as_secs_f64(),
             survey: record.survey.as_secs_f64(),
-            pair,
+            pair: measured.map(|pair| pair.seconds),
             replayed_pair,
             replayed,
             zones: record.zones.len(),

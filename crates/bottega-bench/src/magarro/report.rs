@@ -29,15 +29,6 @@ impl Ways {
     }
 }
 
-/// A pair of agents, measured.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct MeasuredPair {
-    /// The time of both together, from when both have loaded the scene.
-    pub(super) seconds: f64,
-    /// Of a processor beside another one that paints; alone it is 1.
-    pub(super) speed: f64,
-}
-
 /// Times of one way to paint, in seconds, by number of agents.
 #[derive(Clone, Debug)]
 pub(super) struct MagarroRow {
@@ -49,8 +40,8 @@ pub(super) struct MagarroRow {
     /// Wall time of the look at the scene within it.
     pub(super) survey: f64,
     /// Two agents in two processes of one thread each, if that was measured.
-    pub(super) pair: Option<MeasuredPair>,
-    /// Those two replayed, each as fast as it was beside the other.
+    pub(super) pair: Option<f64>,
+    /// Those two replayed, each as fast as a processor is beside another one, the second from when the Master knew it.
     pub(super) replayed_pair: Option<f64>,
     /// Replayed, by [`AGENTS`].
     pub(super) replayed: [f64; 4],
@@ -75,6 +66,8 @@ pub struct MagarroReport {
     pub(super) samples: u32,
     pub(super) light_samples: u32,
     pub(super) max_depth: u32,
+    /// How fast a processor is while another one paints; alone it is 1.
+    pub(super) speed_beside: f64,
     /// No partition, no optimization.
     pub(super) whole: MagarroRow,
     /// Level 3 without optimization.

@@ -1,13 +1,23 @@
 //! The second agent of a measured pair: a process of its own, which paints on one processor over a NATS server.
 
-use std::{fmt, io, io::Write, path::Path, process::Command, str::FromStr, sync::Arc};
+use std::{
+    collections::BTreeMap,
+    fmt, io,
+    io::Write,
+    path::Path,
+    process::Command,
+    str::FromStr,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::{Duration, Instant},
+};
 
+use bottega_agents::AgentId;
 use bottega_cluster::own_server::{Entry, OwnServer};
-use bottega_farm::{Level, Link, Optimization, StopSwitch, ZoneRow, assist, lead, simulate::Record};
+use bottega_farm::{AgentRow, Level, Link, Observer, Optimization, StopSwitch, assist, lead};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    report::{MeasuredPair, Ways},
+    report::Ways,
     scene::{MagarroOptions, MagarroScene},
 };
 use crate::{
@@ -59,6 +69,15 @@ struct SecondAgentReport {
     ended: bool,
 }
 
+/// A pair of agents, measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeasuredPair {
+    /// The time of both together.
+    pub(super) seconds: f64,
+    /// How long after the beginning the second one was known to the Master.
+    pub(super) joins: Duration,
+}
+
 /// Two agents on one server, which lives as long as this.
 pub(super) struct AgentPair<'a> {
     server: OwnServer,
@@ -75,14 +94,13 @@ impl<'a> AgentPair<'a> {
         Ok(Self { server: OwnServer::start(program, &folder.0)?, _folder: folder, command })
     }
 
-    /// Paints with both agents together. `None`: one had painted all before the other was there.
-    ///
-    /// - `alone`: what the zones took one agent.
+    /// Paints with both agents together, from when both have loaded the scene. `None`: one had painted all before the other was there.
     pub(super) fn measure(
         &self,
         scene: &MagarroScene<'_>,
-        (level, optimization, ways): (Level, Optimization, Ways),
-        alone: &Record,
+        level: Level,
+        optimization: Optimization,
+        ways: Ways,
     ) -> Result<Option<MeasuredPair>, Error> {
         let row = SharedRow { level, optimization, ways, work: unix_micros() };
         let entry = self.server.entry.clone();
@@ -91,7 +109,9 @@ impl<'a> AgentPair<'a> {
         let engine = scene.engine(&settings, 0)?;
         let mut second = PartProcess::start((self.command)(&row, &entry))?;
         second.until_ready()?;
-        let painted = lead(&settings, engine, Arc::new(()), &StopSwitch::new(), None, None, Some(link.clone()));
+        let arrivals = Arc::new(Arrivals { begun: Instant::now(), agents: Mutex::default() });
+        let observer = Arc::clone(&arrivals) as _;
+        let painted = lead(&settings, engine, observer, &StopSwitch::new(), None, None, Some(link.clone()));
         let report = painted.map_err(bottega::Error::Job);
         let told = report.is_ok().then(|| second.report::<SecondAgentReport>());
         link.forget();
@@ -99,21 +119,28 @@ impl<'a> AgentPair<'a> {
         // Where all was painted before the Master came to know the second agent, there is no pair.
         let took_part = told.transpose()?.is_some_and(|SecondAgentReport { ended }| ended);
         let seconds = report.times.total.as_secs_f64();
-        Ok(took_part.then(|| MeasuredPair { seconds, speed: speed_beside(&report.rows, alone) }))
+        let last = arrivals.agents().values().copied().max().unwrap_or_default();
+        Ok(took_part.then_some(MeasuredPair { seconds, joins: last }))
     }
 }
 
-/// How fast a processor was while another one painted, against alone: they share caches, memory and often a core. The median of the
-/// zones that were painted whole with as many samples.
-fn speed_beside(rows: &[ZoneRow], alone: &Record) -> f64 {
-    let speed = |row: &ZoneRow| {
-        let samples = row.choice.filter(|_| row.piece.is_none() && row.cut.is_none())?.samples;
-        let zone = alone.zones.iter().find(|zone| zone.rect == row.rect && zone.choice.samples == samples)?;
-        Some(zone.total().as_secs_f64() / row.time_measured?.as_secs_f64())
-    };
-    let mut speeds: Vec<f64> = rows.iter().filter_map(speed).filter(|speed| speed.is_finite()).collect();
-    speeds.sort_by(f64::total_cmp);
-    speeds.get(speeds.len() / 2).copied().unwrap_or(1.0)
+/// When agents were known to the Master.
+struct Arrivals {
+    begun: Instant,
+    agents: Mutex<BTreeMap<AgentId, Duration>>,
+}
+
+impl Arrivals {
+    fn agents(&self) -> MutexGuard<'_, BTreeMap<AgentId, Duration>> {
+        self.agents.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Observer for Arrivals {
+    fn agent_changed(&self, row: &AgentRow) {
+        let now = self.begun.elapsed();
+        self.agents().entry(row.agent.clone()).or_insert(now);
+    }
 }
 
 /// Paints as the second agent until the work is done, or standard input ends because the first process is gone.

@@ -32,7 +32,7 @@ fn clock(seconds: f64) -> String {
 /// Time of one agent, measured; of two, measured where it could be; of more, replayed.
 pub(super) fn times(row: &MagarroRow) -> [f64; 4] {
     let [_, replayed, four, eight] = row.replayed;
-    [row.measured, row.pair.map_or(replayed, |pair| pair.seconds), four, eight]
+    [row.measured, row.pair.unwrap_or(replayed), four, eight]
 }
 
 fn as_text(report: &MagarroReport) -> String {
@@ -124,18 +124,15 @@ fn kind(row: &MagarroRow, index: usize) -> &'static str {
 /// Replayed times of two agents, as fast as they were beside each other, over measured ones.
 fn validation(report: &MagarroReport) -> String {
     let rows = report.levels.iter().chain([&report.off, &report.paper]).chain(&report.optimizations);
-    let pairs: Vec<(f64, f64)> = rows
-        .filter_map(|row| row.pair.and_then(|pair| Some((row.replayed_pair? / pair.seconds, pair.speed))))
-        .collect();
-    let off: Vec<f64> = pairs.iter().map(|pair| pair.0).collect();
+    let off: Vec<f64> = rows.filter_map(|row| Some(row.replayed_pair? / row.pair?)).collect();
     if off.is_empty() {
         return "two agents were not measured: the replay is not checked\n".to_owned();
     }
     let within = off.iter().filter(|ratio| (*ratio - 1.0).abs() <= REPLAY_OFF_MAX).count();
     format!(
-        "speed of a processor beside the other, 2 agents: {}\n\
-         replayed at that speed over measured: {}; {within} of {} within {:.0} %\n",
-        ratios(pairs.iter().map(|pair| pair.1)),
+        "speed of a processor beside another one: {:.2}\n\
+         two agents replayed at that speed over measured: {}; {within} of {} within {:.0} %\n",
+        report.speed_beside,
         ratios(off.iter().copied()),
         off.len(),
         100.0 * REPLAY_OFF_MAX
@@ -172,15 +169,15 @@ fn as_json(report: &MagarroReport) -> Value {
         json!({
             "level": row.level as u8, "optimize": name(row.optimization), "ways": row.ways.name(),
             "zones": row.zones, "agents": AGENTS, "measured_seconds_1_agent": row.measured,
-            "survey_seconds": row.survey, "measured_seconds_2_agents": row.pair.map(|pair| pair.seconds),
-            "speed_beside_another": row.pair.map(|pair| pair.speed), "replayed_seconds_2_agents_at_that_speed": row.replayed_pair,
+            "survey_seconds": row.survey, "measured_seconds_2_agents": row.pair,
+            "replayed_seconds_2_agents_at_that_speed": row.replayed_pair,
             "replayed_seconds": row.replayed, "speedup_8_agents": speedup(row),
             "error": error(row.error),
         })
     };
     json!({
         "width": report.width, "height": report.height, "samples": report.samples,
-        "light_samples": report.light_samples, "max_depth": report.max_depth,
+        "light_samples": report.light_samples, "max_depth": report.max_depth, "speed_beside_another": report.speed_beside,
         "whole": row(&report.whole),
         "off": row(&report.off),
         "noise": error(Some(report.noise)),
@@ -202,11 +199,7 @@ mod tests {
     use bottega_image::Picture;
 
     use super::{
-        super::{
-            Pictures,
-            paper::OPTIMIZATIONS,
-            report::{MeasuredPair, Ways},
-        },
+        super::{Pictures, paper::OPTIMIZATIONS, report::Ways},
         *,
     };
 
@@ -219,7 +212,7 @@ mod tests {
             ways: Ways::Ours,
             measured,
             survey: 0.1,
-            pair: Some(MeasuredPair { seconds: measured / 1.95, speed: 0.97 }),
+            pair: Some(measured / 1.95),
             replayed_pair: Some(measured / 1.94),
             replayed,
             zones: 64,
@@ -237,6 +230,7 @@ mod tests {
             samples: 64,
             light_samples: 4,
             max_depth: 8,
+            speed_beside: 0.97,
             whole: row(Level::Whole, Optimization::Off, 100.0),
             off: row(Level::Balanced, Optimization::Off, 102.0),
             noise: PictureError { rmse: 0.005, percent: 1.0, flip: 0.01 },

@@ -54,6 +54,9 @@ pub(crate) struct SimulateArgs {
     /// How agents learn their speed.
     #[arg(long, value_name = "RULE", value_parser = choice::<AdaptationChoice>(), default_value = "ratio", help_heading = "Agents")]
     pub(crate) adaptation: AdaptationChoice,
+    /// The expert rules of all agents, as `bottega render --rules`: those of the recorded work, if it had its own.
+    #[arg(long, value_name = "FILE", value_hint = clap::ValueHint::FilePath, help_heading = "Agents")]
+    pub(crate) rules: Option<PathBuf>,
     /// Zones that an agent has in hand at most.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Agents")]
     pub(crate) prefetch: u32,

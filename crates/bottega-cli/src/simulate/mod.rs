@@ -14,12 +14,14 @@ use std::{
 
 use bottega::{
     events::AuctionEvent,
+    request::RulesSource,
+    rules::{experts, rule_texts},
     settings::{adaptation_rule, auction_rule},
     text::duration,
 };
 use bottega_agents::driver::Faults;
-use bottega_farm::AuctionTally;
 use bottega_farm::simulate::{CrewSpec, Plan, Record, SimulationOutcome, SyntheticSpread, Workpiece, simulate};
+use bottega_farm::{AuctionTally, Expert};
 use serde_json::{Value, json};
 
 use self::args::SimulateArgs;
@@ -41,6 +43,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
         crew.fail_some(args.fail, until, args.seed);
     }
     let plan = Plan {
+        expert: expert(args.rules.as_deref())?,
         faults: Faults { latency_min: args.latency, latency_extra_mean: args.jitter, ..faults(args) },
         benchmark_error: args.benchmark_error,
         auction: auction_rule(args.auction),
@@ -70,6 +73,13 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
     }
     let valid = measured.is_none_or(|measured| difference(&outcome, measured).abs() <= VALID_WITHIN);
     Ok(ExitCode::from(u8::from(!valid)))
+}
+
+/// The knowledge of the agents; what is to be told of its rules is told by `bottega rules check`.
+fn expert(rules: Option<&Path>) -> Result<Expert, CliError> {
+    let sources: Vec<RulesSource> = rules.map(|path| RulesSource::File(path.to_owned())).into_iter().collect();
+    let (experts, _) = experts(rule_texts(&sources)?)?;
+    Ok(experts.into_iter().next().unwrap_or_else(Expert::path_tracing))
 }
 
 fn faults(args: &SimulateArgs) -> Faults {

@@ -43,6 +43,22 @@ fn a_recorded_run_is_replayed_with_other_agents() {
     assert!(String::from_utf8_lossy(&alone.stderr).contains("anybody left"));
 }
 
+/// Agents choose by the rules of those who painted, or they would paint something else.
+#[test]
+fn a_work_with_rules_of_its_own_is_replayed_by_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [picture, record] = ["a.png", "run.json"].map(|name| folder.path().join(name));
+    let painted = ["render", "goblets.glb", "-o", text(&picture), "--size", "96x72", "--spp", "64", "--zones", "12"];
+    let ruled = ["--quiet", "--optimize", "b", "--rules", "paper", "--record", text(&record)];
+    succeed(&[&painted[..], &ruled[..]].concat());
+    let busy = |more: &[&str]| {
+        let outcome = simulate(&[&[text(&record), "--agents", "1"], more].concat());
+        number(&outcome["agents"][0], "busy_seconds") / number(&outcome, "work_seconds")
+    };
+    let (others, own) = (busy(&[]), busy(&["--rules", "paper"]));
+    assert!((own - 1.0).abs() < 0.05 && others < 0.9, "{own} {others}");
+}
+
 #[test]
 fn the_same_seed_gives_the_same_synthetic_run() {
     let arguments = ["--synthetic", "200", "--agents", "10x1.0,10x0.5", "--fail", "10%", "--loss", "2%", "--seed", "4"];
