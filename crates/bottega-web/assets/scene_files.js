@@ -1,5 +1,7 @@
 // The files of a scene that somebody drops or chooses.
 
+import { unzipped } from "./unzip.js";
+
 /** What is taken for a scene, the likeliest first. */
 const SCENE_KINDS = [".glb", ".gltf", ".xml", ".pbrt", ".blend", ".obj", ".ply", ".pov"];
 /** Scenes that have no light from all around in their files. */
@@ -34,6 +36,12 @@ export async function droppedFiles(transfer) {
   const found = [];
   for (const entry of entries) await walk(entry, found);
   return found;
+}
+
+/** The same files, archives among them opened. */
+export async function openedFiles(files) {
+  const opened = files.map(([name, file]) => (kindOf(name) === ".zip" ? unzipped(file) : [[name, file]]));
+  return (await Promise.all(opened)).flat();
 }
 
 async function walk(entry, found) {

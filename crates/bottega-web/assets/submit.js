@@ -3,7 +3,7 @@
 import { ask, get } from "./api.js";
 import { button, bytes, element, fileName, setText, words } from "./format.js";
 import { LookAround, viewSize } from "./lookaround.js";
-import { chosenFiles, droppedFiles, lightOf, scenesOf } from "./scene_files.js";
+import { chosenFiles, droppedFiles, lightOf, openedFiles, scenesOf } from "./scene_files.js";
 import { fieldNamed, formOf, requestOf } from "./schema_form.js";
 import { widget, WrongValue } from "./schema_widgets.js";
 import { persist, sendFile } from "./upload.js";
@@ -70,14 +70,20 @@ class SubmitPage {
 
   #sceneSection() {
     if (this.ofJob) return element("fieldset", {}, element("legend", {}, "Scene"), this.sceneNote = element("p", {}, `The scene of job ${this.ofJob}.`));
-    const taken = files => { this.#add(files); };
+    const taken = async files => {
+      try {
+        this.#add(await openedFiles(files));
+      } catch (error) {
+        this.shell.tellProblem(error.message);
+      }
+    };
     const chooser = (word, properties) => {
       const input = element("input", { type: "file", multiple: true, hidden: true, ...properties });
       input.addEventListener("change", () => { taken(chosenFiles(input.files)); input.value = ""; });
       return [input, button(word, () => input.click())];
     };
     const drop = element("div", { class: "drop" },
-      element("p", {}, "Drop a scene here: .glb, .gltf, .xml or .pbrt, with the files and folders that it refers to."),
+      element("p", {}, "Drop a scene here: .glb, .gltf, .xml or .pbrt, with the files and folders that it refers to, or all of it as .zip."),
       element("p", { class: "row" }, chooser("Choose files …", {}), chooser("Choose a folder …", { webkitdirectory: true })));
     const over = isOver => event => { event.preventDefault(); drop.classList.toggle("over", isOver); };
     drop.addEventListener("dragover", over(true));
@@ -164,7 +170,7 @@ class SubmitPage {
     const line = name => element("li", {}, element("span", {}, name), element("span", { class: "quiet" }, ` ${bytes(this.#files.get(name).size)} `),
       button("×", () => { this.#files.delete(name); this.#showFiles(); this.#changed(); }, { ariaLabel: `Leave ${name} out`, class: "small" }));
     this.list.replaceChildren(...names.map(line));
-    this.shell.tellProblem(names.length && !scenes.length ? "None of these files is a scene: .glb, .gltf, .xml or .pbrt." : null);
+    this.shell.tellProblem(names.length && !scenes.length ? "None of these files is a scene: .glb, .gltf, .xml or .pbrt, or a .zip with one." : null);
   }
 
   /** What the form says. Null: something in it is wrong, and is marked. */

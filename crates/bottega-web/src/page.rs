@@ -44,6 +44,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/sequence_view.js", JS, include_str!("../assets/sequence_view.js")),
     ("/sparkline.js", JS, include_str!("../assets/sparkline.js")),
     ("/submit.js", JS, include_str!("../assets/submit.js")),
+    ("/unzip.js", JS, include_str!("../assets/unzip.js")),
     ("/upload.js", JS, include_str!("../assets/upload.js")),
     ("/view_box.js", JS, include_str!("../assets/view_box.js")),
     ("/viewer.js", JS, include_str!("../assets/viewer.js")),

@@ -3,6 +3,7 @@
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
+import { zip } from "../archive.js";
 import { barriers, keep, openPage } from "./browser.js";
 import { until } from "./farm.js";
 import { SCENE, JOB_WAIT, browser, chip, farm, go, noProblems, number, page, press, test } from "./story.js";
@@ -30,7 +31,12 @@ test("a form with something wrong in it says where, and is not sent", async () =
   await page.getByRole("alert").getByText("Choose a scene first").waitFor();
   const chooser = page.waitForEvent("filechooser");
   await page.locator("button", { hasText: "Choose files …" }).click();
-  await (await chooser).setFiles(SCENE);
+  // A damaged archive is told of; a whole one is as good as its files.
+  const archive = Buffer.from(await zip([["cornell-box.glb", readFileSync(SCENE)]]).arrayBuffer());
+  await (await chooser).setFiles({ name: "torn.zip", mimeType: "application/zip", buffer: archive.subarray(0, 999) });
+  await page.getByRole("alert").getByText("no whole zip archive").waitFor();
+  await page.locator("input[type=file]").first().setInputFiles({ name: "box.zip", mimeType: "application/zip", buffer: archive });
+  await page.locator("ul.files").getByText("cornell-box.glb").waitFor();
   await page.getByLabel("Width and height").fill("abc, 120");
   await press("Paint it");
   assert.equal(await page.getByLabel("Width and height").getAttribute("aria-invalid"), "true");
