@@ -24,6 +24,6 @@ pub(crate) fn run(args: &RequestCommandArgs) -> Result<ExitCode, CliError> {
         RequestCommand::Show { picture } => request_of(picture)?,
     };
     let json = request.to_json();
-    println!("{}", json.map_err(|source| bottega::Error::Request { origin: "the request".to_owned(), source })?);
+    println!("{}", json.map_err(|source| bottega::Error::Request { origin: "what was given".to_owned(), source })?);
     Ok(ExitCode::SUCCESS)
 }

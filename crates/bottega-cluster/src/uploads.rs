@@ -195,7 +195,7 @@ impl JobBoard {
     fn spec_here(&self, asked: Submission, cache: &Cache) -> Result<(JobSpec, Request), Error> {
         self.refuse_guests()?;
         let Submission { request, files, files_of_job } = asked;
-        let origin = "the request".to_owned();
+        let origin = "what was sent".to_owned();
         let mut request = Request::from_value(request).map_err(|source| bottega::Error::Request { origin, source })?;
         let is_too_long = |frames: &FrameOptions| frames.list.iter().nth(FRAMES_MAX).is_some();
         if request.frames.as_ref().is_some_and(is_too_long) {
