@@ -3,7 +3,8 @@
 //! For each partition and optimization the picture is painted by one agent on one thread, which gives the time of one
 //! agent and what each zone took, and by two agents in two processes. More agents are replayed in the simulator, each on a
 //! machine of its own that is as fast as this one. So is the measured pair, each as fast as a processor is beside another one,
-//! the second from when the Master knew it: a replay that is far off is no measurement. Measured and replayed figures are told apart wherever they are shown.
+//! the second from when the Master knew it: a replay that is far off is no measurement. Measured and replayed figures are told
+//! apart wherever they are shown.
 
 mod equal_time;
 mod paper;

@@ -28,6 +28,7 @@ const MIRRORS_MAX: u32 = 8;
 /// A lookout sees as far as to so many others, and so many times that.
 const NEIGHBORS: usize = 4;
 const REACH: f32 = 2.0;
+
 /// A place that the camera sees, over mirrors and through glass, where light is spread.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lookout {
@@ -50,19 +51,15 @@ impl Lookouts {
     /// Casts them. The pool of the present thread builds the tree.
     pub(super) fn of_view(prepared: &PreparedScene, view: View) -> Self {
         let seen = places_seen(prepared, view, SIDE);
-        let photons = seen.iter().map(|it| Photon::tagged(it.p, it.normal, it.normal, 0)).collect();
-        let tree = PhotonMap::new(photons);
+        let tagged = |(it, index): (&Lookout, u32)| Photon::tagged(it.p, it.normal, it.normal, index);
+        let tree = PhotonMap::new(seen.iter().zip(0..).map(tagged).collect());
         let mut found = Nearest::new(NEIGHBORS + 1);
-        let reach = |photon: Photon| {
-            tree.nearest(photon.p, f32::INFINITY, &mut found);
+        let reach = |it: &Lookout| {
+            tree.nearest(it.p, f32::INFINITY, &mut found);
             REACH * found.iter().map(|(_, squared)| squared).fold(0.0, f32::max).sqrt()
         };
-        let mut reaches: Vec<f32> = tree.iter().map(reach).collect();
-        let tagged = |(it, reach): (Photon, &f32)| {
-            let normal = it.mark().normal();
-            Photon::tagged(it.p, normal, normal, reach.to_bits())
-        };
-        let tree = PhotonMap::new(tree.iter().zip(&reaches).map(tagged).collect());
+        let mut reaches: Vec<f32> = seen.iter().map(reach).collect();
+        let tree = tree.retagged(|index| reaches[index as usize].to_bits());
         reaches.sort_unstable_by(f32::total_cmp);
         let reach_median = reaches.get(reaches.len() / 2).copied().unwrap_or_default();
         Self { tree, reach_max: reaches.last().copied().unwrap_or_default(), reach_median }

@@ -19,8 +19,8 @@ use tokio_stream::StreamExt;
 const AGAIN_AFTER: Duration = Duration::from_millis(250);
 /// How often one who follows entries is asked whether it is enough, when nothing happens.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// How often a second the server is asked at most what it passed over: where entries are written anew faster than they are told, numbers
-/// are missing between nearly all of them, and what is missing comes again soon.
+/// How often a second the server is asked at most what it passed over. Where entries are written anew faster than they are told, numbers
+/// are missing between nearly all of them: then all are told again.
 const QUESTIONS_MAX: u32 = 200;
 /// The header by which a message says that an entry is no more.
 const OPERATION: &str = "KV-Operation";
@@ -48,8 +48,8 @@ pub(super) struct WrittenEntry {
 /// interruption all are told again.
 ///
 /// Neither the number of entries that wait, which the server tells with each, nor that a consumer delivers all of them is relied
-/// on: servers (2.9.10) may count wrongly and never come to 0 where entries are written while a consumer begins, and under load they
-/// pass over entries that are written in quick succession. What is known is compared with the last entry that there is, and where
+/// on: servers (2.9.10) may count wrongly and never come to 0 where entries are written while a consumer begins, and under load
+/// entries were seen to be passed over. What is known is compared with the last entry that there is, and where
 /// numbers are missing between two entries the server is asked what was written there.
 pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(WatchNews) -> bool) {
     let filter = format!("{}{below}", store.prefix);
@@ -95,7 +95,10 @@ async fn listen(
             Ok(Some(Ok(message))) => {
                 let Some(entry) = written(store, &message) else { continue };
                 let missing = told.max(there) + 1..entry.revision;
-                if !missing.is_empty() && questions.may_ask() {
+                if !missing.is_empty() {
+                    if !questions.may_ask() {
+                        return true;
+                    }
                     let Ok(passed_over) = passed_over(store, filter, missing).await else { return true };
                     for entry in passed_over {
                         if !tell(WatchNews::Entry(entry)) {
