@@ -6,8 +6,8 @@ use bottega_agents::{AgentId, Time};
 
 use crate::{AgentRow, ZoneId, ZoneRow, ZoneState};
 
-/// When so much of the cost is done, the time that is left is told by how long that took alone.
-const SHARE_SEEN: f64 = 0.1;
+/// When zones of so much of the cost are profiled, T_est tells the time that is left.
+const SHARE_PROFILED: f64 = 0.25;
 
 /// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,7 +25,8 @@ pub struct Progress {
     pub cost_done: f64,
     /// Time since painting began.
     pub elapsed: Duration,
-    /// Time left if the rest goes on as what is done; `None` while nothing is.
+    /// Time left: by T_est and how fast agents are at first, more and more by how long that took what is done; `None` while neither
+    /// is known.
     pub left: Option<Duration>,
 }
 
@@ -142,11 +143,13 @@ impl Tally {
         }
     }
 
-    /// How long so much reference-machine time takes all agents, where what is expected can be believed.
-    fn left_by_experience(&self, seconds: f64) -> Option<f64> {
+    /// How long so much reference-machine time takes all agents, where what is expected can be believed: it was learnt before, or
+    /// enough zones are profiled.
+    fn left_by_estimates(&self, seconds: f64) -> Option<f64> {
         let speed: f64 = self.speeds.values().sum();
-        let is_known = self.is_experienced && !self.expectations.is_empty() && speed > 0.0;
-        is_known.then(|| seconds.max(0.0) / speed)
+        let is_learnt = self.is_experienced && !self.expectations.is_empty();
+        let is_profiled = self.timed_expected > SHARE_PROFILED * self.expected;
+        ((is_learnt || is_profiled) && speed > 0.0).then(|| seconds.max(0.0) / speed)
     }
 
     /// How far the job is.
@@ -161,14 +164,72 @@ impl Tally {
         let elapsed = self.now.unwrap_or_default() - self.begun.unwrap_or_default();
         let left = elapsed.as_secs_f64() * (1.0 - cost_done) / cost_done;
         let left = Some(left).filter(|_| cost_done > 0.0);
-        let left = match (left, self.left_by_experience(all - done)) {
-            (Some(left), Some(known)) => {
-                let seen = (cost_done / SHARE_SEEN).min(1.0);
-                Some(seen * left + (1.0 - seen) * known)
+        // What was done so far tells little in the beginning: profiles come first, and paint less in a second than whole zones.
+        let left = match (left, self.left_by_estimates(all - done)) {
+            (Some(left), Some(estimated)) => {
+                let seen = cost_done * cost_done;
+                Some(seen * left + (1.0 - seen) * estimated)
             }
-            (left, known) => left.or(known),
+            (left, estimated) => left.or(estimated),
         };
         let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
         Progress { zones, cost_done, elapsed, left, ..self.progress }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_agents::{BlobId, Revision};
+    use bottega_engines::Tunables;
+    use bottega_image::{Rect, Sides};
+
+    use super::*;
+    use crate::{Choice, NeighborDifference, RelativePower, ResultRef, WorkId};
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    /// Ten zones of 100 samples that nobody has seen.
+    fn open() -> Vec<ZoneRow> {
+        let row =
+            |zone| ZoneRow::open(WorkId(1), ZoneId(zone), Rect::of_size(8, 8), 64.0, NeighborDifference::default());
+        (0..10).map(row).collect()
+    }
+
+    /// The same after five samples; what is left takes the reference machine 1.9 s each.
+    fn profiled(row: &ZoneRow) -> ZoneRow {
+        let tunables = Tunables { max_depth: 8, light_samples: 1 };
+        let result = ResultRef { fence: Revision(1), samples: 5, digest: BlobId([0; 32]) };
+        ZoneRow {
+            state: ZoneState::Profiled,
+            choice: Some(Choice { tunables, samples: 100, bands: Sides::all(0) }),
+            result: Some(result),
+            time_estimated: Some(SECOND * 19 / 10),
+            ..row.clone()
+        }
+    }
+
+    fn seconds_left(tally: &Tally) -> Option<f64> {
+        tally.progress().left.map(|left| left.as_secs_f64())
+    }
+
+    #[test]
+    fn time_left_goes_by_estimates_before_much_is_painted() {
+        let (mut tally, rows) = (Tally::new(false), open());
+        for agent in ["a", "b"] {
+            tally.see_agent(&AgentRow::new(AgentId::new(agent), RelativePower::new(0.5), 1.0));
+        }
+        rows.iter().for_each(|row| tally.see(Time::ZERO, row, 100, 0));
+        assert_eq!(seconds_left(&tally), None, "nobody knows anything yet");
+        // Profiling took far longer than so many samples of whole zones do.
+        rows.iter().for_each(|row| tally.see(Time::ZERO + 10 * SECOND, &profiled(row), 100, 0));
+        let left = seconds_left(&tally).unwrap();
+        assert!((left - 19.0 / 4.0).abs() < 1.0, "{left} s: two agents, each twice as fast as the reference machine");
+        // Half of it took 30 s more: they are slower than they are said to be, and what was seen is believed more and more.
+        for row in &rows[..5] {
+            let done = ZoneRow { state: ZoneState::Done, ..profiled(row) };
+            tally.see(Time::ZERO + 40 * SECOND, &done, 100, 100);
+        }
+        let later = seconds_left(&tally).unwrap();
+        assert!(later > 2.0 * left && later < 40.0, "{later} s");
     }
 }
