@@ -75,7 +75,8 @@ impl JobView {
                 _ => None,
             },
             done: if is_done { 1.0 } else { lead.done },
-            zones_done: lead.zones_done,
+            // Who leads it says the last of them a little later.
+            zones_done: if is_done { lead.zones } else { lead.zones_done },
             zones: lead.zones,
             seen: lead.seen,
             priority: job.priority,

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use bottega_agents::machine_of;
 use bottega_cluster::JobBoard;
 use bottega_farm::{Experience, LearntFactor};
 use serde_json::json;
@@ -20,7 +21,8 @@ pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, C
         tell("this machine", power, None, &experience, farm.json);
         return Ok(ExitCode::SUCCESS);
     };
-    let board = farm.board()?;
+    // What a process of it learns is the machine's.
+    let (board, name) = (farm.board()?, machine_of(name));
     let experience = board.experience(name);
     let reliability = board.reliabilities().get(name).copied();
     if experience.is_empty() && reliability.is_none() {
@@ -34,7 +36,7 @@ pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, C
 pub(super) fn forget(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, CliError> {
     let (name, is_forgotten) = match machine {
         Some(name) => {
-            let board = farm.board()?;
+            let (board, name) = (farm.board()?, machine_of(name));
             if !board.forget_machine(name)? {
                 return Err(unknown(&board, name));
             }

@@ -31,6 +31,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// A watcher that tells others of the end, too.
 pub(crate) struct PictureWatch {
     inner: Arc<dyn Watcher>,
+    /// The farm that paints it, where one does.
+    board: Option<JobBoard>,
     begun: Instant,
     state: Arc<Mutex<PaintingState>>,
     notifier: Arc<Notifier>,
@@ -95,7 +97,7 @@ impl PictureWatch {
         let ticker = StallTicker {
             begun: Instant::now(),
             after: args.stalled_after(),
-            watch: board.map(|board| (board, FarmWatch::new(args.stalled_after()))),
+            watch: board.clone().map(|board| (board, FarmWatch::new(args.stalled_after()))),
             state: Arc::clone(&state),
             notifier: Arc::clone(&notifier),
             is_over: Arc::clone(&is_over),
@@ -105,7 +107,7 @@ impl PictureWatch {
         let ticker = ticker.map_err(|error| {
             CliError::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
         })?;
-        Ok(Self { inner, begun, state, notifier, is_over, ticker: Some(ticker) })
+        Ok(Self { inner, board, begun, state, notifier, is_over, ticker: Some(ticker) })
     }
 
     /// Tells of the end: of one that the user stopped nobody is told, nor of what was asked wrongly.
@@ -115,7 +117,11 @@ impl PictureWatch {
             Err(error) if !error.is_usage() => (WorkEvent::Failed, Some(bottega::error::error_chain(error))),
             _ => return,
         };
-        let facts = JobFacts { reason, seconds: self.begun.elapsed().as_secs_f64(), ..lock(&self.state).facts.clone() };
+        let known = lock(&self.state).facts.clone();
+        // Another machine may have led it to its end, and cut its zones.
+        let zones = self.board.as_ref().and_then(|board| farm_zones(board, &known));
+        let (zones_done, zones) = zones.unwrap_or((known.zones_done, known.zones));
+        let facts = JobFacts { reason, seconds: self.begun.elapsed().as_secs_f64(), zones_done, zones, ..known };
         self.notifier.send(Notification::new(event, facts, unix_seconds()));
     }
 }
@@ -152,6 +158,18 @@ impl Watcher for PictureWatch {
 
 fn lock(state: &Mutex<PaintingState>) -> MutexGuard<'_, PaintingState> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Zones that are done, and those in all, of the jobs that a farm paints for this process; `None`: it does not say.
+fn farm_zones(board: &JobBoard, facts: &JobFacts) -> Option<(usize, usize)> {
+    let first = facts.job?;
+    let numbers = first..=facts.last_job.unwrap_or(first);
+    if !board.uplink.is_connected() {
+        return None;
+    }
+    let jobs = JobView::all(board).into_iter().filter(|job| numbers.contains(&job.number));
+    let sum = jobs.fold((0, 0), |(done, all), job| (done + job.zones_done, all + job.zones));
+    (sum.1 > 0).then_some(sum)
 }
 
 /// Looks whether zones are finished.

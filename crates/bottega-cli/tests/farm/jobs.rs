@@ -41,6 +41,8 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
     // Its credit is written when it has laid the lead down.
     farm.until("its credit is kept", || learnt()["reliability"].is_number());
     let learnt = learnt();
+    let shown = farm.succeed(&["machines", "show", agent]);
+    assert!(shown.starts_with(&format!("{machine}: ")), "an agent's name says which machine: {shown}");
     assert!(learnt["jobs"] == 1 && learnt["factors"].as_array().is_some_and(|all| all.len() > 3), "{learnt}");
     farm.succeed(&["machines", "forget", machine]);
     assert!(!farm.run(&["machines", "show", machine]).status.success());
@@ -56,6 +58,16 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
         let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
         assert!(output.status.code() == Some(1) && told.contains(words), "{arguments:?}: {told}");
     }
+    // Whoever leads it in the end, the one who asked tells of the whole picture.
+    let told = farm.path("told.json");
+    let mut asker = farm.render("c.exr", &["--on", &format!("done=cat > {}", text(&told))]);
+    farm.until_painted(3, 0.2);
+    farm.succeed(&["jobs", "pause", "3"]);
+    farm.until("nobody paints it", || farm.job(3)["leader"].is_null());
+    farm.succeed(&["jobs", "resume", "3"]);
+    assert!(asker.wait(), "{}", farm.logs());
+    let event: Value = serde_json::from_str(&fs::read_to_string(&told).expect("it was told")).expect("JSON");
+    assert!(event["zones"].as_u64() > Some(0) && event["zones_done"] == event["zones"], "{event}");
 }
 
 /// The rows of a job's zones, as `bottega blackboard` prints them.
