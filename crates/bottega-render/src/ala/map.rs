@@ -24,6 +24,8 @@ use crate::{
 const SHARE_MAX: f32 = 0.5;
 /// How much greater than the error that is borne that of a few gathering rays is: where records are no worse they are taken.
 const GATHERED: f32 = 3.0;
+/// How great it may be, beside the one that is borne, where the edge of what a record says is not seen.
+const SURE: f32 = 0.5;
 /// How many records must speak for a place, so that none measures there.
 const RECORDS_MIN: f32 = 1.5;
 /// How much farther than an agent looks around its word goes, at least.
@@ -159,12 +161,14 @@ impl Agents {
     ///
     /// - `normals`: of the real surface, and the one that it is shaded with; on the side that is asked for.
     /// - `bounces`: of the light, the one at the place among them; at most.
+    /// - `u`: a number in [0, 1): the greater it is, the nearer records must be.
     #[inline(always)]
     pub(crate) fn irradiance_at(
         &self,
         p: Vec3,
         normals: [Vec3; 2],
         bounces: u32,
+        u: f32,
         found: &mut Nearest,
     ) -> Option<Spectrum> {
         if !self.settings.decides_irradiance {
@@ -172,38 +176,41 @@ impl Agents {
         }
         match &self.indirect {
             Indirect::Fitted(fitted) => fitted.at(p, normals[0], bounces, found),
-            Indirect::Records(..) => self.known_irradiance(p, normals[1], bounces),
+            Indirect::Records(..) => self.known_irradiance(p, normals[1], bounces, u),
         }
     }
 
     /// What our own records say of a place, where they agree.
     #[inline(always)]
-    fn known_irradiance(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<Spectrum> {
+    fn known_irradiance(&self, p: Vec3, normal: Vec3, bounces: u32, u: f32) -> Option<Spectrum> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
         let estimate = cache.estimate(p, normal, bounces)?;
-        self.is_taken(&estimate).then_some(estimate.irradiance)
+        self.is_taken(&estimate, u).then_some(estimate.irradiance)
     }
 
-    /// Whether a picture takes what records say.
+    /// Whether a picture takes what records say. Where they are unsure and hardly reach, seldom: the edge of what one says would be seen.
     #[inline(always)]
-    fn is_taken(&self, estimate: &Estimate) -> bool {
+    fn is_taken(&self, estimate: &Estimate, u: f32) -> bool {
         // What one has found dark may be dim.
         let is_sure = estimate.irradiance != Spectrum::ZERO || estimate.count >= RECORDS_MIN;
-        is_sure && estimate.error <= GATHERED * self.settings.error
+        let error = estimate.error / self.settings.error;
+        let needed = ((error - SURE) / (GATHERED - SURE)).max(0.0);
+        is_sure && error <= GATHERED && estimate.presence >= needed * u
     }
 
     /// "What comes from where?" `None`: nobody knows.
     ///
     /// - `normal`: that the surface is shaded with, on the side that is asked for.
     /// - `bounces`: of the light, the one at the place among them; at most.
+    /// - `u`: a number in [0, 1): the greater it is, the nearer records must be.
     #[inline(always)]
-    pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<Surroundings<'_>> {
+    pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3, bounces: u32, u: f32) -> Option<Surroundings<'_>> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
         if !self.settings.decides_radiance || !self.settings.decides_irradiance {
             return None;
         }
         let (estimate, surroundings) = cache.surroundings(p, normal, bounces)?;
-        self.is_taken(&estimate).then_some(surroundings)
+        self.is_taken(&estimate, u).then_some(surroundings)
     }
 
     /// About how much indirect irradiance comes to a place, however unsure; `None`: nobody tells, or nobody is to be asked.

@@ -38,6 +38,8 @@ pub(crate) struct Estimate {
     pub(crate) error: f32,
     /// How many say so, as far as they count alike.
     pub(crate) count: f32,
+    /// How near they are, all together: 1 for one that was measured there, 0 for one that just reaches the place.
+    pub(crate) presence: f32,
 }
 
 /// Records, found by place.
@@ -152,7 +154,7 @@ impl IrradianceCache {
         mut is_asked: impl FnMut(&'a IrradianceRecord, f32) -> bool,
     ) -> Option<Estimate> {
         let (mut sum, mut weights, mut squares) = (Spectrum::ZERO, 0.0, 0.0);
-        let (mut weights_squared, mut noise) = (0.0, 0.0);
+        let (mut weights_squared, mut noise, mut presence) = (0.0, 0.0, 0.0);
         self.visit(p, |record| {
             // Smoother than Ward's, whose weight has a peak at every record.
             let nearness = record.nearness(p, n, self.tolerance);
@@ -164,6 +166,7 @@ impl IrradianceCache {
                 weights += weight;
                 weights_squared += weight * weight;
                 noise += record.noise * weight * weight;
+                presence += nearness * nearness;
             }
         });
         if weights <= 0.0 {
@@ -175,7 +178,7 @@ impl IrradianceCache {
         let spread = (squares / weights - mean * mean).max(0.0) / count;
         let spread = if spread > 0.0 { spread.sqrt() / mean.max(self.faint()) } else { 0.0 };
         let error = spread.max(noise.sqrt() / weights);
-        Some(Estimate { irradiance, error, count })
+        Some(Estimate { irradiance, error, count, presence })
     }
 
     /// Irradiance of which nobody sees the difference, beside what there is on the mean.
@@ -369,6 +372,17 @@ mod tests {
         assert_eq!(cache.len(), 1);
         assert!(at(&cache, Vec3::ZERO, Vec3::Y).is_some() && at(&cache, Vec3::X * 0.2, Vec3::Y).is_some());
         assert!(at(&cache, Vec3::X * 3.0, Vec3::Y).is_none() && at(&cache, Vec3::ZERO, Vec3::X).is_none());
+    }
+
+    #[test]
+    fn presence_fades_to_nothing_where_a_record_ends() {
+        let even = |_: Vec3, _: Vec3| GatherSample { radiance: Vec3::ONE, distance: 5.0 };
+        let mut cache = IrradianceCache::new(Vec3::splat(-10.0), 20.0, 0.3);
+        cache.add(record(Vec3::ZERO, Vec3::Y, &even));
+        let presence = |x: f32| cache.estimate(Vec3::X * x, Vec3::Y, u32::MAX).map(|estimate| estimate.presence);
+        let end = (1..10_000).map(|i| 1e-3 * i as f32).find(|&x| presence(x).is_none()).expect("it has an end");
+        let [here, half, there] = [0.0, 0.5 * end, end - 1e-3].map(|x| presence(x).expect("it is near enough"));
+        assert!(here > 0.99 && half > 0.2 && half < 0.3 && there < 1e-3, "{here} {half} {there}");
     }
 
     #[test]

@@ -23,7 +23,8 @@ impl Eye<'_> {
         let point = place.point;
         let normals = [if point.front { point.ng } else { -point.ng }, point.frame[2]];
         let bounces = self.bounces_left(walk);
-        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.hands.sensors);
+        let u = self.fade(walk);
+        let ask = || agents.irradiance_at(point.p, normals, bounces, u, &mut self.hands.sensors);
         let known = is_matte(bsdf).then(ask).flatten();
         self.hands.tally.irradiance_computed += u64::from(known.is_none());
         self.hands.tally.irradiance_interpolated += u64::from(known.is_some());

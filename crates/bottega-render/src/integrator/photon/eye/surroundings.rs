@@ -2,7 +2,7 @@
 
 use super::{
     Eye, VERTICES,
-    walk::{Place, Walk},
+    walk::{ArrivalKind, Place, Walk},
 };
 use crate::{
     bsdf::{Bsdf, BsdfSample},
@@ -21,9 +21,21 @@ impl<'a> Eye<'a> {
         if is_matte(bsdf) || bsdf.is_transmissive() {
             return None;
         }
-        let known = self.agents?.surroundings_at(place.point.p, place.point.frame[2], bounces);
+        let known = self.agents?.surroundings_at(place.point.p, place.point.frame[2], bounces, self.fade(walk));
         self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
         known
+    }
+
+    /// How near agents must be at a place to be asked of its light, in [0, 1): a number by chance where the camera sees it, so that what they
+    /// say has no edges.
+    pub(super) fn fade(&self, walk: &Walk) -> f32 {
+        /// No other number of a sample is drawn by it.
+        const KEY: u64 = 0x6661_6465;
+        if matches!(walk.comes, ArrivalKind::Camera) {
+            self.sampler.hashed(KEY ^ u64::from(walk.vertex) << 32)
+        } else {
+            0.0
+        }
     }
 
     /// Adds what a surface sends back of the light around it, in all directions that it scatters to broadly.
