@@ -91,7 +91,8 @@ fn scouts_look_at_what_no_light_shines_at() {
     let settings = by(AgentSettings { cast: 10_000, ..few(Oracle::Error) }, 1);
     let found = paint(&scene, SIZE, 64, settings);
     let tally = report(&scene, &settings).tally;
-    assert!(tally.irradiance_interpolated > 10 * tally.irradiance_computed, "{tally:?}");
+    // Where they are unsure and hardly reach, light is gathered.
+    assert!(tally.irradiance_interpolated > 5 * tally.irradiance_computed, "{tally:?}");
     let (found, expected) = (mean_color(&found), mean_color(&expected));
     assert!(((found - expected) / expected).abs().max_element() < 0.03, "{found} {expected}");
 }
