@@ -46,6 +46,9 @@ pub struct Lead {
     pub zones_done: usize,
     /// All zones.
     pub zones: usize,
+    /// Seconds that are left, as far as that is known.
+    #[serde(default)]
+    pub seconds_left: Option<f64>,
     /// Whether there is something to see of it.
     #[serde(default)]
     pub seen: bool,
@@ -382,6 +385,7 @@ mod tests {
             done,
             zones_done,
             zones,
+            seconds_left: None,
             seen: false,
         };
         let before = Some(lead("a", 0.5, 12, 24));

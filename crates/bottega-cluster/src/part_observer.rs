@@ -78,9 +78,10 @@ impl Observer for LoggingObserver {
     }
 
     fn progress(&self, progress: &Progress) {
-        let Progress { zones_done, zones, cost_done, .. } = *progress;
+        let Progress { zones_done, zones, cost_done, left, .. } = *progress;
+        let seconds_left = left.map(|left| left.as_secs_f64());
         *self.lead.lock().unwrap_or_else(PoisonError::into_inner) =
-            Lead { leader: None, done: cost_done, zones_done, zones, seen: false };
+            Lead { leader: None, done: cost_done, zones_done, zones, seconds_left, seen: false };
         self.inner.progress(progress);
     }
 

@@ -25,6 +25,8 @@ pub struct JobView {
     pub zones_done: usize,
     /// All zones.
     pub zones: usize,
+    /// Seconds that are left, as far as who leads it can tell.
+    pub seconds_left: Option<f64>,
     /// Whether there is something to see of it while it is painted, coarse at first.
     pub seen: bool,
     /// How urgent it is.
@@ -78,6 +80,7 @@ impl JobView {
             // Who leads it says the last of them a little later.
             zones_done: if is_done { lead.zones } else { lead.zones_done },
             zones: lead.zones,
+            seconds_left: lead.seconds_left.filter(|_| job.state == JobState::Active && lead.leader.is_some()),
             seen: lead.seen,
             priority: job.priority,
             require: job.require.clone(),

@@ -5,7 +5,6 @@ import { ask, fetchPicture, follow, get, maySteer } from "./api.js";
 import { blackboard, zonePanel } from "./blackboard.js";
 import { Comparison } from "./compare.js";
 import { energyFacts, usedText } from "./energy.js";
-import { TimeLeft } from "./eta.js";
 import { ago, button, element, setText, time } from "./format.js";
 import { FrameStrip } from "./frames.js";
 import { JobControls, progress, stateChip } from "./job_controls.js";
@@ -30,8 +29,6 @@ class JobPage {
   #selected = null;
   #tag = null;
   #shown = null;
-  #timeLeft = new TimeLeft();
-  #told = null;
   #energy = null;
   #looks = 0;
   #isLooking = false;
@@ -96,7 +93,6 @@ class JobPage {
       job: event => this.#takeJob(event),
       zone: event => this.#zones.set(event.id, event),
       agent: event => this.#agents.set(event.agent, event),
-      progress: event => { this.#told = event.seconds_left ?? null; },
       removed: () => {
         setText(this.title, `Job ${this.number} was removed`);
         this.controls.element.hidden = true;
@@ -120,8 +116,6 @@ class JobPage {
     // Who opens a picture that is done wants to see it.
     if (!this.#job && job.state === "done") this.viewer.showZones.checked = false;
     this.#job = job;
-    if (job.state === "active") this.#timeLeft.take(Date.now() / 1000, job.done);
-    else this.#timeLeft.clear();
     setText(this.title, `Job ${job.job}: ${job.scene}`);
     if (job.seen && !this.#isSeen) setTimeout(() => this.#look());
     this.#isSeen = job.seen;
@@ -140,7 +134,7 @@ class JobPage {
   #showFacts() {
     const job = this.#job;
     if (!job) return;
-    const left = job.state !== "active" ? null : this.#told ?? this.#timeLeft.left(Date.now() / 1000);
+    const left = job.seconds_left ?? null;
     const facts = [
       ["Zones", `${job.zones_done} of ${job.zones}`],
       job.state === "active" ? ["Time left", left === null ? "not known yet" : `about ${time(left)}`] : null,

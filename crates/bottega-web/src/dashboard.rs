@@ -126,6 +126,7 @@ impl PaintedState {
             done: 0.0,
             zones_done: 0,
             zones: 0,
+            seconds_left: None,
             seen: false,
             priority: 0,
             require: Vec::new(),
@@ -157,7 +158,7 @@ impl PaintedState {
             Event::Agent(agent) => _ = self.agents.insert(agent.agent.clone(), event.clone()),
             Event::Progress(progress) => {
                 (self.view.zones, self.view.zones_done) = (progress.zones, progress.zones_done);
-                self.view.done = progress.share;
+                (self.view.done, self.view.seconds_left) = (progress.share, progress.seconds_left);
             }
             Event::Note { message } | Event::Warning { message } => self.say(message),
             Event::Finished { output, .. } | Event::Fetched { output } => {
@@ -173,6 +174,7 @@ impl PaintedState {
     }
 
     fn end(&mut self, output: &str) {
+        self.view.seconds_left = None;
         (self.view.kept, self.view.is_over, self.view.machines) = (true, true, 0);
         self.written = Some(output.to_owned());
         self.say(self.view.state);

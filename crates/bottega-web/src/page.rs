@@ -24,7 +24,6 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/blake3.js", JS, include_str!("../assets/blake3.js")),
     ("/compare.js", JS, include_str!("../assets/compare.js")),
     ("/energy.js", JS, include_str!("../assets/energy.js")),
-    ("/eta.js", JS, include_str!("../assets/eta.js")),
     ("/format.js", JS, include_str!("../assets/format.js")),
     ("/frames.js", JS, include_str!("../assets/frames.js")),
     ("/hash_worker.js", JS, include_str!("../assets/hash_worker.js")),

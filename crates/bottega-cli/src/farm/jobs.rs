@@ -168,8 +168,8 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
         "{}, {:.1} % done, {} of {} zones; priority {}",
         view.state,
         100.0 * view.done,
-        lead.zones_done,
-        lead.zones,
+        view.zones_done,
+        view.zones,
         job.priority
     );
     if !job.require.is_empty() {

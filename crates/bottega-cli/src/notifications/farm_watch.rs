@@ -162,6 +162,7 @@ mod tests {
             done: 0.0,
             zones_done,
             zones: 9,
+            seconds_left: None,
             seen: false,
             priority: 10,
             require: Vec::new(),

@@ -19,11 +19,13 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
     farm.succeed(&["jobs", "pause", "1"]);
     let _one = farm.join("one");
     farm.until_painted(2, 0.1);
+    farm.until("the time that is left is told", || farm.job(2)["seconds_left"].as_f64() > Some(0.0));
     assert_eq!((farm.job(1)["machines"].as_u64(), farm.job(2)["machines"].as_u64()), (Some(0), Some(1)));
     farm.succeed(&["jobs", "pause", "2"]);
     farm.until("nobody paints it", || farm.job(2)["leader"].is_null());
     farm.succeed(&["jobs", "resume", "2"]);
     farm.until_state(2, "done");
+    assert!(farm.job(2)["seconds_left"].is_null(), "nothing is left");
     let path = farm.path("b.exr");
     farm.succeed(&["jobs", "fetch", "2"]);
     assert!(bits(&path) == plain, "{}", farm.logs());

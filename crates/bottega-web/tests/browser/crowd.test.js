@@ -30,7 +30,7 @@ const zone = (id, step) => {
     state: isDone ? "done" : "awarded", agent: `render-1@machine-${id % 40}`, seconds_estimated: (id % 100) / 50, seconds_measured: isDone ? (id % 90) / 50 : undefined,
   };
 };
-const job = { job: 7, state: "active", done: 0.5, zones_done: 0, zones: SIDE * SIDE, priority: 10, machines: 40, leader: "machine-1", from: "anna", submitted: 1, scene: "large.glb", output: "large.exr", kept: false, reason: null };
+const job = { job: 7, state: "active", done: 0.5, zones_done: 0, zones: SIDE * SIDE, seconds_left: 90, priority: 10, machines: 40, leader: "machine-1", from: "anna", submitted: 1, scene: "large.glb", output: "large.exr", kept: false, reason: null };
 
 /** The longest time from an interaction to the next paint, in milliseconds, of each of some interactions. */
 async function paints(page, interactions) {

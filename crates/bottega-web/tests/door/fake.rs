@@ -70,6 +70,7 @@ pub(crate) fn job(number: u32) -> JobView {
         done: if is_over { 1.0 } else { 0.25 },
         zones_done: 1,
         zones: 4,
+        seconds_left: Some(3.0).filter(|_| !is_over),
         seen: true,
         priority: 10,
         require: Vec::new(),

@@ -2,7 +2,6 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { TimeLeft } from "../../assets/eta.js";
 import { fit, keepInside, toPicture, zoomAt } from "../../assets/view_box.js";
 import { agentHues, bounds, COLORINGS, summarize, workOf, zoneAt } from "../../assets/zones.js";
 
@@ -55,15 +54,4 @@ test("colorings tell much from little, and gray where nothing is known", () => {
 test("work is counted by agent", () => {
   const zones = ["done", "done", "awarded", "open"].map((state, i) => zone(i, [0, 0, 1, 1], { state, agent: i === 3 ? undefined : "a" }));
   assert.deepEqual([...workOf(zones)], [["a", { done: 2, working: 1 }]]);
-});
-
-test("time left is told by what was seen, and not before enough was", () => {
-  const left = new TimeLeft();
-  left.take(0, 0.5);
-  assert.equal(left.left(10), null);
-  left.take(10, 0.6);
-  assert.ok(Math.abs(left.left(10) - 40) < 1e-9);
-  assert.ok(left.left(20) > 75, "standing still makes it longer");
-  left.take(30, 0);
-  assert.equal(left.left(31), null, "begun anew");
 });

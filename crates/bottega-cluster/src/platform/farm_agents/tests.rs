@@ -253,6 +253,7 @@ fn job(number: u32, state: &'static str, done: f64) -> JobView {
         done,
         zones_done: 0,
         zones: 24,
+        seconds_left: None,
         seen: false,
         priority: 10,
         require: Vec::new(),
