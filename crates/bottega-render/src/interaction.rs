@@ -349,10 +349,20 @@ struct UvFrame<T, D> {
 }
 
 /// Texture coordinates on a sphere: u around +y, v from the upper pole down.
-pub(crate) fn sphere_uv(sphere: &Sphere, n: Vec3) -> Vec2 {
+fn sphere_uv(sphere: &Sphere, n: Vec3) -> Vec2 {
     let n = sphere.world_from_object.inverse() * n;
     let u = 0.5 + math::atan2(n.x, n.z) / (2.0 * PI);
     Vec2::new(u, math::acos(n.y) / PI)
+}
+
+/// What a sphere emits where `n` is its outward normal.
+#[inline(always)]
+pub(crate) fn emitted_by_sphere(scene: &Scene, sphere: &Sphere, n: Vec3, footprint: f32) -> Spectrum {
+    let emission = &scene.materials[sphere.material as usize].emission;
+    if emission.texture.is_none() {
+        return emission.factor;
+    }
+    emission.eval(scene, [sphere_uv(sphere, n); 2], footprint)
 }
 
 /// What a triangle emits at barycentric coordinates.

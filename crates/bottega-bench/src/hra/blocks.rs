@@ -1,7 +1,7 @@
 //! Pictures of the scenes, zone by zone of 512 × 512: what the high-level primitive, samples of a block of pixels, brings on the
 //! processors, on a GPU, and on both. Nobody makes rays for others here, so what both do can be held against the sum.
 
-use std::sync::Arc;
+use std::{io::Write, sync::Arc};
 
 use bottega::devices::{beside_gpus, painter};
 use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices};
@@ -13,7 +13,7 @@ use super::{
     ray_scene::{BOUNCES_MAX, RayScene, SIDE},
     report::{BlockColumn, BlockRow, Occupation, occupation},
 };
-use crate::{Error, painting::paint_zone_with};
+use crate::{Error, painting::paint_zone_with, say};
 
 /// How long a run should take at the paper's number of rays, in seconds.
 const SECONDS: f64 = 40.0;
@@ -23,7 +23,7 @@ const PILOT_SAMPLES: u32 = 1;
 const SAMPLES_MAX: u32 = 1 << 18;
 
 /// Paints with the processors, with the GPU, and with both; each way so many samples that all take the same time.
-pub(super) fn measure(options: &HraOptions, scene: &RayScene) -> Result<BlockRow, Error> {
+pub(super) fn measure(options: &HraOptions, scene: &RayScene, log: &mut dyn Write) -> Result<BlockRow, Error> {
     let mut ways = vec![WorkDivision::Cpu];
     if options.gpu.is_some() {
         ways.extend([WorkDivision::CpuAndGpu, WorkDivision::Gpu]);
@@ -43,10 +43,14 @@ pub(super) fn measure(options: &HraOptions, scene: &RayScene) -> Result<BlockRow
         let samples = ((rate * wanted) as u32).clamp(1, SAMPLES_MAX);
         columns.push((samples, BlockColumn { way, samples_per_second: Vec::new(), resources: Vec::new() }));
     }
-    for _ in 0..options.runs.max(RUNS_MIN) {
+    let runs = options.runs.max(RUNS_MIN);
+    for run in 1..=runs {
         for (samples, column) in &mut columns {
             let (seconds, resources) = once(options, scene, column.way, *samples)?;
-            column.samples_per_second.push(f64::from(*samples) * f64::from(SIDE * SIDE) / seconds);
+            let rate = f64::from(*samples) * f64::from(SIDE * SIDE) / seconds;
+            let (name, way, millions) = (scene.name, column.way.name(), rate / 1e6);
+            say(log, format_args!("pictures of scene {name}, run {run} of {runs}: {way} {millions:.2} Msamples/s"));
+            column.samples_per_second.push(rate);
             column.resources = resources;
         }
     }

@@ -11,7 +11,7 @@ mod report;
 mod tables;
 mod walk;
 
-use std::time::Instant;
+use std::{io::Write, time::Instant};
 
 use bottega_gpu::{GpuOptions, GpuRays};
 use bottega_hra::{Hra, HraConfig, HraReport, Resource, VirtualCpu, timeline_svg};
@@ -26,7 +26,7 @@ use self::{
     report::{RayColumn, RayRow, occupation},
     walk::{Caller, WalkResult, walk},
 };
-use crate::{Error, Report, create_folder, write_file};
+use crate::{Error, Report, create_folder, say, write_file};
 
 /// Paths that tell how many rays a path has.
 const PILOT_PATHS: u64 = 1 << 16;
@@ -38,24 +38,36 @@ const GPU_DIFFERENCE: f64 = 5e-3;
 /// Measures all ways in turn, and writes what `output` asks for. Keeps the calling thread, and all threads that it starts, to
 /// so many processors: call it before other threads are started that should be kept to them, too.
 ///
+/// - `log`: is told of every run. `hra.json` has what is measured so far, scene by scene.
+///
 /// # Errors
 /// The GPU cannot be used, two ways find different light, or a file cannot be written.
-pub fn measure(options: &HraOptions) -> Result<HraBenchReport, Error> {
+pub fn measure(options: &HraOptions, log: &mut dyn Write) -> Result<HraBenchReport, Error> {
     let is_kept = scheduling::keep_to(options.processors);
     if let Some(folder) = &options.output {
         create_folder(folder)?;
     }
     let scenes = [RayScene::a()?, RayScene::b()?];
-    let rows = scenes.iter().map(|scene| measure_rays(options, scene)).collect::<Result<Vec<_>, _>>()?;
-    let blocks = scenes.iter().map(|scene| blocks::measure(options, scene)).collect::<Result<Vec<_>, _>>()?;
-    let report = HraBenchReport { processors: options.processors, is_kept, batch: options.batch, rows, blocks };
-    if let Some(folder) = &options.output {
-        write_file(&folder.join("hra.json"), &report.as_json().to_string())?;
+    let (processors, batch) = (options.processors, options.batch);
+    let mut report = HraBenchReport { processors, is_kept, batch, rows: Vec::new(), blocks: Vec::new() };
+    for scene in &scenes {
+        report.rows.push(measure_rays(options, scene, log)?);
+        keep(options, &report)?;
+    }
+    for scene in &scenes {
+        report.blocks.push(blocks::measure(options, scene, log)?);
+        keep(options, &report)?;
     }
     Ok(report)
 }
 
-fn measure_rays(options: &HraOptions, scene: &RayScene) -> Result<RayRow, Error> {
+/// Writes what is measured so far: whoever ends it early loses no scene that is done.
+fn keep(options: &HraOptions, report: &HraBenchReport) -> Result<(), Error> {
+    let Some(folder) = &options.output else { return Ok(()) };
+    write_file(&folder.join("hra.json"), &report.as_json().to_string())
+}
+
+fn measure_rays(options: &HraOptions, scene: &RayScene, log: &mut dyn Write) -> Result<RayRow, Error> {
     let pilot = walk(scene, &Caller::Direct, PILOT_PATHS, options.batch, usize::from(options.processors))?;
     let rays_wanted = paper::RAYS * options.scale;
     let paths = (rays_wanted * PILOT_PATHS as f64 / pilot.rays as f64).ceil() as u64;
@@ -66,10 +78,13 @@ fn measure_rays(options: &HraOptions, scene: &RayScene) -> Result<RayRow, Error>
     let column = |way| RayColumn { way, seconds: Vec::new(), resources: Vec::new() };
     let mut columns: Vec<RayColumn> = ways.into_iter().map(column).collect();
     let mut known: Option<WalkResult> = None;
-    for _ in 0..options.runs.max(RUNS_MIN) {
+    let runs = options.runs.max(RUNS_MIN);
+    for run in 1..=runs {
         for column in &mut columns {
             let (found, seconds, report) = once(options, scene, column.way, paths)?;
             check(column.way, &found, known.get_or_insert_with(|| found.clone()))?;
+            let (name, way) = (scene.name, column.way.name());
+            say(log, format_args!("rays of scene {name}, run {run} of {runs}: {way} {seconds:.3} s"));
             column.seconds.push(seconds);
             if let Some(report) = report {
                 column.resources = occupation(&report);

@@ -6,7 +6,7 @@ use bottega_bench::hra::{HraOptions, measure};
 use clap::{Args, ValueHint};
 
 use super::result::print;
-use crate::error::CliError;
+use crate::{error::CliError, output::LogWriter};
 
 /// The tables of the HRA paper.
 #[derive(Debug, Args)]
@@ -51,7 +51,7 @@ pub(super) fn run(args: &HraBenchArgs) -> Result<ExitCode, CliError> {
         gpu: args.gpu.clone(),
         output: args.output.clone(),
     };
-    Ok(print(&measure(&options)?, args.json))
+    Ok(print(&measure(&options, &mut LogWriter)?, args.json))
 }
 
 fn parse_scale(text: &str) -> Result<f64, String> {

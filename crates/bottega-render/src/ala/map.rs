@@ -14,7 +14,7 @@ use crate::{
     AgentSettings,
     extent::Extent,
     photon::{
-        ByBounces, Nearest, Photon, PhotonMap,
+        BounceShares, Nearest, Photon, PhotonMap,
         cache::{Estimate, IrradianceCache, IrradianceRecord, Surroundings},
     },
     prepare::PreparedScene,
@@ -234,7 +234,7 @@ impl Agents {
     ///
     /// - `normal`: that the surface is shaded with, on the side that is asked for.
     /// - `bounces`: of the light, the one at the place among them; at most.
-    pub(crate) fn shares_at(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<ByBounces> {
+    pub(crate) fn shares_at(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<BounceShares> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
         Some(cache.shares(p, normal, bounces))
     }

@@ -286,6 +286,17 @@ impl BsdfAt<'_> {
         (factor > 0.0).then_some(BsdfSample { value: sample.value * factor, ..sample })
     }
 
+    /// The two directions into which all light goes, the likelier one first: what a smooth boundary reflects, and what it lets through.
+    /// `None`: there is but one, or there are others.
+    pub(crate) fn both_ways(&self) -> Option<[BsdfSample; 2]> {
+        const ROUNDING: f32 = 1e-5;
+        let [first, last] = [0.0, 1.0_f32.next_down()].map(|u_lobe| self.sample(u_lobe, [0.5; 2]));
+        let (first, last) = (first?, last?);
+        let are_two = first.is_delta() && last.is_delta() && first.lobe != last.lobe;
+        let are_all = (first.pdf + last.pdf - 1.0).abs() < ROUNDING;
+        (are_two && are_all).then_some(if first.pdf < last.pdf { [last, first] } else { [first, last] })
+    }
+
     #[inline(always)]
     fn eval_pdf_of_kind(&self, wi: Vec3) -> (Spectrum, f32) {
         match &self.kind {
@@ -379,6 +390,40 @@ mod tests {
                 assert_eq!((a.wi, a.lobe, a.eta), (b.wi, b.lobe, b.eta));
                 assert!((0..3).all(|i| close(a.value[i], b.value[i])) && close(a.pdf, b.pdf), "{a:?} {b:?}");
             }
+        }
+    }
+
+    #[test]
+    fn glass_alone_has_two_ways() {
+        let glass = SurfaceParams { transmission: 1.0, roughness: 0.0, ..SurfaceParams::default() };
+        let inside = SurfaceParams { front: false, ..glass };
+        let sheet = SurfaceParams { thin: true, base_color: Spectrum::new(0.9, 0.5, 0.2), ..glass };
+        for (params, (wo, numbers)) in [glass, inside, sheet].iter().flat_map(|it| cases().map(move |case| (it, case)))
+        {
+            let bsdf = Bsdf::new(params);
+            let at = bsdf.at(wo);
+            let [u_lobe, u, v] = numbers;
+            match (at.both_ways(), at.sample(u_lobe, [u, v])) {
+                (Some(ways), Some(drawn)) => {
+                    assert!(ways[0].pdf >= ways[1].pdf);
+                    assert!(ways.iter().any(|way| (way.wi, way.value, way.pdf) == (drawn.wi, drawn.value, drawn.pdf)));
+                }
+                // All is reflected.
+                (None, Some(drawn)) => assert!(drawn.pdf > 1.0 - 1e-5 && drawn.wi.z > 0.0, "{wo} {drawn:?}"),
+                (_, None) => {}
+            }
+        }
+        let has_two = |params: &SurfaceParams| Bsdf::new(params).at(Vec3::new(0.6, 0.0, 0.8)).both_ways().is_some();
+        assert!(has_two(&glass) && has_two(&sheet));
+        let mirror = SurfaceParams { metallic: 1.0, roughness: 0.0, specular: 0.0, ..SurfaceParams::default() };
+        for other in [
+            SurfaceParams::default(),
+            mirror,
+            SurfaceParams { coat: 0.5, ..glass },
+            SurfaceParams { transmission: 0.5, ..glass },
+            SurfaceParams { roughness: 0.1, ..glass },
+        ] {
+            assert!(!has_two(&other), "{other:?}");
         }
     }
 

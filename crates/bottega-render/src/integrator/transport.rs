@@ -4,7 +4,7 @@ use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
 
 use crate::{
-    interaction::{Interaction, emitted, sphere_uv},
+    interaction::{Interaction, emitted, emitted_by_sphere},
     lights::LightSample,
     surfaces::Surfaces,
 };
@@ -40,10 +40,7 @@ pub(super) fn survives(throughput: &mut Spectrum, scale: f32, is_sure: bool, u: 
 pub(super) fn emitted_at(surfaces: &Surfaces, point: &Interaction) -> Spectrum {
     let (scene, hit) = (&**surfaces.scene(), &point.hit);
     match hit.sphere() {
-        Some(sphere) => {
-            let uv = sphere_uv(&scene.spheres[sphere as usize], point.ng);
-            surfaces.material(point.material).0.emission.eval(scene, [uv; 2], 0.0)
-        }
+        Some(sphere) => emitted_by_sphere(scene, &scene.spheres[sphere as usize], point.ng, 0.0),
         None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
     }
 }

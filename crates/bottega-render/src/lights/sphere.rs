@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use super::{LightSample, NO_LIGHT, bounds::LightBounds};
 use crate::{
-    interaction::sphere_uv,
+    interaction::emitted_by_sphere,
     luminance,
     sampling::{orthonormal_basis, uniform_sphere},
 };
@@ -22,8 +22,7 @@ pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
             uniform_sphere([((i % STEPS) as f32 + 0.5) / STEPS as f32, ((i / STEPS) as f32 + 0.5) / STEPS as f32])
         });
         let footprint = 1.0 / STEPS as f32;
-        normals.map(|n| material.emission.eval(scene, [sphere_uv(sphere, n); 2], footprint)).sum::<Spectrum>()
-            / (STEPS * STEPS) as f32
+        normals.map(|n| emitted_by_sphere(scene, sphere, n, footprint)).sum::<Spectrum>() / (STEPS * STEPS) as f32
     } else {
         material.emission.factor
     };
@@ -86,7 +85,7 @@ pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Opti
     if !material.emission_sides.has(wi.dot(n) < 0.0) {
         return None;
     }
-    let radiance = material.emission.eval(scene, [sphere_uv(sphere, n); 2], 0.0);
+    let radiance = emitted_by_sphere(scene, sphere, n, 0.0);
     Some(LightSample { wi, distance, radiance, pdf, is_delta: false, light: NO_LIGHT, pmf: 1.0 })
 }
 

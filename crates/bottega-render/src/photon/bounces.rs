@@ -15,6 +15,38 @@ pub(crate) const BOUNCES_KEPT: usize = 32;
 /// Sums of light by number of bounces.
 pub(crate) type ByBounces = [Spectrum; BOUNCES_KEPT];
 
+/// Which share of the light at a place has been scattered how often: for each of red, green and blue, up to the most bounces that it has.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BounceShares {
+    parts: ByBounces,
+    count: usize,
+}
+
+impl Default for BounceShares {
+    fn default() -> Self {
+        Self { parts: [Spectrum::ZERO; BOUNCES_KEPT], count: 0 }
+    }
+}
+
+impl BounceShares {
+    /// Adds light of so many bounces.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, bounces: usize, light: Spectrum) {
+        self.parts[bounces] += light;
+        self.count = self.count.max(bounces + 1);
+    }
+
+    /// Multiplies all of it.
+    pub(crate) fn scale(&mut self, by: Spectrum) {
+        self.parts[..self.count].iter_mut().for_each(|part| *part *= by);
+    }
+
+    /// Of 0, 1, 2 … bounces.
+    pub(crate) fn as_slice(&self) -> &[Spectrum] {
+        &self.parts[..self.count]
+    }
+}
+
 /// Where light of so many bounces is in [`ByBounces`].
 #[inline(always)]
 pub(crate) fn kept(bounces: u32) -> usize {

@@ -12,7 +12,7 @@ use glam::Vec3;
 
 pub(crate) use super::around::GatherSample;
 use super::{
-    bounces::{BOUNCES_KEPT, ByBounces},
+    bounces::BounceShares,
     bytes::{Reader, Writer},
     record::Photon,
 };
@@ -113,22 +113,20 @@ impl IrradianceCache {
     }
 
     /// What share of the irradiance at a place by light of no more than so many bounces has been scattered how often.
-    pub(crate) fn shares(&self, p: Vec3, n: Vec3, bounces: u32) -> ByBounces {
-        let (mut sums, mut all) = ([Spectrum::ZERO; BOUNCES_KEPT], Spectrum::ZERO);
+    pub(crate) fn shares(&self, p: Vec3, n: Vec3, bounces: u32) -> BounceShares {
+        let mut shares = BounceShares::default();
+        let mut all = Spectrum::ZERO;
         self.visit(p, |record| {
             let nearness = record.nearness(p, n, self.tolerance);
             let weight = nearness * nearness * record.effort as f32;
             if weight > 0.0 {
                 let light = record.at(p, n) * weight;
                 all += light * record.share(bounces);
-                for (sum, number) in sums.iter_mut().zip(0..) {
-                    *sum += light * record.share(bounces.min(number));
-                }
+                record.parts(bounces, |number, part| shares.add(number, light * part));
             }
         });
-        let inverse = all.max(Spectrum::splat(f32::MIN_POSITIVE)).recip();
-        let mut below = Spectrum::ZERO;
-        sums.map(|sum| (sum - std::mem::replace(&mut below, sum)).max(Spectrum::ZERO) * inverse)
+        shares.scale(all.max(Spectrum::splat(f32::MIN_POSITIVE)).recip());
+        shares
     }
 
     /// The same by those alone who know where light comes from, and what they know of it.
@@ -318,7 +316,7 @@ impl IrradianceCache {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::bounces::BOUNCES_KEPT, *};
 
     /// Irradiance at a place by as many rays as a record has, of a scene that is known in all directions.
     fn record(p: Vec3, n: Vec3, scene: &impl Fn(Vec3, Vec3) -> GatherSample) -> IrradianceRecord {
@@ -439,11 +437,13 @@ mod tests {
         let found = [0, 1, 2, 3, 4, 5].map(share);
         assert!(found.iter().zip([0.0, 0.0, 0.75, 0.75, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}");
         let shares = cache.shares(Vec3::ZERO, Vec3::Y, u32::MAX);
+        let shares = shares.as_slice();
         assert!((shares[2].x - 0.75).abs() < 1e-4 && (shares[4].x - 0.25).abs() < 1e-4 && shares[3].x.abs() < 1e-4);
-        assert!((shares[2].y - 0.5).abs() < 1e-4, "{shares:?}");
+        assert!((shares[2].y - 0.5).abs() < 1e-4 && shares.len() == 5, "{shares:?}");
         // Those of fewer bounces are all there is.
         let shares = cache.shares(Vec3::ZERO, Vec3::Y, 3);
-        assert!((shares[2].x - 1.0).abs() < 1e-4 && shares[4] == Spectrum::ZERO, "{shares:?}");
+        let shares = shares.as_slice();
+        assert!((shares[2].x - 1.0).abs() < 1e-4 && shares.len() <= 4, "{shares:?}");
     }
 
     #[test]

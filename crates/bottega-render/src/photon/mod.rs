@@ -25,7 +25,7 @@ mod units;
 
 pub(crate) use arrivals::LightDirections;
 pub use bounces::IrradiancePlaces;
-pub(crate) use bounces::{BOUNCES_KEPT, ByBounces, IrradianceMap, kept};
+pub(crate) use bounces::{BOUNCES_KEPT, BounceShares, ByBounces, IrradianceMap, kept};
 pub use cast::cast_photons;
 pub(crate) use estimator::{Estimator, PhotonContribution};
 pub use map::{NEAREST_MAX, Nearest, PhotonMap};

@@ -112,6 +112,21 @@ fn gathered_light_is_that_of_paths() {
 }
 
 #[test]
+fn what_glass_reflects_is_in_every_sample() {
+    // A ball in the dark, before a lamp that stands behind the camera: some 8 % of its light comes back from the front and from the back of it.
+    let mut scene = Scene { cameras: vec![camera(Vec3::Z * 3.0, Vec3::ZERO, 0.1)], ..Scene::default() };
+    add_sphere(&mut scene, Vec3::ZERO, 0.5, glass());
+    add_quad(&mut scene, Vec3::new(-4.0, -4.0, 6.0), Vec3::Y * 8.0, Vec3::X * 8.0, Material::lamp(Vec3::splat(5.0)));
+    let tile = paint(&prepare(scene), SIZE, 1, by_photons(few(), 1, 1));
+    let seen: Vec<f32> = (0..SIZE.0 * SIZE.1).map(|i| color(&tile, i % SIZE.0, i / SIZE.0).x).collect();
+    let mean = seen.iter().sum::<f32>() / seen.len() as f32;
+    let deviation = (seen.iter().map(|it| (it - mean).powi(2)).sum::<f32>() / seen.len() as f32).sqrt();
+    assert!((0.06..0.1).contains(&(mean / 5.0)), "{mean}");
+    // By chance alone it would be three times the mean.
+    assert!(deviation < 0.25 * mean, "{deviation} of {mean}");
+}
+
+#[test]
 fn a_veil_is_as_bright_as_paths_find_it() {
     // Nothing else is seen, and half of its light comes by way of the floor.
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 2.5), Vec3::ZERO, 0.4)], ..Scene::default() };

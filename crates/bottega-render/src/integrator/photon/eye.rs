@@ -7,6 +7,7 @@ mod maps;
 mod spot;
 mod surroundings;
 mod walk;
+mod ways;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -24,7 +25,7 @@ use crate::{
     lights::Receiver,
     luminance,
     photon::{
-        BOUNCES_KEPT, ByBounces, PhotonMaps,
+        BOUNCES_KEPT, BounceShares, PhotonMaps,
         cache::{IrradianceCache, Surroundings},
         kept,
     },
@@ -70,7 +71,7 @@ impl Eye<'_> {
     ///
     /// - `shares`: says how often the light has been scattered; asked where that is wanted.
     #[inline(always)]
-    fn add_shared(&mut self, light: Spectrum, behind: u32, shares: impl FnOnce(&Self) -> Option<ByBounces>) {
+    fn add_shared(&mut self, light: Spectrum, behind: u32, shares: impl FnOnce(&Self) -> Option<BounceShares>) {
         self.radiance += light;
         if self.hands.by_bounces.is_none() {
             return;
@@ -79,7 +80,11 @@ impl Eye<'_> {
         let Some(sums) = &mut self.hands.by_bounces else { return };
         match shares {
             Some(shares) => {
-                shares.iter().zip(behind..).for_each(|(share, bounces)| sums[kept(bounces)] += light * *share);
+                shares
+                    .as_slice()
+                    .iter()
+                    .zip(behind..)
+                    .for_each(|(share, bounces)| sums[kept(bounces)] += light * *share);
             }
             None => sums[BOUNCES_KEPT - 1] += light,
         }
@@ -203,6 +208,12 @@ impl<'a> Eye<'a> {
                 Remainder::Lamps => walk.is_short = true,
                 Remainder::Light => {}
             }
+        }
+        if matches!(walk.comes, ArrivalKind::Camera)
+            && bsdf.is_delta_only()
+            && let Some(ways) = self.ways_worth_going(walk, &place)
+        {
+            return self.go_both_ways(walk, &place, ways);
         }
         let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
         // What is left for a path that comes to a surface from the camera is to go on over its mirrors.

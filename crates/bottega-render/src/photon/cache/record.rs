@@ -18,27 +18,28 @@ pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
 /// Most rays to a cell.
 pub(crate) const EFFORT_MAX: u32 = 16;
 
-/// What is known at one place.
+/// What is known at one place. What is asked of each record near a place fills its first 64 bytes, what it says there the rest.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub(crate) struct IrradianceRecord {
     pub(super) p: Vec3,
     pub(super) n: Vec3,
-    pub(super) irradiance: Spectrum,
-    /// Which share of it comes by no more than 0, 1, 2 … bounces; beyond the list, all of it.
-    pub(super) shares: Box<[Share]>,
-    /// How it changes as the surface turns and as the place moves: one vector for each of red, green and blue.
-    pub(super) turning: [Vec3; 3],
-    pub(super) moving: [Vec3; 3],
     /// Distance to other surfaces, on the harmonic mean.
     pub(super) radius: f32,
     /// How far its surface is free of walls, to each side; see [`clearance`].
     pub(super) clearance: Clearance,
     /// Rays to a cell.
     pub(super) effort: u32,
-    /// Variance of the luminance of the irradiance, by how much its own rays differ.
-    pub(super) variance: f32,
     /// Relative variance that is to be expected of it, as it and those around it tell together: see [`super::noise`].
     pub(super) noise: f32,
+    pub(super) irradiance: Spectrum,
+    /// How it changes as the surface turns and as the place moves: one vector for each of red, green and blue.
+    pub(super) turning: [Vec3; 3],
+    pub(super) moving: [Vec3; 3],
+    /// Variance of the luminance of the irradiance, by how much its own rays differ.
+    pub(super) variance: f32,
+    /// Which share of it comes by no more than 0, 1, 2 … bounces; beyond the list, all of it.
+    pub(super) shares: Box<[Share]>,
     /// Where the light comes from; on surfaces that do not send it to all sides alike.
     pub(super) around: Option<Arc<CellsAround>>,
 }
@@ -223,6 +224,19 @@ impl IrradianceRecord {
             Some(share) => Spectrum::from(share.map(f32::from)) * (1.0 / f32::from(u16::MAX)),
             None => Spectrum::ONE,
         }
+    }
+
+    /// Hands out which share of its light comes by 0, 1, 2 … bounces, of no more than so many.
+    #[inline(always)]
+    pub(super) fn parts(&self, bounces: u32, mut take: impl FnMut(usize, Spectrum)) {
+        let last = kept(bounces).min(self.shares.len());
+        let mut below = Spectrum::ZERO;
+        for number in 0..last {
+            let sum = self.share(number as u32);
+            take(number, (sum - below).max(Spectrum::ZERO));
+            below = sum;
+        }
+        take(last, (self.share(bounces) - below).max(Spectrum::ZERO));
     }
 
     /// Bytes of its lists.
