@@ -84,13 +84,7 @@ impl Agents {
 
     /// The same with what was measured since, in its order, as far as there is room.
     pub(super) fn with_records(&self, mut records: Vec<IrradianceRecord>) -> Self {
-        let mut more = Self {
-            settings: self.settings,
-            visibility: Arc::clone(&self.visibility),
-            indirect: self.indirect.clone(),
-            report: self.report,
-            tallies: Tallies::default(),
-        };
+        let mut more = self.with_light(self.indirect.clone());
         if let Indirect::Records(cache, _) = &mut more.indirect {
             cache.tell_noise(&mut records);
         }
@@ -105,13 +99,17 @@ impl Agents {
         more
     }
 
-    /// The same, its records found by the radii that they were left with: as whoever is told of them finds them.
+    /// The same to be asked, and not to be added to; see [`IrradianceCache::settled`]. So whoever is told of them finds them.
     pub(super) fn settled(&self) -> Self {
-        let mut settled = self.with_records(Vec::new());
-        if let Indirect::Records(cache, _) = &mut settled.indirect {
-            *cache = cache.settled();
-        }
-        settled
+        self.with_light(match &self.indirect {
+            Indirect::Records(cache, extent) => Indirect::Records(cache.settled(), *extent),
+            fitted @ Indirect::Fitted(_) => fitted.clone(),
+        })
+    }
+
+    fn with_light(&self, indirect: Indirect) -> Self {
+        let visibility = Arc::clone(&self.visibility);
+        Self { settings: self.settings, visibility, indirect, report: self.report, tallies: Tallies::default() }
     }
 
     /// Whether there is memory for what is measured next.

@@ -17,7 +17,7 @@ use super::{
     record::Photon,
 };
 use crate::luminance;
-use record::EFFORT_MAX;
+use record::{EFFORT_MAX, Reach};
 pub(crate) use record::{IrradianceRecord, Measurement, RAYS, direction};
 use surroundings::Speakers;
 pub(crate) use surroundings::Surroundings;
@@ -235,10 +235,10 @@ impl IrradianceCache {
         self.put(record);
     }
 
-    /// The same, each record only where it reaches by the radius that is left of it.
+    /// The same, to be asked and not to be added to: each record only where it reaches by the radius that is left of it, near its own surface.
     pub(crate) fn settled(&self) -> Self {
         let mut settled = Self::new(self.low, self.side, self.tolerance);
-        self.records.iter().for_each(|record| settled.put(record.clone()));
+        self.records.iter().for_each(|record| settled.settle(record.clone()));
         settled
     }
 
@@ -256,27 +256,38 @@ impl IrradianceCache {
         let count = from.count(IrradianceRecord::BYTES_MIN)?;
         let mut cache = Self::new(low, side.max(0.0), tolerance);
         for _ in 0..count {
-            cache.put(IrradianceRecord::read(from)?);
+            cache.settle(IrradianceRecord::read(from)?);
         }
         Some(cache)
     }
 
-    /// Puts a record where it reaches.
+    /// Puts a record all around, where it says something and where others that come later may be near it.
     fn put(&mut self, record: IrradianceRecord) {
+        let reach = record.reach_around(self.tolerance);
+        self.hold(record, &reach);
+    }
+
+    /// Puts a record where it says something.
+    fn settle(&mut self, record: IrradianceRecord) {
+        let reach = record.reach(self.tolerance);
+        self.hold(record, &reach);
+    }
+
+    fn hold(&mut self, record: IrradianceRecord, reach: &Reach) {
         let number = self.records.len() as u32;
         self.brightness += luminance(record.irradiance);
         self.list_bytes += record.list_bytes();
-        let (p, reach) = (record.p, self.tolerance * record.radius);
         self.records.push(record);
-        self.insert(0, self.low, self.side, 0, number, p, reach);
+        self.insert(0, self.low, self.side, 0, (number, reach));
     }
 
-    /// Puts a record into all nodes that it reaches, of about its own size.
-    fn insert(&mut self, node: usize, low: Vec3, side: f32, level: u32, number: u32, p: Vec3, reach: f32) {
-        if p.distance_squared(p.clamp(low, low + side)) > reach * reach {
+    /// Puts the number of a record into all nodes that it reaches, of about its own size.
+    fn insert(&mut self, node: usize, low: Vec3, side: f32, level: u32, record: (u32, &Reach)) {
+        let (number, reach) = record;
+        if !reach.meets(low, side) {
             return;
         }
-        if level == LEVELS_MAX || side < SIDE_MAX * reach {
+        if level == LEVELS_MAX || side < SIDE_MAX * reach.radius {
             self.nodes[node].records.push(number);
             self.listed += 1;
             return;
@@ -289,7 +300,7 @@ impl IrradianceCache {
         let half = 0.5 * side;
         for child in 0..8 {
             let offset = Vec3::new((child & 1) as f32, (child >> 1 & 1) as f32, (child >> 2) as f32) * half;
-            self.insert(first + child, low + offset, half, level + 1, number, p, reach);
+            self.insert(first + child, low + offset, half, level + 1, record);
         }
     }
 
@@ -444,6 +455,32 @@ mod tests {
         let shares = cache.shares(Vec3::ZERO, Vec3::Y, 3);
         let shares = shares.as_slice();
         assert!((shares[2].x - 1.0).abs() < 1e-4 && shares.len() <= 4, "{shares:?}");
+    }
+
+    #[test]
+    fn who_is_settled_says_what_it_said() {
+        let part = |i: u32, prime: u32| (i * prime % 401) as f32 / 401.0;
+        let turned = |i: u32| Vec3::new(0.6 * part(i, 71) - 0.3, 1.0, 0.6 * part(i, 113) - 0.3).normalize();
+        for tolerance in [0.05, 0.3, 0.8, 1.0] {
+            let mut cache = IrradianceCache::new(Vec3::splat(-4.0), 8.0, tolerance);
+            for i in 0..60 {
+                let p = Vec3::new(2.0 * part(i, 29) - 1.0, 0.2 * part(i, 7) - 0.1, 2.0 * part(i, 197) - 1.0);
+                let radius = 0.2 + 2.0 * part(i, 31);
+                cache.put(IrradianceRecord { radius, ..record(p, turned(i), &ceiling) });
+            }
+            let settled = cache.settled();
+            // Balls that are small beside how far off the surface a place may lie are not cut.
+            assert!(settled.listed < cache.listed || tolerance < 0.1, "{} {}", settled.listed, cache.listed);
+            let mut known = 0;
+            for i in 0..4000 {
+                let p = Vec3::new(2.4 * part(i, 23) - 1.2, 0.3 * part(i, 37) - 0.15, 2.4 * part(i, 41) - 1.2);
+                let found = [&cache, &settled].map(|it| it.estimate(p, turned(i + 5), u32::MAX));
+                let told = found.map(|it| it.map(|it| (it.irradiance, it.error, it.count, it.presence)));
+                assert_eq!(told[0], told[1], "{p}");
+                known += u32::from(told[0].is_some());
+            }
+            assert!(known > 100, "{known} places are known");
+        }
     }
 
     #[test]

@@ -43,7 +43,8 @@ pub(in crate::ala) fn sense(
         let (mut first, mut count) = (0, FIRST_ROUND);
         while first < all.len() && agents.has_room() {
             let who: Arc<[Candidate]> = all[first..all.len().min(first + count)].into();
-            let errand = |part| SensingTask::Measure { who: Arc::clone(&who), part, others: Arc::clone(&agents) };
+            let others = Arc::new(agents.settled());
+            let errand = |part| SensingTask::Measure { who: Arc::clone(&who), part, others: Arc::clone(&others) };
             let mut found = run(parts(who.len() as u32, MEASURING).map(errand).collect())?;
             (first, count) = (first + count, 2 * count);
             if !found.records.is_empty() {

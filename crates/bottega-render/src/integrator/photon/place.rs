@@ -54,7 +54,7 @@ pub(super) fn records(integrator: &PhotonIntegrator<'_>, maps: &PhotonMaps) -> I
         }
         step /= 2;
     }
-    cache
+    cache.settled()
 }
 
 /// The pixels of a round, neighbours far from one another.

@@ -44,6 +44,28 @@ pub(crate) struct IrradianceRecord {
     pub(super) around: Option<Arc<CellsAround>>,
 }
 
+/// How far off its surface a place may lie that it speaks for, in its radius, along the sum of both normals.
+const OFF_PLANE: f32 = 0.1;
+
+/// Where a record may count: a ball around it, between two planes along its surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    p: Vec3,
+    n: Vec3,
+    pub(super) radius: f32,
+    /// Of the planes over the surface and below it.
+    height: f32,
+}
+
+impl Reach {
+    /// Whether a part of a cube lies within.
+    pub(super) fn meets(&self, low: Vec3, side: f32) -> bool {
+        let half = 0.5 * side;
+        let is_near = self.p.distance_squared(self.p.clamp(low, low + side)) <= self.radius * self.radius;
+        is_near && (low + half - self.p).dot(self.n).abs() - half * self.n.abs().element_sum() <= self.height
+    }
+}
+
 /// Sides to which it is known how far a surface is free of walls.
 pub(super) const SIDES: usize = 8;
 
@@ -293,6 +315,23 @@ impl IrradianceRecord {
         Some(Self { p, n, irradiance, shares, turning, moving, radius, clearance, effort, variance, noise, around })
     }
 
+    /// Where it may count: see [`Self::nearness`].
+    ///
+    /// A place d away whose normal differs by 1 − cos = e² counts where d ∕ R + e < a (the tolerance), if the way there, along the mean of both
+    /// normals, is within 0.1 R. So along its own normal the way is at most R (0.1 ∕ (2 − e²) + (a − e) e ∕ √(2 − e²)): no more than with
+    /// (a − e) e = a² ∕ 4, and e = a below.
+    pub(super) fn reach(&self, tolerance: f32) -> Reach {
+        let (squared, rounding) = (tolerance * tolerance, 1.01);
+        let below = (2.0 - squared).max(0.0);
+        let height = rounding * (OFF_PLANE / below + 0.25 * squared / below.sqrt());
+        Reach { height: height * self.radius, ..self.reach_around(tolerance) }
+    }
+
+    /// All around it, as far as it may count.
+    pub(super) fn reach_around(&self, tolerance: f32) -> Reach {
+        Reach { p: self.p, n: self.n, radius: tolerance * self.radius, height: f32::INFINITY }
+    }
+
     /// How much it counts at another place; nothing where it is too far off, before that place or behind it.
     pub(super) fn weight(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
         match self.nearness(p, n, tolerance) {
@@ -308,7 +347,7 @@ impl IrradianceRecord {
         let (distance_squared, reach) = (way.length_squared(), tolerance * self.radius);
         // Most of those that are asked are too far off: no roots for them. On a smooth surface the way is across both normals alike;
         // what lies before a place is on another surface, and what lies behind it may be the inside of a thin wall.
-        if distance_squared >= reach * reach || way.dot(n + self.n).abs() > 0.1 * self.radius {
+        if distance_squared >= reach * reach || way.dot(n + self.n).abs() > OFF_PLANE * self.radius {
             return 0.0;
         }
         let error = distance_squared.sqrt() / self.radius + (1.0 - n.dot(self.n)).max(0.0).sqrt();
