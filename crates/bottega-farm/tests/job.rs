@@ -266,8 +266,8 @@ fn a_stopped_job_goes_on_to_the_same_bits() {
         let journal = JournalWriter::create(paper.clone(), "fake").unwrap();
         let observer = Arc::new(StopAfter(after, stop.clone()));
         let all = 97 * 61 * 24;
-        // Three quarters are enough for three zones; without the hold the job could be done before it is stopped.
-        let engine = Arc::new(FakeEngine::new(2, 40).hold_from(all * 3 / 4));
+        // All but the last task is enough for three zones; without the hold the job could be done before it is stopped.
+        let engine = Arc::new(FakeEngine::new(2, 40).hold_from(all));
         let report = run(&settings, engine, observer, &stop, Some(Box::new(journal)), None).unwrap();
         assert!(report.stopped, "stopped after {after}");
         let kept = paper.kept();

@@ -13,7 +13,7 @@ use std::{
 };
 
 use bottega_engines::{
-    CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, Tunables, ZoneCallback, ZoneTask,
+    EngineDescription, EngineError, Painted, RenderEngine, Survey, Tunables, ZoneCallback, ZoneTask,
 };
 use bottega_image::{AovSet, Layout, SampleValues, Tile};
 
@@ -27,7 +27,8 @@ struct Shared {
     samples: AtomicU64,
     /// Work a sample, to make painting take its time.
     weight: u32,
-    /// So many samples are painted; the rest waits to be cancelled.
+    /// Samples of the tasks that have begun; who comes to so many waits to be cancelled.
+    begun: AtomicU64,
     held_from: AtomicU64,
 }
 
@@ -35,10 +36,12 @@ struct Shared {
 const LOOKS: u32 = 60_000;
 
 impl Shared {
-    /// Waits until the task is called off, if enough is painted.
-    fn hold(&self, cancel: &CancelSwitch) {
+    /// Waits until the task is called off, if enough has begun with it. (What is painted would tell too late: two threads may begin the last tasks.)
+    fn hold(&self, task: &ZoneTask) {
+        let count = task.rect.area() * u64::from(task.samples.end - task.samples.start);
+        let begun = self.begun.fetch_add(count, Ordering::Relaxed) + count;
         for _ in 0..LOOKS {
-            if self.samples.load(Ordering::Relaxed) < self.held_from.load(Ordering::Relaxed) || cancel.is_cancelled() {
+            if begun < self.held_from.load(Ordering::Relaxed) || task.cancel.is_cancelled() {
                 return;
             }
             thread::sleep(Duration::from_millis(1));
@@ -110,7 +113,7 @@ fn work(shared: &Shared) {
             let (rect, reason) = (task.rect, "it was told to".to_owned());
             done(Err(EngineError::Zone { engine: "fake".to_owned(), rect, reason }));
         } else {
-            shared.hold(&task.cancel);
+            shared.hold(&task);
             done(Ok(paint(shared, task)));
         }
     }
@@ -124,6 +127,7 @@ impl FakeEngine {
             failures: AtomicUsize::new(0),
             samples: AtomicU64::new(0),
             weight,
+            begun: AtomicU64::new(0),
             held_from: AtomicU64::new(u64::MAX),
         });
         let spawn = |_| {
@@ -138,7 +142,7 @@ impl FakeEngine {
         self
     }
 
-    /// Paints so many samples and then waits to be stopped, however late that comes.
+    /// Whose task comes to so many samples, counted as tasks begin, waits to be stopped, however late that comes.
     pub(crate) fn hold_from(self, samples: u64) -> Self {
         self.shared.held_from.store(samples, Ordering::Relaxed);
         self
