@@ -249,12 +249,19 @@ impl Farm {
         fs::read_to_string(self.path(log)).unwrap_or_default()
     }
 
-    pub(super) fn until(&self, what: &str, is_so: impl Fn() -> bool) {
+    pub(super) fn until(&self, what: &str, mut is_so: impl FnMut() -> bool) {
         let begun = Instant::now();
         while !is_so() {
             assert!(begun.elapsed() < WAIT, "{what} does not come to pass; logs:\n{}", self.logs());
             thread::sleep(Duration::from_millis(50));
         }
+    }
+
+    /// The name of a machine that has joined, as its log says it.
+    pub(super) fn name_of(&self, log: &str) -> String {
+        let said = self.said(log);
+        let name = said.split_once(" as ").and_then(|(_, rest)| rest.split(';').next());
+        name.unwrap_or_else(|| panic!("no name in {said:?}")).to_owned()
     }
 
     pub(super) fn until_says(&self, log: &str, words: &str) {

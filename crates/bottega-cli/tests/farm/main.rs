@@ -24,11 +24,14 @@ mod support;
 mod web;
 
 use std::{
+    collections::{BTreeMap, BTreeSet},
     thread,
     time::{Duration, Instant},
 };
 
-use fixture::{FEW, Farm, MANY, PICTURE, bits, link, painted};
+use bottega_agents::driver::nats::NatsUplink;
+use bottega_farm::FarmCodec;
+use fixture::{FEW, Farm, MANY, PICTURE, Process, bits, link, painted};
 use serde_json::Value;
 use support::{servers, text};
 
@@ -80,20 +83,19 @@ fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_o
     let ways: [&[&str]; 2] =
         [&["--integrator", "photon", "--photons", "400000"], &["--integrator", "ala", "--lighting-agents", "30000"]];
     let (mut one, mut two) = (farm.join("one"), farm.join("two"));
+    let uplink = link(&farm);
     for (number, way) in (1..).zip(ways) {
         let path = farm.path("alone.exr");
         farm.succeed(&[&["render", "goblets.glb", "-o", text(&path), FEW], &PICTURE[..], way].concat());
+        let before = parts_taken(&uplink);
         let mut asker = farm.render("a.exr", way);
-        if number == 2 {
-            let uplink = link(&farm);
-            let has_begun = |name: &str| {
-                let mut parts = uplink.notices().all("cast/").into_iter();
-                parts.any(|part| String::from_utf8_lossy(&part.text).contains(name))
-            };
-            let said = farm.said("two");
-            let process =
-                said.split_once(" as ").and_then(|(_, rest)| rest.split(';').next()).expect("a name").to_owned();
-            farm.until("the second machine takes a part", || has_begun(&process));
+        hold_until_all_cast(&farm, &uplink, &before, &[(None, &asker), (Some("one"), &one), (Some("two"), &two)]);
+        for process in [&asker, &one] {
+            process.signal("-CONT");
+        }
+        if number == 1 {
+            two.signal("-CONT");
+        } else {
             two.kill();
         }
         assert!(asker.wait(), "{}", farm.logs());
@@ -108,8 +110,44 @@ fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_o
     }
     // What was kept for them has gone; what a machine put there after the end, when somebody asks for the next one.
     assert!(farm.render("b.exr", &["--detach"]).wait(), "{}", farm.logs());
-    assert!(link(&farm).notices().all("cast/").is_empty());
+    assert!(parts_taken(&link(&farm)).is_empty());
     assert!(one.end(), "{}", farm.logs());
+}
+
+/// The parts of work before a picture that somebody has taken, and who.
+fn parts_taken(uplink: &NatsUplink<FarmCodec>) -> BTreeMap<String, String> {
+    let parts = uplink.notices().all("cast/").into_iter();
+    parts
+        .filter_map(|part| {
+            let notice: Value = serde_json::from_slice(&part.text).ok()?;
+            Some((part.name, notice["by"].as_str()?.to_owned()))
+        })
+        .collect()
+}
+
+/// Stops each process at its first part until all have one, so that nobody does all of them, however fast it is.
+///
+/// - `before`: parts of pictures that are painted.
+/// - `processes`: each with the log in which it says its name; the one who asks says none.
+fn hold_until_all_cast(
+    farm: &Farm,
+    uplink: &NatsUplink<FarmCodec>,
+    before: &BTreeMap<String, String>,
+    processes: &[(Option<&str>, &Process)],
+) {
+    let names: Vec<Option<String>> = processes.iter().map(|(log, _)| log.map(|log| farm.name_of(log))).collect();
+    let mut held = BTreeSet::new();
+    farm.until("each takes a part", || {
+        let parts = parts_taken(uplink);
+        for by in parts.iter().filter(|(part, _)| !before.contains_key(*part)).map(|(_, by)| by) {
+            let number = names.iter().position(|name| name.as_ref() == Some(by));
+            let number = number.or_else(|| names.iter().position(Option::is_none)).expect("one of them");
+            if held.insert(number) {
+                processes[number].1.signal("-STOP");
+            }
+        }
+        held.len() == processes.len()
+    });
 }
 
 #[test]
