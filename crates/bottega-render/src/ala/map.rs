@@ -41,6 +41,14 @@ pub(crate) struct Agents {
     pub(super) tallies: Tallies,
 }
 
+/// What agents say of the irradiance at a place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct KnownIrradiance {
+    pub(crate) irradiance: Spectrum,
+    /// How much of it is to be taken, in (0, 1]: the rest is to be computed.
+    pub(crate) share: f32,
+}
+
 /// What is known of the indirect light.
 #[derive(Clone, Debug)]
 pub(super) enum Indirect {
@@ -159,48 +167,47 @@ impl Agents {
     ///
     /// - `normals`: of the real surface, and the one that it is shaded with; on the side that is asked for.
     /// - `bounces`: of the light, the one at the place among them; at most.
-    /// - `u`: a number in [0, 1): the greater it is, the nearer records must be.
     #[inline(always)]
     pub(crate) fn irradiance_at(
         &self,
         p: Vec3,
         normals: [Vec3; 2],
         bounces: u32,
-        u: f32,
         found: &mut Nearest,
-    ) -> Option<Spectrum> {
+    ) -> Option<KnownIrradiance> {
         if !self.settings.decides_irradiance {
             return None;
         }
+        let whole = |irradiance| KnownIrradiance { irradiance, share: 1.0 };
         match &self.indirect {
-            Indirect::Fitted(fitted) => fitted.at(p, normals[0], bounces, found),
-            Indirect::Records(..) => self.known_irradiance(p, normals[1], bounces, u),
+            Indirect::Fitted(fitted) => fitted.at(p, normals[0], bounces, found).map(whole),
+            Indirect::Records(cache, _) => {
+                let estimate = cache.estimate(p, normals[1], bounces)?;
+                let share = self.share_taken(&estimate)?;
+                Some(KnownIrradiance { irradiance: estimate.irradiance, share })
+            }
         }
     }
 
-    /// What our own records say of a place, where they agree.
+    /// How far a picture takes what records say, in (0, 1]; `None`: not at all. Where they are unsure and hardly reach, little: the edge of what one
+    /// says would be seen.
     #[inline(always)]
-    fn known_irradiance(&self, p: Vec3, normal: Vec3, bounces: u32, u: f32) -> Option<Spectrum> {
-        let Indirect::Records(cache, _) = &self.indirect else { return None };
-        let estimate = cache.estimate(p, normal, bounces)?;
-        self.is_taken(&estimate, u).then_some(estimate.irradiance)
-    }
-
-    /// Whether a picture takes what records say. Where they are unsure and hardly reach, seldom: the edge of what one says would be seen.
-    #[inline(always)]
-    fn is_taken(&self, estimate: &Estimate, u: f32) -> bool {
+    fn share_taken(&self, estimate: &Estimate) -> Option<f32> {
         // What one has found dark may be dim.
         let is_sure = estimate.irradiance != Spectrum::ZERO || estimate.count >= RECORDS_MIN;
         let error = estimate.error / self.settings.error;
-        let needed = ((error - SURE) / (GATHERED - SURE)).max(0.0);
-        is_sure && error <= GATHERED && estimate.presence >= needed * u
+        if !is_sure || error > GATHERED {
+            return None;
+        }
+        let needed = ((error - SURE) / (GATHERED - SURE)).max(f32::MIN_POSITIVE);
+        Some((estimate.presence / needed).min(1.0))
     }
 
     /// "What comes from where?" `None`: nobody knows.
     ///
     /// - `normal`: that the surface is shaded with, on the side that is asked for.
     /// - `bounces`: of the light, the one at the place among them; at most.
-    /// - `u`: a number in [0, 1): the greater it is, the nearer records must be.
+    /// - `u`: a number in [0, 1): what is known in part is known where it is small.
     #[inline(always)]
     pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3, bounces: u32, u: f32) -> Option<Surroundings<'_>> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
@@ -208,7 +215,7 @@ impl Agents {
             return None;
         }
         let (estimate, surroundings) = cache.surroundings(p, normal, bounces)?;
-        self.is_taken(&estimate, u).then_some(surroundings)
+        self.share_taken(&estimate).filter(|&share| u < share).map(|_| surroundings)
     }
 
     /// About how much indirect irradiance comes to a place, however unsure; `None`: nobody tells, or nobody is to be asked.

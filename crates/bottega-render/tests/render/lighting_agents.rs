@@ -9,7 +9,7 @@ use bottega_render::{
     ala::{AgentReport, Criterion, Density, LocalSphere, SampleSet, Samples, Tally},
     photon::cast_photons,
 };
-use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Scene};
+use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Scene, Surface};
 use glam::Vec3;
 
 use crate::scenes::{
@@ -121,6 +121,26 @@ fn a_wide_light_comes_back_whole_from_surfaces_that_are_known() {
             let found = mean_color(&paint(&scene, SIZE, 64, settings));
             assert!(((found - expected) / expected).abs().max_element() < 0.02, "{oracle:?} {found} {expected}");
         }
+    }
+}
+
+#[test]
+fn what_is_unlit_shines_once_on_surfaces_that_are_known() {
+    // What is dim in the sky is left to rays that run into it, and these come to what is unlit, too.
+    let options = PrepareOptions { threads: 1, compensate_environment: true };
+    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 4.0, 0.1), Vec3::ZERO, 0.9)], ..Scene::default() };
+    add_quad(&mut scene, Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, matte(Vec3::splat(0.6)));
+    let card = Surface::Unlit(Vec3::new(4.0, 1.0, 0.3).into());
+    add_quad(&mut scene, Vec3::new(1.0, 0.0, 1.0), Vec3::Z * -2.0, Vec3::Y * 2.0, card.into());
+    scene.environment = Some(Environment::uniform(Vec3::ONE));
+    let scene = Subject::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"));
+    let paths = |seed| PathSettings { seed, guiding: false, ..PathSettings::default() };
+    let expected = mean_color(&paint(&scene, SIZE, 512, paths(9)));
+    let cached = PhotonSettings { count: 20_000, irradiance_cache: 0.15, ..PhotonSettings::default() };
+    let [by_paper, by_error] = ORACLES.map(|oracle| by(few(oracle), 1));
+    for settings in [by_paper, by_error, PathSettings { photons: Some(cached), ..paths(1) }] {
+        let found = mean_color(&paint(&scene, SIZE, 128, settings));
+        assert!(((found - expected) / expected).abs().max_element() < 0.01, "{settings:?} {found} {expected}");
     }
 }
 

@@ -176,13 +176,14 @@ impl<'a> Eye<'a> {
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
             let color = point.unlit(prepared.scene(), color);
-            self.add(walk.throughput * color, walk.depth);
+            self.add(walk.throughput * walk.unknown * color, walk.depth);
             self.record.record_albedo(&mut self.wants_albedo, color);
             return false;
         }
         if known.shines && material.emission_sides.has(point.front) {
             self.add_emission(walk, &point);
         }
+        walk.throughput *= std::mem::replace(&mut walk.unknown, 1.0);
         let is_last = walk.depth >= self.integrator.base.settings().max_depth || walk.is_short;
         if is_last && !self.wants_albedo {
             return false;
@@ -205,7 +206,7 @@ impl<'a> Eye<'a> {
         if bsdf.has_non_delta() {
             match self.meet(walk, &place, bsdf, hit.t, &mut surroundings) {
                 Remainder::Nothing => return false,
-                Remainder::Lamps => walk.is_short = true,
+                Remainder::Lamps => (walk.is_short, walk.unknown) = (true, 0.0),
                 Remainder::Light => {}
             }
         }
@@ -222,7 +223,7 @@ impl<'a> Eye<'a> {
             Some(sample) if !only_mirrors || sample.is_delta() => {
                 if let Some(known) = surroundings.filter(|_| is_broad_sample(&sample)) {
                     self.add_from(walk, &place, &known, &sample, 1.0);
-                    walk.is_short = true;
+                    (walk.is_short, walk.unknown) = (true, 0.0);
                 }
                 let worth = self.worth(walk, &place, bsdf);
                 scatter(prepared, walk, &place, &sample, 1.0) && survives(walk, worth, u[3])
@@ -252,10 +253,12 @@ impl<'a> Eye<'a> {
             }
         }
         let known = if has_agents && photons.indirect { self.surroundings(walk, place, bsdf) } else { None };
-        let is_interpolated = match photons.indirect {
-            true => (is_first || has_agents) && known.is_none() && self.add_interpolated(walk, place, bsdf),
-            false => is_matte(bsdf),
+        let unknown = match photons.indirect {
+            true if (is_first || has_agents) && known.is_none() => 1.0 - self.add_interpolated(walk, place, bsdf),
+            true => 1.0,
+            false => f32::from(u8::from(!is_matte(bsdf))),
         };
+        let is_interpolated = unknown == 0.0;
         // Where all indirect light is known nothing is left that might run into lights.
         let is_end = is_interpolated && self.prepared.lights().are_all_found();
         let share = if is_end { LightShare::All } else { LightShare::Mis };
@@ -277,8 +280,9 @@ impl<'a> Eye<'a> {
         }
         if !is_end {
             let is_short = is_interpolated || !is_gathered || !photons.indirect;
-            let count = if is_short { 1 } else { photons.final_rays.max(1) };
-            self.gather(walk, place, &Gathering { count, is_short, is_known: known.is_some(), aiming });
+            // As many as what is left is worth.
+            let count = if is_short { 1 } else { (photons.final_rays as f32 * unknown).ceil().max(1.0) as u32 };
+            self.gather(walk, place, &Gathering { count, is_short, unknown, is_known: known.is_some(), aiming });
         }
         // A matte surface has no mirrors for the path to go on over.
         if is_matte(bsdf) { Remainder::Nothing } else { Remainder::Light }
@@ -294,7 +298,8 @@ impl<'a> Eye<'a> {
                 continue;
             }
             let is_short = how.is_short || (is_known && is_broad_sample(&sample));
-            let mut ray = Walk { vertex: VERTICES * (2 + walk.depth * count + part), is_short, ..*walk };
+            let unknown = if is_known && is_short { 0.0 } else { how.unknown };
+            let mut ray = Walk { vertex: VERTICES * (2 + walk.depth * count + part), is_short, unknown, ..*walk };
             if scatter(self.prepared, &mut ray, place, &sample, 1.0 / count as f32) {
                 ray.redraw(sample.pdf, density);
                 while self.step(&mut ray) {}

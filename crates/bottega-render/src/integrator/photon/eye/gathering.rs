@@ -15,6 +15,8 @@ pub(super) struct Gathering<'a> {
     pub(super) count: u32,
     /// Whether they look for what shines alone.
     pub(super) is_short: bool,
+    /// How much counts of what does not shine: the rest is known.
+    pub(super) unknown: f32,
     /// Whether light from directions that the surface scatters to broadly has been added.
     pub(super) is_known: bool,
     pub(super) aiming: Option<Aiming<'a>>,

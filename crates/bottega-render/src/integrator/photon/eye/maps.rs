@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::{
     Eye,
     hands::Hands,
-    walk::{Place, Walk, is_sharp},
+    walk::{ArrivalKind, Place, Walk, is_sharp},
 };
 use crate::{
     bsdf::Bsdf,
@@ -17,22 +17,27 @@ use crate::{
 };
 
 impl Eye<'_> {
-    /// Adds what a matte surface sends back of the indirect light that is known of places near it, if there is any.
-    pub(super) fn add_interpolated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
-        let Some(agents) = self.agents else { return self.add_cached(walk, place, bsdf) };
+    /// Adds what a matte surface sends back of the indirect light that is known of places near it. The share of it that is known, in [0, 1]: a part
+    /// where the camera looks alone, so that what agents say has no edges.
+    pub(super) fn add_interpolated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> f32 {
+        let Some(agents) = self.agents else { return f32::from(u8::from(self.add_cached(walk, place, bsdf))) };
         let point = place.point;
         let normals = [if point.front { point.ng } else { -point.ng }, point.frame[2]];
         let bounces = self.bounces_left(walk);
-        let u = self.fade(walk);
-        let ask = || agents.irradiance_at(point.p, normals, bounces, u, &mut self.hands.sensors);
+        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.hands.sensors);
         let known = is_matte(bsdf).then(ask).flatten();
-        self.hands.tally.irradiance_computed += u64::from(known.is_none());
-        self.hands.tally.irradiance_interpolated += u64::from(known.is_some());
-        if let Some(irradiance) = known.filter(|_| bounces >= 2) {
-            let light = walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+        let share = match known {
+            Some(known) if matches!(walk.comes, ArrivalKind::Camera) => known.share,
+            Some(_) => 1.0,
+            None => 0.0,
+        };
+        self.hands.tally.irradiance_computed += u64::from(share < 1.0);
+        self.hands.tally.irradiance_interpolated += u64::from(share == 1.0);
+        if let Some(known) = known.filter(|_| bounces >= 2) {
+            let light = walk.throughput * bsdf.albedo(place.wo) * known.irradiance * (FRAC_1_PI * share);
             self.add_shared(light, walk.depth, |_| agents.shares_at(point.p, normals[1], bounces));
         }
-        known.is_some()
+        share
     }
 
     /// Adds what the photons at the place bring.

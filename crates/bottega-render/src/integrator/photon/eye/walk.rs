@@ -50,6 +50,8 @@ pub(super) struct Walk {
     pub(super) comes: ArrivalKind,
     /// Whether only what shines is looked for, at the next surface.
     pub(super) is_short: bool,
+    /// How much counts of all that does not shine straight at the next surface: the rest is known.
+    pub(super) unknown: f32,
 }
 
 impl Walk {
@@ -67,6 +69,7 @@ impl Walk {
             vertex: 0,
             comes: ArrivalKind::Camera,
             is_short: false,
+            unknown: 1.0,
         }
     }
 }
