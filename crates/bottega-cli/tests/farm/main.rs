@@ -78,6 +78,8 @@ fn machines_that_are_compared_give_the_same_bits_and_one_alone_waits_for_another
 
 #[test]
 fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_of_one() {
+    /// What is cast is the same however few there are.
+    const SAMPLES: &str = "--spp=64";
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let ways: [&[&str]; 2] =
@@ -86,9 +88,9 @@ fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_o
     let uplink = link(&farm);
     for (number, way) in (1..).zip(ways) {
         let path = farm.path("alone.exr");
-        farm.succeed(&[&["render", "goblets.glb", "-o", text(&path), FEW], &PICTURE[..], way].concat());
+        farm.succeed(&[&["render", "goblets.glb", "-o", text(&path), SAMPLES], &PICTURE[..], way].concat());
         let before = parts_taken(&uplink);
-        let mut asker = farm.render("a.exr", way);
+        let mut asker = farm.render_by("a.exr", SAMPLES, way);
         hold_until_all_cast(&farm, &uplink, &before, &[(None, &asker), (Some("one"), &one), (Some("two"), &two)]);
         for process in [&asker, &one] {
             process.signal("-CONT");
