@@ -2,7 +2,7 @@
 
 use std::{
     fs::File,
-    io::{BufWriter, Write},
+    io::{LineWriter, Write},
     path::Path,
     sync::{Mutex, OnceLock, PoisonError},
     time::{Duration, Instant},
@@ -45,7 +45,7 @@ pub(crate) struct ConsoleWatcher {
     form: OutputForm,
     bar: ProgressBar,
     dashboard: Option<Dashboard>,
-    trace: Option<Mutex<BufWriter<File>>>,
+    trace: Option<Mutex<LineWriter<File>>>,
     /// Why something of it is lost.
     trace_lost: OnceLock<String>,
     /// Whether nobody waits for what a farm is asked for.
@@ -69,7 +69,7 @@ impl ConsoleWatcher {
         let trace = trace
             .map(|path| File::create(path).map_err(|source| CliError::write(path.to_owned(), source)))
             .transpose()?
-            .map(|file| Mutex::new(BufWriter::new(file)));
+            .map(|file| Mutex::new(LineWriter::new(file)));
         let voice =
             Self { form, bar, dashboard, trace, trace_lost: OnceLock::new(), is_detached, said: Mutex::new(None) };
         if let Some(dashboard) = &voice.dashboard {

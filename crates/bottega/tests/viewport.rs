@@ -158,12 +158,13 @@ fn a_viewport_beside_a_picture_goes_first_and_what_was_looked_away_from_is_told(
     // It asks for other threads, and joins those that paint all the same: else nobody could go first.
     let wanted = request().with("goal.samples", "1024").unwrap().with("devices.threads", "2").unwrap();
     let viewport = Viewport::open(&wanted).expect("it is opened");
-    // At some of these moments work of the view waits; at others its next step is being asked for.
+    // At some of these moments work of the view waits until the picture's block ends; at others noise is being removed, or its
+    // next step is being asked for.
     for moment in 0..12 {
         let look = viewport.look(&from_above()).expect("it looks");
         let (_, took) = frame(&viewport, |frame| frame.look == look && frame.samples >= 4);
         eprintln!("four samples of another view after {} ms", took.as_millis());
-        thread::sleep(Duration::from_millis(moment));
+        thread::sleep(Duration::from_millis(8 * moment));
     }
     drop(viewport);
     stop.request();

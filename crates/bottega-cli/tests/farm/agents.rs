@@ -53,7 +53,7 @@ fn agents_of_a_job_are_in_the_directories_and_one_of_them_is_suspended_for_real(
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let alone = farm.path("plain.exr");
-    assert!(paint(&farm, &alone, "4096", &[]).wait(), "{}", farm.logs());
+    assert!(paint(&farm, &alone, "2048", &[]).wait(), "{}", farm.logs());
     let first = farm.join("one");
     let one = name_of(&farm, &[]);
     let [_, guest] = farm.lines();
@@ -63,7 +63,7 @@ fn agents_of_a_job_are_in_the_directories_and_one_of_them_is_suspended_for_real(
     let third = farm.join("three");
     let three = name_of(&farm, &[one.clone(), two.clone()]);
     let path = farm.path("a.exr");
-    assert!(paint(&farm, &path, "4096", &["--farm", "--detach"]).wait(), "{}", farm.logs());
+    assert!(paint(&farm, &path, "2048", &["--farm", "--detach"]).wait(), "{}", farm.logs());
     let render = |process: &str| format!("render-1@{process}");
     farm.until("all are in the directories", || {
         let there = listed(&farm);

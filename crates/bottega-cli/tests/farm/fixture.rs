@@ -22,7 +22,7 @@ pub(super) const WAIT: Duration = Duration::from_secs(180);
 pub(super) const PICTURE: [&str; 6] = ["--size", "96x72", "--seed", "5", "--quiet", "--zones=24"];
 /// Samples a pixel of a picture that takes some seconds, and of one that takes much longer.
 pub(super) const FEW: &str = "--spp=384";
-pub(super) const MANY: &str = "--spp=2000";
+pub(super) const MANY: &str = "--spp=1200";
 
 /// A place for a farm on this machine. Two farms run beside each other, since each waits most of its time.
 pub(super) struct Place {

@@ -1,6 +1,6 @@
 //! Guests paint, and can do nothing else.
 
-use std::{fs, time::Duration};
+use std::{fs, thread, time::Duration};
 
 use bottega_agents::driver::nats::{Login, NatsOptions, NatsUplink};
 use bottega_farm::FarmCodec;
@@ -69,11 +69,15 @@ fn hostile(farm: &Farm) {
     let evil = link_of_guest(farm);
     // Jobs, leads, and the seats of others.
     let pages = ["page/bottega/df/agent/work-7/master@work-7", "page/bottega/ams/agent/bottega/jobs@bottega"];
-    for name in ["job/1", "job/77", "lead/1", "seat/other/other.1"].into_iter().chain(pages) {
-        assert!(evil.notices().put(name, b"{}").is_err(), "{name}");
-        assert!(evil.notices().update(name, b"{}", 0).is_err(), "{name}");
-        assert!(evil.notices().remove(name).is_err(), "{name}");
-    }
+    // A server that refuses to store says nothing: each is waited for until its time is over.
+    let link_of_evil = &evil;
+    thread::scope(|scope| {
+        for name in ["job/1", "job/77", "lead/1", "seat/other/other.1"].into_iter().chain(pages) {
+            scope.spawn(move || assert!(link_of_evil.notices().put(name, b"{}").is_err(), "{name}"));
+            scope.spawn(move || assert!(link_of_evil.notices().update(name, b"{}", 0).is_err(), "{name}"));
+            scope.spawn(move || assert!(link_of_evil.notices().remove(name).is_err(), "{name}"));
+        }
+    });
     // Scenes, orders and pictures.
     assert!(evil.blobs().put("file/x", b"evil").is_err());
     // Its own seat, and pixels, which are believed only with their digest.

@@ -139,7 +139,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let alone = farm.path("plain.exr");
-    assert!(paint(&farm, &alone, "2048", &[]).wait(), "{}", farm.logs());
+    assert!(paint(&farm, &alone, "1400", &[]).wait(), "{}", farm.logs());
     let mut first = farm.join("one");
     let one = name_of(&farm, &[]);
     let mut second = farm.join("two");
@@ -153,7 +153,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
 
     // The AMS suspends one in the middle of its work: the other one paints on.
     let path = farm.path("a.exr");
-    assert!(paint(&farm, &path, "2048", &["--farm", "--detach"]).wait(), "{}", farm.logs());
+    assert!(paint(&farm, &path, "1400", &["--farm", "--detach"]).wait(), "{}", farm.logs());
     farm.until_painted(1, 0.05);
     farm.until("both paint", || farm.job(1)["machines"] == 2);
     let modify = |state: &str| {

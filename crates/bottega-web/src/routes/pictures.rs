@@ -21,7 +21,7 @@ pub(super) fn routes() -> Vec<Route> {
     vec![
         Route::told(
             "/api/jobs/{id}/preview.png",
-            "What is painted by now. It has an ETag: ask with If-None-Match.",
+            "What is painted by now; 204: nothing yet. It has an ETag: ask with If-None-Match.",
             RouteAnswer::Media("image/png"),
             get(preview),
         ),
@@ -41,9 +41,12 @@ pub(super) fn routes() -> Vec<Route> {
 }
 
 async fn preview(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
-    let png = door.ask(ANSWER_TIME, move |farm| farm.preview(id)).await?;
-    let lacking = || Problem::unknown(format!("nothing of job {id} is painted yet, or its picture is elsewhere"), "");
-    Ok(shown(png.ok_or_else(lacking)?, &headers))
+    let asked = door.ask(ANSWER_TIME, move |farm| match farm.preview(id)? {
+        None => farm.job(id).map(|_| None),
+        png => Ok(png),
+    });
+    // Who asks before there is anything is not in the wrong.
+    Ok(asked.await?.map_or_else(|| StatusCode::NO_CONTENT.into_response(), |png| shown(png, &headers)))
 }
 
 async fn importance(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
