@@ -205,7 +205,7 @@ fn when_the_server_goes_all_wait_and_go_on_when_it_is_back() {
     let mut render = farm.render("a.exr", &[]);
     farm.until_painted(1, 0.2);
     assert!(farm.up.take().expect("a server").end());
-    // Longer than anything waits between two tries.
+    // Longer than leases last.
     thread::sleep(Duration::from_secs(10));
     farm.up();
     assert!(render.wait(), "{}", farm.logs());

@@ -41,12 +41,9 @@ pub(super) fn routes() -> Vec<Route> {
 }
 
 async fn preview(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
-    let asked = door.ask(ANSWER_TIME, move |farm| match farm.preview(id)? {
-        None => farm.job(id).map(|_| None),
-        png => Ok(png),
-    });
+    let png = door.ask(ANSWER_TIME, move |farm| farm.preview(id)).await?;
     // Who asks before there is anything is not in the wrong.
-    Ok(asked.await?.map_or_else(|| StatusCode::NO_CONTENT.into_response(), |png| shown(png, &headers)))
+    Ok(png.map_or_else(|| StatusCode::NO_CONTENT.into_response(), |png| shown(png, &headers)))
 }
 
 async fn importance(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
