@@ -5,6 +5,8 @@ mod choice;
 pub mod costs;
 mod gpu;
 mod kept;
+mod measure;
+mod room;
 
 use std::{sync::Arc, thread};
 
@@ -16,6 +18,7 @@ pub use self::{
     board::ConnectedBoard,
     choice::{DeviceSet, PainterWish, beside_gpus, beside_processors},
     kept::release,
+    measure::{DeviceCosts, PrimitiveCost, measure},
 };
 pub use crate::request::DeviceChoice;
 use crate::{error::Error, request::Request};
