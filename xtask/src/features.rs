@@ -1,4 +1,4 @@
-//! What the library is compiled with: no network, GPU or board where nobody asks for them.
+//! The features of the library: no network, GPU or board is compiled where nobody asks for them.
 
 use std::process::Command;
 

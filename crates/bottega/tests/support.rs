@@ -1,4 +1,4 @@
-//! What the tests that paint share.
+//! Functions that the tests which paint share.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -2,18 +2,16 @@
 
 #[cfg(feature = "board")]
 mod board;
-#[cfg(not(feature = "board"))]
-#[path = "without_board.rs"]
-mod board;
 mod board_worth;
 mod choice;
 pub mod costs;
 #[cfg(feature = "gpu")]
 mod gpu;
-#[cfg(not(feature = "gpu"))]
-#[path = "without_gpu.rs"]
-mod gpu;
 mod kept;
+#[cfg(not(feature = "board"))]
+mod without_board;
+#[cfg(not(feature = "gpu"))]
+mod without_gpu;
 
 use std::thread;
 
@@ -21,6 +19,10 @@ use bottega_hra::{HraReport, Incident};
 
 #[cfg(feature = "gpu")]
 pub use self::gpu::painter;
+#[cfg(not(feature = "board"))]
+use self::without_board as board;
+#[cfg(not(feature = "gpu"))]
+use self::without_gpu as gpu;
 pub(crate) use self::{
     board::check_address as check_board_address,
     board_worth::{are_worth_waves, left_alone},

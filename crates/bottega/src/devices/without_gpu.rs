@@ -10,9 +10,11 @@ use crate::error::Error;
 /// A GPU that was chosen for a scene. There are none.
 pub(super) struct ChosenGpu(Infallible);
 
-/// The place of scenes in the memory of a GPU. There are none.
+/// In place of the scenes in the memory of a GPU. There are none.
 #[derive(Clone)]
-pub struct GpuScenes(Infallible);
+pub struct NoScenes(Infallible);
+
+pub use NoScenes as GpuScenes;
 
 impl ChosenGpu {
     pub(super) fn choose(name: Option<&str>, _: &Arc<PreparedScene>) -> Result<Self, Error> {
@@ -32,7 +34,7 @@ impl ChosenGpu {
     }
 }
 
-impl GpuScenes {
+impl NoScenes {
     /// Bytes of scenes that it holds.
     pub fn resident_bytes(&self) -> u64 {
         match self.0 {}
