@@ -45,7 +45,7 @@ pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
     let environment: Vec<_> = variables.iter().map(|(name, value)| (*name, value.as_os_str())).collect();
     let mut rows = Vec::new();
     if !args.bars {
-        let words = ["test", "--quiet", "--package", "bottega-cli", "--test", "engines"];
+        let words = ["test", "--quiet", "--package", "bottega-cli", "--test", "tests", "engines::"];
         rows.push(BarRow::check("all", "tests", cargo(&words, &environment)));
     }
     let program = match &args.program {

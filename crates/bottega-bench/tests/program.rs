@@ -1,53 +1,6 @@
-//! The program as a user runs it. The farm is a small one: its figures make sense, whatever they are on this machine.
-//!
-//! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one its test says that it is skipped.
+//! What the program refuses, and what it prints.
 
-#[path = "../../bottega-cli/tests/support/servers.rs"]
-mod servers;
-
-use std::process::{Command, Output};
-
-use serde_json::Value;
-
-fn bench(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bottega-bench")).args(arguments).output().expect("the program starts")
-}
-
-fn number(value: &Value, field: &str) -> f64 {
-    value[field].as_f64().unwrap_or_else(|| panic!("no number `{field}` in {value}"))
-}
-
-#[test]
-fn agents_in_several_processes_are_awarded_each_zone_and_paint_it_once() {
-    for server in servers::servers() {
-        let server = server.to_str().expect("a path in Unicode");
-        let arguments = ["--agents", "20", "--zones", "200", "--zone-time", "30ms", "--processes", "2", "--json"];
-        let output = bench(&[&["farm", "--server", server], &arguments[..]].concat());
-        // It fails where a pixel is not painted, or not once.
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let told: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
-        let command = told["head"]["command"].as_str().unwrap_or_default();
-        assert!(command.ends_with(&format!("bottega-bench farm --server {server} {}", arguments.join(" "))), "{told}");
-        assert_eq!((number(&told, "agents"), number(&told, "processes")), (20.0, 3.0));
-        let zones = number(&told, "zones");
-        assert!((100.0..=400.0).contains(&zones), "{told}");
-        // One that was taken back or taken over is awarded again.
-        assert!((zones..2.0 * zones).contains(&number(&told, "awards")), "{told}");
-        let wanted = number(&told, "wanted_per_second");
-        assert!((wanted - 20.0 / 0.03).abs() < 1e-6, "{told}");
-        // Nobody paints faster than time goes by: 1.5 for the zones that happen to be cheap.
-        assert!((1.0..1.5 * wanted).contains(&number(&told, "awards_per_second")), "{told}");
-        let wait = &told["award_wait_ms"];
-        for times in [wait, &told["award_ms"]] {
-            let [median, p99, longest] = ["p50", "p99", "max"].map(|it| number(times, it));
-            assert!(0.0 < median && median <= p99 && p99 <= longest, "{told}");
-            assert!(longest < 1e3 * number(&told, "seconds"), "{told}");
-        }
-        assert!(number(wait, "count") <= number(&told, "awards"), "{told}");
-        assert!(number(&told, "messages_per_zone") > 20.0, "{told}");
-        assert!(number(&told, "bytes_per_zone") > 1000.0, "{told}");
-    }
-}
+use super::bench;
 
 #[test]
 fn what_cannot_be_measured_is_refused_with_a_reason() {

@@ -18,7 +18,7 @@ use clap::Args;
 use serde_json::Value;
 
 pub(crate) use self::{
-    access::{ServerAccess, ServerLinks},
+    access::{AgentLink, ServerAccess, ServerLinks},
     part::PartOptions,
     watch::unix_micros,
 };
@@ -127,7 +127,7 @@ fn run(options: &FarmOptions, access: &ServerAccess, stop: &StopSwitch) -> Resul
     let work = watch::unix_micros();
     let links = ServerLinks::new(access.clone())?;
     // The Master's process has an agent too, as everywhere.
-    let link = links.link(work, 0)?;
+    let AgentLink { link, uplink } = links.link(work, 0)?;
     let others = options.agents.saturating_sub(1);
     let processes = options.processes.min(others);
     let mut parts = Vec::new();
@@ -149,14 +149,14 @@ fn run(options: &FarmOptions, access: &ServerAccess, stop: &StopSwitch) -> Resul
     let report = report?;
     check(&report)?;
     let told = told.transpose()?.unwrap_or_default();
-    let traffic = link.uplink.traffic();
+    let traffic = uplink.traffic();
     let own = traffic.messages_in + traffic.messages_out;
     let own_bytes = traffic.bytes_in + traffic.bytes_out;
     let [mut waits, mut answers] = watch.agent.take();
     waits.extend(told.iter().flat_map(|told| &told.waits));
     answers.extend(told.iter().flat_map(|told| &told.answers));
     Ok(FarmRun {
-        server: link.uplink.server_version(),
+        server: uplink.server_version(),
         agents: options.agents,
         processes: processes + 1,
         zones: report.rows.len(),

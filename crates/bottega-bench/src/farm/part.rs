@@ -3,12 +3,12 @@
 use std::{env, fmt, io::Write, net::SocketAddr, path::PathBuf, process::Command, str::FromStr, sync::Arc, thread};
 
 use bottega_cluster::{Credentials, own_server::Entry};
-use bottega_farm::{JobError, JobSettings, Link, StopSwitch, assist};
+use bottega_farm::{JobError, JobSettings, StopSwitch, assist};
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    access::{ServerAccess, ServerLinks},
+    access::{AgentLink, ServerAccess, ServerLinks},
     idle_engine::IdleEngine,
     watch::{AgentWatch, Wait},
     work::FarmWork,
@@ -145,9 +145,14 @@ impl PartOptions {
 }
 
 /// One agent, as a machine that has joined has it.
-fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: &Link) -> Result<PartReport, JobError> {
+fn live(
+    settings: &JobSettings,
+    engine: IdleEngine,
+    stop: &StopSwitch,
+    link: &AgentLink,
+) -> Result<PartReport, JobError> {
     let watch = Arc::new(AgentWatch::default());
-    assist(settings, Arc::new(engine), Arc::clone(&watch) as _, stop, link.clone())?;
+    assist(settings, Arc::new(engine), Arc::clone(&watch) as _, stop, link.link.clone())?;
     let traffic = link.uplink.traffic();
     let [waits, answers] = watch.take();
     Ok(PartReport {
