@@ -8,7 +8,7 @@ use crate::{
     beside::CheckBeside,
     cargo::cargo,
     cost, deny, needs,
-    suite::{self, Group},
+    suite::{self, TestGroup},
     systems,
 };
 
@@ -41,7 +41,7 @@ fn lints() -> Result<()> {
 }
 
 /// The tests of a group, or every test, after what they need has been installed.
-pub(crate) fn test(group: Option<Group>) -> Result<()> {
+pub(crate) fn test(group: Option<TestGroup>) -> Result<()> {
     let begun = Instant::now();
     needs::install(false);
     let tested = suite::run(group, &needs::variables(), || {});

@@ -53,7 +53,7 @@ enum Command {
     /// `target/node`.
     Test {
         /// Only the tests that need this: a farm, a browser, Python, other engines, a GPU. Default: all tests.
-        group: Option<suite::Group>,
+        group: Option<suite::TestGroup>,
     },
     /// The README's two commands on a fresh machine: a bare Debian with Rust alone, made by mmdebstrap. Only as root.
     Fresh(fresh::FreshArgs),

@@ -1,4 +1,4 @@
-//! What the program refuses, and what it prints.
+//! The refusals of the program, and the head of its figures.
 
 use super::bench;
 

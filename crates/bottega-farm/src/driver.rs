@@ -8,6 +8,7 @@ mod assist;
 mod easel;
 mod effects;
 mod fetchers;
+mod job_agent;
 mod learner;
 mod link;
 mod machine;
@@ -26,9 +27,9 @@ use bottega_agents::LocalPlatform;
 use bottega_engines::RenderEngine;
 use bottega_image::{Film, Rect};
 
-pub use self::shared::JobAgent;
 pub use self::{
     assist::assist,
+    job_agent::JobAgent,
     link::Link,
     machine::benchmark,
     observer::{MasterHandle, Observer},

@@ -84,7 +84,7 @@ fn a_processor_and_a_device_paint_one_picture() {
     while let Some(completed) = client.take() {
         if completed.resource.is_some_and(|resource| resource.0 == 1) {
             by_device += 1;
-            tell = None;
+            drop(tell.take());
         }
         let Ok(RenderOutput::Block(output)) = completed.output else { panic!("{:?}", completed.output) };
         picture.copy_from(&output.tile);

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 
 /// A group of tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
-pub(crate) enum Group {
+pub(crate) enum TestGroup {
     /// Farms of real processes: they need a NATS server.
     Farm,
     /// The page in Chromium, and its scripts in Node.js.
@@ -20,7 +20,7 @@ pub(crate) enum Group {
 /// The tests of one package that belong to a group.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Part {
-    pub(crate) group: Group,
+    pub(crate) group: TestGroup,
     pub(crate) package: &'static str,
     /// The modules of the test program whose tests belong to it. None: all of the program.
     pub(crate) modules: &'static [&'static str],
@@ -30,22 +30,22 @@ pub(crate) struct Part {
 
 /// All parts, the longest first.
 pub(crate) const PARTS: &[Part] = &[
-    Part { group: Group::Farm, package: "bottega-cli", modules: &["farm"], load: 1.0 },
-    Part { group: Group::Browser, package: "bottega-cli", modules: &["page"], load: 0.7 },
-    Part { group: Group::Python, package: "bottega-python", modules: &[], load: 1.0 },
-    Part { group: Group::Engines, package: "bottega-cli", modules: &["engines"], load: 1.0 },
-    Part { group: Group::Gpu, package: "bottega-gpu", modules: &[], load: 1.0 },
-    Part { group: Group::Farm, package: "bottega-bench", modules: &["farm"], load: 0.5 },
-    Part { group: Group::Browser, package: "bottega-web", modules: &["scripts"], load: 1.0 },
+    Part { group: TestGroup::Farm, package: "bottega-cli", modules: &["farm"], load: 1.0 },
+    Part { group: TestGroup::Browser, package: "bottega-cli", modules: &["page"], load: 0.7 },
+    Part { group: TestGroup::Python, package: "bottega-python", modules: &[], load: 1.0 },
+    Part { group: TestGroup::Engines, package: "bottega-cli", modules: &["engines"], load: 1.0 },
+    Part { group: TestGroup::Gpu, package: "bottega-gpu", modules: &[], load: 1.0 },
+    Part { group: TestGroup::Farm, package: "bottega-bench", modules: &["farm"], load: 0.5 },
+    Part { group: TestGroup::Browser, package: "bottega-web", modules: &["scripts"], load: 1.0 },
 ];
 
 /// Packages that programs of a group's tests come from, beside those of its parts.
-pub(crate) fn beside(group: Group) -> &'static [&'static str] {
+pub(crate) fn beside(group: TestGroup) -> &'static [&'static str] {
     match group {
         // The example `submit`.
-        Group::Farm => &["bottega-cluster"],
+        TestGroup::Farm => &["bottega-cluster"],
         // The program, which the module is compared with.
-        Group::Python => &["bottega-cli"],
-        Group::Browser | Group::Engines | Group::Gpu => &[],
+        TestGroup::Python => &["bottega-cli"],
+        TestGroup::Browser | TestGroup::Engines | TestGroup::Gpu => &[],
     }
 }

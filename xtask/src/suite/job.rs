@@ -5,13 +5,13 @@ use std::{env, ffi::OsString, path::PathBuf, process::Command, thread};
 use anyhow::{Context, Result};
 
 use super::{
-    groups::{Group, PARTS, Part},
+    groups::{PARTS, Part, TestGroup},
     programs::TestProgram,
 };
 use crate::{bars::root, cargo};
 
 /// A run of a test program, or of the examples in documentation.
-pub(crate) struct Job {
+pub(crate) struct TestJob {
     /// What it is listed under, such as `bottega-cli farm`.
     pub(crate) name: String,
     pub(crate) command: Command,
@@ -25,9 +25,9 @@ const LONG: [&str; 4] = ["bottega-render", "bottega-scene", "bottega-farm", "bot
 /// The runs of these programs, in the order in which they begin.
 pub(crate) fn jobs(
     programs: &[TestProgram],
-    group: Option<Group>,
+    group: Option<TestGroup>,
     environment: &[(&'static str, OsString)],
-) -> Result<Vec<Job>> {
+) -> Result<Vec<TestJob>> {
     let libraries = library_path()?;
     let make = |name: String, program: &TestProgram, filters: &[String], load: f64| {
         let mut command = Command::new(&program.file);
@@ -37,10 +37,10 @@ pub(crate) fn jobs(
         command.env("LD_LIBRARY_PATH", &libraries).envs(environment.iter().map(|(name, value)| (name, value)));
         cargo::forget_package(&mut command);
         command.env("CARGO_MANIFEST_DIR", &program.folder);
-        Job { name, command, load }
+        TestJob { name, command, load }
     };
     let parts = PARTS.iter().filter(|part| group.is_none_or(|group| part.group == group));
-    let mut jobs: Vec<Job> = Vec::new();
+    let mut jobs: Vec<TestJob> = Vec::new();
     for part in parts {
         for program in programs.iter().filter(|program| program.package == part.package && holds(program, part)) {
             let filters: Vec<String> = part.modules.iter().map(|module| format!("{module}::")).collect();
@@ -52,7 +52,7 @@ pub(crate) fn jobs(
     if group.is_some() {
         return Ok(jobs);
     }
-    let mut others: Vec<(usize, Job)> = Vec::new();
+    let mut others: Vec<(usize, TestJob)> = Vec::new();
     for program in programs {
         let parts: Vec<&Part> =
             PARTS.iter().filter(|part| part.package == program.package && holds(program, part)).collect();
@@ -77,11 +77,11 @@ fn holds(program: &TestProgram, part: &Part) -> bool {
 }
 
 /// The examples in documentation, which cargo compiles and runs.
-fn documentation(environment: &[(&'static str, OsString)]) -> Job {
+fn documentation(environment: &[(&'static str, OsString)]) -> TestJob {
     let mut command = cargo::command();
     command.args(["test", "--quiet", "--workspace", "--doc", "--no-fail-fast"]).current_dir(root());
     command.envs(environment.iter().map(|(name, value)| (name, value)));
-    Job { name: "examples in documentation".to_owned(), command, load: 1.0 }
+    TestJob { name: "examples in documentation".to_owned(), command, load: 1.0 }
 }
 
 /// Tests of one program that run at a time: so many that other programs have their part of the processors.

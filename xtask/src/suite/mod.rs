@@ -11,7 +11,7 @@ use std::{ffi::OsString, path::Path};
 
 use anyhow::{Result, ensure};
 
-pub(crate) use self::groups::Group;
+pub(crate) use self::groups::TestGroup;
 use self::summary::Summary;
 use crate::bars::root;
 
@@ -23,7 +23,7 @@ use crate::bars::root;
 /// # Errors
 /// A test failed, after all tests have run; or something does not compile.
 pub(crate) fn run(
-    group: Option<Group>,
+    group: Option<TestGroup>,
     environment: &[(&'static str, OsString)],
     compiled: impl FnOnce(),
 ) -> Result<()> {

@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, io::BufReader, path::PathBuf, process::Stdio, t
 use anyhow::{Context, Result, ensure};
 use cargo_metadata::{Message, TargetKind};
 
-use super::groups::{Group, PARTS, beside};
+use super::groups::{PARTS, TestGroup, beside};
 use crate::{bars::root, cargo, cost};
 
 /// A test program that has been compiled.
@@ -23,7 +23,7 @@ pub(crate) struct TestProgram {
 ///
 /// # Errors
 /// Something does not compile.
-pub(crate) fn compile(group: Option<Group>) -> Result<Vec<TestProgram>> {
+pub(crate) fn compile(group: Option<TestGroup>) -> Result<Vec<TestProgram>> {
     let mut arguments = vec!["test", "--no-run", "--message-format=json-render-diagnostics"];
     match group {
         None => arguments.push("--workspace"),

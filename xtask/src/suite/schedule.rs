@@ -11,7 +11,7 @@ use std::{
 
 use anyhow::{Context, Result};
 
-use super::{job::Job, summary::Summary};
+use super::{job::TestJob, summary::Summary};
 use crate::cost::{self, Cost};
 
 /// A run that has ended.
@@ -26,7 +26,7 @@ struct EndedJob {
 /// the list; where it is too much beside those that run, a later one that is not begins before it.
 ///
 /// - `logs`: the folder for the output of each job.
-pub(crate) fn run(jobs: Vec<Job>, logs: &Path, summary: &mut Summary) -> Result<()> {
+pub(crate) fn run(jobs: Vec<TestJob>, logs: &Path, summary: &mut Summary) -> Result<()> {
     let processors = thread::available_parallelism().map_or(1, usize::from) as f64;
     let (sender, ended) = mpsc::channel();
     let mut waiting = jobs;

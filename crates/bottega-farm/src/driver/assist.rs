@@ -7,11 +7,12 @@ use bottega_engines::RenderEngine;
 
 use super::{
     easel::Composer,
+    job_agent::JobAgent,
     link::Link,
     observer::Observer,
     populate::{add_directories, add_render_agents},
     settings::{JobError, JobSettings},
-    shared::{End, JobAgent, Shared},
+    shared::{End, Shared},
     stop::StopSwitch,
 };
 use crate::{FarmAgent, FarmContent, MasterSource, contents::message, protocol};
@@ -40,7 +41,7 @@ pub fn assist(
     let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let bus = platform.bus();
     let add = |id: &AgentId, agent: FarmAgent| {
-        let seen = JobAgent { agent, shared: Arc::clone(&shared) };
+        let seen = JobAgent::new(agent, Arc::clone(&shared) as _);
         let performer = last_of(&shared);
         platform.add(id, seen, performer).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };

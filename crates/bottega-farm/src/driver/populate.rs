@@ -9,9 +9,10 @@ use std::{
 use bottega_agents::{AgentId, LocalPlatform, driver::Performer};
 
 use super::{
+    job_agent::JobAgent,
     link::Link,
     settings::{JobError, JobSettings},
-    shared::{End, FarmMailbox, JobAgent, Shared},
+    shared::{End, FarmMailbox, Shared},
 };
 use crate::{
     Analyst, AnalystConfig, AuctionRule, FarmAgent, GoalRules, Master, MasterConfig, MasterSource, PartitionSettings,
@@ -32,7 +33,7 @@ pub(super) fn populate(
     shared: &Arc<Shared>,
 ) -> Result<FarmMailbox, JobError> {
     let add = |id: &AgentId, agent: FarmAgent| {
-        let seen = JobAgent { agent, shared: Arc::clone(shared) };
+        let seen = JobAgent::new(agent, Arc::clone(shared) as _);
         platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
     add_directories(platform, shared)?;
@@ -98,7 +99,7 @@ fn agent_of(link: Option<&Link>, name: String) -> AgentId {
 /// Brings the services of the platform to life, which new agents ask first.
 pub(super) fn add_directories(platform: &LocalPlatform<JobAgent>, shared: &Arc<Shared>) -> Result<(), JobError> {
     for (id, service) in directory_services(platform.calendar(), secret()) {
-        let seen = JobAgent { agent: service.into(), shared: Arc::clone(shared) };
+        let seen = JobAgent::new(service.into(), Arc::clone(shared) as _);
         let added = platform.add(&id, seen, Box::new(|_, _| {}));
         added.map_err(|taken| JobError::Abandoned { reason: taken.to_string() })?;
     }

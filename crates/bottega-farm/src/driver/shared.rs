@@ -6,16 +6,21 @@ use std::{
     time::Duration,
 };
 
-use bottega_agents::{Mailbox, Revision, StateMachine, Time};
+use bottega_agents::{AclMessage, Mailbox, Revision, Time};
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 
 use super::{
-    easel::Composer, fetchers::Fetchers, learner::Learner, link::Link, observer::Observer, settings::JobSettings,
-    stop::StopSwitch, transport::JobUplink,
+    easel::Composer,
+    fetchers::Fetchers,
+    job_agent::{JobAgent, JobWatch},
+    learner::Learner,
+    link::Link,
+    observer::Observer,
+    settings::JobSettings,
+    stop::StopSwitch,
+    transport::JobUplink,
 };
-use crate::{
-    FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Foreknowledge, WorkId, ZoneId,
-};
+use crate::{FarmContent, Foreknowledge, WorkId, ZoneId};
 
 /// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
@@ -80,39 +85,19 @@ pub(super) enum Preparation {
     Done,
 }
 
-/// An agent of a job, all of whose messages the observer of the job sees.
-pub struct JobAgent {
-    pub(super) agent: FarmAgent,
-    pub(super) shared: Arc<Shared>,
-}
-
-impl StateMachine for JobAgent {
-    type Content = FarmContent;
-    type Value = FarmValue;
-    type Effect = FarmEffect;
-    type Completion = FarmCompletion;
-
-    fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
-        if let FarmEvent::Message(message) = &event {
-            if let FarmContent::Report(report) = &message.content {
-                self.shared.learner().hear(report);
-            }
-            self.shared.observer.heard(now, message);
+impl JobWatch for Shared {
+    fn heard(&self, now: Time, message: &AclMessage<FarmContent>) {
+        if let FarmContent::Report(report) = &message.content {
+            self.learner().hear(report);
         }
-        let before = actions.len();
-        self.agent.handle(now, event, actions);
-        for action in &actions[before..] {
-            if let FarmAction::Send(message) = action {
-                // What is said to the directories is no part of painting.
-                let counts = !matches!(message.content, FarmContent::Management(_));
-                self.shared.state().messages += if counts { message.receivers.len() as u64 } else { 0 };
-                self.shared.observer.message(now, message);
-            }
-        }
+        self.observer.heard(now, message);
     }
 
-    fn next_deadline(&self) -> Option<Time> {
-        self.agent.next_deadline()
+    fn said(&self, now: Time, message: &AclMessage<FarmContent>) {
+        // What is said to the directories is no part of painting.
+        let counts = !matches!(message.content, FarmContent::Management(_));
+        self.state().messages += if counts { message.receivers.len() as u64 } else { 0 };
+        self.observer.message(now, message);
     }
 }
 

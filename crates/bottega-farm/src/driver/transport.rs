@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bottega_agents::{AgentId, Key, driver::Uplink};
 
-use super::shared::JobAgent;
+use super::job_agent::JobAgent;
 
 /// A network that joins the processes of a work. Its methods block.
 pub trait JobTransport: Send + Sync {

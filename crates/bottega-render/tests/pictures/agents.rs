@@ -13,7 +13,7 @@ use crate::pictures::scenes_folder;
 
 const SCENE: &str = "ala/ala.xml";
 const REFERENCE: &str = "ala/reference/Mitsuba3.exr";
-const SIDE: u32 = 128;
+const SIDE: u32 = 96;
 const SAMPLES: u32 = 16;
 
 /// A picture with agents that decide about shadow rays, or do not.

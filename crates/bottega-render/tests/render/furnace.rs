@@ -100,7 +100,7 @@ fn over_many_bounces_nothing_is_gained_or_lost() {
     let scene = prepare(scene);
     let mean = |roulette_depth, direct_light| {
         let settings = PathSettings { roulette_depth, direct_light, ..deep() };
-        mean_color(&paint(&scene, (12, 12), 128, settings)).x
+        mean_color(&paint(&scene, (12, 12), 64, settings)).x
     };
     // Here every path carries the same: there is no noise at all.
     assert!((mean(200, DirectLight::BsdfSampling) - 1.0).abs() < 1e-5);

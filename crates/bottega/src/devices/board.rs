@@ -12,14 +12,6 @@ use crate::{error::Error, identity::identity};
 /// A board that does not answer for this long is gone.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Checks the address of a board.
-///
-/// # Errors
-/// What is wrong with it.
-pub(crate) fn check_address(name: &str) -> Result<(), String> {
-    BoardAddress::of(name).map(drop).map_err(|error| error.to_string())
-}
-
 /// Counts the bytes that boards are sent of a scene.
 pub(super) fn count_bytes(scene: &PreparedScene) {
     RemoteBoard::tell_bytes(scene);

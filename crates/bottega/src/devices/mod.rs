@@ -2,6 +2,7 @@
 
 #[cfg(feature = "board")]
 mod board;
+pub(crate) mod board_address;
 mod board_worth;
 mod choice;
 pub mod costs;
@@ -21,24 +22,21 @@ use std::thread;
 
 use bottega_hra::{HraReport, Incident};
 
-#[cfg(feature = "gpu")]
-pub use self::{
-    gpu::painter,
-    measure::{DeviceCosts, PrimitiveCost, measure},
-};
+pub(crate) use self::board_worth::{are_worth_waves, left_alone};
 #[cfg(not(feature = "board"))]
 use self::without_board as board;
 #[cfg(not(feature = "gpu"))]
 use self::without_gpu as gpu;
-pub(crate) use self::{
-    board::check_address as check_board_address,
-    board_worth::{are_worth_waves, left_alone},
-};
 pub use self::{
     board_worth::ConnectedBoard,
     choice::{DeviceSet, PainterWish, beside_gpus, beside_processors},
     gpu::GpuScenes,
     kept::release,
+};
+#[cfg(feature = "gpu")]
+pub use self::{
+    gpu::painter,
+    measure::{DeviceCosts, PrimitiveCost, measure},
 };
 pub use crate::request::DeviceChoice;
 use crate::request::Request;

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use super::InvalidField;
-use crate::devices::check_board_address;
+use crate::devices::board_address;
 
 /// The word for the processors in a list of devices.
 const PROCESSORS: &str = "cpu";
@@ -78,7 +78,7 @@ impl DeviceChoice {
         }
         let others = names.iter().filter(|name| *name != PROCESSORS).cloned();
         let (boards, gpus): (Vec<String>, _) = others.partition(|name| name.starts_with(BOARD));
-        boards.iter().try_for_each(|name| check_board_address(name))?;
+        boards.iter().try_for_each(|name| board_address::check(name))?;
         let processors = names.iter().any(|name| name == PROCESSORS);
         if !boards.is_empty() && !processors {
             return Err(format!("`{PROCESSORS}` beside boards, which follow rays and shade nothing"));

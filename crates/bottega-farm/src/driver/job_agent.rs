@@ -1,0 +1,52 @@
+//! An agent of a job, with someone who sees all of its messages.
+
+use std::sync::Arc;
+
+use bottega_agents::{AclMessage, StateMachine, Time};
+
+use crate::{FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue};
+
+/// Sees the messages of the agents of one process.
+pub(super) trait JobWatch: Send + Sync {
+    /// An agent of this process has received a message.
+    fn heard(&self, now: Time, message: &AclMessage<FarmContent>);
+
+    /// An agent of this process has sent a message.
+    fn said(&self, now: Time, message: &AclMessage<FarmContent>);
+}
+
+/// An agent of a job, all of whose messages are seen.
+pub struct JobAgent {
+    agent: FarmAgent,
+    watch: Arc<dyn JobWatch>,
+}
+
+impl JobAgent {
+    pub(super) fn new(agent: FarmAgent, watch: Arc<dyn JobWatch>) -> Self {
+        Self { agent, watch }
+    }
+}
+
+impl StateMachine for JobAgent {
+    type Content = FarmContent;
+    type Value = FarmValue;
+    type Effect = FarmEffect;
+    type Completion = FarmCompletion;
+
+    fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
+        if let FarmEvent::Message(message) = &event {
+            self.watch.heard(now, message);
+        }
+        let before = actions.len();
+        self.agent.handle(now, event, actions);
+        for action in &actions[before..] {
+            if let FarmAction::Send(message) = action {
+                self.watch.said(now, message);
+            }
+        }
+    }
+
+    fn next_deadline(&self) -> Option<Time> {
+        self.agent.next_deadline()
+    }
+}
