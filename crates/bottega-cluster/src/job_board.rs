@@ -9,13 +9,14 @@ use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
 
 use bottega_agents::driver::nats::{BlobError, NatsUplink, Notice};
 use bottega_agents::machine_of;
-use bottega_farm::{FarmCodec, Link, WorkId};
+use bottega_farm::{FarmCodec, WorkId};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 pub use crate::presence::Presence;
 use crate::{
     error::Error,
     job::{Job, JobSpec, JobState},
+    transport::job_link,
 };
 
 /// How often those who hold something say so.
@@ -94,7 +95,7 @@ impl JobBoard {
 
     /// Lets go of the rows and pixels of a job's zones.
     pub(crate) fn forget_zones(&self, work: u64) {
-        Link { uplink: Arc::clone(&self.uplink), work: WorkId(work), job: None, name: String::new() }.forget();
+        job_link(Arc::clone(&self.uplink), WorkId(work), None, String::new()).forget();
     }
 
     /// All jobs, by number.

@@ -28,6 +28,7 @@
 //! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
 //! | when the owner of a machine lets it paint | [`owner`] |
+//! | the processes of a job, joined by NATS | `src/transport.rs` |
 //! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs`, `src/part_observer.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
 //! | the farm as a FIPA platform; its jobs and machines as agents; agents of other platforms that paint | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
@@ -79,6 +80,7 @@ mod shares;
 pub mod society;
 mod together;
 mod transfer;
+mod transport;
 pub mod up;
 mod upkeep;
 pub mod uploads;
@@ -94,4 +96,5 @@ pub use self::{
     job::{Job, JobState},
     job_board::JobBoard,
     link::{Credentials, FarmLink, link},
+    transport::job_link,
 };

@@ -18,6 +18,7 @@ mod progress;
 mod settings;
 mod shared;
 mod stop;
+mod transport;
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
@@ -25,6 +26,7 @@ use bottega_agents::LocalPlatform;
 use bottega_engines::RenderEngine;
 use bottega_image::{Film, Rect};
 
+pub use self::shared::JobAgent;
 pub use self::{
     assist::assist,
     link::Link,
@@ -33,6 +35,7 @@ pub use self::{
     progress::{Progress, Times},
     settings::{AGENTS_MAX, JobError, JobSettings, VERIFY_MAX},
     stop::StopSwitch,
+    transport::{JobTransport, JobUplink, TransportError},
 };
 use self::{
     easel::Composer,
@@ -156,7 +159,7 @@ pub fn lead(
     }
     if let Some(link) = &shared.link {
         // The last words of the Master let the others go.
-        link.uplink.flush();
+        link.transport.flush();
     }
     report(&shared, end, total)
 }
