@@ -61,8 +61,8 @@ pub enum NotFlat {
     /// A camera that does not see what shines.
     #[error("a camera from which what shines is hidden")]
     HiddenEmitters,
-    /// Curves that face who looks.
-    #[error("curves that face who looks")]
+    /// Curves that face each ray.
+    #[error("curves that face each ray")]
     Curves,
     /// Lamps that no ray meets.
     #[error("lamps that are not there")]

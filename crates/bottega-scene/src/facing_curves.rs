@@ -1,4 +1,4 @@
-//! Curves that show their whole width to whoever looks at them, as hair and grass are often described (pbrt's `curve`).
+//! Curves that turn their whole width to each ray: hair and grass of pbrt (`curve`).
 //!
 //! The triangles of their mesh are a hull that lies around them. A ray that runs into it meets a curve if it passes the line in its middle
 //! by no more than half the width there, seen along the ray. So silhouettes are exact, and no curve is a polygon.

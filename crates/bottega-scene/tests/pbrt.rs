@@ -761,7 +761,7 @@ fn lamps_with_alpha_0_are_absent_and_others_are_as_they_were() {
 }
 
 #[test]
-fn curves_face_who_looks_but_for_ribbons_and_lamps() {
+fn curves_face_each_ray_but_for_ribbons_and_lamps() {
     let points = r#""point3 P" [ -1 0 0 -.5 1 0 .5 1 0 1 0 0 ] "float width" .2"#;
     let mesh = |text: &str| world(text).meshes[0].clone();
     let curve = |kind: &str| mesh(&format!(r#"Shape "curve" "string type" "{kind}" {points}"#));

@@ -1,4 +1,4 @@
-//! Points of curves that face who looks.
+//! Points of curves that face each ray.
 
 use bottega_kernels::Hit;
 use bottega_scene::{CurveLook, CurveMeeting, FacingCurves, Scene, ray_in_object};
@@ -25,7 +25,7 @@ pub(super) fn meeting(
 /// The surface of a curve where a ray met it, world space.
 pub(super) struct CurveSurface {
     pub(super) p: Vec3,
-    /// Towards who looks, unit length.
+    /// Towards the origin of the ray, unit length.
     pub(super) normal: Vec3,
     /// Along the curve, unit length.
     pub(super) tangent: Vec3,
@@ -37,7 +37,7 @@ pub(super) struct CurveSurface {
 }
 
 impl CurveSurface {
-    /// Reconstructs it. Whoever asked for the hit asked whether the curve is met.
+    /// Reconstructs it. The hit must have passed `opacity_of`, which tests whether the curve is met.
     pub(super) fn new(scene: &Scene, curves: &FacingCurves, hit: &Hit, (origin, direction): (Vec3, Vec3)) -> Self {
         let met = meeting(scene, curves, hit, (origin, direction), f32::INFINITY).unwrap_or(CurveMeeting {
             t: hit.t,
@@ -49,7 +49,7 @@ impl CurveSurface {
         });
         let world_from_object = &scene.instances[hit.instance as usize].world_from_object;
         let (_, looking) = ray_in_object(world_from_object, origin, direction);
-        // In object space: to the edge where `across` is 1, and towards who looks.
+        // In object space: to the edge where `across` is 1, and towards the origin of the ray.
         let side = looking.cross(met.tangent).normalize_or_zero();
         let towards = side.cross(met.tangent);
         let (across, up) = match curves.look {

@@ -49,7 +49,7 @@ fn front(film: &str, size: u32, what: &str) -> String {
 const SQUARE: &str = "Shape \"bilinearmesh\" \"point3 P\" [-1 -1 0 1 -1 0 -1 1 0 1 1 0]";
 
 #[test]
-fn curves_show_their_width_to_whoever_looks() {
+fn curves_turn_their_width_to_each_ray() {
     let straight = "\"point3 P\" [-1 0 0 -.33333 0 0 .33333 0 0 1 0 0] \"float width\" .2";
     let flat = format!("Shape \"curve\" {straight}");
     let round = format!("Shape \"curve\" \"string type\" \"cylinder\" {straight}");

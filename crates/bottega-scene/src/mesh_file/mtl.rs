@@ -87,7 +87,7 @@ const NOTES_MAX: usize = 20;
 /// and the rest says how they look pictures up.
 const NEEDLESS: [&[u8]; 5] = [b"ka", b"map_ka", b"map_aat", b"sharpness", b"km"];
 
-/// Reads a library. Statements that are not followed, or damaged, are left out and told of.
+/// Reads a library. Statements that are not followed, or damaged, are left out and reported.
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.

@@ -9,7 +9,7 @@
 //! perspective and orthographic cameras. What else a file asks for is named with file, line and column, and replaced or
 //! left out, or refused with [`LoadOptions::strict`](crate::LoadOptions::strict). Things that move stand where they start.
 //!
-//! Curves that are flat or cylinders turn to whoever looks ([`FacingCurves`](crate::FacingCurves)), as pbrt's do.
+//! Flat and cylindrical curves turn to each ray ([`FacingCurves`](crate::FacingCurves)), as pbrt's do.
 //!
 //! Conventions: pbrt's camera looks along its +z with +y up and +x to the right, that is, its space is left-handed; ours
 //! mirrors instead, and world space is what the file says. The exposure of the film is folded into the lights. Texture

@@ -1,7 +1,7 @@
 //! `curve`: hair, fur and grass.
 //!
-//! A curve is cut into straight pieces that are off by at most 2 % of its width. One that is `flat` always shows its width to whoever
-//! looks at it, and so does a `cylinder`, which looks round (see [`FacingCurves`]). A `ribbon` is a band of triangles. A curve that shines,
+//! A curve is cut into straight pieces that are off by at most 2 % of its width. One that is `flat` turns its width to each
+//! ray, and so does a `cylinder`, which is round (see [`FacingCurves`]). A `ribbon` is a band of triangles. A curve that shines,
 //! which pbrt cannot sample, is a tube of triangles.
 
 use glam::{DVec3, Vec2};
@@ -157,7 +157,7 @@ fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station>
     line
 }
 
-/// The hull of a curve that faces who looks, closed at its ends.
+/// The hull of a curve that faces each ray, closed at its ends.
 fn hull(line: &[Station], look: CurveLook) -> Mesh {
     let count = line.last().map_or(1.0, |station| station.u).max(1.0);
     let points = line.iter().enumerate().map(|(index, station)| CurvePoint {
