@@ -11,7 +11,8 @@ use std::{
 
 use anyhow::{Context, Result, bail, ensure};
 use bottega_image::{Picture, Rect, read_picture};
-use serde_json::{Value, json};
+use bottega_platform::run_head::RunHead;
+use serde_json::{Map, Value, json};
 use tempfile::TempDir;
 
 use compare::{FrameDifference, compare};
@@ -118,12 +119,14 @@ impl BarRow {
     }
 }
 
-/// Prints the rows, for people or for machines.
-pub(crate) fn print(rows: &[BarRow], json: bool) {
+/// Prints the rows below their head, for people or for machines.
+pub(crate) fn print(head: &RunHead, rows: &[BarRow], json: bool) {
     if json {
-        println!("{}", json!({"rows": rows.iter().map(BarRow::as_json).collect::<Vec<_>>()}));
+        let head: Map<_, _> = head.fields().iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
+        println!("{}", json!({"head": head, "rows": rows.iter().map(BarRow::as_json).collect::<Vec<_>>()}));
         return;
     }
+    println!("{head}");
     println!(
         "{:<8} {:<48} {:>5} {:>8} {:>16} {:>8} {:>15} {:>7}",
         "engine", "what", "zones", "bits", "mean off", "differ", "FLIP (of seeds)", "seams p"

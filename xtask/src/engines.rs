@@ -10,6 +10,7 @@ use crate::{
     bars::{self, BarRow},
     cargo::cargo,
     needs,
+    run_head::head,
 };
 
 /// Every engine that there is a worker for, the large ones last.
@@ -44,7 +45,7 @@ pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
     let environment: Vec<_> = variables.iter().map(|(name, value)| (*name, value.as_os_str())).collect();
     let mut rows = Vec::new();
     if !args.bars {
-        let words = ["test", "--quiet", "--package", "bottega-cli", "--test", "engines"];
+        let words = ["test", "--quiet", "--package", "bottega-cli", "--test", "tests", "engines::"];
         rows.push(BarRow::check("all", "tests", cargo(&words, &environment)));
     }
     let program = match &args.program {
@@ -54,6 +55,7 @@ pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
             bars::root().join("target/debug/bottega")
         }
     };
+    let head = head(&program)?;
     let logs = TempDir::new()?.keep();
     let count = if args.all || !args.only.is_empty() { ENGINES.len() } else { SMALL };
     let wanted = |engine: &&str| args.only.is_empty() || args.only.iter().any(|only| only == engine);
@@ -77,7 +79,7 @@ pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
         eprintln!("+ bars of {engine}");
         rows.extend(bars::hold(&program, engine, args.all));
     }
-    bars::print(&rows, args.json);
+    bars::print(&head, &rows, args.json);
     let failed = rows.iter().filter(|row| !row.passes()).count();
     ensure!(failed == 0, "{failed} of {} fail; logs of the checks are in {}", rows.len(), logs.display());
     Ok(std::fs::remove_dir_all(logs)?)

@@ -14,6 +14,8 @@ use clap::Args;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::run_head::head;
+
 /// Machines of one thread each.
 const MACHINES: usize = 2;
 const PATIENCE: Duration = Duration::from_secs(1800);
@@ -48,6 +50,7 @@ pub(crate) struct FarmArgs {
 /// Measures, and prints what it finds.
 pub(crate) fn farm(args: &FarmArgs) -> Result<()> {
     let mut farm = Farm::start(args)?;
+    println!("{}", head(&farm.program)?);
     let mut machines = Vec::new();
     for _ in 0..MACHINES {
         machines.push(farm.join()?);

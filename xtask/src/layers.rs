@@ -53,23 +53,6 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("bottega-web", &["bottega", "bottega-cluster", "bottega-image"]),
     ("bottega-python", &["bottega", "bottega-cluster", "bottega-image"]),
     (
-        "bottega-bench",
-        &[
-            "bottega-platform",
-            "bottega-image",
-            "bottega-scene",
-            "bottega-kernels",
-            "bottega-hra",
-            "bottega-gpu",
-            "bottega-render",
-            "bottega-agents",
-            "bottega-engines",
-            "bottega-farm",
-            "bottega",
-            "bottega-cluster",
-        ],
-    ),
-    (
         "bottega-cli",
         &[
             "bottega-platform",
@@ -84,11 +67,28 @@ const LAYERS: &[(&str, &[&str])] = &[
             "bottega-farm",
             "bottega",
             "bottega-cluster",
-            "bottega-bench",
             "bottega-web",
         ],
     ),
-    ("xtask", &["bottega-image"]),
+    (
+        "bottega-bench",
+        &[
+            "bottega-platform",
+            "bottega-image",
+            "bottega-scene",
+            "bottega-kernels",
+            "bottega-hra",
+            "bottega-gpu",
+            "bottega-render",
+            "bottega-agents",
+            "bottega-build",
+            "bottega-engines",
+            "bottega-farm",
+            "bottega",
+            "bottega-cluster",
+        ],
+    ),
+    ("xtask", &["bottega-image", "bottega-platform"]),
 ];
 
 #[cfg(test)]
@@ -118,15 +118,14 @@ mod tests {
     }
 
     #[test]
-    fn only_who_asks_for_it_builds_the_bindings_of_embree() {
+    fn the_program_that_measures_is_a_part_of_nothing() {
+        const MEASURES: &str = "bottega-bench";
         let metadata = MetadataCommand::new().no_deps().exec().expect("cargo metadata runs");
-        let has_feature = |package: &cargo_metadata::Package| package.features.contains_key("embree");
-        assert!(metadata.workspace_packages().into_iter().any(has_feature), "the feature has another name");
-        for package in metadata.workspace_packages() {
-            let default = package.features.get("default").into_iter().flatten();
-            let used = package.dependencies.iter().flat_map(|used| &used.features);
-            let asks = default.chain(used).find(|feature| feature.contains("embree"));
-            assert!(asks.is_none(), "{} is built with Embree by default", package.name);
+        let packages = metadata.workspace_packages();
+        assert!(packages.iter().any(|package| package.name == MEASURES), "it has another name");
+        for package in packages {
+            let knows_it = package.dependencies.iter().any(|used| used.name == MEASURES);
+            assert!(!knows_it, "{} depends on {MEASURES}", package.name);
         }
     }
 

@@ -30,6 +30,7 @@ mod needs;
 mod node;
 mod package;
 mod python;
+mod run_head;
 mod spelling;
 mod suite;
 mod symbols;

@@ -58,9 +58,8 @@ mod tests {
     ];
 
     /// Those that may ask beside `bottega-platform`, which knows no more of them than of others.
-    const EXCEPTIONS: [(&str, &str); 7] = [
+    const EXCEPTIONS: [(&str, &str); 6] = [
         ("bottega-kernels/src/arena.rs", "huge pages, in the lowest of all crates; elsewhere the allocator's memory"),
-        ("bottega-kernels/src/bench.rs", "the clock of a thread; elsewhere wall time"),
         ("bottega-engines/src/external/child/fence.rs", "Landlock; elsewhere engines are told to be without a fence"),
         ("bottega-engines/src/external/child/guard.rs", "util-linux; elsewhere engines are told to have the network"),
         ("bottega-gpu/src/memory.rs", "Vulkan's loader, which Apple's systems do not have"),

@@ -1,12 +1,9 @@
 //! The overhead of painting in zones with another engine, beside the same picture that the engine paints as one window. Start
 //! and end of all processes count on both sides.
 
-mod trial;
-
 use std::{
-    collections::BTreeMap,
     env,
-    io::{self, Write},
+    io::Write,
     path::{Path, PathBuf},
     process::{Command, Stdio},
     sync::Arc,
@@ -14,41 +11,55 @@ use std::{
 };
 
 use bottega::engines::{absolute, located, parameters};
-use bottega_engines::external::{EngineFault, LocatedEngine, SceneRequest, Session};
+use bottega_engines::external::{EngineFault, EngineTrial, LocatedEngine, SceneRequest, Session};
 use bottega_image::Rect;
 use bottega_platform::processor_time;
+use clap::Args;
 use serde_json::{Value, json};
 
-pub use self::trial::EngineTrial;
-use crate::{Error, Report, say};
+use crate::{
+    arguments::{self, parse_define, parse_size},
+    error::Error,
+    files::temporary_folder,
+    report::{Measurement, Report, say},
+};
 
-/// The engine and the picture of the measurement.
-#[derive(Clone, Debug)]
-pub struct EnginesOptions {
+/// What it costs that bottega has another engine paint in zones, beside the same picture as one window.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct EnginesOptions {
     /// The engine.
-    pub engine: String,
-    /// Folders with more manifests of engines.
-    pub folders: Vec<PathBuf>,
-    /// The scene.
-    pub scene: PathBuf,
-    /// Size of the picture; `None`: what the scene says.
-    pub size: Option<(u32, u32)>,
-    /// Samples a pixel.
-    pub spp: u32,
-    /// Threads of both.
-    pub threads: usize,
-    /// How often both are measured, in turn, at least once.
-    pub pairs: u16,
-    /// Parameters of the engine's own.
-    pub parameters: BTreeMap<String, String>,
+    engine: String,
+    /// The scene: with so many samples that the engine takes about a minute.
+    scene: PathBuf,
+    /// Size of the picture; default: what the scene says.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Samples per pixel.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1 << 16))]
+    spp: u32,
+    /// Threads of both; default: all.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// How often both are measured, in turn.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
+    pairs: u16,
+    /// More words for `bottega render`, with spaces between, such as "--zones 4".
+    #[arg(long, value_name = "WORDS", value_delimiter = ' ', allow_hyphen_values = true)]
+    render: Vec<String>,
+    /// A parameter of the engine's own.
+    #[arg(long = "engine-option", value_name = "NAME=VALUE", value_parser = parse_define)]
+    parameters: Vec<(String, String)>,
+    /// More manifests of engines: the files NAME.toml of this folder.
+    #[arg(long = "engines", value_name = "FOLDER")]
+    folders: Vec<PathBuf>,
+    /// The program `bottega`, which paints in zones; default: the one beside this program, or else the first on the search path.
+    #[arg(long, value_name = "PATH")]
+    program: Option<PathBuf>,
 }
-
-/// Makes the command that paints a request in zones, `bottega render`, with events as JSON lines: into the file of this path.
-pub type RenderCommand<'a> = &'a dyn Fn(&SceneRequest, &Path) -> io::Result<Command>;
 
 /// The times of all pairs.
 #[derive(Clone, Debug)]
-pub struct EnginesReport {
+struct EnginesReport {
     engine: String,
     scene: PathBuf,
     spp: u32,
@@ -100,54 +111,96 @@ impl TimedPair {
     }
 }
 
-/// Paints the picture both ways, in turn.
-///
-/// - `render`: has it painted in zones.
-/// - `log`: is told the times of each pair.
-///
-/// # Errors
-/// The engine or `render` fails.
-pub fn measure(
-    options: &EnginesOptions,
-    render: RenderCommand<'_>,
-    log: &mut dyn Write,
-) -> Result<EnginesReport, Error> {
-    let engine = located(&options.folders, &options.engine)?;
-    let mut request = SceneRequest {
-        scene: absolute(&options.scene)?,
-        size: options.size,
-        frame: None,
-        threads: options.threads,
-        trust: false,
-        view: None,
-        parameters: parameters(&engine, &options.parameters)?,
-        outside: Vec::new(),
-    };
-    if request.size.is_none() {
-        let session = Session::open(&engine, &request).map_err(|source| options.failed(source))?;
-        request.size = Some((session.opened().width, session.opened().height));
+impl Measurement for EnginesOptions {
+    /// Paints the picture both ways, in turn.
+    fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
+        let program = self.program()?;
+        let engine = located(&self.folders, &self.engine)?;
+        let mut request = SceneRequest {
+            scene: absolute(&self.scene)?,
+            size: self.size,
+            frame: None,
+            threads: arguments::threads(self.threads),
+            trust: false,
+            view: None,
+            parameters: parameters(&engine, &self.parameters.iter().cloned().collect())?,
+            outside: Vec::new(),
+        };
+        if request.size.is_none() {
+            let session = Session::open(&engine, &request).map_err(|source| self.failed(source))?;
+            request.size = Some((session.opened().width, session.opened().height));
+        }
+        let folder = temporary_folder()?;
+        let output = folder.path().join("picture.exr");
+        let mut pairs = Vec::new();
+        for number in 0..self.pairs {
+            let alone_first = number % 2 == 0;
+            let before = if alone_first { Some(self.alone(&engine, &request)?) } else { None };
+            let (zones, zone_count) = self.in_zones(&program, &request, &output)?;
+            let alone = before.map_or_else(|| self.alone(&engine, &request), Ok)?;
+            let pair = TimedPair { alone, zones, zone_count };
+            say(log, format_args!("{}", pair.line()));
+            pairs.push(pair);
+        }
+        let wall = median(pairs.iter().map(TimedPair::wall).collect());
+        let processors = pairs.iter().map(TimedPair::processors).collect::<Option<Vec<_>>>().map(median);
+        let Self { engine, scene, spp, .. } = self.clone();
+        Ok(Box::new(EnginesReport { engine, scene, spp, pairs, wall, processors }))
     }
-    let folder = tempfile::tempdir().map_err(|source| bottega::Error::Write { path: env::temp_dir(), source })?;
-    let output = folder.path().join("picture.exr");
-    let mut pairs = Vec::new();
-    for number in 0..options.pairs.max(1) {
-        let alone_first = number % 2 == 0;
-        let before = if alone_first { Some(alone(options, &engine, &request)?) } else { None };
-        let (zones, zone_count) = in_zones(render, &request, &output)?;
-        let alone = before.map_or_else(|| alone(options, &engine, &request), Ok)?;
-        let pair = TimedPair { alone, zones, zone_count };
-        say(log, format_args!("{}", pair.line()));
-        pairs.push(pair);
-    }
-    let wall = median(pairs.iter().map(TimedPair::wall).collect());
-    let processors = pairs.iter().map(TimedPair::processors).collect::<Option<Vec<_>>>().map(median);
-    let EnginesOptions { engine, scene, spp, .. } = options.clone();
-    Ok(EnginesReport { engine, scene, spp, pairs, wall, processors })
 }
 
 impl EnginesOptions {
     fn failed(&self, source: EngineFault) -> Error {
         bottega::Error::External { engine: self.engine.clone(), source }.into()
+    }
+
+    /// The program `bottega`.
+    fn program(&self) -> Result<PathBuf, Error> {
+        if let Some(program) = &self.program {
+            return program.canonicalize().map_err(|_| Error::NoProgram { path: program.clone() });
+        }
+        let name = format!("bottega{}", env::consts::EXE_SUFFIX);
+        let beside = env::current_exe().map_err(Error::Process)?.with_file_name(&name);
+        let places = env::var_os("PATH").unwrap_or_default();
+        let on_path = env::split_paths(&places).map(|folder| folder.join(&name));
+        let found = [beside.clone()].into_iter().chain(on_path).find(|path| path.is_file());
+        found.ok_or(Error::NoProgram { path: beside })
+    }
+
+    /// The whole frame as one window, by the same worker.
+    fn alone(&self, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<PictureTime, Error> {
+        let (width, height) = request.size.unwrap_or_default();
+        let (time, ()) = timed(|| {
+            let trial = EngineTrial::begin(engine, request, 1).map_err(|source| self.failed(source))?;
+            trial.paint(&[Rect::of_size(width, height)], self.spp)?;
+            Ok(())
+        })?;
+        Ok(time)
+    }
+
+    /// `bottega render`, as a user runs it. Returns the time and the number of zones.
+    fn in_zones(&self, program: &Path, request: &SceneRequest, output: &Path) -> Result<(PictureTime, usize), Error> {
+        let (width, height) = request.size.unwrap_or_default();
+        let mut command = Command::new(program);
+        command.arg("render").arg(&request.scene).arg("-o").arg(output).args(["--engine", &self.engine, "--json"]);
+        command.args(["--size", &format!("{width}x{height}"), "--spp", &self.spp.to_string(), "--seed", "1"]);
+        command.args(["--threads", &request.threads.to_string()]).args(&self.render);
+        for (name, value) in &self.parameters {
+            command.args(["--engine-option", &format!("{name}={value}")]);
+        }
+        for folder in &self.folders {
+            command.arg("--engines").arg(folder);
+        }
+        command.stdin(Stdio::null()).stderr(Stdio::piped());
+        let failed = |source| Error::StartRender { path: program.to_owned(), source };
+        let (time, done) = timed(|| command.output().map_err(failed))?;
+        if !done.status.success() {
+            return Err(Error::Render { said: String::from_utf8_lossy(&done.stderr).trim().to_owned() });
+        }
+        let said = String::from_utf8_lossy(&done.stdout).into_owned();
+        let mut events = said.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let analyzed = events.find(|event| event["event"] == "analyzed").unwrap_or_default();
+        Ok((time, analyzed["zones"].as_array().map_or(0, Vec::len)))
     }
 }
 
@@ -157,30 +210,6 @@ fn timed<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<(PictureTime, T),
     let wall = begun.elapsed().as_secs_f64();
     let processors = before.zip(processor_time::children_seconds()).map(|(before, after)| after - before);
     Ok((PictureTime { wall, processors }, made))
-}
-
-/// The whole frame as one window, by the same worker.
-fn alone(options: &EnginesOptions, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<PictureTime, Error> {
-    let (width, height) = request.size.unwrap_or_default();
-    let (time, ()) = timed(|| {
-        let trial = EngineTrial::begin(engine, request, 1).map_err(|source| options.failed(source))?;
-        trial.paint(&[Rect::of_size(width, height)], options.spp).map(drop)
-    })?;
-    Ok(time)
-}
-
-/// `bottega render`, as a user runs it. Returns the time and the number of zones.
-fn in_zones(render: RenderCommand<'_>, request: &SceneRequest, output: &Path) -> Result<(PictureTime, usize), Error> {
-    let mut command = render(request, output).map_err(Error::StartRender)?;
-    command.stdin(Stdio::null()).stderr(Stdio::piped());
-    let (time, done) = timed(|| command.output().map_err(Error::StartRender))?;
-    if !done.status.success() {
-        return Err(Error::Render { said: String::from_utf8_lossy(&done.stderr).trim().to_owned() });
-    }
-    let said = String::from_utf8_lossy(&done.stdout).into_owned();
-    let mut events = said.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let analyzed = events.find(|event| event["event"] == "analyzed").unwrap_or_default();
-    Ok((time, analyzed["zones"].as_array().map_or(0, Vec::len)))
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -193,7 +222,8 @@ impl Report for EnginesReport {
     fn as_text(&self) -> String {
         let Self { wall, processors, .. } = self;
         let processors = processors.map_or_else(|| "not known".to_owned(), |more| format!("{:+.1} %", 100.0 * more));
-        format!("medians: {:+.1} % of the time, processors {processors}\n", 100.0 * wall)
+        let pairs: String = self.pairs.iter().map(|pair| pair.line() + "\n").collect();
+        format!("{pairs}medians: {:+.1} % of the time, processors {processors}\n", 100.0 * wall)
     }
 
     fn as_json(&self) -> Value {

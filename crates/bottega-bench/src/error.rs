@@ -13,8 +13,7 @@ use bottega_scene::SceneError;
 
 /// The errors of measurements, and those of the libraries that they measure.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {
+pub(crate) enum Error {
     /// A scene, a picture, an engine or a device cannot be used.
     #[error(transparent)]
     Bottega(#[from] bottega::Error),
@@ -84,7 +83,7 @@ pub enum Error {
     /// The process with the Master ended before the work.
     #[error("the process with the Master has ended")]
     MasterGone,
-    /// The work was stopped.
+    /// The user stopped the work.
     #[error("stopped before the picture was there")]
     Stopped,
     /// The agents did not paint every pixel once.
@@ -101,12 +100,38 @@ pub enum Error {
         /// All zones.
         count: usize,
     },
-    /// An engine ended while it painted.
-    #[error("the engine ended")]
-    EngineEnded,
-    /// The program cannot start itself.
-    #[error("bottega cannot start itself")]
-    StartRender(#[source] io::Error),
+    /// Embree does not build a tree.
+    #[error("{0}")]
+    Embree(String),
+    /// No scene is named, nor a folder with one.
+    #[error("no scene is named")]
+    NoScene,
+    /// Pairs of scenes are needed.
+    #[error("the last scene has no second one")]
+    NoPair,
+    /// No server is named to a process with agents.
+    #[error("no farm is named")]
+    NoFarm,
+    /// The program whose pictures are measured is not there.
+    #[error("there is no program `{}`", .path.display())]
+    NoProgram {
+        /// Where it was looked for first.
+        path: PathBuf,
+    },
+    /// The program whose pictures are measured does not start.
+    #[error("cannot start `{}`", .path.display())]
+    StartRender {
+        /// The program.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// Ctrl-C cannot be watched for.
+    #[error("cannot watch for Ctrl-C")]
+    Signal(#[from] ctrlc::Error),
+    /// Nobody can read the figures.
+    #[error("cannot write to standard output")]
+    Output(#[source] io::Error),
     /// `bottega render` failed.
     #[error("bottega render fails: {said}")]
     Render {
@@ -116,22 +141,36 @@ pub enum Error {
 }
 
 impl Error {
+    /// The exit code of the program: 2 is for a usage error, 130 for what the user stopped, 1 for what failed.
+    pub(crate) fn exit_code(&self) -> u8 {
+        match self {
+            Self::Stopped => 130,
+            error if error.is_usage() => 2,
+            _ => 1,
+        }
+    }
+
     /// Whether what was asked for cannot be; as opposed to: it was tried and failed.
-    pub fn is_usage(&self) -> bool {
+    fn is_usage(&self) -> bool {
         match self {
             Self::Bottega(error) => error.is_usage(),
             Self::Cluster(error) => error.is_usage(),
-            Self::NoScenes { .. } | Self::NoProcessorTime => true,
+            Self::NoScenes { .. }
+            | Self::NoProcessorTime
+            | Self::NoScene
+            | Self::NoPair
+            | Self::NoFarm
+            | Self::NoProgram { .. } => true,
             _ => false,
         }
     }
 
     /// What can be done about it.
-    pub fn remedy(&self) -> Option<String> {
+    pub(crate) fn remedy(&self) -> Option<String> {
         let remedy = match self {
             Self::Bottega(error) => return error.remedy(),
             Self::Cluster(error) => return error.remedy(),
-            Self::Simulation(_) | Self::MasterGone => return None,
+            Self::Simulation(_) | Self::MasterGone | Self::Stopped | Self::Output(_) => return None,
             Self::NeutralScene { .. } => {
                 "it must have `camera`, `width`, `height`, `max_bounces`, `materials` and `meshes`"
             }
@@ -140,8 +179,13 @@ impl Error {
             }
             Self::NoProcessorTime => "leave out --processor-time, and let the machine do nothing else meanwhile",
             Self::TooFewZones { .. } => "paint larger pictures of more samples",
-            Self::Build(_) | Self::Workpiece(_) | Self::EngineEnded | Self::StartRender(_) => {
-                "this is unexpected; report it"
+            Self::Build(_) | Self::Workpiece(_) | Self::Signal(_) => "this is unexpected; report it",
+            Self::Embree(_) => "name another library by BOTTEGA_EMBREE, or none",
+            Self::NoScene => "name one, or the folder of scenes by --scenes or BOTTEGA_SCENES",
+            Self::NoPair => "name two scenes for each pair",
+            Self::NoFarm => "run `bottega-bench farm`, which starts this process",
+            Self::NoProgram { .. } | Self::StartRender { .. } => {
+                "build it (cargo build --release), or name it: --program"
             }
             Self::Submit(_) | Self::Unit(_) => "see `bottega devices`",
             Self::WrongAnswer | Self::Panic { .. } => "report it",
@@ -149,15 +193,10 @@ impl Error {
             Self::Thread(_) => "have fewer agents: --agents; or let fewer programs run at once",
             Self::Process(_) => "have fewer processes: --processes",
             Self::PartEnded => "see what it said above",
-            Self::Stopped | Self::Unpainted { .. } => "ask for fewer agents or zones, or report it",
+            Self::Unpainted { .. } => "ask for fewer agents or zones, or report it",
             Self::Render { .. } => "see what it says",
         };
         Some(remedy.to_owned())
-    }
-
-    /// With all that it is due to, in one line.
-    pub fn error_chain(&self) -> String {
-        bottega::error::error_chain(self)
     }
 }
 

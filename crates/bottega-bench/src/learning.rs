@@ -2,31 +2,29 @@
 
 mod timed_engine;
 
-use std::{fmt::Write as _, io::Write, path::PathBuf, sync::Arc, time::Duration};
+use std::{
+    fmt::Write as _,
+    io::Write,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
 
 use bottega::{Request, Session, StopSwitch, text::shown};
 use bottega_farm::{Experience, Forecast, JobReport, JobSettings, RelativePower, benchmark};
 use bottega_platform::processor_time::own_seconds;
+use clap::Args;
 use serde_json::{Value, json};
 
 use self::timed_engine::TimedEngine;
-use crate::{Error, Report, say};
-
-/// What is painted.
-#[derive(Clone, Debug)]
-pub struct LearningOptions {
-    /// Pairs of scenes: of the first is learnt, then the second is painted. None: those of [`PAIRS`] in `scenes`.
-    pub pairs: Vec<(PathBuf, PathBuf)>,
-    /// Size of the first picture of a pair, and samples a pixel.
-    pub first: ([u32; 2], u32),
-    /// Those of the second.
-    pub second: ([u32; 2], u32),
-    /// How far the partition goes: at the last level zones are made to take as long as each other, and ranks tell little.
-    pub level: u8,
-}
+use crate::{
+    arguments::SceneFolder,
+    error::Error,
+    report::{Measurement, Report, say},
+};
 
 /// Pairs of scenes of one kind, below the folder of scenes.
-pub const PAIRS: &[(&str, &str)] = &[
+const PAIRS: [(&str, &str); 6] = [
     ("magarro/magarro.pbrt", "magarro/magarro.pbrt"),
     ("magarro/magarro.xml", "volumetric-caustic/mitsuba/scene.xml"),
     ("coffee/pbrt/scene-v4.pbrt", "coffee/pbrt/scene-v4.pbrt"),
@@ -35,10 +33,29 @@ pub const PAIRS: &[(&str, &str)] = &[
     ("cornell-box/pbrt/scene-v4.pbrt", "cornell-box/pbrt/scene-v4.pbrt"),
 ];
 
+/// Sizes of the first picture of a pair and of the second.
+const SIZES: [[u32; 2]; 2] = [[240, 180], [400, 300]];
 /// Zones of a picture.
 const ZONES: u32 = 48;
 /// Error of the second job over that of the first which the text calls halved.
 const HALF: f64 = 0.5;
+
+/// How well the time of a zone is known before anybody has seen it: in a first job, and in a second of its kind.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "What this machine has learnt before is neither used nor changed. For example:\n  \
+    bottega-bench learning goblets.glb goblets.glb magarro.pbrt goblets.glb")]
+pub(crate) struct LearningOptions {
+    /// Pairs of scenes: of the first is learnt, then the second is painted. Default: some in the folder of scenes.
+    pairs: Vec<PathBuf>,
+    #[command(flatten)]
+    folder: SceneFolder,
+    /// Samples per pixel of the first pictures, of 240 × 180 pixels. Those of the second ones are half as many, of 400 × 300 pixels.
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(4..=1 << 16))]
+    spp: u32,
+    /// How far the partition goes. At level 3 zones are made to take as long as each other, and ranks tell little.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=3))]
+    level: u8,
+}
 
 /// What a pair of jobs showed.
 #[derive(Clone, Debug)]
@@ -55,50 +72,54 @@ struct LearningRow {
 
 /// What pairs of jobs showed.
 #[derive(Clone, Debug)]
-pub struct LearningReport {
+struct LearningReport {
     rows: Vec<LearningRow>,
 }
 
-/// Paints the pairs.
-///
-/// # Errors
-/// A scene cannot be painted, or a picture has too few zones for a comparison.
-pub fn measure(options: &LearningOptions, log: &mut dyn Write) -> Result<LearningReport, Error> {
-    let clock = || own_seconds().map(Duration::from_secs_f64);
-    if clock().is_none() {
-        return Err(Error::NoProcessorTime);
+impl Measurement for LearningOptions {
+    fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
+        let clock = || own_seconds().map(Duration::from_secs_f64);
+        if clock().is_none() {
+            return Err(Error::NoProcessorTime);
+        }
+        let power = benchmark(|| clock().unwrap_or_default());
+        let mut rows = Vec::new();
+        for (first, second) in &self.pairs()? {
+            say(log, format_args!("{}, then {}", shown(first), shown(second)));
+            let requests = [self.request(first, SIZES[0], self.spp), self.request(second, SIZES[1], self.spp / 2)];
+            rows.push(LearningRow::paint(&requests, power)?);
+        }
+        Ok(Box::new(LearningReport { rows }))
     }
-    let power = benchmark(|| clock().unwrap_or_default());
-    let mut rows = Vec::new();
-    for (first, second) in &options.pairs {
-        let paint = |scene: &PathBuf, (size, samples): ([u32; 2], u32), experience: &Experience| {
-            let mut request = Request::new(scene);
-            request.film.size = Some(size);
-            request.goal.samples = Some(samples);
-            request.devices.threads = Some(1);
-            request.devices.names = vec!["cpu".to_owned()];
-            request.scene.allow_outside = true;
-            request.work.level = options.level;
-            request.work.zones = Some(ZONES);
-            paint(&request, experience, power)
+}
+
+impl LearningOptions {
+    /// The pairs that were asked for, or else those in the folder of scenes.
+    fn pairs(&self) -> Result<Vec<(PathBuf, PathBuf)>, Error> {
+        let (named, rest) = self.pairs.as_chunks::<2>();
+        if !rest.is_empty() {
+            return Err(Error::NoPair);
+        }
+        if !named.is_empty() {
+            return Ok(named.iter().cloned().map(|[first, second]| (first, second)).collect());
+        }
+        let in_folder = |(first, second): &(&str, &str)| -> Result<_, Error> {
+            Ok((self.folder.scene(None, first)?, self.folder.scene(None, second)?))
         };
-        say(log, format_args!("{}, then {}", shown(first), shown(second)));
-        let nothing = Experience::default();
-        let before = paint(first, options.first, &nothing)?;
-        let mut experience = nothing.clone();
-        before.lessons.values().for_each(|lesson| experience.learn(lesson));
-        let unlearnt = paint(second, options.second, &nothing)?;
-        let after = paint(second, options.second, &experience)?;
-        let forecast = |report: &JobReport| report.forecast.ok_or(Error::TooFewZones { count: report.rows.len() });
-        rows.push(LearningRow {
-            first: shown(first),
-            second: shown(second),
-            unlearnt_first: forecast(&before)?,
-            unlearnt_second: forecast(&unlearnt)?,
-            learnt: forecast(&after)?,
-        });
+        PAIRS.iter().map(in_folder).collect()
     }
-    Ok(LearningReport { rows })
+
+    fn request(&self, scene: &Path, size: [u32; 2], samples: u32) -> Request {
+        let mut request = Request::new(scene);
+        request.film.size = Some(size);
+        request.goal.samples = Some(samples);
+        request.devices.threads = Some(1);
+        request.devices.names = vec!["cpu".to_owned()];
+        request.scene.allow_outside = true;
+        request.work.level = self.level;
+        request.work.zones = Some(ZONES);
+        request
+    }
 }
 
 fn paint(request: &Request, experience: &Experience, power: RelativePower) -> Result<JobReport, Error> {
@@ -112,6 +133,24 @@ fn paint(request: &Request, experience: &Experience, power: RelativePower) -> Re
 }
 
 impl LearningRow {
+    /// Paints the first picture, and the second without and with what was learnt of it.
+    fn paint([first, second]: &[Request; 2], power: RelativePower) -> Result<Self, Error> {
+        let nothing = Experience::default();
+        let before = paint(first, &nothing, power)?;
+        let mut experience = nothing.clone();
+        before.lessons.values().for_each(|lesson| experience.learn(lesson));
+        let unlearnt = paint(second, &nothing, power)?;
+        let after = paint(second, &experience, power)?;
+        let forecast = |report: &JobReport| report.forecast.ok_or(Error::TooFewZones { count: report.rows.len() });
+        Ok(Self {
+            first: shown(&first.scene.file),
+            second: shown(&second.scene.file),
+            unlearnt_first: forecast(&before)?,
+            unlearnt_second: forecast(&unlearnt)?,
+            learnt: forecast(&after)?,
+        })
+    }
+
     /// Error of the second job over that of the first.
     fn ratio(&self) -> f64 {
         self.learnt.median_error / self.unlearnt_first.median_error

@@ -6,7 +6,7 @@ use bottega_scene::{Camera, Environment, Layered, Material, Mesh, Projection, Sc
 use glam::{Affine3A, Vec3};
 use serde_json::Value;
 
-use crate::Error;
+use crate::error::Error;
 
 /// A scene to compare on.
 pub(crate) struct NeutralScene {

@@ -2,18 +2,15 @@
 
 use std::{
     ops::Range,
-    sync::{Arc, mpsc},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
-use bottega_engines::{
-    BuiltinEngine, BuiltinOptions, CancelSwitch, Devices, EngineError, EnginePreference, RenderEngine, TaskProgress,
-    Tunables, ZoneTask,
-};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, Devices, RenderEngine, Tunables, ZoneTask};
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_render::{PathSettings, PreparedScene, Prepass, View};
 
-use crate::Error;
+use crate::error::Error;
 
 /// Paints a whole picture as one zone.
 pub(crate) fn paint_zone(
@@ -49,14 +46,8 @@ pub(crate) fn paint_samples(
     samples: Range<u32>,
     tile: Option<Tile>,
 ) -> Result<(Tile, Duration), Error> {
-    let (sender, receiver) = mpsc::channel();
-    let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
-    let task =
-        ZoneTask { rect, samples, tunables, leaning: EnginePreference::default(), tile, parts: None, cancel, progress };
-    let start = Instant::now();
-    // The receiver outlives the engine's report.
-    engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
-    let lost = || EngineError::Zone { engine: "builtin".to_owned(), rect, reason: "it did not report".to_owned() };
-    let painted = receiver.recv().map_err(|_| lost())??;
-    Ok((painted.tile, start.elapsed()))
+    let task = ZoneTask { tile, ..ZoneTask::new(rect, samples, tunables) };
+    let begun = Instant::now();
+    let painted = engine.paint(task)?;
+    Ok((painted.tile, begun.elapsed()))
 }

@@ -2,6 +2,7 @@
 //! started them.
 
 use std::{
+    env,
     io::{self, BufRead, BufReader, Read, Write},
     process::{Child, ChildStdin, ChildStdout, Command, Stdio},
     thread,
@@ -10,7 +11,7 @@ use std::{
 use bottega_farm::StopSwitch;
 use serde::de::DeserializeOwned;
 
-use crate::Error;
+use crate::error::Error;
 
 /// What a process says when all its agents are linked.
 const READY: &str = "ready";
@@ -34,6 +35,11 @@ pub(crate) fn end_with_parent(stops: Vec<StopSwitch>) -> Result<(), Error> {
     thread::Builder::new().spawn(watch).map(drop).map_err(Error::Thread)
 }
 
+/// This program, to be started once more.
+pub(crate) fn this_program() -> Result<Command, Error> {
+    env::current_exe().map(Command::new).map_err(Error::Process)
+}
+
 /// Such a process, as seen from the one that has started it.
 pub(crate) struct PartProcess {
     child: Child,
@@ -43,8 +49,7 @@ pub(crate) struct PartProcess {
 }
 
 impl PartProcess {
-    pub(crate) fn start(command: io::Result<Command>) -> Result<Self, Error> {
-        let mut command = command.map_err(Error::Process)?;
+    pub(crate) fn start(mut command: Command) -> Result<Self, Error> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().map_err(Error::Process)?;
         let (input, output) = (child.stdin.take(), child.stdout.take());

@@ -18,48 +18,67 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega::{request::GuideChoice, settings::whole_guide};
+use bottega::{devices::processors, request::GuideChoice, settings::whole_guide};
 use bottega_image::{Film, Picture, USUAL_TRIM, firefly_count, read_picture, rel_mse_trimmed, srgb_mse};
 use bottega_platform::processor_time::own_seconds;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use clap::Args;
 use serde_json::Value;
 
-pub use self::report::PeersReport;
-use self::report::{OURS, PeerRow};
+use self::report::{OURS, PeerRow, PeersReport};
 use crate::{
-    Error,
+    arguments::choice,
+    error::Error,
     neutral_scene::{self, NeutralScene},
     painting::paint_zone,
-    say,
+    report::{Measurement, Report, say},
 };
 
-/// The renderers and scenes to compare, and how often each is run.
-#[derive(Clone, Debug)]
-pub struct PeersOptions {
+/// Error and time beside other renderers on the same triangles: efficiencies, and ours over theirs.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct PeersOptions {
     /// Folder with the scenes: SCENE.json (ours, and Cycles'), SCENE.xml (Mitsuba's), SCENE.scn (LuxCore's), the PLY meshes
     /// that they name, and reference/ref_SCENE.exr.
-    pub folder: PathBuf,
-    /// Scenes by name; empty: all that have a reference.
-    pub scenes: Vec<String>,
-    /// Samples a pixel.
-    pub spp: u32,
-    /// Repetitions, interleaved, at least 1; medians of the times and means of the errors are told.
-    pub repeat: u16,
-    /// Only those others whose names begin so; empty: all.
-    pub peers: Vec<String>,
+    folder: PathBuf,
+    /// A scene by name; may be given more than once. Default: all that have a reference.
+    #[arg(long = "scene", value_name = "NAME")]
+    scenes: Vec<String>,
+    /// Samples per pixel.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    spp: u32,
+    /// Repetitions, interleaved; medians of the times and means of the errors are printed.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
+    repeat: u16,
+    /// Only those others whose names begin so (`mitsuba`, `mitsuba llvm`, `cycles`, `luxcore`); may be given more than
+    /// once.
+    #[arg(long = "peer", value_name = "NAME")]
+    peers: Vec<String>,
     /// What our paths learn beforehand; the time for it counts.
-    pub guide: GuideChoice,
-    /// Numbers of threads to paint with.
-    pub threads: Vec<usize>,
+    #[arg(long, value_name = "GUIDE", value_parser = choice::<GuideChoice>(), default_value = "ala")]
+    guide: GuideChoice,
+    /// Numbers of threads to paint with. Default: one, and as many as there are processors.
+    #[arg(long, value_name = "N", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Vec<u16>,
     /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); who is missing is left out.
-    pub python: String,
-    /// Compare the time of the processors, not of the clock.
-    pub processor_time: bool,
-    /// How long one picture of another renderer may take.
-    pub timeout: Duration,
+    #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+    python: String,
+    /// Compare the time of the processors, not of the clock: for a machine that has other work as well.
+    #[arg(long)]
+    processor_time: bool,
+    /// How long one picture of another renderer may take, in seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
+    timeout: u64,
 }
 
 impl PeersOptions {
+    /// Numbers of threads to paint with.
+    fn threads(&self) -> Vec<usize> {
+        if self.threads.is_empty() {
+            return vec![1, processors()];
+        }
+        self.threads.iter().copied().map(usize::from).collect()
+    }
+
     /// Whether another renderer is to be run.
     fn includes(&self, name: &str) -> bool {
         self.peers.is_empty() || self.peers.iter().any(|wanted| name.starts_with(wanted.as_str()))
@@ -97,33 +116,30 @@ struct PeerPicture {
     samples: f64,
 }
 
-/// Paints every scene with every renderer, in turn.
-///
-/// - `log`: is told who is left out, and why.
-///
-/// # Errors
-/// A scene or its reference cannot be read, or our own engine fails.
-pub fn measure(options: &PeersOptions, log: &mut dyn Write) -> Result<PeersReport, Error> {
-    let known: Value = fs::read(options.folder.join("reference/ref_info.json"))
-        .ok()
-        .and_then(|bytes| serde_json::from_slice(&bytes).ok())
-        .unwrap_or_default();
-    let peers: Vec<&PeerRenderer> = PEERS.iter().filter(|peer| options.includes(peer.name)).collect();
-    let mut report = PeersReport { rows: Vec::new(), missing: Vec::new() };
-    for name in &scenes(options)? {
-        let scene = neutral_scene::load(&options.folder.join(name).with_extension("json"))?;
-        let reference = read_picture(options.folder.join(format!("reference/ref_{name}.exr")))?;
-        let reference_error = known[name]["ref_relmse"].as_f64().unwrap_or(0.0);
-        for &threads in &options.threads {
-            let all = paint_all(options, &peers, &scene, name, threads, &mut report.missing, log)?;
-            for (renderer, painted) in all {
-                if painted.len() == usize::from(options.repeat.max(1)) {
-                    report.rows.push(row(name, threads, renderer, &painted, &reference, reference_error)?);
+impl Measurement for PeersOptions {
+    /// Paints every scene with every renderer, in turn. The log says who is left out, and why.
+    fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
+        let known: Value = fs::read(self.folder.join("reference/ref_info.json"))
+            .ok()
+            .and_then(|bytes| serde_json::from_slice(&bytes).ok())
+            .unwrap_or_default();
+        let peers: Vec<&PeerRenderer> = PEERS.iter().filter(|peer| self.includes(peer.name)).collect();
+        let mut report = PeersReport { rows: Vec::new(), missing: Vec::new() };
+        for name in &scenes(self)? {
+            let scene = neutral_scene::load(&self.folder.join(name).with_extension("json"))?;
+            let reference = read_picture(self.folder.join(format!("reference/ref_{name}.exr")))?;
+            let reference_error = known[name]["ref_relmse"].as_f64().unwrap_or(0.0);
+            for threads in self.threads() {
+                let all = paint_all(self, &peers, &scene, name, threads, &mut report.missing, log)?;
+                for (renderer, painted) in all {
+                    if painted.len() == usize::from(self.repeat) {
+                        report.rows.push(row(name, threads, renderer, &painted, &reference, reference_error)?);
+                    }
                 }
             }
         }
+        Ok(Box::new(report))
     }
-    Ok(report)
 }
 
 /// The pictures of a scene by renderer, ours first. Renderers take turns, so that whatever else the machine does meanwhile meets
@@ -139,7 +155,7 @@ fn paint_all(
 ) -> Result<Vec<(&'static str, Vec<PeerPicture>)>, Error> {
     let mut all: Vec<(&'static str, Vec<PeerPicture>)> = vec![(OURS, Vec::new())];
     all.extend(peers.iter().map(|peer| (peer.name, Vec::new())));
-    for seed in 0..options.repeat.max(1) {
+    for seed in 0..options.repeat {
         all[0].1.push(ours(scene, threads, options, seed)?);
         for (peer, (_, painted)) in peers.iter().zip(&mut all[1..]) {
             if missing.iter().any(|(name, _)| *name == peer.name) {
@@ -270,7 +286,7 @@ fn paint(
         // A child that ends at once tells why in its log.
         drop(input.write_all(peer.script.as_bytes()));
     }
-    let deadline = Instant::now() + options.timeout;
+    let deadline = Instant::now() + Duration::from_secs(options.timeout);
     let status = loop {
         match child.try_wait().map_err(|error| told("lost", error))? {
             Some(status) => break status,
@@ -278,7 +294,7 @@ fn paint(
             None => {
                 drop(child.kill());
                 drop(child.wait());
-                return Err(format!("it did not end within {} s", options.timeout.as_secs()));
+                return Err(format!("it did not end within {} s", options.timeout));
             }
         }
     };
@@ -328,7 +344,7 @@ mod tests {
             threads: vec![1],
             python: "no such python".to_owned(),
             processor_time: true,
-            timeout: Duration::from_secs(5),
+            timeout: 5,
         };
         let scene = NeutralScene { scene: bottega_scene::Scene::default(), width: 2, height: 2, max_bounces: 1 };
         let reason = paint(&PEERS[0], &options, &scene, "a", 1, 0).err().unwrap_or_default();

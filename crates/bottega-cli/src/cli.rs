@@ -25,7 +25,6 @@ pub(crate) use self::{
     words::{line, words},
 };
 use crate::{
-    bench::BenchArgs,
     board::BoardArgs,
     config::{ConfigArgs, PROFILE_VARIABLE},
     engines::EnginesArgs,
@@ -83,8 +82,6 @@ pub(crate) enum Command {
     Rules(RulesArgs),
     /// Run a FIPA agent platform, or ask one what it knows.
     Platform(PlatformArgs),
-    /// Measure this machine and this program.
-    Bench(BenchArgs),
     /// List the devices that can take part in rendering.
     Devices(DevicesArgs),
     /// Follow rays for another process, as a device of its own.

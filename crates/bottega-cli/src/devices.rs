@@ -2,8 +2,7 @@
 
 use std::process::ExitCode;
 
-use bottega::devices::processors;
-use bottega_bench::{Report, devices::measure};
+use bottega::devices::{DeviceCosts, measure, processors};
 use bottega_gpu::{AdapterInfo, AdapterKind, GpuError};
 use serde_json::json;
 
@@ -21,15 +20,14 @@ pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
         let found = gpus.iter().map(|gpu| gpu.name.clone()).collect();
         return Err(GpuError::UnknownAdapter { wanted: wanted.clone(), found }.into());
     }
-    let measured = args.bench.then(|| measure(&names).map_err(CliError::from)).transpose()?;
+    let measured = args.bench.then(|| measure(&names)).transpose()?;
     if args.json {
         let gpus = gpus.iter().map(|gpu| {
             let software = gpu.kind == AdapterKind::Software;
             json!({"name": gpu.name, "driver": gpu.driver, "backend": gpu.backend, "software": software})
         });
         let gpus: Vec<_> = gpus.collect();
-        let costs = measured.as_ref().map(Report::as_json);
-        println!("{}", json!({"processors": processors(), "gpus": gpus, "costs": costs}));
+        println!("{}", json!({"processors": processors(), "gpus": gpus, "costs": measured}));
         return Ok(ExitCode::SUCCESS);
     }
     println!("{} processors", processors());
@@ -41,8 +39,22 @@ pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
     if gpus.is_empty() {
         println!("no GPU: there is no Vulkan driver, or it knows none");
     }
-    if let Some(measured) = measured {
-        print!("{}", measured.as_text());
-    }
+    measured.iter().flatten().for_each(print_costs);
     Ok(ExitCode::SUCCESS)
+}
+
+fn print_costs(device: &DeviceCosts) {
+    println!("\n{}", device.name);
+    let of_all = if device.count > 1 { format!(" by all {}", device.count) } else { String::new() };
+    for cost in &device.primitives {
+        println!(
+            "  {:<12} {:9.3} million a second; a unit costs {:7.1} us and {:8.2} ns an item; would do {:.1} %{of_all}",
+            cost.primitive,
+            cost.items_per_second / 1e6,
+            cost.unit_ns / 1e3,
+            cost.item_ns,
+            100.0 * cost.share,
+        );
+    }
+    device.notes.iter().for_each(|note| println!("  {note}"));
 }

@@ -21,8 +21,6 @@ pub(crate) enum CliError {
     Bottega(#[from] bottega::Error),
     #[error(transparent)]
     Cluster(#[from] bottega_cluster::Error),
-    #[error(transparent)]
-    Bench(Box<bottega_bench::Error>),
     #[error("cannot serve the live view")]
     Serve(#[from] ServeError),
     #[error("the simulation came to nothing")]
@@ -55,7 +53,6 @@ impl CliError {
         match self {
             Self::Bottega(error) => error.is_usage(),
             Self::Cluster(error) => error.is_usage(),
-            Self::Bench(error) => error.is_usage(),
             _ => false,
         }
     }
@@ -65,7 +62,6 @@ impl CliError {
         match self {
             Self::Bottega(error) => error.remedy(),
             Self::Cluster(error) => error.remedy(),
-            Self::Bench(error) => error.remedy(),
             _ => None,
         }
     }
@@ -142,10 +138,6 @@ fn without_actions(text: &str) -> String {
 pub(crate) fn report(error: &CliError) -> String {
     let excerpt = match error {
         CliError::Bottega(error) | CliError::Cluster(bottega_cluster::Error::Bottega(error)) => error.excerpt(),
-        CliError::Bench(error) => match &**error {
-            bottega_bench::Error::Bottega(error) => error.excerpt(),
-            _ => None,
-        },
         _ => None,
     };
     shown(error, error.remedy(), excerpt)
@@ -158,12 +150,6 @@ pub(crate) fn report_of(error: &bottega_cluster::Error) -> String {
         _ => None,
     };
     shown(error, error.remedy(), excerpt)
-}
-
-impl From<bottega_bench::Error> for CliError {
-    fn from(error: bottega_bench::Error) -> Self {
-        Self::Bench(Box::new(error))
-    }
 }
 
 /// Errors of crates that the library has a word for.

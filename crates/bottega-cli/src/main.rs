@@ -23,7 +23,6 @@
 //! | `simulate` | `src/simulate/` |
 //! | `platform`: one that is served, questions to any | `src/platform/` |
 //! | `manual`: man pages, the reference of the manual | `src/manual/` |
-//! | options of `bench` | `src/bench/` |
 //! | tests of the whole program, with a farm of real processes among them | `tests/`, `tests/farm/` |
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -32,7 +31,6 @@
 mod output;
 
 mod analyze;
-mod bench;
 mod board;
 mod cli;
 mod config;
@@ -130,7 +128,6 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Engines(args) => engines::run(&args),
         Command::Rules(args) => rules::run(&args),
         Command::Platform(args) => platform::run(&args),
-        Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Board(args) => board::run(&args),
         Command::Config(args) => config::run(&args, &Cli::command()),

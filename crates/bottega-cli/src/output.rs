@@ -165,20 +165,6 @@ impl Write for LogWriter {
     }
 }
 
-/// What a result is written to that comes piece by piece.
-pub(crate) struct ResultWriter;
-
-impl Write for ResultWriter {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        deliver(Stream::Output, bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 /// Ends with the exit code of the command, or with that of a result that was not written.
 #[allow(clippy::disallowed_methods, reason = "the one place")]
 pub(crate) fn finish(code: ExitCode) -> ExitCode {

@@ -5,6 +5,7 @@ use std::{
     sync::{
         Arc,
         atomic::{AtomicBool, AtomicU64, Ordering},
+        mpsc,
     },
     time::Duration,
 };
@@ -111,6 +112,22 @@ pub struct ZoneTask {
     pub progress: TaskProgress,
 }
 
+impl ZoneTask {
+    /// The task of these samples, which go on from none, in the whole rectangle and by any engine.
+    pub fn new(rect: Rect, samples: Range<u32>, tunables: Tunables) -> Self {
+        Self {
+            rect,
+            samples,
+            tunables,
+            leaning: EnginePreference::default(),
+            tile: None,
+            parts: None,
+            cancel: CancelSwitch::default(),
+            progress: TaskProgress::default(),
+        }
+    }
+}
+
 /// The result of a [`ZoneTask`].
 #[derive(Clone, Debug)]
 pub struct Painted {
@@ -188,4 +205,18 @@ pub trait RenderEngine: Send + Sync {
 
     /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine's.
     fn start(&self, task: ZoneTask, done: ZoneCallback);
+
+    /// Paints a zone. Blocks.
+    ///
+    /// # Errors
+    /// The engine fails, or ends without a report.
+    fn paint(&self, task: ZoneTask) -> Result<Painted, EngineError> {
+        let rect = task.rect;
+        let (sender, receiver) = mpsc::channel();
+        // The receiver outlives the engine's report.
+        self.start(task, Box::new(move |painted| drop(sender.send(painted))));
+        let reason = || "it did not report".to_owned();
+        let lost = |_| EngineError::Zone { engine: self.describe().name, rect, reason: reason() };
+        receiver.recv().map_err(lost)?
+    }
 }

@@ -18,6 +18,7 @@ mod session;
 mod shelf;
 mod shipped;
 mod tiny;
+mod trial;
 
 pub use self::{
     child::{is_fenced_in, is_shut_in},
@@ -28,6 +29,7 @@ pub use self::{
     session::{CameraView, CombineWord, Files, Opened, OpenedLayer, Probe, SceneRequest, Session},
     shelf::{Shelf, ShelfEntry},
     shipped::rules as shipped_rules,
+    trial::EngineTrial,
 };
 
 /// Of a log so many lines are told.

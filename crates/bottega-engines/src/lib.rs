@@ -18,6 +18,7 @@
 //! | talk with a worker or a command line | `src/external/session/`, the protocol: `src/external/protocol.rs`; the workers: `engines/` |
 //! | the check of what an engine wrote | `src/external/picture.rs` |
 //! | the look at a scene that only its engine reads, and how many zones it bears | `src/external/tiny.rs` |
+//! | a picture in windows of our choice, without the farm | `src/external/trial.rs` |
 //! | engines that failed too often on this machine | `src/external/quarantine.rs` |
 //! | which files a scene refers to | `src/external/refers.rs` |
 //! | pictures in zones held to the engines' own frames | `xtask/src/bars.rs`, the frames: `engines/tests/full_frame.py` |

@@ -1,8 +1,12 @@
 //! `cargo xtask leaks`: rays from inside closed meshes, none of which may get out.
 #![allow(clippy::print_stdout)]
 
-use bottega_kernels::bench::leaks;
+#[path = "../tests/support/mod.rs"]
+mod support;
+
 use std::process::ExitCode;
+
+use support::leaks;
 
 fn main() -> ExitCode {
     let rays = std::env::args().nth(1).and_then(|n| n.parse::<f64>().ok()).unwrap_or(1e7);

@@ -150,7 +150,7 @@ mod tests {
     use glam::{Affine3A, Vec3};
 
     use super::*;
-    use crate::bench::{Random, interior, noisy_sphere};
+    use crate::SplitMix64;
     use proptest::prelude::*;
 
     impl Accel {
@@ -206,25 +206,35 @@ mod tests {
         }
     }
 
+    /// Triangles at random places of a cube of side 2, small ones and long, thin ones.
+    fn clutter(random: &mut SplitMix64, count: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+        let mut point = |size: f32| Vec3::from_array([(); 3].map(|()| size * (2.0 * random.unit_f32() - 1.0)));
+        let triangle = |i: u32| {
+            let (at, length) = (point(1.0), if i.is_multiple_of(2) { 0.5 } else { 0.01 });
+            [at, at + point(length), at + point(0.01)]
+        };
+        let positions = (0..count).flat_map(triangle).collect();
+        (positions, (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
+    }
+
     #[test]
-    fn every_vector_unit_gives_the_same_bits_in_real_scenes() {
-        let mut random = Random::new(3);
-        for scene in [noisy_sphere(), interior()] {
-            for precision in [Precision::Robust, Precision::Fast] {
-                let options = BuildOptions { precision, ..BuildOptions::default() };
-                let instances = [instance(0, Affine3A::IDENTITY)];
-                let build = || Accel::build(&[scene.geometry()], &instances, &[], &options).unwrap();
-                let (own, portable) = (build(), build().portable());
-                for ray in scene.camera_rays(24) {
-                    assert_same(&own, &portable, &ray);
-                    let direction = random.cosine(Vec3::Y) - Vec3::Y * 0.5;
-                    assert_same(
-                        &own,
-                        &portable,
-                        &Ray { t_max: 2.0 * random.unit(), ..Ray::new(ray.at(0.3), direction) },
-                    );
-                }
+    fn every_vector_unit_gives_the_same_bits_in_large_meshes() {
+        let mut random = SplitMix64::new(3);
+        let (positions, triangles) = clutter(&mut random, 60_000);
+        let mesh = MeshGeometry { positions: &positions, triangles: &triangles };
+        let mut next = || Vec3::from_array([(); 3].map(|()| 2.0 * random.unit_f32() - 1.0));
+        for precision in [Precision::Robust, Precision::Fast] {
+            let options = BuildOptions { precision, ..BuildOptions::default() };
+            let build = || Accel::build(&[mesh], &[instance(0, Affine3A::IDENTITY)], &[], &options).unwrap();
+            let (own, portable) = (build(), build().portable());
+            let mut hits = 0;
+            for _ in 0..2400 {
+                let ray = Ray::new(next(), next());
+                hits += u32::from(own.occluded(&ray));
+                assert_same(&own, &portable, &ray);
+                assert_same(&own, &portable, &Ray { t_max: next().x.abs(), ..ray });
             }
+            assert!((600..2300).contains(&hits), "{hits} of 2400 rays hit something");
         }
     }
 

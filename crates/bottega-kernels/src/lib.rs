@@ -23,9 +23,8 @@
 //! | the tree in memory | `src/tree.rs`, `src/arena.rs` |
 //! | functions of equal bits; SplitMix64 | `src/math.rs`; `src/split_mix.rs` |
 //! | other work compiled for the vector unit at hand | `src/compiled.rs` |
-//! | standard scenes and rays to measure with, Embree beside | `src/bench.rs`, `src/bench/`, `benches/rays.rs` |
+//! | trees against brute force; rays that must not get out of closed meshes | `tests/rays.rs`; `tests/support/leaks.rs`, `examples/leaks.rs` |
 
-pub mod bench;
 pub mod math;
 
 mod accel;

@@ -1,8 +1,10 @@
 //! The tree against brute force, and the properties that a renderer leans on.
 
-use bottega_kernels::bench::{Random, leaks, noisy_sphere};
+mod support;
+
 use bottega_kernels::*;
 use glam::{Affine3A, DVec3, EulerRot, Quat, Vec3};
+use support::{Random, leaks, rough_ball};
 
 /// Everything that a scene is made of, to be tested one by one.
 #[derive(Default)]
@@ -174,14 +176,16 @@ fn instances_and_spheres_agree_with_brute_force() {
 
 #[test]
 fn the_tree_does_not_depend_on_threads() {
-    let scene = noisy_sphere();
+    let (positions, triangles) = rough_ball();
+    let mesh = MeshGeometry { positions: &positions, triangles: &triangles };
     let instances = [InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY }];
     let build = |threads| {
         let options = BuildOptions { threads, ..BuildOptions::default() };
-        Accel::build(&[scene.geometry()], &instances, &[], &options).unwrap()
+        Accel::build(&[mesh], &instances, &[], &options).unwrap()
     };
     let (one, three, all) = (build(1), build(3), build(0));
-    for ray in scene.camera_rays(64) {
+    let mut random = Random::new(4);
+    for ray in (0..4096).map(|_| Ray::new(Vec3::new(0.3, 0.2, 0.4), random.direction())) {
         let mut steps = [0; 3];
         let hit = one.intersect_counted(&ray, &mut steps[0]);
         assert_eq!(hit, three.intersect_counted(&ray, &mut steps[1]));
@@ -194,10 +198,10 @@ fn the_tree_does_not_depend_on_threads() {
 
 #[test]
 fn nothing_leaks_through_edges_and_vertices_of_a_closed_mesh() {
-    let scene = noisy_sphere();
+    let (ball, triangles) = rough_ball();
     for shift in [Vec3::ZERO, Vec3::new(5000.0, 3000.0, -7000.0)] {
-        let positions: Vec<Vec3> = scene.positions.iter().map(|&p| p + shift).collect();
-        let mesh = MeshGeometry { positions: &positions, triangles: &scene.triangles };
+        let positions: Vec<Vec3> = ball.iter().map(|&p| p + shift).collect();
+        let mesh = MeshGeometry { positions: &positions, triangles: &triangles };
         // Once flattened, and once with a tree of its own.
         for copies in [1, 2] {
             let place = |i: u32| InstanceGeometry {
@@ -208,7 +212,7 @@ fn nothing_leaks_through_edges_and_vertices_of_a_closed_mesh() {
             let accel = Accel::build(&[mesh], &instances, &[], &BuildOptions::default()).unwrap();
             let (mut rays, mut leaks) = (0, 0);
             let mut random = Random::new(9);
-            for indices in scene.triangles.iter().step_by(if copies == 1 { 1 } else { 5 }) {
+            for indices in triangles.iter().step_by(if copies == 1 { 1 } else { 5 }) {
                 let [a, b, _] = indices.map(|i| positions[i as usize]);
                 let mut near = || random.between(-0.3, 0.3);
                 let origin = shift + Vec3::new(near(), near(), near());
@@ -403,12 +407,13 @@ fn a_refitted_tree_gives_the_hits_of_a_new_one() {
 
 #[test]
 fn a_refitted_mesh_does_not_leak() {
-    let scene = noisy_sphere();
+    let (ball, triangles) = rough_ball();
+    let mesh = |positions| MeshGeometry { positions, triangles: &triangles };
     let instances = [InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY }];
-    let mut accel = Accel::build(&[scene.geometry()], &instances, &[], &BuildOptions::default()).unwrap();
-    let positions: Vec<Vec3> = scene.positions.iter().map(|p| *p * Vec3::new(1.5, 0.4, 1.0) + p.y * 0.2).collect();
-    accel.refit(&[MeshGeometry { positions: &positions, triangles: &scene.triangles }], &instances, &[]).unwrap();
-    for indices in scene.triangles.iter().step_by(3) {
+    let mut accel = Accel::build(&[mesh(&ball)], &instances, &[], &BuildOptions::default()).unwrap();
+    let positions: Vec<Vec3> = ball.iter().map(|p| *p * Vec3::new(1.5, 0.4, 1.0) + p.y * 0.2).collect();
+    accel.refit(&[mesh(&positions)], &instances, &[]).unwrap();
+    for indices in triangles.iter().step_by(3) {
         let [a, b, _] = indices.map(|i| positions[i as usize]);
         for target in [a, (a + b) * 0.5] {
             assert!(accel.occluded(&Ray::new(Vec3::ZERO, target)), "leak towards {target}");

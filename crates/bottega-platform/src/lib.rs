@@ -15,6 +15,7 @@
 //! | priority of this process, processors that it may use | `src/scheduling.rs` |
 //! | notifications on the desktop | `src/desktop.rs` |
 //! | a child and all that it has started | `src/processes.rs`, `src/processes/` |
+//! | what stands above figures: their command, and the machine that they are of | `src/run_head.rs` |
 //! | the machine's owner: touched when, how busy | `src/activity.rs`, `src/activity/` |
 
 pub mod activity;
@@ -24,4 +25,5 @@ pub mod folders;
 pub mod permissions;
 pub mod processes;
 pub mod processor_time;
+pub mod run_head;
 pub mod scheduling;

@@ -22,6 +22,17 @@ pub fn own_seconds() -> Option<f64> {
     Some(system.process(own)?.accumulated_cpu_time() as f64 / 1e3)
 }
 
+/// Time that the calling thread has had of a processor so far, in seconds; `None`: the system does not tell (only Linux does).
+pub fn thread_seconds() -> Option<f64> {
+    #[cfg(target_os = "linux")]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+        Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
+}
+
 /// Time that the processors have spent on all children that have ended and been waited for, and on theirs, in seconds; `None`:
 /// the system does not tell (only Linux does).
 pub fn children_seconds() -> Option<f64> {
@@ -77,6 +88,7 @@ mod tests {
         }
         assert!(own_seconds().is_some_and(|now| now - begun >= 0.05));
         if cfg!(target_os = "linux") {
+            assert!(thread_seconds().is_some_and(|thread| thread >= 0.04), "this thread did it");
             assert!(machine_seconds().is_some_and(|all| all >= 0.05));
         }
     }

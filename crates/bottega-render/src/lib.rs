@@ -60,6 +60,7 @@ mod surfaces;
 mod wave_work;
 mod work;
 
+pub use bottega_kernels::Ray;
 pub use error::RenderError;
 pub use filter::Filter;
 pub use guide::UnreadGuide;

@@ -26,7 +26,7 @@
 //! | what a request means to engines and farm | [`settings`]; its scene: [`loaded_scene`]; which integrator paints it: [`method`] |
 //! | our own engine made ready | `src/builtin.rs` |
 //! | other renderers; which layers their pictures have; what a farm is sent | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/scene_files.rs` |
-//! | processors and GPUs, what each costs | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs`; those kept from picture to picture: `src/devices/kept.rs` |
+//! | processors and GPUs, what each costs, how that is measured | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs`, `src/devices/measure.rs`; those kept from picture to picture: `src/devices/kept.rs` |
 //! | what they were at while a picture was painted | `src/session/occupation.rs` |
 //! | expert knowledge, from files or with the program; as pages show it | [`rules`]; [`rule_view`] |
 //! | animations: the request of a frame; which frames, under which names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |

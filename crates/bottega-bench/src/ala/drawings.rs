@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bottega_image::{Canvas, Picture, ToneMap};
 
-use crate::Error;
+use crate::error::Error;
 
 pub(super) fn write_png(folder: &Path, name: &str, picture: &Picture) -> Result<(), Error> {
     Ok(Canvas::of_picture(picture, 0.0, ToneMap::Agx).write_png(folder.join(name))?)

@@ -9,7 +9,7 @@ use super::{
     options::{AlaOptions, AlaScene, part},
     ways::{LightMethod, MethodResult, PaintedScene},
 };
-use crate::{Error, say, shared_meshes};
+use crate::{error::Error, files::shared_meshes, report::say};
 
 /// Budgets of our agents, as shares of the paper's.
 const BUDGETS: [f64; 4] = [1.0, 0.3, 0.2, 0.1];
@@ -33,7 +33,7 @@ pub(super) fn compare(options: &AlaOptions, other: &AlaScene, log: &mut dyn Writ
         path: &other.scene,
         view: View { camera: 0, width: reference.width, height: reference.height },
         max_depth: hints.max_depth.unwrap_or(12),
-        threads: options.threads,
+        threads: options.threads(),
     };
     let name = other.scene.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let mut paint = |way: LightMethod| {

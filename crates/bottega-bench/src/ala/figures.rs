@@ -9,7 +9,7 @@ use super::{
     report::AlaReport,
     ways::MethodResult,
 };
-use crate::Error;
+use crate::error::Error;
 
 /// Writes `figure-4.png` (without indirect light) and `figure-5.png` (with all light), and the same with our own agents.
 ///

@@ -10,7 +10,7 @@ use bottega_render::{
 use serde_json::{Value, json};
 
 use super::ways::PaintedScene;
-use crate::{Error, say};
+use crate::{error::Error, report::say};
 
 /// How near samples are compared, as a share of the radius of the scene.
 const RADIUS: f32 = 0.05;

@@ -20,28 +20,18 @@ use std::{io::Write, path::Path};
 use bottega_image::{Picture, read_picture};
 use bottega_render::{Oracle, View};
 
+pub(crate) use self::options::AlaOptions;
 use self::{
     drawings::{difference, write_png},
     options::part,
-    report::Shadows,
+    report::{AlaReport, Shadows},
     ways::{LightMethod, PaintedScene},
 };
-pub use self::{
-    options::{AlaOptions, AlaScene},
-    report::AlaReport,
+use crate::{
+    error::Error,
+    files::{create_folder, shared_meshes, write_file},
+    report::{Measurement, Report, headed, say},
 };
-use crate::{Error, Report, create_folder, say, shared_meshes, write_file};
-
-/// The scene of the comparison, in the folder of scenes.
-pub const SCENE: &str = "ala/ala.xml";
-/// A converged picture of that scene.
-pub const REFERENCE: &str = "ala/reference/Mitsuba3.exr";
-
-/// Other scenes, with converged pictures of them: an interior, and one of glass.
-pub const ELSEWHERE: [[&str; 2]; 2] = [
-    ["peers/d_interior.xml", "peers/reference/ref_d_interior.exr"],
-    ["peers/c_goblets.xml", "peers/reference/ref_c_goblets.exr"],
-];
 
 /// The paper's picture.
 const SIZE: [f64; 2] = [1600.0, 1200.0];
@@ -51,36 +41,34 @@ const MORE: f64 = 3.0;
 /// The share of the agents whose network is drawn: few enough for links to be told apart.
 const NETWORK: f64 = 0.1;
 
-/// Paints the scene in every way of the paper, and writes what `output` asks for.
-///
-/// - `log`: is told which picture is being painted.
-///
-/// # Errors
-/// The scene cannot be painted, the reference not be read, or a file not be written.
-pub fn measure(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error> {
-    if let Some(folder) = &options.output {
-        create_folder(folder)?;
+impl Measurement for AlaOptions {
+    fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
+        if let Some(folder) = &self.output {
+            create_folder(folder)?;
+        }
+        let report = compare(self, log)?;
+        if let Some(folder) = &self.output {
+            write(folder, &report)?;
+        }
+        Ok(Box::new(report))
     }
-    let report = compare(options, log)?;
-    if let Some(folder) = &options.output {
-        write(folder, &report)?;
-    }
-    Ok(report)
 }
 
+/// Paints the scene in every way of the paper.
 fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error> {
     let AlaOptions { spp, photons, lighting_agents, .. } = *options;
-    let hints = bottega_scene::load(&options.scene, &shared_meshes())?.hints;
-    let reference = options.reference.as_ref().map(read_picture).transpose()?;
+    let path = options.scene()?;
+    let hints = bottega_scene::load(&path, &shared_meshes())?.hints;
+    let reference = options.reference().map(read_picture).transpose()?;
     let [width, height] = match &reference {
         Some(picture) => [picture.width, picture.height],
-        None => SIZE.map(|side| ((side * options.scale).round() as u32).max(8)),
+        None => SIZE.map(|side| ((side * options.scale()).round() as u32).max(8)),
     };
     let scene = PaintedScene {
-        path: &options.scene,
+        path: &path,
         view: View { camera: 0, width, height },
         max_depth: hints.max_depth.unwrap_or(12),
-        threads: options.threads,
+        threads: options.threads(),
     };
     let reference = match reference {
         Some(picture) => picture,
@@ -125,7 +113,8 @@ fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error
     }
     let useful_data = ludd::compare(&scene, photons, lighting_agents, log)?;
     let network = ludd::draw_network(&scene, part(lighting_agents, NETWORK))?;
-    let elsewhere = options.elsewhere.iter().map(|other| elsewhere::compare(options, other, log));
+    let others_elsewhere = options.elsewhere();
+    let elsewhere = others_elsewhere.iter().map(|other| elsewhere::compare(options, other, log));
     let elsewhere = elsewhere.collect::<Result<_, _>>()?;
     Ok(AlaReport {
         samples: spp,
@@ -142,7 +131,7 @@ fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error
 }
 
 fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
-    let json = serde_json::to_string_pretty(&report.as_json()).unwrap_or_default();
+    let json = serde_json::to_string_pretty(&headed(report)).unwrap_or_default();
     write_file(&folder.join("ala.json"), &json)?;
     write_file(&folder.join("ala.svg"), &plot::svg(report))?;
     let png = |name: &str, picture: &Picture| write_png(folder, name, picture);

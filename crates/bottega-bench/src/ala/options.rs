@@ -2,38 +2,103 @@
 
 use std::path::PathBuf;
 
-/// A scene with a converged picture of it.
-#[derive(Clone, Debug)]
-pub struct AlaScene {
-    /// The scene.
-    pub scene: PathBuf,
-    /// The picture; those that are painted take their size of it.
-    pub reference: PathBuf,
+use clap::Args;
+
+use crate::{
+    arguments::{self, SceneFolder, number},
+    error::Error,
+};
+
+/// The scene of the comparison, in the folder of scenes.
+const SCENE: &str = "ala/ala.xml";
+/// A converged picture of that scene.
+const REFERENCE: &str = "ala/reference/Mitsuba3.exr";
+
+/// Other scenes, with converged pictures of them: an interior, and one of glass.
+const ELSEWHERE: [[&str; 2]; 2] = [
+    ["peers/d_interior.xml", "peers/reference/ref_d_interior.exr"],
+    ["peers/c_goblets.xml", "peers/reference/ref_c_goblets.exr"],
+];
+
+/// Sides of a picture that has no reference yet, as a share of the paper's.
+const SCALE: f64 = 0.25;
+
+/// The tables and figures of the paper on Autonomous Lighting Agents: photon mapping, its agents, and ours.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "Photon mapping, the agents of the paper and our own paint the same scene, with more and more \
+    samples; errors are to a path-traced picture. For example:\n  bottega-bench ala --scenes ../scenes -o ala/")]
+pub(crate) struct AlaOptions {
+    /// The scene. Default: ala/ala.xml in the folder of scenes.
+    scene: Option<PathBuf>,
+    #[command(flatten)]
+    folder: SceneFolder,
+    /// A converged picture of the scene, of which the pictures take their size. Default: ala/reference/Mitsuba3.exr in the folder of
+    /// scenes for its scene; else one is painted first.
+    #[arg(long, value_name = "FILE.exr")]
+    reference: Option<PathBuf>,
+    /// Sides of the picture, as a share of the paper's 1600 × 1200; a reference of that size is painted first.
+    #[arg(long, value_name = "S", value_parser = number(0.02, 2.0), conflicts_with = "reference")]
+    scale: Option<f64>,
+    /// Samples per pixel of a reference that is painted.
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=1 << 16))]
+    pub(super) reference_spp: u32,
+    /// Most samples per pixel; errors are measured at 1, 2, 4 and so on.
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=1 << 12))]
+    pub(super) spp: u32,
+    /// Photons of the paper's comparison.
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(100..=10_000_000))]
+    pub(super) photons: u32,
+    /// Lighting agents of the paper's comparison.
+    #[arg(long, value_name = "N", default_value_t = 50_000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
+    pub(super) lighting_agents: u32,
+    /// Threads. Default: as many as there are processors.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Folder for ala.json, ala.svg, and the pictures.
+    #[arg(short, long, value_name = "FOLDER")]
+    pub(super) output: Option<PathBuf>,
 }
 
-/// The scene of the measurement, and its numbers of photons and agents.
+/// A scene with a converged picture of it.
 #[derive(Clone, Debug)]
-pub struct AlaOptions {
-    /// The scene.
-    pub scene: PathBuf,
-    /// A converged picture of the scene, of which the pictures take their size; `None`: one is painted first.
-    pub reference: Option<PathBuf>,
+pub(super) struct AlaScene {
+    pub(super) scene: PathBuf,
+    /// Pictures that are compared with it take their size of it.
+    pub(super) reference: PathBuf,
+}
+
+impl AlaOptions {
+    /// The scene of the paper, or the one that was asked for.
+    pub(super) fn scene(&self) -> Result<PathBuf, Error> {
+        self.folder.scene(self.scene.as_ref(), SCENE)
+    }
+
+    /// A converged picture of the scene; `None`: one is painted first.
+    pub(super) fn reference(&self) -> Option<PathBuf> {
+        self.reference.clone().or_else(|| self.folder.place(REFERENCE).filter(|_| self.is_as_in_the_paper()))
+    }
+
     /// Other scenes in which agents are compared with photon mapping.
-    pub elsewhere: Vec<AlaScene>,
+    pub(super) fn elsewhere(&self) -> Vec<AlaScene> {
+        let scenes = ELSEWHERE.iter().filter(|_| self.is_as_in_the_paper());
+        let place = |[scene, reference]: &[&str; 2]| {
+            Some(AlaScene { scene: self.folder.place(scene)?, reference: self.folder.place(reference)? })
+        };
+        scenes.filter_map(place).collect()
+    }
+
     /// Sides of a reference that is painted, as a share of the paper's 1600 × 1200.
-    pub scale: f64,
-    /// Samples a pixel of a reference that is painted.
-    pub reference_spp: u32,
-    /// Most samples a pixel; errors are measured at 1, 2, 4 and so on.
-    pub spp: u32,
-    /// Photons of the paper's comparison.
-    pub photons: u32,
-    /// Lighting agents of the paper's comparison.
-    pub lighting_agents: u32,
-    /// Threads that paint.
-    pub threads: usize,
-    /// Folder for `ala.json`, `ala.svg`, and the pictures.
-    pub output: Option<PathBuf>,
+    pub(super) fn scale(&self) -> f64 {
+        self.scale.unwrap_or(SCALE)
+    }
+
+    pub(super) fn threads(&self) -> usize {
+        arguments::threads(self.threads)
+    }
+
+    fn is_as_in_the_paper(&self) -> bool {
+        self.scene.is_none() && self.scale.is_none()
+    }
 }
 
 /// A part of so many.

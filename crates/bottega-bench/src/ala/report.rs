@@ -3,7 +3,7 @@
 use bottega_image::{Canvas, FlipOptions, Picture, flip};
 
 use super::{elsewhere::ElsewhereResult, ludd::UsefulData, ways::MethodResult};
-use crate::Error;
+use crate::error::Error;
 
 /// FLIP above which a pixel looks wrong.
 const WRONG: f32 = 0.1;
@@ -21,7 +21,7 @@ pub(super) struct Shadows {
 }
 
 /// Times, memory and errors of all ways to paint, and their pictures.
-pub struct AlaReport {
+pub(super) struct AlaReport {
     pub(super) samples: u32,
     pub(super) reference: Picture,
     /// Photon mapping of the paper's comparison; all else is told beside it.

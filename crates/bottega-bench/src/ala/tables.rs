@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use super::{ludd, paper, report::AlaReport, ways::MethodResult};
-use crate::Report;
+use crate::report::Report;
 
 impl Report for AlaReport {
     fn as_text(&self) -> String {

@@ -14,7 +14,7 @@ use bottega_render::{
     photon::MapBytes,
 };
 
-use crate::{Error, painting::paint_samples, shared_meshes};
+use crate::{error::Error, files::shared_meshes, painting::paint_samples};
 
 /// One way to paint the scene.
 #[derive(Clone, Debug)]

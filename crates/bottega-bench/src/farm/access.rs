@@ -6,11 +6,11 @@ use bottega_agents::driver::nats::{NatsThread, NatsUplink};
 use bottega_cluster::{Credentials, FarmAddress, FarmLink, job_link, link, own_server::Entry};
 use bottega_farm::{FarmCodec, Link, WorkId};
 
-use crate::Error;
+use crate::error::Error;
 
 /// The way to the server, as processes tell each other.
 #[derive(Clone, Debug)]
-pub enum ServerAccess {
+pub(crate) enum ServerAccess {
     /// To a server that was started for a measurement.
     Started(Entry),
     /// To that of a farm.

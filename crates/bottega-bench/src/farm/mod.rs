@@ -8,82 +8,109 @@ mod figures;
 mod idle_engine;
 mod part;
 mod watch;
+mod work;
 
-use std::{env, fs, path::PathBuf, process, sync::Arc, time::Duration};
+use std::{io::Write, path::PathBuf, process, sync::Arc};
 
 use bottega_cluster::{Credentials, FarmAddress, own_server::OwnServer};
-use bottega_farm::{AuctionRule, JobReport, StopSwitch, ZoneState, lead};
+use bottega_farm::{JobReport, StopSwitch, ZoneState, lead};
+use clap::Args;
 use serde_json::Value;
 
-pub use self::{
-    access::ServerAccess,
-    part::{AgentShare, PartCommand, PartOptions, run_part},
-};
 pub(crate) use self::{
-    access::{AgentLink, ServerLinks},
+    access::{AgentLink, ServerAccess, ServerLinks},
+    part::PartOptions,
     watch::unix_micros,
 };
 use self::{
     figures::{FarmRun, Figures},
     idle_engine::IdleEngine,
-    part::PartReport,
+    part::{AgentShare, PartReport, part_command},
     watch::MasterWatch,
+    work::FarmWork,
 };
-use crate::{Error, Report, part_process::PartProcess, write_error};
+use crate::{
+    error::Error,
+    files::temporary_folder,
+    part_process::PartProcess,
+    report::{Measurement, Report},
+};
 
-/// The number of agents and the amount of work.
-#[derive(Clone, Debug)]
-pub struct FarmOptions {
-    /// Agents, at least 1.
-    pub agents: u32,
-    /// About how many zones.
-    pub zones: u32,
-    /// Mean time of a zone over all agents; zones differ by half of it, agents in speed from 0.6 to 1.4.
-    pub zone_time: Duration,
-    /// How zones find their agents.
-    pub auction: AuctionRule,
+/// Awards a second, and how long an agent waits for one, in a farm of many agents on a real NATS server.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Each agent has a connection of its own, and everything that a machine of a farm has but an engine: instead of \
+    painting, it waits. A zone is profiled by one agent and painted by another, both with pixels that travel, so nothing of \
+    the protocol is left out.\n\n\
+    An award is an order to paint a zone, which counts when it is written on the blackboard. Awards a second are those between \
+    the first tenth of all and the last. An award takes from the agent's bid until it has the order in hand: the round of the \
+    auction ends, the award is written, and sent. What an agent waits for an award is the time from when it says that it has painted a \
+    zone until it has the next one in hand: its report goes to the Master, a round of the auction is held, the award is written \
+    by compare-and-set, and sent. Meanwhile it has another zone to paint, and zones go to those who would have them \
+    soonest: so one that has just begun its next zone is not in a hurry, and the longest waits are about as long as a zone. All agents together cannot ask for more than (agents / \
+    seconds of a zone) awards a second: with more than the farm can give, the wait is that of a queue.\n\n\
+    For example:\n  bottega-bench farm\n  bottega-bench farm --agents 500 --zone-time 100ms    # the most that it can give"
+)]
+pub(crate) struct FarmOptions {
+    /// How many agents.
+    #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..=1 << 13))]
+    agents: u32,
+    #[command(flatten)]
+    work: FarmWork,
     /// Processes in which the agents live, beside the one with the Master.
-    pub processes: u32,
-    /// Which server.
-    pub server: ServerChoice,
-}
-
-/// The server that carries the farm.
-#[derive(Clone, Debug)]
-pub enum ServerChoice {
-    /// One that is started for this, by a program; `None`: `nats-server`, where systems put it.
-    Started(Option<PathBuf>),
-    /// That of a farm; nobody should use it meanwhile.
-    Farm(Box<FarmAddress>, Credentials),
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=256))]
+    processes: u32,
+    /// The program of the NATS server to start; default: `nats-server`, where systems put it.
+    #[arg(long, value_name = "PROGRAM", conflicts_with = "farm")]
+    server: Option<PathBuf>,
+    /// A farm that is there already; nobody should use it meanwhile.
+    #[arg(long, value_name = "ADDRESS")]
+    farm: Option<FarmAddress>,
+    /// Credentials for its servers, where others run them: a `.creds` file.
+    #[arg(long, value_name = "FILE", requires = "farm")]
+    creds: Option<PathBuf>,
 }
 
 /// The figures of a farm.
 #[derive(Clone, Debug)]
-pub struct FarmBenchReport {
+struct FarmBenchReport {
     run: FarmRun,
     figures: Figures,
 }
 
-/// Has a picture painted by all agents, which paint nothing and take their time for it.
-///
-/// - `command`: starts processes with some of the agents, which call [`run_part`].
-/// - `stop`: ends the work before its time, which is an error.
-///
-/// # Errors
-/// There is no server, not all agents can live, or the picture was not painted.
-pub fn measure(options: &FarmOptions, command: PartCommand<'_>, stop: &StopSwitch) -> Result<FarmBenchReport, Error> {
-    let folder = Folder::new()?;
-    let (_server, access) = match &options.server {
-        ServerChoice::Started(program) => {
-            let server = OwnServer::start(program.as_deref(), &folder.0)?;
-            let access = ServerAccess::Started(server.entry.clone());
-            (Some(server), access)
+impl Measurement for FarmOptions {
+    /// Has a picture painted by all agents, which paint nothing and take their time for it. Ctrl-C stops it.
+    fn measure(&self, _log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
+        let stop = StopSwitch::new();
+        stop_on_signal(&stop)?;
+        let folder = temporary_folder()?;
+        let (_server, access) = match &self.farm {
+            None => {
+                let server = OwnServer::start(self.server.as_deref(), folder.path())?;
+                let access = ServerAccess::Started(server.entry.clone());
+                (Some(server), access)
+            }
+            Some(farm) => {
+                let credentials = Credentials { creds: self.creds.clone(), ..Credentials::default() };
+                (None, ServerAccess::Farm(Box::new(farm.clone()), credentials))
+            }
+        };
+        let run = run(self, &access, &stop)?;
+        let figures = Figures::of(&run);
+        Ok(Box::new(FarmBenchReport { run, figures }))
+    }
+}
+
+/// Ctrl-C and SIGTERM stop the work; a second one ends the process at once.
+fn stop_on_signal(stop: &StopSwitch) -> Result<(), Error> {
+    let stop = stop.clone();
+    let handler = move || {
+        if stop.is_requested() {
+            process::exit(Error::Stopped.exit_code().into());
         }
-        ServerChoice::Farm(address, credentials) => (None, ServerAccess::Farm(address.clone(), credentials.clone())),
+        stop.request();
     };
-    let run = run(options, &access, command, stop)?;
-    let figures = Figures::of(&run);
-    Ok(FarmBenchReport { run, figures })
+    Ok(ctrlc::set_handler(handler)?)
 }
 
 impl Report for FarmBenchReport {
@@ -96,12 +123,7 @@ impl Report for FarmBenchReport {
     }
 }
 
-fn run(
-    options: &FarmOptions,
-    access: &ServerAccess,
-    command: PartCommand<'_>,
-    stop: &StopSwitch,
-) -> Result<FarmRun, Error> {
+fn run(options: &FarmOptions, access: &ServerAccess, stop: &StopSwitch) -> Result<FarmRun, Error> {
     let work = watch::unix_micros();
     let links = ServerLinks::new(access.clone())?;
     // The Master's process has an agent too, as everywhere.
@@ -112,21 +134,21 @@ fn run(
     for i in 0..processes {
         let (first, end) = (share_of(others, processes, i), share_of(others, processes, i + 1));
         let share = AgentShare { work, first: 1 + first, count: end - first };
-        let FarmOptions { zones, zone_time, auction, .. } = *options;
-        let part = PartOptions { share, zones, zone_time, auction, access: access.clone() };
-        parts.push(PartProcess::start(command(&part))?);
+        parts.push(PartProcess::start(part_command(share, &options.work, access)?)?);
     }
     parts.iter_mut().try_for_each(PartProcess::until_ready)?;
-    let engine = Arc::new(IdleEngine::new(options.zone_time, 0).map_err(Error::Thread)?);
+    let zone_time = options.work.zone_time;
+    let engine = Arc::new(IdleEngine::new(zone_time, 0).map_err(Error::Thread)?);
     let watch = Arc::new(MasterWatch::default());
-    let settings = idle_engine::settings(options.zones, options.auction);
+    let settings = options.work.settings();
     let painted = lead(&settings, engine, Arc::clone(&watch) as _, stop, None, None, Some(link.clone()));
     let report = painted.map_err(bottega::Error::Job);
-    let told =
-        report.is_ok().then(|| parts.iter_mut().map(PartProcess::report::<PartReport>).collect::<Result<Vec<_>, _>>());
+    let is_whole = report.as_ref().is_ok_and(|report| !report.stopped);
+    let told = is_whole.then(|| parts.iter_mut().map(PartProcess::report::<PartReport>).collect::<Result<Vec<_>, _>>());
     link.forget();
-    let (report, told) = (report?, told.transpose()?.unwrap_or_default());
+    let report = report?;
     check(&report)?;
+    let told = told.transpose()?.unwrap_or_default();
     let traffic = uplink.traffic();
     let own = traffic.messages_in + traffic.messages_out;
     let own_bytes = traffic.bytes_in + traffic.bytes_out;
@@ -138,7 +160,7 @@ fn run(
         agents: options.agents,
         processes: processes + 1,
         zones: report.rows.len(),
-        zone_seconds: options.zone_time.as_secs_f64(),
+        zone_seconds: zone_time.as_secs_f64(),
         seconds: report.times.total.as_secs_f64(),
         awards: watch.awards(),
         profiles: watch.profiles(),
@@ -165,23 +187,4 @@ fn check(report: &JobReport) -> Result<(), Error> {
         return Err(Error::Unpainted { zones, pixels });
     }
     Ok(())
-}
-
-/// A folder for the server, which goes with this.
-pub(crate) struct Folder(pub(crate) PathBuf);
-
-impl Folder {
-    pub(crate) fn new() -> Result<Self, Error> {
-        let path = env::temp_dir().join(format!("bottega-bench-{}", process::id()));
-        fs::create_dir_all(&path).map_err(|source| write_error(&path, source))?;
-        Ok(Self(path))
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        if let Err(error) = fs::remove_dir_all(&self.0) {
-            tracing::warn!(%error, "the folder {} was not removed", self.0.display());
-        }
-    }
 }

@@ -1,58 +1,75 @@
 //! Some of the agents, in a process of their own.
 
-use std::{
-    fmt,
-    io::{self, Write},
-    process::Command,
-    str::FromStr,
-    sync::Arc,
-    thread,
-    time::Duration,
-};
+use std::{env, fmt, io::Write, net::SocketAddr, path::PathBuf, process::Command, str::FromStr, sync::Arc, thread};
 
-use bottega_farm::{AuctionRule, JobError, JobSettings, StopSwitch, assist};
+use bottega_cluster::{Credentials, own_server::Entry};
+use bottega_farm::{JobError, JobSettings, StopSwitch, assist};
+use clap::Args;
 use serde::{Deserialize, Serialize};
 
 use super::{
     access::{AgentLink, ServerAccess, ServerLinks},
-    idle_engine::{self, IdleEngine},
+    idle_engine::IdleEngine,
     watch::{AgentWatch, Wait},
+    work::FarmWork,
 };
 use crate::{
-    Error,
-    part_process::{end_with_parent, say, say_ready},
+    error::Error,
+    part_process::{end_with_parent, say, say_ready, this_program},
 };
 
 /// The stack of a thread that waits.
 const STACK_BYTES: usize = 256 << 10;
+/// The variable of the environment in which a process with agents finds the farm.
+const FARM: &str = "BOTTEGA_FARM";
 
-/// The orders of a process with some of the agents.
-#[derive(Clone, Debug)]
-pub struct PartOptions {
-    /// Which agents.
-    pub share: AgentShare,
-    /// About how many zones the picture has.
-    pub zones: u32,
-    /// Mean time of a zone over all agents.
-    pub zone_time: Duration,
-    /// How zones find their agents.
-    pub auction: AuctionRule,
-    /// The way to the server.
-    pub access: ServerAccess,
+/// Some of the agents, as the process with the Master asks for them.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct PartOptions {
+    /// Which agents: `WORK:FIRST:COUNT`.
+    #[arg(long)]
+    share: AgentShare,
+    #[command(flatten)]
+    work: FarmWork,
+    /// The address of the server that the process with the Master has started; default: the farm that BOTTEGA_FARM names.
+    #[arg(long, requires = "state")]
+    at: Option<SocketAddr>,
+    /// Its folder.
+    #[arg(long, requires = "at")]
+    state: Option<PathBuf>,
+    /// Credentials for the servers of the farm.
+    #[arg(long)]
+    creds: Option<PathBuf>,
 }
 
-/// Makes the command of a process that calls [`run_part`] with these options.
-pub type PartCommand<'a> = &'a dyn Fn(&PartOptions) -> io::Result<Command>;
+/// This program, with some of the agents.
+pub(super) fn part_command(share: AgentShare, work: &FarmWork, access: &ServerAccess) -> Result<Command, Error> {
+    let mut command = this_program()?;
+    command.arg("farm-part").arg("--share").arg(share.to_string()).args(work.words());
+    match access {
+        ServerAccess::Started(Entry { folder, address }) => {
+            command.arg("--at").arg(address.to_string()).arg("--state").arg(folder);
+        }
+        ServerAccess::Farm(farm, credentials) => {
+            // The address may hold a secret: all can see what a program is started with.
+            command.env(FARM, farm.to_string());
+            if let Some(creds) = &credentials.creds {
+                command.arg("--creds").arg(creds);
+            }
+        }
+    }
+    Ok(command)
+}
 
 /// Agents of one process. As text: `WORK:FIRST:COUNT`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AgentShare {
+pub(super) struct AgentShare {
     /// The work that all agents paint.
-    pub work: u64,
+    pub(super) work: u64,
     /// The number of the first agent.
-    pub first: u32,
+    pub(super) first: u32,
     /// How many there are.
-    pub count: u32,
+    pub(super) count: u32,
 }
 
 impl fmt::Display for AgentShare {
@@ -83,37 +100,48 @@ pub(super) struct PartReport {
     pub(super) bytes: u64,
 }
 
-/// Lives as these agents until the work is done, or standard input ends because the process with the Master is gone.
-///
-/// - `output`: that process reads it: a line when all agents are linked, and one with what they have seen.
-///
-/// # Errors
-/// An agent cannot live or fails.
-pub fn run_part(options: &PartOptions, output: &mut dyn Write) -> Result<(), Error> {
-    let share = options.share;
-    let links = ServerLinks::new(options.access.clone())?;
-    let settings = idle_engine::settings(options.zones, options.auction);
-    let links = (0..share.count).map(|i| links.link(share.work, share.first + i)).collect::<Result<Vec<_>, _>>()?;
-    say_ready(output)?;
-    let stops: Vec<StopSwitch> = links.iter().map(|_| StopSwitch::new()).collect();
-    end_with_parent(stops.clone())?;
-    let mut agents = Vec::new();
-    for ((link, stop), agent) in links.into_iter().zip(stops).zip(share.first..) {
-        let engine = IdleEngine::new(options.zone_time, agent).map_err(Error::Thread)?;
-        let settings = settings.clone();
-        let live = move || live(&settings, engine, &stop, &link);
-        agents.push(thread::Builder::new().stack_size(STACK_BYTES).spawn(live).map_err(Error::Thread)?);
+impl PartOptions {
+    /// The way to the server.
+    fn access(&self) -> Result<ServerAccess, Error> {
+        if let (Some(address), Some(folder)) = (self.at, &self.state) {
+            return Ok(ServerAccess::Started(Entry { folder: folder.clone(), address }));
+        }
+        let farm = env::var(FARM).ok().and_then(|farm| farm.parse().ok()).ok_or(Error::NoFarm)?;
+        Ok(ServerAccess::Farm(Box::new(farm), Credentials { creds: self.creds.clone(), ..Credentials::default() }))
     }
-    let mut report = PartReport::default();
-    for agent in agents {
-        let seen = agent.join().map_err(|_| Error::Panic { thread: "an agent" })?;
-        let PartReport { waits, answers, messages, bytes } = seen.map_err(bottega::Error::Job)?;
-        report.waits.extend(waits);
-        report.answers.extend(answers);
-        report.messages += messages;
-        report.bytes += bytes;
+
+    /// Lives as these agents until the work is done, or standard input ends because the process with the Master is gone.
+    ///
+    /// - `output`: that process reads it: a line when all agents are linked, and one with what they have seen.
+    ///
+    /// # Errors
+    /// An agent cannot live or fails.
+    pub(crate) fn run(&self, output: &mut dyn Write) -> Result<(), Error> {
+        let share = self.share;
+        let links = ServerLinks::new(self.access()?)?;
+        let settings = self.work.settings();
+        let links = (0..share.count).map(|i| links.link(share.work, share.first + i)).collect::<Result<Vec<_>, _>>()?;
+        say_ready(output)?;
+        let stops: Vec<StopSwitch> = links.iter().map(|_| StopSwitch::new()).collect();
+        end_with_parent(stops.clone())?;
+        let mut agents = Vec::new();
+        for ((link, stop), agent) in links.into_iter().zip(stops).zip(share.first..) {
+            let engine = IdleEngine::new(self.work.zone_time, agent).map_err(Error::Thread)?;
+            let settings = settings.clone();
+            let live = move || live(&settings, engine, &stop, &link);
+            agents.push(thread::Builder::new().stack_size(STACK_BYTES).spawn(live).map_err(Error::Thread)?);
+        }
+        let mut report = PartReport::default();
+        for agent in agents {
+            let seen = agent.join().map_err(|_| Error::Panic { thread: "an agent" })?;
+            let PartReport { waits, answers, messages, bytes } = seen.map_err(bottega::Error::Job)?;
+            report.waits.extend(waits);
+            report.answers.extend(answers);
+            report.messages += messages;
+            report.bytes += bytes;
+        }
+        say(output, &serde_json::to_string(&report).unwrap_or_default())
     }
-    say(output, &serde_json::to_string(&report).unwrap_or_default())
 }
 
 /// One agent, as a machine that has joined has it.

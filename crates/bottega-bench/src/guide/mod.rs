@@ -13,20 +13,26 @@ use std::{
     sync::Arc,
 };
 
-use bottega::{request::GuideChoice, settings::whole_guide};
+use bottega::{devices::processors, request::GuideChoice, settings::whole_guide};
 use bottega_image::{
     Canvas, ExrOptions, Film, HalfOrFloat, Metadata, Picture, ToneMap, USUAL_TRIM, read_picture, rel_mse_trimmed,
     srgb_mse, write_picture_exr,
 };
 use bottega_platform::processor_time::own_seconds;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use clap::Args;
 
-pub use self::report::GuideReport;
-use self::report::{GuideRow, WayResult};
-use crate::{Error, create_folder, painting::paint_zone, say, shared_meshes};
+use self::report::{GuideReport, GuideRow, WayResult};
+use crate::{
+    arguments::SceneFolder,
+    error::Error,
+    files::{create_folder, shared_meshes},
+    painting::paint_zone,
+    report::{Measurement, Report, say},
+};
 
 /// Scenes that are measured if none are named, below the folder of scenes.
-pub const SCENES: &[&str] = &[
+const SCENES: [&str; 5] = [
     "coffee/pbrt/scene-v4.pbrt",
     "peers/a_cornell.xml",
     "peers/b_ala.xml",
@@ -37,27 +43,42 @@ pub const SCENES: &[&str] = &[
 /// Seeds of the halves of a reference, which no picture has.
 const REFERENCE_SEEDS: [u64; 2] = [0x7265_6665, 0x7265_6666];
 
-/// What is measured.
-#[derive(Clone, Debug)]
-pub struct GuideOptions {
-    /// The scenes.
-    pub scenes: Vec<PathBuf>,
-    /// Width and height of the pictures.
-    pub size: [u32; 2],
-    /// Samples a pixel, one row of the table each.
-    pub samples: Vec<u32>,
-    /// Pictures of each kind, at least 1.
-    pub seeds: u32,
-    /// The first of their seeds; others follow it.
-    pub first_seed: u64,
-    /// Samples a pixel of the reference.
-    pub reference_samples: u32,
-    /// Threads that paint what is measured.
-    pub threads: usize,
-    /// Threads that paint references.
-    pub reference_threads: usize,
-    /// Folder for references, which are taken from there the next time, and for the pictures of the first seed.
-    pub output: Option<PathBuf>,
+/// What the guide of paths is worth: error × time of --guide ala over --guide none, learning included.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "A ratio below 1 says that the guide pays. Errors are to a picture of many samples without a guide. \
+    For example:\n  bottega-bench guide --scenes ../scenes --spp 8,32 -o guide/"
+)]
+pub(crate) struct GuideOptions {
+    /// Scenes. Default: five in the folder of scenes.
+    files: Vec<PathBuf>,
+    #[command(flatten)]
+    folder: SceneFolder,
+    /// Width of the pictures.
+    #[arg(long, value_name = "PIXELS", default_value_t = 160, value_parser = clap::value_parser!(u32).range(8..=1 << 14))]
+    width: u32,
+    /// Height of the pictures.
+    #[arg(long, value_name = "PIXELS", default_value_t = 120, value_parser = clap::value_parser!(u32).range(8..=1 << 14))]
+    height: u32,
+    /// Samples per pixel, one row each.
+    #[arg(long, value_name = "N", value_delimiter = ',', default_values_t = [4, 8, 32, 128],
+        value_parser = clap::value_parser!(u32).range(1..=1 << 16))]
+    spp: Vec<u32>,
+    /// Pictures of each kind; figures are of their means.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    seeds: u32,
+    /// The first of their seeds.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u32,
+    /// Samples per pixel of the reference.
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..=1 << 20))]
+    reference_spp: u32,
+    /// Threads that paint what is measured. References take all processors.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: u16,
+    /// Folder for the references, which are taken from there the next time, and for the pictures of the first seed.
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
 }
 
 /// A scene with its reference.
@@ -71,34 +92,40 @@ struct MeasuredScene {
     noise: [f64; 2],
 }
 
-/// Paints every scene with and without a guide.
-///
-/// - `log`: is told which picture is being painted.
-///
-/// # Errors
-/// A scene cannot be painted, a file not be written, or the system does not tell processor times.
-pub fn measure(options: &GuideOptions, log: &mut dyn Write) -> Result<GuideReport, Error> {
-    if let Some(folder) = &options.output {
-        create_folder(folder)?;
-    }
-    let mut rows = Vec::new();
-    for path in &options.scenes {
-        let scene = MeasuredScene::open(path, options, log)?;
-        for &samples in &options.samples {
-            say(log, format_args!("{}, {samples} samples a pixel …", scene.name));
-            let row = scene.row(samples, options)?;
-            say(log, format_args!("{}", row.line()));
-            rows.push(row);
+impl Measurement for GuideOptions {
+    fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
+        if let Some(folder) = &self.output {
+            create_folder(folder)?;
         }
+        let mut rows = Vec::new();
+        for path in &self.scenes()? {
+            let scene = MeasuredScene::open(path, self, log)?;
+            for &samples in &self.spp {
+                say(log, format_args!("{}, {samples} samples per pixel …", scene.name));
+                let row = scene.row(samples, self)?;
+                say(log, format_args!("{}", row.line()));
+                rows.push(row);
+            }
+        }
+        Ok(Box::new(GuideReport { rows, size: [self.width, self.height], seeds: self.seeds }))
     }
-    Ok(GuideReport { rows, size: options.size, seeds: options.seeds })
+}
+
+impl GuideOptions {
+    /// The scenes that were asked for, or else those in the folder of scenes.
+    fn scenes(&self) -> Result<Vec<PathBuf>, Error> {
+        if !self.files.is_empty() {
+            return Ok(self.files.clone());
+        }
+        SCENES.iter().map(|scene| self.folder.scene(None, scene)).collect()
+    }
 }
 
 impl MeasuredScene {
     fn open(path: &Path, options: &GuideOptions, log: &mut dyn Write) -> Result<Self, Error> {
         let loaded = bottega_scene::load(path, &shared_meshes())?;
-        let prepare = PrepareOptions { threads: options.threads, ..PrepareOptions::default() };
-        let [width, height] = options.size;
+        let prepare = PrepareOptions { threads: options.threads.into(), ..PrepareOptions::default() };
+        let GuideOptions { width, height, .. } = *options;
         let mut scene = Self {
             name: name_of(path),
             prepared: Arc::new(PreparedScene::new(Arc::new(loaded.scene), &prepare)?),
@@ -117,7 +144,7 @@ impl MeasuredScene {
 
     /// Half of the reference: as it was written before, or painted now.
     fn half(&self, which: usize, options: &GuideOptions, log: &mut dyn Write) -> Result<Picture, Error> {
-        let samples = options.reference_samples.div_ceil(2);
+        let samples = options.reference_spp.div_ceil(2);
         let View { width, height, .. } = self.view;
         let file = |folder: &PathBuf| {
             folder.join(format!("{}-{width}x{height}-{samples}-half-{which}.exr", self.name.replace('/', "-")))
@@ -129,9 +156,8 @@ impl MeasuredScene {
                 return Ok(picture);
             }
         }
-        say(log, format_args!("{}, half of the reference, {samples} samples a pixel …", self.name));
-        let picture =
-            self.paint(GuideChoice::None, samples, REFERENCE_SEEDS[which], options.reference_threads)?.picture;
+        say(log, format_args!("{}, half of the reference, {samples} samples per pixel …", self.name));
+        let picture = self.paint(GuideChoice::None, samples, REFERENCE_SEEDS[which], processors())?.picture;
         if let Some(file) = &file {
             let exr = ExrOptions { depth: HalfOrFloat::Float, ..ExrOptions::default() };
             write_picture_exr(file, &picture, &Metadata::new(), exr)?;
@@ -141,11 +167,12 @@ impl MeasuredScene {
 
     fn row(&self, samples: u32, options: &GuideOptions) -> Result<GuideRow, Error> {
         let mut ways = [Vec::new(), Vec::new()];
-        for seed in options.first_seed..options.first_seed + u64::from(options.seeds.max(1)) {
+        let first = u64::from(options.seed);
+        for seed in first..first + u64::from(options.seeds) {
             for (way, (guide, word)) in [(GuideChoice::None, "none"), (GuideChoice::Ala, "ala")].into_iter().enumerate()
             {
-                let painted = self.paint(guide, samples, seed, options.threads)?;
-                if let Some(folder) = options.output.as_ref().filter(|_| seed == options.first_seed) {
+                let painted = self.paint(guide, samples, seed, options.threads.into())?;
+                if let Some(folder) = options.output.as_ref().filter(|_| seed == first) {
                     let name = format!("{}-{samples}-{word}.png", self.name.replace('/', "-"));
                     Canvas::of_picture(&painted.picture, 0.0, ToneMap::Linear).write_png(folder.join(name))?;
                 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use crate::Report;
+use crate::report::Report;
 
 /// What one picture took, and how far it is from the reference.
 #[derive(Clone, Copy, Debug)]
@@ -24,9 +24,9 @@ pub(super) struct GuideRow {
     pub(super) with: Vec<WayResult>,
 }
 
-/// What a guide is worth on scenes, by samples a pixel.
+/// What a guide is worth on scenes, by samples per pixel.
 #[derive(Clone, Debug)]
-pub struct GuideReport {
+pub(super) struct GuideReport {
     pub(super) rows: Vec<GuideRow>,
     pub(super) size: [u32; 2],
     pub(super) seeds: u32,

@@ -9,17 +9,17 @@ use bottega_image::{AovSet, Layout};
 use bottega_render::{AgentUse, Filter, PathSettings, View};
 
 use super::{
-    options::{HraOptions, RUNS_MIN, WorkDivision},
+    options::{HraOptions, WorkDivision},
     ray_scene::{BOUNCES_MAX, RayScene, SIDE},
     report::{BlockColumn, BlockRow, Occupation, occupation},
 };
-use crate::{Error, painting::paint_zone_with, say};
+use crate::{error::Error, painting::paint_zone_with, report::say};
 
 /// How long a run should take at the paper's number of rays, in seconds.
 const SECONDS: f64 = 40.0;
-/// Samples a pixel of the first look.
+/// Samples per pixel of the first look.
 const PILOT_SAMPLES: u32 = 1;
-/// No more samples a pixel than this.
+/// No more samples per pixel than this.
 const SAMPLES_MAX: u32 = 1 << 18;
 
 /// Paints with the processors, with the GPU, and with both; each way so many samples that all take the same time.
@@ -43,7 +43,7 @@ pub(super) fn measure(options: &HraOptions, scene: &RayScene, log: &mut dyn Writ
         let samples = ((rate * wanted) as u32).clamp(1, SAMPLES_MAX);
         columns.push((samples, BlockColumn { way, samples_per_second: Vec::new(), resources: Vec::new() }));
     }
-    let runs = options.runs.max(RUNS_MIN);
+    let runs = options.runs;
     for run in 1..=runs {
         for (samples, column) in &mut columns {
             let (seconds, resources) = once(options, scene, column.way, *samples)?;

@@ -19,14 +19,18 @@ use bottega_platform::scheduling;
 use bottega_render::RenderWork;
 use bottega_scene::Scene;
 
-pub use self::{options::HraOptions, report::HraBenchReport};
+pub(crate) use self::options::HraOptions;
 use self::{
-    options::{RUNS_MIN, WorkDivision},
+    options::WorkDivision,
     ray_scene::RayScene,
-    report::{RayColumn, RayRow, occupation},
+    report::{HraBenchReport, RayColumn, RayRow, occupation},
     walk::{Caller, WalkResult, walk},
 };
-use crate::{Error, Report, create_folder, say, write_file};
+use crate::{
+    error::Error,
+    files::{create_folder, write_file},
+    report::{Measurement, Report, headed, say},
+};
 
 /// Paths that tell how many rays a path has.
 const PILOT_PATHS: u64 = 1 << 16;
@@ -35,36 +39,33 @@ const SPANS_KEPT: usize = 20_000;
 /// By how much a GPU's light may differ: it finds other hits along edges.
 const GPU_DIFFERENCE: f64 = 5e-3;
 
-/// Measures all ways in turn, and writes what `output` asks for. Keeps the calling thread, and all threads that it starts, to
-/// so many processors: call it before other threads are started that should be kept to them, too.
-///
-/// - `log`: is told of every run. `hra.json` has what is measured so far, scene by scene.
-///
-/// # Errors
-/// The GPU cannot be used, two ways find different light, or a file cannot be written.
-pub fn measure(options: &HraOptions, log: &mut dyn Write) -> Result<HraBenchReport, Error> {
-    let is_kept = scheduling::keep_to(options.processors);
-    if let Some(folder) = &options.output {
-        create_folder(folder)?;
+impl Measurement for HraOptions {
+    /// Measures all ways in turn. Keeps the calling thread, and all threads that it starts, to so many processors. `hra.json` has what
+    /// is measured so far, scene by scene.
+    fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
+        let is_kept = scheduling::keep_to(self.processors);
+        if let Some(folder) = &self.output {
+            create_folder(folder)?;
+        }
+        let scenes = [RayScene::a()?, RayScene::b()?];
+        let Self { processors, batch, .. } = *self;
+        let mut report = HraBenchReport { processors, is_kept, batch, rows: Vec::new(), blocks: Vec::new() };
+        for scene in &scenes {
+            report.rows.push(measure_rays(self, scene, log)?);
+            keep(self, &report)?;
+        }
+        for scene in &scenes {
+            report.blocks.push(blocks::measure(self, scene, log)?);
+            keep(self, &report)?;
+        }
+        Ok(Box::new(report))
     }
-    let scenes = [RayScene::a()?, RayScene::b()?];
-    let (processors, batch) = (options.processors, options.batch);
-    let mut report = HraBenchReport { processors, is_kept, batch, rows: Vec::new(), blocks: Vec::new() };
-    for scene in &scenes {
-        report.rows.push(measure_rays(options, scene, log)?);
-        keep(options, &report)?;
-    }
-    for scene in &scenes {
-        report.blocks.push(blocks::measure(options, scene, log)?);
-        keep(options, &report)?;
-    }
-    Ok(report)
 }
 
 /// Writes what is measured so far: whoever ends it early loses no scene that is done.
 fn keep(options: &HraOptions, report: &HraBenchReport) -> Result<(), Error> {
     let Some(folder) = &options.output else { return Ok(()) };
-    write_file(&folder.join("hra.json"), &report.as_json().to_string())
+    write_file(&folder.join("hra.json"), &headed(report).to_string())
 }
 
 fn measure_rays(options: &HraOptions, scene: &RayScene, log: &mut dyn Write) -> Result<RayRow, Error> {
@@ -78,7 +79,7 @@ fn measure_rays(options: &HraOptions, scene: &RayScene, log: &mut dyn Write) -> 
     let column = |way| RayColumn { way, seconds: Vec::new(), resources: Vec::new() };
     let mut columns: Vec<RayColumn> = ways.into_iter().map(column).collect();
     let mut known: Option<WalkResult> = None;
-    let runs = options.runs.max(RUNS_MIN);
+    let runs = options.runs;
     for run in 1..=runs {
         for column in &mut columns {
             let (found, seconds, report) = once(options, scene, column.way, paths)?;

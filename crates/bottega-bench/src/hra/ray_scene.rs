@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use bottega_kernels::{Hit, Ray, bench::BenchScene};
+use bottega_kernels::{Hit, Ray};
 use bottega_render::{PrepareOptions, PreparedScene};
 use glam::Vec3;
 
-use crate::{Error, devices::scene_of};
+use crate::{
+    error::Error,
+    scenes::{self, BenchScene},
+};
 
 /// Longest path: the paper's maximum of bounces.
 pub(super) const BOUNCES_MAX: u32 = 5;
@@ -46,17 +49,17 @@ pub(super) struct PathStep {
 impl RayScene {
     /// Interreflection: a hall of a million triangles that gives back most of the light.
     pub(super) fn a() -> Result<Self, Error> {
-        Self::new("A", "interreflection", bottega_kernels::bench::hall(), 0.8)
+        Self::new("A", "interreflection", scenes::hall(), 0.8)
     }
 
     /// Direct light: an object in the open, of which most paths end after a bounce.
     pub(super) fn b() -> Result<Self, Error> {
-        Self::new("B", "direct light", bottega_kernels::bench::stadium(), 0.2)
+        Self::new("B", "direct light", scenes::stadium(), 0.2)
     }
 
     fn new(name: &'static str, kind: &'static str, geometry: BenchScene, albedo: f32) -> Result<Self, Error> {
-        let scene = scene_of(geometry.clone(), albedo);
-        let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &PrepareOptions::default())?);
+        let scene = Arc::new(geometry.scene(albedo));
+        let prepared = Arc::new(PreparedScene::new(scene, &PrepareOptions::default())?);
         Ok(Self { name, kind, prepared, camera: geometry.camera_rays(SIDE), geometry, albedo })
     }
 

@@ -8,7 +8,7 @@ use super::options::WorkDivision;
 pub(super) type Occupation = Vec<(String, f64, u64)>;
 
 /// The times of all ways on both scenes.
-pub struct HraBenchReport {
+pub(super) struct HraBenchReport {
     pub(super) processors: u16,
     /// Whether the system kept the program to them.
     pub(super) is_kept: bool,

@@ -12,7 +12,7 @@ use super::{
     report::{BlockColumn, BlockRow, HraBenchReport, RayColumn, RayRow},
     walk::WalkResult,
 };
-use crate::{Error, Report};
+use crate::{error::Error, report::Report};
 
 impl Report for HraBenchReport {
     fn as_text(&self) -> String {

@@ -14,7 +14,7 @@ use bottega_kernels::{Hit, Ray};
 use bottega_render::{RenderOutput, RenderWork};
 
 use super::ray_scene::{PathState, PathStep, RayScene, SIDE};
-use crate::Error;
+use crate::error::Error;
 
 /// Batches that one loop has under way: there are as many loops as processors, so that each of these follows rays or makes some.
 /// More would only push each other out of the cache.

@@ -11,11 +11,11 @@ use bottega_farm::{Level, Optimization};
 use bottega_image::{Picture, rel_mse, rmse, srgb_from_linear};
 use serde_json::{Value, json};
 
-use super::{
-    report::Ways,
-    scene::{MagarroOptions, MagarroScene},
+use super::{report::Ways, scene::MagarroScene};
+use crate::{
+    error::Error,
+    report::{Report, say},
 };
-use crate::{Error, Report, say};
 
 /// The levels that are compared.
 const COMPARED: [Optimization; 3] = [Optimization::Normal, Optimization::Big, Optimization::VeryBig];
@@ -52,7 +52,7 @@ impl EqualTimeRow {
 
 /// The error for time of all ways to paint beside uniform samples, which are the first row.
 #[derive(Clone, Debug)]
-pub struct EqualTimeReport {
+pub(super) struct EqualTimeReport {
     width: u32,
     height: u32,
     samples: u32,
@@ -62,18 +62,17 @@ pub struct EqualTimeReport {
 
 /// Paints a reference, and the scene in some of the ways of the paper with some seeds.
 ///
-/// - `reference_samples`: of the reference, a pixel.
+/// - `reference_samples`: of the reference, per pixel.
 /// - `log`: is told which picture is being painted.
 ///
 /// # Errors
 /// The scene cannot be painted.
-pub fn measure_equal_time(
-    options: &MagarroOptions,
+pub(super) fn measure(
+    scene: &MagarroScene<'_>,
     reference_samples: u32,
     log: &mut dyn Write,
 ) -> Result<EqualTimeReport, Error> {
-    let scene = MagarroScene::load(options)?;
-    say(log, format_args!("painting the reference, {reference_samples} samples a pixel …"));
+    say(log, format_args!("painting the reference, {reference_samples} samples per pixel …"));
     let reference = scene.reference(reference_samples, REFERENCE_SEED)?;
     let ours = COMPARED.map(|optimization| (Ways::Ours, optimization));
     let papers = COMPARED.map(|optimization| (Ways::PapersRules, optimization));
@@ -93,14 +92,20 @@ pub fn measure_equal_time(
         Ok(EqualTimeRow { ways, optimization, seconds, rel_mse, shown_mse, bias })
     });
     let rows = rows.collect::<Result<_, Error>>()?;
-    Ok(EqualTimeReport { width: scene.width, height: scene.height, samples: options.spp, reference_samples, rows })
+    Ok(EqualTimeReport {
+        width: scene.width,
+        height: scene.height,
+        samples: scene.options.spp,
+        reference_samples,
+        rows,
+    })
 }
 
 impl Report for EqualTimeReport {
     fn as_text(&self) -> String {
         let Self { width, height, samples, reference_samples, rows } = self;
         let mut text = format!(
-            "{width}x{height}, {samples} samples a pixel, one agent on one thread, means of {SEEDS} seeds; reference: \
+            "{width}x{height}, {samples} samples per pixel, one agent on one thread, means of {SEEDS} seeds; reference: \
              {reference_samples} samples\n\
              gain: error x time of uniform samples over that of the row; bias: the part of the error that more samples \
              leave\n\n\

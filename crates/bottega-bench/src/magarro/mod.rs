@@ -7,6 +7,7 @@
 //! apart wherever they are shown.
 
 mod equal_time;
+mod options;
 mod paper;
 mod plot;
 mod report;
@@ -22,51 +23,57 @@ use bottega_farm::{
 };
 use bottega_image::{Canvas, ColorMap, FlipOptions, Picture, ToneMap, flip, rmse, srgb_from_linear};
 
-pub use self::{
-    equal_time::{EqualTimeReport, measure_equal_time},
-    report::MagarroReport,
-    scene::{MagarroOptions, SCENE},
-    second_agent::{SecondAgentCommand, SharedRow, run_second_agent},
-};
+pub(crate) use self::{options::MagarroOptions, second_agent::SecondAgentOptions};
 use self::{
+    options::MagarroPicture,
     paper::{AGENTS, OPTIMIZATIONS},
-    report::{MagarroRow, PictureError, Pictures, Ways},
+    report::{MagarroReport, MagarroRow, PictureError, Pictures, Ways},
     scene::MagarroScene,
     second_agent::AgentPair,
 };
-use crate::{Error, Report, create_folder, say, write_file};
+use crate::{
+    error::Error,
+    files::{create_folder, write_file},
+    report::{Measurement, Report, headed, say},
+};
 
 /// How long a message takes between machines of one room.
 const LATENCY: Duration = Duration::from_micros(500);
 
-/// Paints the scene in every way of the paper, and writes what `output` asks for.
-///
-/// - `second`: starts the process of the second agent; `None`: two agents are replayed like more.
-/// - `log`: is told which picture is being painted.
-///
-/// # Errors
-/// The scene cannot be painted, the server that is named for two agents does not start, or a file cannot be written.
-pub fn measure(
-    options: &MagarroOptions,
-    second: Option<SecondAgentCommand<'_>>,
-    log: &mut dyn Write,
-) -> Result<MagarroReport, Error> {
-    let pair = match second.map(|command| AgentPair::start(options.server.as_deref(), command)) {
-        Some(Err(error)) if options.server.is_none() => {
-            say(log, format_args!("two agents are replayed, not measured: {error}"));
-            None
+impl Measurement for MagarroOptions {
+    /// Paints the scene in every way of the paper, or those that are compared at equal time.
+    fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
+        let scene = MagarroScene::load(&self.picture)?;
+        if let Some(samples) = self.equal_time {
+            return Ok(Box::new(equal_time::measure(&scene, samples, log)?));
         }
-        pair => pair.transpose()?,
-    };
-    let report = MagarroScene::load(options)?.report(pair.as_ref(), log)?;
-    if let Some(folder) = &options.output {
-        write(folder, &report)?;
+        let report = scene.report(self.pair(log)?.as_ref(), log)?;
+        if let Some(folder) = &self.output {
+            write(folder, &report)?;
+        }
+        Ok(Box::new(report))
     }
-    Ok(report)
+}
+
+impl MagarroOptions {
+    /// Two agents on a server; `None`: they are replayed like more, because the user says so, or because no server starts and none
+    /// was named.
+    fn pair(&self, log: &mut dyn Write) -> Result<Option<AgentPair>, Error> {
+        if self.replay {
+            return Ok(None);
+        }
+        match AgentPair::start(self.server.as_deref()) {
+            Err(error) if self.server.is_none() => {
+                say(log, format_args!("two agents are replayed, not measured: {error}"));
+                Ok(None)
+            }
+            pair => pair.map(Some),
+        }
+    }
 }
 
 impl MagarroScene<'_> {
-    fn report(&self, pair: Option<&AgentPair<'_>>, log: &mut dyn Write) -> Result<MagarroReport, Error> {
+    fn report(&self, pair: Option<&AgentPair>, log: &mut dyn Write) -> Result<MagarroReport, Error> {
         let mut said = |what: &str| say(log, format_args!("painting {what} …"));
         let speed_beside = match pair {
             None => 1.0,
@@ -106,7 +113,7 @@ impl MagarroScene<'_> {
         said("level 3, optimization n, all as in the paper");
         let (paper, _) = judged(self.row(pair, Level::Balanced, Optimization::Normal, Ways::Papers, 0)?)?;
         let very_big = very_big.unwrap_or_else(|| off_picture.clone());
-        let MagarroOptions { spp, light_samples, max_depth, .. } = *self.options;
+        let MagarroPicture { spp, light_samples, max_depth, .. } = *self.options;
         Ok(MagarroReport {
             width: self.width,
             height: self.height,
@@ -149,7 +156,7 @@ impl MagarroScene<'_> {
     /// - `pair`: and how fast a processor is while another one paints.
     fn row(
         &self,
-        pair: Option<(&AgentPair<'_>, f64)>,
+        pair: Option<(&AgentPair, f64)>,
         level: Level,
         optimization: Optimization,
         ways: Ways,
@@ -199,7 +206,7 @@ impl MagarroScene<'_> {
 /// Writes figures and pictures into a folder.
 fn write(folder: &Path, report: &MagarroReport) -> Result<(), Error> {
     create_folder(folder)?;
-    let json = serde_json::to_string_pretty(&report.as_json()).unwrap_or_default();
+    let json = serde_json::to_string_pretty(&headed(report)).unwrap_or_default();
     write_file(&folder.join("magarro.json"), &json)?;
     write_file(&folder.join("magarro.svg"), &plot::svg(report))?;
     let Pictures { off, very_big } = &report.pictures;

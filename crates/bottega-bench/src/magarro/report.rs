@@ -60,7 +60,7 @@ pub(super) struct PictureError {
 
 /// The times and errors of all ways to paint, and two of the pictures.
 #[derive(Clone, Debug)]
-pub struct MagarroReport {
+pub(super) struct MagarroReport {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) samples: u32,

@@ -11,46 +11,27 @@ use bottega_farm::{
 use bottega_image::{AovSet, Layout, Picture};
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene, View};
 
-use super::report::Ways;
-use crate::{Error, shared_meshes};
-
-/// The scene that stands for the paper's, in the folder of scenes.
-pub const SCENE: &str = "magarro/magarro.pbrt";
-
-/// The picture of the measurement.
-#[derive(Clone, Debug)]
-pub struct MagarroOptions {
-    /// The scene.
-    pub scene: PathBuf,
-    /// Sides of the picture, as a share of what the scene file asks for.
-    pub scale: f64,
-    /// Samples a pixel.
-    pub spp: u32,
-    /// Light samples at each bounce.
-    pub light_samples: u32,
-    /// Bounces.
-    pub max_depth: u32,
-    /// Zones that the partition aims at, for all numbers of agents.
-    pub zones: u32,
-    /// Folder for `magarro.json`, `magarro.svg`, and the pictures.
-    pub output: Option<PathBuf>,
-    /// The program of the NATS server over which two agents meet; `None`: `nats-server`, where systems put it.
-    pub server: Option<PathBuf>,
-}
+use super::{
+    options::{MagarroPicture, SCENE},
+    report::Ways,
+};
+use crate::{error::Error, files::shared_meshes};
 
 /// The scene in a size.
 pub(super) struct MagarroScene<'a> {
-    pub(super) options: &'a MagarroOptions,
+    pub(super) options: &'a MagarroPicture,
+    pub(super) path: PathBuf,
     pub(super) width: u32,
     pub(super) height: u32,
 }
 
 impl<'a> MagarroScene<'a> {
-    pub(super) fn load(options: &'a MagarroOptions) -> Result<Self, Error> {
-        let hints = bottega_scene::load(&options.scene, &shared_meshes())?.hints;
+    pub(super) fn load(options: &'a MagarroPicture) -> Result<Self, Error> {
+        let path = options.folder.scene(options.scene.as_ref(), SCENE)?;
+        let hints = bottega_scene::load(&path, &shared_meshes())?.hints;
         let [width, height] = hints.resolution.unwrap_or([640, 480]);
         let side = |side: u32| ((f64::from(side) * options.scale).round() as u32).clamp(8, 1 << 14);
-        Ok(Self { options, width: side(width), height: side(height) })
+        Ok(Self { options, path, width: side(width), height: side(height) })
     }
 
     /// The settings of a job of one agent on one processor.
@@ -80,7 +61,7 @@ impl<'a> MagarroScene<'a> {
     /// The engine of an agent, on one thread. Made anew each time: what is learnt of where light comes from belongs to the time of a
     /// picture.
     pub(super) fn engine(&self, settings: &JobSettings, seed: u64) -> Result<Arc<BuiltinEngine>, Error> {
-        let loaded = bottega_scene::load(&self.options.scene, &shared_meshes())?;
+        let loaded = bottega_scene::load(&self.path, &shared_meshes())?;
         let filter = loaded.hints.filter.unwrap_or_default();
         let options = PrepareOptions { threads: settings.processors, ..PrepareOptions::default() };
         let prepared = Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options)?);
@@ -107,8 +88,8 @@ impl<'a> MagarroScene<'a> {
         let (as_engine, as_observer) = (Arc::clone(&recorder) as _, Arc::clone(&recorder) as _);
         let report = bottega_farm::run(settings, as_engine, as_observer, &StopSwitch::new(), None, None);
         let report = report.map_err(bottega::Error::Job)?;
-        let record = recorder.record(&bottega::text::shown(&self.options.scene), settings, &report);
-        let record = record.map_err(|source| bottega::Error::Record { path: self.options.scene.clone(), source })?;
+        let record = recorder.record(&bottega::text::shown(&self.path), settings, &report);
+        let record = record.map_err(|source| bottega::Error::Record { path: self.path.clone(), source })?;
         Ok((record, report.film.to_picture()))
     }
 

@@ -2,10 +2,10 @@
 
 use std::{
     collections::BTreeMap,
-    fmt, io,
+    fmt,
     io::Write,
-    path::Path,
-    process::Command,
+    net::SocketAddr,
+    path::{Path, PathBuf},
     str::FromStr,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
@@ -14,21 +14,21 @@ use std::{
 use bottega_agents::AgentId;
 use bottega_cluster::own_server::{Entry, OwnServer};
 use bottega_farm::{AgentRow, Level, Link, Observer, Optimization, StopSwitch, assist, lead};
+use clap::Args;
 use serde::{Deserialize, Serialize};
+use tempfile::TempDir;
 
-use super::{
-    report::Ways,
-    scene::{MagarroOptions, MagarroScene},
-};
+use super::{options::MagarroPicture, report::Ways, scene::MagarroScene};
 use crate::{
-    Error,
-    farm::{Folder, ServerAccess, ServerLinks, unix_micros},
-    part_process::{PartProcess, end_with_parent, say, say_ready},
+    error::Error,
+    farm::{ServerAccess, ServerLinks, unix_micros},
+    files::temporary_folder,
+    part_process::{PartProcess, end_with_parent, say, say_ready, this_program},
 };
 
 /// A way to paint, which both processes must agree on. As text: `LEVEL:OPTIMIZATION:WAYS:WORK`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SharedRow {
+pub(super) struct SharedRow {
     pub(super) level: Level,
     pub(super) optimization: Optimization,
     pub(super) ways: Ways,
@@ -59,8 +59,21 @@ impl FromStr for SharedRow {
     }
 }
 
-/// Makes the command of a process that calls [`run_second_agent`] with these options.
-pub type SecondAgentCommand<'a> = &'a dyn Fn(&SharedRow, &Entry) -> io::Result<Command>;
+/// The second agent, as the first process asks for it.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct SecondAgentOptions {
+    #[command(flatten)]
+    picture: MagarroPicture,
+    /// The row that both paint: `LEVEL:OPTIMIZATION:WAYS:WORK`.
+    #[arg(long)]
+    row: SharedRow,
+    /// The address of the server that the first process has started.
+    #[arg(long)]
+    at: SocketAddr,
+    /// Its folder.
+    #[arg(long)]
+    state: PathBuf,
+}
 
 /// The words of the second process when its work is done.
 #[derive(Debug, Serialize, Deserialize)]
@@ -79,19 +92,18 @@ pub(super) struct MeasuredPair {
 }
 
 /// Two agents on one server, which lives as long as this.
-pub(super) struct AgentPair<'a> {
+pub(super) struct AgentPair {
     server: OwnServer,
-    _folder: Folder,
-    command: SecondAgentCommand<'a>,
+    _folder: TempDir,
 }
 
-impl<'a> AgentPair<'a> {
+impl AgentPair {
     /// Starts the server.
     ///
     /// - `program`: that of the server; `None`: `nats-server`, where systems put it.
-    pub(super) fn start(program: Option<&Path>, command: SecondAgentCommand<'a>) -> Result<Self, Error> {
-        let folder = Folder::new()?;
-        Ok(Self { server: OwnServer::start(program, &folder.0)?, _folder: folder, command })
+    pub(super) fn start(program: Option<&Path>) -> Result<Self, Error> {
+        let folder = temporary_folder()?;
+        Ok(Self { server: OwnServer::start(program, folder.path())?, _folder: folder })
     }
 
     /// Paints with both agents together, from when both have loaded the scene. `None`: one had painted all before the other was there.
@@ -107,7 +119,10 @@ impl<'a> AgentPair<'a> {
         let link = link(&entry, row.work, 0)?;
         let settings = scene.settings(level, optimization, ways);
         let engine = scene.engine(&settings, 0)?;
-        let mut second = PartProcess::start((self.command)(&row, &entry))?;
+        let mut command = this_program()?;
+        command.arg("magarro-part").args(scene.options.words(scene.path.clone())).arg("--row").arg(row.to_string());
+        command.arg("--at").arg(entry.address.to_string()).arg("--state").arg(&entry.folder);
+        let mut second = PartProcess::start(command)?;
         second.until_ready()?;
         let arrivals = Arc::new(Arrivals { begun: Instant::now(), agents: Mutex::default() });
         let observer = Arc::clone(&arrivals) as _;
@@ -143,27 +158,25 @@ impl Observer for Arrivals {
     }
 }
 
-/// Paints as the second agent until the work is done, or standard input ends because the first process is gone.
-///
-/// - `output`: the first process reads it.
-///
-/// # Errors
-/// The scene cannot be painted, or the farm not be reached.
-pub fn run_second_agent(
-    options: &MagarroOptions,
-    row: &SharedRow,
-    entry: &Entry,
-    output: &mut dyn Write,
-) -> Result<(), Error> {
-    let scene = MagarroScene::load(options)?;
-    let settings = scene.settings(row.level, row.optimization, row.ways);
-    let engine = scene.engine(&settings, 0)?;
-    let link = link(entry, row.work, 1)?;
-    let stop = StopSwitch::new();
-    say_ready(output)?;
-    end_with_parent(vec![stop.clone()])?;
-    let ended = assist(&settings, engine, Arc::new(()), &stop, link).map_err(bottega::Error::Job)?;
-    say(output, &serde_json::to_string(&SecondAgentReport { ended }).unwrap_or_default())
+impl SecondAgentOptions {
+    /// Paints as the second agent until the work is done, or standard input ends because the first process is gone.
+    ///
+    /// - `output`: the first process reads it.
+    ///
+    /// # Errors
+    /// The scene cannot be painted, or the farm not be reached.
+    pub(crate) fn run(&self, output: &mut dyn Write) -> Result<(), Error> {
+        let Self { picture, row, at, state } = self;
+        let scene = MagarroScene::load(picture)?;
+        let settings = scene.settings(row.level, row.optimization, row.ways);
+        let engine = scene.engine(&settings, 0)?;
+        let link = link(&Entry { folder: state.clone(), address: *at }, row.work, 1)?;
+        let stop = StopSwitch::new();
+        say_ready(output)?;
+        end_with_parent(vec![stop.clone()])?;
+        let ended = assist(&settings, engine, Arc::new(()), &stop, link).map_err(bottega::Error::Job)?;
+        say(output, &serde_json::to_string(&SecondAgentReport { ended }).unwrap_or_default())
+    }
 }
 
 fn link(entry: &Entry, work: u64, agent: u32) -> Result<Link, Error> {

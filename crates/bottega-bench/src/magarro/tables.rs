@@ -8,7 +8,7 @@ use super::{
     report::{MagarroReport, MagarroRow, PictureError},
     second_agent::REPLAY_OFF_MAX,
 };
-use crate::Report;
+use crate::report::Report;
 
 impl Report for MagarroReport {
     fn as_text(&self) -> String {
@@ -38,7 +38,7 @@ pub(super) fn times(row: &MagarroRow) -> [f64; 4] {
 fn as_text(report: &MagarroReport) -> String {
     let MagarroReport { width, height, samples, light_samples, max_depth, .. } = report;
     let mut text = format!(
-        "{width}x{height}, {samples} samples a pixel, {light_samples} light samples a bounce, {max_depth} bounces\n\
+        "{width}x{height}, {samples} samples per pixel, {light_samples} light samples a bounce, {max_depth} bounces\n\
          times are minutes:seconds; m: measured, an agent is a process with one thread; r: replayed from what the zones took\n\n"
     );
     text += "Table 1: partition, optimization n             (the paper)\n";

@@ -2,14 +2,14 @@
 
 use serde_json::{Value, json};
 
-use crate::Report;
+use crate::report::Report;
 
 /// The name of our own renderer.
 pub(super) const OURS: &str = "bottega";
 
 /// The figures of all renderers on all scenes.
 #[derive(Debug)]
-pub struct PeersReport {
+pub(super) struct PeersReport {
     pub(super) rows: Vec<PeerRow>,
     /// Renderers that are left out, and why.
     pub(super) missing: Vec<(&'static str, String)>,

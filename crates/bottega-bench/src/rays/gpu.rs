@@ -3,14 +3,12 @@
 use std::fmt::Write;
 
 use bottega_gpu::{GpuOptions, GpuRays};
-use bottega_kernels::{
-    Accel, BuildOptions, InstanceGeometry,
-    bench::{BenchScene, KINDS, RaySets, built_in_scenes},
-};
+use bottega_kernels::{Accel, BuildOptions, InstanceGeometry};
 use glam::Affine3A;
 use serde_json::{Map, Value, json};
 
-use crate::Error;
+use super::{sets::RaySets, timing::KINDS};
+use crate::{error::Error, scenes::BenchScene};
 
 /// Primary rays of a scene: its square, as many as keep a large device busy.
 const SIDE: u32 = 1400;
@@ -27,12 +25,12 @@ pub(super) struct GpuRow {
     rates: [f64; 4],
 }
 
-/// Measures the GPU whose name contains `name` on the built-in scenes.
-pub(super) fn measure(name: &str, repeat: u16) -> Result<Vec<GpuRow>, Error> {
-    let row = |scene: BenchScene| {
+/// Measures the GPU whose name contains `name` on these scenes.
+pub(super) fn measure(name: &str, repeat: u16, scenes: &[BenchScene]) -> Result<Vec<GpuRow>, Error> {
+    let row = |scene: &BenchScene| {
         let instances = [InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY }];
         let accel = Accel::build(&[scene.geometry()], &instances, &[], &BuildOptions::default())?;
-        let sets = RaySets::new(&accel, &scene, SIDE);
+        let sets = RaySets::new(&accel, scene, SIDE);
         let options = GpuOptions { adapter: Some(name.to_owned()), tile_rays: 1 << 21, ..GpuOptions::default() };
         let mut gpu = GpuRays::from_geometry(&[scene.geometry()], &instances, &[], &options)?;
         let mut rates = [0.0; 4];
@@ -44,9 +42,10 @@ pub(super) fn measure(name: &str, repeat: u16) -> Result<Vec<GpuRow>, Error> {
         }
         let triangles = scene.triangles.len();
         let bytes_per_triangle = gpu.memory_bytes() as f64 / triangles.max(1) as f64;
-        Ok(GpuRow { adapter: gpu.adapter().name.clone(), scene: scene.name, triangles, bytes_per_triangle, rates })
+        let scene = scene.name.clone();
+        Ok(GpuRow { adapter: gpu.adapter().name.clone(), scene, triangles, bytes_per_triangle, rates })
     };
-    built_in_scenes().into_iter().map(row).collect()
+    scenes.iter().map(row).collect()
 }
 
 pub(super) fn as_text(rows: &[GpuRow]) -> String {

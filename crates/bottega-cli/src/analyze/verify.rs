@@ -1,11 +1,9 @@
 //! The check of predicted zone times against measured ones.
 
-use std::{ops::Range, sync::mpsc};
+use std::ops::Range;
 
 use bottega::analysis::{AnalyzedScene, LEVELS};
-use bottega_engines::{
-    CancelSwitch, EngineError, EnginePreference, Painted, RenderEngine, SurveyPixel, TaskProgress, ZoneTask,
-};
+use bottega_engines::{Painted, RenderEngine, SurveyPixel, ZoneTask};
 use bottega_farm::{Choice, Goal, ImportanceFunction, Level, Prediction};
 use bottega_image::{Rect, Tile};
 use bottega_platform::processor_time::own_seconds;
@@ -184,23 +182,9 @@ fn paint(
     samples: Range<u32>,
     tile: Option<Tile>,
 ) -> Result<(Tile, f64), CliError> {
-    let (sender, receiver) = mpsc::channel();
-    let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
-    let task = ZoneTask {
-        rect,
-        samples,
-        tunables: subject.settings.tunables,
-        leaning: EnginePreference::default(),
-        tile,
-        parts: None,
-        cancel,
-        progress,
-    };
+    let task = ZoneTask { tile, ..ZoneTask::new(rect, samples, subject.settings.tunables) };
     let before = own_seconds();
-    // The receiver outlives the engine's report.
-    subject.engine.start(task, Box::new(move |painted| drop(sender.send(painted))));
-    let lost = || EngineError::Zone { engine: "builtin".to_owned(), rect, reason: "it did not report".to_owned() };
-    let Painted { tile, busy, .. } = receiver.recv().map_err(|_| lost())??;
+    let Painted { tile, busy, .. } = subject.engine.paint(task)?;
     let spent = before.zip(own_seconds()).map(|(before, after)| after - before);
     Ok((tile, spent.unwrap_or(busy.as_secs_f64())))
 }

@@ -315,18 +315,18 @@ mod tests {
 
     #[test]
     fn options_of_the_file_stand_before_those_of_the_user() {
-        let config = "[render]\nspp = 16\nsize = \"64x48\"\ndenoise = true\nquiet = false\n[analyze]\nzones = 3";
-        let config = config.replace("[analyze]\nzones = 3", "[bench.magarro]\nzones = 7");
+        let config =
+            "[render]\nspp = 16\nsize = \"64x48\"\ndenoise = true\nquiet = false\n[rules.check]\nstrict = true";
         assert_eq!(
-            words_of(&config, "bottega render a.glb -o a.png").as_deref(),
+            words_of(config, "bottega render a.glb -o a.png").as_deref(),
             Ok("bottega render --denoise --size=64x48 --spp=16 a.glb -o a.png")
         );
         assert_eq!(
-            words_of(&config, "bottega render a.glb -o a.png --spp 4").as_deref(),
+            words_of(config, "bottega render a.glb -o a.png --spp 4").as_deref(),
             Ok("bottega render --denoise --size=64x48 a.glb -o a.png --spp 4")
         );
-        assert_eq!(words_of(&config, "bottega bench magarro").as_deref(), Ok("bottega bench magarro --zones=7"));
-        assert_eq!(words_of(&config, "bottega info a.glb").as_deref(), Ok("bottega info a.glb"));
+        assert_eq!(words_of(config, "bottega rules check").as_deref(), Ok("bottega rules check --strict"));
+        assert_eq!(words_of(config, "bottega info a.glb").as_deref(), Ok("bottega info a.glb"));
     }
 
     #[test]

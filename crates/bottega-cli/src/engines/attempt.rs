@@ -7,8 +7,7 @@ use bottega::{
     engines::{absolute, located, parameters},
     text::shown,
 };
-use bottega_bench::engines::EngineTrial;
-use bottega_engines::external::{LocatedEngine, SceneRequest, Session, manifest::Determinism};
+use bottega_engines::external::{EngineTrial, LocatedEngine, SceneRequest, Session, manifest::Determinism};
 use bottega_image::{ExrOptions, Metadata, Picture, Rect, rel_mse, seams, write_exr};
 
 use super::args::TryArgs;
@@ -34,13 +33,14 @@ pub(super) fn run(args: &TryArgs) -> Result<ExitCode, CliError> {
     let request = SceneRequest { size: Some(size), ..request };
     let trial = |seed| EngineTrial::begin(&engine, &request, seed);
     let trials = (trial(1).map_err(failed)?, trial(2).map_err(failed)?);
-    let (whole, whole_seconds) = trials.0.paint(&[frame], args.spp)?;
+    let (whole, whole_time) = trials.0.paint(&[frame], args.spp)?;
     let (other, _) = trials.1.paint(&[frame], args.spp)?;
     let parts: Vec<Rect> = cut(frame);
-    let (windows, windows_seconds) = trials.0.paint(&parts, args.spp)?;
-    let (_, one) = trials.0.paint(&[Rect::new(0, 0, 1.max(frame.x1 / 64), 1.max(frame.y1 / 64))], 1)?;
-    println!("whole     {}x{} pixels, {} samples: {whole_seconds:.2} s", size.0, size.1, args.spp);
-    println!("windows   {}: {windows_seconds:.2} s; a small one of one sample: {one:.3} s", parts.len());
+    let (windows, windows_time) = trials.0.paint(&parts, args.spp)?;
+    let (_, one_time) = trials.0.paint(&[Rect::new(0, 0, 1.max(frame.x1 / 64), 1.max(frame.y1 / 64))], 1)?;
+    println!("whole     {}x{} pixels, {} samples: {:.2} s", size.0, size.1, args.spp, whole_time.as_secs_f64());
+    let [all, one] = [windows_time, one_time].map(|time| time.as_secs_f64());
+    println!("windows   {}: {all:.2} s; a small one of one sample: {one:.3} s", parts.len());
     compare(&whole.to_picture(), &other.to_picture(), &windows.to_picture(), &parts, &engine)?;
     if let Some(folder) = &args.output {
         fs::create_dir_all(folder).map_err(|source| CliError::write(folder.clone(), source))?;

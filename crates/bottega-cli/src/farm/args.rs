@@ -1,6 +1,6 @@
 //! Options by which a farm is named, and who one is there.
 
-use std::{path::PathBuf, process::Command};
+use std::path::PathBuf;
 
 use bottega_cluster::{Credentials, FarmAddress, FarmLink, JobBoard, link};
 use clap::{Args, ValueHint};
@@ -44,22 +44,6 @@ impl LoginArgs {
     pub(crate) fn link(&self, farm: Option<&FarmAddress>) -> Result<FarmLink, CliError> {
         let credentials = self.credentials(farm);
         Ok(link(farm.cloned().or_else(config::farm_address).as_ref(), &credentials)?)
-    }
-
-    /// Has another process of this program log in as this one does.
-    pub(crate) fn tell(&self, command: &mut Command) {
-        let all = [
-            ("--creds", &self.creds),
-            ("--nkey", &self.nkey),
-            ("--tls-ca", &self.tls_ca),
-            ("--tls-cert", &self.tls_cert),
-            ("--tls-key", &self.tls_key),
-        ];
-        for (name, path) in all {
-            if let Some(path) = path {
-                command.arg(name).arg(path);
-            }
-        }
     }
 }
 

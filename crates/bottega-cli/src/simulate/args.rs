@@ -102,7 +102,7 @@ fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(crate) fn parse_time(text: &str) -> Result<Duration, String> {
+fn parse_time(text: &str) -> Result<Duration, String> {
     let (number, unit) = match (text.strip_suffix("ms"), text.strip_suffix('s')) {
         (Some(number), _) => (number, 1e-3),
         (_, Some(number)) => (number, 1.0),

@@ -1,11 +1,15 @@
 //! The program as a user runs it.
 
+mod servers;
+
 use std::{
     env,
     io::{BufRead, BufReader},
     path::{Path, PathBuf},
     process::{Command, ExitStatus, Output, Stdio},
 };
+
+pub(crate) use self::servers::servers;
 
 /// The program, in the folder of the scenes.
 pub(crate) fn bottega(arguments: &[&str]) -> Command {
@@ -61,20 +65,6 @@ pub(crate) fn scenes() -> PathBuf {
 /// A path as an argument.
 pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("a path in Unicode")
-}
-
-/// NATS servers: those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the test says that it is skipped.
-pub(crate) fn servers() -> Vec<PathBuf> {
-    let named = env::var_os("BOTTEGA_NATS_SERVERS");
-    let named: Vec<PathBuf> = named.iter().flat_map(env::split_paths).filter(|path| path.is_file()).collect();
-    let places = env::var_os("PATH").unwrap_or_default();
-    let places = env::split_paths(&places).chain(["/usr/sbin".into(), "/usr/local/bin".into()]);
-    let system = places.map(|folder| folder.join("nats-server")).find(|path| path.is_file());
-    let found = if named.is_empty() { system.into_iter().collect() } else { named };
-    if found.is_empty() {
-        eprintln!("SKIPPED: there is no nats-server; `cargo xtask test` installs one");
-    }
-    found
 }
 
 /// An example of the workspace, which is built where all of the workspace is tested.

@@ -396,13 +396,13 @@ fn partition<S: Lanes>(s: S, items: &mut [Item], plane: &SplitPlane) -> (usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::Random;
+    use crate::SplitMix64;
     use crate::traverse::portable::Portable;
     use glam::Vec3;
 
     fn items(count: u32) -> Vec<Item> {
-        let mut random = Random::new(u64::from(count));
-        let mut corner = |size: f32| Vec3::from_array(std::array::from_fn(|_| random.between(-size, size)));
+        let mut random = SplitMix64::new(u64::from(count));
+        let mut corner = |size: f32| Vec3::from_array(std::array::from_fn(|_| size * (2.0 * random.unit_f32() - 1.0)));
         (0..count)
             .map(|id| {
                 let (a, b) = (corner(50.0), corner(2.0));

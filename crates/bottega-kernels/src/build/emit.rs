@@ -217,13 +217,13 @@ mod tests {
     use super::super::collapse;
     use super::super::item::Item;
     use super::*;
-    use crate::bench::Random;
+    use crate::SplitMix64;
     use glam::Vec3;
 
     #[test]
     fn a_plan_does_not_depend_on_who_makes_which_part() {
-        let mut random = Random::new(3);
-        let mut place = || Vec3::new(random.unit(), random.unit(), random.unit());
+        let mut random = SplitMix64::new(3);
+        let mut place = || Vec3::new(random.unit_f32(), random.unit_f32(), random.unit_f32());
         let mut items: Vec<Item> = (0..5000).map(|id| Item::new(&Aabb::around(place(), 0.01), id)).collect();
         let binary = bins::build(&mut items, 4, false);
         let choices = collapse::choose(&binary, WIDTH as u32, false);

@@ -340,16 +340,16 @@ mod tests {
     use super::super::bins;
     use super::super::item::Item;
     use super::*;
-    use crate::bench::Random;
+    use crate::SplitMix64;
     use glam::Vec3;
 
     #[test]
     fn the_tree_gets_cheaper_and_keeps_every_item_in_its_box() {
-        let mut random = Random::new(5);
+        let mut random = SplitMix64::new(5);
         let mut boxes = Vec::new();
         for id in 0..3000 {
-            let center = Vec3::new(random.unit(), random.unit() * 0.1, random.unit());
-            boxes.push(Aabb::around(center, if id % 9 == 0 { 0.2 * random.unit() } else { 0.005 }));
+            let center = Vec3::new(random.unit_f32(), random.unit_f32() * 0.1, random.unit_f32());
+            boxes.push(Aabb::around(center, if id % 9 == 0 { 0.2 * random.unit_f32() } else { 0.005 }));
         }
         let mut items: Vec<Item> = boxes.iter().enumerate().map(|(id, b)| Item::new(b, id as u32)).collect();
         let before = bins::build(&mut items, 4, false);

@@ -8,6 +8,10 @@ pub mod costs;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod kept;
+#[cfg(feature = "gpu")]
+mod measure;
+#[cfg(feature = "gpu")]
+mod room;
 #[cfg(not(feature = "board"))]
 mod without_board;
 #[cfg(not(feature = "gpu"))]
@@ -18,7 +22,10 @@ use std::thread;
 use bottega_hra::{HraReport, Incident};
 
 #[cfg(feature = "gpu")]
-pub use self::gpu::painter;
+pub use self::{
+    gpu::painter,
+    measure::{DeviceCosts, PrimitiveCost, measure},
+};
 #[cfg(not(feature = "board"))]
 use self::without_board as board;
 #[cfg(not(feature = "gpu"))]

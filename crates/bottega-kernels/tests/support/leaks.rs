@@ -1,20 +1,20 @@
 //! Rays from inside closed meshes, which must all hit something.
 
-use super::random::Random;
-use super::scenes::noisy_sphere;
-use crate::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Ray};
+use bottega_kernels::{Accel, BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Ray};
 use glam::{Affine3A, Quat, Vec3};
 use rayon::prelude::*;
 
+use super::{Random, rough_ball};
+
 /// The leaks of rays in one mesh.
 #[derive(Clone, Debug)]
-pub struct Leaks {
+pub(crate) struct Leaks {
     /// Shape, size and place of the mesh.
-    pub mesh: String,
+    pub(crate) mesh: String,
     /// Rays cast.
-    pub rays: u64,
+    pub(crate) rays: u64,
     /// Rays that hit nothing.
-    pub leaks: u64,
+    pub(crate) leaks: u64,
 }
 
 /// Rays that share a stream of random numbers.
@@ -23,11 +23,10 @@ const BATCH: u64 = 1 << 16;
 /// Casts some `rays` in all, with all threads: half of them in random directions, a quarter exactly at vertices, a quarter at points
 /// of edges; in a rough ball of 69,168 triangles and a box of 12, at sizes from 10⁻³ to 10⁶, at the origin and ten thousand
 /// times its size away, flattened into the world and as a turned instance with a tree of its own.
-pub fn leaks(rays: u64) -> Result<Vec<Leaks>, BuildError> {
-    let ball = noisy_sphere();
-    let shapes = [("ball", ball.positions, ball.triangles), box_of_twelve()];
+pub(crate) fn leaks(rays: u64) -> Result<Vec<Leaks>, BuildError> {
+    let shapes = [("ball", rough_ball()), ("box", box_of_twelve())];
     let mut out = Vec::new();
-    for (name, positions, triangles) in &shapes {
+    for (name, (positions, triangles)) in &shapes {
         for size in [1e-3f32, 1.0, 1e3, 1e6] {
             for away in [0.0, 1e4] {
                 for copies in [1, 2] {
@@ -80,7 +79,7 @@ fn cast(
             let (origin, target) = match ray % 4 {
                 0 => (inside, a),
                 1 => (inside, a + (b - a) * random.unit()),
-                _ => (inside, inside + random.cosine(Vec3::Z) * if ray % 8 < 4 { size } else { -size }),
+                _ => (inside, inside + random.direction() * size),
             };
             let [origin, target] = [origin, target].map(|p| places[0].transform_point3(p));
             leaks += u64::from(!accel.occluded(&Ray::new(origin, target - origin)));
@@ -90,9 +89,9 @@ fn cast(
     Ok((batches * BATCH, leaks.sum()))
 }
 
-fn box_of_twelve() -> (&'static str, Vec<Vec3>, Vec<[u32; 3]>) {
+fn box_of_twelve() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0;
     let quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
     let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
-    ("box", (0..8).map(corner).collect(), triangles)
+    ((0..8).map(corner).collect(), triangles)
 }

@@ -4,19 +4,25 @@
 //! 4.4 uses, so that a library built with more instance levels does not write beyond it.
 #![allow(unsafe_code)]
 
-use super::ray_kernel::RayKernel;
-use super::scenes::BenchScene;
-use crate::Ray;
+use std::{
+    ffi::{CString, c_char, c_int, c_uint, c_void},
+    mem::MaybeUninit,
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicIsize, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use bottega_kernels::Ray;
 use libloading::Library;
-use std::ffi::{CString, c_char, c_int, c_uint, c_void};
-use std::mem::MaybeUninit;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicIsize, Ordering};
-use std::time::{Duration, Instant};
+
+use super::kernel::RayKernel;
+use crate::scenes::BenchScene;
 
 /// The environment variable that names the library.
-pub const VARIABLE: &str = "BOTTEGA_EMBREE";
+const VARIABLE: &str = "BOTTEGA_EMBREE";
 
 type Handle = *mut c_void;
 
@@ -126,11 +132,11 @@ impl EmbreeFunctions {
 
 /// The library, loaded.
 #[derive(Clone)]
-pub struct Embree(Arc<EmbreeFunctions>);
+pub(crate) struct Embree(Arc<EmbreeFunctions>);
 
 /// The settings of Embree's build and tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Setting {
+pub(crate) enum EmbreeSetting {
     /// `RTC_BUILD_QUALITY_MEDIUM`, its default: binned.
     Medium,
     /// `RTC_BUILD_QUALITY_HIGH`: with spatial splits.
@@ -139,9 +145,9 @@ pub enum Setting {
     Robust,
 }
 
-impl Setting {
+impl EmbreeSetting {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Medium, Self::High, Self::Robust];
+    pub(crate) const ALL: [Self; 3] = [Self::Medium, Self::High, Self::Robust];
 
     fn name(self) -> &'static str {
         match self {
@@ -155,7 +161,7 @@ impl Setting {
 impl Embree {
     /// Loads the library that [`VARIABLE`] names, or one in the site-packages of a Python environment (`VIRTUAL_ENV`), where
     /// `pip install embreex` puts it. The error says what to do.
-    pub fn find() -> Result<Self, String> {
+    pub(crate) fn find() -> Result<Self, String> {
         let hint = format!("set {VARIABLE} to libembree4.so (`pip install embreex` brings one)");
         let named = std::env::var_os(VARIABLE).map(PathBuf::from);
         let path = named.or_else(in_site_packages).ok_or_else(|| format!("Embree 4 was not found: {hint}"))?;
@@ -164,10 +170,15 @@ impl Embree {
     }
 
     /// Builds over a scene with so many threads.
-    pub fn build(&self, scene: &BenchScene, setting: Setting, threads: usize) -> Result<EmbreeScene, String> {
+    pub(crate) fn build(
+        &self,
+        scene: &BenchScene,
+        setting: EmbreeSetting,
+        threads: usize,
+    ) -> Result<EmbreeScene, String> {
         let f = &*self.0;
         let config = CString::new(format!("threads={threads},isa=avx2")).unwrap_or_default();
-        let quality = if setting == Setting::Medium { 1 } else { 2 };
+        let quality = if setting == EmbreeSetting::Medium { 1 } else { 2 };
         let (positions, triangles) = (&scene.positions, &scene.triangles);
         // SAFETY: the calls are in the order that Embree's manual asks for, each handle is released once (scene and device when
         // the `EmbreeScene` is dropped); the buffers that Embree makes hold `count` elements of 12 bytes.
@@ -182,7 +193,7 @@ impl Embree {
             let mut peer =
                 EmbreeScene { embree: self.clone(), device, scene: handle, setting, bytes, build_time: Duration::ZERO };
             (f.scene_quality)(handle, quality);
-            (f.scene_flags)(handle, if setting == Setting::Robust { ROBUST } else { 0 });
+            (f.scene_flags)(handle, if setting == EmbreeSetting::Robust { ROBUST } else { 0 });
             let geometry = (f.new_geometry)(device, TRIANGLES);
             let vertices = (f.new_buffer)(geometry, VERTEX_BUFFER, 0, FLOAT3, 12, positions.len());
             let indices = (f.new_buffer)(geometry, INDEX_BUFFER, 0, UINT3, 12, triangles.len());
@@ -230,11 +241,11 @@ unsafe extern "C" fn count_bytes(counter: Handle, bytes: isize, _post: bool) -> 
 }
 
 /// A scene of Embree.
-pub struct EmbreeScene {
+pub(crate) struct EmbreeScene {
     embree: Embree,
     device: Handle,
     scene: Handle,
-    setting: Setting,
+    setting: EmbreeSetting,
     bytes: Box<AtomicIsize>,
     build_time: Duration,
 }

@@ -1,11 +1,10 @@
-//! The bench of a farm, small: its figures make sense, whatever they are on this machine.
+//! A small farm: its figures make sense, whatever they are on this machine.
 //!
-//! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the test says that it is skipped.
-
-mod support;
+//! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one its test says that it is skipped.
 
 use serde_json::Value;
-use support::{run, servers, succeed, text};
+
+use super::{bench, servers::servers};
 
 fn number(value: &Value, field: &str) -> f64 {
     value[field].as_f64().unwrap_or_else(|| panic!("no number `{field}` in {value}"))
@@ -14,10 +13,14 @@ fn number(value: &Value, field: &str) -> f64 {
 #[test]
 fn agents_in_several_processes_are_awarded_each_zone_and_paint_it_once() {
     for server in servers() {
+        let server = server.to_str().expect("a path in Unicode");
         let arguments = ["--agents", "20", "--zones", "200", "--zone-time", "30ms", "--processes", "2", "--json"];
+        let output = bench(&[&["farm", "--server", server], &arguments[..]].concat());
         // It fails where a pixel is not painted, or not once.
-        let told = succeed(&[&["bench", "farm", "--server", text(&server)], &arguments[..]].concat());
-        let told: Value = serde_json::from_str(&told).expect("one JSON object");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let told: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+        let command = told["head"]["command"].as_str().unwrap_or_default();
+        assert!(command.ends_with(&format!("bottega-bench farm --server {server} {}", arguments.join(" "))), "{told}");
         assert_eq!((number(&told, "agents"), number(&told, "processes")), (20.0, 3.0));
         let zones = number(&told, "zones");
         assert!((100.0..=400.0).contains(&zones), "{told}");
@@ -36,21 +39,5 @@ fn agents_in_several_processes_are_awarded_each_zone_and_paint_it_once() {
         assert!(number(wait, "count") <= number(&told, "awards"), "{told}");
         assert!(number(&told, "messages_per_zone") > 20.0, "{told}");
         assert!(number(&told, "bytes_per_zone") > 1000.0, "{told}");
-    }
-}
-
-#[test]
-fn what_cannot_be_measured_is_refused_with_a_reason() {
-    for (arguments, code, reason) in [
-        (vec!["--agents", "0"], 2, "--agents"),
-        (vec!["--zone-time", "soon"], 2, "--zone-time"),
-        (vec!["--server", "/nowhere/nats-server"], 1, "/nowhere/nats-server"),
-        (vec!["--farm", "nowhere"], 2, "--farm"),
-        (vec!["--share", "1:2:3"], 2, "no farm is named"),
-    ] {
-        let output = run(&[&["bench", "farm"], &arguments[..]].concat());
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
-        assert!(told.contains(reason), "{arguments:?}: {told}");
     }
 }

@@ -1,30 +1,46 @@
-//! Geometry to measure on.
+//! Scenes to measure on, generated: a rough ball, a furnished room, a pot in a stadium, a hall of a million triangles.
 
-use super::random::Random;
-use crate::{Aabb, MeshGeometry, Ray, math};
-use glam::{Mat3, Vec3};
 use std::f32::consts::{PI, TAU};
+
+use bottega_kernels::{Aabb, MeshGeometry, Ray, math};
+use bottega_scene::{Camera, Environment, Material, Projection, Scene, Spectrum};
+use glam::{Mat3, Vec3};
+
+use crate::random::Random;
+
+/// Generates a scene.
+type SceneMaker = fn() -> BenchScene;
+
+/// The built-in scenes, by name.
+pub(crate) const BUILT_IN: [(&str, SceneMaker); 4] =
+    [("noisy sphere", noisy_sphere), ("interior", interior), ("pot in stadium", stadium), ("hall", hall)];
 
 /// A mesh with a place to look from and a light.
 #[derive(Clone, Debug)]
-pub struct BenchScene {
-    /// For the table.
-    pub name: String,
+pub(crate) struct BenchScene {
+    /// As tables name it.
+    pub(crate) name: String,
     /// Vertices.
-    pub positions: Vec<Vec3>,
-    /// Three indices a triangle.
-    pub triangles: Vec<[u32; 3]>,
+    pub(crate) positions: Vec<Vec3>,
+    /// Three indices per triangle.
+    pub(crate) triangles: Vec<[u32; 3]>,
     /// Where the camera stands.
-    pub eye: Vec3,
+    pub(crate) eye: Vec3,
     /// What it looks at.
-    pub target: Vec3,
+    pub(crate) target: Vec3,
     /// A corner of the light and its two edges.
-    pub light: [Vec3; 3],
+    pub(crate) light: [Vec3; 3],
 }
 
 impl BenchScene {
     /// A mesh from elsewhere as it is: an interior, say.
-    pub fn from_mesh(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, eye: Vec3, target: Vec3) -> Self {
+    pub(crate) fn from_mesh(
+        name: &str,
+        positions: Vec<Vec3>,
+        triangles: Vec<[u32; 3]>,
+        eye: Vec3,
+        target: Vec3,
+    ) -> Self {
         let bounds = positions.iter().fold(Aabb::EMPTY, |b, &p| b.with(p));
         let size = bounds.max - bounds.min;
         let corner = bounds.center() + size * Vec3::new(-0.15, 0.45, -0.15);
@@ -33,7 +49,7 @@ impl BenchScene {
     }
 
     /// A mesh from elsewhere on the floor of a closed room, so that light goes on from wherever it gets.
-    pub fn in_room(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
+    pub(crate) fn in_room(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
         let bounds = positions.iter().fold(Aabb::EMPTY, |b, &p| b.with(p));
         let (center, size) = (bounds.center(), (bounds.max - bounds.min).length());
         let mut mesh = Mesh { positions, triangles };
@@ -49,18 +65,38 @@ impl BenchScene {
         scene
     }
 
+    /// Grey surfaces of this albedo under an even sky, seen as the camera rays are.
+    pub(crate) fn scene(&self, albedo: f32) -> Scene {
+        let camera = Camera {
+            world_from_camera: Camera::looking(self.eye, self.target, Vec3::Y).unwrap_or_default(),
+            projection: Projection::Perspective { vertical_fov: 1.0 },
+            ..Camera::default()
+        };
+        let environment = Some(Environment::uniform(Spectrum::ONE));
+        let mut scene = Scene { environment, cameras: vec![camera], ..Scene::default() };
+        let material = scene.push_material(Material::matte(Spectrum::splat(albedo)));
+        scene.push_surface(bottega_scene::Mesh {
+            name: self.name.clone(),
+            positions: self.positions.clone(),
+            triangles: self.triangles.clone(),
+            material,
+            ..bottega_scene::Mesh::default()
+        });
+        scene
+    }
+
     /// As the builder wants it.
-    pub fn geometry(&self) -> MeshGeometry<'_> {
+    pub(crate) fn geometry(&self) -> MeshGeometry<'_> {
         MeshGeometry { positions: &self.positions, triangles: &self.triangles }
     }
 
     /// A point on the light.
-    pub fn light(&self, u: f32, v: f32) -> Vec3 {
+    pub(crate) fn light(&self, u: f32, v: f32) -> Vec3 {
         self.light[0] + self.light[1] * u + self.light[2] * v
     }
 
     /// A perspective picture of 60 degrees, `side` × `side` rays through the middles of pixels, in blocks of 8 × 8.
-    pub fn camera_rays(&self, side: u32) -> Vec<Ray> {
+    pub(crate) fn camera_rays(&self, side: u32) -> Vec<Ray> {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
         let up = right.cross(forward);
@@ -82,7 +118,7 @@ impl BenchScene {
 }
 
 /// A closed ball of 69,168 triangles whose surface is rough at all scales, seen from inside.
-pub fn noisy_sphere() -> BenchScene {
+pub(crate) fn noisy_sphere() -> BenchScene {
     const AROUND: u32 = 264;
     const DOWN: u32 = 132;
     let point = |i: u32, j: u32| {
@@ -173,7 +209,7 @@ impl Mesh {
 
 /// A furnished room of some 75,000 triangles, most of them long and thin: pipes, slats, beams at all angles, beside a finely
 /// tessellated carpet and a few huge walls.
-pub fn interior() -> BenchScene {
+pub(crate) fn interior() -> BenchScene {
     let mut random = Random::new(42);
     let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
     let (w, h) = (10.0, 4.0);
@@ -208,7 +244,7 @@ pub fn interior() -> BenchScene {
 
 /// The classic hard case for grids and careless trees: a pot of 27,648 small triangles on the field of a stadium of some 400,000
 /// large ones, a thousand times its size; the camera looks at the pot.
-pub fn stadium() -> BenchScene {
+pub(crate) fn stadium() -> BenchScene {
     let mut random = Random::new(11);
     let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
     let around = |radius: f32, turn: f32, y: f32| {
@@ -274,7 +310,7 @@ fn pot(mesh: &mut Mesh, base: Vec3, size: f32) {
 }
 
 /// A hall with hilly ground, fluted columns and a coffered ceiling, 1,000,000 triangles and some.
-pub fn hall() -> BenchScene {
+pub(crate) fn hall() -> BenchScene {
     let mut random = Random::new(5);
     let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
     let (w, h) = (40.0, 12.0);

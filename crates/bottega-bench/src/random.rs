@@ -1,19 +1,19 @@
-//! Random numbers of standard scenes.
+//! Random numbers of the built-in scenes and their rays.
 
-use crate::math;
+use bottega_kernels::math;
 use glam::Vec3;
 
 /// A stream of pseudo-random numbers in [0, 1): PCG (O'Neill 2014).
-pub struct Random(u64);
+pub(crate) struct Random(u64);
 
 impl Random {
     /// The stream with a number.
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(1))
     }
 
     /// The next number.
-    pub fn unit(&mut self) -> f32 {
+    pub(crate) fn unit(&mut self) -> f32 {
         let old = self.0;
         self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let bits = (((old >> 18) ^ old) >> 27) as u32;
@@ -21,12 +21,12 @@ impl Random {
     }
 
     /// A number between two.
-    pub fn between(&mut self, low: f32, high: f32) -> f32 {
+    pub(crate) fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
     /// A direction around `n`, with a density proportional to its cosine.
-    pub fn cosine(&mut self, n: Vec3) -> Vec3 {
+    pub(crate) fn cosine(&mut self, n: Vec3) -> Vec3 {
         let (t, b) = n.any_orthonormal_pair();
         let (s, c) = math::sin_cos(std::f32::consts::TAU * self.unit());
         let r2 = self.unit();

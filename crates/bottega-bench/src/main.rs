@@ -1,0 +1,169 @@
+//! The measurements: the tables of the papers beside the papers' own figures, rays and paths a second, other renderers on the same
+//! triangles, a farm of many agents. `cargo run --release -p bottega-bench -- --help`.
+//!
+//! Every measurement has one struct of options, which the command line fills in, and gives a report of figures. Above them stands the head
+//! of the run: commit, command and machine. A line for each step goes to standard error.
+//!
+//! # Where is what
+//!
+//! | what | where |
+//! |---|---|
+//! | rays a second: ours, Embree's, those of `obvhs`, a GPU's; paths a second | `src/rays.rs`, `src/rays/` |
+//! | the three papers | `src/hra/`, `src/magarro/`, `src/ala/` |
+//! | error and time beside other renderers, and the scenes that all of them read | `src/peers.rs`, `src/neutral_scene.rs` |
+//! | the overhead of painting in zones with another engine | `src/engines.rs` |
+//! | what the guide of paths is worth | `src/guide/` |
+//! | how well times are known in a second job | `src/learning.rs` |
+//! | awards a second, on a real NATS server | `src/farm/` |
+//! | what a measurement and its report are; the head of a run | `src/report.rs` |
+//! | options of several measurements | `src/arguments.rs` |
+//! | generated scenes, and their random numbers | `src/scenes.rs`, `src/random.rs` |
+//! | painting that several measurements share | `src/painting.rs` |
+//! | processes that a measurement starts | `src/part_process.rs` |
+//! | files written, scenes read; errors and their remedies | `src/files.rs`, `src/error.rs` |
+
+mod ala;
+mod arguments;
+mod engines;
+mod error;
+mod farm;
+mod files;
+mod guide;
+mod hra;
+mod learning;
+mod magarro;
+mod neutral_scene;
+mod painting;
+mod part_process;
+mod peers;
+mod random;
+mod rays;
+mod report;
+mod scenes;
+
+use std::{
+    env,
+    error::Error as _,
+    io::{self, Write},
+    process::ExitCode,
+};
+
+use clap::{Parser, Subcommand};
+use tracing_subscriber::{filter::Targets, layer::SubscriberExt, util::SubscriberInitExt};
+
+use self::{
+    ala::AlaOptions,
+    engines::EnginesOptions,
+    error::Error,
+    farm::{FarmOptions, PartOptions},
+    guide::GuideOptions,
+    hra::HraOptions,
+    learning::LearningOptions,
+    magarro::{MagarroOptions, SecondAgentOptions},
+    peers::PeersOptions,
+    rays::RaysOptions,
+    report::{Measurement, head, headed},
+};
+
+/// What is written to the log where BOTTEGA_LOG does not say otherwise.
+const LOGGED: &str = "warn,async_nats=off";
+
+/// Measures bottega: on this machine, at the commit that this program was built from.
+#[derive(Debug, Parser)]
+#[command(name = "bottega-bench")]
+struct BenchProgram {
+    /// Print one JSON object instead of text for people.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: BenchCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum BenchCommand {
+    Rays(RaysOptions),
+    Peers(PeersOptions),
+    Engines(EnginesOptions),
+    Farm(FarmOptions),
+    Hra(HraOptions),
+    Magarro(MagarroOptions),
+    Learning(LearningOptions),
+    Guide(GuideOptions),
+    Ala(AlaOptions),
+    #[command(hide = true)]
+    FarmPart(PartOptions),
+    #[command(hide = true)]
+    MagarroPart(SecondAgentOptions),
+}
+
+fn main() -> ExitCode {
+    start_log();
+    let program = BenchProgram::parse();
+    bottega::engines::keep_quarantines();
+    let done = run(&program);
+    // Drivers end better while the process is whole.
+    bottega::devices::release();
+    done.map_or_else(|error| tell(&error), |()| ExitCode::SUCCESS)
+}
+
+fn start_log() {
+    let asked = env::var("BOTTEGA_LOG").ok().and_then(|asked| asked.parse::<Targets>().ok());
+    let filter = asked.unwrap_or_else(|| LOGGED.parse().unwrap_or_default());
+    let lines = tracing_subscriber::fmt::layer().with_writer(io::stderr);
+    tracing_subscriber::registry().with(filter).with(lines).init();
+}
+
+fn run(program: &BenchProgram) -> Result<(), Error> {
+    let measurement: &dyn Measurement = match &program.command {
+        BenchCommand::Rays(options) => options,
+        BenchCommand::Peers(options) => options,
+        BenchCommand::Engines(options) => options,
+        BenchCommand::Farm(options) => options,
+        BenchCommand::Hra(options) => options,
+        BenchCommand::Magarro(options) => options,
+        BenchCommand::Learning(options) => options,
+        BenchCommand::Guide(options) => options,
+        BenchCommand::Ala(options) => options,
+        BenchCommand::FarmPart(options) => return options.run(&mut io::stdout()),
+        BenchCommand::MagarroPart(options) => return options.run(&mut io::stdout()),
+    };
+    let head = head();
+    if !program.json {
+        print(&format!("{head}\n"))?;
+    }
+    let report = measurement.measure(&mut io::stderr())?;
+    print(&if program.json { format!("{}\n", headed(&*report)) } else { report.as_text() })
+}
+
+fn print(text: &str) -> Result<(), Error> {
+    let mut output = io::stdout().lock();
+    output.write_all(text.as_bytes()).and_then(|()| output.flush()).map_err(Error::Output)
+}
+
+/// Says what went wrong, why, and what can be done.
+fn tell(error: &Error) -> ExitCode {
+    let mut text = format!("error: {error}\n");
+    let mut next = error.source();
+    while let Some(cause) = next {
+        text += &format!("  because: {cause}\n");
+        next = cause.source();
+    }
+    if let Some(remedy) = error.remedy() {
+        text += &format!("  help: {remedy}\n");
+    }
+    // Where nobody reads it the exit code says it.
+    _ = io::stderr().write_all(text.as_bytes());
+    ExitCode::from(error.exit_code())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        BenchProgram::command().debug_assert();
+    }
+}

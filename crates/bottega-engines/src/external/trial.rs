@@ -1,0 +1,62 @@
+//! A picture painted by another engine in windows of our choice, without the farm.
+
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use bottega_image::{AovSet, Film, Layout, Rect};
+
+use super::{
+    engine::{ExternalEngine, ExternalOptions},
+    error::EngineFault,
+    locate::LocatedEngine,
+    session::{SceneRequest, Session},
+};
+use crate::{EngineError, RenderEngine, Tunables, ZoneTask};
+
+/// An engine with a scene and one seed, which paints windows of the frame when it is told to.
+pub struct EngineTrial {
+    engine: ExternalEngine,
+    frame: Rect,
+}
+
+impl EngineTrial {
+    /// Starts the engine with the scene at the size of the request.
+    ///
+    /// # Errors
+    /// The engine cannot open the scene.
+    pub fn begin(located: &Arc<LocatedEngine>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
+        let session = Session::open(located, request)?;
+        let (width, height) = request.size.unwrap_or_default();
+        let options = ExternalOptions {
+            request: request.clone(),
+            seed,
+            samples: 0,
+            layout: Layout::new(AovSet::NONE),
+            scene_depth: Some(0),
+            scene_light_samples: Some(0),
+            bounds_zones: false,
+            time: None,
+            surveyor: None,
+        };
+        let engine = ExternalEngine::new(Arc::clone(located), options, session)?;
+        Ok(Self { engine, frame: Rect::of_size(width, height) })
+    }
+
+    /// Paints windows, one after the other. Returns the picture and the time that it took.
+    ///
+    /// # Errors
+    /// The engine fails.
+    pub fn paint(&self, windows: &[Rect], samples: u32) -> Result<(Film, Duration), EngineError> {
+        let mut film = Film::new(self.frame, Layout::new(AovSet::NONE));
+        let begun = Instant::now();
+        for &rect in windows {
+            // As the scene says.
+            let tunables = Tunables { max_depth: 0, light_samples: 0 };
+            let painted = self.engine.paint(ZoneTask::new(rect, 0..samples, tunables))?;
+            film.add_tile(&painted.tile, |_, _| 1.0);
+        }
+        Ok((film, begun.elapsed()))
+    }
+}
