@@ -91,7 +91,10 @@ struct Cause {
 impl Cause {
     fn of(error: Option<&(dyn std::error::Error + 'static)>) -> Option<Self> {
         let error = error?;
-        Some(Self { problem: printable_lines(&error.to_string()).into_owned(), behind: Self::of(error.source()).map(Box::new) })
+        Some(Self {
+            problem: printable_lines(&error.to_string()).into_owned(),
+            behind: Self::of(error.source()).map(Box::new),
+        })
     }
 }
 

@@ -199,11 +199,9 @@ impl Error {
     /// The place in a text that it is about.
     pub fn excerpt(&self) -> Option<Excerpt> {
         match self {
-            Self::Manifest(error) => Some(Excerpt {
-                name: printable_path(&error.path),
-                text: error.text.clone(),
-                span: error.span.clone(),
-            }),
+            Self::Manifest(error) => {
+                Some(Excerpt { name: printable_path(&error.path), text: error.text.clone(), span: error.span.clone() })
+            }
             Self::RulesText { path, text, span, .. } => {
                 Some(Excerpt { name: printable_path(path), text: text.to_string(), span: span.clone() })
             }

@@ -5,7 +5,7 @@ use std::{fs, path::Path, process::Output};
 
 use serde_json::Value;
 
-use crate::support::{run, scenes, text};
+use crate::program::support::{run, scenes, text};
 
 /// Clears the screen, turns red, goes back to the start of the line, begins another one, writes from right to left.
 const NAME: &str = "a\u{1b}[2J\u{9b}31mALERT\rb\nc\u{202e}d";
@@ -13,7 +13,8 @@ const SHOWN: &str = "a\\u001b[2J\\u009b31mALERT\\rb\\nc\\u202ed";
 
 /// Checks what a command said, and returns all of it.
 fn said(output: &Output) -> String {
-    let all = [&output.stdout[..], &output.stderr].map(|bytes| String::from_utf8(bytes.to_vec()).expect("text")).concat();
+    let all =
+        [&output.stdout[..], &output.stderr].map(|bytes| String::from_utf8(bytes.to_vec()).expect("text")).concat();
     let acts = |c: char| (c.is_control() && c != '\n' && c != '\t') || c == '\u{202e}';
     assert!(!all.contains(acts), "{all:?}");
     assert!(!all.contains("\nc"), "the name began a line: {all}");
@@ -70,10 +71,14 @@ fn names_within_scenes_are_escaped() {
         "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
         "buffers": [{{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}}]}}"#
     );
-    let pbrt = format!("Camera {escaped} WorldBegin\nMaterial {escaped}\nShape \"sphere\" \"float {}\" 1\n", &escaped[1..escaped.len() - 1]);
+    let pbrt = format!(
+        "Camera {escaped} WorldBegin\nMaterial {escaped}\nShape \"sphere\" \"float {}\" 1\n",
+        &escaped[1..escaped.len() - 1]
+    );
     let xml = "<scene version='3.0.0'><integrator type='a&#x9b;31m&#x202e;'/><shape type='sphere' id='b'><bsdf type='a&#x9b;31m&#x202e;'/></shape>\
         <sensor type='perspective' id='c&#x9b;&#13;&#10;c'/></scene>";
-    let obj = format!("mtllib {0}.mtl\nusemtl {0}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", NAME.replace(['\r', '\n'], ""));
+    let obj =
+        format!("mtllib {0}.mtl\nusemtl {0}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", NAME.replace(['\r', '\n'], ""));
     let files = [("a.gltf", gltf, true), ("a.pbrt", pbrt, true), ("a.xml", xml.to_owned(), true), ("a.obj", obj, true)];
     for (name, content, is_told) in files {
         let path = folder.path().join(name);

@@ -6,7 +6,7 @@ use bottega_render::{AgentSettings, PathSettings, PhotonSettings};
 use bottega_scene::{LoadOptions, Loaded, load};
 use glam::Vec3;
 
-use crate::scenes::{mean_color, paint, prepare};
+use crate::render::scenes::{mean_color, paint, prepare};
 
 /// Loads a scene with these `LoadOptions::strict`, and paints it.
 fn mean(text: &str, strict: bool, spp: u32, photons: Option<PhotonSettings>) -> Vec3 {
@@ -109,7 +109,8 @@ fn curves_cast_their_shadows() {
     let wall = "AttributeBegin Translate 0 0 -1 Shape \"bilinearmesh\" \"point3 P\" [-3 -3 0 3 -3 0 -3 3 0 3 3 0] AttributeEnd";
     let curve = "Material \"diffuse\" \"rgb reflectance\" [0 0 0]
         Shape \"curve\" \"point3 P\" [-1 0 0 -.33333 0 0 .33333 0 0 1 0 0] \"float width\" .2";
-    let text = front("\"rgb\"", 40, &format!("{wall} {curve}")).replace("[0 0 1] \"point3 to\"", "[0 1 1] \"point3 to\"");
+    let text =
+        front("\"rgb\"", 40, &format!("{wall} {curve}")).replace("[0 0 1] \"point3 to\"", "[0 1 1] \"point3 to\"");
     // Lit at 45°; the shadow lies a unit below what casts it, and is as wide as the curve is for the light, √2 times, seen so.
     let lit = 0.5 * 0.5_f32.sqrt();
     let expected = lit * (1.0 - 0.1 - 0.1 * 2.0_f32.sqrt());
@@ -136,7 +137,8 @@ fn samples_are_no_brighter_than_the_film_allows() {
 
 #[test]
 fn missing_maps_of_normals_are_flat() {
-    let square = format!("Material \"diffuse\" \"rgb reflectance\" [.5 .5 .5] \"string normalmap\" \"no.png\" {SQUARE}");
+    let square =
+        format!("Material \"diffuse\" \"rgb reflectance\" [.5 .5 .5] \"string normalmap\" \"no.png\" {SQUARE}");
     assert_near("flat", mean(&front("\"rgb\"", 4, &square), false, 4, None), Vec3::splat(0.5), 1e-3);
 }
 
@@ -173,7 +175,12 @@ fn lamps_that_are_nowhere_shine_all_the_same() {
     assert_near("path", mean(&cut, true, 48, None), right, 0.02);
     let photons = PhotonSettings { count: 20_000, ..PhotonSettings::default() };
     assert_near("photons", mean(&cut, true, 8, Some(photons)), right, 0.04);
-    assert_near("progressive", mean(&cut, true, 16, Some(PhotonSettings { progressive: true, ..photons })), right, 0.04);
+    assert_near(
+        "progressive",
+        mean(&cut, true, 16, Some(PhotonSettings { progressive: true, ..photons })),
+        right,
+        0.04,
+    );
     let agents = PhotonSettings { agents: Some(AgentSettings { cast: 3000, ..AgentSettings::default() }), ..photons };
     assert_near("agents", mean(&cut, true, 8, Some(agents)), right, 0.04);
     let texture = "Texture \"none\" \"float\" \"constant\" \"float value\" 0";

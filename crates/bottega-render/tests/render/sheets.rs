@@ -3,7 +3,7 @@
 use bottega_render::PhotonSettings;
 use glam::Vec3;
 
-use crate::mitsuba::{check, mean};
+use crate::render::mitsuba::{check, mean};
 
 const SKY: &str = "<emitter type='constant'/>";
 const RED: &str = "<bsdf type='diffuse'><rgb name='reflectance' value='0.8,0.2,0.1'/></bsdf>";
@@ -97,8 +97,7 @@ fn lit_wall(integrator: &str, bsdf: &str, lamp: &str) -> String {
 
 #[test]
 fn lamps_without_extent_shine_through_parts_where_mitsubas_do() {
-    let lamp =
-        "<emitter type='point'><point name='position' x='0' y='0' z='-2'/><rgb name='intensity' value='100'/></emitter>";
+    let lamp = "<emitter type='point'><point name='position' x='0' y='0' z='-2'/><rgb name='intensity' value='100'/></emitter>";
     let tinted = "<bsdf type='polarizer'><rgb name='transmittance' value='0.5,0.8,1'/></bsdf>";
     let parts = blend(0.6, NULL, RED);
     check("parts", &lit_wall("volpath", &parts, lamp), [0.0936; 3], 0.03);
@@ -150,6 +149,9 @@ fn lamps_under_masks_light_what_is_before_them() {
         let by_paths = mean(&lit(&bsdf), None);
         assert!((by_paths / open - 1.0).abs().max_element() < 0.01, "{bsdf}: {by_paths} instead of {open}");
         let by_photons = mean(&lit(&bsdf), Some(photons));
-        assert!((by_photons / open - 1.0).abs().max_element() < 0.02, "{bsdf}: {by_photons} by photons instead of {open}");
+        assert!(
+            (by_photons / open - 1.0).abs().max_element() < 0.02,
+            "{bsdf}: {by_photons} by photons instead of {open}"
+        );
     }
 }

@@ -316,7 +316,7 @@ fn texture_coordinates_are_kept_only_where_a_texture_wants_them() {
 #[test]
 fn morph_targets_move_texture_coordinates_and_colors() {
     let mut file = File::textured(&json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
-    file.texture(&crate::support::png(1, 1, &[[9; 4]]));
+    file.texture(&crate::gltf::support::png(1, 1, &[[9; 4]]));
     let white = file.floats("VEC3", &[1.0; 9]);
     let (uvs, colors) =
         (file.floats("VEC2", &[0.5; 6]), file.floats("VEC3", &[-0.5, 0.0, 0.5, 0., 0., 0., 0., 0., 0.]));
