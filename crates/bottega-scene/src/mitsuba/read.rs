@@ -192,6 +192,7 @@ impl DocumentReader<'_, '_> {
             return Err(self.report.invalid(at, format!("<{}> has no `type`", element.name)));
         };
         let id = element.attribute("id").unwrap_or_default().to_owned();
+        self.report_attributes(&element);
         self.depth += 1;
         if self.depth > DEPTH_MAX {
             let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
@@ -248,7 +249,7 @@ impl DocumentReader<'_, '_> {
         Ok(())
     }
 
-    /// Names the attributes of a property, and of the operations of a transformation, that mean nothing to us.
+    /// Names the attributes of an object, a property and the operations of a transformation that mean nothing to us.
     fn report_attributes(&mut self, element: &Element) {
         let known: &[&str] = match element.name.as_str() {
             "translate" | "scale" | "point" | "vector" => &["x", "y", "z"],
@@ -258,6 +259,8 @@ impl DocumentReader<'_, '_> {
             "spectrum" | "color" => &["filename", "intent"],
             "blackbody" => &["temperature", "scale"],
             "transform" => &["time"],
+            // Objects.
+            _ if element.attribute("type").is_some() => &["type"],
             _ => &[],
         };
         for (name, _) in &element.attributes {

@@ -212,7 +212,7 @@ fn statements_of_a_library_are_followed_or_told() {
 #[test]
 fn missing_maps_of_normals_are_flat() {
     let square = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl t\nf 1/1 2/2 3/3\n";
-    for statement in ["norm none.png", "map_Bump none.png"] {
+    for statement in ["norm none.png", "map_Bump -bm 1 none.png"] {
         let mtl = format!("newmtl t\nKd 1 1 1\n{statement}\n");
         let files: [(&str, &[u8]); 2] = [("a.obj", square.as_bytes()), ("m.mtl", mtl.as_bytes())];
         let loaded = load_files(&files);
@@ -221,7 +221,9 @@ fn missing_maps_of_normals_are_flat() {
             let found = image.eval(&map, Vec2::ZERO, 0.0).truncate();
             found == Vec3::ONE || (found - Vec3::new(0.5, 0.5, 1.0)).length() < 0.005
         });
-        assert!(flat && loaded.warnings.iter().any(|warning| warning.message.contains("none.png")), "{statement}");
+        assert!(flat, "{statement}: {:?}", loaded.scene.images);
+        let is_told = loaded.warnings.iter().any(|warning| warning.message.contains("none.png"));
+        assert!(is_told, "{statement}: {:?}", loaded.warnings);
         let strict = try_load(&files, &LoadOptions { strict: true, ..LoadOptions::default() });
         assert!(matches!(strict, Err(SceneError::Unsupported { .. })), "{strict:?}");
     }
