@@ -61,7 +61,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     let counts: Vec<String> = analyses.iter().map(|analysis| analysis.rows.len().to_string()).collect();
     println!("{}: {} zones by level, meant for agents: {}", shown(&args.output), counts.join(", "), subject.agents);
     if let Some(verified) = &verified {
-        println!("\n{}", verify::table(verified));
+        print!("\n{}\n", verify::table(verified));
     }
     Ok(ExitCode::SUCCESS)
 }

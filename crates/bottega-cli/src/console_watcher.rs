@@ -19,6 +19,7 @@ use bottega_cluster::{
     room::bytes_said,
 };
 use bottega_farm::FarmMessage;
+use bottega_image::printable;
 use bottega_web::Dashboard;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -107,7 +108,7 @@ impl ConsoleWatcher {
             self.bar.reset();
         }
         self.bar.set_position((share * BAR_STEPS as f64) as u64);
-        self.bar.set_message(message);
+        self.bar.set_message(printable(&message).into_owned());
     }
 
     fn show_progress(&self, progress: &Progress) {

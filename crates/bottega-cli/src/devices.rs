@@ -44,7 +44,7 @@ pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
 }
 
 fn print_costs(device: &DeviceCosts) {
-    println!("\n{}", device.name);
+    print!("\n{}\n", bottega_image::printable(&device.name));
     let of_all = if device.count > 1 { format!(" by all {}", device.count) } else { String::new() };
     for cost in &device.primitives {
         println!(

@@ -7,7 +7,7 @@ use bottega_agents::{driver::node::NodeError, file_store::FileStoreError};
 use bottega_engines::EngineError;
 use bottega_farm::simulate::SimulationError;
 use bottega_gpu::GpuError;
-use bottega_image::ImageError;
+use bottega_image::{ImageError, printable, printable_lines};
 use bottega_render::RenderError;
 use bottega_scene::SceneError;
 use bottega_web::ServeError;
@@ -91,7 +91,10 @@ struct Cause {
 impl Cause {
     fn of(error: Option<&(dyn std::error::Error + 'static)>) -> Option<Self> {
         let error = error?;
-        Some(Self { problem: error.to_string(), behind: Self::of(error.source()).map(Box::new) })
+        Some(Self {
+            problem: printable_lines(&error.to_string()).into_owned(),
+            behind: Self::of(error.source()).map(Box::new),
+        })
     }
 }
 
@@ -113,12 +116,25 @@ fn shown(error: &dyn std::error::Error, remedy: Option<String>, excerpt: Option<
     let (text, label) = match excerpt {
         Some(Excerpt { name, text, span }) => {
             let label = LabeledSpan::new_with_span(Some("here".to_owned()), span);
-            (Some(NamedSource::new(name, text)), Some(label))
+            (Some(NamedSource::new(printable(&name), without_actions(&text))), Some(label))
         }
         None => (None, None),
     };
-    let shown = ShownError { problem: error.to_string(), causes: Cause::of(error.source()), remedy, text, label };
+    let problem = printable_lines(&error.to_string()).into_owned();
+    let remedy = remedy.map(|remedy| printable_lines(&remedy).into_owned());
+    let shown = ShownError { problem, causes: Cause::of(error.source()), remedy, text, label };
     format!("{:?}", miette::Report::new(shown))
+}
+
+/// A text in which characters that would act on a terminal are replaced by others of as many bytes.
+fn without_actions(text: &str) -> String {
+    let replace = |c: char| {
+        if printable_lines(c.encode_utf8(&mut [0; 4])).len() == c.len_utf8() {
+            return c.to_string();
+        }
+        if c.len_utf8() == 3 { '\u{fffd}'.to_string() } else { "?".repeat(c.len_utf8()) }
+    };
+    text.chars().map(replace).collect()
 }
 
 /// An error of the program, as it is shown to people.

@@ -144,6 +144,6 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
 /// Tells what went wrong. 2 is for what was asked wrongly, 1 for what failed.
 fn report(error: &CliError) -> ExitCode {
     let code = if error.is_usage() { 2 } else { 1 };
-    eprintln!("{}", error::report(error));
+    output::print_report(&error::report(error));
     ExitCode::from(code)
 }

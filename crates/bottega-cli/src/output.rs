@@ -1,11 +1,15 @@
 //! The one way to standard output and standard error.
 //!
-//! `println!`, `print!`, `eprintln!` and `eprint!` of this crate are the macros below. Unlike those of the standard library
+//! What is printed names files, jobs, machines, materials and more that somebody else chose: characters that move the cursor, change
+//! colours or turn the direction of writing are escaped. A line stays one: what has several is printed by `print!`.
+//!
+//! `println!`, `print!` and `eprintln!` of this crate are the macros below. Unlike those of the standard library
 //! they never panic: a full disk or a reader that has gone costs what is printed, and no picture. The first failure of a
 //! stream is said once on the other one; what is printed to the failed stream after that is dropped. Clippy forbids the
 //! standard library's macros (`main.rs`) and its handles of the streams (`clippy.toml`) everywhere else.
 
 use std::{
+    borrow::Cow,
     env, fmt,
     io::{self, ErrorKind, IsTerminal, Write},
     process::{self, ExitCode},
@@ -13,6 +17,8 @@ use std::{
     thread,
     time::Duration,
 };
+
+use bottega_image::{printable, printable_lines};
 
 macro_rules! print {
     ($($text:tt)*) => { $crate::output::print(format_args!($($text)*)) };
@@ -102,24 +108,38 @@ fn purpose() -> Purpose {
     PURPOSE.get().copied().unwrap_or(Purpose::Result)
 }
 
-/// Prints to standard output.
+/// Prints lines to standard output.
 pub(crate) fn print(text: fmt::Arguments<'_>) {
-    deliver(Stream::Output, text.to_string().as_bytes());
+    deliver(Stream::Output, printable_lines(&text.to_string()).as_bytes());
 }
 
 /// Prints a line to standard output.
 pub(crate) fn print_line(text: fmt::Arguments<'_>) {
-    deliver(Stream::Output, format!("{text}\n").as_bytes());
+    deliver(Stream::Output, line(text).as_bytes());
 }
 
 /// Prints a line to standard error.
 pub(crate) fn print_error_line(text: fmt::Arguments<'_>) {
-    deliver(Stream::Error, format!("{text}\n").as_bytes());
+    deliver(Stream::Error, line(text).as_bytes());
+}
+
+fn line(text: fmt::Arguments<'_>) -> String {
+    format!("{}\n", printable(&text.to_string()))
+}
+
+/// Prints an error as [`report`](crate::error::report) made it, which has colours of its own, and is printable.
+pub(crate) fn print_report(report: &str) {
+    deliver(Stream::Error, format!("{report}\n").as_bytes());
 }
 
 /// Prints what clap says: help and version to standard output, mistakes to standard error. Returns the exit code.
 pub(crate) fn print_usage(usage: &clap::Error) -> ExitCode {
     let to = if usage.use_stderr() { Stream::Error } else { Stream::Output };
+    // It repeats arguments, and names of files may be among them.
+    if env::args_os().any(|argument| matches!(printable(&argument.to_string_lossy()), Cow::Owned(_))) {
+        deliver(to, printable_lines(&usage.render().to_string()).as_bytes());
+        return finish(ExitCode::from(usage.exit_code() as u8));
+    }
     // It colours what it prints where a terminal reads it.
     if let Err(error) = usage.print() {
         lose(to, &error);
@@ -132,7 +152,11 @@ pub(crate) struct LogWriter;
 
 impl Write for LogWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        deliver(Stream::Error, bytes);
+        // With colours it is the subscriber that escapes what it is given.
+        match str::from_utf8(bytes) {
+            Ok(text) if !has_colors() => deliver(Stream::Error, printable_lines(text).as_bytes()),
+            _ => deliver(Stream::Error, bytes),
+        }
         Ok(bytes.len())
     }
 

@@ -22,7 +22,7 @@ use crate::{
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     let request = args.to_request()?;
     if args.request.dry_run {
-        println!("{}", request.to_json().map_err(unwritable)?);
+        print!("{}\n", request.to_json().map_err(unwritable)?);
         return Ok(ExitCode::SUCCESS);
     }
     let stop = StopSwitch::new();

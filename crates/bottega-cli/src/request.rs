@@ -13,7 +13,7 @@ pub(crate) fn run(args: &RequestCommandArgs) -> Result<ExitCode, CliError> {
     let request = match &args.command {
         RequestCommand::Schema => {
             let schema = serde_json::to_string_pretty(&Request::schema());
-            println!("{}", schema.unwrap_or_default());
+            print!("{}\n", schema.unwrap_or_default());
             return Ok(ExitCode::SUCCESS);
         }
         RequestCommand::Options { file } => {
@@ -24,6 +24,6 @@ pub(crate) fn run(args: &RequestCommandArgs) -> Result<ExitCode, CliError> {
         RequestCommand::Show { picture } => request_of(picture)?,
     };
     let json = request.to_json();
-    println!("{}", json.map_err(|source| bottega::Error::Request { origin: "what was given".to_owned(), source })?);
+    print!("{}\n", json.map_err(|source| bottega::Error::Request { origin: "what was given".to_owned(), source })?);
     Ok(ExitCode::SUCCESS)
 }

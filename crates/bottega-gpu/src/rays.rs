@@ -125,6 +125,9 @@ impl GpuRays {
 /// A material that hides parts of a surface that is in the scene.
 fn cut_out(scene: &Scene) -> Option<String> {
     let used = scene.instances.iter().filter_map(|instance| scene.meshes.get(instance.mesh as usize));
+    if let Some(curves) = used.clone().find(|mesh| mesh.curves.is_some()) {
+        return Some(curves.name.clone());
+    }
     let used = used.map(|mesh| mesh.material).chain(scene.spheres.iter().map(|sphere| sphere.material));
     used.filter_map(|material| scene.materials.get(material as usize))
         .find(|material| material.alpha_mode != AlphaMode::Opaque)

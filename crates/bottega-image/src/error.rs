@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::printable::printable_path;
+
 /// An image file or a picture that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
     /// The operating system refused to read.
-    #[error("cannot read `{}`", .path.display())]
+    #[error("cannot read `{}`", printable_path(.path))]
     Read {
         /// The file.
         path: PathBuf,
@@ -14,7 +16,7 @@ pub enum ImageError {
         source: std::io::Error,
     },
     /// The operating system refused to write.
-    #[error("cannot write `{}`", .path.display())]
+    #[error("cannot write `{}`", printable_path(.path))]
     Write {
         /// The file.
         path: PathBuf,
@@ -22,7 +24,7 @@ pub enum ImageError {
         source: std::io::Error,
     },
     /// The path cannot become a picture; found before anything is painted.
-    #[error("cannot write `{}`: {reason}", .path.display())]
+    #[error("cannot write `{}`: {reason}", printable_path(.path))]
     NotWritable {
         /// The file.
         path: PathBuf,
@@ -30,13 +32,13 @@ pub enum ImageError {
         reason: String,
     },
     /// The file is in none of the formats that are read.
-    #[error("`{}` is not a picture in a known format: EXR, PNG or Radiance HDR is expected", .path.display())]
+    #[error("`{}` is not a picture in a known format: EXR, PNG or Radiance HDR is expected", printable_path(.path))]
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
     /// The file contradicts its format, or ends too early.
-    #[error("`{}` is not a sound {format} file: {detail}", .path.display())]
+    #[error("`{}` is not a sound {format} file: {detail}", printable_path(.path))]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -46,7 +48,7 @@ pub enum ImageError {
         detail: String,
     },
     /// The file is sound as far as it was read, but uses a feature that is not supported.
-    #[error("`{}` uses a feature of {format} that is not read: {detail}; save it again with common settings", .path.display())]
+    #[error("`{}` uses a feature of {format} that is not read: {detail}; save it again with common settings", printable_path(.path))]
     Unsupported {
         /// The file.
         path: PathBuf,
@@ -56,7 +58,7 @@ pub enum ImageError {
         detail: String,
     },
     /// The header announces more than the caller allows; nothing was allocated.
-    #[error("`{}` announces {width} × {height} pixels; at most {max_pixels} are read", .path.display())]
+    #[error("`{}` announces {width} × {height} pixels; at most {max_pixels} are read", printable_path(.path))]
     TooLarge {
         /// The file.
         path: PathBuf,
@@ -68,7 +70,7 @@ pub enum ImageError {
         max_pixels: u64,
     },
     /// An EXR file without R, G, B or Y.
-    #[error("`{}` holds no color: R, G, B or Y is expected, found {found}", .path.display())]
+    #[error("`{}` holds no color: R, G, B or Y is expected, found {found}", printable_path(.path))]
     NoColor {
         /// The file.
         path: PathBuf,
@@ -76,7 +78,7 @@ pub enum ImageError {
         found: String,
     },
     /// A picture of no pixels cannot be written.
-    #[error("cannot write `{}`: the picture has no pixels", .path.display())]
+    #[error("cannot write `{}`: the picture has no pixels", printable_path(.path))]
     Empty {
         /// The file.
         path: PathBuf,

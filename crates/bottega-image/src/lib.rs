@@ -25,6 +25,7 @@
 //! | RMSE, relMSE, FLIP, tests of noisy pictures, seams | `src/metrics.rs`, `src/metrics/` |
 //! | whether two noisy zones look alike | `src/likeness.rs` |
 //! | pictures while they are painted | `src/preview.rs` |
+//! | names that somebody else chose, for terminals | `src/printable.rs` |
 //! | false colours, pictures and drawings for people | `src/color_map.rs`, `src/canvas.rs`, `src/svg.rs` |
 
 mod aov;
@@ -48,6 +49,7 @@ mod picture;
 mod png_read;
 mod png_write;
 mod preview;
+mod printable;
 mod radiance_read;
 mod read;
 mod rect;
@@ -78,6 +80,7 @@ pub use output::{OutputFormat, check_writable, write_whole};
 pub use picture::{Picture, luminance};
 pub use png_write::{PngBits, PngOptions, png_bytes, write_png, write_png_rgb8};
 pub use preview::Preview;
+pub use printable::{printable, printable_lines, printable_path};
 pub use read::{read_channels, read_image, read_image_bytes, read_picture};
 pub use rect::{Rect, Sides};
 pub use source::ImageFile;

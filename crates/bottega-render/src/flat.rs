@@ -13,9 +13,9 @@ mod picture;
 mod record;
 mod words;
 
-use bottega_scene::TextureMap;
+use bottega_scene::{AlphaMode, TextureMap};
 
-use crate::PreparedScene;
+use crate::{PreparedScene, surfaces::used_materials};
 
 pub use layout::{
     CameraRecord, EnvironmentRecord, FilterRecord, InstanceRecord, LIGHT_WORDS, MeshRecord, NONE, ParallelRecord,
@@ -61,6 +61,12 @@ pub enum NotFlat {
     /// A camera that does not see what shines.
     #[error("a camera from which what shines is hidden")]
     HiddenEmitters,
+    /// Curves that face each ray.
+    #[error("curves that face each ray")]
+    Curves,
+    /// Lamps that no ray meets.
+    #[error("lamps that are not there")]
+    AbsentLamps,
     /// Windows that let an environment in.
     #[error("an environment behind portals")]
     Portals,
@@ -87,6 +93,13 @@ impl FlatScene {
         }
         if prepared.scene().cameras.iter().any(|camera| camera.hides_emitters) {
             missing.push(NotFlat::HiddenEmitters);
+        }
+        if prepared.has_curves() {
+            missing.push(NotFlat::Curves);
+        }
+        let is_absent = |material: usize| prepared.scene().materials[material].alpha_mode == AlphaMode::Absent;
+        if used_materials(prepared.scene()).any(is_absent) {
+            missing.push(NotFlat::AbsentLamps);
         }
         if prepared.scene().environment.as_ref().is_some_and(|environment| !environment.portals.is_empty()) {
             missing.push(NotFlat::Portals);

@@ -1,15 +1,17 @@
 //! Interactions: a point on a surface, from the kernel's hit to the shading record.
 
+mod curve;
 mod mesh;
 mod relief;
 
 use bottega_kernels::{Hit, Ray, math};
 use bottega_scene::{
-    ColorParam, Material, Relief, ReliefRule, ReliefSource, Scene, Spectrum, Sphere, Surface, TextureMap,
+    ColorParam, FacingCurves, Material, Relief, ReliefRule, ReliefSource, Scene, Spectrum, Sphere, Surface, TextureMap,
 };
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
+use curve::{CurveSurface, meeting};
 use mesh::{derivatives, footprint, interpolate, lift_off_facets, tangent_at, uvs_at};
 pub(crate) use mesh::{request_triangle, request_vertices};
 use relief::{bumped_normal, mapped_normal};
@@ -79,7 +81,10 @@ impl Interaction {
     pub(crate) fn new(surfaces: &Surfaces, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
         match hit.sphere() {
             Some(sphere) => Self::on_sphere(surfaces, sphere, hit, origin, direction, cone),
-            None => Self::on_triangle(surfaces, hit, direction, cone),
+            None => match &surfaces.mesh(hit.instance).curves {
+                None => Self::on_triangle(surfaces, hit, direction, cone),
+                Some(curves) => Self::on_curve(surfaces, curves, hit, (origin, direction), cone),
+            },
         }
     }
 
@@ -125,6 +130,36 @@ impl Interaction {
             },
         };
         point.set_frames(scene, material, known, ng, &sides);
+        point
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn on_curve(surfaces: &Surfaces, curves: &FacingCurves, hit: &Hit, ray: (Vec3, Vec3), cone: RayCone) -> Self {
+        let scene = &**surfaces.scene();
+        let material_index = surfaces.mesh(hit.instance).material;
+        let (material, known) = surfaces.material(material_index);
+        let CurveSurface { p, normal, tangent, uv, stretch, clearance } = CurveSurface::new(scene, curves, hit, ray);
+        let mut point = Self {
+            p,
+            p_outside: p,
+            clearance: CLEARANCE * p.abs().max_element() + clearance,
+            ng: normal,
+            frame: [Vec3::ZERO; 3],
+            coat_normal: Vec3::Z,
+            lifted: None,
+            wo: -ray.1,
+            front: true,
+            uvs: [uv; 2],
+            color: Vec4::ONE,
+            is_colored: false,
+            footprint: if known.is_textured { cone.width / stretch } else { 0.0 },
+            beam: if known.is_textured { cone.width } else { 0.0 },
+            material: material_index,
+            hit: *hit,
+        };
+        let sides = UvFrame { tangent: |_| (tangent, 1.0), derivatives: |_| None };
+        point.set_frames(scene, material, known, normal, &sides);
         point
     }
 
@@ -393,6 +428,16 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
     material.opacity_at(scene, TexturePlace { uvs, spot }, 0.0, alpha)
 }
 
+/// How opaque a sphere is at a place on it.
+///
+/// - `from_center`: from its middle to the place.
+pub(crate) fn opacity_of_sphere(scene: &Scene, sphere: &Sphere, from_center: Vec3) -> f32 {
+    let material = &scene.materials[sphere.material as usize];
+    let uv = sphere_uv(sphere, from_center.normalize_or(Vec3::Y));
+    let spot = Spot::sharp(sphere.center + from_center);
+    material.opacity_at(scene, TexturePlace { uvs: [uv; 2], spot }, 0.0, 1.0)
+}
+
 /// The bit by which a surface has another number for a shadow ray than for a path.
 pub const ASKS_AS_SHADOW: u32 = 1 << 31;
 
@@ -474,19 +519,24 @@ pub(crate) fn opacity_of(surfaces: &Surfaces, ray: &Ray, hit: &Hit) -> (f32, boo
     let sphere = hit.sphere().map(|sphere| &scene.spheres[sphere as usize]);
     let material = match sphere {
         Some(sphere) => sphere.material,
-        None => scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material,
+        None => {
+            let mesh = surfaces.mesh(hit.instance);
+            if let Some(curves) = &mesh.curves
+                && meeting(scene, curves, hit, (ray.origin, ray.direction), ray.t_max).is_none()
+            {
+                return (0.0, false);
+            }
+            mesh.material
+        }
     };
-    let (material, known) = surfaces.material(material);
+    let known = surfaces.material(material).1;
     if !known.has_opacity || known.is_null {
         return (if known.is_null { 0.0 } else { 1.0 }, false);
     }
     match sphere {
         Some(sphere) => {
             let ng = ray.origin + hit.t * ray.direction - sphere.center;
-            let uv = if known.is_textured { sphere_uv(sphere, ng.normalize_or(Vec3::Y)) } else { Vec2::ZERO };
-            let spot = Spot::sharp(sphere.center + ng);
-            let place = TexturePlace { uvs: [uv; 2], spot };
-            (material.opacity_at(scene, place, 0.0, 1.0), ng.dot(ray.direction) > 0.0)
+            (opacity_of_sphere(scene, sphere, ng), ng.dot(ray.direction) > 0.0)
         }
         None => (opacity_at(scene, hit.instance, hit.primitive, (hit.u, hit.v)), false),
     }

@@ -74,8 +74,9 @@ impl PreparedScene {
         let scene = Arc::clone(surfaces.scene());
         let lights = Lights::new(&scene, &surfaces.materials, &mut surfaces.instances, options.compensate_environment);
         let materials = &surfaces.materials;
-        let has_opacity =
-            surfaces.culls_backs() || used_materials(&scene).any(|material| materials[material].has_opacity);
+        let has_opacity = surfaces.culls_backs()
+            || surfaces.has_curves()
+            || used_materials(&scene).any(|material| materials[material].has_opacity);
         let parts_media = |material: usize| {
             materials[material].is_null && materials[material].media[0] != materials[material].media[1]
         };

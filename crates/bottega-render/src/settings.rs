@@ -57,6 +57,9 @@ pub struct PathSettings {
     pub light_samples: u32,
     /// The pixel filter.
     pub filter: Filter,
+    /// The greatest value that a channel of a sample may have. A brighter sample is darkened to it, and keeps its colour; infinity: none
+    /// is.
+    pub sample_max: f32,
     /// Bounces after which Russian roulette may end a path.
     pub roulette_depth: u32,
     /// Which strategies find direct light.
@@ -223,6 +226,7 @@ impl Default for PathSettings {
             max_depth: 16,
             light_samples: 1,
             filter: Filter::default(),
+            sample_max: f32::INFINITY,
             roulette_depth: 3,
             direct_light: DirectLight::Combined,
             guiding: true,

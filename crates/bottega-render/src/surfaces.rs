@@ -17,6 +17,8 @@ pub struct Surfaces {
     pub(crate) materials: Vec<PreparedMaterial>,
     /// Whether the camera sees through some surface from behind.
     culls_backs: bool,
+    /// Whether some mesh is the hull of curves.
+    has_curves: bool,
 }
 
 impl Surfaces {
@@ -24,7 +26,8 @@ impl Surfaces {
         let materials = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let instances = scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
         let culls_backs = used_materials(&scene).any(|material| scene.materials[material].culls_back);
-        Self { scene, instances, materials, culls_backs }
+        let has_curves = scene.instances.iter().any(|it| scene.meshes[it.mesh as usize].curves.is_some());
+        Self { scene, instances, materials, culls_backs, has_curves }
     }
 
     /// The scene as it was imported.
@@ -36,6 +39,11 @@ impl Surfaces {
     /// Whether the camera sees through some surface from behind.
     pub(crate) fn culls_backs(&self) -> bool {
         self.culls_backs
+    }
+
+    /// Whether some mesh is the hull of curves, so that hits must be asked.
+    pub(crate) fn has_curves(&self) -> bool {
+        self.has_curves
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {

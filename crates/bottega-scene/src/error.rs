@@ -3,12 +3,14 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use bottega_image::{printable, printable_path};
+
 /// Why there is no scene. `place` is where in the file: a path through its JSON such as
 /// `meshes[3].primitives[0].attributes.POSITION`.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The operating system would not give us the file.
-    #[error("cannot read `{}`{}: check that the file exists and may be read", path.display(), asked_by(by))]
+    #[error("cannot read `{}`{}: check that the file exists and may be read", printable_path(path), asked_by(by))]
     Read {
         /// The file.
         path: PathBuf,
@@ -18,7 +20,7 @@ pub enum SceneError {
         source: std::io::Error,
     },
     /// The path leads to something that is no file.
-    #[error("`{}`{} is {found}, not a file: name the file itself", path.display(), asked_by(by))]
+    #[error("`{}`{} is {found}, not a file: name the file itself", printable_path(path), asked_by(by))]
     NotAFile {
         /// The path.
         path: PathBuf,
@@ -28,13 +30,16 @@ pub enum SceneError {
         found: &'static str,
     },
     /// A folder of [`LoadOptions::asset_roots`](crate::LoadOptions::asset_roots) is none.
-    #[error("`{}` is no folder that can be read: name one with `--asset-root`", path.display())]
+    #[error("`{}` is no folder that can be read: name one with `--asset-root`", printable_path(path))]
     NotAFolder {
         /// The path.
         path: PathBuf,
     },
     /// Neither the name nor the first bytes are those of a format that we read.
-    #[error("`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .pbrt, .obj, .ply, .serialized)", path.display())]
+    #[error(
+        "`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .pbrt, .obj, .ply, .serialized)",
+        printable_path(path)
+    )]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -42,7 +47,7 @@ pub enum SceneError {
         found: String,
     },
     /// The file contradicts its own header; it was cut off or overwritten.
-    #[error("`{}` is damaged: {problem}; copy or export it again", path.display())]
+    #[error("`{}` is damaged: {problem}; copy or export it again", printable_path(path))]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -50,7 +55,7 @@ pub enum SceneError {
         problem: String,
     },
     /// The JSON text cannot be read as a glTF document.
-    #[error("`{}`, line {line}, column {column}{}: {problem}; export the file again", path.display(), at(place))]
+    #[error("`{}`, line {line}, column {column}{}: {problem}; export the file again", printable_path(path), at(place))]
     Json {
         /// The file.
         path: PathBuf,
@@ -64,7 +69,7 @@ pub enum SceneError {
         problem: String,
     },
     /// A scene file that is text says something that cannot be.
-    #[error("`{}`, line {line}, column {column}: {problem}", path.display())]
+    #[error("`{}`, line {line}, column {column}: {problem}", printable_path(path))]
     Text {
         /// The file.
         path: PathBuf,
@@ -78,7 +83,7 @@ pub enum SceneError {
     /// The scene asks for what is not supported, and [`LoadOptions::strict`](crate::LoadOptions::strict) is set.
     #[error(
         "`{}` asks for what is not supported; remove it, or do without `--strict`:{}",
-        path.display(),
+        printable_path(path),
         places.iter().map(|warning| format!("\n  {warning}")).collect::<String>()
     )]
     Unsupported {
@@ -88,7 +93,7 @@ pub enum SceneError {
         places: Vec<Warning>,
     },
     /// The file cannot be understood without an extension that we do not have.
-    #[error("`{}`{} needs the extension {name}, which is not supported; {remedy}", path.display(), at(place))]
+    #[error("`{}`{} needs the extension {name}, which is not supported; {remedy}", printable_path(path), at(place))]
     UnsupportedExtension {
         /// The file.
         path: PathBuf,
@@ -100,7 +105,7 @@ pub enum SceneError {
         remedy: &'static str,
     },
     /// The document says something that cannot be.
-    #[error("`{}`{}: {problem}; export the file again, or repair it there", path.display(), at(place))]
+    #[error("`{}`{}: {problem}; export the file again, or repair it there", printable_path(path), at(place))]
     Invalid {
         /// The file.
         path: PathBuf,
@@ -110,7 +115,7 @@ pub enum SceneError {
         problem: String,
     },
     /// More than the limits of [`LoadOptions`](crate::LoadOptions) allow.
-    #[error("`{}`{}: {problem}; {remedy}", path.display(), at(place))]
+    #[error("`{}`{}: {problem}; {remedy}", printable_path(path), at(place))]
     Limit {
         /// The file.
         path: PathBuf,
@@ -122,7 +127,7 @@ pub enum SceneError {
         remedy: &'static str,
     },
     /// A reference to a file that the scene may not read.
-    #[error("`{}`{}: refuses to read `{uri}`: {reason}", path.display(), at(place))]
+    #[error("`{}`{}: refuses to read `{uri}`: {reason}", printable_path(path), at(place))]
     ForbiddenReference {
         /// The file.
         path: PathBuf,
@@ -134,7 +139,7 @@ pub enum SceneError {
         reason: &'static str,
     },
     /// The options ask for a part that the file does not have.
-    #[error("`{}` has no {what} `{wanted}`; what it has: {known}", path.display())]
+    #[error("`{}` has no {what} `{}`; what it has: {}", printable_path(path), printable(wanted), printable(known))]
     NoSuch {
         /// The file.
         path: PathBuf,
@@ -146,7 +151,7 @@ pub enum SceneError {
         known: String,
     },
     /// A picture that cannot be done without, such as the environment.
-    #[error("cannot decode the picture `{}`: {problem}", path.display())]
+    #[error("cannot decode the picture `{}`: {problem}", printable_path(path))]
     Picture {
         /// The file.
         path: PathBuf,
@@ -164,7 +169,7 @@ pub enum SceneError {
 }
 
 fn asked_by(by: &str) -> String {
-    if by.is_empty() { String::new() } else { format!(" (asked for by {by})") }
+    if by.is_empty() { String::new() } else { format!(" (asked for by {})", printable(by)) }
 }
 
 impl SceneError {
@@ -190,16 +195,23 @@ impl SceneError {
 }
 
 fn at(place: &str) -> String {
-    if place.is_empty() { String::new() } else { format!(", {place}") }
+    if place.is_empty() { String::new() } else { format!(", {}", printable(place)) }
 }
 
-/// Something that the user should know though the scene was read.
+/// Something that the user should know though the scene was read. Names that the file chose are made fit for a terminal in it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
     /// Where in the file; may be empty.
     pub place: String,
     /// What was found, and what was done about it.
     pub message: String,
+}
+
+impl Warning {
+    fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
+        let fit = |text: String| printable(&text).into_owned();
+        Self { place: fit(place.into()), message: fit(message.into()) }
+    }
 }
 
 impl fmt::Display for Warning {
@@ -222,7 +234,7 @@ impl Warnings {
 
     pub(crate) fn add(&mut self, place: impl Into<String>, message: impl Into<String>) {
         if self.list.len() < Self::LIMIT {
-            self.list.push(Warning { place: place.into(), message: message.into() });
+            self.list.push(Warning::new(place, message));
         } else {
             self.left_out += 1;
         }
@@ -230,7 +242,7 @@ impl Warnings {
 
     /// Tells of something that the file asks for and that is left out or replaced: an error where the user is strict.
     pub(crate) fn unsupported(&mut self, place: impl Into<String>, message: impl Into<String>) {
-        let warning = Warning { place: place.into(), message: message.into() };
+        let warning = Warning::new(place, message);
         if self.unsupported.len() < Self::LIMIT {
             self.unsupported.push(warning.clone());
         }
@@ -240,7 +252,7 @@ impl Warnings {
     /// Tells those who are strict alone: others are told in other words.
     pub(crate) fn unsupported_silently(&mut self, place: impl Into<String>, message: impl Into<String>) {
         if self.unsupported.len() < Self::LIMIT {
-            self.unsupported.push(Warning { place: place.into(), message: message.into() });
+            self.unsupported.push(Warning::new(place, message));
         }
     }
 

@@ -68,6 +68,7 @@ impl Material {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha() >= cutoff)),
             AlphaMode::Blend => alpha().clamp(0.0, 1.0),
+            AlphaMode::Absent => 0.0,
         }
     }
 }

@@ -20,6 +20,9 @@ pub struct RenderHints {
     pub integrator: Option<IntegratorHint>,
     /// The pixel filter.
     pub filter: Option<FilmFilter>,
+    /// The greatest value that a channel of a sample may have: brighter samples are darkened to it, and keep their colour (pbrt's
+    /// `maxcomponentvalue`).
+    pub sample_max: Option<f32>,
     /// Whether the film keeps alpha: what shows no surface is transparent in formats that can tell.
     pub alpha: bool,
     /// Whether the file has no light, and a neutral sky was added.

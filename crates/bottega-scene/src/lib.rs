@@ -19,7 +19,8 @@
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
-//! | curves as tubes | `src/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs`; pbrt: `src/pbrt/shape/curve.rs` |
+//! | curves that face each ray | `src/facing_curves.rs`; pbrt: `src/pbrt/shape/curve.rs` |
+//! | curves as tubes | `src/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
 //! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
 //! | the mappings of textures, those by a place in the world among them | `src/texture.rs` |
 //! | pictures with mip levels: decoding, storage, lookup | `src/image/` |
@@ -27,6 +28,7 @@
 //! | scenes far from their origin | `src/origin.rs` |
 //! | which files a scene may read; files that another machine named | `src/resource/` |
 //! | encodings of text | `src/text.rs` |
+//! | parameters that change nothing | `src/needless.rs`, `src/mitsuba/needless.rs`, `src/pbrt/needless.rs` |
 //! | numbers that cannot be computed with; reflectances above 1 | `src/values.rs`, `src/excess.rs` |
 //! | foreign JSON and TOML in which an object must be an object | `src/objects_only.rs` |
 
@@ -35,6 +37,7 @@ mod camera;
 mod error;
 mod eval;
 mod excess;
+mod facing_curves;
 mod file;
 mod framing;
 mod gltf;
@@ -51,6 +54,7 @@ mod mend;
 mod mesh_file;
 mod mitsuba;
 mod model;
+mod needless;
 pub mod objects_only;
 mod options;
 mod origin;
@@ -71,6 +75,7 @@ mod values;
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
 pub use error::{SceneError, Warning};
 pub use eval::Uvs;
+pub use facing_curves::{CurveLook, CurveMeeting, CurvePoint, FacingCurves, ray_in_object};
 pub use grid::{Blend, Grid, GridError};
 pub use hints::{FilmFilter, Metadata, RenderHints};
 pub use image::{Encoding, Image, LevelTexels, linear_of_srgb_codes};

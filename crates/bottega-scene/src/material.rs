@@ -15,6 +15,9 @@ pub enum AlphaMode {
     },
     /// The surface is there with probability alpha.
     Blend,
+    /// The surface is not there: no ray meets it, and none is stopped by it. What it emits goes out whole, and is found by looking for
+    /// lights alone (pbrt's area light on a shape whose alpha is 0).
+    Absent,
 }
 
 /// Sides of a surface. The front is the side from which its triangles run counter-clockwise, and the outside of a
@@ -54,7 +57,7 @@ pub enum Back {
     Same,
     /// Nothing: it is black.
     Black,
-    /// Something else. Neither side may then let light through.
+    /// Something else, which may let light through whatever the front does.
     Other(Box<Surface>),
 }
 
@@ -173,6 +176,11 @@ impl Material {
         self.alpha_mode != AlphaMode::Opaque
     }
 
+    /// Whether less is emitted where less of the surface is there.
+    pub fn dims_emission(&self) -> bool {
+        !matches!(self.alpha_mode, AlphaMode::Opaque | AlphaMode::Absent)
+    }
+
     /// Whether it shines: its emission is not black, or it is unlit.
     pub fn is_emissive(&self) -> bool {
         matches!(self.surface, Surface::Unlit(_)) || self.emission.factor.max_element() > 0.0
@@ -200,7 +208,7 @@ impl Material {
 
     /// Whether light may go through to the other side, other than by opacity.
     pub fn transmits(&self) -> bool {
-        self.surface.transmits()
+        self.surface.transmits() || matches!(&self.back, Back::Other(surface) if surface.transmits())
     }
 
     /// Whether light that goes through it comes into another medium. Of surfaces for which no medium is named, only the solids
@@ -212,12 +220,18 @@ impl Material {
 
     /// Whether some of its light goes straight through, see [`see_through`](Self::see_through).
     pub fn is_seen_through(&self) -> bool {
-        self.see_through && self.surface.has_clear_sheet()
+        self.see_through && self.has_clear_sheet()
+    }
+
+    /// Whether it is a smooth sheet of glass, or partly one, on either side.
+    pub fn has_clear_sheet(&self) -> bool {
+        self.surface.has_clear_sheet() || matches!(&self.back, Back::Other(surface) if surface.has_clear_sheet())
     }
 
     /// Whether it depends on the directions of the texture coordinates on the surface.
     pub fn needs_tangents(&self) -> bool {
-        self.relief.is_some() || self.surface.needs_tangents()
+        let back = if let Back::Other(surface) = &self.back { surface.needs_tangents() } else { false };
+        self.relief.is_some() || self.surface.needs_tangents() || back
     }
 
     /// Every texture that the material refers to.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{Camera, Environment, Grid, Image, Light, Mapping, Material, Medium, MediumId, Variation};
+use crate::{Camera, Environment, FacingCurves, Grid, Image, Light, Mapping, Material, Medium, MediumId, Variation};
 
 /// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty where absent.
 /// Importers leave out texture coordinates and tangents that no texture of the material asks for.
@@ -27,6 +27,8 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`].
     pub material: u32,
+    /// Curves, of which the triangles are but the hull.
+    pub curves: Option<Box<FacingCurves>>,
 }
 
 /// A mesh placed in the world.
@@ -153,6 +155,7 @@ impl Mesh {
             colors: spread(&self.colors, triangles),
             triangles: (0..triangles.len() as u32).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect(),
             material: self.material,
+            curves: self.curves.clone(),
         }
     }
 
@@ -171,6 +174,7 @@ impl Mesh {
             + self.uvs.iter().map(|uvs| bytes_of(uvs)).sum::<usize>()
             + bytes_of(&self.colors)
             + bytes_of(&self.triangles)
+            + self.curves.as_ref().map_or(0, |curves| curves.memory_bytes())
     }
 
     /// The mesh mirrored in the plane x = 0, front sides still outside.
@@ -180,6 +184,10 @@ impl Mesh {
         // The bitangent is cross(n, t)·w, and mirroring turns the sign of the cross product.
         self.tangents.iter_mut().for_each(|t| (t.x, t.w) = (-t.x, -t.w));
         self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        if let Some(curves) = &mut self.curves {
+            let mirror = Vec3::new(-1.0, 1.0, 1.0);
+            curves.map(|p| p * mirror, |t| t * mirror);
+        }
         self
     }
 

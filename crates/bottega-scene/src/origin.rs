@@ -48,7 +48,11 @@ pub(crate) fn far_center(mesh: &Mesh) -> Option<DVec3> {
 /// Moves a mesh that is far from the origin of its own space there. Returns where its middle was.
 pub(crate) fn centered(mesh: &mut Mesh) -> Option<DVec3> {
     let center = far_center(mesh)?;
-    mesh.positions.iter_mut().for_each(|p| *p = (p.as_dvec3() - center).as_vec3());
+    let moved = |p: Vec3| (p.as_dvec3() - center).as_vec3();
+    mesh.positions.iter_mut().for_each(|p| *p = moved(*p));
+    if let Some(curves) = &mut mesh.curves {
+        curves.map(moved, |tangent| tangent);
+    }
     Some(center)
 }
 

@@ -31,11 +31,11 @@ pub enum Surface {
     Principled(Box<Principled>),
     /// The layered material of glTF and its extensions.
     Layered(Box<Layered>),
-    /// Two surfaces side by side, finer than can be seen.
+    /// Two surfaces side by side, finer than can be seen; see [`blend`](Self::blend).
     Blend {
         /// Share of the second.
         weight: ScalarParam,
-        /// The first and the second.
+        /// The first and the second; neither is [`Null`](Self::Null).
         surfaces: Box<[Surface; 2]>,
     },
 }
@@ -362,6 +362,24 @@ impl Surface {
         Self::Diffuse(Diffuse { reflectance: reflectance.into(), roughness: 0.0.into() })
     }
 
+    /// A sheet that scatters nothing and lets a share of the light straight through.
+    pub fn clear_sheet(transmittance: ColorParam) -> Self {
+        Self::Dielectric(Dielectric {
+            eta: 1.0,
+            reflectance: Spectrum::ONE.into(),
+            transmittance,
+            facets: Facets::smooth(),
+            thin: true,
+        })
+    }
+
+    /// Two surfaces side by side; `weight`: share of the second. [`Null`](Self::Null), which rays pass without meeting it, becomes a
+    /// clear sheet: what is there in part is met.
+    pub fn blend(weight: ScalarParam, surfaces: [Self; 2]) -> Self {
+        let met = |surface| if surface == Self::Null { Self::clear_sheet(Spectrum::ONE.into()) } else { surface };
+        Self::Blend { weight, surfaces: Box::new(surfaces.map(met)) }
+    }
+
     /// Whether light may go through to the other side.
     pub fn transmits(&self) -> bool {
         match self {
@@ -396,6 +414,14 @@ impl Surface {
             Self::Layered(layered) => layered.roughness.factor == 0.0,
             Self::Blend { surfaces, .. } => surfaces.iter().any(Self::has_mirror),
             Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } => false,
+        }
+    }
+
+    /// Whether some part of a blend is [`Null`](Self::Null).
+    pub(crate) fn blends_null(&self) -> bool {
+        match self {
+            Self::Blend { surfaces, .. } => surfaces.iter().any(|part| *part == Self::Null || part.blends_null()),
+            _ => false,
         }
     }
 

@@ -91,7 +91,8 @@ impl Scene {
         check(mesh.tangents.par_iter().all(is_tangent), "a tangent is not of unit length")?;
         check(mesh.uvs.iter().flatten().all(|uv| uv.is_finite()), "a texture coordinate is not finite")?;
         let is_color = |c: &glam::Vec4| c.is_finite() && c.min_element() >= 0.0 && c.max_element() <= VALUE_MAX;
-        check(mesh.colors.iter().all(is_color), "a vertex colour is not a colour")
+        check(mesh.colors.iter().all(is_color), "a vertex colour is not a colour")?;
+        mesh.curves.as_ref().map_or(Ok(()), |curves| curves.check(mesh.triangles.len()))
     }
 
     fn check_parameters(&self, material: &Material) -> Result<(), String> {
@@ -110,7 +111,6 @@ impl Scene {
         self.check_surface(&material.surface)?;
         if let Back::Other(back) = &material.back {
             self.check_surface(back)?;
-            check(!back.transmits() && !material.surface.transmits(), "only one of its sides lets light through")?;
         }
         check(is_color(&material.emission), FACTOR)?;
         check(is_factor(material.opacity.factor), FACTOR)?;
@@ -129,6 +129,7 @@ impl Scene {
     }
 
     fn check_surface(&self, surface: &Surface) -> Result<(), String> {
+        check(!surface.blends_null(), "a part of a blend is `Null`: `Surface::blend` makes a clear sheet of it")?;
         let (colors, scalars) = surface.params();
         check(colors.into_iter().all(is_color), FACTOR)?;
         check(scalars.into_iter().all(|scalar| is_factor(scalar.factor)), FACTOR)?;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::mutation::{Random, damage, survive};
 use bottega_scene::{
-    AlphaMode, FilmFilter, Follows, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Panorama, PhotonHints, Projection,
-    Scene, SceneError, Sides, Spectrum, Surface, Wrap, load,
+    AlphaMode, CurveLook, FilmFilter, Follows, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Panorama, PhotonHints,
+    Projection, Scene, SceneError, Sides, Spectrum, Surface, Wrap, load,
 };
 use glam::{Vec2, Vec3};
 
@@ -711,4 +711,77 @@ fn missing_files_are_asked_for_somewhere() {
         assert!(matches!(error, SceneError::Read { .. }), "{error:?}");
         assert!(error.to_string().contains("(asked for by scene.pbrt:2:"), "{error}");
     }
+}
+
+#[test]
+fn what_is_known_and_not_followed_is_refused_when_strict() {
+    let heads = [
+        r#"Integrator "path" "bool regularize" true"#,
+        r#"Integrator "bdpt" "bool visualizestrategies" true"#,
+        r#"Integrator "simplepath" "bool samplelights" false"#,
+        r#"Film "gbuffer""#,
+        r#"Film "spectral""#,
+        r#"Film "rgb" "float wobble" 1"#,
+    ];
+    let worlds = [
+        r#"Material "diffuse" "string normalmap" "none.png""#,
+        r#"Material "dielectric" "spectrum eta" [400 1.6 700 1.4]"#,
+        r#"Texture "t" "spectrum" "imagemap" "string filename" "none.png" Material "diffuse" "texture reflectance" "t""#,
+    ];
+    let all = heads.map(|head| format!("{head} WorldBegin {TRIANGLE}")).into_iter();
+    for text in all.chain(worlds.map(|world| format!("WorldBegin {world} {TRIANGLE}"))) {
+        let loaded = load_with(&text, &LoadOptions { strict: true, ..LoadOptions::default() });
+        assert!(matches!(loaded, Err(SceneError::Unsupported { .. })), "{text}: {loaded:?}");
+        load_text(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
+    }
+    let needless = r#"Integrator "path" "bool regularize" false "string lightsampler" "uniform" "float rrthreshold" .5
+        Sampler "halton" "integer seed" 3 "string randomization" "owen"
+        Film "rgb" "float diagonal" 20 "bool savefp16" false"#;
+    load_with(&format!("{needless} WorldBegin {TRIANGLE}"), &LoadOptions { strict: true, ..LoadOptions::default() })
+        .unwrap();
+}
+
+#[test]
+fn films_bound_the_samples() {
+    let most = |film: &str| load_text(&format!("Film {film} WorldBegin {TRIANGLE}")).unwrap().hints.sample_max;
+    assert_eq!(most(r#""rgb""#), None);
+    for film in ["rgb", "gbuffer", "spectral"] {
+        assert_eq!(most(&format!(r#""{film}" "float maxcomponentvalue" .2"#)), Some(0.2));
+    }
+}
+
+#[test]
+fn lamps_with_alpha_0_are_absent_and_others_are_as_they_were() {
+    let alpha = |shape: &str| world(&format!(r#"AreaLightSource "diffuse" {shape}"#)).materials[0].alpha_mode;
+    assert_eq!(alpha(&format!(r#"{TRIANGLE} "float alpha" 0"#)), AlphaMode::Absent);
+    assert_eq!(alpha(r#"Shape "sphere" "float alpha" 0"#), AlphaMode::Absent);
+    assert_eq!(alpha(&format!(r#"{TRIANGLE} "float alpha" .5"#)), AlphaMode::Blend);
+    assert_eq!(alpha(TRIANGLE), AlphaMode::Opaque);
+    assert_eq!(world(&format!(r#"{TRIANGLE} "float alpha" 0"#)).materials[0].alpha_mode, AlphaMode::Blend);
+}
+
+#[test]
+fn curves_face_each_ray_but_for_ribbons_and_lamps() {
+    let points = r#""point3 P" [ -1 0 0 -.5 1 0 .5 1 0 1 0 0 ] "float width" .2"#;
+    let mesh = |text: &str| world(text).meshes[0].clone();
+    let curve = |kind: &str| mesh(&format!(r#"Shape "curve" "string type" "{kind}" {points}"#));
+    for (kind, look) in [("flat", CurveLook::Flat), ("cylinder", CurveLook::Round)] {
+        let mesh = curve(kind);
+        let curves = mesh.curves.as_deref().expect("a curve");
+        assert_eq!((curves.look, curves.pieces.len()), (look, mesh.triangles.len()));
+        assert!(curves.points.iter().all(|point| (point.radius - 0.1).abs() < 1e-6));
+    }
+    let ribbon = mesh(&format!(r#"Shape "curve" "string type" "ribbon" "normal N" [ 0 0 1 0 0 1 ] {points}"#));
+    let lamp = mesh(&format!(r#"AreaLightSource "diffuse" Shape "curve" {points}"#));
+    assert!(ribbon.curves.is_none() && lamp.curves.is_none());
+}
+
+#[test]
+fn an_interface_within_a_mixture_lets_light_through() {
+    let scene = world(&format!(
+        r#"MakeNamedMaterial "air" "string type" "interface" MakeNamedMaterial "red" "string type" "diffuse"
+        Material "mix" "string materials" [ "air" "red" ] "float amount" .3 {TRIANGLE}"#
+    ));
+    let Surface::Blend { weight, surfaces } = &scene.materials[0].surface else { panic!("no blend") };
+    assert_eq!((weight.factor, &surfaces[0]), (0.3, &Surface::clear_sheet(Spectrum::ONE.into())));
 }

@@ -118,6 +118,7 @@ impl AnalyzedScene {
         let settings = PathSettings {
             max_depth,
             filter: subject.hints.filter.unwrap_or_default(),
+            sample_max: subject.hints.sample_max.unwrap_or(f32::INFINITY),
             planned_samples: samples,
             ..PathSettings::default()
         };

@@ -154,6 +154,7 @@ fn engine_for(
         max_depth: depth,
         light_samples: request.integrator.light_samples,
         filter: filter(request, subject),
+        sample_max: subject.hints.sample_max.unwrap_or(f32::INFINITY),
         guiding: directions(&request.guide),
         agents: guide_agents(&request.guide),
         planned_samples: planned_samples(job),

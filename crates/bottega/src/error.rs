@@ -13,7 +13,7 @@ use bottega_farm::{JobError, JournalError, simulate::RecordError};
 use bottega_fuzzy::Position;
 #[cfg(feature = "gpu")]
 use bottega_gpu::GpuError;
-use bottega_image::ImageError;
+use bottega_image::{ImageError, printable_path};
 use bottega_render::RenderError;
 use bottega_scene::SceneError;
 use thiserror::Error;
@@ -45,7 +45,7 @@ pub enum Error {
         source: EngineFault,
     },
     /// The manifest of another renderer is wrong.
-    #[error("the manifest `{}` cannot be used, line {}, column {}: {}", .0.path.display(), .0.line, .0.column, .0.problem)]
+    #[error("the manifest `{}` cannot be used, line {}, column {}: {}", printable_path(&.0.path), .0.line, .0.column, .0.problem)]
     Manifest(Box<ManifestError>),
     /// The agents came to no picture.
     #[error("the work failed")]
@@ -70,7 +70,7 @@ pub enum Error {
     #[error("cannot denoise the picture")]
     Denoise(#[from] DenoiseError),
     /// Rules are wrong as a whole.
-    #[error("cannot use the rules in `{}`: {problem}", .path.display())]
+    #[error("cannot use the rules in `{}`: {problem}", printable_path(.path))]
     Rules {
         /// Their file.
         path: PathBuf,
@@ -78,7 +78,7 @@ pub enum Error {
         problem: String,
     },
     /// Rules are wrong at a place.
-    #[error("cannot use the rules in `{}`, {place}: {problem}", .path.display())]
+    #[error("cannot use the rules in `{}`, {place}: {problem}", printable_path(.path))]
     RulesText {
         /// Their file.
         path: PathBuf,
@@ -92,7 +92,7 @@ pub enum Error {
         span: Range<usize>,
     },
     /// What is kept of an interrupted picture cannot be used.
-    #[error("cannot go on with `{}`", .path.display())]
+    #[error("cannot go on with `{}`", printable_path(.path))]
     Journal {
         /// The journal.
         path: PathBuf,
@@ -100,7 +100,7 @@ pub enum Error {
         source: JournalError,
     },
     /// A record for the simulator is wrong.
-    #[error("cannot use the record `{}`", .path.display())]
+    #[error("cannot use the record `{}`", printable_path(.path))]
     Record {
         /// The record.
         path: PathBuf,
@@ -119,7 +119,7 @@ pub enum Error {
     #[error("the request cannot be painted")]
     Invalid(#[from] InvalidField),
     /// A file cannot be written.
-    #[error("cannot write `{}`", .path.display())]
+    #[error("cannot write `{}`", printable_path(.path))]
     Write {
         /// The file.
         path: PathBuf,
@@ -127,7 +127,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file cannot be read.
-    #[error("cannot read `{}`", .path.display())]
+    #[error("cannot read `{}`", printable_path(.path))]
     Read {
         /// The file.
         path: PathBuf,
@@ -199,13 +199,11 @@ impl Error {
     /// The place in a text that it is about.
     pub fn excerpt(&self) -> Option<Excerpt> {
         match self {
-            Self::Manifest(error) => Some(Excerpt {
-                name: error.path.display().to_string(),
-                text: error.text.clone(),
-                span: error.span.clone(),
-            }),
+            Self::Manifest(error) => {
+                Some(Excerpt { name: printable_path(&error.path), text: error.text.clone(), span: error.span.clone() })
+            }
             Self::RulesText { path, text, span, .. } => {
-                Some(Excerpt { name: path.display().to_string(), text: text.to_string(), span: span.clone() })
+                Some(Excerpt { name: printable_path(path), text: text.to_string(), span: span.clone() })
             }
             _ => None,
         }

@@ -69,7 +69,7 @@ impl LoadedScene {
         let Loaded { mut scene, warnings, mut hints, files, .. } = loaded;
         let cameras = scene.cameras.clone();
         let (camera, aimed) = aimed(&cameras, scene.origin, &request.view)?;
-        let [width, height] = size(request, &hints, &aimed);
+        let [width, height] = size(request, &hints, &aimed)?;
         scene.cameras[camera] = aimed;
         hints.crop = hints.crop.filter(|_| request.film.size.is_none());
         let options = PrepareOptions { threads: threads(request), ..PrepareOptions::default() };
@@ -86,7 +86,7 @@ impl LoadedScene {
     /// The scene has no such camera, or the camera cannot look so.
     pub fn seen_as(self, request: &Request) -> Result<Self, Error> {
         let (camera, aimed) = aimed(&self.cameras, self.scene().origin, &request.view)?;
-        let [width, height] = size(request, &self.hints, &aimed);
+        let [width, height] = size(request, &self.hints, &aimed)?;
         let view = View { camera: self.prepared.add_camera(aimed), width, height };
         // Whoever looks around for hours leaves no cameras behind.
         self.prepared.remove_camera(self.view.camera);
@@ -226,14 +226,20 @@ fn camera_index(cameras: &[(&str, bool)], asked: Option<&str>) -> Result<usize, 
     })
 }
 
-/// The size that the file asks for, if it is one that can be painted.
-fn hinted_size(hints: &RenderHints) -> Option<[u32; 2]> {
-    hints.resolution.filter(|&[width, height]| check_size(width, height).is_ok())
-}
-
 /// The size of the picture: what the request says, or the file, or the camera.
-fn size(request: &Request, hints: &RenderHints, camera: &Camera) -> [u32; 2] {
-    request.film.size.or_else(|| hinted_size(hints)).unwrap_or_else(|| default_size(camera))
+///
+/// # Errors
+/// The file asks for a picture that is too large, of which the part that is painted is too large, too.
+fn size(request: &Request, hints: &RenderHints, camera: &Camera) -> Result<[u32; 2], Error> {
+    let given = request.film.size.or(hints.resolution);
+    let Some([width, height]) = given else { return Ok(default_size(camera)) };
+    let hinted = |[x, y, width, height]: [u32; 4]| [x, y, x.saturating_add(width), y.saturating_add(height)];
+    let crop = request.film.crop.or_else(|| hints.crop.filter(|_| request.film.size.is_none()).map(hinted));
+    check_size([width, height], crop).map_err(|allowed| {
+        let whose = if request.film.size.is_none() { "the scene file asks for" } else { "the request asks for" };
+        Error::usage(format!("{whose} a picture of {width}x{height} pixels: {allowed}"), "say another size (`--size`)")
+    })?;
+    Ok([width, height])
 }
 
 fn default_size(camera: &Camera) -> [u32; 2] {

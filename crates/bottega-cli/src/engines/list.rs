@@ -21,7 +21,10 @@ use bottega_engines::external::{
 use serde_json::json;
 
 use super::args::{CheckArgs, ListArgs, ReleaseArgs};
-use crate::error::{CliError, report};
+use crate::{
+    error::{CliError, report},
+    output::print_report,
+};
 
 pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
     let shelf = shelf(&args.folders);
@@ -69,10 +72,10 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
         }
     }
     for broken in &shelf.broken {
-        eprintln!("{}", report(&bottega::Error::Manifest(Box::new(broken.clone())).into()));
+        print_report(&report(&bottega::Error::Manifest(Box::new(broken.clone())).into()));
     }
     if !args.json {
-        unguarded().iter().for_each(|line| println!("\n{line}"));
+        unguarded().iter().for_each(|line| print!("\n{line}\n"));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -7,6 +7,7 @@ use bottega::{
     events::{AgentEvent, Event, ZoneEvent},
 };
 use bottega_cluster::{Job, JobBoard, blackboard::RowNews, jobs::known};
+use bottega_image::printable;
 use clap::Args;
 
 use super::args::FarmArgs;
@@ -92,8 +93,8 @@ fn as_table(number: u32, rows: &[Event]) -> String {
         "{:>6} {:<10} {:>8} {:>10} {:>9} {:>9} {:>5} {:>5} {:>7}  agent\n",
         "zone", "state", "size", "complexity", "T_est", "T_real", "depth", "light", "samples"
     );
-    zones.values().for_each(|zone| text += &format!("{}\n", zone_line(zone)));
-    agents.values().for_each(|agent| text += &format!("{}\n", agent_line(agent)));
+    zones.values().for_each(|zone| text += &format!("{}\n", printable(&zone_line(zone))));
+    agents.values().for_each(|agent| text += &format!("{}\n", printable(&agent_line(agent))));
     text
 }
 

@@ -13,6 +13,7 @@ use bottega_cluster::{
     society::Society,
     view::JobView,
 };
+use bottega_image::printable;
 use clap::{Args, Subcommand, ValueHint};
 use serde_json::json;
 
@@ -106,7 +107,7 @@ fn list(board: &JobBoard, as_json: bool) {
                 job.priority,
                 view.machines,
                 bytes_said(held.all()),
-                job.from,
+                printable(&job.from),
                 job.scene
             );
         }

@@ -16,7 +16,9 @@ use bottega_cluster::{
 use clap::{Args, ValueHint};
 
 use super::args::{LoginArgs, parse_gigabytes};
-use crate::{cli::parse_duration, energy_values::parse_watts, error::CliError, signals::stop_on_signal};
+use crate::{
+    cli::parse_duration, energy_values::parse_watts, error::CliError, output::print_report, signals::stop_on_signal,
+};
 
 /// Offer this machine to a farm.
 #[derive(Debug, Args)]
@@ -111,7 +113,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let options = JoinOptions { own, cache, cache_bytes, once, owner, tags, memory_bytes, watts };
     let say = |said: WorkerMessage<'_>| match said {
         WorkerMessage::Line(line) => println!("{line}"),
-        WorkerMessage::Failure(error) => eprintln!("{}", crate::error::report_of(error)),
+        WorkerMessage::Failure(error) => print_report(&crate::error::report_of(error)),
     };
     worker::join(link, options, &stop, Box::new(say));
     println!("left the farm");

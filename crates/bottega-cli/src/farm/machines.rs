@@ -9,6 +9,7 @@ use bottega_cluster::{
     names::host_name,
     view::MachineView,
 };
+use bottega_image::printable;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
@@ -83,6 +84,7 @@ fn list(board: &JobBoard, as_json: bool) {
             let Presence { name, threads, version, job, standing, tags, .. } = &machine.seat;
             let job = job.map_or_else(|| "-".to_owned(), |job| job.to_string());
             let state = standing.word();
+            let (name, version) = (printable(name), printable(version));
             let line = format!("{name:<32} {state:<10} {threads:>7}  {job:>4}  {version:<12} {}", tags.join(" "));
             println!("{}", line.trim_end());
         }

@@ -113,7 +113,7 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
             if !args.notifications.is_empty() {
                 println!("Nobody is told of its jobs by this process: give --on to the one that has it.");
             }
-            println!("Another page of it, for as long as it runs: bottega web\n");
+            print!("Another page of it, for as long as it runs: bottega web\n\n");
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -136,7 +136,7 @@ impl UpArgs {
 }
 
 fn tell(Invitation { trusted, guest }: &Invitation) {
-    println!("On each other machine:\n\n  bottega join {trusted}\n");
-    println!("or, where a machine is to paint and no more:\n\n  bottega join {guest}\n");
-    println!("and here, or on any that joined by the first line:\n\n  bottega render SCENE -o PICTURE --farm\n");
+    print!("On each other machine:\n\n  bottega join {trusted}\n\n");
+    print!("or, where a machine is to paint and no more:\n\n  bottega join {guest}\n\n");
+    print!("and here, or on any that joined by the first line:\n\n  bottega render SCENE -o PICTURE --farm\n\n");
 }

@@ -65,8 +65,8 @@ impl WebArgs {
 
 /// Tells where a door is.
 pub(super) fn tell_door(door: &Door) {
-    println!("See and steer the farm in a browser:\n\n  {}\n", door.steering_url());
-    println!("or, for those who are to look on alone:\n\n  {}\n", door.seeing_url());
+    print!("See and steer the farm in a browser:\n\n  {}\n\n", door.steering_url());
+    print!("or, for those who are to look on alone:\n\n  {}\n\n", door.seeing_url());
 }
 
 pub(crate) fn run(args: &WebCommandArgs) -> Result<ExitCode, CliError> {

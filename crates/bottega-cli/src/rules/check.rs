@@ -9,7 +9,10 @@ use serde_json::{Value, json};
 use bottega::rules::Source;
 
 use super::args::CheckArgs;
-use crate::error::{CliError, report};
+use crate::{
+    error::{CliError, report},
+    output::print_report,
+};
 
 pub(super) fn run(args: &CheckArgs) -> Result<ExitCode, CliError> {
     let (mut errors, mut warnings) = (0, 0);
@@ -29,7 +32,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<ExitCode, CliError> {
                 if args.json {
                     println!("{}", error_as_json(path, &error));
                 } else {
-                    eprintln!("{}", report(&error.into()));
+                    print_report(&report(&error.into()));
                 }
             }
         }

@@ -29,7 +29,6 @@ fn wrong_usage_is_told_before_any_work() {
     for (option, value) in [
         ("--size", "0x0"),
         ("--size", "99999999999x1"),
-        ("--size", "65536x65536"),
         ("--size", "-5x5"),
         ("--spp", "0"),
         ("--agents", "0"),
@@ -51,6 +50,7 @@ fn wrong_usage_is_told_before_any_work() {
         fails(&["render", "cornell-box.glb", "-o", picture, &format!("{option}={value}")], 2, &[option]);
     }
     fails(&["render", "cornell-box.glb", "-o", picture, "--size", "8x8", "--crop", "0,0,9,8"], 2, &["crop", "8x8"]);
+    fails(&["render", "cornell-box.glb", "-o", picture, "--size", "65536x65536"], 2, &["65536x65536", "pixels"]);
     fails(&["render", "cornell-box.glb", "-o", picture, "--error", "0.1", "--time", "1m"], 2, &["--error", "--time"]);
     fails(&["render", "cornell-box.glb", "-o", "film.%4d.png", "--frames", "1..2"], 2, &["`%4d`", "%04d"]);
     fails(&["render", "cornell-box.glb", "-o", "film.%d.##.png", "--frames", "1..2"], 2, &["several places"]);
@@ -250,4 +250,33 @@ fn whoever_reads_events_may_leave_before_the_picture_is_done() {
     let output = child.wait_with_output().expect("an end");
     assert_eq!((output.status.code(), told(&output)), (Some(0), String::new()));
     assert!(picture.exists() && !folder.path().join("picture.exr.bottega-journal").exists());
+}
+
+#[test]
+fn sizes_count_what_is_painted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (scene, picture) = (folder.path().join("a.xml"), folder.path().join("a.exr"));
+    let film = |size: u32, crop: &str| {
+        let content = format!(
+            "<scene version='3.0.0'><integrator type='path'/><sensor type='perspective'><film type='hdrfilm'>
+            <integer name='width' value='{size}'/><integer name='height' value='{size}'/>{crop}<rfilter type='box'/></film></sensor>
+            <shape type='sphere'/><emitter type='constant'/></scene>"
+        );
+        fs::write(&scene, content).expect("a scene");
+    };
+    let crop = "<integer name='crop_offset_x' value='8'/><integer name='crop_offset_y' value='2'/>
+        <integer name='crop_width' value='16'/><integer name='crop_height' value='4'/>";
+    let render = |more: &[&str]| [&["render", text(&scene), "-o", text(&picture), "--spp", "1"][..], more].concat();
+    film(17_000, crop);
+    succeed(&render(&[]));
+    let image = bottega_image::read_image(&picture, bottega_image::ReadLimits::default()).expect("a picture");
+    assert_eq!((image.full_size, image.offset, image.picture.size()), ((17_000, 17_000), (8, 2), (16, 4)));
+    film(17_000, "");
+    fails(&render(&[]), 2, &["17000x17000", "--crop"]);
+    succeed(&render(&["--crop", "16990,16990,17000,17000"]));
+    film(65_537, crop);
+    fails(&render(&[]), 2, &["65537x65537", "65536"]);
+    film(64, "");
+    succeed(&render(&["--size", "60000x60000", "--crop", "59990,0,60000,9"]));
+    fails(&render(&["--size", "60000x60000", "--crop", "0,0,60000,9000"]), 2, &["60000x60000"]);
 }

@@ -5,6 +5,7 @@ mod bad_input;
 mod configuration;
 mod denoise;
 mod learning;
+mod names;
 mod platform;
 mod preview;
 mod references;

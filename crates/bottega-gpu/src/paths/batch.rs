@@ -100,6 +100,7 @@ impl BlockBatch {
             albedo_at: at(Aov::Albedo),
             normal_at: at(Aov::Normal),
             depth_at: at(Aov::Depth),
+            sample_max: settings.sample_max.min(f32::MAX).to_bits(),
             ..BatchParams::default()
         };
         Ok(Self { params, words, path_count: paths, stride: kind.stride() })

@@ -50,7 +50,8 @@ buffer_struct! {
         albedo_at: u32,
         normal_at: u32,
         depth_at: u32,
-        padding: u32,
+        /// The bits of the greatest value that a channel of a sample may have.
+        sample_max: u32,
     }
 }
 

@@ -30,7 +30,10 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
         let found = bits(PATH_RADIANCE, path).xyz;
         let is_sound = all((found & vec3(0x7f800000u)) != vec3(0x7f800000u));
         let factor = field(PATH_RECEIVER_NORMAL, path).w;
-        let radiance = bitcast<vec3<f32>>(select(vec3(0u), found, is_sound)) * factor;
+        let whole = bitcast<vec3<f32>>(select(vec3(0u), found, is_sound));
+        let greatest = max(max(whole.x, whole.y), whole.z);
+        let sample_max = bitcast<f32>(batch.sample_max);
+        let radiance = whole * select(1.0, sample_max / greatest, greatest > sample_max) * factor;
         let light = luminance(radiance);
         radiance_sum += radiance;
         albedo_sum += field(PATH_ALBEDO, path);

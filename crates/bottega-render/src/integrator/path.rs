@@ -292,7 +292,7 @@ impl Path<'_> {
 
     #[inline(always)]
     pub(super) fn finish(&mut self) -> PathRecord {
-        self.record.keep(self.radiance);
+        self.record.keep(self.radiance, self.integrator.settings.sample_max);
         self.record
     }
 }

@@ -72,12 +72,17 @@ impl PathRecord {
     }
 
     /// Takes in what the path found, when it is at its end.
+    ///
+    /// - `most`: see [`PathSettings::sample_max`](crate::PathSettings::sample_max).
     #[inline(always)]
-    pub(super) fn keep(&mut self, radiance: Spectrum) {
+    pub(super) fn keep(&mut self, radiance: Spectrum, most: f32) {
         self.is_dropped = !radiance.is_finite();
-        if !self.is_dropped {
-            self.values.radiance = radiance.to_array();
+        if self.is_dropped {
+            return;
         }
+        let greatest = radiance.max_element();
+        let radiance = if greatest > most { radiance * (most / greatest) } else { radiance };
+        self.values.radiance = radiance.to_array();
     }
 
     /// Takes in the first surface that is seen: how far it is, and its normal.

@@ -299,7 +299,7 @@ impl Path<'_> {
 
     fn finish(mut self) -> PathRecord {
         self.record.values.cost += self.numbers_drawn as f32 * TRACKING_STEPS;
-        self.record.keep(self.radiance);
+        self.record.keep(self.radiance, self.settings.sample_max);
         self.record
     }
 }

@@ -3,12 +3,12 @@
 use std::f32::consts::PI;
 
 use bottega_kernels::{Aabb, math};
-use bottega_scene::{Scene, Spectrum, Sphere};
+use bottega_scene::{AlphaMode, Scene, Spectrum, Sphere};
 use glam::Vec3;
 
 use super::{LightSample, NO_LIGHT, bounds::LightBounds};
 use crate::{
-    interaction::emitted_by_sphere,
+    interaction::{emitted_by_sphere, opacity_of_sphere},
     luminance,
     sampling::{orthonormal_basis, uniform_sphere},
 };
@@ -85,8 +85,17 @@ pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Opti
     if !material.emission_sides.has(wi.dot(n) < 0.0) {
         return None;
     }
+    let radiance = radiance_at(scene, sphere, n);
+    // No ray runs into what is not there.
+    let is_delta = material.alpha_mode == AlphaMode::Absent;
+    Some(LightSample { wi, distance, radiance, pdf, is_delta, light: NO_LIGHT, pmf: 1.0 })
+}
+
+/// What it emits where `n` is its outward normal, as far as it is there.
+pub(super) fn radiance_at(scene: &Scene, sphere: &Sphere, n: Vec3) -> Spectrum {
     let radiance = emitted_by_sphere(scene, sphere, n, 0.0);
-    Some(LightSample { wi, distance, radiance, pdf, is_delta: false, light: NO_LIGHT, pmf: 1.0 })
+    let dims = scene.materials[sphere.material as usize].dims_emission();
+    if dims { radiance * opacity_of_sphere(scene, sphere, n) } else { radiance }
 }
 
 /// A direction uniform over the cone, and how far the sphere is in it.

@@ -4,7 +4,7 @@
 //! by a texture is cut into parts, each of them a light with its own power.
 
 use bottega_kernels::Aabb;
-use bottega_scene::{Scene, Sides, Spectrum};
+use bottega_scene::{AlphaMode, Scene, Sides, Spectrum};
 use glam::Vec3;
 
 use super::{
@@ -411,7 +411,8 @@ impl SurfaceLight {
             distance,
             radiance,
             pdf,
-            is_delta: false,
+            // No ray runs into what is not there.
+            is_delta: material.alpha_mode == AlphaMode::Absent,
             light: NO_LIGHT,
             pmf: 1.0,
         })
@@ -421,13 +422,13 @@ impl SurfaceLight {
     #[inline(always)]
     pub(super) fn radiance_at(&self, scene: &Scene, place: [f32; 2]) -> Spectrum {
         let material = &scene.materials[self.material as usize];
-        if material.emission.texture.is_none() && !material.has_opacity() {
+        if material.emission.texture.is_none() && !material.dims_emission() {
             return material.emission.factor;
         }
         let (s, t) = self.on_panel(place);
         let (triangle, barycentric) = self.panel.triangle_at(s, t);
         let mut radiance = emitted(scene, self.panel.instance, triangle, barycentric, 0.0);
-        if material.has_opacity() {
+        if material.dims_emission() {
             radiance *= opacity_at(scene, self.panel.instance, triangle, barycentric);
         }
         radiance

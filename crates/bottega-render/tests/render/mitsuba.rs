@@ -63,7 +63,7 @@ fn read(text: &str) -> Loaded {
         .unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
-fn mean(text: &str, photons: Option<PhotonSettings>) -> Vec3 {
+pub(crate) fn mean(text: &str, photons: Option<PhotonSettings>) -> Vec3 {
     let Loaded { scene, hints, .. } = read(text);
     let [width, height] = hints.resolution.expect("a size");
     let settings = PathSettings {
@@ -76,7 +76,7 @@ fn mean(text: &str, photons: Option<PhotonSettings>) -> Vec3 {
 }
 
 /// Whether the mean of a picture is Mitsuba's, within a share that noise explains.
-fn check(what: &str, text: &str, expected: [f32; 3], share: f32) {
+pub(crate) fn check(what: &str, text: &str, expected: [f32; 3], share: f32) {
     let found = mean(text, None);
     let off = (found / Vec3::from_array(expected) - 1.0).abs().max_element();
     assert!(off < share, "{what}: {found} instead of {expected:?}, {:.1} % off", 100.0 * off);

@@ -63,8 +63,19 @@ pub(super) fn decompress(source: &GltfSource<'_>, shapes: &[PrimitiveShape]) -> 
 
 /// The attributes that are asked for.
 fn numbers(attributes: &document::Attributes) -> impl Iterator<Item = u32> {
-    let document::Attributes { position, normal, tangent, uv0, uv1, color, joints0, weights0, joints1, weights1 } =
-        attributes;
+    let document::Attributes {
+        position,
+        normal,
+        tangent,
+        uv0,
+        uv1,
+        color,
+        joints0,
+        weights0,
+        joints1,
+        weights1,
+        joints2: _,
+    } = attributes;
     let all = [position, normal, tangent, uv0, uv1, color, joints0, weights0, joints1, weights1];
     all.into_iter().flatten().filter_map(|&number| u32::try_from(number).ok())
 }

@@ -119,7 +119,7 @@ impl Converter<'_, '_> {
             }
             Some(other) => {
                 let message = format!("`{}` is unknown and counts as OPAQUE", super::shortened(other));
-                self.warn("alphaMode", message);
+                self.warnings.unsupported(format!("{}.alphaMode", self.place), message);
                 AlphaMode::Opaque
             }
         }

@@ -93,7 +93,7 @@ pub(super) fn read(
     mesh.colors = reader.colors()?;
     reader.add_targets(&mut mesh, warnings)?;
     if let Some(skin) = shape.skin {
-        let influences = reader.influences()?;
+        let influences = reader.influences(warnings)?;
         skin::apply(source, hierarchy, skin, &influences, &mut mesh, warnings)?;
     }
     clean(&mut mesh, shape, warnings);
@@ -262,12 +262,53 @@ impl<'s> PrimitiveReader<'s> {
             for (to, delta) in mesh.tangents.iter_mut().zip(displacements("TANGENT", target.tangent)?) {
                 *to += delta.extend(0.0);
             }
+            for (set, name, index) in [(0, "TEXCOORD_0", target.uv0), (1, "TEXCOORD_1", target.uv1)] {
+                // A set that the material has no use for was not read.
+                let Some(index) = index.filter(|_| !mesh.uvs[set].is_empty()) else { continue };
+                let member = format!(".targets[{number}].{name}");
+                let deltas = self.read(&self.accessor(index, &member)?, &member, Vec2::from_array)?;
+                for (to, delta) in mesh.uvs[set].iter_mut().zip(deltas) {
+                    *to += delta * weight;
+                }
+            }
+            if let Some(index) = target.color {
+                self.add_target_colors(&mut mesh.colors, number, index, weight)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds what a morph target does to the colours; what comes out stays between 0 and 1.
+    fn add_target_colors(
+        &self,
+        colors: &mut Vec<Vec4>,
+        number: usize,
+        index: usize,
+        weight: f32,
+    ) -> Result<(), SceneError> {
+        let member = format!(".targets[{number}].COLOR_0");
+        let accessor = self.accessor(index, &member)?;
+        let deltas = if accessor.width == 3 {
+            self.read(&accessor, &member, |rgb: [f32; 3]| Vec3::from_array(rgb).extend(0.0))?
+        } else {
+            self.read(&accessor, &member, Vec4::from_array)?
+        };
+        // White everywhere was as good as nothing.
+        colors.resize(deltas.len(), Vec4::ONE);
+        for (to, delta) in colors.iter_mut().zip(deltas) {
+            let sum = *to + delta * weight;
+            // What is no number becomes 0.
+            *to = Vec4::select(sum.cmpge(Vec4::ZERO), sum.min(Vec4::ONE), Vec4::ZERO);
         }
         Ok(())
     }
 
     /// Which joints move a vertex, and how much: up to two sets of four.
-    fn influences(&self) -> Result<Vec<Vec<skin::Influence>>, SceneError> {
+    fn influences(&self, warnings: &mut Warnings) -> Result<Vec<Vec<skin::Influence>>, SceneError> {
+        if self.primitive.attributes.joints2.is_some() {
+            let message = "only the first eight joints of a vertex move it";
+            warnings.unsupported(self.shape.place(".attributes.JOINTS_2"), message);
+        }
         let sets: [(AttributeChoice, AttributeChoice, &str, &str); 2] = [
             (|a| a.joints0, |a| a.weights0, ".attributes.JOINTS_0", ".attributes.WEIGHTS_0"),
             (|a| a.joints1, |a| a.weights1, ".attributes.JOINTS_1", ".attributes.WEIGHTS_1"),

@@ -106,12 +106,16 @@ pub(super) fn add_lights(
             source.invalid(format!("nodes[{index}].extensions.KHR_lights_punctual.light"), problem)
         })?;
         let place = format!("extensions.KHR_lights_punctual.lights[{}]", light.light);
+        if description.range.is_some_and(f32::is_finite) && description.kind != "directional" {
+            warnings
+                .unsupported(format!("{place}.range"), "light does not end at a distance; the range is not followed");
+        }
         match kind(description, &world) {
             Ok(kind) => {
                 let name = if description.name.is_empty() { &node.name } else { &description.name };
                 scene.lights.push(Light { name: name.clone(), kind });
             }
-            Err(problem) => warnings.add(place, format!("{problem}; it is left out")),
+            Err(problem) => warnings.unsupported(place, format!("{problem}; it is left out")),
         }
     }
     Ok(())

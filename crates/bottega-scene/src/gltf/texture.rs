@@ -127,7 +127,9 @@ impl<'a> Textures<'a> {
                         images[*number] = Some(image);
                     }
                 }
-                Err(problem) => warnings.add(format!("images[{index}]"), format!("{problem}; {STANDS_FOR_MISSING}")),
+                Err(problem) => {
+                    warnings.unsupported(format!("images[{index}]"), format!("{problem}; {STANDS_FOR_MISSING}"));
+                }
             }
         }
         let is_missing = images.iter().map(Option::is_none).collect();
@@ -144,7 +146,7 @@ impl<'a> Textures<'a> {
     }
 }
 
-const STANDS_FOR_MISSING: &str = "magenta stands for its colours, 1 for its numbers";
+const STANDS_FOR_MISSING: &str = "magenta stands for its colours, 1 for its numbers, a flat surface for its normals";
 
 /// The pictures of a scene.
 pub(super) struct LoadedImages {

@@ -14,7 +14,7 @@ mod texels;
 use glam::Vec4;
 
 pub(crate) use decode::{DecodedImage, PictureFault, PictureHeader};
-pub(crate) use pictures::{FramedTexture, Pictures, too_large, unreadable};
+pub(crate) use pictures::{FramedTexture, PictureKind, PictureUse, Pictures, too_large, unreadable};
 pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};
 pub use raw::{LevelTexels, linear_of_srgb_codes};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use bottega_image::WhitePoint;
+use bottega_image::{WhitePoint, printable_path};
 use rayon::prelude::*;
 
 use super::{DecodedImage, Encoding, Image, PictureFault, PictureHeader};
@@ -12,13 +12,52 @@ use crate::resource::{Location, Resources};
 use crate::text::shortened;
 use crate::{ImageId, SceneError};
 
-/// Pictures in files beside the scene. The same file in the same encoding is one image, however often it is asked for.
+/// What a picture is used for. It says what stands for the picture where it is missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum PictureUse {
+    /// Colours.
+    Color,
+    /// Numbers that multiply others.
+    Number,
+    /// Normals of the surface.
+    Normals,
+}
+
+impl PictureUse {
+    /// What stands for a missing picture, in words and as a picture.
+    fn stand_in(self, name: &str) -> (&'static str, Image) {
+        match self {
+            Self::Color => ("magenta", Image::missing(name)),
+            Self::Number => ("1", Image::from_gray8(name, 1, 1, vec![255], false)),
+            Self::Normals => ("a flat surface", Image::from_linear_rgb(name, 1, 1, vec![[0.5, 0.5, 1.0]])),
+        }
+    }
+}
+
+/// How a picture is read.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PictureKind {
+    /// What its codes of 8 bits mean.
+    pub(crate) encoding: Encoding,
+    pub(crate) purpose: PictureUse,
+}
+
+impl PictureKind {
+    /// Colours, encoded as sRGB.
+    pub(crate) const COLORS: Self = Self { encoding: Encoding::Srgb, purpose: PictureUse::Color };
+    /// Numbers as they are.
+    pub(crate) const NUMBERS: Self = Self { encoding: Encoding::Linear, purpose: PictureUse::Number };
+    /// A normal map.
+    pub(crate) const NORMALS: Self = Self { encoding: Encoding::Linear, purpose: PictureUse::Normals };
+}
+
+/// Pictures in files beside the scene. The same file for the same use is one image, however often it is asked for.
 pub(crate) struct Pictures<'a> {
     resources: &'a Resources<'a>,
     pixels_max: u64,
     white_point: WhitePoint,
     wanted: Vec<WantedPicture>,
-    id_of: BTreeMap<(Location, bool, PictureChange), ImageId>,
+    id_of: BTreeMap<(Location, bool, PictureChange, PictureUse), ImageId>,
     /// Pictures that are there already: where they go in the list.
     made: Vec<(usize, Image)>,
 }
@@ -44,7 +83,7 @@ pub(crate) struct FramedTexture {
 
 struct WantedPicture {
     location: Location,
-    encoding: Encoding,
+    kind: PictureKind,
     change: PictureChange,
     /// Where it was first asked for.
     place: String,
@@ -71,8 +110,8 @@ impl<'a> Pictures<'a> {
     ///
     /// - `reference`: relative to the folder of the scene; see [`Resources::locate`] for what is refused.
     /// - `place`: where the reference stands, for messages.
-    pub(crate) fn want(&mut self, reference: &str, encoding: Encoding, place: &str) -> Result<ImageId, SceneError> {
-        self.want_in(&[""], reference, encoding, place)
+    pub(crate) fn want(&mut self, reference: &str, kind: PictureKind, place: &str) -> Result<ImageId, SceneError> {
+        self.want_in(&[""], reference, kind, place)
     }
 
     /// The same for a reference that is relative to one of several folders; see [`Resources::locate_in`].
@@ -80,18 +119,18 @@ impl<'a> Pictures<'a> {
         &mut self,
         folders: &[&str],
         reference: &str,
-        encoding: Encoding,
+        kind: PictureKind,
         place: &str,
     ) -> Result<ImageId, SceneError> {
         let location = self.resources.locate_in(folders, reference, place)?;
-        Ok(self.want_at(location, encoding, false, place))
+        Ok(self.want_at(location, kind, false, place))
     }
 
     /// Asks for a picture whose place is known; see [`want`](Self::want).
     ///
     /// - `gray`: its luminance (Rec. 709) is wanted in all channels.
-    pub(crate) fn want_at(&mut self, location: Location, encoding: Encoding, gray: bool, place: &str) -> ImageId {
-        self.want_changed(location, encoding, if gray { PictureChange::Gray } else { PictureChange::None }, place)
+    pub(crate) fn want_at(&mut self, location: Location, kind: PictureKind, gray: bool, place: &str) -> ImageId {
+        self.want_changed(location, kind, if gray { PictureChange::Gray } else { PictureChange::None }, place)
     }
 
     /// Asks for a picture with an edge of black texels around it; see [`want`](Self::want). `None`: it cannot be read, and
@@ -99,13 +138,13 @@ impl<'a> Pictures<'a> {
     pub(crate) fn want_framed(
         &mut self,
         reference: &str,
-        encoding: Encoding,
+        kind: PictureKind,
         place: &str,
     ) -> Result<Option<FramedTexture>, SceneError> {
         let location = self.resources.locate(reference, place)?;
         let Ok(bytes) = self.resources.read(&location) else { return Ok(None) };
         let Ok(header) = PictureHeader::read(&bytes, self.pixels_max) else { return Ok(None) };
-        let id = self.want_changed(location, encoding, PictureChange::Framed, place);
+        let id = self.want_changed(location, kind, PictureChange::Framed, place);
         Ok(Some(FramedTexture { id, size: header.size() }))
     }
 
@@ -114,20 +153,20 @@ impl<'a> Pictures<'a> {
     pub(crate) fn want_octahedral(
         &mut self,
         reference: &str,
-        encoding: Encoding,
+        kind: PictureKind,
         place: &str,
     ) -> Result<ImageId, SceneError> {
         let location = self.resources.locate(reference, place)?;
-        Ok(self.want_changed(location, encoding, PictureChange::Octahedral, place))
+        Ok(self.want_changed(location, kind, PictureChange::Octahedral, place))
     }
 
-    fn want_changed(&mut self, location: Location, encoding: Encoding, change: PictureChange, place: &str) -> ImageId {
+    fn want_changed(&mut self, location: Location, kind: PictureKind, change: PictureChange, place: &str) -> ImageId {
         let next = ImageId((self.wanted.len() + self.made.len()) as u32);
-        let key = (location, encoding == Encoding::Srgb, change);
+        let key = (location, kind.encoding == Encoding::Srgb, change, kind.purpose);
         if let Some(&id) = self.id_of.get(&key) {
             return id;
         }
-        self.wanted.push(WantedPicture { location: key.0.clone(), encoding, change, place: place.into() });
+        self.wanted.push(WantedPicture { location: key.0.clone(), kind, change, place: place.into() });
         self.id_of.insert(key, next);
         next
     }
@@ -147,7 +186,7 @@ impl<'a> Pictures<'a> {
     }
 
     /// Decodes all that was asked for, in parallel, after all of their headers have passed the limits. One that cannot be
-    /// read is replaced by magenta (colours) or 1 (numbers), with a warning.
+    /// read is replaced by what its use says, with a warning.
     pub(crate) fn load(self, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
         let checked: Vec<Result<PictureHeader, String>> =
             self.wanted.par_iter().map(|wanted| self.check(wanted)).collect::<Result<_, SceneError>>()?;
@@ -158,7 +197,7 @@ impl<'a> Pictures<'a> {
                 let mut decoded = DecodedImage::read(&bytes, header?.with_white_point(white_point))?;
                 drop(bytes);
                 let notes = decoded.take_notes();
-                let image = decoded.into_image(&wanted.location.name, wanted.encoding);
+                let image = decoded.into_image(&wanted.location.name, wanted.kind.encoding);
                 let image = match wanted.change {
                     PictureChange::None => image,
                     PictureChange::Gray => image.luminance(),
@@ -177,12 +216,9 @@ impl<'a> Pictures<'a> {
                 image
             });
             told.unwrap_or_else(|problem| {
-                let (stand_in, image) = match wanted.encoding {
-                    Encoding::Srgb => ("magenta", Image::missing(name.as_str())),
-                    Encoding::Linear => ("1", Image::from_gray8(name.as_str(), 1, 1, vec![255], false)),
-                };
-                warnings
-                    .add(wanted.place.as_str(), format!("the picture `{name}`: {problem}; {stand_in} stands for it"));
+                let (stand_in, image) = wanted.kind.purpose.stand_in(&name);
+                let message = format!("the picture `{name}`: {problem}; {stand_in} stands for it");
+                warnings.unsupported(wanted.place.as_str(), message);
                 image
             })
         };
@@ -234,7 +270,7 @@ pub(crate) fn too_large(path: &std::path::Path, problem: String) -> SceneError {
 /// Why a picture's file could not be read, for a warning that the scene goes on without it.
 pub(crate) fn unreadable(error: &SceneError) -> String {
     match error {
-        SceneError::Read { path, source, .. } => format!("cannot read `{}` ({source})", path.display()),
+        SceneError::Read { path, source, .. } => format!("cannot read `{}` ({source})", printable_path(path)),
         error => error.to_string(),
     }
 }

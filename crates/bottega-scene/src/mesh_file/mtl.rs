@@ -83,7 +83,11 @@ pub(crate) struct MtlFile {
 /// Statements that are told of, at most.
 const NOTES_MAX: usize = 20;
 
-/// Reads a library. Statements without a meaning for us are skipped, damaged ones are left out and told of.
+/// Statements that change nothing here: ambient light is what rasterizers have in place of the light that goes on from surface to surface,
+/// and the rest says how they look pictures up.
+const NEEDLESS: [&[u8]; 5] = [b"ka", b"map_ka", b"map_aat", b"sharpness", b"km"];
+
+/// Reads a library. Statements that are not followed, or damaged, are left out and reported.
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.
@@ -100,14 +104,17 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
                 file.materials.push(MtlMaterial { name, line, ..MtlMaterial::default() });
                 return Ok(());
             }
-            let set = file.materials.last_mut().map_or(Ok(()), |material| material.set(keyword, words, line));
-            if let Err(fault) = set
-                && file.notes.len() < NOTES_MAX
-            {
+            let mut notes = Vec::new();
+            let set =
+                file.materials.last_mut().map_or(Ok(()), |material| material.set(keyword, words, line, &mut notes));
+            let mut notes: Vec<(usize, String)> = notes.into_iter().map(|note| (line, note)).collect();
+            if let Err(fault) = set {
                 let keyword = String::from_utf8_lossy(keyword);
                 let LocatedFault { line, column, problem } = block.locate(line, fault);
-                file.notes.push((line, format!("column {column}: {problem}; `{}` is left out", shortened(&keyword))));
+                notes.push((line, format!("column {column}: {problem}; `{}` is left out", shortened(&keyword))));
             }
+            notes.truncate(NOTES_MAX.saturating_sub(file.notes.len()));
+            file.notes.append(&mut notes);
             Ok(())
         });
         read.map_err(|fault| source.located(fault))?;
@@ -116,8 +123,15 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
 }
 
 impl MtlMaterial {
-    fn set<'t>(&mut self, keyword: &[u8], words: &'t [u8], line: usize) -> Result<(), LineFault<'t>> {
-        let map = || map(words, line);
+    /// Takes a statement in. What of it is not followed is added to `notes`.
+    fn set<'t>(
+        &mut self,
+        keyword: &[u8],
+        words: &'t [u8],
+        line: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<(), LineFault<'t>> {
+        let mut map = || map(words, line, notes);
         match keyword.to_ascii_lowercase().as_slice() {
             b"kd" => self.diffuse = color(words)?,
             b"ks" => self.specular = color(words)?,
@@ -138,7 +152,12 @@ impl MtlMaterial {
             b"map_pm" => self.metallic_map = map(),
             b"map_bump" | b"bump" => self.bump_map = map(),
             b"norm" | b"map_kn" => self.normal_map = map(),
-            _ => {}
+            // Exporters write them with 0, too.
+            b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" if number(words)? == 0.0 => {}
+            needless if NEEDLESS.contains(&needless) => {}
+            _ => {
+                notes.push(format!("`{}` is not supported, and left out", shortened(&String::from_utf8_lossy(keyword))))
+            }
         }
         Ok(())
     }
@@ -172,24 +191,41 @@ fn color(words: &[u8]) -> Result<Option<Vec3>, LineFault<'_>> {
     Ok(Some(color.max(Vec3::ZERO)))
 }
 
-/// Options, then the name, which may contain spaces. `None`: there is no name.
-fn map(words: &[u8], line: usize) -> Option<MtlMap> {
+/// Options, then the name, which may contain spaces. `None`: there is no name. Options that are not followed are added to `notes`, but for
+/// those that only say how a picture is filtered.
+fn map(words: &[u8], line: usize, notes: &mut Vec<String>) -> Option<MtlMap> {
     let mut map =
         MtlMap { reference: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: None };
     let mut rest = words;
+    let mut leave_out = |option: &str| notes.push(format!("the option `{option}` of a picture is left out"));
     loop {
         let before = rest;
         match next_word(&mut rest) {
             Some(b"-s") => map.scale = vector(&mut rest, 1.0),
             Some(b"-o") => map.offset = vector(&mut rest, 0.0),
-            Some(b"-t") => drop(vector(&mut rest, 0.0)),
+            Some(b"-t") => {
+                if vector(&mut rest, 0.0) != Vec2::ZERO {
+                    leave_out("-t");
+                }
+            }
             Some(b"-bm") => map.strength = Some(vector(&mut rest, 1.0).x),
             Some(b"-clamp") => map.clamp = next_word(&mut rest) == Some(b"on"),
-            Some(b"-mm") => drop(vector(&mut rest, 0.0)),
-            Some(
-                b"-blendu" | b"-blendv" | b"-cc" | b"-imfchan" | b"-texres" | b"-boost" | b"-type" | b"-colorspace",
-            ) => {
+            Some(b"-mm") => {
+                if vector(&mut rest, 1.0) != Vec2::Y {
+                    leave_out("-mm");
+                }
+            }
+            Some(b"-blendu" | b"-blendv" | b"-texres" | b"-boost") => {
                 next_word(&mut rest);
+            }
+            Some(b"-cc") => {
+                if next_word(&mut rest) == Some(b"on") {
+                    leave_out("-cc");
+                }
+            }
+            Some(option @ (b"-imfchan" | b"-type" | b"-colorspace")) => {
+                next_word(&mut rest);
+                leave_out(&String::from_utf8_lossy(option));
             }
             _ => {
                 map.reference = String::from_utf8_lossy(before.trim_ascii()).into_owned();

@@ -37,6 +37,41 @@ impl LoweredBsdf {
             Back::Other(surface) => (**surface).clone(),
         }
     }
+
+    /// Whether light may go through.
+    fn transmits(&self) -> bool {
+        self.surface.transmits() || self.opacity.is_some()
+    }
+
+    /// The same as a surface that every ray meets, and that lets through what it is not there for: Mitsuba's `mask` and `null`
+    /// are bsdfs of surfaces that are there, which shows where they shine, and where they are parts of others.
+    fn met_everywhere(mut self) -> Self {
+        let clear = |opacity: &ScalarParam, surface| Surface::blend(opacity.clone(), [Surface::Null, surface]);
+        if let Some(opacity) = self.opacity.take() {
+            if self.back != Back::Same {
+                self.back = Back::Other(Box::new(clear(&opacity, self.back_surface())));
+            }
+            self.surface = clear(&opacity, self.surface);
+        } else if self.surface == Surface::Null {
+            self.surface = Surface::clear_sheet(Spectrum::ONE.into());
+        }
+        self
+    }
+}
+
+/// What scatters on the back of a surface as another one does on the front.
+fn mirrored(mut surface: Surface) -> Surface {
+    match &mut surface {
+        Surface::Dielectric(dielectric) if !dielectric.thin => dielectric.eta = dielectric.eta.recip(),
+        Surface::Principled(principled) if !principled.thin && principled.spec_trans.factor > 0.0 => {
+            principled.eta = principled.eta.recip();
+        }
+        Surface::Blend { surfaces, .. } => {
+            surfaces.iter_mut().for_each(|part| *part = mirrored(std::mem::take(part)));
+        }
+        _ => {}
+    }
+    surface
 }
 
 impl Importer<'_> {
@@ -58,8 +93,11 @@ impl Importer<'_> {
             Some(emitter) => self.area_radiance(emitter)?,
             None => ColorParam::default(),
         };
+        // What is emitted does not go by opacity.
+        let shines = emission.factor.max_element() > 0.0;
+        let lowered = if shines { lowered.met_everywhere() } else { lowered };
         let name = bsdf.map_or_else(String::new, |bsdf| self.document.get(bsdf).id.clone());
-        let is_boundary = lowered.surface.transmits() || lowered.opacity.is_some();
+        let is_boundary = lowered.transmits();
         let material = Material {
             name,
             culls_back: false,
@@ -134,7 +172,6 @@ impl Importer<'_> {
                 roughness: 0.0.into(),
             }),
             "roughdiffuse" => {
-                object.ignore(&["use_fast_approx"]);
                 let alpha = self.scalar(object, "alpha", 0.2)?;
                 // Its α is the slope of a Beckmann distribution, whose standard deviation is α ∕ √2.
                 let roughness = ScalarParam { factor: alpha.factor * std::f32::consts::FRAC_1_SQRT_2, ..alpha };
@@ -142,6 +179,12 @@ impl Importer<'_> {
                     reflectance: self.color(object, "reflectance", Role::Reflectance, half)?,
                     roughness,
                 })
+            }
+            // What they do to polarized light is nothing to us.
+            "polarizer" | "circular" | "retarder" => {
+                let mut transmittance = self.color(object, "transmittance", Role::Reflectance, Spectrum::ONE)?;
+                transmittance.factor *= if object.plugin == "retarder" { 1.0 } else { 0.5 };
+                Surface::clear_sheet(transmittance)
             }
             "difftrans" => Surface::DiffuseTransmission {
                 reflectance: Spectrum::ZERO.into(),
@@ -212,23 +255,32 @@ impl Importer<'_> {
     fn two_sided(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
         let sides = self.inner_bsdfs(object);
         let mut front = self.inner(object)?;
-        // The other side is this one seen in a mirror.
-        if let Some(Relief { rule: ReliefRule::Mitsuba { mirrored, .. }, .. }) = &mut front.relief {
-            *mirrored = true;
-        }
-        let other = match sides.get(1) {
+        let mut other = match sides.get(1) {
             Some(&back) => Some(self.bsdf(back)?),
             None => None,
         };
-        if front.surface.transmits() || other.as_ref().is_some_and(|other| other.surface.transmits()) {
-            self.report.warn(object.at, "what lets light through has no two sides of its own");
-            return Ok(front);
+        let is_clear = front.transmits() || other.as_ref().is_some_and(LoweredBsdf::transmits);
+        if !self.bad(object.boolean("allow_transmission", false))? && is_clear {
+            self.report
+                .note(object.at, "Mitsuba wants `allow_transmission` of a twosided bsdf that lets light through");
         }
-        let back = match other {
-            Some(other) if other.surface != front.surface => Back::Other(Box::new(other.surface)),
-            _ => Back::Same,
-        };
-        Ok(LoweredBsdf { back, ..front })
+        if let Some(back) = other.take_if(|other| other.opacity != front.opacity) {
+            (front, other) = (front.met_everywhere(), Some(back.met_everywhere()));
+        }
+        let (mut relief, mut back) = (front.relief, front.surface.clone());
+        if let Some(other) = other {
+            if other.relief != relief {
+                self.report.warn(object.at, "a relief on one side of a twosided bsdf counts for both");
+            }
+            (relief, back) = (relief.or(other.relief), other.surface);
+        }
+        // The other side is this one seen in a mirror.
+        if let Some(Relief { rule: ReliefRule::Mitsuba { mirrored, .. }, .. }) = &mut relief {
+            *mirrored = true;
+        }
+        let back = mirrored(back);
+        let back = if back == front.surface { Back::Same } else { Back::Other(Box::new(back)) };
+        Ok(LoweredBsdf { back, relief, ..front })
     }
 
     fn mask(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
@@ -298,11 +350,11 @@ impl Importer<'_> {
         &mut self,
         object: &Object,
         weight: ScalarParam,
-        first: LoweredBsdf,
-        second: LoweredBsdf,
+        mut first: LoweredBsdf,
+        mut second: LoweredBsdf,
     ) -> LoweredBsdf {
         if first.opacity != second.opacity {
-            self.report.warn(object.at, "a mask within a blend counts for all of it");
+            (first, second) = (first.met_everywhere(), second.met_everywhere());
         }
         if first.relief != second.relief {
             self.report.warn(object.at, "a relief within a blend counts for all of it");
@@ -310,16 +362,12 @@ impl Importer<'_> {
         let back = match (&first.back, &second.back) {
             (Back::Same, Back::Same) => Back::Same,
             (Back::Black, Back::Black) => Back::Black,
-            _ if first.surface.transmits() || second.surface.transmits() => Back::Same,
-            _ => Back::Other(Box::new(Surface::Blend {
-                weight: weight.clone(),
-                surfaces: Box::new([first.back_surface(), second.back_surface()]),
-            })),
+            _ => Back::Other(Box::new(Surface::blend(weight.clone(), [first.back_surface(), second.back_surface()]))),
         };
         LoweredBsdf {
-            surface: Surface::Blend { weight, surfaces: Box::new([first.surface, second.surface]) },
+            surface: Surface::blend(weight, [first.surface, second.surface]),
             back,
-            opacity: first.opacity.or(second.opacity),
+            opacity: first.opacity,
             relief: first.relief.or(second.relief),
         }
     }
@@ -368,7 +416,6 @@ impl Importer<'_> {
             (eta.factor, k.factor) = (eta.factor / outside, k.factor / outside);
             (eta, k)
         } else if name == "none" {
-            object.ignore(&["ext_eta", "k"]);
             (Spectrum::ZERO.into(), Spectrum::ZERO.into())
         } else {
             let outside = self.ior(object, "ext_eta", "vacuum")?;
@@ -414,7 +461,6 @@ impl Importer<'_> {
         if !is_rough {
             return Ok(Facets::smooth());
         }
-        object.ignore(&["sample_visible"]);
         let distribution = match self.bad(object.string("distribution"))? {
             Some("ggx") => Distribution::Ggx,
             None | Some("beckmann") => Distribution::Beckmann,
@@ -438,9 +484,6 @@ impl Importer<'_> {
 
     fn principled(&mut self, object: &Object) -> Result<Principled, SceneError> {
         let thin = object.plugin == "principledthin";
-        object.ignore(&["diffuse_reflectance_sampling_rate", "main_specular_sampling_rate", "clearcoat_sampling_rate"]);
-        object.ignore(&["specular_reflectance_sampling_rate", "diffuse_transmittance_sampling_rate"]);
-        object.ignore(&["specular_transmittance_sampling_rate"]);
         let eta = match (object.property("eta").is_some(), self.bad(object.float("specular"))?) {
             (true, _) => self.ior(object, "eta", "vacuum")?,
             // The reflectance at normal incidence is 0.08 × specular.
@@ -480,7 +523,8 @@ pub(super) fn turned(material: &Material) -> Option<Material> {
         (Surface::Dielectric(dielectric), Back::Same) if dielectric.eta > 0.0 => {
             turned.surface = Surface::Dielectric(Dielectric { eta: 1.0 / dielectric.eta, ..dielectric.clone() });
         }
-        (surface, Back::Same) if surface.transmits() && !surface.is_thin() && *surface != Surface::Null => return None,
+        (Surface::Null, Back::Same) => {}
+        (surface, _) if material.transmits() && !surface.is_thin() => return None,
         (_, Back::Same) => {}
         (surface, Back::Black) => {
             turned.surface = Surface::matte(Spectrum::ZERO);

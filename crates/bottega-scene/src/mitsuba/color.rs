@@ -32,6 +32,9 @@ pub(super) enum Use {
     Vector,
 }
 
+/// Least and greatest wavelength that Mitsuba takes for visible, in nm.
+const VISIBLE: [f64; 2] = [360.0, 830.0];
+
 impl Importer<'_> {
     /// A colour, which may be a texture.
     pub(super) fn color(
@@ -129,7 +132,6 @@ impl Importer<'_> {
             return Ok(None);
         }
         let wavelengths = |text: Option<&str>| text.map(super::value::numbers).transpose();
-        let invalid = |problem: String| self.report.invalid(object.at, problem);
         Ok(Some(match object.plugin.as_str() {
             "uniform" => {
                 let value = self.bad(object.float("value"))?.unwrap_or(1.0);
@@ -143,24 +145,43 @@ impl Importer<'_> {
             "blackbody" => {
                 let kelvin = self.number_at_least(object, "temperature", 1.0, 6500.0)?.min(1e6);
                 let scale = self.bad(object.float("scale"))?.unwrap_or(1.0);
-                object.ignore(&["wavelength_min", "wavelength_max"]);
+                let edge =
+                    |name: &str, default: f64| Ok::<_, SceneError>(self.bad(object.float(name))?.unwrap_or(default));
+                if edge("wavelength_min", VISIBLE[0])? > VISIBLE[0] || edge("wavelength_max", VISIBLE[1])? < VISIBLE[1]
+                {
+                    self.report.warn(object.at, "a black body glows at all wavelengths, and not in a part of them");
+                }
                 spectrum_color(&Sampled::blackbody(kelvin).scaled(scale), role)
             }
             "regular" => {
-                let values = wavelengths(self.bad(object.string("values"))?).map_err(invalid)?.unwrap_or_default();
-                let least = self.bad(object.float("wavelength_min"))?.unwrap_or(360.0);
-                let greatest = self.bad(object.float("wavelength_max"))?.unwrap_or(830.0);
+                let values = wavelengths(self.bad(object.string("values"))?)
+                    .map_err(|problem| self.report.invalid(object.at, problem))?
+                    .unwrap_or_default();
+                let least = self.bad(object.float("wavelength_min"))?.unwrap_or(VISIBLE[0]);
+                let greatest = self.bad(object.float("wavelength_max"))?.unwrap_or(VISIBLE[1]);
                 let step = (greatest - least) / values.len().saturating_sub(1).max(1) as f64;
                 let pairs = values.iter().enumerate().map(|(index, value)| (least + step * index as f64, *value));
-                spectrum_color(&Sampled::new(pairs.collect()).map_err(invalid)?, role)
+                spectrum_color(
+                    &Sampled::new(pairs.collect()).map_err(|problem| self.report.invalid(object.at, problem))?,
+                    role,
+                )
             }
             "irregular" => {
-                let values = wavelengths(self.bad(object.string("values"))?).map_err(invalid)?.unwrap_or_default();
-                let at = wavelengths(self.bad(object.string("wavelengths"))?).map_err(invalid)?.unwrap_or_default();
+                let values = wavelengths(self.bad(object.string("values"))?)
+                    .map_err(|problem| self.report.invalid(object.at, problem))?
+                    .unwrap_or_default();
+                let at = wavelengths(self.bad(object.string("wavelengths"))?)
+                    .map_err(|problem| self.report.invalid(object.at, problem))?
+                    .unwrap_or_default();
                 if at.len() != values.len() {
-                    return Err(invalid(format!("there are {} wavelengths for {} values", at.len(), values.len())));
+                    let problem = format!("there are {} wavelengths for {} values", at.len(), values.len());
+                    return Err(self.report.invalid(object.at, problem));
                 }
-                spectrum_color(&Sampled::new(at.into_iter().zip(values).collect()).map_err(invalid)?, role)
+                spectrum_color(
+                    &Sampled::new(at.into_iter().zip(values).collect())
+                        .map_err(|problem| self.report.invalid(object.at, problem))?,
+                    role,
+                )
             }
             _ => return Ok(None),
         }))

@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use glam::{DMat4, DVec3};
 
+use super::placement::Transform;
 use super::value::Value;
 use super::xml::XmlPlace;
 use crate::text::shortened;
@@ -137,16 +138,6 @@ impl Object {
         Some(child)
     }
 
-    /// Accepts properties that are understood and need not do anything.
-    pub(super) fn ignore(&self, names: &[&str]) {
-        for property in self.properties.iter().filter(|property| names.contains(&property.name.as_str())) {
-            property.used.set(true);
-        }
-        for child in self.children.iter().filter(|child| names.contains(&child.name.as_str())) {
-            child.used.set(true);
-        }
-    }
-
     /// The class and the plugin, for messages.
     pub(super) fn describe(&self) -> String {
         format!("{} `{}`", self.class.name(), shortened(&self.plugin))
@@ -159,9 +150,14 @@ impl Object {
 
     /// A transformation; the identity where there is none.
     pub(super) fn transform(&self, name: &str) -> Result<DMat4, (XmlPlace, String)> {
+        self.full_transform(name).map(|transform| transform.matrix)
+    }
+
+    /// The same with what Mitsuba takes for its inverse.
+    pub(super) fn full_transform(&self, name: &str) -> Result<Transform, (XmlPlace, String)> {
         match self.property(name) {
-            None => Ok(DMat4::IDENTITY),
-            Some(ObjectProperty { value: Value::Transform(matrix), .. }) => Ok(*matrix),
+            None => Ok(Transform::IDENTITY),
+            Some(ObjectProperty { value: Value::Transform(transform), .. }) => Ok(*transform),
             Some(property) => Err(property.wrong("a transformation")),
         }
     }

@@ -7,7 +7,7 @@ use super::document::{Object, ObjectId};
 use super::importer::Importer;
 use super::sensor::{fov_axis, standing, vertical_fov};
 use super::slide::Slide;
-use crate::image::{Encoding, PictureHeader};
+use crate::image::{PictureHeader, PictureKind};
 use crate::{
     ColorParam, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, SceneError, Spectrum, SpotFalloff,
     TextureMap, Wrap,
@@ -17,19 +17,18 @@ impl Importer<'_> {
     /// What a surface emits, from its front.
     pub(super) fn area_radiance(&mut self, id: ObjectId) -> Result<ColorParam, SceneError> {
         let object = self.visit(id)?;
-        self.ignore_sampling(object);
         self.color(object, "radiance", Role::Radiance, Spectrum::ONE)
-    }
-
-    fn ignore_sampling(&self, object: &Object) {
-        // These tell how to sample, not what is there.
-        object.ignore(&["sampling_weight", "shape", "shadow_map_resolution"]);
     }
 
     /// An emitter of the scene itself.
     pub(super) fn add_emitter(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.visit(id)?;
-        self.ignore_sampling(object);
+        let has_extent = !matches!(object.plugin.as_str(), "point" | "spot" | "directional" | "projector");
+        if !has_extent && self.bad(object.float("sampling_weight"))? == Some(0.0) {
+            self.report.note(object.at, "a lamp without extent whose `sampling_weight` is 0 shines nowhere");
+            self.accept_all(object);
+            return Ok(());
+        }
         let to_world = self.to_world(object)?;
         match object.plugin.as_str() {
             "constant" => {
@@ -78,9 +77,8 @@ impl Importer<'_> {
     fn environment_map(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
         let location = self.filename(object)?;
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
-        object.ignore(&["mis_compensation", "cache"]);
         let place = self.report.show(object.at);
-        let image = self.pictures.want_at(location, Encoding::Srgb, false, &place);
+        let image = self.pictures.want_at(location, PictureKind::COLORS, false, &place);
         // Mitsuba's picture begins at −z, ours has −z in the middle.
         let half_turn = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
         let world_from_environment = self.rotation(object, to_world) * half_turn;

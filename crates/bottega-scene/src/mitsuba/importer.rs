@@ -1,10 +1,12 @@
 //! The scene as it grows, and what all parts of the importer ask of it.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use glam::{DMat4, DVec3};
 
 use super::document::{Document, Object, ObjectId};
+use super::needless::NEEDLESS;
 use super::report::ImportReport;
 use super::shared::{Group, MeshNeeds, SharedMeshes};
 use super::slide::Slide;
@@ -130,18 +132,20 @@ impl<'a> Importer<'a> {
         self.find(name, at)
     }
 
-    /// Tells of properties and children that nobody asked for.
+    /// Tells of properties and children that nobody asked for, but for those that change nothing.
     pub(super) fn report_unused(&mut self) {
         let document = self.document;
         for (object, visited) in document.objects.iter().zip(&self.visited) {
             if !visited {
                 continue;
             }
-            for property in object.properties.iter().filter(|property| !property.used.get()) {
+            let is_needless = |name: &str| NEEDLESS.iter().any(|row| row.covers(&object.class, &object.plugin, name));
+            let is_left = |used: &Cell<bool>, name: &str| !used.get() && !is_needless(name);
+            for property in object.properties.iter().filter(|it| is_left(&it.used, &it.name)) {
                 let name = shortened(&property.name);
                 self.report.warn(property.at, format!("`{name}` of the {} is left out", object.describe()));
             }
-            for child in object.children.iter().filter(|child| !child.used.get()) {
+            for child in object.children.iter().filter(|it| is_left(&it.used, &it.name)) {
                 let inner = document.get(child.object).describe();
                 self.report.warn(child.at, format!("the {inner} within the {} is left out", object.describe()));
             }

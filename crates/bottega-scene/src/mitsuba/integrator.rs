@@ -2,7 +2,7 @@
 
 use super::document::{Class, Object, ObjectId};
 use super::importer::{Importer, Manner};
-use crate::{Dielectric, Facets, Follows, IntegratorHint, PhotonHints, SceneError, Spectrum, Surface};
+use crate::{Follows, IntegratorHint, PhotonHints, SceneError, Spectrum, Surface};
 
 impl Importer<'_> {
     /// How light is found: by which of our integrators, over how many bounces.
@@ -11,7 +11,6 @@ impl Importer<'_> {
         if matches!(object.plugin.as_str(), "aov" | "moment" | "adaptive" | "irrcache" | "multichannel" | "stokes") {
             return self.read_inner_integrator(object);
         }
-        object.ignore(&["rr_depth", "strict_normals", "samples_per_pass", "block_size", "timeout"]);
         let depth = self.bad(object.integer("max_depth"))?.unwrap_or(-1);
         // Mitsuba counts the edges of a path: 1 shows what shines, 2 direct light.
         let mut bounces = u32::try_from(depth).map_or(u32::MAX, |depth| depth.saturating_sub(1));
@@ -21,8 +20,12 @@ impl Importer<'_> {
         match object.plugin.as_str() {
             "path" | "volpath" | "volpathmis" | "volpath_simple" => {}
             "direct" => {
-                object.ignore(&["emitter_samples", "bsdf_samples", "shading_samples", "luminaire_samples"]);
                 bounces = 1;
+                for name in ["emitter_samples", "bsdf_samples", "luminaire_samples"] {
+                    if self.bad(object.integer(name))? == Some(0) {
+                        self.report.warn(object.at, format!("light is found in every way, though `{name}` is 0"));
+                    }
+                }
             }
             "prb" | "prb_basic" | "prb_projective" | "prbvolpath" => {
                 follows = Follows::Paths { is_ours: false };
@@ -65,7 +68,8 @@ impl Importer<'_> {
     fn read_inner_integrator(&mut self, object: &Object) -> Result<(), SceneError> {
         self.accept_all(object);
         let inner = object.children.iter().find(|child| self.document.get(child.object).class == Class::Integrator);
-        if object.plugin != "moment" && object.plugin != "adaptive" {
+        // That only says how long to paint.
+        if object.plugin != "adaptive" {
             let message = format!("the {} is not supported; only what it colours is painted", object.describe());
             self.report.warn(object.at, message);
         }
@@ -74,22 +78,6 @@ impl Importer<'_> {
 
     /// What the photon mappers of the old line say of photons.
     fn photon_hints(&mut self, object: &Object) -> Result<PhotonHints, SceneError> {
-        object.ignore(&[
-            "direct_samples",
-            "glossy_samples",
-            "volume_photons",
-            "volume_lookup_size",
-            "granularity",
-            "alpha",
-        ]);
-        object.ignore(&[
-            "global_photons",
-            "caustic_photons",
-            "caustic_lookup_radius",
-            "gather_locally",
-            "auto_cancel_gathering",
-        ]);
-        object.ignore(&["bsdf_samples", "emitter_samples", "luminaire_samples"]);
         let count = |importer: &Self, name: &str| -> Result<Option<u32>, SceneError> {
             let number = importer.bad(object.integer(name))?;
             Ok(number.and_then(|number| u32::try_from(number).ok()).filter(|&number| number > 0))
@@ -117,7 +105,7 @@ impl Importer<'_> {
             camera.hides_emitters = hides_emitters;
         }
         for material in &mut self.scene.materials {
-            material.see_through = sees_through_panes && material.surface.has_clear_sheet();
+            material.see_through = sees_through_panes && material.has_clear_sheet();
         }
         if !ignores_media {
             return;
@@ -127,13 +115,7 @@ impl Importer<'_> {
         }
         // Where there are no media, what is there to part them is a bounce, and hides lamps.
         for material in self.scene.materials.iter_mut().filter(|material| material.surface == Surface::Null) {
-            material.surface = Surface::Dielectric(Dielectric {
-                eta: 1.0,
-                reflectance: Spectrum::ONE.into(),
-                transmittance: Spectrum::ONE.into(),
-                facets: Facets::smooth(),
-                thin: true,
-            });
+            material.surface = Surface::clear_sheet(Spectrum::ONE.into());
         }
     }
 }

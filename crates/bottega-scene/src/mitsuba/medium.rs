@@ -48,7 +48,6 @@ impl Importer<'_> {
             return Ok(Some(known));
         }
         let object = self.visit(id)?;
-        object.ignore(&["sample_emitters", "has_spectral_extinction", "step_size", "method", "name"]);
         if object.plugin != "homogeneous" && object.plugin != "heterogeneous" {
             let message = format!("the {} is not supported; its mean stands for it", object.describe());
             self.report.warn(object.at, message);
@@ -188,8 +187,6 @@ impl Importer<'_> {
     }
 
     fn grid_volume(&mut self, volume: &Object) -> Result<MediumField, SceneError> {
-        // Values are taken as they are; how they are stored is our own business.
-        volume.ignore(&["raw", "accel"]);
         let blend = match self.bad(volume.string("filter_type"))? {
             Some("nearest") => Blend::Nearest,
             _ => Blend::Linear,

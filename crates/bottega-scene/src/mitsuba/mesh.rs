@@ -3,7 +3,7 @@
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::document::Object;
+use super::document::{Class, Object};
 use super::importer::Importer;
 use super::shared::MeshNeeds;
 use crate::mesh_file::{obj, ply, serialized};
@@ -18,6 +18,8 @@ pub(super) struct Normals {
     pub(super) flat: bool,
     /// They are turned over.
     pub(super) flipped: bool,
+    /// What turns them, where it is not what the transformation of the shape says.
+    pub(super) matrix: Option<DMat3>,
 }
 
 impl Importer<'_> {
@@ -26,10 +28,12 @@ impl Importer<'_> {
         let location = self.filename(object)?;
         let bytes = self.resources.read(&location)?;
         let (path, budget) = (location.path(), self.resources.budget());
-        object.ignore(&["compress", "max_smooth_angle", "collapse", "srgb", "load_visibility"]);
         let read = match object.plugin.as_str() {
             "obj" => {
-                object.ignore(&["load_materials"]);
+                let has_bsdf = object.children.iter().any(|it| self.document.get(it.object).class == Class::Bsdf);
+                if self.bad(object.boolean("load_materials", false))? && !has_bsdf {
+                    self.report.warn(object.at, "the materials that the file names are left out");
+                }
                 obj::read(path, &bytes, budget).and_then(|mut file| {
                     for (line, message) in file.take_notes() {
                         self.report.warn(object.at, format!("`{}`, line {line}: {message}", shortened(&location.name)));
@@ -37,7 +41,12 @@ impl Importer<'_> {
                     file.into_single()
                 })
             }
-            "ply" => ply::read(path, &bytes, budget),
+            "ply" => {
+                if !self.bad(object.boolean("srgb", true))? {
+                    self.report.warn(object.at, "colours by whole numbers are sRGB, though `srgb` is false");
+                }
+                ply::read(path, &bytes, budget)
+            }
             _ => {
                 let index = self.bad(object.integer("shape_index"))?.unwrap_or(0);
                 let index = u32::try_from(index)
@@ -57,6 +66,30 @@ impl Importer<'_> {
         Ok(mesh)
     }
 
+    /// The same triangles with the attribute `vertex_color` as the colours of their vertices.
+    pub(super) fn with_vertex_colors(&mut self, object: &Object, mut mesh: Mesh) -> Result<Mesh, SceneError> {
+        let colors = self.named_colors(object, "vertex_color")?.unwrap_or_default();
+        if colors.len() == mesh.positions.len() {
+            mesh.colors = colors;
+        } else {
+            self.report
+                .warn(object.at, format!("the {} has no colours of vertices; they are white", object.describe()));
+        }
+        Ok(mesh)
+    }
+
+    /// An attribute of a file as colours. `None`: it has none of that name.
+    fn named_colors(&self, object: &Object, name: &str) -> Result<Option<Vec<Vec4>>, SceneError> {
+        if object.plugin != "ply" {
+            return Ok(None);
+        }
+        let location = self.filename(object)?;
+        let bytes = self.resources.read(&location)?;
+        let attribute = ply::attribute(location.path(), &bytes, name, self.resources.budget())?;
+        let color = |value: &[f32; 3]| Vec3::from_array(*value).extend(1.0);
+        Ok(attribute.map(|attribute| attribute.values.iter().map(color).collect()))
+    }
+
     /// The same triangles, each in the colour of its face.
     pub(super) fn with_face_colors(&mut self, object: &Object, mut mesh: Mesh) -> Result<Mesh, SceneError> {
         mesh.colors = Vec::new();
@@ -65,6 +98,9 @@ impl Importer<'_> {
             let location = self.filename(object)?;
             let bytes = self.resources.read(&location)?;
             colors = ply::face_colors(location.path(), &bytes, self.resources.budget())?;
+            if colors.is_none() {
+                colors = self.named_colors(object, "face_color")?;
+            }
             self.resources.budget().take(location.path(), "", 2 * mesh.memory_bytes())?;
         }
         let Some(colors) = colors else {
@@ -86,6 +122,7 @@ impl Importer<'_> {
         Ok(Normals {
             flat: self.bad(object.boolean("face_normals", false))?,
             flipped: self.bad(object.boolean("flip_normals", false))?,
+            matrix: None,
         })
     }
 }
@@ -95,11 +132,8 @@ pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: M
     let linear = DMat3::from_mat4(*to_world);
     if *to_world != DMat4::IDENTITY {
         mesh.positions.par_iter_mut().for_each(|p| *p = to_world.transform_point3(p.as_dvec3()).as_vec3());
-        // The cofactors turn normals as the inverse transposed does, but for their length and the sign.
-        let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
-        let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
-        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign;
-        mesh.normals.par_iter_mut().for_each(|n| *n = (cofactors * n.as_dvec3()).normalize_or_zero().as_vec3());
+        let matrix = normals.matrix.unwrap_or_else(|| cofactors(&linear));
+        mesh.normals.par_iter_mut().for_each(|n| *n = (matrix * n.as_dvec3()).normalize_or_zero().as_vec3());
     }
     let is_in_reach = |p: &Vec3| p.is_finite() && p.abs().max_element() <= COORDINATE_MAX;
     if !mesh.positions.par_iter().all(is_in_reach) {
@@ -130,6 +164,13 @@ pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: M
         mesh.colors = Vec::new();
     }
     Some(mesh)
+}
+
+/// Turns normals as the transposed inverse of a matrix does, but for their lengths.
+pub(super) fn cofactors(linear: &DMat3) -> DMat3 {
+    let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
+    let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
+    DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign
 }
 
 /// Turns the triangles over that disagree with their vertex normals.

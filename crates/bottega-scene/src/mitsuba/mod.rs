@@ -19,6 +19,8 @@ mod importer;
 mod integrator;
 mod medium;
 mod mesh;
+mod needless;
+mod placement;
 mod read;
 mod report;
 mod sdf;

@@ -3,9 +3,8 @@
 use std::cell::Cell;
 use std::collections::BTreeMap;
 
-use glam::DMat4;
-
 use super::document::{Child, Class, Document, Object, ObjectId, ObjectProperty};
+use super::placement::Transform;
 use super::report::ImportReport;
 use super::transform;
 use super::value::{self, Value};
@@ -47,6 +46,7 @@ impl Document {
             included: Vec::new(),
             include_count: 0,
             depth: 0,
+            is_old: false,
         };
         let root = reader.parse(text, 0)?;
         if root.name != "scene" {
@@ -55,7 +55,7 @@ impl Document {
                 .invalid(root.at, format!("the outermost element is <{}>, not <scene>", root.name)));
         }
         let version = root.attribute("version").unwrap_or_default().trim();
-        let is_old = version.starts_with("0.") || version.starts_with("1.");
+        reader.is_old = version.starts_with("0.") || version.starts_with("1.");
         let mut scene = Container::default();
         reader.contents(root.children, &mut scene, true)?;
         reader.resolve(&mut scene)?;
@@ -72,7 +72,7 @@ impl Document {
                 .report
                 .warn(property.at, format!("`{}` of the scene itself means nothing", shortened(&property.name)));
         }
-        let DocumentReader { objects, search_folders, report, .. } = reader;
+        let DocumentReader { objects, search_folders, report, is_old, .. } = reader;
         check_cycles(&objects, report)?;
         Ok(Self { objects, roots, is_old, search_folders })
     }
@@ -104,6 +104,8 @@ struct DocumentReader<'a, 'b> {
     include_count: usize,
     /// Objects that are open.
     depth: usize,
+    /// See [`Document::is_old`].
+    is_old: bool,
 }
 
 impl DocumentReader<'_, '_> {
@@ -190,6 +192,7 @@ impl DocumentReader<'_, '_> {
             return Err(self.report.invalid(at, format!("<{}> has no `type`", element.name)));
         };
         let id = element.attribute("id").unwrap_or_default().to_owned();
+        self.report_attributes(&element);
         self.depth += 1;
         if self.depth > DEPTH_MAX {
             let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
@@ -216,12 +219,14 @@ impl DocumentReader<'_, '_> {
 
     fn property(&mut self, element: &Element, name: String, container: &mut Container) -> Result<(), SceneError> {
         let at = element.at;
+        self.report_attributes(element);
         let value = match element.name.as_str() {
-            "transform" => transform::read(element).map(Value::Transform),
+            "transform" => transform::read(element, self.is_old, self.report).map(Value::Transform),
             "animation" => {
                 self.report.warn(at, "nothing moves: the first transformation of an <animation> stands for all");
                 let first = element.children.iter().find(|child| child.name == "transform");
-                first.map_or(Ok(DMat4::IDENTITY), transform::read).map(Value::Transform)
+                let read = |first| transform::read(first, self.is_old, self.report);
+                first.map_or(Ok(Transform::IDENTITY), read).map(Value::Transform)
             }
             _ => value::read(element),
         };
@@ -242,6 +247,31 @@ impl DocumentReader<'_, '_> {
             }
         }
         Ok(())
+    }
+
+    /// Names the attributes of an object, a property and the operations of a transformation that mean nothing to us.
+    fn report_attributes(&mut self, element: &Element) {
+        let known: &[&str] = match element.name.as_str() {
+            "translate" | "scale" | "point" | "vector" => &["x", "y", "z"],
+            "rotate" => &["x", "y", "z", "angle"],
+            "lookat" | "lookAt" => &["origin", "target", "up"],
+            // The intent tells spectra from one another.
+            "spectrum" | "color" => &["filename", "intent"],
+            "blackbody" => &["temperature", "scale"],
+            "transform" => &["time"],
+            // Objects.
+            _ if element.attribute("type").is_some() => &["type"],
+            _ => &[],
+        };
+        for (name, _) in &element.attributes {
+            if !matches!(name.as_str(), "name" | "value" | "id") && !known.contains(&name.as_str()) {
+                let tag = shortened(&element.name);
+                self.report.warn(element.at, format!("the attribute `{}` of <{tag}> is left out", shortened(name)));
+            }
+        }
+        if matches!(element.name.as_str(), "transform" | "animation") {
+            element.children.iter().for_each(|child| self.report_attributes(child));
+        }
     }
 
     /// Splices the contents of another file in.

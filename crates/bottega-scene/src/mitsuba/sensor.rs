@@ -16,7 +16,6 @@ impl Importer<'_> {
     /// A camera of the scene. The first one says how the scene wants to be painted.
     pub(super) fn add_sensor(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.visit(id)?;
-        object.ignore(&["shutter_open", "shutter_close", "srf"]);
         let mut film = None;
         let mut medium = None;
         for child in &object.children {
@@ -108,8 +107,8 @@ impl Importer<'_> {
             camera.lens_radius = self.number_at_least(object, "aperture_radius", 0.0, 0.0)? as f32;
             camera.focus_distance = self.number_at_least(object, "focus_distance", 1e-6, 1e4)? as f32;
         } else {
-            object.ignore(&["focus_distance", "aperture_radius", "kc"]);
             if object.plugin == "perspective_rdist" {
+                object.property("kc");
                 self.report.warn(object.at, "the distortion of the lens is left out");
             }
         }
@@ -123,7 +122,6 @@ impl Importer<'_> {
             if !(fov > 0.0 && fov < 180.0) {
                 return Err(self.report.invalid(object.at, format!("a field of view of {fov}° shows nothing")));
             }
-            object.ignore(&["focal_length"]);
             return Ok(fov.to_radians());
         }
         let millimetres = match object.property("focal_length") {
@@ -145,8 +143,6 @@ impl Importer<'_> {
 
     fn read_sampler(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.visit(id)?;
-        // Which points are drawn is our own business.
-        object.properties.iter().for_each(|property| property.used.set(true));
         if let Some(count) = self.bad(object.integer("sample_count"))?
             && self.hints.samples.is_none()
         {
@@ -158,11 +154,16 @@ impl Importer<'_> {
     /// Returns columns and rows.
     fn read_film(&mut self, id: ObjectId) -> Result<[u32; 2], SceneError> {
         let object = self.visit(id)?;
-        object.ignore(&["file_format", "component_format", "banner", "compensate", "sample_border"]);
-        let has_alpha = self.bad(object.string("pixel_format"))?.is_some_and(|format| {
-            matches!(format.to_ascii_lowercase().as_str(), "rgba" | "luminance_alpha" | "luminancealpha" | "xyza")
-        });
-        object.ignore(&["high_quality_edges", "attach_log", "gamma", "label", "variable"]);
+        let format = self.bad(object.string("pixel_format"))?.unwrap_or_default().to_ascii_lowercase();
+        let has_alpha = matches!(&*format, "rgba" | "luminance_alpha" | "luminancealpha" | "xyza");
+        if !matches!(&*format, "" | "rgb" | "rgba") {
+            let message = format!("the pixels are RGB, and not `{}` as `pixel_format` says", shortened(&format));
+            self.report.warn(object.at, message);
+        }
+        // The old line: −1 is sRGB.
+        if object.plugin != "specfilm" && self.bad(object.float("gamma"))?.is_some_and(|gamma| gamma != -1.0) {
+            self.report.warn(object.at, "`gamma` of the film is left out: a PNG is sRGB");
+        }
         let side = |name: &str, default: u32| {
             let value = self.bad(object.integer(name))?.unwrap_or(i64::from(default));
             match u32::try_from(value) {

@@ -7,7 +7,8 @@ use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Quat, Vec3};
 use super::bsdf::turned;
 use super::document::{Class, Object, ObjectId};
 use super::importer::Importer;
-use super::mesh::{Normals, place};
+use super::mesh::{Normals, cofactors, place};
+use super::placement::{Transform, polar};
 use super::sdf::{self, SdfGrid, SdfNormals};
 use super::shared::{Ball, Group, MeshNeeds, mesh_key};
 use super::solids;
@@ -52,8 +53,8 @@ impl Importer<'_> {
     /// What a shape is made of, in the space that `to_group` leads to.
     fn parts(&mut self, id: ObjectId, to_group: DMat4) -> Result<Vec<GroupPart>, SceneError> {
         let object = self.visit(id)?;
-        object.ignore(&["silhouette_sampling_weight"]);
-        let matrix = to_group * self.bad(object.transform("to_world"))?;
+        let own = self.bad(object.full_transform("to_world"))?;
+        let matrix = to_group * own.matrix;
         if !matrix.is_finite() || DMat3::from_mat4(matrix).determinant() == 0.0 {
             self.report
                 .warn(object.at, format!("the {} is squeezed flat by `to_world`, and left out", object.describe()));
@@ -61,18 +62,19 @@ impl Importer<'_> {
             return Ok(Vec::new());
         }
         let mesh = match object.plugin.as_str() {
-            "obj" | "ply" | "serialized" => match self.shared_mesh(object)? {
+            "obj" | "ply" | "serialized" if own.taken_inverse.is_none() => match self.shared_mesh(object)? {
                 Some(mesh) => return Ok(vec![GroupPart::Shared(mesh, matrix)]),
                 None => self.read_mesh(object)?,
             },
+            "obj" | "ply" | "serialized" => self.read_mesh(object)?,
             "rectangle" => solids::rectangle(),
             "cube" => solids::cube(),
             "disk" => solids::disk(),
             "bsplinecurve" | "linearcurve" => return self.curves(object, matrix),
             "sdfgrid" => self.distance_grid(object)?,
-            "cylinder" => return self.cylinder(object, matrix),
-            "sphere" => return self.sphere(object, matrix),
-            "instance" => return self.instance(object, matrix),
+            "cylinder" => return self.cylinder(object, to_group, &own),
+            "sphere" => return self.sphere(object, to_group, &own),
+            "instance" => return self.instance(object, to_group * own.by_inverse()),
             "merge" => {
                 let mut parts = Vec::new();
                 for child in
@@ -89,14 +91,21 @@ impl Importer<'_> {
                 return Ok(Vec::new());
             }
         };
-        let normals = self.normals(object)?;
-        let is_flat = matches!(object.plugin.as_str(), "rectangle" | "cube" | "disk");
+        let mut normals = self.normals(object)?;
+        let mut matrix = matrix;
+        if let Some(taken) = own.taken_inverse {
+            if object.plugin == "disk" {
+                matrix = to_group * own.by_inverse();
+            }
+            normals.matrix = Some(cofactors(&DMat3::from_mat4(to_group)) * DMat3::from_mat4(taken));
+        }
+        // The triangles say it all.
+        let is_flat = matches!(object.plugin.as_str(), "rectangle" | "cube" | "disk") && normals.matrix.is_none();
         self.finish(object, mesh, matrix, normals, is_flat)
     }
 
     /// The surface of a grid of signed distances.
     fn distance_grid(&mut self, object: &Object) -> Result<Mesh, SceneError> {
-        object.ignore(&["watertight"]);
         let normals = match self.bad(object.string("normals"))? {
             Some("analytic") => SdfNormals::Analytic,
             Some("smooth") | None => SdfNormals::Smooth,
@@ -227,6 +236,9 @@ impl Importer<'_> {
         if let Some(awaited) = self.awaited_by.remove(&material) {
             mesh = self.with_attributes(object, mesh, &awaited)?;
         }
+        if needs.colors && mesh.colors.is_empty() {
+            mesh = self.with_vertex_colors(object, mesh)?;
+        }
         if needs.face_colors {
             mesh = self.with_face_colors(object, mesh)?;
         }
@@ -234,14 +246,13 @@ impl Importer<'_> {
             self.report.warn(object.at, format!("the {} lies out of reach, and is left out", object.describe()));
             return Ok(Vec::new());
         };
-        // The triangles say it all.
         if is_flat && !needs.tangents {
             mesh.normals = Vec::new();
         }
         Ok(vec![GroupPart::Mesh(mesh)])
     }
 
-    fn cylinder(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
+    fn cylinder(&mut self, object: &Object, to_group: DMat4, own: &Transform) -> Result<Vec<GroupPart>, SceneError> {
         let p0 = self.bad(object.vector("p0"))?.unwrap_or(DVec3::ZERO);
         let p1 = self.bad(object.vector("p1"))?.unwrap_or(DVec3::Z);
         let radius = self.number_at_least(object, "radius", 0.0, 1.0)?;
@@ -254,15 +265,23 @@ impl Importer<'_> {
         let (s, t) = axis.any_orthonormal_pair();
         let frame = DMat3::from_cols(s * radius, t * radius, axis * length);
         let to_object = DMat4::from(DAffine3::from_mat3_translation(frame, p0));
-        let normals = self.normals(object)?;
-        self.finish(object, solids::cylinder(), matrix * to_object, Normals { flat: false, ..normals }, false)
+        let normals = Normals { flat: false, ..self.normals(object)? };
+        let placed = match own.taken_inverse {
+            Some(_) => to_group * scaled_along_axes(&(own.matrix * to_object), [0, 0, 2]),
+            None => to_group * own.matrix * to_object,
+        };
+        self.finish(object, solids::cylinder(), placed, normals, false)
     }
 
-    fn sphere(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
+    fn sphere(&mut self, object: &Object, to_group: DMat4, own: &Transform) -> Result<Vec<GroupPart>, SceneError> {
         let center = self.bad(object.vector("center"))?.unwrap_or(DVec3::ZERO);
         let radius = self.number_at_least(object, "radius", 0.0, 1.0)?;
         let normals = self.normals(object)?;
-        let to_group = matrix * DMat4::from_translation(center) * DMat4::from_scale(DVec3::splat(radius));
+        let (to_center, to_size) = (DMat4::from_translation(center), DMat4::from_scale(DVec3::splat(radius)));
+        let to_group = match own.taken_inverse {
+            Some(_) => to_group * scaled_along_axes(&(own.matrix * to_center * to_size), [0; 3]),
+            None => to_group * own.matrix * to_center * to_size,
+        };
         if DMat3::from_mat4(to_group).determinant() == 0.0 {
             self.report.warn(object.at, "a sphere without radius is left out");
             self.accept_shape(object);
@@ -390,7 +409,7 @@ impl Importer<'_> {
                 return Ok(());
             }
         }
-        let normals = Normals { flat: false, flipped: ball.inward };
+        let normals = Normals { flipped: ball.inward, ..Normals::default() };
         let mesh = Mesh { name: "sphere".into(), material: ball.material, ..solids::sphere() };
         self.take(at, mesh.memory_bytes())?;
         if let Some(mesh) = place(mesh, &ball.to_group, normals, ball.needs) {
@@ -405,6 +424,16 @@ impl Importer<'_> {
         let known = self.scene.materials.iter().position(|known| *known == turned);
         Some(known.map_or_else(|| self.scene.push_material(turned), |index| index as u32))
     }
+}
+
+/// What Mitsuba makes of the transformation of a sphere or a cylinder: the rotation and the place that are in it, and of its scales one for
+/// each axis.
+///
+/// - `axes`: by which axis each of the three is scaled.
+fn scaled_along_axes(placed: &DMat4, axes: [usize; 3]) -> DMat4 {
+    let (scale, rotation) = polar(&DMat3::from_mat4(*placed));
+    let scale = DVec3::from_array(axes.map(|axis| scale.col(axis)[axis]));
+    DMat4::from(DAffine3::from_mat3_translation(rotation * DMat3::from_diagonal(scale), placed.w_axis.truncate()))
 }
 
 /// The orientation of a sphere: Mitsuba's poles lie along z, ours along y.

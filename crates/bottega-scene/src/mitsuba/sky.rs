@@ -35,7 +35,10 @@ struct Sky {
 
 impl Importer<'_> {
     pub(super) fn sun_and_sky(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
-        object.ignore(&["stretch", "resolution", "extend", "complex_sun", "to_world"]);
+        if self.bad(object.boolean("complex_sun", false))? {
+            self.report
+                .warn(object.at, "the sun is as bright at its rim as in its middle, though `complex_sun` is true");
+        }
         if self.document.is_old {
             self.report.warn(object.at, format!("the {} is as bright as that of Mitsuba 3", object.describe()));
         }

@@ -5,7 +5,7 @@ use glam::{Affine2, DMat4, DVec2, DVec3, Vec2, Vec3};
 use super::color::{Role, Use, luminance};
 use super::document::{Object, ObjectId};
 use super::importer::Importer;
-use crate::image::Encoding;
+use crate::image::{Encoding, PictureKind, PictureUse};
 use crate::text::shortened;
 use crate::{Channel, Image, SceneError, Spectrum, TextureMap, Wrap};
 
@@ -85,10 +85,20 @@ impl Importer<'_> {
                 None
             }
         };
-        object.ignore(&["format", "accel", "max_anisotropy", "cache"]);
+        if channel.is_some() && wanted != Use::Number {
+            self.report.warn(object.at, "the colours of all channels are shown, and not that of `channel`");
+        }
+        if gamma.is_some_and(|gamma| gamma != 1.0 && gamma != -1.0) {
+            self.report.warn(object.at, "the codes of a picture are linear or sRGB: sRGB stands for another `gamma`");
+        }
         let gray = wanted == Use::Number && channel.is_none();
         let place = self.report.show(object.at);
-        let image = self.pictures.want_at(location, encoding, gray, &place);
+        let purpose = match wanted {
+            Use::Base | Use::Color(_) => PictureUse::Color,
+            Use::Number => PictureUse::Number,
+            Use::Vector => PictureUse::Normals,
+        };
+        let image = self.pictures.want_at(location, PictureKind { encoding, purpose }, gray, &place);
         let map = self.map(object, image)?;
         Ok(Texture { factor: Spectrum::ONE, map: Some((map, channel)) })
     }

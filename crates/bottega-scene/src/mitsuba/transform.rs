@@ -2,33 +2,49 @@
 
 use glam::{DMat4, DVec3, DVec4};
 
+use super::placement::Transform;
+use super::report::ImportReport;
 use super::value::{number, numbers, triple, vector};
 use super::xml::{Element, XmlFault};
 use crate::text::shortened;
 
+/// How far from 1 the square of an axis' length may be.
+const AXIS_TOLERANCE: f64 = 1e-6;
+
 /// The operations of a `<transform>`, the first one applied first.
-pub(super) fn read(element: &Element) -> Result<DMat4, XmlFault> {
-    let mut matrix = DMat4::IDENTITY;
+///
+/// - `is_old`: whether axes of rotations are normalized, as before Mitsuba 2.
+pub(super) fn read(element: &Element, is_old: bool, report: &mut ImportReport) -> Result<Transform, XmlFault> {
+    let mut transform = Transform::IDENTITY;
     for operation in &element.children {
         let fault = |problem: String| XmlFault { at: operation.at, problem };
-        let next = read_operation(operation).map_err(fault)?;
-        matrix = next * matrix;
-        if !matrix.is_finite() {
+        let next = read_operation(operation, is_old).map_err(fault)?;
+        if next.taken_inverse.is_some() {
+            let message =
+                "the axis of a rotation is not of unit length, and scales what is rotated as in Mitsuba 2 and 3";
+            report.note(operation.at, message);
+        }
+        transform = transform.then(next);
+        if !transform.matrix.is_finite() {
             return Err(fault("the transformation grows without limit".into()));
         }
     }
-    Ok(matrix)
+    Ok(transform)
 }
 
-fn read_operation(operation: &Element) -> Result<DMat4, String> {
-    Ok(match operation.name.as_str() {
+fn read_operation(operation: &Element, is_old: bool) -> Result<Transform, String> {
+    let matrix = match operation.name.as_str() {
         "translate" => DMat4::from_translation(vector(operation, 0.0)?),
         "scale" => DMat4::from_scale(vector(operation, 1.0)?),
         "rotate" => {
             let angle = operation.attribute("angle").ok_or("<rotate> has no `angle`")?;
-            // Mitsuba 3 takes an axis of another length as it is, and shears; its documentation speaks of a rotation.
-            let axis = vector(operation, 0.0)?.try_normalize().ok_or("<rotate> has no axis")?;
-            DMat4::from_axis_angle(axis, number(angle)?.to_radians())
+            let angle = number(angle)?.to_radians();
+            let axis = vector(operation, 0.0)?;
+            let unit = axis.try_normalize().ok_or("<rotate> has no axis")?;
+            if !is_old && (axis.length_squared() - 1.0).abs() > AXIS_TOLERANCE {
+                return Ok(Transform::rodrigues(axis, angle));
+            }
+            DMat4::from_axis_angle(unit, angle)
         }
         "lookat" | "lookAt" => {
             let point = |name: &str| operation.attribute(name).map(triple).transpose();
@@ -46,7 +62,8 @@ fn read_operation(operation: &Element) -> Result<DMat4, String> {
             }
         }
         other => return Err(format!("<{}> is no operation of a transformation", shortened(other))),
-    })
+    };
+    Ok(matrix.into())
 }
 
 /// Moves +z to the direction of the target, +y as near to `up` as may be, and +x to the left.

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::placement::Transform;
 use super::xml::{Element, XmlFault};
 use crate::spectrum::Sampled;
 use crate::text::shortened;
@@ -14,7 +15,7 @@ pub(super) enum Value {
     Boolean(bool),
     String(String),
     Vector(DVec3),
-    Transform(glam::DMat4),
+    Transform(Transform),
     /// Linear Rec. 709.
     Rgb(Vec3),
     /// The same at all wavelengths.

@@ -10,7 +10,8 @@ use super::film::Exposure;
 use super::light::{Emission, Lights, emission, mean_luminance};
 use super::material::Materials;
 use super::medium::Media;
-use super::place::{JoinedMeshes, baked, sphere, with_own_corners};
+use super::needless::Directive;
+use super::place::{JoinedMeshes, baked, scaling, sphere, with_own_corners};
 use super::shape::geometry::Geometry;
 use super::shape::sphere_mesh;
 use super::texture::Textures;
@@ -105,6 +106,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         mut objects: BTreeMap<String, Vec<PlacedShape>>,
     ) -> PbrtResult<(Scene, RenderHints)> {
         let hints = self.world.hints(self.context)?;
+        self.world.report_film(self.context);
         let media = &self.world.camera_media;
         let medium = self.media.find(self.context, media.outside.as_deref(), media.at)?;
         let resolution = hints.resolution.unwrap_or([1; 2]);
@@ -145,7 +147,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
 
     fn finish(mut self, lights: Lights) -> PbrtResult<Scene> {
         for light in &self.world.area_lights {
-            self.context.report_unused(&light.params);
+            self.context.report_unused(Directive::Light, &light.kind, &light.params);
         }
         self.scene.media = self.media.list;
         (self.scene.images, self.scene.mappings) = self.textures.load(self.context)?;
@@ -235,7 +237,9 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                     if mesh.triangles.is_empty() {
                         continue;
                     }
-                    if mesh.triangles.len() < SMALL {
+                    // The width of curves is that of their own space.
+                    let keeps_space = mesh.curves.is_some() && scaling(&shape.world_from_object).is_none();
+                    if mesh.triangles.len() < SMALL && !keeps_space {
                         let mesh = baked(self.context, mesh, &shape.world_from_object, at)?;
                         if let Some(full) = joined.add(mesh, at) {
                             let mesh = self.scene.push_mesh(full);
@@ -294,7 +298,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         if !stretched {
             mesh.tangents = Vec::new();
         }
-        if !textured && !stretched {
+        if mesh.curves.is_some() || !textured && !stretched {
             mesh.uvs = Default::default();
         } else if mesh.uvs[0].is_empty() {
             self.take(at, mesh.triangles.len() * 3 * (size_of::<Vec3>() * 2 + size_of::<Vec2>()))?;
@@ -337,6 +341,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             Some(Alpha::Texture(name, at)) => self.textures.named_scalar(self.context, name, *at)?,
         };
         let is_opaque = opacity.texture.is_none() && opacity.factor >= 1.0;
+        let is_nowhere = opacity.texture.is_none() && opacity.factor <= 0.0;
         let emission = match light {
             Some(light) => {
                 let entity = &self.world.area_lights[light];
@@ -355,7 +360,11 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             surface: look.surface,
             back: Back::Same,
             opacity,
-            alpha_mode: if is_opaque { AlphaMode::Opaque } else { AlphaMode::Blend },
+            alpha_mode: match light {
+                _ if is_opaque => AlphaMode::Opaque,
+                Some(_) if is_nowhere => AlphaMode::Absent,
+                _ => AlphaMode::Blend,
+            },
             emission,
             emission_sides,
             relief: look.relief,
@@ -486,7 +495,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         let original = &self.scene.meshes[mesh as usize];
         self.take(at, original.memory_bytes())?;
         let mut flat = original.clone();
-        (flat.normals, flat.tangents) = (Vec::new(), Vec::new());
+        (flat.normals, flat.tangents, flat.curves) = (Vec::new(), Vec::new(), None);
         for position in &mut flat.positions {
             *position = world_from_mesh.transform_point3(position.as_dvec3()).as_vec3();
         }

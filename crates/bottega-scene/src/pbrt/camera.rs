@@ -3,6 +3,7 @@
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
 use super::context::{Context, PbrtResult};
+use super::needless::Directive;
 use super::transform::axes_and_scale;
 use super::world::{Entity, PbrtWorld};
 use crate::text::shortened;
@@ -77,7 +78,7 @@ impl PbrtWorld {
                 if kind != "perspective" {
                     let message = format!("the camera \"{}\" is replaced by a perspective one", shortened(kind));
                     context.unsupported(at, message);
-                    params.ignore(&["lensfile", "aperturediameter", "focusdistance", "aperture"]);
+                    params.mark_told(&["lensfile", "aperturediameter", "focusdistance", "aperture"]);
                 }
                 let degrees = params.float("fov")?.unwrap_or(90.0);
                 if !(degrees > 0.0 && degrees < 180.0) {
@@ -87,7 +88,8 @@ impl PbrtWorld {
                 Projection::Perspective { vertical_fov: (2.0 * (tan * half.y / half.z).atan()) as f32 }
             }
         };
-        params.ignore(&["shutteropen", "shutterclose"]);
+        // The film asked for them, too.
+        (params.float("shutteropen")?, params.float("shutterclose")?);
         let lens_radius = params.float("lensradius")?.unwrap_or(0.0) * scale.x;
         let focus_distance = params.float("focaldistance")?.unwrap_or(1e6) * scale.z;
         if !(lens_radius >= 0.0 && focus_distance > 0.0) {
@@ -96,7 +98,7 @@ impl PbrtWorld {
         if lens_radius > 1e18 || !world_from_camera.translation.as_vec3().is_finite() {
             return Err(at.fault("the camera is out of reach, or its lens too large").into());
         }
-        context.report_unused(params);
+        context.report_unused(Directive::Camera, &entity.kind, params);
         // pbrt looks along +z, we look along −z.
         let axes = axes * DMat3::from_diagonal(DVec3::new(flip.x, flip.y, -1.0));
         let is_sound = match projection {

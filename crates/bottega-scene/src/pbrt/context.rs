@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::needless::{Directive, NEEDLESS};
 use super::params::Params;
 use super::token::{PbrtFault, PbrtPlace};
 use crate::SceneError;
@@ -91,9 +92,12 @@ impl<'a> Context<'a> {
         self.warnings
     }
 
-    /// Tells of parameters that nobody asked for.
-    pub(super) fn report_unused(&mut self, params: &Params) {
-        for param in params.unused() {
+    /// Tells of parameters that nobody asked for, but for those that change nothing.
+    ///
+    /// - `kind`: the type that follows the directive.
+    pub(super) fn report_unused(&mut self, directive: Directive, kind: &str, params: &Params) {
+        let is_needless = |name: &str| NEEDLESS.iter().any(|row| row.covers(&directive, kind, name));
+        for param in params.unused().filter(|param| !is_needless(&param.name)) {
             let message = format!("the parameter \"{} {}\" is not known here", param.kind, shortened(&param.name));
             self.unsupported(param.at, message);
         }

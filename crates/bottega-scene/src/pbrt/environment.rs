@@ -12,6 +12,7 @@ use super::place::axes;
 use super::texture::Textures;
 use super::token::PbrtPlace;
 use super::world::Entity;
+use crate::image::PictureKind;
 use crate::{COORDINATE_MAX, Environment, EnvironmentMapping, Image, ImageId, Portal, Scene, Spectrum};
 
 /// The infinite lights of a scene.
@@ -107,7 +108,7 @@ fn sky(
         return Err(at.fault("an infinite light has either `L` or a `filename`").into());
     }
     Ok(Sky {
-        image: Some(textures.picture(context, file, false, params.place_of("filename"))?.image),
+        image: Some(textures.picture(context, file, PictureKind::COLORS, params.place_of("filename"))?.image),
         factor: exposure.apply(Spectrum::ONE) * scale as f32,
         illuminance,
         world_from_light: axes(context, &entity.ctm, at)?,

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::color_space::{ColorSpace, white_balance};
 use super::context::{Context, PbrtResult};
+use super::needless::Directive;
 use super::token::PbrtPlace;
 use super::world::{Entity, PbrtWorld};
 use crate::text::shortened;
@@ -39,8 +40,16 @@ impl PbrtWorld {
             max_depth: Some(self.max_depth(context)?),
             integrator: self.integrator_hint(context, resolution, crop)?,
             filter: Some(self.pixel_filter(context)?),
+            sample_max: self.sample_max()?,
             ..RenderHints::default()
         })
+    }
+
+    /// Names parameters of the film that are not followed. All that know some of it have asked before.
+    pub(super) fn report_film(&self, context: &mut Context<'_>) {
+        if let Some(film) = &self.film {
+            context.report_unused(Directive::Film, &film.kind, &film.params);
+        }
     }
 
     /// Columns and rows, and the part that is painted.
@@ -90,18 +99,30 @@ impl PbrtWorld {
             }
         };
         match film.kind.as_str() {
-            "rgb" | "gbuffer" | "spectral" => {}
+            "rgb" => {}
+            "gbuffer" => {
+                params.mark_told(&["coordinatesystem"]);
+                let message = "the film \"gbuffer\" is written without its layers: `--layers` asks for some of them";
+                context.unsupported(film.at, message);
+            }
+            "spectral" => {
+                params.mark_told(&["nbuckets", "lambdamin", "lambdamax"]);
+                context.unsupported(film.at, "the film \"spectral\" is an RGB film: its buckets are left out");
+            }
             kind => context
                 .unsupported(film.at, format!("the film \"{}\" is not known; it is an RGB film", shortened(kind))),
         }
         if params.color_space() != ColorSpace::Srgb {
             context.warn(film.at, "the picture is written in linear Rec. 709, not in the colour space of the film");
         }
-        params.ignore(&["filename", "diagonal", "savefp16", "maxcomponentvalue", "coordinatesystem", "nbuckets"]);
-        // The first four are asked for by `exposure`.
-        params.ignore(&["iso", "exposuretime", "sensor", "whitebalance", "lambdamin", "lambdamax"]);
-        context.report_unused(params);
         Ok((resolution, crop))
+    }
+
+    /// The greatest value that a channel of a sample may have.
+    fn sample_max(&self) -> PbrtResult<Option<f32>> {
+        let Some(film) = &self.film else { return Ok(None) };
+        let Some(most) = film.params.float("maxcomponentvalue")? else { return Ok(None) };
+        positive(most, film.params.place_of("maxcomponentvalue")).map(Some)
     }
 
     /// What the sensor makes of light: the exposure time, the ISO number, the white balance.
@@ -153,8 +174,7 @@ impl PbrtWorld {
         } else {
             params.integer("pixelsamples")?.unwrap_or(16)
         };
-        params.ignore(&["seed", "randomization", "jitter"]);
-        context.report_unused(params);
+        context.report_unused(Directive::Sampler, &sampler.kind, params);
         u32::try_from(samples).ok().filter(|&samples| samples > 0).ok_or_else(|| {
             let problem = format!("{samples} samples of a pixel are no number to paint with");
             params.place_of("pixelsamples").fault(problem).into()
@@ -182,17 +202,24 @@ impl PbrtWorld {
                 context.unsupported(integrator.at, message);
             }
         }
-        params.ignore(&[
-            "regularize",
-            "lightsampler",
-            "visualizestrategies",
-            "visualizeweights",
-            "samplelights",
-            "samplebsdf",
-        ]);
-        params.ignore(&["bootstrapsamples", "chains", "mutationsperpixel", "largestepprobability", "sigma"]);
-        params.ignore(&["photonsperiteration", "radius", "seed", "cossample", "maxdistance", "rrthreshold"]);
-        context.report_unused(params);
+        for (name, usual, message) in [
+            ("regularize", false, "materials keep their roughness on all bounces, though `regularize` is true"),
+            ("visualizestrategies", false, "no pictures of single strategies are written"),
+            ("visualizeweights", false, "no pictures of single strategies are written"),
+            ("samplelights", true, "lights without extent shine, though `samplelights` is false"),
+        ] {
+            if params.bool(name)?.is_some_and(|given| given != usual) {
+                context.unsupported(params.place_of(name), message);
+            }
+        }
+        if integrator.kind == "ao" {
+            params.mark_told(&["cossample", "maxdistance"]);
+        }
+        if integrator.kind == "sppm" {
+            // Asked for where its photons are counted.
+            (params.integer("photonsperiteration")?, params.float("radius")?);
+        }
+        context.report_unused(Directive::Integrator, &integrator.kind, params);
         u32::try_from(depth).map_err(|_| params.place_of("maxdepth").fault("`maxdepth` is negative").into())
     }
 
@@ -258,7 +285,7 @@ impl PbrtWorld {
             }
             kind => {
                 if kind == "sinc" {
-                    params.ignore(&["tau"]);
+                    params.mark_told(&["tau"]);
                 }
                 let message =
                     format!("the filter \"{}\" is replaced by that of Mitchell and Netravali", shortened(kind));
@@ -266,7 +293,7 @@ impl PbrtWorld {
                 FilmFilter::Mitchell { radius: 2.0, b: 1.0 / 3.0, c: 1.0 / 3.0 }
             }
         };
-        context.report_unused(params);
+        context.report_unused(Directive::Filter, &filter.kind, params);
         Ok(result)
     }
 }

@@ -27,7 +27,7 @@ pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<
         _ => None,
     };
     if params.floats("temperature").is_some() {
-        params.ignore(&["temperatureoffset", "temperaturescale", "temperaturecutoff"]);
+        params.mark_told(&["temperatureoffset", "temperaturescale", "temperaturecutoff"]);
         context.unsupported(params.place_of("temperature"), "the medium does not glow: its `temperature` is left out");
     }
     Ok(Variation { density, emission, grid_from_world: place(params, entity)? })

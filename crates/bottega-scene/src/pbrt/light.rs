@@ -11,10 +11,12 @@ use super::color_space::{LUMINANCE, Meaning};
 use super::context::{Context, PbrtResult};
 use super::environment::InfiniteLights;
 use super::film::Exposure;
+use super::needless::Directive;
 use super::place::axes;
 use super::texture::Textures;
 use super::token::PbrtPlace;
 use super::world::{Entity, PbrtWorld};
+use crate::image::PictureKind;
 use crate::text::shortened;
 use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff, TextureMap, Wrap};
 
@@ -40,7 +42,7 @@ impl Lights {
         let mut lights = Self::default();
         for entity in &world.lights {
             lights.add(context, textures, entity, exposure)?;
-            context.report_unused(&entity.params);
+            context.report_unused(Directive::Light, &entity.kind, &entity.params);
         }
         Ok(lights)
     }
@@ -108,7 +110,7 @@ impl Lights {
             context.warn(entity.at, "a goniometric light without `filename` shines equally in all directions");
             return Ok(point(strength, position(&entity.ctm, DVec3::ZERO, entity.at)?));
         };
-        let image = textures.picture(context, file, false, params.place_of("filename"))?.image;
+        let image = textures.picture(context, file, PictureKind::COLORS, params.place_of("filename"))?.image;
         self.goniometric.push((image, params.place_of("filename")));
         let (axes, position) = self.pictured(context, entity, strength)?;
         // Its pole is +y.
@@ -277,7 +279,7 @@ pub(super) fn emission(
             if color.is_some() {
                 return Err(at.fault("an area light has either `L` or a `filename`").into());
             }
-            let picture = textures.picture(context, file, false, params.place_of("filename"))?;
+            let picture = textures.picture(context, file, PictureKind::COLORS, params.place_of("filename"))?;
             // Unlike a texture, it ends at its edges.
             Some(TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..picture })
         }

@@ -36,7 +36,7 @@ impl Mappings {
             "spherical" => MappingKind::Spherical,
             "cylindrical" => MappingKind::Cylindrical,
             kind => {
-                params.ignore(&["v1", "v2"]);
+                params.mark_told(&["v1", "v2"]);
                 let message =
                     format!("the mapping \"{}\" is replaced by the surface's own coordinates", shortened(kind));
                 context.unsupported(params.place_of("mapping"), message);

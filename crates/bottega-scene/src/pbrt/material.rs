@@ -8,9 +8,11 @@ use super::color::Color;
 use super::color_space::Meaning;
 use super::context::{Context, PbrtResult};
 use super::medium::preset_coefficients;
+use super::needless::Directive;
 use super::params::Params;
 use super::texture::Textures;
 use super::world::{Entity, MaterialRef, PbrtWorld};
+use crate::image::PictureKind;
 use crate::spectrum::Sampled;
 use crate::text::shortened;
 use crate::{
@@ -90,10 +92,9 @@ impl<'w> Materials<'w> {
             convert(context, textures, entity)?
         };
         let params = &entity.params;
-        params.ignore(&["type"]);
         let relief = match params.text("normalmap")? {
             Some(file) => {
-                let map = textures.picture(context, file, true, params.place_of("normalmap"))?;
+                let map = textures.picture(context, file, PictureKind::NORMALS, params.place_of("normalmap"))?;
                 Some(Relief::normals(map, 1.0))
             }
             None => textures
@@ -101,7 +102,7 @@ impl<'w> Materials<'w> {
                 .filter(|height| height.texture.is_some())
                 .map(Relief::heights),
         };
-        context.report_unused(params);
+        context.report_unused(Directive::Material, &entity.kind, params);
         let name = world.named_materials.iter().find(|(_, known)| **known == index).map(|(name, _)| name.clone());
         let look = MaterialLook { name: name.unwrap_or_default(), surface, relief };
         self.looks.insert(index, look.clone());
@@ -132,7 +133,7 @@ impl<'w> Materials<'w> {
         }
         let weight = textures.scalar(context, params, "amount")?.unwrap_or(0.5.into());
         let surfaces: [Surface; 2] = surfaces.try_into().unwrap_or_default();
-        Ok(Surface::Blend { weight, surfaces: Box::new(surfaces) })
+        Ok(Surface::blend(weight, surfaces))
     }
 }
 
@@ -188,7 +189,7 @@ fn convert(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &
         "subsurface" => subsurface(context, textures, entity)?,
         "hair" => hair(context, textures, entity)?,
         "measured" => {
-            params.ignore(&["filename"]);
+            params.mark_told(&["filename"]);
             context.unsupported(at, "the measured material is replaced by a gray matte one");
             Surface::matte(Spectrum::splat(0.5))
         }
@@ -232,7 +233,7 @@ fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, d
     let eta = match context.color(params, name)? {
         Some(Color::Samples(samples)) => {
             if samples != Sampled::constant(samples.at(587.6)) {
-                context.warn(params.place_of(name), "light of all colours is refracted as yellow is (587.6 nm)");
+                context.unsupported(params.place_of(name), "light of all colours is refracted as yellow is (587.6 nm)");
             }
             samples.at(587.6)
         }
@@ -320,8 +321,9 @@ fn coated(
         g = 0.0.into();
     }
     let depth = params.integer("maxdepth")?.unwrap_or(10);
-    // How pbrt estimates the reflections within.
-    params.ignore(&["nsamples", "twosided"]);
+    if params.bool("twosided")? == Some(false) {
+        context.unsupported(params.place_of("twosided"), "the coat lies on both sides, though `twosided` is false");
+    }
     Ok(Surface::Coated(Box::new(Coated {
         eta,
         facets,
@@ -349,7 +351,7 @@ fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity
             *sigma = DVec3::ONE;
         }
     }
-    params.ignore(&["mfp", "scale", "g"]);
+    params.mark_told(&["mfp", "scale", "g"]);
     let reflectance = match textures.color(context, params, "reflectance", Meaning::Reflectance)? {
         Some(color) => color,
         None => {
@@ -371,7 +373,7 @@ fn hair(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Ent
     context.unsupported(at, "hair scatters as a coated matte surface of its colour does");
     let beta_n = params.float("beta_n")?.unwrap_or(0.3);
     let beta_m = params.float("beta_m")?.unwrap_or(0.3);
-    params.ignore(&["alpha"]);
+    params.mark_told(&["alpha"]);
     let pigment = |name| params.float(name);
     let (eumelanin, pheomelanin) = (pigment("eumelanin")?, pigment("pheomelanin")?);
     let sigma_a = context.color(params, "sigma_a")?;

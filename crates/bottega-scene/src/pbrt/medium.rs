@@ -9,6 +9,7 @@ use super::color_space::{ColorSpace, Meaning};
 use super::context::{Context, PbrtResult};
 use super::film::Exposure;
 use super::grid;
+use super::needless::Directive;
 use super::token::PbrtPlace;
 use super::world::{Entity, MediumInterface, PbrtWorld};
 use crate::text::shortened;
@@ -119,7 +120,7 @@ fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Pb
         "rgbgrid" => Some(grid::colored(entity, exposure)?),
         _ => None,
     };
-    context.report_unused(params);
+    context.report_unused(Directive::Medium, &entity.kind, params);
     if !(absorption + scattering + emission).is_finite() {
         return Err(at.fault("the coefficients of the medium exceed all bounds").into());
     }

@@ -9,6 +9,8 @@
 //! perspective and orthographic cameras. What else a file asks for is named with file, line and column, and replaced or
 //! left out, or refused with [`LoadOptions::strict`](crate::LoadOptions::strict). Things that move stand where they start.
 //!
+//! Flat and cylindrical curves turn to each ray ([`FacingCurves`](crate::FacingCurves)), as pbrt's do.
+//!
 //! Conventions: pbrt's camera looks along its +z with +y up and +x to the right, that is, its space is left-handed; ours
 //! mirrors instead, and world space is what the file says. The exposure of the film is folded into the lights. Texture
 //! coordinates are turned over so that v grows downwards.
@@ -28,6 +30,7 @@ mod mapping;
 mod material;
 mod medium;
 mod movement;
+mod needless;
 mod params;
 mod parser;
 mod place;

@@ -146,8 +146,8 @@ impl Params {
         self.list.iter().find(|param| param.name == name).map_or(self.at, |param| param.at)
     }
 
-    /// Parameters that are understood, and change nothing here.
-    pub(super) fn ignore(&self, names: &[&str]) {
+    /// Parameters of something of which it was told that it is replaced or left out.
+    pub(super) fn mark_told(&self, names: &[&str]) {
         let ignored = self.list.iter().filter(|param| names.contains(&param.name.as_str()));
         ignored.for_each(|param| param.used.set(true));
     }

@@ -7,6 +7,7 @@ use glam::DAffine3;
 
 use super::color_space::ColorSpace;
 use super::context::{Context, PbrtResult};
+use super::needless::Directive;
 use super::params::Params;
 use super::token::{PbrtFault, PbrtPlace, Token, Tokens};
 use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, PbrtWorld, Target};
@@ -303,8 +304,9 @@ impl<'c, 'a> Parser<'c, 'a> {
             Some((name, at)) => Some(Alpha::Texture(name.into(), at)),
             None => params.float("alpha")?.map(Alpha::Constant),
         };
-        let geometry = shape::read(self.context, &entity)?;
-        self.context.report_unused(params);
+        let shines = self.state.area_light.is_some() && self.object.is_none();
+        let geometry = shape::read(self.context, &entity, shines)?;
+        self.context.report_unused(Directive::Shape, &entity.kind, params);
         let Some(geometry) = geometry else { return Ok(()) };
         self.book(at, size_of::<super::world::PlacedShape>())?;
         let mut area_light = self.state.area_light;

@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Mat3, Quat, Vec2};
 use super::context::{Context, PbrtResult};
 use super::token::PbrtPlace;
 use super::transform::axes_and_scale;
-use crate::{Mesh, Sphere};
+use crate::{CurveLook, Mesh, Sphere};
 
 /// A joined mesh with more vertices is closed.
 const JOINED_MAX: usize = 1 << 22;
@@ -33,7 +33,14 @@ pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: b
     (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object: rotation, material: 0 })
 }
 
-/// A mesh in the space that a transformation leads to.
+/// The factor by which a transformation makes everything larger; `None`: it is not the same in all directions.
+pub(super) fn scaling(transform: &DAffine3) -> Option<f64> {
+    let (axes, scale) = axes_and_scale(transform);
+    let is_equal = scale.max_element() <= scale.min_element() * (1.0 + 1e-5);
+    (is_equal && (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-5)).then(|| scale.max_element())
+}
+
+/// A mesh in the space that a transformation leads to. That of curves makes everything larger by a factor.
 pub(super) fn baked(
     context: &mut Context<'_>,
     mut mesh: Mesh,
@@ -63,6 +70,12 @@ pub(super) fn baked(
     }
     for tangent in &mut mesh.tangents {
         *tangent = (linear.as_mat3() * tangent.truncate()).extend(tangent.w);
+    }
+    if let Some(curves) = &mut mesh.curves {
+        let factor = scaling(transform).unwrap_or(1.0);
+        let moved = |p: glam::Vec3| transform.transform_point3(p.as_dvec3()).as_vec3();
+        curves.map(moved, |tangent| (linear * tangent.as_dvec3()).normalize_or(DVec3::X).as_vec3());
+        curves.points.iter_mut().for_each(|point| point.radius = (f64::from(point.radius) * factor) as f32);
     }
     if linear.determinant() < 0.0 {
         mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
@@ -95,13 +108,14 @@ pub(super) fn with_own_corners(mesh: &Mesh) -> Mesh {
 /// Small meshes, joined by material and by what their vertices have.
 #[derive(Default)]
 pub(super) struct JoinedMeshes {
-    meshes: BTreeMap<(u32, [bool; 3]), (Mesh, PbrtPlace)>,
+    meshes: BTreeMap<(u32, [bool; 3], Option<CurveLook>), (Mesh, PbrtPlace)>,
 }
 
 impl JoinedMeshes {
     /// Returns a mesh that has become large.
     pub(super) fn add(&mut self, mesh: Mesh, at: PbrtPlace) -> Option<Mesh> {
-        let key = (mesh.material, [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()]);
+        let has = [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()];
+        let key = (mesh.material, has, mesh.curves.as_ref().map(|curves| curves.look));
         let (joined, _) = match self.meshes.entry(key) {
             std::collections::btree_map::Entry::Vacant(entry) => {
                 entry.insert((mesh, at));
@@ -116,6 +130,9 @@ impl JoinedMeshes {
         let [uvs, _] = mesh.uvs;
         joined.uvs[0].extend(uvs);
         joined.triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+        if let (Some(joined), Some(curves)) = (&mut joined.curves, mesh.curves) {
+            joined.append(*curves);
+        }
         if joined.positions.len() > JOINED_MAX {
             return self.meshes.remove(&key).map(|(mesh, _)| mesh);
         }

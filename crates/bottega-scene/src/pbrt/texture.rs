@@ -10,11 +10,12 @@ use super::color::Color;
 use super::color_space::{ColorSpace, Meaning};
 use super::context::{Context, PbrtResult};
 use super::mapping::{Mappings, within_frame};
+use super::needless::Directive;
 use super::params::Params;
 use super::texture_tree::{PictureNode, TextureNode, constant, parts};
 use super::token::PbrtPlace;
 use super::world::{Entity, PbrtWorld};
-use crate::image::{Encoding, FramedTexture, Pictures};
+use crate::image::{Encoding, FramedTexture, PictureKind, PictureUse, Pictures};
 use crate::text::shortened;
 use crate::{
     Channel, ColorParam, Image, ImageId, Mapping, MappingKind, ScalarParam, SceneError, Spectrum, TextureMap, Wrap,
@@ -107,16 +108,15 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(ScalarParam { factor: factor.x as f32, texture: map.map(|map| (map, Channel::R)) })
     }
 
-    /// A file as a picture of colours, upright. Codes of 8 bits are sRGB, or with `is_data` the numbers themselves.
+    /// A file as a picture, upright.
     pub(super) fn picture(
         &mut self,
         context: &Context<'_>,
         file: &str,
-        is_data: bool,
+        kind: PictureKind,
         at: PbrtPlace,
     ) -> PbrtResult<TextureMap> {
-        let encoding = if is_data { Encoding::Linear } else { Encoding::Srgb };
-        let picture = self.pictures.want(file, encoding, &context.place(at))?;
+        let picture = self.pictures.want(file, kind, &context.place(at))?;
         Ok(TextureMap::new(self.slot(picture, false)))
     }
 
@@ -130,7 +130,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         fov: f64,
         at: PbrtPlace,
     ) -> PbrtResult<ImageId> {
-        let picture = self.pictures.want(file, Encoding::Srgb, &context.place(at))?;
+        let picture = self.pictures.want(file, PictureKind::COLORS, &context.place(at))?;
         self.slots.push(Slot::Projection(picture, fov));
         Ok(ImageId(self.slots.len() as u32 - 1))
     }
@@ -303,7 +303,7 @@ impl<'a, 'w> Textures<'a, 'w> {
             context.unsupported(entity.at, format!("the texture has more than {PARTS_MAX} parts; gray stands for it"));
             node = TextureNode::Constant(DVec3::splat(0.5));
         }
-        context.report_unused(&entity.params);
+        context.report_unused(Directive::Texture, &entity.kind, &entity.params);
         let node = Rc::new(node);
         self.nodes.insert(key, node.clone());
         Ok(node)
@@ -330,7 +330,7 @@ impl<'a, 'w> Textures<'a, 'w> {
             "directionmix" => {
                 let first = self.part(context, params, "tex1", 0.0, is_float)?;
                 let second = self.part(context, params, "tex2", 1.0, is_float)?;
-                params.ignore(&["dir"]);
+                params.mark_told(&["dir"]);
                 context.unsupported(at, "the texture \"directionmix\" is the same from all directions");
                 TextureNode::Mix(first, second, Rc::new(TextureNode::Constant(DVec3::splat(0.5))))
             }
@@ -368,7 +368,7 @@ impl<'a, 'w> Textures<'a, 'w> {
                 TextureNode::Mix(outside, inside, Rc::new(TextureNode::Constant(DVec3::splat(0.19))))
             }
             kind => {
-                params.ignore(&["octaves", "roughness", "scale", "variation", "filename", "encoding", "dimension"]);
+                params.mark_told(&["octaves", "roughness", "scale", "variation", "filename", "encoding", "dimension"]);
                 let (mean, what) = match kind {
                     // The means of what pbrt makes of its noise.
                     "fbm" => (0.0, "0"),
@@ -425,9 +425,11 @@ impl<'a, 'w> Textures<'a, 'w> {
                 return Err(params.place_of("encoding").fault(problem).into());
             }
         };
+        let purpose = if is_scalar { PictureUse::Number } else { PictureUse::Color };
+        let kind = PictureKind { encoding, purpose };
         let place = context.place(at);
         let wrap = params.text("wrap")?.unwrap_or("repeat");
-        let framed = if wrap == "black" { self.pictures.want_framed(file, encoding, &place)? } else { None };
+        let framed = if wrap == "black" { self.pictures.want_framed(file, kind, &place)? } else { None };
         let mut laid = self.mappings.laid(context, entity)?;
         let picture = match framed {
             Some(FramedTexture { id: picture, size }) => {
@@ -438,9 +440,9 @@ impl<'a, 'w> Textures<'a, 'w> {
                 // It is one quarter of its period. pbrt goes on with the second texel at the left and upper edge, and with
                 // the last one at the others; here all edges are as these.
                 laid.picture_from_uv = Affine2::from_scale(Vec2::splat(0.5)) * laid.picture_from_uv;
-                self.pictures.want_octahedral(file, encoding, &place)?
+                self.pictures.want_octahedral(file, kind, &place)?
             }
-            None => self.pictures.want(file, encoding, &place)?,
+            None => self.pictures.want(file, kind, &place)?,
         };
         let wrap = match wrap {
             "repeat" | "octahedralsphere" => Wrap::Repeat,
@@ -453,7 +455,6 @@ impl<'a, 'w> Textures<'a, 'w> {
             }
         };
         let smooth = params.text("filter")?.is_none_or(|filter| filter != "point");
-        params.ignore(&["maxanisotropy"]);
         Ok(TextureNode::Picture(PictureNode {
             picture,
             is_scalar,

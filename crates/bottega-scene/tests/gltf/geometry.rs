@@ -312,3 +312,35 @@ fn texture_coordinates_are_kept_only_where_a_texture_wants_them() {
     let scene = file.load().scene;
     assert_eq!((scene.meshes[0].uvs[0].len(), scene.meshes[0].uvs[1].len()), (0, 3));
 }
+
+#[test]
+fn morph_targets_move_texture_coordinates_and_colors() {
+    let mut file = File::textured(&json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
+    file.texture(&crate::gltf::support::png(1, 1, &[[9; 4]]));
+    let white = file.floats("VEC3", &[1.0; 9]);
+    let (uvs, colors) =
+        (file.floats("VEC2", &[0.5; 6]), file.floats("VEC3", &[-0.5, 0.0, 0.5, 0., 0., 0., 0., 0., 0.]));
+    let primitive = &mut file.json["meshes"][0]["primitives"][0];
+    primitive["attributes"]["COLOR_0"] = json!(white);
+    primitive["targets"] = json!([{"TEXCOORD_0": uvs, "COLOR_0": colors}]);
+    file.json["meshes"][0]["weights"] = json!([0.5]);
+    let mesh = &file.load().scene.meshes[0];
+    assert_eq!(mesh.uvs[0], [Vec2::new(0.25, 0.25), Vec2::new(1.25, 0.25), Vec2::new(0.25, 1.25)]);
+    // What comes out is no brighter than white.
+    assert_eq!(mesh.colors, [Vec4::new(0.75, 1.0, 1.0, 1.0), Vec4::ONE, Vec4::ONE]);
+}
+
+#[test]
+fn more_than_eight_joints_are_told() {
+    let mut file = File::triangle();
+    let joints = file.accessor("VEC4", U8, 3, &[0; 12]);
+    let weights = file.floats("VEC4", &[0.25; 12]);
+    let attributes = &mut file.json["meshes"][0]["primitives"][0]["attributes"];
+    for set in 0..3 {
+        attributes[format!("JOINTS_{set}")] = json!(joints);
+        attributes[format!("WEIGHTS_{set}")] = json!(weights);
+    }
+    file.json["nodes"][0]["skin"] = json!(0);
+    file.json["skins"] = json!([{"joints": [0]}]);
+    assert!(warns(&file.load(), &["JOINTS_2", "eight joints"]));
+}

@@ -185,6 +185,48 @@ fn names_of_pictures_are_found_as_other_machines_write_them() {
     }
 }
 
+#[test]
+fn statements_of_a_library_are_followed_or_told() {
+    let square = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl t\nf 1/1 2/1 3/1\n";
+    let strict = |statement: &str| {
+        let mtl = format!("newmtl t\nKd 1 1 1\n{statement}\n");
+        let options = LoadOptions { strict: true, ..LoadOptions::default() };
+        try_load(&[("a.obj", square.as_bytes()), ("m.mtl", mtl.as_bytes()), ("a.png", &png([9; 4]))], &options)
+    };
+    for known in ["Ka 1 1 1", "sharpness 60", "Pc 0", "map_Kd -blendu on -mm 0 1 a.png", "map_aat on"] {
+        strict(known).unwrap_or_else(|error| panic!("{known}: {error}"));
+    }
+    let others = [
+        "Pc 0.5",
+        "aniso 0.3",
+        "map_Kd -t 0.1 0 a.png",
+        "map_Kd -mm 0.2 1 a.png",
+        "map_Kd -imfchan r a.png",
+        "disp a.png",
+    ];
+    for other in others {
+        assert!(matches!(strict(other), Err(SceneError::Unsupported { .. })), "{other}");
+    }
+}
+
+#[test]
+fn missing_maps_of_normals_are_flat() {
+    let square = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl t\nf 1/1 2/2 3/3\n";
+    for statement in ["norm none.png", "map_Bump -bm 1 none.png"] {
+        let mtl = format!("newmtl t\nKd 1 1 1\n{statement}\n");
+        let files: [(&str, &[u8]); 2] = [("a.obj", square.as_bytes()), ("m.mtl", mtl.as_bytes())];
+        let loaded = load_files(&files);
+        let map = bottega_scene::TextureMap::new(bottega_scene::ImageId(0));
+        let found = loaded.scene.images[0].eval(&map, Vec2::ZERO, 0.0).truncate();
+        let flat = found == Vec3::ONE || (found - Vec3::new(0.5, 0.5, 1.0)).length() < 0.005;
+        assert!(flat, "{statement}: {found}");
+        let is_told = loaded.warnings.iter().any(|warning| warning.message.contains("none.png"));
+        assert!(is_told, "{statement}: {:?}", loaded.warnings);
+        let strict = try_load(&files, &LoadOptions { strict: true, ..LoadOptions::default() });
+        assert!(matches!(strict, Err(SceneError::Unsupported { .. })), "{strict:?}");
+    }
+}
+
 /// The folder of real scenes, where the environment names one.
 pub(crate) fn real_scenes() -> Option<PathBuf> {
     let folder = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from);

@@ -190,3 +190,60 @@ fn scattering_and_absorption_vary_each_by_its_own_grid() {
     assert_eq!(coefficients(&volume("a")), [(1.0, 2.0), (0.0, 6.0)]);
     assert_eq!(coefficients("<float name='sigma_a' value='0.25'/>"), [(0.5, 2.0), (0.5, 6.0)]);
 }
+
+#[test]
+fn nothing_in_part_is_a_clear_sheet() {
+    let sheet = Surface::clear_sheet(Vec3::ONE.into());
+    let blend = material(
+        "<bsdf type='blendbsdf'><float name='weight' value='0.6'/><bsdf type='null'/><bsdf type='diffuse'/></bsdf>",
+    );
+    let Surface::Blend { weight, surfaces } = &blend.surface else { panic!("{:?}", blend.surface) };
+    assert_eq!((weight.factor, &surfaces[0]), (0.6, &sheet));
+    let Back::Other(back) = &blend.back else { panic!("{:?}", blend.back) };
+    let Surface::Blend { surfaces, .. } = back.as_ref() else { panic!("{back:?}") };
+    assert_eq!(surfaces.as_ref(), &[sheet.clone(), Surface::matte(Vec3::ZERO)]);
+    for (plugin, share) in [("polarizer", 0.5), ("circular", 0.5), ("retarder", 1.0)] {
+        let found = material(&format!("<bsdf type='{plugin}'><float name='theta' value='30'/></bsdf>"));
+        assert_eq!(found.surface, Surface::clear_sheet(Vec3::splat(share).into()), "{plugin}");
+    }
+    let seen_through = |integrator: &str| {
+        let text = format!("<integrator type='{integrator}'/><shape type='rectangle'><bsdf type='polarizer'/></shape>");
+        silent(&text).scene.materials[0].is_seen_through()
+    };
+    assert!(seen_through("volpath") && !seen_through("path"));
+}
+
+#[test]
+fn lamps_under_masks_are_met_everywhere() {
+    let lamp = "<emitter type='area'><rgb name='radiance' value='1 2 3'/></emitter>";
+    for bsdf in
+        ["<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>", "<bsdf type='null'/>"]
+    {
+        let loaded = silent(&format!("<shape type='rectangle'>{bsdf}{lamp}</shape>"));
+        let material = &loaded.scene.materials[0];
+        assert_eq!((material.alpha_mode, material.emission.factor), (AlphaMode::Opaque, Vec3::new(1.0, 2.0, 3.0)));
+        assert!(material.transmits(), "{:?}", material.surface);
+    }
+}
+
+#[test]
+fn what_stands_for_missing_pictures_goes_by_their_use() {
+    let bitmap = |name: &str| {
+        format!(
+            "<texture type='bitmap' name='{name}'><boolean name='raw' value='true'/><string name='filename' value='none.png'/></texture>"
+        )
+    };
+    let texel = |bsdf: String| {
+        let loaded = read(&format!("<shape type='rectangle'>{bsdf}</shape>"));
+        assert!(told(&loaded)[0].contains("none.png"), "{:?}", told(&loaded));
+        loaded.scene.images[0]
+            .eval(&bottega_scene::TextureMap::new(bottega_scene::ImageId(0)), Vec2::ZERO, 0.0)
+            .truncate()
+    };
+    let color = texel(format!("<bsdf type='diffuse'>{}</bsdf>", bitmap("reflectance")));
+    assert_eq!(color, Vec3::new(1.0, 0.0, 1.0));
+    let number = texel(format!("<bsdf type='mask'>{}<bsdf type='diffuse'/></bsdf>", bitmap("opacity")));
+    assert_eq!(number, Vec3::ONE);
+    let normal = texel(format!("<bsdf type='normalmap'>{}<bsdf type='diffuse'/></bsdf>", bitmap("normalmap")));
+    assert!((normal - Vec3::new(0.5, 0.5, 1.0)).length() < 0.005, "{normal}");
+}

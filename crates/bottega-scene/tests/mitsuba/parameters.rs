@@ -107,3 +107,73 @@ fn what_is_not_known_is_told_with_its_place_and_refused_when_strict() {
     assert!(expected.iter().all(|line| error.contains(line)), "{error}");
     assert!(Folder::new().scene("<shape type='sphere'/>").load(&LoadOptions { strict: true, ..bare() }).is_ok());
 }
+
+#[test]
+fn what_is_known_and_not_followed_is_refused_when_strict() {
+    let sensor = |within: &str| format!("<sensor type='perspective'>{within}</sensor>");
+    let film = |within: &str| sensor(&format!("<film type='hdrfilm'>{within}</film>"));
+    let cases = [
+        film("<string name='pixel_format' value='luminance'/>"),
+        film("<string name='pixel_format' value='xyza'/>"),
+        film("<float name='gamma' value='2.2'/>"),
+        sensor("<float name='kc' value='0.1, 0.2'/>").replace("float name='kc'", "string name='kc'"),
+        "<integrator type='moment'><integrator type='path'/></integrator>".into(),
+        "<integrator type='direct'><integer name='emitter_samples' value='0'/></integrator>".into(),
+        "<emitter type='sunsky'><boolean name='complex_sun' value='true'/></emitter>".into(),
+        "<shape type='sphere' color='red'/>".into(),
+        "<shape type='sphere'><bsdf type='diffuse'><texture type='bitmap' name='reflectance'>
+            <string name='filename' value='none.png'/></texture></bsdf></shape>"
+            .into(),
+        "<shape type='sphere'><bsdf type='normalmap'><texture type='bitmap' name='normalmap'><boolean name='raw' value='true'/>
+            <string name='filename' value='none.png'/></texture><bsdf type='diffuse'/></bsdf></shape>"
+            .into(),
+    ];
+    for text in cases {
+        let strict = Folder::new().scene(&text).load(&LoadOptions { strict: true, ..bare() });
+        assert!(matches!(strict, Err(bottega_scene::SceneError::Unsupported { .. })), "{text}: {strict:?}");
+        assert!(!told(&read(&text)).is_empty(), "{text}");
+    }
+}
+
+#[test]
+fn what_changes_no_picture_is_not_told() {
+    silent(
+        "<integrator type='direct'><integer name='emitter_samples' value='4'/><integer name='bsdf_samples' value='2'/>
+            <integer name='samples_per_pass' value='4'/></integrator>
+         <sensor type='perspective'><float name='shutter_open' value='0'/><float name='aperture_radius' value='1'/>
+            <sampler type='stratified'><integer name='seed' value='3'/><boolean name='jitter' value='true'/></sampler>
+            <film type='hdrfilm'><string name='file_format' value='openexr'/><string name='component_format' value='float32'/>
+            <boolean name='sample_border' value='true'/></film></sensor>
+         <emitter type='point'><float name='sampling_weight' value='2'/></emitter>
+         <shape type='sphere'><bsdf type='roughconductor'><boolean name='sample_visible' value='false'/></bsdf></shape>",
+    );
+}
+
+#[test]
+fn lamps_that_are_never_sampled_are_out() {
+    let lamp =
+        |weight: &str| format!("<emitter type='point'><float name='sampling_weight' value='{weight}'/></emitter>");
+    assert_eq!(silent(&lamp("0.5")).scene.lights.len(), 1);
+    let loaded = read(&lamp("0"));
+    assert!(loaded.scene.lights.is_empty());
+    assert!(told(&loaded)[0].contains("sampling_weight"), "{:?}", told(&loaded));
+}
+
+#[test]
+fn rotations_about_long_axes_scale_but_for_the_old_line() {
+    let shape = |axis: &str| {
+        format!("<shape type='rectangle'><transform name='to_world'><rotate {axis} angle='40'/></transform></shape>")
+    };
+    let axis = "x='0' y='1' z='1'";
+    let loaded = read(&shape(axis));
+    let corners = |loaded: &bottega_scene::Loaded| loaded.scene.meshes[0].positions.clone();
+    // What Mitsuba 3.9.1 makes of the corner (1, 1, 0).
+    let expected = Vec3::new(0.123_256_84, 1.642_787_6, -0.408_832_04);
+    assert!(corners(&loaded).iter().any(|p| (*p - expected).length() < 1e-5), "{:?}", corners(&loaded));
+    assert!(told(&loaded)[0].contains("unit length"), "{:?}", told(&loaded));
+    let old = read_old(&shape(axis));
+    assert!(corners(&old).iter().all(|p| (p.length_squared() - 2.0).abs() < 1e-5), "{:?}", corners(&old));
+    for unit in ["y='1'", "x='0.6' z='-0.8'"] {
+        silent(&shape(unit));
+    }
+}

@@ -27,7 +27,7 @@ use crate::{
     error::Error,
     identity::identity,
     loaded_scene::LoadedScene,
-    request::{BUILTIN, DEPTH_MAX, IntegratorChoice, Request, SAMPLES_MAX},
+    request::{BUILTIN, DEPTH_MAX, IntegratorChoice, Request, SAMPLES_MAX, check_size},
     settings::{agents, check_crop, crop, job_settings, samples_unasked, shared_settings},
     text::shown,
 };
@@ -292,6 +292,10 @@ fn settings(
     let frame = Rect::of_size(opened.width, opened.height);
     let crop = crop(asked).unwrap_or(frame);
     check_crop(&crop, &frame)?;
+    check_size([opened.width, opened.height], asked.film.crop).map_err(|allowed| {
+        let problem = format!("the scene is a picture of {}x{} pixels: {allowed}", opened.width, opened.height);
+        Error::usage(problem, "say another size (`--size`)")
+    })?;
     let tunables = &located.manifest().tunables;
     let samples = asked.goal.samples.unwrap_or_else(|| default_samples(asked, located.manifest()));
     let samples = tunables.samples.map_or(1, |range| range.fit(samples)).clamp(1, SAMPLES_MAX);

@@ -8,7 +8,7 @@ pub const DEPTH_MAX: u32 = 4096;
 pub const LIGHT_SAMPLES_MAX: u32 = 1024;
 /// Most pixels of a side of a picture.
 pub const SIDE_MAX: u32 = 1 << 16;
-/// Most pixels of a picture: with all layers that is some 15 GB.
+/// Most pixels that are painted of a picture: with all layers that is some 15 GB.
 pub const PIXELS_MAX: u64 = 1 << 28;
 /// Most photons that leave the lights.
 pub const PHOTONS_MAX: u32 = 100_000_000;

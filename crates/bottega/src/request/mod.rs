@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use self::validate::{TAG_FORM, check_size, is_tag};
+pub use self::validate::{TAG_FORM, check_sides, check_size, is_tag};
 pub use self::{
     choices::{
         AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, GuideChoice, GuideUse, ImportanceChoice,

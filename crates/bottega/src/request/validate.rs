@@ -232,7 +232,7 @@ impl CameraPose {
 impl FilmOptions {
     fn validate(&self) -> Checked {
         if let Some([width, height]) = self.size {
-            check_size(width, height)
+            check_size([width, height], self.crop)
                 .map_err(|allowed| InvalidField::new("film.size", format!("{width}x{height}"), allowed))?;
         }
         match self.crop {
@@ -246,18 +246,32 @@ impl FilmOptions {
     }
 }
 
-/// Checks that a picture of this size can be painted.
+/// Checks that a picture of this size, or a part of it, can be painted.
+///
+/// - `crop`: the part that is painted, as x0, y0, x1, y1; none: all of it.
 ///
 /// # Errors
 /// What could be painted instead.
-pub fn check_size(width: u32, height: u32) -> Result<(), String> {
-    if ![width, height].iter().all(|side| (1..=SIDE_MAX).contains(side)) {
-        return Err(format!("each side must be from 1 to {SIDE_MAX}"));
-    }
-    if u64::from(width) * u64::from(height) > PIXELS_MAX {
+pub fn check_size(size: [u32; 2], crop: Option<[u32; 4]>) -> Result<(), String> {
+    check_sides(size)?;
+    let [width, height] = size;
+    let [x0, y0, x1, y1] = crop.unwrap_or([0, 0, width, height]);
+    let length = |from: u32, to: u32, side: u32| u64::from(to.min(side).saturating_sub(from));
+    if length(x0, x1, width) * length(y0, y1, height) > PIXELS_MAX {
         return Err(format!("more than {PIXELS_MAX} pixels: paint a smaller picture, or parts of one with a crop"));
     }
     Ok(())
+}
+
+/// Checks the sides of a picture, of which only a part may be painted.
+///
+/// # Errors
+/// How long they may be.
+pub fn check_sides(size: [u32; 2]) -> Result<(), String> {
+    if size.iter().all(|side| (1..=SIDE_MAX).contains(side)) {
+        return Ok(());
+    }
+    Err(format!("each side must be from 1 to {SIDE_MAX}"))
 }
 
 impl GoalOptions {

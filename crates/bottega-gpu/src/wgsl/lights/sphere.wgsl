@@ -53,7 +53,8 @@ fn sphere_sample(index: u32, origin: vec3<f32>, u: vec2<f32>) -> LightSample {
         return no_light();
     }
     let uv = sphere_uv(sphere, n);
-    return LightSample(wi, distance, material_emission(material, uv, uv, 0.0), pdf, false);
+    let there = material_opacity_at(material, uv, uv, 0.0, 1.0);
+    return LightSample(wi, distance, material_emission(material, uv, uv, 0.0) * there, pdf, false);
 }
 
 fn sphere_area_pdf(radius: f32, cosine: f32, distance: f32) -> f32 {

@@ -139,7 +139,7 @@ impl<'a> Eye<'a> {
         debug_assert!(self.integrator.camera_medium().is_none());
         let mut walk = Walk::of_camera(ray);
         while self.step(&mut walk) {}
-        self.record.keep(self.radiance);
+        self.record.keep(self.radiance, self.integrator.base.settings().sample_max);
         let (vertices, shadow_rays) = (self.record.vertex_count as f32, self.record.counts.shadow_rays as f32);
         self.record.values.cost = vertices * VERTEX_STEPS + shadow_rays * SHADOW_STEPS;
         self.record

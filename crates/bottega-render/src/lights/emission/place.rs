@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::super::{sphere, surface::SurfaceLight};
 use crate::{
     bsdf::warp::cosine_hemisphere,
-    interaction::{CLEARANCE, EXTENT_CLEARANCE, emitted_by_sphere},
+    interaction::{CLEARANCE, EXTENT_CLEARANCE},
     luminance,
     sampling::{orthonormal_basis, uniform_sphere, uniform_triangle},
 };
@@ -99,7 +99,7 @@ pub(super) fn emit_from_sphere(
     let (front, sides) = side(material.emission_sides, choice);
     let outwards = uniform_sphere(place);
     let n = if front { outwards } else { -outwards };
-    let radiance = emitted_by_sphere(scene, sphere, outwards, 0.0);
+    let radiance = sphere::radiance_at(scene, sphere, outwards);
     let area = 4.0 * PI * sphere.radius * sphere.radius;
     let clearance = CLEARANCE * (sphere.center.abs().max_element() + sphere.radius);
     let power = radiance * (PI * area * sides);

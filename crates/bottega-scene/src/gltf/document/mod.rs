@@ -170,6 +170,9 @@ object!(Attributes {
     joints1: Option<usize>,
     #[serde(rename = "WEIGHTS_1")]
     weights1: Option<usize>,
+    /// Only for saying that it is left out.
+    #[serde(rename = "JOINTS_2")]
+    joints2: Option<usize>,
 });
 
 object!(Target {
@@ -179,6 +182,12 @@ object!(Target {
     normal: Option<usize>,
     #[serde(rename = "TANGENT")]
     tangent: Option<usize>,
+    #[serde(rename = "TEXCOORD_0")]
+    uv0: Option<usize>,
+    #[serde(rename = "TEXCOORD_1")]
+    uv1: Option<usize>,
+    #[serde(rename = "COLOR_0")]
+    color: Option<usize>,
 });
 
 strict_object!(Accessor {
@@ -339,6 +348,8 @@ object!(Light {
     intensity: Option<f32>,
     #[serde(rename = "type")]
     kind: String,
+    /// Only for saying that it is not followed.
+    range: Option<f32>,
     spot: Spot,
 });
 

@@ -6,11 +6,12 @@
 
 use std::collections::BTreeMap;
 
+use bottega_image::printable_path;
 use glam::{Affine2, Mat2, Vec2, Vec3};
 
 use super::super::mtl::{self, MtlMap, MtlMaterial};
 use crate::error::Warnings;
-use crate::image::{Encoding, Pictures};
+use crate::image::{PictureKind, Pictures};
 use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::shortened;
@@ -49,8 +50,8 @@ impl<'a> Library<'a> {
                 let bytes = match resources.read(&location) {
                     Ok(bytes) => bytes,
                     Err(SceneError::Read { path, source, .. }) => {
-                        let message = format!("cannot read the materials in `{}` ({source})", path.display());
-                        warnings.add(place.as_str(), message);
+                        let message = format!("cannot read the materials in `{}` ({source})", printable_path(&path));
+                        warnings.unsupported(place.as_str(), message);
                         continue;
                     }
                     Err(error) => return Err(error),
@@ -71,7 +72,10 @@ impl<'a> Library<'a> {
     /// The material of that name. `None`: no library has it, which is warned of.
     pub(crate) fn material(&mut self, name: &str, warnings: &mut Warnings) -> Result<Option<Material>, SceneError> {
         let Some((location, description)) = self.materials.get(name) else {
-            warnings.add("", format!("no library has the material `{}`; plain gray stands for it", shortened(name)));
+            warnings.unsupported(
+                "",
+                format!("no library has the material `{}`; plain gray stands for it", shortened(name)),
+            );
             return Ok(None);
         };
         Converter { location, pictures: &mut self.pictures, warnings }.convert(description).map(Some)
@@ -143,14 +147,14 @@ impl Converter<'_, '_> {
     }
 
     fn color(&mut self, factor: Vec3, map: Option<&MtlMap>) -> Result<ColorParam, SceneError> {
-        let texture = map.map(|map| self.texture(map, Encoding::Srgb)).transpose()?;
+        let texture = map.map(|map| self.texture(map, PictureKind::COLORS)).transpose()?;
         Ok(ColorParam { factor, texture })
     }
 
     /// A number in [0, 1] and its map. Where there is a map but no number, the map stands alone.
     fn scalar(&mut self, value: Option<f32>, default: f32, map: Option<&MtlMap>) -> Result<ScalarParam, SceneError> {
         let factor = value.unwrap_or(if map.is_some() { 1.0 } else { default }).clamp(0.0, 1.0);
-        let texture = map.map(|map| self.texture(map, Encoding::Linear)).transpose()?;
+        let texture = map.map(|map| self.texture(map, PictureKind::NUMBERS)).transpose()?;
         Ok(ScalarParam { factor, texture: texture.map(|texture| (texture, Channel::R)) })
     }
 
@@ -158,13 +162,14 @@ impl Converter<'_, '_> {
         let Some(map) = &mtl.opacity_map else { return Ok(factor.into()) };
         // The picture of the colour names its own alpha; any other picture is the opacity.
         let is_alpha = mtl.diffuse_map.as_ref().is_some_and(|diffuse| diffuse.reference == map.reference);
-        let (channel, encoding) = if is_alpha { (Channel::A, Encoding::Srgb) } else { (Channel::R, Encoding::Linear) };
-        Ok(ScalarParam { factor, texture: Some((self.texture(map, encoding)?, channel)) })
+        let (channel, kind) =
+            if is_alpha { (Channel::A, PictureKind::COLORS) } else { (Channel::R, PictureKind::NUMBERS) };
+        Ok(ScalarParam { factor, texture: Some((self.texture(map, kind)?, channel)) })
     }
 
     fn relief(&mut self, mtl: &MtlMaterial) -> Result<Option<Relief>, SceneError> {
         if let Some(map) = &mtl.normal_map {
-            return Ok(Some(Relief::normals(self.texture(map, Encoding::Linear)?, 1.0)));
+            return Ok(Some(Relief::normals(self.texture(map, PictureKind::NORMALS)?, 1.0)));
         }
         let Some(map) = &mtl.bump_map else { return Ok(None) };
         let Some(height) = map.strength else {
@@ -172,15 +177,15 @@ impl Converter<'_, '_> {
             self.warnings.unsupported(self.place(map.line), message);
             return Ok(None);
         };
-        let texture = (self.texture(map, Encoding::Linear)?, Channel::R);
+        let texture = (self.texture(map, PictureKind::NUMBERS)?, Channel::R);
         Ok(Some(Relief::heights(ScalarParam { factor: height, texture: Some(texture) })))
     }
 
-    fn texture(&mut self, map: &MtlMap, encoding: Encoding) -> Result<TextureMap, SceneError> {
+    fn texture(&mut self, map: &MtlMap, kind: PictureKind) -> Result<TextureMap, SceneError> {
         let place = self.place(map.line);
         // Beside the library, or else beside the scene.
         let folders = [self.location.folder(), ""];
-        let image = self.pictures.want_in(&folders, &map.reference, encoding, &place)?;
+        let image = self.pictures.want_in(&folders, &map.reference, kind, &place)?;
         let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
         // In the file, v points up: v' = 1 − v.
         let picture_from_uv = Affine2 {

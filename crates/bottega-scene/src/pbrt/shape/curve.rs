@@ -1,7 +1,8 @@
-//! `curve`: hair, fur and grass, as tubes and ribbons of triangles.
+//! `curve`: hair, fur and grass.
 //!
-//! A curve is cut into straight pieces that are off by at most 5 % of its width. One that is `flat` in pbrt always shows
-//! its width to whoever looks at it: a tube of the same width does that.
+//! A curve is cut into straight pieces that are off by at most 2 % of its width. One that is `flat` turns its width to each
+//! ray, and so does a `cylinder`, which is round (see [`FacingCurves`]). A `ribbon` is a band of triangles. A curve that shines,
+//! which pbrt cannot sample, is a tube of triangles.
 
 use glam::{DVec3, Vec2};
 
@@ -9,12 +10,17 @@ use super::super::context::{Context, PbrtResult};
 use super::super::params::Params;
 use super::super::token::PbrtPlace;
 use super::geometry::{Geometry, positions};
-use crate::Mesh;
+use crate::facing_curves::HULL;
 use crate::text::shortened;
 use crate::tube::bezier_of_bspline;
+use crate::{CurveLook, CurvePoint, FacingCurves, Mesh};
 
-/// Corners of a tube's cross-section.
+/// How far a straight piece may be from the curve, in widths.
+const TOLERANCE: f64 = 0.02;
+
+/// Corners of a tube's cross-section, and of that of a hull.
 const SIDES: u32 = 5;
+const HULL_SIDES: u32 = 4;
 
 /// What the radius of a tube's cross-section is multiplied with so that seen from all around it is as wide as the curve on the
 /// average: a convex shape is as wide as its perimeter over π. From no side it is off by more than 3.5 %.
@@ -23,7 +29,13 @@ const WIDENING: f64 = 1.068_959; // π ∕ (5 sin(π ∕ 5))
 /// Pieces of one Bézier segment, at most.
 const PIECES_MAX: f64 = 32.0;
 
-pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Option<Geometry>> {
+/// - `shines`: whether it is an area light.
+pub(super) fn read(
+    context: &mut Context<'_>,
+    params: &Params,
+    at: PbrtPlace,
+    shines: bool,
+) -> PbrtResult<Option<Geometry>> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`curve` needs the control points `P`"))?;
     positions(&points, params.place_of("P"))?;
     let width = params.float("width")?.unwrap_or(1.0);
@@ -53,7 +65,6 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
     };
     let kind = params.text("type")?.unwrap_or("flat");
     let normals = params.points3("N", "normal")?;
-    params.ignore(&["splitdepth"]);
     let normals = match (kind, normals) {
         ("ribbon", Some(normals)) if normals.len() == segments.len() + 1 => Some(normals),
         ("ribbon", _) => {
@@ -66,13 +77,15 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
         }
     };
     let line = polyline(&segments, widths);
-    let corners = if normals.is_some() { 2 } else { SIDES as usize };
-    let bytes = line.len() * corners * (32 + 24);
+    // Vertices and triangles, and of a hull the points of the curve.
+    let bytes = line.len() * (SIDES as usize * (32 + 24) + size_of::<CurvePoint>() + 4 * 2 * HULL_SIDES as usize);
     let place = context.place(at);
     context.resources.budget().take(context.path(at.file), &place, bytes)?;
+    let look = if kind == "cylinder" { CurveLook::Round } else { CurveLook::Flat };
     let mut mesh = match &normals {
         Some(normals) => ribbon(&line, normals),
-        None => tube(&line),
+        None if shines => tube(&line),
+        None => hull(&line, look),
     };
     mesh.mend_normals();
     mesh.face_normals();
@@ -128,7 +141,7 @@ fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station>
         // The chord of a cubic is off by at most an eighth of its greatest second derivative (de Boor).
         let bend = (a - b * 2.0 + c).length().max((b - c * 2.0 + d).length());
         let length = (b - a).length() + (c - b).length() + (d - c).length();
-        let tolerance = (0.05 * width0.max(width1)).max(1e-4 * length).max(f64::MIN_POSITIVE);
+        let tolerance = (TOLERANCE * width0.max(width1)).max(1e-4 * length).max(f64::MIN_POSITIVE);
         let pieces = (0.75 * bend / tolerance).sqrt().ceil().clamp(1.0, PIECES_MAX);
         let first = if index == 0 { 0 } else { 1 };
         for piece in first..=pieces as u32 {
@@ -144,9 +157,37 @@ fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station>
     line
 }
 
-fn tube(line: &[Station]) -> Mesh {
-    let mut mesh = Mesh::default();
+/// The hull of a curve that faces each ray, closed at its ends.
+fn hull(line: &[Station], look: CurveLook) -> Mesh {
     let count = line.last().map_or(1.0, |station| station.u).max(1.0);
+    let points = line.iter().enumerate().map(|(index, station)| CurvePoint {
+        position: station.position.as_vec3(),
+        tangent: station.tangent.as_vec3().normalize(),
+        radius: (0.5 * station.width) as f32,
+        along: (station.u / count) as f32,
+        is_last: index + 1 == line.len(),
+    });
+    let mut mesh = Mesh::default();
+    let mut pieces = Vec::new();
+    each_ring(line, HULL_SIDES, |station, out| {
+        mesh.positions.push((station.position + out * (0.5 * f64::from(HULL) * station.width)).as_vec3());
+    });
+    let last = line.len().saturating_sub(1) as u32;
+    for piece in 0..last {
+        mesh.triangles.extend(sides_between(piece, HULL_SIDES));
+        pieces.extend([piece; 2 * HULL_SIDES as usize]);
+    }
+    if last > 0 {
+        let (a, b) = (0, last * HULL_SIDES);
+        mesh.triangles.extend([[a, a + 2, a + 1], [a, a + 3, a + 2], [b, b + 1, b + 2], [b, b + 2, b + 3]]);
+        pieces.extend([0, 0, last - 1, last - 1]);
+    }
+    mesh.curves = Some(Box::new(FacingCurves { look, points: points.collect(), pieces }));
+    mesh
+}
+
+/// Visits the corners of all cross-sections: their stations, and the directions outwards.
+fn each_ring(line: &[Station], sides: u32, mut visit: impl FnMut(&Station, DVec3)) {
     let mut x = line.first().map_or(DVec3::X, |station| station.tangent.any_orthonormal_vector());
     for station in line {
         // The frame turns no more than the curve does.
@@ -154,22 +195,36 @@ fn tube(line: &[Station]) -> Mesh {
             .try_normalize()
             .unwrap_or(station.tangent.any_orthonormal_vector());
         let y = station.tangent.cross(x);
-        for side in 0..SIDES {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(side) / f64::from(SIDES)).sin_cos();
-            let normal = x * cos + y * sin;
-            mesh.positions.push((station.position + normal * (0.5 * WIDENING * station.width)).as_vec3());
-            mesh.normals.push(normal.as_vec3());
-            // Across the width, from one edge to the other and back.
-            let across = 0.5 + 0.5 * cos;
-            mesh.uvs[0].push(Vec2::new((station.u / count) as f32, across as f32));
+        for side in 0..sides {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(side) / f64::from(sides)).sin_cos();
+            visit(station, x * cos + y * sin);
         }
     }
+}
+
+/// The triangles between a cross-section and the next one.
+fn sides_between(ring: u32, sides: u32) -> impl Iterator<Item = [u32; 3]> {
+    let (a, b) = (ring * sides, (ring + 1) * sides);
+    (0..sides).flat_map(move |side| {
+        let next = (side + 1) % sides;
+        [[a + side, a + next, b + next], [a + side, b + next, b + side]]
+    })
+}
+
+fn tube(line: &[Station]) -> Mesh {
+    let mut mesh = Mesh::default();
+    let count = line.last().map_or(1.0, |station| station.u).max(1.0);
+    let mut corner = 0;
+    each_ring(line, SIDES, |station, normal| {
+        mesh.positions.push((station.position + normal * (0.5 * WIDENING * station.width)).as_vec3());
+        mesh.normals.push(normal.as_vec3());
+        // Across the width, from one edge to the other and back.
+        let across = 0.5 + 0.5 * (std::f64::consts::TAU * f64::from(corner % SIDES) / f64::from(SIDES)).cos();
+        mesh.uvs[0].push(Vec2::new((station.u / count) as f32, across as f32));
+        corner += 1;
+    });
     for ring in 1..line.len() as u32 {
-        for side in 0..SIDES {
-            let next = (side + 1) % SIDES;
-            let (a, b) = ((ring - 1) * SIDES, ring * SIDES);
-            mesh.triangles.extend([[a + side, a + next, b + next], [a + side, b + next, b + side]]);
-        }
+        mesh.triangles.extend(sides_between(ring - 1, SIDES));
     }
     mesh
 }
@@ -179,7 +234,9 @@ fn ribbon(line: &[Station], normals: &[DVec3]) -> Mesh {
     let count = (normals.len() - 1) as f64;
     for station in line {
         let before = (station.u as usize).min(normals.len() - 2);
-        let normal = normals[before].lerp(normals[before + 1], station.u - before as f64);
+        let normal = turned(normals[before], normals[before + 1], station.u - before as f64);
+        // The band lies along the curve, wherever the normal points.
+        let normal = (normal - station.tangent * normal.dot(station.tangent)).normalize_or(normal);
         let side = normal.cross(station.tangent).normalize_or_zero() * (0.5 * station.width);
         for (sign, v) in [(-1.0, 1.0), (1.0, 0.0)] {
             mesh.positions.push((station.position + side * sign).as_vec3());
@@ -192,6 +249,17 @@ fn ribbon(line: &[Station], normals: &[DVec3]) -> Mesh {
         mesh.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
     }
     mesh
+}
+
+/// A normal on the way from one to another, by equal angles.
+fn turned(from: DVec3, to: DVec3, share: f64) -> DVec3 {
+    let (from, to) = (from.normalize_or_zero(), to.normalize_or_zero());
+    let angle = from.dot(to).clamp(-1.0, 1.0).acos();
+    let sine = angle.sin();
+    if sine < 1e-6 {
+        return from.lerp(to, share);
+    }
+    (from * ((1.0 - share) * angle).sin() + to * (share * angle).sin()) / sine
 }
 
 #[cfg(test)]

@@ -20,7 +20,9 @@ use crate::Mesh;
 use crate::text::shortened;
 
 /// Reads the parameters of a shape. `None`: it is left out, which was told.
-pub(super) fn read(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<Option<Geometry>> {
+///
+/// - `shines`: whether it is an area light.
+pub(super) fn read(context: &mut Context<'_>, entity: &Entity, shines: bool) -> PbrtResult<Option<Geometry>> {
     let (params, at) = (&entity.params, entity.at);
     Ok(Some(match entity.kind.as_str() {
         "plymesh" => {
@@ -29,14 +31,14 @@ pub(super) fn read(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<Opt
             let location = context.resources.locate(reference, &place)?;
             if params.texture("displacement")?.is_some() {
                 context.unsupported(params.place_of("displacement"), "the mesh is not displaced");
-                params.ignore(&["edgelength"]);
+                params.mark_told(&["edgelength"]);
             }
             Geometry::Ply(location)
         }
         "trianglemesh" => triangles::read(context, params, at)?,
         "bilinearmesh" => patch::read(context, params, at)?,
         "loopsubdiv" => subdivision::read(context, params, at)?,
-        "curve" => return curve::read(context, params, at),
+        "curve" => return curve::read(context, params, at, shines),
         "sphere" => quadric::sphere(params, at)?,
         "disk" => quadric::disk(params, at)?,
         "cylinder" => quadric::cylinder(params, at)?,

@@ -32,7 +32,6 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
     let normals = matching(context, normals, "N", count, params.place_of("N"));
     let uvs = params.points2("uv")?;
     let uvs = matching(context, uvs, "uv", count, params.place_of("uv"));
-    params.ignore(&["faceIndices", "emissionfilename"]);
 
     let mut mesh = Mesh::default();
     let place = context.place(at);

@@ -26,7 +26,6 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
     if !(0..=LEVELS_MAX).contains(&levels) {
         return Err(params.place_of("levels").fault(format!("`levels` must be from 0 to {LEVELS_MAX}")).into());
     }
-    params.ignore(&["scheme"]);
     let (triangles, _) = corners.as_chunks::<3>();
     let is_sound =
         |triangle: &[u32; 3]| triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0];

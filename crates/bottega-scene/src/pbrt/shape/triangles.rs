@@ -32,7 +32,6 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
     let uvs = matching(context, uvs, "uv", count, params.place_of("uv"));
     let tangents = params.points3("S", "vector3")?;
     let tangents = matching(context, tangents, "S", count, params.place_of("S"));
-    params.ignore(&["faceIndices"]);
     let mut mesh = Mesh {
         name: String::new(),
         positions: points,

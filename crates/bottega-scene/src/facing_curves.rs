@@ -1,0 +1,257 @@
+//! Curves that turn their whole width to each ray: hair and grass of pbrt (`curve`).
+//!
+//! The triangles of their mesh are a hull that lies around them. A ray that runs into it meets a curve if it passes the line in its middle
+//! by no more than half the width there, seen along the ray. So silhouettes are exact, and no curve is a polygon.
+
+use glam::{Affine3A, Vec3};
+
+/// Radius of the hull's corners over half the width of the curve: four sides around it leave room where it bends.
+pub(crate) const HULL: f32 = 1.15 * std::f32::consts::SQRT_2;
+
+/// Pieces that are looked at from where a ray runs into the hull: it may lie nearly along the curve.
+const STEPS_MAX: usize = 64;
+
+/// The look of a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum CurveLook {
+    /// A flat band that faces each ray.
+    Flat,
+    /// A round tube.
+    Round,
+}
+
+/// A point on the line in the middle of a curve. Between two of them it is straight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurvePoint {
+    /// Object space.
+    pub position: Vec3,
+    /// Where the curve goes, unit length.
+    pub tangent: Vec3,
+    /// Half its width.
+    pub radius: f32,
+    /// Texture coordinate along the curve.
+    pub along: f32,
+    /// Whether the curve ends here.
+    pub is_last: bool,
+}
+
+/// Curves, of which a mesh is the hull.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FacingCurves {
+    /// How all of them look.
+    pub look: CurveLook,
+    /// One curve after the other.
+    pub points: Vec<CurvePoint>,
+    /// For each triangle of the mesh the point at which that piece of a curve begins around which it lies.
+    pub pieces: Vec<u32>,
+}
+
+/// Where a ray meets a curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurveMeeting {
+    /// Along the ray, in lengths of its direction.
+    pub t: f32,
+    /// Direction of the curve, object space, unit length.
+    pub tangent: Vec3,
+    /// Half its width.
+    pub radius: f32,
+    /// From one edge to the other, in [−1, 1].
+    pub across: f32,
+    /// Texture coordinate along the curve.
+    pub along: f32,
+    /// Length of the curve for each unit of that.
+    pub stretch: f32,
+}
+
+impl FacingCurves {
+    /// Where a ray that ran into a triangle of the hull meets the curve within; `None`: it passes by.
+    ///
+    /// - `origin`, `direction`: object space, the direction of any length.
+    /// - `t_hull`: where it ran into the triangle, and `t_max`, how far it goes, in lengths of the direction.
+    pub fn meet(
+        &self,
+        triangle: usize,
+        origin: Vec3,
+        direction: Vec3,
+        [t_hull, t_max]: [f32; 2],
+    ) -> Option<CurveMeeting> {
+        // Near by, differences of places keep their precision.
+        let origin = origin + direction * t_hull;
+        let inverse_square = direction.length_squared().recip();
+        // As the ray sees it: it goes through 0.
+        let seen = |v: Vec3| v - direction * (v.dot(direction) * inverse_square);
+        let mut piece = self.pieces[triangle] as usize;
+        let mut way = 0_i8;
+        for _ in 0..STEPS_MAX {
+            let (start, end) = (&self.points[piece], &self.points[piece + 1]);
+            let (a, b) = (seen(start.position - origin), seen(end.position - origin));
+            // Pieces part where the curve is cut across, as it is seen.
+            if a.dot(seen(start.tangent)) > 0.0 {
+                if way > 0 || piece == 0 || self.points[piece - 1].is_last {
+                    return None;
+                }
+                (piece, way) = (piece - 1, -1);
+                continue;
+            }
+            if b.dot(seen(end.tangent)) < 0.0 {
+                if way < 0 || end.is_last {
+                    return None;
+                }
+                (piece, way) = (piece + 1, 1);
+                continue;
+            }
+            let axis = b - a;
+            let share = (-a.dot(axis) / axis.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let off = a + axis * share;
+            let radius = start.radius + (end.radius - start.radius) * share;
+            let distance_squared = off.length_squared();
+            if distance_squared > radius * radius {
+                return None;
+            }
+            let tangent = start.tangent.lerp(end.tangent, share).normalize_or(start.tangent);
+            let middle = start.position.lerp(end.position, share);
+            let mut t = t_hull + (middle - origin).dot(direction) * inverse_square;
+            if self.look == CurveLook::Round {
+                let slant = direction.cross(tangent).length().max(f32::MIN_POSITIVE);
+                t -= (radius * radius - distance_squared).max(0.0).sqrt() / slant;
+            }
+            let side = off.cross(tangent).dot(direction);
+            let across = (distance_squared.sqrt() / radius).min(1.0).copysign(side);
+            let span = (end.along - start.along).max(f32::MIN_POSITIVE);
+            return (t > 0.0 && t <= t_max).then_some(CurveMeeting {
+                t,
+                tangent,
+                radius,
+                across,
+                along: start.along + span * share,
+                stretch: start.position.distance(end.position) / span,
+            });
+        }
+        None
+    }
+
+    /// How far a ray that leaves a flat curve must start off it so that it is out of the hull, in half widths.
+    pub const CLEARANCE: f32 = 1.05 * HULL;
+
+    /// Adds other curves, whose hull is added to the mesh.
+    pub(crate) fn append(&mut self, other: Self) {
+        let first = self.points.len() as u32;
+        self.points.extend(other.points);
+        self.pieces.extend(other.pieces.iter().map(|piece| piece + first));
+    }
+
+    /// Changes the places of all points and the directions there.
+    pub(crate) fn map(&mut self, position: impl Fn(Vec3) -> Vec3, tangent: impl Fn(Vec3) -> Vec3) {
+        for point in &mut self.points {
+            (point.position, point.tangent) = (position(point.position), tangent(point.tangent));
+        }
+    }
+
+    /// Bytes that it takes.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.points) + size_of_val(&*self.pieces)
+    }
+
+    /// What is wrong with it, if anything.
+    pub(crate) fn check(&self, triangles: usize) -> Result<(), String> {
+        let is_sound = |point: &CurvePoint| {
+            let is_finite = point.position.is_finite() && point.along.is_finite() && point.radius.is_finite();
+            is_finite && point.radius >= 0.0 && (point.tangent.length_squared() - 1.0).abs() < 1e-3
+        };
+        let has_end =
+            |&piece: &u32| self.points.get(piece as usize..).is_some_and(|rest| rest.len() > 1 && !rest[0].is_last);
+        match () {
+            () if self.pieces.len() != triangles => Err("its curves have another number of triangles".into()),
+            () if !self.points.iter().all(is_sound) => Err("a point of its curves is not finite".into()),
+            () if self.points.last().is_some_and(|point| !point.is_last) || !self.pieces.iter().all(has_end) => {
+                Err("a piece of its curves ends nowhere".into())
+            }
+            () => Ok(()),
+        }
+    }
+}
+
+/// A ray in the space of an object that is placed so; distances along it stay the same numbers.
+pub fn ray_in_object(world_from_object: &Affine3A, origin: Vec3, direction: Vec3) -> (Vec3, Vec3) {
+    if *world_from_object == Affine3A::IDENTITY {
+        return (origin, direction);
+    }
+    let object_from_world = world_from_object.inverse();
+    (object_from_world.transform_point3(origin), object_from_world.transform_vector3(direction))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line through these places, 0.2 wide; one triangle of the hull for each piece.
+    fn curve(look: CurveLook, places: &[Vec3]) -> FacingCurves {
+        let last = places.len() - 1;
+        let towards = |from: usize, to: usize| places[to] - places[from];
+        let points = (0..places.len()).map(|i| CurvePoint {
+            position: places[i],
+            tangent: towards(i.saturating_sub(1), (i + 1).min(last)).normalize(),
+            radius: 0.1,
+            along: i as f32 / last as f32,
+            is_last: i == last,
+        });
+        FacingCurves { look, points: points.collect(), pieces: (0..last as u32).collect() }
+    }
+
+    fn met(curves: &FacingCurves, piece: usize, from: Vec3, to: Vec3) -> Option<CurveMeeting> {
+        curves.meet(piece, from, to - from, [0.5, f32::INFINITY])
+    }
+
+    #[test]
+    fn a_ray_meets_what_is_as_wide_as_the_curve() {
+        for (look, depth) in [(CurveLook::Flat, 0.0), (CurveLook::Round, 0.1 * 0.75_f32.sqrt())] {
+            let line = curve(look, &[Vec3::NEG_X, Vec3::X]);
+            for from in [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::NEG_Y] {
+                let aside = Vec3::X.cross(from);
+                let found = met(&line, 0, 4.0 * from + 0.05 * aside, 0.05 * aside - 4.0 * from).unwrap();
+                assert!((found.t - (4.0 - depth) / 8.0).abs() < 1e-5, "{look:?} {from}: {found:?}");
+                assert!((found.across.abs() - 0.5).abs() < 1e-4 && (found.along - 0.5).abs() < 1e-5, "{found:?}");
+                let other = met(&line, 0, 4.0 * from - 0.05 * aside, -0.05 * aside - 4.0 * from).unwrap();
+                assert!((other.across + found.across).abs() < 1e-4, "the other side of the middle");
+                assert!(met(&line, 0, 4.0 * from + 0.101 * aside, 0.101 * aside - 4.0 * from).is_none());
+                // Beyond the end, and a curve behind the ray.
+                let end = Vec3::X * 1.001;
+                assert!(met(&line, 0, end + from, end - from).is_none());
+                assert!(line.meet(0, -from, -from, [0.5, 9.0]).is_none());
+            }
+        }
+    }
+
+    #[test]
+    fn whichever_part_of_the_hull_a_ray_runs_into_it_meets_the_same_place() {
+        let bend: Vec<Vec3> = (0..=8)
+            .map(|i| {
+                let (sin, cos) = (0.2 * i as f32).sin_cos();
+                Vec3::new(cos, sin, 0.0)
+            })
+            .collect();
+        let bend = curve(CurveLook::Flat, &bend);
+        let at = Vec3::new(0.7, 0.7, 0.0);
+        let expected = met(&bend, 3, at + Vec3::Z, at - Vec3::Z).unwrap();
+        for piece in 0..8 {
+            assert_eq!(met(&bend, piece, at + Vec3::Z, at - Vec3::Z), Some(expected), "{piece}");
+        }
+        // A ray inside of the bend passes by.
+        assert!(met(&bend, 0, 0.8 * at + Vec3::Z, 0.8 * at - Vec3::Z).is_none());
+    }
+
+    #[test]
+    fn what_is_unsound_is_found() {
+        let line = curve(CurveLook::Flat, &[Vec3::NEG_X, Vec3::X]);
+        assert!(line.check(1).is_ok() && line.check(2).is_err());
+        let broken = |change: fn(&mut FacingCurves)| {
+            let mut broken = line.clone();
+            change(&mut broken);
+            broken.check(1).is_err()
+        };
+        assert!(broken(|curves| curves.pieces[0] = 1));
+        assert!(broken(|curves| curves.points[1].is_last = false));
+        assert!(broken(|curves| curves.points[0].radius = f32::NAN));
+        assert!(broken(|curves| curves.points[1].tangent = Vec3::ZERO));
+    }
+}

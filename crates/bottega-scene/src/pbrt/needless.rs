@@ -1,0 +1,57 @@
+//! pbrt's parameters that change nothing here.
+
+use crate::needless::{Needless, Reason};
+
+/// A directive that has parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Directive {
+    Camera,
+    Film,
+    Filter,
+    Sampler,
+    Integrator,
+    Shape,
+    Material,
+    Texture,
+    Light,
+    Medium,
+}
+
+const fn row(
+    kind: Directive,
+    of: &'static [&'static str],
+    names: &'static [&'static str],
+    reason: Reason,
+) -> Needless<Directive> {
+    Needless { kind, of, names, reason }
+}
+
+/// By directive, types and names.
+pub(super) const NEEDLESS: &[Needless<Directive>] = &[
+    row(Directive::Film, &[], &["filename", "savefp16"], Reason::Storage),
+    row(Directive::Film, &[], &["diagonal"], Reason::Meaningless),
+    row(Directive::Sampler, &[], &["seed", "randomization", "jitter"], Reason::Estimate),
+    row(Directive::Integrator, &[], &["lightsampler", "samplebsdf", "rrthreshold", "seed"], Reason::Estimate),
+    row(
+        Directive::Integrator,
+        &["mlt"],
+        &["bootstrapsamples", "chains", "mutationsperpixel", "largestepprobability", "sigma"],
+        Reason::Estimate,
+    ),
+    row(Directive::Shape, &["trianglemesh", "bilinearmesh"], &["faceIndices"], Reason::Meaningless),
+    row(Directive::Shape, &["bilinearmesh"], &["emissionfilename"], Reason::Estimate),
+    row(Directive::Shape, &["loopsubdiv"], &["scheme"], Reason::Meaningless),
+    row(Directive::Shape, &["curve"], &["splitdepth"], Reason::Estimate),
+    row(Directive::Texture, &["imagemap"], &["maxanisotropy"], Reason::Estimate),
+    row(Directive::Material, &["coateddiffuse", "coatedconductor", "subsurface"], &["nsamples"], Reason::Estimate),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::NEEDLESS;
+
+    #[test]
+    fn the_manual_names_all_of_them() {
+        crate::needless::check_manual(NEEDLESS, 1);
+    }
+}
