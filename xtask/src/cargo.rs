@@ -3,11 +3,14 @@
 use std::{
     env,
     ffi::OsStr,
+    path::PathBuf,
     process::Command,
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result, ensure};
+
+use crate::bars::root;
 
 /// Cargo, as who calls it by hand has it.
 pub(crate) fn command() -> Command {
@@ -29,6 +32,11 @@ pub(crate) fn forget_package(command: &mut Command) {
             command.env_remove(name);
         }
     }
+}
+
+/// Where cargo puts what it builds.
+pub(crate) fn target() -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
 /// Runs cargo, and says how long it took.

@@ -4,9 +4,9 @@ use std::{ffi::OsStr, thread};
 
 use anyhow::Result;
 
-use crate::{beside::CheckBeside, cargo::cargo, deny, needs, suite, systems};
+use crate::{beside::CheckBeside, cargo::cargo, deny, needs, soak, suite, systems};
 
-/// Format, lints, documentation, dependencies, other systems, tests.
+/// Format, lints, documentation, dependencies, other systems, tests, a short soak.
 pub(crate) fn ci() -> Result<()> {
     // What is installed comes over the network while processors read sources.
     thread::scope(|scope| {
@@ -22,7 +22,8 @@ pub(crate) fn ci() -> Result<()> {
     deny::deny()?;
     let mut systems = None;
     let tested = suite::run(&needs::variables(), || systems = Some(CheckBeside::start("systems")));
-    systems.map_or(Ok(()), |check| check?.finish()).and(tested)
+    let soaked = soak::soak_shortly(needs::nats_server());
+    systems.map_or(Ok(()), |check| check?.finish()).and(tested).and(soaked)
 }
 
 fn lints() -> Result<()> {

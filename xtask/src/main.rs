@@ -1,5 +1,5 @@
 //! The commands of a developer: `cargo xtask ci | test | fresh | wheel | package | systems | manual | python-stubs | engines | leaks |
-//! farm | fuzzy-reference`.
+//! farm | soak | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod absences;
@@ -28,6 +28,7 @@ mod needs;
 mod node;
 mod package;
 mod python;
+mod soak;
 mod spelling;
 mod suite;
 mod symbols;
@@ -75,6 +76,10 @@ enum Command {
     /// Measures a farm of real processes on this machine: what the way over a server costs, what a machine costs that waits,
     /// and how long a picture takes while somebody is killed every few seconds. Some minutes; nothing else should run.
     Farm(farm::FarmArgs),
+    /// What befalls a farm of real processes by chance: jobs asked for, painted again, paused, called off, machines, server and `up` killed,
+    /// guests that come and go, through command line, HTTP and Python in turn. After each quiet moment all tell the same and all pictures
+    /// have their bits; no job waits while a machine is free. 500 steps take about an hour.
+    Soak(soak::SoakArgs),
     /// Evaluates rules by an independent fuzzy library, and keeps the numbers for the tests of bottega-fuzzy.
     FuzzyReference {
         /// A Python 3 that has pyfuzzylite.
@@ -96,6 +101,7 @@ fn main() -> Result<()> {
         Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),
         Command::Farm(args) => farm::farm(&args),
+        Command::Soak(args) => soak::soak(&args),
         Command::FuzzyReference { python } => fuzzy_reference::fuzzy_reference(&python),
     }
 }

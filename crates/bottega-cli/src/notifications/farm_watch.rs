@@ -173,7 +173,8 @@ mod tests {
             scene: "s.glb".to_owned(),
             output: "p.exr".to_owned(),
             animation: None,
-            kept: false,
+            stirs: 0,
+        kept: false,
             is_over: !matches!(state, "active" | "paused"),
         }
     }

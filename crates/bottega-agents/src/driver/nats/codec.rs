@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::{AclMessage, AgentId, Performative, Time};
 
 /// The layout of messages and entries. Whoever has another one does not understand a word, and is told so when it joins.
-pub const WIRE_VERSION: u8 = 2;
+pub const WIRE_VERSION: u8 = 3;
 
 /// Words that are no words of the vocabulary.
 const NO_WORD: u8 = u8::MAX;
