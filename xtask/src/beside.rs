@@ -5,17 +5,19 @@ use std::{
     fs::{self, File},
     path::PathBuf,
     process::{Child, Command},
+    time::Instant,
 };
 
 use anyhow::{Context, Result, ensure};
 
-use crate::bars::root;
+use crate::{bars::root, cost};
 
 /// A command of xtask that runs with what processors others leave. It takes what they have compiled for this machine (macros, build
 /// scripts), so it must not begin before they have: two calls of cargo that compile wait for each other.
 pub(crate) struct CheckBeside {
     name: &'static str,
     child: Child,
+    begun: Instant,
     log: PathBuf,
 }
 
@@ -29,7 +31,7 @@ impl CheckBeside {
         command.args(["-n", "19"]).arg(env::current_exe()?).arg(name);
         let child = command.current_dir(root()).stdout(file.try_clone()?).stderr(file).spawn();
         eprintln!("+ cargo xtask {name}, beside the tests");
-        Ok(Self { name, child: child.with_context(|| format!("cannot start {name}"))?, log })
+        Ok(Self { name, child: child.with_context(|| format!("cannot start {name}"))?, begun: Instant::now(), log })
     }
 
     /// Waits for its end, and shows what it said.
@@ -37,7 +39,7 @@ impl CheckBeside {
     /// # Errors
     /// It failed.
     pub(crate) fn finish(mut self) -> Result<()> {
-        let status = self.child.wait()?;
+        let (status, _) = cost::wait(&format!("xtask {}", self.name), &mut self.child, self.begun)?;
         print!("{}", fs::read_to_string(&self.log)?);
         ensure!(status.success(), "cargo xtask {} failed", self.name);
         Ok(())

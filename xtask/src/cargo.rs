@@ -1,16 +1,10 @@
 //! Calls of cargo.
 
-use std::{
-    env,
-    ffi::OsStr,
-    path::PathBuf,
-    process::Command,
-    time::{Duration, Instant},
-};
+use std::{env, ffi::OsStr, path::PathBuf, process::Command, time::Instant};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::bars::root;
+use crate::{bars::root, cost};
 
 /// Cargo, as who calls it by hand has it.
 pub(crate) fn command() -> Command {
@@ -39,16 +33,15 @@ pub(crate) fn target() -> PathBuf {
     env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
-/// Runs cargo, and says how long it took.
+/// Runs cargo, and says what it cost.
 pub(crate) fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {
     eprintln!("+ cargo {}", arguments.join(" "));
-    let start = Instant::now();
-    let status = command()
-        .args(arguments)
-        .envs(environment.iter().copied())
-        .status()
-        .with_context(|| format!("cannot start cargo {}", arguments[0]))?;
+    let begun = Instant::now();
+    let mut command = command();
+    command.args(arguments).envs(environment.iter().copied());
+    let mut child = command.spawn().with_context(|| format!("cannot start cargo {}", arguments[0]))?;
+    let (status, cost) = cost::wait(&format!("cargo {}", arguments[0]), &mut child, begun)?;
     ensure!(status.success(), "cargo {} failed", arguments.join(" "));
-    eprintln!("  {:.0} s", Duration::as_secs_f64(&start.elapsed()));
+    eprintln!("  {cost}");
     Ok(())
 }

@@ -1,13 +1,20 @@
 //! The commands that continuous integration runs.
 
-use std::{ffi::OsStr, thread};
+use std::{ffi::OsStr, thread, time::Instant};
 
 use anyhow::Result;
 
-use crate::{beside::CheckBeside, cargo::cargo, deny, needs, soak, suite, systems};
+use crate::{
+    beside::CheckBeside,
+    cargo::cargo,
+    cost, deny, needs, soak,
+    suite::{self, Group},
+    systems,
+};
 
 /// Format, lints, documentation, dependencies, other systems, tests, a short soak.
 pub(crate) fn ci() -> Result<()> {
+    let begun = Instant::now();
     // What is installed comes over the network while processors read sources.
     thread::scope(|scope| {
         let install = scope.spawn(|| {
@@ -21,9 +28,11 @@ pub(crate) fn ci() -> Result<()> {
     })?;
     deny::deny()?;
     let mut systems = None;
-    let tested = suite::run(&needs::variables(), || systems = Some(CheckBeside::start("systems")));
+    let tested = suite::run(None, &needs::variables(), || systems = Some(CheckBeside::start("systems")));
+    let checked = systems.map_or(Ok(()), |check| check?.finish());
     let soaked = soak::soak_shortly(needs::nats_server());
-    systems.map_or(Ok(()), |check| check?.finish()).and(tested).and(soaked)
+    cost::print_longest(begun);
+    checked.and(tested).and(soaked)
 }
 
 fn lints() -> Result<()> {
@@ -33,8 +42,11 @@ fn lints() -> Result<()> {
     cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])
 }
 
-/// Every test, after what they need has been installed.
-pub(crate) fn test() -> Result<()> {
+/// The tests of a group, or every test, after what they need has been installed.
+pub(crate) fn test(group: Option<Group>) -> Result<()> {
+    let begun = Instant::now();
     needs::install(false);
-    suite::run(&needs::variables(), || {})
+    let tested = suite::run(group, &needs::variables(), || {});
+    cost::print_longest(begun);
+    tested
 }

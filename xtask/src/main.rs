@@ -9,9 +9,12 @@ mod cargo;
 mod ci;
 #[cfg(test)]
 mod circles;
+mod cost;
 mod deny;
 mod engines;
 mod farm;
+#[cfg(test)]
+mod features;
 mod fresh;
 mod fuzzy_reference;
 mod layers;
@@ -19,7 +22,6 @@ mod leaks;
 mod links;
 mod manual;
 mod maps;
-mod mdbook;
 #[cfg(test)]
 mod module_heads;
 #[cfg(test)]
@@ -49,7 +51,10 @@ enum Command {
     /// Every test, with a summary of what failed and what was skipped. Says first what it installs: packages of the system
     /// (Mesa's software Vulkan, `xmllint`, a NATS server, POV-Ray, Python, Chromium), pinned Python packages below `target/python`, and what drives the browser below
     /// `target/node`.
-    Test,
+    Test {
+        /// Only the tests that need this: a farm, a browser, Python, other engines, a GPU. Default: all tests.
+        group: Option<suite::Group>,
+    },
     /// The README's two commands on a fresh machine: a bare Debian with Rust alone, made by mmdebstrap. Only as root.
     Fresh(fresh::FreshArgs),
     /// The Python wheel, with the module and the program: `target/wheels`. Some ten minutes; installs maturin and zig below
@@ -91,7 +96,7 @@ enum Command {
 fn main() -> Result<()> {
     match Command::parse() {
         Command::Ci => ci::ci(),
-        Command::Test => ci::test(),
+        Command::Test { group } => ci::test(group),
         Command::Fresh(args) => fresh::fresh(&args),
         Command::Wheel(args) => wheel::wheel(&args),
         Command::Manual(args) => manual::manual(&args),

@@ -12,13 +12,13 @@ use crate::{
     bars::root,
     cargo,
     links::{links, pages, plain},
-    mdbook,
+    python,
 };
 
 /// What `cargo xtask manual` takes.
 #[derive(clap::Args)]
 pub(crate) struct ManualArgs {
-    /// Make the book, too: `target/manual/index.html`. mdBook is compiled for it, where it is not installed.
+    /// Make the book, too: `target/manual/index.html`. mdBook is installed into `target/python` where there is none.
     #[arg(long)]
     book: bool,
 }
@@ -42,13 +42,18 @@ pub(crate) fn manual(args: &ManualArgs) -> Result<()> {
     if !args.book {
         return Ok(());
     }
-    ensure!(mdbook::program().is_some() || mdbook::install(), "{} cannot be compiled", mdbook::RELEASE);
+    ensure!(mdbook().is_some() || python::TESTS.install(), "mdbook cannot be installed into target/python");
     book()
+}
+
+/// The program mdBook: that of this machine, or that of the tests' Python environment.
+fn mdbook() -> Option<PathBuf> {
+    [PathBuf::from("mdbook"), python::program("mdbook")].into_iter().find(|program| python::works(program))
 }
 
 /// Makes the book of a copy of `docs/`, into which the files of the repository are laid that pages link to.
 fn book() -> Result<()> {
-    let mdbook = mdbook::program().context("there is no mdbook: `cargo install mdbook` brings it")?;
+    let mdbook = mdbook().context("there is no mdbook: `cargo xtask test` installs it")?;
     let place = root().join("target/manual-source");
     if place.exists() {
         fs::remove_dir_all(&place)?;
@@ -115,7 +120,7 @@ mod tests {
 
     #[test]
     fn the_book_can_be_made() {
-        if mdbook::program().is_none() {
+        if mdbook().is_none() {
             println!("skipped: there is no mdbook; contents and links of the manual are checked without it");
             return;
         }

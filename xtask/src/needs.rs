@@ -10,7 +10,7 @@ use std::{
 
 use crate::{
     bars::root,
-    mdbook, node,
+    node,
     python::{self, Requirements},
 };
 
@@ -66,8 +66,8 @@ pub(crate) fn install(large: bool) {
     let lists = [python::TESTS, python::LARGE_ENGINES];
     let lacking_lists: Vec<_> =
         lists.into_iter().take(if large { 2 } else { 1 }).filter(|list| !list.are_installed()).collect();
-    let (lacks_browser_driver, lacks_mdbook) = (!node::are_installed(), mdbook::program().is_none());
-    announce(&lacking, &lacking_lists, lacks_browser_driver, lacks_mdbook);
+    let lacks_browser_driver = !node::are_installed();
+    announce(&lacking, &lacking_lists, lacks_browser_driver);
     if !lacking.is_empty() && !run("apt-get", &["update"]) {
         println!("cannot update the lists of packages (no apt-get, or not root)");
     }
@@ -87,14 +87,11 @@ pub(crate) fn install(large: bool) {
     if lacks_browser_driver && !node::install() {
         println!("cannot install {} into target/node: tests of the page in a browser are skipped", node::PACKAGES);
     }
-    if lacks_mdbook && !mdbook::install() {
-        println!("cannot install mdbook into target/mdbook: the book is not made");
-    }
 }
 
 /// Says what is about to be installed.
-fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_driver: bool, lacks_mdbook: bool) {
-    if packages.is_empty() && lists.is_empty() && !lacks_browser_driver && !lacks_mdbook {
+fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_driver: bool) {
+    if packages.is_empty() && lists.is_empty() && !lacks_browser_driver {
         println!("All that the tests need is installed.");
         return;
     }
@@ -107,9 +104,6 @@ fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_
     }
     if lacks_browser_driver {
         println!("  npm      {} (into target/node)", node::PACKAGES);
-    }
-    if lacks_mdbook {
-        println!("  cargo    {} (into target/mdbook)", mdbook::RELEASE);
     }
 }
 

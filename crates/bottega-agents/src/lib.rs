@@ -14,7 +14,8 @@
 //! | [`platform`] | Start Service, AMS, DF; [`platform::StandardAgent`] makes any machine obey the life cycle |
 //! | [`wire`], [`sl`] | messages, envelopes and content as text |
 //! | [`acc`], [`gateway`] | the channel that messages take in and out, and what makes strangers and agents understand each other |
-//! | [`driver::http`], [`driver::node`] | the transport over sockets, and a whole platform that JADE can talk to |
+//! | `driver::http`, `driver::node` (feature `http`) | the transport over sockets, and a whole platform that JADE can talk to |
+//! | `driver::nats` (feature `nats`); [`codec`] | many machines over NATS; the form in which their messages travel |
 //! | [`entry_store`], [`file_store`] | stores that drivers can use: in memory, shared, in a file that several processes have open |
 //!
 //! An agent that repeats what it hears, and one that asks it:
@@ -80,6 +81,7 @@
 pub mod acc;
 mod acl;
 pub mod bus;
+pub mod codec;
 pub mod driver;
 pub mod entry_store;
 pub mod file_store;

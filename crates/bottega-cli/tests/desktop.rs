@@ -1,8 +1,6 @@
 //! `--on done=desktop`, with a bus of its own and somebody on it who shows notifications.
 #![cfg(all(target_os = "linux", feature = "desktop"))]
 
-mod support;
-
 use std::{
     collections::HashMap,
     io::{BufRead, BufReader},
@@ -13,7 +11,7 @@ use std::{
     time::Duration,
 };
 
-use support::{bottega, text};
+use crate::support::{bottega, text};
 use tokio_stream::StreamExt;
 use zbus::{MessageStream, OwnedVariant, block_on, message::Type};
 

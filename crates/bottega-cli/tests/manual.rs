@@ -4,8 +4,6 @@
 //! between `…` stand in the output, in this order. A line that begins with `bottega up` or `bottega join` stays in the background, and
 //! goes on once it is ready. A block that begins with `# on the second machine` has a state of its own.
 
-mod support;
-
 use std::{
     env, fs,
     net::TcpListener,
@@ -15,7 +13,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use support::{scenes, servers, signal};
+use crate::support::{scenes, servers, signal};
 
 const WAIT: Duration = Duration::from_secs(180);
 /// How lines begin that stay in the background.

@@ -1,8 +1,6 @@
 //! Notifications of the end of a picture: `--on`.
 #![cfg(unix)]
 
-mod support;
-
 use std::{
     fs,
     io::{BufRead, BufReader, Read, Write},
@@ -13,11 +11,11 @@ use std::{
     time::Duration,
 };
 
+use crate::support::{bottega, text};
 use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 use ring::hmac;
 use rustls::{ServerConfig, ServerConnection, StreamOwned, pki_types::PrivateKeyDer};
 use serde_json::Value;
-use support::{bottega, text};
 
 const WAIT: Duration = Duration::from_secs(60);
 const SECRET: &str = "a secret of some length";

@@ -3,8 +3,6 @@
 //! They need a NATS server, Node.js, Chromium, and below `target/node` what drives it: `cargo xtask test` installs these. Without
 //! one the tests say that they are skipped. What the pages looked like lies in `target/pictures`.
 
-mod support;
-
 use std::{
     env,
     path::{Path, PathBuf},
@@ -35,7 +33,7 @@ fn a_scene_is_looked_around_in_and_its_pictures_are_looked_at_closely() {
 
 /// Runs tests in a browser, against the newest NATS server.
 fn browse(file: &str) {
-    let Some(server) = support::servers().pop() else { return };
+    let Some(server) = crate::support::servers().pop() else { return };
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let lacking = |what: &str| eprintln!("SKIPPED: there is no {what}; `cargo xtask test` installs it");
     let Some(node) = program(&["node"]) else { return lacking("Node.js") };

@@ -9,13 +9,14 @@ use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
 
 use bottega_agents::driver::nats::{BlobError, NatsUplink, Notice};
 use bottega_agents::machine_of;
-use bottega_farm::{FarmCodec, Link, WorkId};
+use bottega_farm::{FarmCodec, WorkId};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 pub use crate::presence::Presence;
 use crate::{
     error::Error,
     job::{Job, JobSpec, JobState},
+    transport::job_link,
 };
 
 /// How often those who hold something say so.
@@ -124,7 +125,7 @@ impl JobBoard {
 
     /// Lets go of the rows and pixels of a job's zones.
     pub(crate) fn forget_zones(&self, work: u64) {
-        Link { uplink: Arc::clone(&self.uplink), work: WorkId(work), job: None, name: String::new() }.forget();
+        job_link(Arc::clone(&self.uplink), WorkId(work), None, String::new()).forget();
     }
 
     /// All jobs, by number.
@@ -433,7 +434,8 @@ mod tests {
 
     #[test]
     fn a_painting_that_begins_anew_is_not_as_far_as_the_one_before() {
-        let before = Lead { leader: Some("a".to_owned()), work: 7, done: 1.0, zones_done: 24, zones: 24, ..Lead::default() };
+        let before =
+            Lead { leader: Some("a".to_owned()), work: 7, done: 1.0, zones_done: 24, zones: 24, ..Lead::default() };
         let anew = Lead { leader: Some("b".to_owned()), work: 8, ..Lead::default() };
         assert_eq!(anew.clone().or_as_before(Some(before.clone())), anew);
         assert_eq!(before.clone().of(7), before);

@@ -8,10 +8,10 @@ use std::{
 
 use bottega::settings::tone;
 use bottega_agents::BlobId;
-use bottega_farm::{Link, ResultRef, StopSwitch, WorkId, ZoneId};
+use bottega_farm::{ResultRef, StopSwitch, WorkId, ZoneId};
 use bottega_image::{Canvas, Preview, ReadLimits, Rect, ToneMap, read_image_bytes};
 
-use crate::{chunks::several, error::Error, job::Job, job_board::JobBoard};
+use crate::{chunks::several, error::Error, job::Job, job_board::JobBoard, transport::job_link};
 
 /// The most pixels that are shown.
 const PIXELS_MAX: u64 = 1 << 26;
@@ -97,7 +97,7 @@ impl JobPreview {
         let news: Vec<(ZoneId, ResultRef)> =
             results.filter(|(zone, result)| is_news(zone, result)).take(ZONES_AT_A_TIME).collect();
         let Some((_, preview)) = &self.canvas else { return Ok(false) };
-        let link = Link { uplink: board.uplink.clone(), work: WorkId(job.work), job: None, name: String::new() };
+        let link = job_link(board.uplink.clone(), WorkId(job.work), None, String::new());
         // One who looks on does not wait for a server that is away.
         let impatient = StopSwitch::new();
         impatient.request();

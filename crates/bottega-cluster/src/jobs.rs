@@ -80,7 +80,8 @@ pub fn set_priority(board: &JobBoard, number: u32, priority: u32) -> Result<(), 
 pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<PathBuf, Error> {
     let job = known(board, number)?;
     let picture = if job.kept { board.picture(&job)? } else { None };
-    let picture = picture.ok_or_else(|| Error::failed("the farm has no picture of this job", no_picture(number, &job)))?;
+    let picture =
+        picture.ok_or_else(|| Error::failed("the farm has no picture of this job", no_picture(number, &job)))?;
     let output = output.unwrap_or_else(|| PathBuf::from(&job.output));
     write_picture(&output, &picture).map_err(|error| unfetched(number, &error))?;
     forget_journal(board, &job, &output);

@@ -29,6 +29,7 @@
 //! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
 //! | when the owner of a machine lets it paint | [`owner`] |
+//! | the processes of a job, joined by NATS | `src/transport.rs` |
 //! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs`, `src/part_observer.rs` |
 //! | photons and lighting agents, cast by all machines | `src/together.rs` |
 //! | the farm as a FIPA platform; its jobs and machines as agents; agents of other platforms that paint | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
@@ -82,6 +83,7 @@ pub mod society;
 mod stall_watch;
 mod together;
 mod transfer;
+mod transport;
 pub mod up;
 mod upkeep;
 pub mod uploads;
@@ -98,4 +100,5 @@ pub use self::{
     job::{Job, JobState},
     job_board::JobBoard,
     link::{Credentials, FarmLink, link},
+    transport::job_link,
 };

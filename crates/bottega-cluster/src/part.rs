@@ -23,6 +23,7 @@ use crate::{
     society::SeenSociety,
     stall_watch::StallWatch,
     together::{self, JobPeers},
+    transport::job_link,
     usage::UsageMeter,
 };
 use bottega::session::PaintingTools;
@@ -159,8 +160,7 @@ pub(crate) fn take_part(
     if this.is_requested() {
         return Ok(PartOutcome::Left(None));
     }
-    let link =
-        Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), job: Some(number), name: name.clone() };
+    let link = job_link(Arc::clone(&board.uplink), WorkId(job.work), Some(number), name.clone());
     let settings = JobSettings { experience: board.own_experience(name), ..less(&tools.settings, prepared) };
     let (settings, engine) = (&settings, Arc::clone(&tools.engine));
     // From here on it is at work while something of the picture is under way.

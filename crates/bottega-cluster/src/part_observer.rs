@@ -13,7 +13,9 @@ use bottega_farm::{
     AgentRow, FarmMessage, ImportanceMap, MasterHandle, Observer, Partition, Progress, RoundSummary, Theft, ZoneRow,
 };
 
-use crate::{activity::ActivityLog, job_board::Lead, messages::MessageRecorder, requeue::SettledZones, society::SeenSociety};
+use crate::{
+    activity::ActivityLog, job_board::Lead, messages::MessageRecorder, requeue::SettledZones, society::SeenSociety,
+};
 
 /// Lines that wait to be written into the log of a job at most.
 const LOG_WAITING_MAX: usize = 64;
@@ -31,7 +33,8 @@ impl SeenProgress {
     fn lead(&self) -> Lead {
         let Progress { zones_done, zones, cost_done, left, .. } = self.progress;
         // Until the next zone is done time goes on, and something is left of it.
-        let seconds = |left: Duration| left.saturating_sub(self.at.elapsed()).max(left.mul_f64(LEFT_SHARE_MIN)).as_secs_f64();
+        let seconds =
+            |left: Duration| left.saturating_sub(self.at.elapsed()).max(left.mul_f64(LEFT_SHARE_MIN)).as_secs_f64();
         Lead { done: cost_done, zones_done, zones, seconds_left: left.map(seconds), ..Lead::default() }
     }
 }
@@ -66,8 +69,7 @@ impl LoggingObserver {
     pub(crate) fn lead(&self) -> Lead {
         let seen = *self.progress.lock().unwrap_or_else(PoisonError::into_inner);
         let lead = seen.as_ref().map(SeenProgress::lead).unwrap_or_default();
-        let (seen, lacks_machines) =
-            (self.seen.load(Ordering::Relaxed), self.lacks_machines.load(Ordering::Relaxed));
+        let (seen, lacks_machines) = (self.seen.load(Ordering::Relaxed), self.lacks_machines.load(Ordering::Relaxed));
         Lead { work: self.work, seen: lead.zones_done > 0 || seen, lacks_machines, ..lead }
     }
 

@@ -53,7 +53,8 @@ impl StallWatch {
         }
         let seats = board.presences();
         let all = board.all();
-        let active: BTreeSet<u32> = all.iter().filter(|(_, job)| job.state == JobState::Active).map(|(it, _)| *it).collect();
+        let active: BTreeSet<u32> =
+            all.iter().filter(|(_, job)| job.state == JobState::Active).map(|(it, _)| *it).collect();
         self.jobs.retain(|number, _| active.contains(number));
         let now = Time::since_start(self.begun.elapsed());
         for (number, job) in all.iter().filter(|(number, _)| active.contains(number)) {
@@ -67,7 +68,11 @@ impl StallWatch {
             if let Some(waited) = watchdog.look(now, is_in_vain, sight.moves) {
                 let free = sight.free.join(" and ");
                 let seconds = waited.as_secs();
-                board.stir(*number, job, &format!("nothing was begun for {seconds} s, though {free} could have painted it"));
+                board.stir(
+                    *number,
+                    job,
+                    &format!("nothing was begun for {seconds} s, though {free} could have painted it"),
+                );
             }
         }
     }

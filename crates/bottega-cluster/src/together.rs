@@ -171,7 +171,12 @@ impl<'a> JobPeers<'a> {
             if next != NextPart::Done && advance.is_in_vain() {
                 let Member { board, name, .. } = self.member;
                 let seconds = IN_VAIN_MAX.as_secs();
-                board.log(self.number, &format!("{name} could take no part of the shared work for {seconds} s, and does the rest of it alone"));
+                board.log(
+                    self.number,
+                    &format!(
+                        "{name} could take no part of the shared work for {seconds} s, and does the rest of it alone"
+                    ),
+                );
                 return Ok(Ok(()));
             }
             match next {

@@ -119,9 +119,7 @@ impl JobBoard {
         self.forget_zones(job.work);
         together::forget(self, job.work);
         let prefix = format!("job-{}/", job.work);
-        self.uplink
-            .blobs()
-            .forget_all(|name, _| name.starts_with(&prefix) && !Self::is_of_all_paintings(job, name));
+        self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix) && !Self::is_of_all_paintings(job, name));
     }
 
     /// The pieces that jobs need which are not over; `None`: it is not known.

@@ -62,36 +62,39 @@ fn begin(engine: &BuiltinEngine, cancel: &CancelSwitch) -> mpsc::Receiver<bool> 
     receiver
 }
 
-/// How long the first block of a preview takes after its coarse first look, in the middle of a long picture of sixteen zones.
-fn first_block(urgency: Urgency) -> Duration {
+/// Samples of a long picture of sixteen zones that are painted while somebody waits for the first block of a preview.
+fn samples_meanwhile(urgency: Urgency) -> u64 {
     let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
     let (long, cancel) = (engine(&scene, &resources, Urgency::Picture), CancelSwitch::default());
     let zones: Vec<_> = (0..16).map(|_| begin(&long, &cancel)).collect();
-    thread::sleep(Duration::from_millis(300));
+    until(|| long.samples_done() > 0);
     let preview = engine(&scene, &resources, urgency);
-    let asked = Instant::now();
+    let before = long.samples_done();
     preview.survey(SIDE / 8, SIDE / 8).expect("a look");
     let (told, seen) = mpsc::channel();
     preview.watch(move |_| _ = told.send(()));
     let painted = begin(&preview, &cancel);
     seen.recv_timeout(Duration::from_secs(60)).expect("a block");
-    let block = asked.elapsed();
+    let samples = long.samples_done() - before;
     cancel.cancel();
     zones.iter().chain([&painted]).for_each(|zone| _ = zone.recv());
-    block
+    samples
+}
+
+/// Waits until something is so.
+fn until(is_so: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !is_so() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "it does not come to pass");
+        thread::sleep(Duration::from_millis(1));
+    }
 }
 
 #[test]
 fn a_preview_in_the_middle_of_a_long_picture_is_seen_sooner_by_its_priority() {
-    // Most of it is what the block takes where nothing else is painted, so the waits are not compared by a factor. In turn: a machine may
-    // become slower meanwhile.
-    let [mut block, mut block_without] = [Duration::ZERO; 2];
-    for _ in 0..5 {
-        block += first_block(Urgency::Look) / 5;
-        block_without += first_block(Urgency::Picture) / 5;
-    }
-    eprintln!("first block {block:?}; without priority {block_without:?}");
-    assert!(block < block_without, "{block:?} with priority, {block_without:?} without");
+    let (with, without) = (samples_meanwhile(Urgency::Look), samples_meanwhile(Urgency::Picture));
+    eprintln!("samples of the picture before the first block of the preview: {with}; without priority {without}");
+    assert!(with < without, "{with} with priority, {without} without");
 }
 
 #[test]
@@ -101,10 +104,7 @@ fn a_look_that_is_left_is_painted_no_further_and_that_is_told() {
     let picture = begin(&long, &cancel);
     let look = engine(&scene, &resources, Urgency::Look);
     let painted = begin(&look, &CancelSwitch::default());
-    let begun = Instant::now();
-    while look.samples_done() == 0 && begun.elapsed() < Duration::from_secs(60) {
-        thread::sleep(Duration::from_millis(1));
-    }
+    until(|| look.samples_done() > 0);
     assert_eq!(look.report().expiries.count(), 0);
     look.leave();
     assert!(!painted.recv().expect("a report"), "it is not whole");
@@ -114,9 +114,7 @@ fn a_look_that_is_left_is_painted_no_further_and_that_is_told() {
     let before = long.samples_done();
     assert!(!begin(&look, &CancelSwitch::default()).recv().expect("a report"));
     assert!(look.survey(8, 8).is_err());
-    while long.samples_done() == before && begun.elapsed() < Duration::from_secs(60) {
-        thread::sleep(Duration::from_millis(1));
-    }
+    until(|| long.samples_done() > before);
     assert_eq!(look.samples_done(), samples);
     cancel.cancel();
     assert!(!picture.recv().expect("a report"));

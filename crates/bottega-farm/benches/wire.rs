@@ -13,7 +13,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega_agents::{AgentId, BlobId, Revision, driver::nats::Codec};
+use bottega_agents::{AgentId, BlobId, Revision, codec::Codec};
 use bottega_engines::Tunables;
 use bottega_farm::{
     AgentRow, Bid, Choice, Credit, FarmCodec, FarmContent, FarmValue, Goal, Holding, InputRanges, Interval,

@@ -17,6 +17,7 @@ mod populate;
 mod settings;
 mod shared;
 mod stop;
+mod transport;
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
@@ -24,6 +25,7 @@ use bottega_agents::LocalPlatform;
 use bottega_engines::RenderEngine;
 use bottega_image::{Film, Rect};
 
+pub use self::shared::JobAgent;
 pub use self::{
     assist::assist,
     link::Link,
@@ -31,6 +33,7 @@ pub use self::{
     observer::{MasterHandle, Observer},
     settings::{AGENTS_MAX, JobError, JobSettings, VERIFY_MAX},
     stop::StopSwitch,
+    transport::{JobTransport, JobUplink, TransportError},
 };
 use self::{
     easel::Composer,
@@ -154,7 +157,7 @@ pub fn lead(
     }
     if let Some(link) = &shared.link {
         // The last words of the Master let the others go.
-        link.uplink.flush();
+        link.transport.flush();
     }
     report(&shared, end, total)
 }

@@ -34,7 +34,7 @@
 //! | which of two engines suits a zone | `src/engine_choice.rs`, `rules/engine-choice.fcl` |
 //! | blending of neighbouring zones | `src/compose.rs` |
 //! | parts of work before a picture, shared out: who may take which, and until when | `src/shared_work.rs` |
-//! | agents in this process; over several machines | `src/driver.rs`, `src/driver/`; `src/driver/link.rs`, `src/wire.rs`, `src/wire/` |
+//! | agents in this process; over several machines | `src/driver.rs`, `src/driver/`; `src/driver/link.rs`, `src/driver/transport.rs`, `src/wire.rs`, `src/wire/` |
 //! | agents in virtual time; what must hold after each run | `src/simulate/`; `src/simulate/invariants.rs`, `src/simulate/film.rs` |
 //! | what a run took, written down | `src/simulate/recorder.rs` |
 //! | how long zones should take, by what was learnt in works before | `src/experience.rs`, `src/experience/`, `src/importance/outlook.rs`, `src/driver/learner.rs` |
@@ -98,8 +98,8 @@ pub use directory::{
     service_type,
 };
 pub use driver::{
-    AGENTS_MAX, JobError, JobReport, JobSettings, Link, MasterHandle, Observer, StopSwitch, VERIFY_MAX, assist,
-    benchmark, lead, run,
+    AGENTS_MAX, JobAgent, JobError, JobReport, JobSettings, JobTransport, JobUplink, Link, MasterHandle, Observer,
+    StopSwitch, TransportError, VERIFY_MAX, assist, benchmark, lead, run,
 };
 pub use engine_choice::EngineChoice;
 pub use experience::{Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone};

@@ -305,8 +305,17 @@ impl RenderAgent {
         let order = if choice == profiled { order.clone() } else { order.decided_anew(choice) };
         let is_estimated = choice.tunables == profiled.tunables;
         let decided = decided.is_none();
-        let hand =
-            ZoneInHand { was_ready: self.fetched, order, choice, is_estimated, decided, begun: false, since: now, painted: 0, conversation };
+        let hand = ZoneInHand {
+            was_ready: self.fetched,
+            order,
+            choice,
+            is_estimated,
+            decided,
+            begun: false,
+            since: now,
+            painted: 0,
+            conversation,
+        };
         if self.hands.is_empty() {
             self.since = now;
         }

@@ -4,7 +4,7 @@
 //! processes and to journals, and a change of it is seen here. `postcard` sees to the shape of what is read; that lengths
 //! are within their limits and numbers can be computed with is checked where a record becomes a value of the farm.
 //!
-//! A version stands in front of each message, row and tile ([`WIRE_VERSION`](bottega_agents::driver::nats::WIRE_VERSION)),
+//! A version stands in front of each message, row and tile ([`WIRE_VERSION`](bottega_agents::codec::WIRE_VERSION)),
 //! and another at the head of a journal. **Change a record, and both change.**
 
 mod codec;

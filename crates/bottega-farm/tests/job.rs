@@ -1,7 +1,5 @@
 //! Whole jobs over a fake engine, in this process.
 
-mod common;
-
 use std::{
     io::{self, Write},
     sync::{Arc, Mutex},
@@ -14,7 +12,7 @@ use bottega_farm::{
 };
 use bottega_image::{Aov, Film, Rect};
 
-use common::{FakeEngine, layout, tunables};
+use crate::common::{FakeEngine, layout, tunables};
 
 fn settings() -> JobSettings {
     JobSettings { agents: 3, processors: 2, ..JobSettings::new(97, 61, 24, tunables(), layout()) }

@@ -1,8 +1,5 @@
 //! Messages to a Master that are late, doubled, out of sequence or simply wrong.
 
-#[path = "common/survey.rs"]
-mod survey;
-
 use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{
@@ -18,7 +15,7 @@ use bottega_farm::{
 use bottega_image::Rect;
 use proptest::prelude::*;
 
-use survey::{survey, tunables};
+use crate::common::survey::{survey, tunables};
 
 /// A Master over a store of its own. What it sends and begins is written down.
 struct Stage {

@@ -306,8 +306,16 @@ fn whatever_rules_are_simulated_nothing_is_painted_in_less_than_the_least_time()
 #[test]
 fn the_time_left_is_told_within_a_third_from_a_tenth_on_in_eight_of_ten_pictures() {
     let crews = [
-        "2", "4", "8", "3x1.0,1x0.25", "2x1:4", "1x2.0,2x0.5", "4,agent-3@join=8s", "4,agent-0@boast=0s:2",
-        "3,agent-1@slow=20s:3", "6x1.0,2x0.33",
+        "2",
+        "4",
+        "8",
+        "3x1.0,1x0.25",
+        "2x1:4",
+        "1x2.0,2x0.5",
+        "4,agent-3@join=8s",
+        "4,agent-0@boast=0s:2",
+        "3,agent-1@slow=20s:3",
+        "6x1.0,2x0.33",
     ];
     let mut good = 0;
     for (seed, crew) in (0..).zip(crews) {

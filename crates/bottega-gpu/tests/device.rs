@@ -380,7 +380,7 @@ fn a_software_adapter_is_used_only_when_asked_for_by_name() {
     assert!(matches!(outcome, Err(GpuError::UnknownAdapter { found, .. }) if found.len() == there.len()));
 }
 
-/// Run with `cargo test -p bottega-gpu --release --test device -- --ignored --nocapture rays_a_second`.
+/// Run with `cargo test -p bottega-gpu --release --test tests -- --ignored --nocapture rays_a_second`.
 #[test]
 #[ignore = "measures, proves nothing"]
 fn rays_a_second() {
@@ -417,7 +417,7 @@ fn expects_no_driver() {
 fn without_a_driver_there_is_an_error_and_no_panic() {
     // The loader reads its drivers from these, once a process.
     let child = Command::new(std::env::current_exe().unwrap())
-        .args(["--ignored", "--exact", "expects_no_driver"])
+        .args(["--ignored", "--exact", "device::expects_no_driver"])
         .env("VK_DRIVER_FILES", "/nonexistent/driver.json")
         .env("VK_ICD_FILENAMES", "/nonexistent/driver.json")
         .output()

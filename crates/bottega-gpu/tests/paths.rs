@@ -1,6 +1,12 @@
 //! A picture through the allocator, by a processor and a device together.
 
-use std::sync::Arc;
+use std::{
+    sync::{
+        Arc, Mutex,
+        mpsc::{self, RecvTimeoutError},
+    },
+    time::Duration,
+};
 
 use bottega_gpu::{GpuError, GpuPaths, PathOptions, adapters};
 use bottega_hra::{Hra, HraConfig, Lane, VirtualCpu, Window, WorkUnit};
@@ -49,7 +55,16 @@ fn a_processor_and_a_device_paint_one_picture() {
     let settings = Arc::new(PathSettings { guiding: false, max_depth: 4, ..PathSettings::default() });
     let gpu = GpuPaths::new(&scene, &options).unwrap();
     let window = Window { packets: 2, units_per_packet: 8, ..Window::default() };
-    let cpu = VirtualCpu::lanes(1, RenderWork::perform);
+    // However slow the device is, it has done something before the processor goes on.
+    let (tell, device_is_through) = mpsc::channel::<()>();
+    let device_is_through = Arc::new(Mutex::new(device_is_through));
+    let cpu = VirtualCpu::lanes(1, move |work: RenderWork| {
+        // The sender is gone once the device has done something.
+        let told = device_is_through.lock().unwrap().recv_timeout(Duration::from_secs(600));
+        assert_eq!(told, Err(RecvTimeoutError::Disconnected), "the device does nothing");
+        work.perform()
+    });
+    let mut tell = Some(tell);
     let lanes = cpu.into_iter().map(Lane::Direct).chain([Lane::Windowed(Box::new(gpu), window)]).collect();
     let hra = Hra::with_lanes(HraConfig::default(), lanes);
     let client = hra.client();
@@ -67,11 +82,14 @@ fn a_processor_and_a_device_paint_one_picture() {
     client.submit_group(units.collect()).unwrap();
     let (mut picture, mut by_device) = (Tile::new(whole, layout.clone()), 0);
     while let Some(completed) = client.take() {
-        by_device += u32::from(completed.resource.is_some_and(|resource| resource.0 == 1));
+        if completed.resource.is_some_and(|resource| resource.0 == 1) {
+            by_device += 1;
+            tell = None;
+        }
         let Ok(RenderOutput::Block(output)) = completed.output else { panic!("{:?}", completed.output) };
         picture.copy_from(&output.tile);
     }
-    assert!(by_device > 0, "the device did nothing");
+    assert!(by_device > 0 && by_device < 64, "the device did {by_device} of 64 blocks");
     let right = block(whole).perform().unwrap().tile;
     let mut difference = 0.0;
     for (a, b) in picture.sums().chunks_exact(6).zip(right.sums().chunks_exact(6)) {

@@ -1,17 +1,15 @@
 //! The promises of the allocator, one a test.
 
-mod support;
-
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::support::{Gate, Job, custom, double, hush_injected_panics, quick, unit, within_reason};
 use bottega_hra::{
     Activity, Completed, Failed, Hra, HraConfig, Lane, Link, Packet, Primitive, PrimitiveSet, ResourceDescriptor,
     Simulated, SimulatedModel, SubmitError, TrySubmit, UnitError, VirtualCpu, Window, WindowedResource, WorkUnit,
 };
-use support::{Gate, Job, custom, double, hush_injected_panics, quick, unit, within_reason};
 
 use Primitive::{Intersect, Occluded, PixelBlock};
 

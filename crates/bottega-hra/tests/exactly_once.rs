@@ -1,17 +1,15 @@
 //! Every unit is answered exactly once or given back, whatever resources and clients do.
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::thread;
 use std::time::Duration;
 
+use crate::support::{Job, custom, double, hush_injected_panics, quick, within_reason};
 use bottega_hra::{
     Failed, Hra, HraClient, HraConfig, Lane, Link, Primitive, PrimitiveSet, Simulated, SimulatedModel, SubmitError,
     UnitError, VirtualCpu, Window, WorkUnit,
 };
 use proptest::prelude::*;
-use support::{Job, custom, double, hush_injected_panics, quick, within_reason};
 
 /// What a resource is like.
 #[derive(Clone, Debug)]

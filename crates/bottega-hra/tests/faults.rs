@@ -1,17 +1,15 @@
 //! Faults of resources: they cost time, and never an answer.
 
-mod support;
-
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
+use crate::support::{Gate, custom, double, quick, unit, within_reason};
 use bottega_hra::{
     Activity, DataId, Failed, Fault, Hra, HraConfig, HraReport, Lane, Link, Packet, Primitive, PrimitiveSet, Resource,
     ResourceDescriptor, SubmitError, UnitError, VirtualCpu, Window, WindowedResource, Work, WorkUnit,
 };
-use support::{Gate, custom, double, quick, unit, within_reason};
 
 use Primitive::{Intersect, PixelBlock};
 
@@ -69,17 +67,17 @@ fn an_allocator_with_a_resource_that_hangs_can_be_dropped() {
 struct DeadResource {
     answers: usize,
     gate: Gate,
-    kept: Vec<Packet<support::Job>>,
+    kept: Vec<Packet<crate::support::Job>>,
     /// Packets that nobody waited for any more when it was asked to recover.
     given_up: Arc<AtomicU64>,
 }
 
-impl WindowedResource<support::Job> for DeadResource {
+impl WindowedResource<crate::support::Job> for DeadResource {
     fn descriptor(&self) -> ResourceDescriptor {
         let link = Link { latency: Duration::from_micros(10), bandwidth: 1e9 };
         ResourceDescriptor { name: "dead".into(), primitives: PrimitiveSet::ALL, memory_bytes: None, link }
     }
-    fn send(&mut self, packet: Packet<support::Job>) {
+    fn send(&mut self, packet: Packet<crate::support::Job>) {
         assert!(packet.reply.is_awaited());
         let Some(left) = self.answers.checked_sub(packet.works.len()) else {
             self.answers = 0;
@@ -260,12 +258,12 @@ struct CrampedResource {
     largest: Arc<AtomicU64>,
 }
 
-impl WindowedResource<support::Job> for CrampedResource {
+impl WindowedResource<crate::support::Job> for CrampedResource {
     fn descriptor(&self) -> ResourceDescriptor {
         let link = Link { latency: Duration::from_millis(1), bandwidth: 1e9 };
         ResourceDescriptor { name: "cramped".into(), primitives: PrimitiveSet::ALL, memory_bytes: None, link }
     }
-    fn send(&mut self, packet: Packet<support::Job>) {
+    fn send(&mut self, packet: Packet<crate::support::Job>) {
         if packet.works.len() > self.units_max {
             return packet.reply.out_of_memory(packet.works);
         }

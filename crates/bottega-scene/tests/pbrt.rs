@@ -2,14 +2,12 @@
 
 use std::path::Path;
 
+use crate::mutation::{Random, damage, survive};
 use bottega_scene::{
     AlphaMode, FilmFilter, Follows, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Panorama, PhotonHints, Projection,
     Scene, SceneError, Sides, Spectrum, Surface, Wrap, load,
 };
 use glam::{Vec2, Vec3};
-use mutation::{Random, damage, survive};
-
-mod mutation;
 
 const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/pbrt");
 

@@ -139,7 +139,7 @@ impl PaintedState {
             output: String::new(),
             animation: None,
             stirs: 0,
-        kept: false,
+            kept: false,
             is_over: false,
         };
         let (zones, agents) = Default::default();

@@ -2,6 +2,7 @@
 
 use std::{ops::Range, path::PathBuf, sync::Arc};
 
+#[cfg(feature = "board")]
 use bottega_board::BoardError;
 use bottega_denoise::{DenoiseError, install_hint};
 use bottega_engines::{
@@ -10,6 +11,7 @@ use bottega_engines::{
 };
 use bottega_farm::{JobError, JournalError, simulate::RecordError};
 use bottega_fuzzy::Position;
+#[cfg(feature = "gpu")]
 use bottega_gpu::GpuError;
 use bottega_image::ImageError;
 use bottega_render::RenderError;
@@ -48,10 +50,20 @@ pub enum Error {
     /// The agents came to no picture.
     #[error("the work failed")]
     Job(#[source] JobError),
+    /// A device was asked for that this build of the library leaves out.
+    #[error("cannot use {device}: this program was built without such devices")]
+    NotBuiltIn {
+        /// The device, as it was asked for.
+        device: String,
+        /// The feature of the library that has it.
+        feature: &'static str,
+    },
     /// A GPU that was asked for cannot be used.
+    #[cfg(feature = "gpu")]
     #[error("cannot use the GPU")]
     Gpu(#[from] GpuError),
     /// A board that was asked for cannot be used.
+    #[cfg(feature = "board")]
     #[error("cannot use the board")]
     Board(#[from] BoardError),
     /// The picture cannot be denoised.
@@ -164,13 +176,19 @@ impl Error {
 
     /// Whether what was asked for cannot be; as opposed to: it was tried and failed.
     pub fn is_usage(&self) -> bool {
-        matches!(self, Self::Usage { .. } | Self::Manifest(_) | Self::Request { .. } | Self::Invalid(_))
+        matches!(
+            self,
+            Self::Usage { .. } | Self::NotBuiltIn { .. } | Self::Manifest(_) | Self::Request { .. } | Self::Invalid(_)
+        )
     }
 
     /// What can be done about it.
     pub fn remedy(&self) -> Option<String> {
         match self {
             Self::Usage { remedy, .. } | Self::Failed { remedy, .. } => Some(remedy.clone()),
+            Self::NotBuiltIn { feature, .. } => {
+                Some(format!("build it with the feature `{feature}` of the crate bottega"))
+            }
             Self::Denoise(DenoiseError::NotFound { .. } | DenoiseError::Unfit { .. }) => Some(install_hint()),
             Self::Denoise(_) => Some("leave out the denoising; what was painted can be gone on with".to_owned()),
             Self::Request { .. } => Some("`bottega request schema` says what a request may hold".to_owned()),

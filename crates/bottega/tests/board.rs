@@ -16,6 +16,8 @@ use bottega::{
 };
 use bottega_board::{BoardOptions, BoardServer};
 
+use crate::support::processors;
+
 #[derive(Default)]
 struct Notes(Mutex<Vec<Event>>);
 
@@ -83,6 +85,7 @@ fn bits(picture: &Picture) -> Vec<[u32; 4]> {
 
 #[test]
 fn a_board_follows_rays_and_the_picture_has_the_same_bits() {
+    let _processors = processors();
     let (alone, _) = paint(&request(&["cpu"]));
     let (both, units) = paint(&request(&["cpu", &board(None, identity())]));
     assert!(units > 0, "the board did nothing");
@@ -91,6 +94,7 @@ fn a_board_follows_rays_and_the_picture_has_the_same_bits() {
 
 #[test]
 fn what_passed_on_the_cable_is_told_with_its_bandwidth() {
+    let _processors = processors();
     let (_, used) = paint_with(&request(&["cpu", &board(Some(10e6), identity())]));
     let cable = used.and_then(|used| used.cable).expect("a board has a cable");
     assert!(cable.packets > 0 && cable.sent_bytes > 10_000 && cable.received_bytes > 10_000, "{cable:?}");
@@ -100,6 +104,7 @@ fn what_passed_on_the_cable_is_told_with_its_bandwidth() {
 
 #[test]
 fn a_board_behind_a_slow_cable_is_left_alone() {
+    let _processors = processors();
     let (_, fast) = paint(&request(&["cpu", &board(None, identity())]));
     // Rays of a wave take half a minute there: it is tried, and then it is known.
     let (alone, _) = paint(&request(&["cpu"]));
@@ -111,6 +116,7 @@ fn a_board_behind_a_slow_cable_is_left_alone() {
 /// Waves take processors longer than blocks: they are painted where boards save more than that, or where they are asked for.
 #[test]
 fn where_a_board_saves_nothing_the_picture_is_painted_in_blocks() {
+    let _processors = processors();
     let automatic = |name: &str| {
         let mut request = request(&["cpu", name]);
         request.integrator.wavefront = false;
@@ -129,6 +135,7 @@ fn where_a_board_saves_nothing_the_picture_is_painted_in_blocks() {
 
 #[test]
 fn a_board_of_another_build_or_none_at_all_is_refused() {
+    let _processors = processors();
     let open = |name: &str| Session::open(&request(&["cpu", name])).err().map(|error| error.error_chain()).unwrap();
     let refused = open(&board(None, "0.0.0+other"));
     assert!(refused.contains("another build") && refused.contains("0.0.0+other"), "{refused}");
@@ -147,6 +154,7 @@ fn a_board_of_another_build_or_none_at_all_is_refused() {
 
 #[test]
 fn what_a_board_is_told_that_cannot_be_ends_the_connection_and_nothing_else() {
+    let _processors = processors();
     let name = board(None, identity());
     let address = name.strip_prefix("tcp://").unwrap();
     let magic = u64::from_le_bytes(*b"BTGBRD02");
@@ -218,6 +226,7 @@ fn cable(board: &str, fault: Fault) -> String {
 
 #[test]
 fn a_board_that_goes_while_it_paints_costs_no_pixel() {
+    let _processors = processors();
     let (alone, _) = paint(&request(&["cpu"]));
     let (both, _) = paint(&request(&["cpu", &cable(&board(None, identity()), Fault::Cut(600_000))]));
     assert!(bits(&alone) == bits(&both));
@@ -226,6 +235,7 @@ fn a_board_that_goes_while_it_paints_costs_no_pixel() {
 /// Its first packets are doubted after two seconds; what it has is done elsewhere, and nobody waits for it when the picture is whole.
 #[test]
 fn a_board_that_does_not_answer_any_more_is_not_waited_for() {
+    let _processors = processors();
     let begun = Instant::now();
     let (alone, _) = paint(&request(&["cpu"]));
     let usual = begun.elapsed();

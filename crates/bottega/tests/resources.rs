@@ -7,6 +7,8 @@ use std::{
 
 use bottega::{Picture, Request, Session, SessionOptions, StopSwitch, Watcher, events::Event};
 
+use crate::support::processors;
+
 /// Keeps all that it is told.
 #[derive(Default)]
 struct Notes(Mutex<Vec<Event>>);
@@ -52,6 +54,7 @@ fn bits(picture: &Picture) -> Vec<[u32; 4]> {
 
 #[test]
 fn a_picture_painted_in_waves_has_the_same_bits() {
+    let _processors = processors();
     // The first is of enough samples for agents, who have paths go on as several.
     for (name, side, samples, lights) in [("cornell-box.glb", 128, 32, 1), ("goblets.glb", 48, 5, 2)] {
         let mut request = request(name, side, samples);
@@ -66,6 +69,7 @@ fn a_picture_painted_in_waves_has_the_same_bits() {
 
 #[test]
 fn where_rays_cannot_be_left_to_others_that_is_said() {
+    let _processors = processors();
     let mut request = request("cornell-box.glb", 32, 1);
     request.integrator.method = Some(bottega::request::IntegratorChoice::Photon);
     request.integrator.wavefront = true;
@@ -79,6 +83,7 @@ fn where_rays_cannot_be_left_to_others_that_is_said() {
 
 #[test]
 fn it_is_told_and_drawn_what_processors_were_at() {
+    let _processors = processors();
     let folder = tempfile::tempdir().unwrap();
     for name in ["timeline.svg", "timeline.json"] {
         let file = folder.path().join(name);
@@ -106,8 +111,10 @@ fn it_is_told_and_drawn_what_processors_were_at() {
     assert!(refused.to_string().contains("timeline.png"), "{refused}");
 }
 
+#[cfg(feature = "gpu")]
 #[test]
 fn the_next_picture_finds_its_scene_on_the_device() {
+    let _processors = processors();
     let there = bottega_gpu::adapters();
     let Some(software) = there.iter().find(|adapter| adapter.name.contains("llvmpipe")) else {
         eprintln!("skipped: no llvmpipe; install Mesa's software Vulkan driver");

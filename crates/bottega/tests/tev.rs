@@ -11,6 +11,8 @@ use std::{
 
 use bottega::{Request, Session, SessionOptions, StopSwitch};
 
+use crate::support::processors;
+
 /// An image as a viewer has it: rows of values by channel.
 #[derive(Default)]
 struct ShownImage {
@@ -112,6 +114,7 @@ fn options(address: SocketAddr) -> SessionOptions {
 
 #[test]
 fn a_viewer_has_all_layers_of_the_picture_in_the_end() {
+    let _processors = processors();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let viewer = thread::spawn(move || listen(listener.accept().unwrap().0));
@@ -132,6 +135,7 @@ fn a_viewer_has_all_layers_of_the_picture_in_the_end() {
 
 #[test]
 fn a_viewer_that_is_not_there_is_told_of_and_one_that_goes_costs_no_picture() -> io::Result<()> {
+    let _processors = processors();
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let address = listener.local_addr()?;
     let gone = thread::spawn(move || drop(listener.accept().unwrap()));

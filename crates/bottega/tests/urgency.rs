@@ -9,6 +9,8 @@ use std::{
 
 use bottega::{Request, Session, StopSwitch};
 
+use crate::support::processors;
+
 const SIZE: [u32; 2] = [64, 48];
 
 fn request(samples: u32) -> Request {
@@ -39,6 +41,7 @@ fn time_beside_another(request: &Request) -> Duration {
 
 #[test]
 fn a_part_of_a_picture_goes_before_a_whole_one() {
+    let _processors = processors();
     let whole = request(256);
     // As many pixels: what differs is that they are asked for as a part.
     let mut part = whole.clone();

@@ -3,7 +3,7 @@
 use std::{
     path::Path,
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex,
         atomic::{AtomicUsize, Ordering},
     },
     thread,
@@ -17,11 +17,7 @@ use bottega::{
 };
 use bottega_image::{ReadLimits, read_image_bytes};
 
-/// A viewport joins whoever paints in this process: tests that paint do so one after the other.
-fn processors() -> MutexGuard<'static, ()> {
-    static PROCESSORS: Mutex<()> = Mutex::new(());
-    PROCESSORS.lock().unwrap_or_else(PoisonError::into_inner)
-}
+use crate::support::processors;
 
 fn request() -> Request {
     let mut request = Request::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb"));

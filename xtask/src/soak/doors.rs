@@ -70,7 +70,8 @@ impl Door {
         match self {
             Self::Cli(cli) => {
                 let more = ["-o".to_owned(), output.display().to_string(), "--farm".to_owned(), "--detach".to_owned()];
-                let words: Vec<String> = kind.render_words().into_iter().chain(more).chain(["--json".to_owned()]).collect();
+                let words: Vec<String> =
+                    kind.render_words().into_iter().chain(more).chain(["--json".to_owned()]).collect();
                 let words: Vec<&str> = words.iter().map(String::as_str).collect();
                 let asked = cli.lines(&words)?.into_iter().find_map(|event| event["job"].as_u64());
                 asked.context("`render --detach` told no number")
@@ -96,7 +97,9 @@ impl Door {
     pub(super) fn steer(&mut self, job: u64, word: &str) -> Result<()> {
         match self {
             Self::Cli(cli) => cli.run(&["jobs", word, &job.to_string()]).map(drop),
-            Self::Api(api) if word == "remove" => api.ask("DELETE", &format!("/api/jobs/{job}"), &Value::Null).map(drop),
+            Self::Api(api) if word == "remove" => {
+                api.ask("DELETE", &format!("/api/jobs/{job}"), &Value::Null).map(drop)
+            }
             Self::Api(api) => api.ask("POST", &format!("/api/jobs/{job}/{word}"), &Value::Null).map(drop),
             Self::Python(python) => python.ask(word, job, &json!({})).map(drop),
         }

@@ -180,7 +180,9 @@ impl SoakFarm {
     pub(super) fn logs(&self) -> String {
         let files = fs::read_dir(self.folder.path()).into_iter().flatten().flatten();
         let logs = files.filter(|file| file.path().extension().is_some_and(|it| it == "log"));
-        let last = |text: String| text.lines().rev().take(12).collect::<Vec<_>>().into_iter().rev().collect::<Vec<_>>().join("\n");
+        let last = |text: String| {
+            text.lines().rev().take(12).collect::<Vec<_>>().into_iter().rev().collect::<Vec<_>>().join("\n")
+        };
         logs.map(|file| {
             let said = fs::read_to_string(file.path()).unwrap_or_default();
             format!("--- {}\n{}\n", file.file_name().to_string_lossy(), last(said))

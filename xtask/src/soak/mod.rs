@@ -275,7 +275,10 @@ impl Soak {
                 thread::sleep(Duration::from_millis(200 * self.chance.below(8) as u64));
                 self.farm.up()?;
                 let api = self.farm.api()?;
-                self.doors.iter_mut().filter(|door| door.name() == "API").for_each(|door| *door = Door::Api(api.clone()));
+                self.doors
+                    .iter_mut()
+                    .filter(|door| door.name() == "API")
+                    .for_each(|door| *door = Door::Api(api.clone()));
                 Ok(true)
             }
             Happening::GuestComes if self.farm.guests.len() < GUESTS_MAX => self.farm.join_guest().map(|()| true),
@@ -407,7 +410,12 @@ impl Soak {
             self.asked.remove(&number);
         }
         self.figures.quiet_moments += 1;
-        eprintln!("step {}: quiet, {} jobs, {:.0} s", self.figures.steps, jobs.len(), self.begun.elapsed().as_secs_f64());
+        eprintln!(
+            "step {}: quiet, {} jobs, {:.0} s",
+            self.figures.steps,
+            jobs.len(),
+            self.begun.elapsed().as_secs_f64()
+        );
         Ok(())
     }
 
@@ -441,7 +449,8 @@ impl Soak {
     }
 
     fn told(&self, args: &SoakArgs) -> String {
-        let Figures { steps, happened, refused, by_door, quiet_moments, pictures_compared, kept_pictures, .. } = &self.figures;
+        let Figures { steps, happened, refused, by_door, quiet_moments, pictures_compared, kept_pictures, .. } =
+            &self.figures;
         let happened: Vec<String> = happened.iter().map(|(what, count)| format!("{count} {what:?}")).collect();
         let doors: Vec<String> = by_door.iter().map(|(door, count)| format!("{count} {door}")).collect();
         format!(

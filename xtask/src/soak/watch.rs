@@ -44,10 +44,14 @@ impl IdleWatch {
                 continue;
             }
             let how_far = format!("{} {} {} {}", job["done"], job["zones_done"], job["leader"], job["stirs"]);
-            let since = self.jobs.get(&number).filter(|(_, before)| *before == how_far).map_or(now, |(since, _)| *since);
+            let since =
+                self.jobs.get(&number).filter(|(_, before)| *before == how_far).map_or(now, |(since, _)| *since);
             let waited = now - since;
             self.longest = self.longest.max(waited);
-            ensure!(waited < IDLE_MAX, "job {number} waits for {waited:?} while machines are free: {job}, {machines:?}");
+            ensure!(
+                waited < IDLE_MAX,
+                "job {number} waits for {waited:?} while machines are free: {job}, {machines:?}"
+            );
             waiting.insert(number, (since, how_far));
         }
         self.jobs = waiting;
@@ -69,9 +73,7 @@ mod tests {
     #[test]
     fn a_job_waits_while_a_machine_is_free_and_none_is_busy_with_it() {
         let job = json!({ "job": 1, "state": "active", "done": 0.5, "zones_done": 3, "leader": "a", "stirs": 0 });
-        let machine = |job: Option<u64>, activity: &str| {
-            json!({ "state": "active", "ordered": "active", "activity": activity, "job": job, "is_guest": false })
-        };
+        let machine = |job: Option<u64>, activity: &str| json!({ "state": "active", "ordered": "active", "activity": activity, "job": job, "is_guest": false });
         let waits = |machines: &[Value]| {
             let mut watch = IdleWatch::default();
             watch.look(std::slice::from_ref(&job), machines).unwrap();

@@ -1,13 +1,19 @@
 //! Drivers: they run state machines as agents.
 
 mod alarm;
+#[cfg(feature = "http")]
 pub mod ams_client;
+#[cfg(feature = "http")]
 mod asker;
+#[cfg(feature = "http")]
 mod fitted;
+#[cfg(feature = "http")]
 pub mod http;
 pub mod local;
+#[cfg(feature = "nats")]
 pub mod nats;
 mod network;
+#[cfg(feature = "http")]
 pub mod node;
 mod plan;
 mod queues;

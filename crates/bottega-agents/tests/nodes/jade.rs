@@ -2,7 +2,7 @@
 
 use std::thread;
 
-use crate::support::{self, Jade, Line, TAKEN, is, node};
+use crate::nodes::support::{self, Jade, Line, TAKEN, is, node};
 use bottega_agents::{
     AgentId, Performative as P,
     driver::node::Node,

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use bottega_agents::driver::nats::NatsThread;
-use bottega_cluster::{Credentials, FarmAddress, FarmLink, link, own_server::Entry};
-use bottega_farm::{Link, WorkId};
+use bottega_agents::driver::nats::{NatsThread, NatsUplink};
+use bottega_cluster::{Credentials, FarmAddress, FarmLink, job_link, link, own_server::Entry};
+use bottega_farm::{FarmCodec, Link, WorkId};
 
 use crate::Error;
 
@@ -25,6 +25,12 @@ pub(crate) enum ServerLinks {
     Farm(Box<FarmAddress>, Credentials),
 }
 
+/// The link of an agent, and the connection under it, whose traffic is counted.
+pub(crate) struct AgentLink {
+    pub(crate) link: Link,
+    pub(crate) uplink: Arc<NatsUplink<FarmCodec>>,
+}
+
 impl ServerLinks {
     pub(crate) fn new(access: ServerAccess) -> Result<Self, Error> {
         Ok(match access {
@@ -40,18 +46,19 @@ impl ServerLinks {
     }
 
     /// The link of an agent.
-    pub(crate) fn link(&self, work: u64, agent: u32) -> Result<Link, Error> {
+    pub(crate) fn link(&self, work: u64, agent: u32) -> Result<AgentLink, Error> {
         let work = WorkId(work);
-        match self {
+        let (uplink, name) = match self {
             Self::Started(entry, thread) => {
                 let name = format!("bench-{agent}");
-                Ok(Link { uplink: Arc::new(entry.link(thread, &name)?), work, job: None, name })
+                (Arc::new(entry.link(thread, &name)?), name)
             }
             Self::Farm(address, credentials) => {
                 let FarmLink { uplink, name, .. } = link(Some(address), credentials)?;
                 // Behind a full stop a member may call itself what it likes.
-                Ok(Link { uplink, work, job: None, name: format!("{name}.{agent}") })
+                (uplink, format!("{name}.{agent}"))
             }
-        }
+        };
+        Ok(AgentLink { link: job_link(Arc::clone(&uplink), work, None, name), uplink })
     }
 }

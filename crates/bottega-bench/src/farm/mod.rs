@@ -19,7 +19,10 @@ pub use self::{
     access::ServerAccess,
     part::{AgentShare, PartCommand, PartOptions, run_part},
 };
-pub(crate) use self::{access::ServerLinks, watch::unix_micros};
+pub(crate) use self::{
+    access::{AgentLink, ServerLinks},
+    watch::unix_micros,
+};
 use self::{
     figures::{FarmRun, Figures},
     idle_engine::IdleEngine,
@@ -102,7 +105,7 @@ fn run(
     let work = watch::unix_micros();
     let links = ServerLinks::new(access.clone())?;
     // The Master's process has an agent too, as everywhere.
-    let link = links.link(work, 0)?;
+    let AgentLink { link, uplink } = links.link(work, 0)?;
     let others = options.agents.saturating_sub(1);
     let processes = options.processes.min(others);
     let mut parts = Vec::new();
@@ -124,14 +127,14 @@ fn run(
     link.forget();
     let (report, told) = (report?, told.transpose()?.unwrap_or_default());
     check(&report)?;
-    let traffic = link.uplink.traffic();
+    let traffic = uplink.traffic();
     let own = traffic.messages_in + traffic.messages_out;
     let own_bytes = traffic.bytes_in + traffic.bytes_out;
     let [mut waits, mut answers] = watch.agent.take();
     waits.extend(told.iter().flat_map(|told| &told.waits));
     answers.extend(told.iter().flat_map(|told| &told.answers));
     Ok(FarmRun {
-        server: link.uplink.server_version(),
+        server: uplink.server_version(),
         agents: options.agents,
         processes: processes + 1,
         zones: report.rows.len(),

@@ -10,11 +10,11 @@ use std::{
     time::Duration,
 };
 
-use bottega_farm::{AuctionRule, JobError, JobSettings, Link, StopSwitch, assist};
+use bottega_farm::{AuctionRule, JobError, JobSettings, StopSwitch, assist};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    access::{ServerAccess, ServerLinks},
+    access::{AgentLink, ServerAccess, ServerLinks},
     idle_engine::{self, IdleEngine},
     watch::{AgentWatch, Wait},
 };
@@ -117,9 +117,14 @@ pub fn run_part(options: &PartOptions, output: &mut dyn Write) -> Result<(), Err
 }
 
 /// One agent, as a machine that has joined has it.
-fn live(settings: &JobSettings, engine: IdleEngine, stop: &StopSwitch, link: &Link) -> Result<PartReport, JobError> {
+fn live(
+    settings: &JobSettings,
+    engine: IdleEngine,
+    stop: &StopSwitch,
+    link: &AgentLink,
+) -> Result<PartReport, JobError> {
     let watch = Arc::new(AgentWatch::default());
-    assist(settings, Arc::new(engine), Arc::clone(&watch) as _, stop, link.clone())?;
+    assist(settings, Arc::new(engine), Arc::clone(&watch) as _, stop, link.link.clone())?;
     let traffic = link.uplink.traffic();
     let [waits, answers] = watch.take();
     Ok(PartReport {

@@ -167,7 +167,7 @@ pub fn run_second_agent(
 }
 
 fn link(entry: &Entry, work: u64, agent: u32) -> Result<Link, Error> {
-    ServerLinks::new(ServerAccess::Started(entry.clone()))?.link(work, agent)
+    Ok(ServerLinks::new(ServerAccess::Started(entry.clone()))?.link(work, agent)?.link)
 }
 
 /// How far a replay may be off a measured pair.

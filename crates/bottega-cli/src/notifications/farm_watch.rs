@@ -174,7 +174,7 @@ mod tests {
             output: "p.exr".to_owned(),
             animation: None,
             stirs: 0,
-        kept: false,
+            kept: false,
             is_over: !matches!(state, "active" | "paused"),
         }
     }

@@ -4,7 +4,7 @@ use std::{fs, path::Path, process::Command};
 
 use bottega_image::{Picture, ReadLimits, read_channels, read_picture};
 
-use crate::support::{bottega, scenes, text};
+use crate::engines::support::{bottega, scenes, text};
 
 const MITSUBA: &str = r#"<scene version="3.0.0">
   <integrator type="path"><integer name="max_depth" value="6"/></integrator>

@@ -212,9 +212,9 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     assert_eq!(steer.ask("DELETE", "/api/jobs/2", "text/plain", b"").0, 409, "it is not over");
     assert_eq!(steer.post("/api/jobs/2/cancel", &json!({})).1["state"], "cancelled");
     assert_eq!(steer.ask("DELETE", "/api/jobs/2", "text/plain", b"").0, 204);
-    assert_eq!(steer_there.get("/api/jobs/2").0, 404);
+    farm.until("the other door forgets it", || steer_there.get("/api/jobs/2").0 == 404);
     drop(other);
-    std::thread::sleep(Duration::from_millis(200));
+    farm.until("the other door is closed", || TcpStream::connect(&steer_there.at).is_err());
     assert_eq!(steer.get("/api/jobs/1").0, 200, "one door closes, the other stays");
 }
 

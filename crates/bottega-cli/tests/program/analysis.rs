@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use crate::support::{succeed, text};
+use crate::program::support::{succeed, text};
 use bottega_image::{ExrOptions, FlipOptions, Picture, Rect, flip, read_picture, write_picture_exr};
 use serde_json::Value;
 

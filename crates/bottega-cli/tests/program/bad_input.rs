@@ -3,7 +3,7 @@
 
 use std::{fs, process::Output};
 
-use crate::support::{self, run, scenes, succeed, text};
+use crate::program::support::{self, run, scenes, succeed, text};
 
 fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()

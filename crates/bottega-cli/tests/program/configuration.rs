@@ -2,7 +2,7 @@
 
 use std::{fs, process::Command};
 
-use crate::support::bottega;
+use crate::program::support::bottega;
 use bottega::Request;
 
 const FILE: &str = r#"

@@ -2,7 +2,7 @@
 
 use std::{fs, process::Command};
 
-use crate::support::{self, bottega, text};
+use crate::program::support::{self, bottega, text};
 use bottega_denoise::{DenoiseError, Denoiser};
 use bottega_image::{ReadLimits, read_channels, read_image};
 

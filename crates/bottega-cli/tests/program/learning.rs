@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path, process::Output, thread};
 
-use crate::support::{bottega, text};
+use crate::program::support::{bottega, text};
 use serde_json::Value;
 
 /// Runs the program with a state of its own.

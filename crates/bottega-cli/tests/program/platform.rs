@@ -8,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::support::{bottega, run, signal, succeed, text};
+use crate::program::support::{bottega, run, signal, succeed, text};
 use serde_json::Value;
 
 /// A process that serves, killed when the test is over.

@@ -7,7 +7,7 @@ use std::{
     process::Stdio,
 };
 
-use crate::support::{bottega, run, scenes, signal, succeed, text};
+use crate::program::support::{bottega, run, scenes, signal, succeed, text};
 use bottega_image::{Picture, read_picture, rmse};
 
 const SIZE: (u32, u32) = (96, 72);

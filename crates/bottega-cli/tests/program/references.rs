@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::support::{succeed, text};
+use crate::program::support::{succeed, text};
 use bottega_image::Picture;
 
 /// Side of the blocks of pixels whose means are compared.

@@ -8,7 +8,7 @@ use std::{
     sync::Arc,
 };
 
-use crate::support::{bottega, example, run, scenes, succeed, text};
+use crate::program::support::{bottega, example, run, scenes, succeed, text};
 use bottega::{Request, Session, SessionOptions, StopSwitch, picture::request_of};
 use bottega_farm::simulate::{CrewSpec, Plan, Record, Workpiece, simulate};
 

@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path, process::Output};
 
-use crate::support::{run, succeed, text};
+use crate::program::support::{run, succeed, text};
 use serde_json::Value;
 
 const FAN: &str = "FUNCTION_BLOCK fan

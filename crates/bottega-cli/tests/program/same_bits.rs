@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use crate::support::{interrupt, scenes, succeed, text};
+use crate::program::support::{interrupt, scenes, succeed, text};
 use proptest::prelude::*;
 
 const SIZE: &str = "48x36";

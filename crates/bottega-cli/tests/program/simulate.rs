@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::support::{run, succeed, text};
+use crate::program::support::{run, succeed, text};
 use serde_json::Value;
 
 fn simulate(arguments: &[&str]) -> Value {

@@ -1,5 +1,4 @@
 //! The program as a user runs it.
-#![allow(dead_code, reason = "not every test file needs all of it")]
 
 use std::{
     env,

@@ -11,7 +11,7 @@ use super::{
     observer::Observer,
     populate::{add_directories, add_render_agents},
     settings::{JobError, JobSettings},
-    shared::{End, ObservedAgent, Shared},
+    shared::{End, JobAgent, Shared},
     stop::StopSwitch,
 };
 use crate::{FarmAgent, FarmContent, MasterSource, contents::message, protocol};
@@ -40,7 +40,7 @@ pub fn assist(
     let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let bus = platform.bus();
     let add = |id: &AgentId, agent: FarmAgent| {
-        let seen = ObservedAgent { agent, shared: Arc::clone(&shared) };
+        let seen = JobAgent { agent, shared: Arc::clone(&shared) };
         let performer = last_of(&shared);
         platform.add(id, seen, performer).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
@@ -62,7 +62,7 @@ pub fn assist(
         uplink.close();
     }
     if let Some(link) = &shared.link {
-        link.uplink.flush();
+        link.transport.flush();
     }
     match end {
         Some(End::Abandoned(reason)) if !stop.is_requested() => Err(JobError::Abandoned { reason }),
@@ -72,7 +72,7 @@ pub fn assist(
 }
 
 /// The agents say goodbye: what they had in hand is given to others at once.
-fn leave(mut bus: LocalBus<ObservedAgent>, agents: usize, here: &str, master: &AgentId) {
+fn leave(mut bus: LocalBus<JobAgent>, agents: usize, here: &str, master: &AgentId) {
     for i in 0..agents {
         let id = AgentId::new(format!("render-{}@{here}", i + 1));
         let to = vec![master.clone()];
@@ -81,7 +81,7 @@ fn leave(mut bus: LocalBus<ObservedAgent>, agents: usize, here: &str, master: &A
 }
 
 /// Carries out the effects of one agent. When all agents are gone, the work is over here.
-fn last_of(shared: &Arc<Shared>) -> Performer<ObservedAgent> {
+fn last_of(shared: &Arc<Shared>) -> Performer<JobAgent> {
     struct Present(Arc<Shared>);
     impl Drop for Present {
         fn drop(&mut self) {

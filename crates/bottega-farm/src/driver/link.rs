@@ -2,16 +2,15 @@
 
 use std::{fmt::Write, io::Read, sync::Arc, thread, time::Duration};
 
-use bottega_agents::{
-    AgentId, BlobId,
-    driver::nats::{BlobError, NatsUplink},
-    machine_of,
-};
+use bottega_agents::{AgentId, BlobId, machine_of};
 use bottega_image::Tile;
 use flate2::{Compression, read::ZlibDecoder, read::ZlibEncoder};
 
-use super::stop::StopSwitch;
-use crate::{FarmCodec, RegistrationConfig, ResultRef, WorkId, WorkKeys, digest, wire};
+use super::{
+    stop::StopSwitch,
+    transport::{JobTransport, TransportError},
+};
+use crate::{RegistrationConfig, ResultRef, WorkId, WorkKeys, digest, wire};
 
 /// The largest tile that is taken from another machine, in bytes.
 const TILE_BYTES_MAX: usize = 1 << 30;
@@ -29,8 +28,8 @@ const BETWEEN_TRIES: Duration = Duration::from_millis(250);
 /// The link of this process to the others that paint a work.
 #[derive(Clone)]
 pub struct Link {
-    /// The link itself.
-    pub uplink: Arc<NatsUplink<FarmCodec>>,
+    /// The network between them.
+    pub transport: Arc<dyn JobTransport>,
     /// The work.
     pub work: WorkId,
     /// The number of its job. `None`: it is none, and its agents know their Master's name and register nowhere.
@@ -48,7 +47,7 @@ impl Link {
     /// An agent of this name, and where it is reached.
     pub(super) fn agent(&self, name: String) -> AgentId {
         let id = AgentId::new(name);
-        AgentId { addresses: Arc::new([self.uplink.address_of(&id)]), ..id }
+        AgentId { addresses: Arc::new([self.transport.address_of(&id)]), ..id }
     }
 
     /// Where the agents of the work register.
@@ -78,7 +77,7 @@ impl Link {
         wire::put_tile(tile, &mut bytes);
         let packed = pack(&bytes, PACKED_FROM).map_err(|error| error.to_string())?;
         let name = self.blob(id);
-        self.patiently(stop, || self.uplink.tiles().put(&name, &packed))
+        self.patiently(stop, || self.transport.put_tile(&name, &packed))
     }
 
     /// Reads a tile that another machine has painted, and makes sure that it is the one.
@@ -87,7 +86,7 @@ impl Link {
     /// It is not there, or another one, with the reason.
     pub fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
         let name = self.blob(result.digest);
-        let packed = self.patiently(stop, || self.uplink.tiles().get(&name, TILE_BYTES_MAX))?;
+        let packed = self.patiently(stop, || self.transport.get_tile(&name, TILE_BYTES_MAX))?;
         let packed = packed.ok_or("its tile is nowhere")?;
         let bytes = unpack(&packed).map_err(|error| format!("its tile cannot be unpacked: {error}"))?;
         let tile = wire::read_tile(&bytes).map_err(|error| error.to_string())?;
@@ -96,13 +95,13 @@ impl Link {
 
     /// Tries until it is done, or the user wants to stop. A server that is away comes back, and somebody makes room on one
     /// whose disk is full: what is painted is not thrown away meanwhile.
-    fn patiently<T>(&self, stop: &StopSwitch, attempt: impl Fn() -> Result<T, BlobError>) -> Result<T, String> {
+    fn patiently<T>(&self, stop: &StopSwitch, attempt: impl Fn() -> Result<T, TransportError>) -> Result<T, String> {
         let mut tries: u32 = 0;
         loop {
             match attempt() {
                 Ok(done) => return Ok(done),
                 Err(error) if error.is_lasting || stop.is_requested() => return Err(error.to_string()),
-                Err(error) if TOLD_AFTER.contains(&tries) && self.uplink.is_connected() => {
+                Err(error) if TOLD_AFTER.contains(&tries) && self.transport.is_connected() => {
                     let remedy = if error.is_full { "; see which jobs hold how much: bottega jobs list" } else { "" };
                     tracing::warn!(
                         %error,
@@ -118,8 +117,7 @@ impl Link {
 
     /// Lets go of all that the farm keeps of the work.
     pub fn forget(&self) {
-        self.uplink.forget(&WorkKeys::new(self.work).prefix());
-        self.uplink.tiles().forget(&self.folder());
+        self.transport.forget(&WorkKeys::new(self.work).prefix(), &self.folder());
     }
 }
 

@@ -11,7 +11,7 @@ use bottega_agents::{AgentId, LocalPlatform, driver::Performer};
 use super::{
     link::Link,
     settings::{JobError, JobSettings},
-    shared::{End, FarmMailbox, ObservedAgent, Shared},
+    shared::{End, FarmMailbox, JobAgent, Shared},
 };
 use crate::{
     Analyst, AnalystConfig, AuctionRule, FarmAgent, GoalRules, Master, MasterConfig, MasterSource, PartitionSettings,
@@ -25,14 +25,14 @@ const AGENTS_EXPECTED: usize = 8;
 
 /// Brings all agents to life. Returns the Master's mailbox.
 pub(super) fn populate(
-    platform: &LocalPlatform<ObservedAgent>,
+    platform: &LocalPlatform<JobAgent>,
     settings: &JobSettings,
     work: WorkSettings,
     kept: Option<(WorkRow, Vec<ZoneRow>)>,
     shared: &Arc<Shared>,
 ) -> Result<FarmMailbox, JobError> {
     let add = |id: &AgentId, agent: FarmAgent| {
-        let seen = ObservedAgent { agent, shared: Arc::clone(shared) };
+        let seen = JobAgent { agent, shared: Arc::clone(shared) };
         platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
     add_directories(platform, shared)?;
@@ -96,9 +96,9 @@ fn agent_of(link: Option<&Link>, name: String) -> AgentId {
 }
 
 /// Brings the services of the platform to life, which new agents ask first.
-pub(super) fn add_directories(platform: &LocalPlatform<ObservedAgent>, shared: &Arc<Shared>) -> Result<(), JobError> {
+pub(super) fn add_directories(platform: &LocalPlatform<JobAgent>, shared: &Arc<Shared>) -> Result<(), JobError> {
     for (id, service) in directory_services(platform.calendar(), secret()) {
-        let seen = ObservedAgent { agent: service.into(), shared: Arc::clone(shared) };
+        let seen = JobAgent { agent: service.into(), shared: Arc::clone(shared) };
         let added = platform.add(&id, seen, Box::new(|_, _| {}));
         added.map_err(|taken| JobError::Abandoned { reason: taken.to_string() })?;
     }
@@ -142,7 +142,7 @@ pub(super) fn add_render_agents(
 }
 
 /// Carries out the effects of one agent. When it goes without the job having ended, the job has: an agent has panicked.
-fn performer(id: &AgentId, shared: &Arc<Shared>) -> Performer<ObservedAgent> {
+fn performer(id: &AgentId, shared: &Arc<Shared>) -> Performer<JobAgent> {
     struct Notice(Arc<Shared>, bool);
     impl Drop for Notice {
         fn drop(&mut self) {

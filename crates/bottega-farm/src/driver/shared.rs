@@ -6,16 +6,15 @@ use std::{
     time::Duration,
 };
 
-use bottega_agents::{Mailbox, Revision, StateMachine, Time, driver::nats::PagedUplink};
+use bottega_agents::{Mailbox, Revision, StateMachine, Time};
 use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
 
 use super::{
     easel::Composer, fetchers::Fetchers, learner::Learner, link::Link, observer::Observer, settings::JobSettings,
-    stop::StopSwitch,
+    stop::StopSwitch, transport::JobUplink,
 };
 use crate::{
-    FarmAction, FarmAgent, FarmCodec, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Foreknowledge,
-    PLATFORM, WorkId, ZoneId, directory_service_names,
+    FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Foreknowledge, WorkId, ZoneId,
 };
 
 /// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
@@ -69,8 +68,7 @@ pub(super) struct State {
     pub(super) dismissed: usize,
 }
 
-pub(super) type FarmMailbox = Mailbox<ObservedAgent>;
-pub(super) type JobUplink = PagedUplink<FarmCodec, ObservedAgent>;
+pub(super) type FarmMailbox = Mailbox<JobAgent>;
 
 /// Whether the engine has made what all zones need.
 #[derive(Default)]
@@ -82,13 +80,13 @@ pub(super) enum Preparation {
     Done,
 }
 
-/// What an agent of the farm does, with all its messages seen by the observer.
-pub(super) struct ObservedAgent {
+/// An agent of a job, all of whose messages the observer of the job sees.
+pub struct JobAgent {
     pub(super) agent: FarmAgent,
     pub(super) shared: Arc<Shared>,
 }
 
-impl StateMachine for ObservedAgent {
+impl StateMachine for JobAgent {
     type Content = FarmContent;
     type Value = FarmValue;
     type Effect = FarmEffect;
@@ -149,12 +147,8 @@ impl Shared {
     }
 
     /// The link for the agents of this process, with the pages of the platform.
-    pub(super) fn uplink(&self) -> std::io::Result<Option<Arc<JobUplink>>> {
-        let begin = |link: &Link| {
-            let services = directory_service_names().to_vec();
-            JobUplink::begin(Arc::clone(&link.uplink), PLATFORM, &link.name, services).map(Arc::new)
-        };
-        self.link.as_ref().map(begin).transpose()
+    pub(super) fn uplink(&self) -> std::io::Result<Option<Arc<dyn JobUplink>>> {
+        self.link.as_ref().map(|link| link.transport.begin(&link.name)).transpose()
     }
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {

@@ -121,7 +121,15 @@ mod tests {
             let values = [FarmValue::Work(Arc::new(work)), FarmValue::Zone(Arc::new(zone))];
             let rows = values.into_iter().map(|value| (keys.of(&value), (Revision(5), value))).collect();
             let agent = AgentId::new("agent");
-            Self { master: Master::new(config), rows, agent, now: Time::ZERO, replies: Vec::new(), orders: 0, stalls: 0 }
+            Self {
+                master: Master::new(config),
+                rows,
+                agent,
+                now: Time::ZERO,
+                replies: Vec::new(),
+                orders: 0,
+                stalls: 0,
+            }
         }
 
         fn say(&mut self, performative: Performative, protocol: &'static str, content: FarmContent) {
@@ -148,7 +156,10 @@ mod tests {
                     FarmAction::Store { ticket, request: StoreRequest::Watch { .. } } if self.stalls > 0 => {
                         self.tell_rows(ticket, 0);
                     }
-                    FarmAction::Store { ticket, request: StoreRequest::CompareAndSet { key, expected_revision, value } } => {
+                    FarmAction::Store {
+                        ticket,
+                        request: StoreRequest::CompareAndSet { key, expected_revision, value },
+                    } => {
                         let (revision, known) = self.rows[&key].clone();
                         let reply = if revision == expected_revision {
                             self.rows.insert(key.clone(), (Revision(revision.0 + 1), value));

@@ -40,10 +40,8 @@ impl ZoneWorth {
     /// An agent has painted a zone from the samples that `before` has, and it was a measurement.
     pub(super) fn see(&mut self, agent: MemberId, before: &ZoneRow, painting: &Painting) {
         let samples = painting.result.samples.saturating_sub(before.samples_done());
-        let measured = Measured {
-            seconds: painting.time_measured.as_secs_f64(),
-            volume: before.complexity * f64::from(samples),
-        };
+        let measured =
+            Measured { seconds: painting.time_measured.as_secs_f64(), volume: before.complexity * f64::from(samples) };
         if samples > 0 && measured.volume.is_finite() {
             self.all.add(measured);
             self.by_agent.entry(agent).or_default().add(measured);

@@ -302,7 +302,8 @@ impl CrewSpec {
                 IncidentKind::Boast(factor.ok_or_else(|| wrong("behind the `:` must stand how many times too fast"))?)
             }
             "load" => {
-                let seconds = factor.unwrap_or("60").parse().ok().filter(|seconds| (0.0..=SECONDS_MAX).contains(seconds));
+                let seconds =
+                    factor.unwrap_or("60").parse().ok().filter(|seconds| (0.0..=SECONDS_MAX).contains(seconds));
                 IncidentKind::Load(seconds.ok_or_else(|| wrong("behind the `:` must stand a number of seconds"))?)
             }
             "hang" => IncidentKind::Hang,

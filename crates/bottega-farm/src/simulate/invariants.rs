@@ -6,9 +6,7 @@ use bottega_agents::{AgentId, Time, driver::Simulator};
 use bottega_image::Rect;
 
 use super::{film::BROKEN_MAX, studio::SimulatedFarm};
-use crate::{
-    FarmAgent, FarmValue, Partition, ResultRef, Watchdog, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
-};
+use crate::{FarmAgent, FarmValue, Partition, ResultRef, Watchdog, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
 
 /// How often is looked whether anybody waits in vain.
 const LOOK_EVERY: Duration = Duration::from_secs(1);

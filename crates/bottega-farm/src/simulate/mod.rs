@@ -23,16 +23,16 @@ use bottega_agents::{
     driver::{Faults, Simulator},
 };
 
-use self::{
-    invariants::IdleWatch,
-    studio::{Seat, SimulatedFarm},
-};
 pub use self::{
     crew::{AgentSpec, CREW_MAX, CrewError, CrewSpec, Incident, IncidentKind, MachineSpec},
     record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedRules, RecordedZone},
     recorder::Recorder,
     studio::{SPANS_MAX, Span, SpanKind},
     workpiece::{SyntheticSpread, Workpiece, WorkpieceError, ZONES_MAX},
+};
+use self::{
+    invariants::IdleWatch,
+    studio::{Seat, SimulatedFarm},
 };
 use crate::{
     AdaptationRule, AuctionRule, Credit, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,

@@ -8,8 +8,8 @@ use bottega_image::Rect;
 
 use super::record::{CELL_SIDE, Record, RecordError, RecordedZone};
 use crate::{
-    ErrorUse, Expert, Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId,
-    ZoneRow,
+    ErrorUse, Expert, Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings,
+    ZoneId, ZoneRow,
 };
 
 /// Zones of a simulation at most.

@@ -1,6 +1,6 @@
 //! The farm's messages and rows, as the link over NATS wants them.
 
-use bottega_agents::driver::nats::Codec;
+use bottega_agents::codec::Codec;
 
 use super::{error::WireError, layout, message::ContentRecord, row::ValueRecord};
 use crate::{

@@ -1,6 +1,6 @@
 //! Why bytes are refused.
 
-use bottega_agents::driver::nats::WIRE_VERSION;
+use bottega_agents::codec::WIRE_VERSION;
 use bottega_image::LayersError;
 
 /// Bytes that are no row, message or tile.

@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{
     AgentId, BlobId, Revision,
-    driver::nats::{Codec, WIRE_VERSION},
+    codec::{Codec, WIRE_VERSION},
 };
 use bottega_engines::Tunables;
 use bottega_image::{Aov, AovSet, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, Layout, Rect, Sides, Tile};

@@ -1,6 +1,6 @@
 //! Tiles: the version, a record of where the pixels lie and what they hold, then the sums as they are, little endian.
 
-use bottega_agents::{BlobId, driver::nats::WIRE_VERSION};
+use bottega_agents::{BlobId, codec::WIRE_VERSION};
 use bottega_image::{AovSet, CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, Layout, Rect, Tile};
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,6 @@
 //! A fake engine: pixels are a function of pixel and sample alone, zones are painted by threads of its own.
 
-mod survey;
+pub(crate) mod survey;
 
 use std::{
     collections::VecDeque,

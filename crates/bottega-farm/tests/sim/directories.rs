@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, time::Duration};
 use bottega_agents::{AgentId, Key, Time, platform::LifeCycleState};
 use bottega_farm::{FarmAgent, FarmValue, service_type};
 
-use crate::stage::{Play, Scene, assert_whole, bad_network, check, play, stage};
+use crate::sim::stage::{Play, Scene, assert_whole, bad_network, check, play, stage};
 
 /// What stands in the directories: the names of entries that hold text.
 fn pages(play: &Play) -> BTreeSet<String> {

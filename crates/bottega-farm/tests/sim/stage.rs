@@ -22,7 +22,7 @@ use bottega_farm::{
 };
 use bottega_image::Rect;
 
-use crate::survey::{survey, tunables};
+use crate::sim::survey::{survey, tunables};
 
 /// What the film of the present Master holds.
 #[derive(Debug, Default)]

@@ -1,7 +1,5 @@
 //! Work and resources that the tests drive.
 
-#![allow(dead_code, reason = "each test program uses its part")]
-
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, Once};
 use std::time::Duration;

@@ -8,7 +8,7 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::support::{Uniform, at};
+use crate::bsdf_laws::support::{Uniform, at};
 
 /// Bins, even in the angle to the normal (an even count: the horizon is between two bins) and in the azimuth.
 const POLAR: usize = 24;

@@ -9,7 +9,7 @@ use bottega_render::bsdf::Bsdf;
 use bottega_scene::{Coated, CoatedBase, Conductor, Diffuse, Distribution, Facets, Material, Spectrum, Surface};
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::support::{Uniform, at, bsdf_of};
+use crate::bsdf_laws::support::{Uniform, at, bsdf_of};
 
 /// Even ranges of the cosine.
 const BINS: usize = 6;

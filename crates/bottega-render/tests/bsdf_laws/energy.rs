@@ -7,7 +7,7 @@ use bottega_render::bsdf::{Bsdf, SurfaceParams, TransportMode};
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use crate::support::{Uniform, at};
+use crate::bsdf_laws::support::{Uniform, at};
 
 /// Mean weight of `count` samples, and its standard error, by channel.
 pub(crate) fn measured_albedo(bsdf: &Bsdf, wo: Vec3, count: u32, seed: u64) -> (Spectrum, Spectrum) {

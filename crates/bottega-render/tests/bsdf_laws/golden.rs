@@ -8,7 +8,7 @@ use bottega_scene::{
 };
 use glam::Vec3;
 
-use crate::support::bsdf_of;
+use crate::bsdf_laws::support::bsdf_of;
 
 /// wo, wi, and f |cos| by channel: printed by Mitsuba 3.9 (`golden/ask_mitsuba.py`).
 fn rows() -> BTreeMap<String, Vec<[f32; 9]>> {

@@ -8,9 +8,9 @@ use bottega_scene::{
 };
 use glam::Vec3;
 
-use crate::chi_square;
-use crate::energy::measured_albedo;
-use crate::support::{Uniform, at, bsdf_of};
+use crate::bsdf_laws::chi_square;
+use crate::bsdf_laws::energy::measured_albedo;
+use crate::bsdf_laws::support::{Uniform, at, bsdf_of};
 
 const GGX: Distribution = Distribution::Ggx;
 const BECKMANN: Distribution = Distribution::Beckmann;
@@ -158,7 +158,7 @@ const KINDS: &[Kind] = &[
     }),
 ];
 
-/// Those whose values are estimates; their samples are held to light that is followed, see [`crate::coats`].
+/// Those whose values are estimates; their samples are held to light that is followed, see [`crate::bsdf_laws::coats`].
 const WALKS: &[Kind] = &[
     ("coated metal", true, |r| coated(Facets::smooth(), 0.01, 0.0, metal_base(r * r))),
     ("roughly coated metal", true, |r| coated(even(GGX, r * r), 0.01, 0.0, metal_base(0.2))),

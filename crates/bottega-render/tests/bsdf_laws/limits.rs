@@ -5,7 +5,7 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 use proptest::prelude::*;
 
-use crate::support::{Uniform, at, materials};
+use crate::bsdf_laws::support::{Uniform, at, materials};
 
 const GLASS: SurfaceParams = SurfaceParams {
     base_color: Spectrum::ONE,

@@ -5,7 +5,7 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 use proptest::prelude::*;
 
-use crate::support::{directions, materials, turned_over};
+use crate::bsdf_laws::support::{directions, materials, turned_over};
 
 /// Seen from both ends, a half vector is not quite the same in single precision, and close to the critical angle
 /// Fresnel's equations make much of that.

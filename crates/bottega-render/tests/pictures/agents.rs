@@ -9,7 +9,7 @@ use bottega_render::{
 };
 use bottega_scene::LoadOptions;
 
-use crate::scenes_folder;
+use crate::pictures::scenes_folder;
 
 const SCENE: &str = "ala/ala.xml";
 const REFERENCE: &str = "ala/reference/Mitsuba3.exr";

@@ -11,7 +11,7 @@ use bottega_image::Picture;
 use bottega_kernels::SplitMix64;
 use glam::{DVec2, DVec3};
 
-use crate::{
+use crate::pictures::{
     compare::{Comparison, Estimate},
     paint, scenes_folder,
 };

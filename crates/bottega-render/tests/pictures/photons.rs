@@ -6,7 +6,7 @@
 use bottega_image::read_picture;
 use bottega_render::PhotonSettings;
 
-use crate::{
+use crate::pictures::{
     compare::{Comparison, Estimate},
     paint, scenes_folder,
 };

@@ -14,8 +14,8 @@ use bottega_render::{
 use bottega_scene::{Environment, Material, Scene};
 use glam::Vec3;
 
-use crate::scenes::{Subject, add_quad, add_room, add_sphere, camera, cornell, matte, prepare};
-use crate::strategies::{assert_same_mean, moments};
+use crate::render::scenes::{Subject, add_quad, add_room, add_sphere, camera, cornell, matte, prepare};
+use crate::render::strategies::{assert_same_mean, moments};
 
 /// Large enough that there is something to learn from.
 const SIDE: u32 = 128;
@@ -123,7 +123,7 @@ pub(crate) fn around_a_corner() -> Scene {
     add_quad(&mut scene, Vec3::new(0.9, -1.0, -2.0), Vec3::Y * 2.0, Vec3::Z * 3.4, white);
     let lamp = Material::lamp(Vec3::splat(300.0));
     add_quad(&mut scene, Vec3::new(1.3, 0.99, -0.5), Vec3::X * 0.2, Vec3::Z * 0.2, lamp);
-    add_sphere(&mut scene, Vec3::new(-1.0, -0.6, 0.0), 0.4, crate::scenes::glass());
+    add_sphere(&mut scene, Vec3::new(-1.0, -0.6, 0.0), 0.4, crate::render::scenes::glass());
     scene
 }
 

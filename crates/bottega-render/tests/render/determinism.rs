@@ -7,7 +7,7 @@ use bottega_scene::{AlphaMode, Material};
 use glam::Vec3;
 use proptest::prelude::*;
 
-use crate::scenes::{Subject, add_quad, cornell, matte, prepare};
+use crate::render::scenes::{Subject, add_quad, cornell, matte, prepare};
 
 const VIEW: View = View { camera: 0, width: 20, height: 15 };
 

@@ -5,7 +5,7 @@ use bottega_render::{DirectLight, PathSettings};
 use bottega_scene::{Environment, Layered, Material, Scene};
 use glam::Vec3;
 
-use crate::scenes::{add_room, add_sphere, camera, color, glass, matte, mean_color, paint, prepare};
+use crate::render::scenes::{add_room, add_sphere, camera, color, glass, matte, mean_color, paint, prepare};
 
 fn deep() -> PathSettings {
     PathSettings { max_depth: 200, ..PathSettings::default() }

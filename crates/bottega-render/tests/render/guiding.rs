@@ -7,8 +7,8 @@ use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene};
 use bottega_scene::{Layered, Material, Scene};
 use glam::Vec3;
 
-use crate::scenes::{Subject, add_quad, add_room, camera, cornell, matte, paint, prepare};
-use crate::strategies::{assert_same_mean, moments};
+use crate::render::scenes::{Subject, add_quad, add_room, camera, cornell, matte, paint, prepare};
+use crate::render::strategies::{assert_same_mean, moments};
 
 /// Large enough that there is something to learn from.
 const SIDE: u32 = 128;

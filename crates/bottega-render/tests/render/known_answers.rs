@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use crate::scenes::{add_mesh, add_quad, add_sphere, camera, color, glass, lamp, matte, paint, prepare};
+use crate::render::scenes::{add_mesh, add_quad, add_sphere, camera, color, glass, lamp, matte, paint, prepare};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{DirectLight, Filter, PathSettings, View};
 use bottega_scene::{

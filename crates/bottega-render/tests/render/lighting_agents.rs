@@ -12,7 +12,7 @@ use bottega_render::{
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Scene, Surface};
 use glam::Vec3;
 
-use crate::scenes::{
+use crate::render::scenes::{
     Subject, add_quad, add_room, add_sphere, camera, color, cornell, grow, lamp, matte, mean_color, paint, prepare,
     room_under_sky,
 };

@@ -9,8 +9,8 @@ use bottega_scene::{
 };
 use glam::Vec3;
 
-use crate::scenes::{add_quad, add_sphere, camera, color, matte, mean_color, paint, prepare};
-use crate::strategies::assert_strategies_agree;
+use crate::render::scenes::{add_quad, add_sphere, camera, color, matte, mean_color, paint, prepare};
+use crate::render::strategies::assert_strategies_agree;
 
 const ALL: [DirectLight; 3] = [DirectLight::Combined, DirectLight::LightSampling, DirectLight::BsdfSampling];
 

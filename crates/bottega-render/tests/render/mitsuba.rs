@@ -6,7 +6,7 @@ use bottega_render::{PathSettings, PhotonSettings};
 use bottega_scene::{LoadOptions, Loaded, load};
 use glam::Vec3;
 
-use crate::scenes::{mean_color, paint, prepare};
+use crate::render::scenes::{mean_color, paint, prepare};
 
 /// A ground of 12 × 12, seen from before and above.
 const GROUND: &str =

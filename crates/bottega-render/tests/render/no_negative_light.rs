@@ -16,11 +16,11 @@ use bottega_render::{
 use bottega_scene::{Camera, Environment, Image, ImageId, Layered, LoadOptions, Scene};
 use glam::Vec3;
 
-use crate::agents::{around_a_corner, lamps};
-use crate::guiding::behind_a_screen;
-use crate::lighting_agents::{ball_under_sky, glossy_room, room_with_sphere};
-use crate::photons::{many_things, outside};
-use crate::scenes::{Subject, cornell, matte, room_under_sky};
+use crate::render::agents::{around_a_corner, lamps};
+use crate::render::guiding::behind_a_screen;
+use crate::render::lighting_agents::{ball_under_sky, glossy_room, room_with_sphere};
+use crate::render::photons::{many_things, outside};
+use crate::render::scenes::{Subject, cornell, matte, room_under_sky};
 
 /// Large enough that there is something to learn from.
 const LEARNING_SIDE: u32 = 128;

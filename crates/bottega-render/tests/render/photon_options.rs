@@ -9,7 +9,7 @@ use bottega_render::{
 use bottega_scene::{Material, Scene};
 use glam::Vec3;
 
-use crate::{
+use crate::render::{
     agents::around_a_corner,
     photons::{SIZE, by_photons, closed_room, distance, few, many_things, mean_of_seeds},
     scenes::{Subject, add_room, camera, cornell, matte, mean_color, paint, prepare},

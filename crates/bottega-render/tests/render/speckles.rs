@@ -5,7 +5,7 @@ use bottega_render::{DirectLight, PathSettings};
 use bottega_scene::{Environment, Scene};
 use glam::Vec3;
 
-use crate::scenes::{add_mesh, camera, color, matte, paint, prepare};
+use crate::render::scenes::{add_mesh, camera, color, matte, paint, prepare};
 
 type Shape = (&'static str, Vec<Vec3>, Vec<[u32; 3]>);
 

@@ -8,7 +8,7 @@ use bottega_scene::{Environment, Image, ImageId, Layered, Material, Portal, Scen
 use glam::{Mat3, Vec3};
 use statrs::function::erf::erfc;
 
-use crate::scenes::{Subject, add_quad, add_room, add_sphere, camera, cornell, lamp, matte, paint, prepare};
+use crate::render::scenes::{Subject, add_quad, add_room, add_sphere, camera, cornell, lamp, matte, paint, prepare};
 
 const SIDE: u32 = 24;
 const SPP: u32 = 256;

@@ -5,7 +5,7 @@ use bottega_render::{RenderError, RenderWork, View, survey};
 use bottega_scene::Scene;
 use glam::Vec3;
 
-use crate::scenes::{add_quad, add_sphere, camera, cornell, glass, matte, prepare};
+use crate::render::scenes::{add_quad, add_sphere, camera, cornell, glass, matte, prepare};
 
 const VIEW: View = View { camera: 0, width: 32, height: 32 };
 

@@ -6,7 +6,7 @@ use bottega_scene::{LightKind, LoadOptions, Loaded, Projection, SceneError, load
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use crate::support::{File, U8, warns, write};
+use crate::gltf::support::{File, U8, warns, write};
 
 fn try_load_with(file: &File, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,7 @@ use std::path::Path;
 use bottega_scene::{LoadOptions, SceneError, load};
 use serde_json::{Value, json};
 
-use crate::support::{File, U8, U16, load_bytes, png, warns, write};
+use crate::gltf::support::{File, U8, U16, load_bytes, png, warns, write};
 
 fn error_of(path: &Path) -> SceneError {
     load(path, &LoadOptions::default()).expect_err("the file is bad")

@@ -11,8 +11,8 @@ use bottega_scene::{LoadOptions, Mesh, Scene, load};
 use glam::{DVec3, Vec3};
 use serde_json::json;
 
-use crate::sample_scenes::scenes;
-use crate::support::{File, load_bytes};
+use crate::gltf::sample_scenes::scenes;
+use crate::gltf::support::{File, load_bytes};
 
 pub(crate) fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gltf/data").join(name)

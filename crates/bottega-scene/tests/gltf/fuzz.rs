@@ -5,11 +5,11 @@ use std::path::Path;
 use bottega_scene::{LoadOptions, load};
 use serde_json::{Value, json};
 
-use crate::compressed::data;
-use crate::mutation::{Random, damage, survive};
-use crate::pictures::{ktx2, sample_pictures};
-use crate::sample_scenes::scenes;
-use crate::support::{F32, File, U8, png, warns, write};
+use crate::gltf::compressed::data;
+use crate::gltf::mutation::{Random, damage, survive};
+use crate::gltf::pictures::{ktx2, sample_pictures};
+use crate::gltf::sample_scenes::scenes;
+use crate::gltf::support::{F32, File, U8, png, warns, write};
 
 /// Numbers that are at the edges of something.
 const NUMBERS: [&str; 14] = [

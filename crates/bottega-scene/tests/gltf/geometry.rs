@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3, Vec4};
 use serde_json::json;
 
-use crate::support::{F32, File, U8, U16, U32, warns};
+use crate::gltf::support::{F32, File, U8, U16, U32, warns};
 
 /// World-space corners of every triangle of the scene, instance by instance.
 fn world_triangles(scene: &bottega_scene::Scene) -> Vec<[Vec3; 3]> {
@@ -81,7 +81,7 @@ fn vertices_that_no_triangle_uses_are_left_out_of_every_attribute() {
     let mut file = File::textured(&json!({
         "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "normalTexture": {"index": 0},
     }));
-    file.texture(&crate::support::png(1, 1, &[[128; 4]]));
+    file.texture(&crate::gltf::support::png(1, 1, &[[128; 4]]));
     let points: Vec<f32> = (0..5).flat_map(|i| [i as f32, (i * i) as f32, 0.0]).collect();
     let positions = file.floats("VEC3", &points);
     let normals = file.floats("VEC3", &[0.0, 0.0, 1.0].repeat(5));
@@ -136,7 +136,7 @@ fn nodes_multiply_their_transformations() {
 #[test]
 fn mirrored_instances_keep_their_front_and_their_bitangents() {
     let mut file = File::textured(&json!({"normalTexture": {"index": 0}}));
-    file.texture(&crate::support::png(1, 1, &[[128; 4]]));
+    file.texture(&crate::gltf::support::png(1, 1, &[[128; 4]]));
     let normals = file.floats("VEC3", &[0., 0., 1., 0., 0., 1., 0., 0., 1.]);
     let tangents = file.floats("VEC4", &[1., 0., 0., 1., 1., 0., 0., 1., 1., 0., 0., 1.]);
     file.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals);
@@ -308,7 +308,7 @@ fn texture_coordinates_are_kept_only_where_a_texture_wants_them() {
     let plain = File::textured(&json!({})).load().scene;
     assert!(plain.meshes[0].uvs.iter().all(Vec::is_empty));
     let mut file = File::textured(&json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}));
-    file.texture(&crate::support::png(1, 1, &[[9; 4]]));
+    file.texture(&crate::gltf::support::png(1, 1, &[[9; 4]]));
     let scene = file.load().scene;
     assert_eq!((scene.meshes[0].uvs[0].len(), scene.meshes[0].uvs[1].len()), (0, 3));
 }

@@ -6,7 +6,7 @@ use bottega_scene::{
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 
-use crate::support::{File, png, warns, write};
+use crate::gltf::support::{File, png, warns, write};
 
 fn material(description: &Value) -> Material {
     File::textured(description).load().scene.materials.remove(0)

@@ -5,8 +5,8 @@ use std::path::Path;
 use bottega_scene::{Image, Loaded};
 use serde_json::{Value, json};
 
-use crate::sample_scenes::scenes;
-use crate::support::{File, warns};
+use crate::gltf::sample_scenes::scenes;
+use crate::gltf::support::{File, warns};
 
 /// A scene of one triangle with a picture of numbers: its codes are kept as they are.
 fn with_picture(picture: &[u8], texture: impl Fn(usize) -> Value) -> File {

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use crate::support::{File, U32, write};
+use crate::gltf::support::{File, U32, write};
 
 /// Greatest resident memory of this process so far, in bytes; Linux only.
 fn peak_bytes() -> Option<usize> {
@@ -40,7 +40,7 @@ fn ten_million_triangles_take_little_more_than_scene_and_file() {
         // Loaded in a process of its own, whose peak is not that of making the file.
         let folder = tempfile::tempdir().unwrap();
         let path = write(folder.path(), "large.glb", &grid().glb());
-        let test = "size::ten_million_triangles_take_little_more_than_scene_and_file";
+        let test = "gltf::size::ten_million_triangles_take_little_more_than_scene_and_file";
         let mut child = std::process::Command::new(std::env::current_exe().unwrap());
         let status = child.args(["--ignored", "--exact", "--nocapture", test]).env(FILE, path).status().unwrap();
         assert!(status.success());

@@ -6,7 +6,7 @@ use bottega_scene::{Clip, LightKind, LoadOptions, Projection, SceneError, load};
 use glam::Vec3;
 use serde_json::json;
 
-use crate::support::{File, png, warns, write};
+use crate::gltf::support::{File, png, warns, write};
 
 #[test]
 fn cameras_keep_their_direction_and_lose_their_scale() {

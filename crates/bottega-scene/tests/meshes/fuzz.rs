@@ -4,9 +4,9 @@ use std::path::Path;
 
 use bottega_scene::{LoadOptions, load};
 
-use crate::mutation::{Random, damage, survive};
-use crate::scenes::real_scenes;
-use crate::support::{MTL, OBJ, PLY, binary_ply, gzip, png, serialized, write};
+use crate::meshes::mutation::{Random, damage, survive};
+use crate::meshes::scenes::real_scenes;
+use crate::meshes::support::{MTL, OBJ, PLY, binary_ply, gzip, png, serialized, write};
 
 /// Words that are at the edges of something.
 const WORDS: [&str; 20] = [

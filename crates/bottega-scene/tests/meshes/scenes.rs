@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bottega_scene::{AlphaMode, Channel, LoadOptions, SceneError, Surface, load};
 use glam::{Vec2, Vec3};
 
-use crate::support::{MTL, OBJ, PLY, binary_ply, gzip, load_files, png, serialized, try_load};
+use crate::meshes::support::{MTL, OBJ, PLY, binary_ply, gzip, load_files, png, serialized, try_load};
 
 #[test]
 fn every_format_shows_its_surfaces_under_a_sky() {

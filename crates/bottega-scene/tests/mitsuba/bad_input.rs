@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use bottega_scene::LoadOptions;
 
-use crate::support::{Folder, bare, refuse};
+use crate::mitsuba::support::{Folder, bare, refuse};
 
 #[test]
 fn light_beyond_all_that_can_be_computed_with_is_refused_by_file_and_part() {

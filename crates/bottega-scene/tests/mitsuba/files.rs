@@ -3,7 +3,7 @@
 use bottega_scene::{LoadOptions, Loaded, Mesh, SceneError, Spectrum, Surface};
 use glam::{Vec2, Vec3};
 
-use crate::support::{Folder, bare};
+use crate::mitsuba::support::{Folder, bare};
 
 /// A scene whose material has a name beyond ASCII.
 const SCENE: &str = "<scene version='3.0.0'>\n<!-- grün -->\n<bsdf type='diffuse' id='grün'>\n\

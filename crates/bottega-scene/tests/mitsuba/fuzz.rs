@@ -4,8 +4,8 @@ use bottega_scene::LoadOptions;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 
-use crate::mutation::{Random, damage, survive};
-use crate::support::{Folder, bare};
+use crate::mitsuba::mutation::{Random, damage, survive};
+use crate::mitsuba::support::{Folder, bare};
 
 const CORPUS: [&str; 7] = [
     "<scene version='3.0.0'><default name='r' value='0.5'/><integrator type='path'><integer name='max_depth' value='5'/></integrator>

@@ -3,7 +3,7 @@
 use bottega_scene::{EnvironmentMapping, LightKind, Sides, SpotFalloff, Wrap};
 use glam::{Vec2, Vec3};
 
-use crate::support::{Folder, bare, read, read_old, silent, told};
+use crate::mitsuba::support::{Folder, bare, read, read_old, silent, told};
 
 #[test]
 fn area_lights_shine_from_their_front_and_are_black_by_default() {
@@ -119,7 +119,7 @@ fn colours_of_pictures_are_converted_by_their_chromaticities() {
         // As a picture from the command line white stays white.
         let bare = Folder::new().with("a.exr", exr_of([1.0; 3], chromaticities)).scene("");
         let environment = Some(bare.path().with_file_name("a.exr"));
-        let loaded = bare.load(&bottega_scene::LoadOptions { environment, ..crate::support::bare() }).unwrap();
+        let loaded = bare.load(&bottega_scene::LoadOptions { environment, ..crate::mitsuba::support::bare() }).unwrap();
         let texel = loaded.scene.images[0].texel(1, 1).truncate();
         assert!((texel - 1.0).abs().max_element() < 1e-4, "{texel}");
     }

@@ -6,7 +6,7 @@ use bottega_scene::{
 };
 use glam::{Vec2, Vec3};
 
-use crate::support::{Folder, bare, read, read_old, silent, told};
+use crate::mitsuba::support::{Folder, bare, read, read_old, silent, told};
 
 fn material(bsdf: &str) -> Material {
     let loaded = silent(&format!("<shape type='rectangle'>{bsdf}</shape>"));

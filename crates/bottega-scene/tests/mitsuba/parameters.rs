@@ -3,7 +3,7 @@
 use bottega_scene::{LoadOptions, Surface};
 use glam::Vec3;
 
-use crate::support::{Folder, bare, read, read_old, refuse, silent, told};
+use crate::mitsuba::support::{Folder, bare, read, read_old, refuse, silent, told};
 
 fn reflectance(loaded: &bottega_scene::Loaded) -> Vec3 {
     match &loaded.scene.materials[0].surface {

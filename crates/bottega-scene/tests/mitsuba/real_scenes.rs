@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bottega_scene::LoadOptions;
 
-use crate::support::told;
+use crate::mitsuba::support::told;
 
 fn scenes() -> Option<PathBuf> {
     let folder = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from);

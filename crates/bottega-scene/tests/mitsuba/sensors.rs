@@ -3,7 +3,7 @@
 use bottega_scene::{Camera, Clip, FilmFilter, Follows, FovAxis, PhotonHints, Projection};
 use glam::{Vec2, Vec3};
 
-use crate::support::{read, read_old, refuse, silent, told};
+use crate::mitsuba::support::{read, read_old, refuse, silent, told};
 
 /// The direction in which a camera looks at a point of the picture, (0, 0) in its upper left corner; world space.
 fn direction(camera: &Camera, at: Vec2) -> Vec3 {

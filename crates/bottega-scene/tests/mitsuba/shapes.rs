@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use bottega_scene::{Mesh, Scene, Sides, Surface};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
-use crate::support::{Folder, bare, read, silent, told};
+use crate::mitsuba::support::{Folder, bare, read, silent, told};
 
 /// The front normal of the first triangle of an instance, world space.
 fn front(scene: &Scene, instance: usize) -> Vec3 {

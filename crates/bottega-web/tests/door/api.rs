@@ -15,7 +15,7 @@ use bottega_image::{ReadLimits, read_image_bytes};
 use bottega_web::{Dashboard, openapi_document};
 use serde_json::{Value, json};
 
-use crate::fake::{HIDDEN, SEE, STEER, ask, bearer, get, head, open, post, send, zone};
+use crate::door::fake::{HIDDEN, SEE, STEER, ask, bearer, get, head, open, post, send, zone};
 
 /// An example of each parameter.
 fn filled(path: &str) -> String {

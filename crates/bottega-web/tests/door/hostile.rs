@@ -8,7 +8,7 @@ use std::{
 
 use bottega_web::{EVENT_STREAMS_MAX, JSON_BYTES_MAX};
 
-use crate::fake::{FakeFarm, SEE, STEER, Told, ask, bearer, get, head, open, post, raw, send, zone};
+use crate::door::fake::{FakeFarm, SEE, STEER, Told, ask, bearer, get, head, open, post, raw, send, zone};
 
 /// The farm was told nothing, and whoever means well is answered.
 fn is_unharmed(farm: &FakeFarm, at: SocketAddr) {

@@ -14,7 +14,7 @@ use rustls::{
     pki_types::{CertificateDer, pem::PemObject},
 };
 
-use crate::fake::{FakeFarm, bearer, send};
+use crate::door::fake::{FakeFarm, bearer, send};
 
 #[test]
 fn beyond_this_machine_it_speaks_tls_alone_with_the_certificate_that_it_was_given() {

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use bottega_board::RemoteBoard;
 use bottega_engines::Resources;
-use bottega_gpu::{AdapterKind, EncodedScene, GpuAdapter, GpuError, GpuScenes, adapters};
 use bottega_image::{Aov, Layout};
 use bottega_render::PreparedScene;
 
 use super::{
-    board::ConnectedBoard,
+    board,
+    board_worth::ConnectedBoard,
+    gpu::{self, ChosenGpu, GpuScenes},
     kept::{self, KeptResources, ResourceKey},
 };
 use crate::{
@@ -63,7 +63,7 @@ impl DeviceSet {
         let mut wanted = WantedDevices { threads, gpus: Vec::new(), boards: Vec::new(), notes: Vec::new() };
         match choice {
             DeviceChoice::Auto => {
-                if may_have_gpu() && adapters().iter().any(|adapter| adapter.kind != AdapterKind::Software) {
+                if may_have_gpu() && gpu::has_hardware() {
                     wanted.add(None, scene, &lacks)?;
                 }
             }
@@ -77,20 +77,19 @@ impl DeviceSet {
         if !gpus.is_empty() {
             threads = beside_gpus(threads, gpus.len());
         }
-        let (adapters, encoded): (Vec<_>, Vec<_>) = gpus.into_iter().unzip();
-        let names: Vec<String> = adapters.iter().map(|adapter: &GpuAdapter| adapter.info().name.clone()).collect();
+        let names: Vec<String> = gpus.iter().map(|gpu| gpu.name().to_owned()).collect();
         if !boards.is_empty() {
-            RemoteBoard::tell_bytes(scene);
+            board::count_bytes(scene);
         }
-        let key = |gpus: &[GpuAdapter], boards: &[String]| ResourceKey::new(threads, gpus, boards, memory);
-        let opened = kept::resources(key(&adapters, &boards), joins, &adapters, &encoded);
+        let key = |gpus: &[ChosenGpu], boards: &[String]| ResourceKey::new(threads, gpus, boards, memory);
+        let opened = kept::resources(key(&gpus, &boards), joins, &gpus);
         let (opened, gpus) = match opened {
             Ok(opened) => (opened, names),
             Err(error) if threads == 0 || !boards.is_empty() => return Err(error),
             // Refused to that device, not to the picture.
             Err(error) => {
                 notes.push(format!("{} does not take part: {}", names.join(", "), error_chain(&error)));
-                (kept::resources(key(&[], &[]), joins, &[], &[])?, Vec::new())
+                (kept::resources(key(&[], &[]), joins, &[])?, Vec::new())
             }
         };
         let KeptResources { resources, boards, scenes, .. } = opened;
@@ -107,26 +106,23 @@ impl DeviceSet {
 /// Who is asked to paint, while it is found out who can.
 struct WantedDevices {
     threads: usize,
-    gpus: Vec<(GpuAdapter, EncodedScene)>,
+    gpus: Vec<ChosenGpu>,
     boards: Vec<String>,
     notes: Vec<String>,
 }
 
 impl WantedDevices {
     fn add(&mut self, name: Option<&String>, scene: &Arc<PreparedScene>, lacks: &[String]) -> Result<(), Error> {
-        let lacks = if lacks.is_empty() { Ok(()) } else { Err(GpuError::Unsupported(lacks.to_vec())) };
-        let found = lacks.and_then(|()| {
-            let adapter = GpuAdapter::choose(name.map(String::as_str))?;
-            let encoded = adapter.encode(scene)?;
-            Ok((adapter, encoded))
-        });
+        let found = match lacks {
+            [] => ChosenGpu::choose(name.map(String::as_str), scene),
+            lacks => Err(gpu::unsupported(lacks)),
+        };
         match found {
             Ok(gpu) => {
                 self.gpus.push(gpu);
                 Ok(())
             }
-            Err(error @ (GpuError::UnknownAdapter { .. } | GpuError::NoAdapter)) if name.is_some() => Err(error.into()),
-            Err(error) if self.threads == 0 => Err(error.into()),
+            Err(error) if self.threads == 0 || name.is_some() && gpu::is_absence(&error) => Err(error),
             // Refused to that device, not to the picture.
             Err(error) => {
                 let name = name.map_or("the GPU", String::as_str);
@@ -153,15 +149,11 @@ fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
 
 /// What of this machine a choice means beside the processors: names of GPUs, addresses of boards. What is not there is left out.
 pub fn beside_processors(choice: &DeviceChoice) -> Vec<String> {
-    let name = |wanted: Option<&str>| GpuAdapter::choose(wanted).ok().map(|adapter| adapter.info().clone());
     match choice {
-        DeviceChoice::Auto if may_have_gpu() => {
-            let best = name(None).filter(|info| info.kind != AdapterKind::Software);
-            best.into_iter().map(|info| info.name).collect()
-        }
+        DeviceChoice::Auto if may_have_gpu() => gpu::name_of(None).into_iter().collect(),
         DeviceChoice::Auto => Vec::new(),
         DeviceChoice::These { gpus, boards, .. } => {
-            let gpus = gpus.iter().filter_map(|wanted| name(Some(wanted))).map(|info| info.name);
+            let gpus = gpus.iter().filter_map(|wanted| gpu::name_of(Some(wanted)));
             gpus.chain(boards.iter().cloned()).collect()
         }
     }

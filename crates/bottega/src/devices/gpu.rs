@@ -1,32 +1,94 @@
-//! A GPU as a resource of the allocator.
+//! GPUs as resources of the allocator.
 
 use std::{sync::Arc, time::Duration};
 
-use bottega_gpu::{GpuError, GpuPaths, PathOptions};
+pub use bottega_gpu::GpuScenes;
+use bottega_gpu::{AdapterKind, EncodedScene, GpuAdapter, GpuError, GpuPaths, PathOptions, adapters};
 use bottega_hra::{Lane, Window};
+use bottega_platform::folders::state_folder;
 use bottega_render::{PreparedScene, RenderWork};
 
-use bottega_platform::folders::state_folder;
+use crate::error::Error;
 
-/// A device that does not answer for so long hangs, whatever it was expected to take: a slow one may be the only one.
+/// A device that does not answer for this long hangs, whatever it was expected to take: a slow one may be the only one.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Most units of work that a device is handed over at once: each is thousands of paths, and a fast one does millions in the time
-/// that handing over takes.
+/// Most units of work in one packet to a device: each unit is thousands of paths, and a fast device does millions in the time that
+/// a packet takes to be handed over.
 const UNITS_PER_PACKET: usize = 4096;
 
-/// A GPU that paints a scene; `name`: a part of its name.
-pub(crate) fn open(name: Option<String>, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, GpuError> {
-    let gpu = GpuPaths::new(scene, &path_options(name, None))?;
-    Ok(lane_of(gpu))
+/// A GPU that was chosen for a scene, and the scene in its form.
+pub(super) struct ChosenGpu {
+    adapter: GpuAdapter,
+    encoded: EncodedScene,
 }
 
-pub(super) fn path_options(adapter: Option<String>, memory: Option<u64>) -> PathOptions {
+impl ChosenGpu {
+    /// Chooses the GPU whose name contains `name`, or the best one.
+    ///
+    /// # Errors
+    /// There is none, or it cannot render the scene.
+    pub(super) fn choose(name: Option<&str>, scene: &Arc<PreparedScene>) -> Result<Self, Error> {
+        let adapter = GpuAdapter::choose(name)?;
+        let encoded = adapter.encode(scene)?;
+        Ok(Self { adapter, encoded })
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.adapter.info().name
+    }
+
+    /// Opens it as a lane of the allocator, with the place of scenes in its memory.
+    ///
+    /// - `memory`: bytes that scenes may take there; `None`: nearly all that it has.
+    pub(super) fn open(&self, memory: Option<u64>) -> Result<(Lane<RenderWork>, GpuScenes), Error> {
+        let gpu = GpuPaths::open(self.adapter.clone(), &path_options(Some(self.name().to_owned()), memory))?;
+        let scenes = gpu.scenes();
+        Ok((lane_of(gpu), scenes))
+    }
+
+    /// Compiles its kernels for the scene, which it may be sent afterwards.
+    pub(super) fn admit(&self, scenes: &GpuScenes) -> Result<(), Error> {
+        Ok(scenes.admit(&self.encoded)?)
+    }
+}
+
+/// Whether this machine has a GPU that is not software.
+pub(super) fn has_hardware() -> bool {
+    adapters().iter().any(|adapter| adapter.kind != AdapterKind::Software)
+}
+
+/// Returns the name of the GPU whose name contains `wanted`, or of the best one that is not software.
+pub(super) fn name_of(wanted: Option<&str>) -> Option<String> {
+    let adapter = GpuAdapter::choose(wanted).ok()?;
+    let info = adapter.info();
+    (wanted.is_some() || info.kind != AdapterKind::Software).then(|| info.name.clone())
+}
+
+/// Whether an error says that there is no such GPU, not that it cannot render a scene.
+pub(super) fn is_absence(error: &Error) -> bool {
+    matches!(error, Error::Gpu(GpuError::UnknownAdapter { .. } | GpuError::NoAdapter))
+}
+
+/// Returns the error of a picture that no GPU can render, with the reasons.
+pub(super) fn unsupported(reasons: &[String]) -> Error {
+    GpuError::Unsupported(reasons.to_vec()).into()
+}
+
+/// Opens the GPU whose name contains `name` with a scene on it: it renders blocks of pixels.
+///
+/// # Errors
+/// There is none of that name, or it cannot render the scene.
+pub fn painter(name: &str, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, Error> {
+    Ok(lane_of(GpuPaths::new(scene, &path_options(Some(name.to_owned()), None))?))
+}
+
+fn path_options(adapter: Option<String>, memory: Option<u64>) -> PathOptions {
     let cache = Some(state_folder().join("kernels"));
     PathOptions { adapter, timeout: PATIENCE, memory, cache, ..PathOptions::default() }
 }
 
-pub(super) fn lane_of(gpu: GpuPaths) -> Lane<RenderWork> {
+fn lane_of(gpu: GpuPaths) -> Lane<RenderWork> {
     let window = Window { patience: PATIENCE, units_per_packet: UNITS_PER_PACKET, ..Window::default() };
     Lane::Windowed(Box::new(gpu) as _, window)
 }

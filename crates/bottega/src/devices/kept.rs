@@ -1,25 +1,17 @@
 //! Resources that are kept between pictures: the second picture of a process finds its devices open, its kernels compiled,
 //! and what has not changed of its scene in their memory.
 
-use std::{
-    sync::{Arc, Mutex, PoisonError},
-    time::Duration,
-};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use bottega_board::{BoardAddress, RemoteBoard};
 use bottega_engines::{Devices, Resources};
-use bottega_gpu::{EncodedScene, GpuAdapter, GpuPaths, GpuScenes};
-use bottega_hra::{Lane, Window};
 
 use super::{
-    board::{ConnectedBoard, are_worth_waves},
+    board,
+    board_worth::{ConnectedBoard, are_worth_waves},
     costs,
-    gpu::{lane_of, path_options},
+    gpu::{ChosenGpu, GpuScenes},
 };
-use crate::{error::Error, identity::identity};
-
-/// A board that does not answer for so long is gone.
-const BOARD_PATIENCE: Duration = Duration::from_secs(20);
+use crate::error::Error;
 
 /// Sets of resources that are kept; the one that was not asked for longest goes first.
 const KEPT_MAX: usize = 2;
@@ -38,8 +30,8 @@ pub(super) struct ResourceKey {
 impl ResourceKey {
     /// - `memory`: bytes that scenes may take on a GPU.
     /// - `boards`: addresses of boards that follow rays.
-    pub(super) fn new(threads: usize, gpus: &[GpuAdapter], boards: &[String], memory: Option<u64>) -> Self {
-        let gpus = gpus.iter().map(|gpu| gpu.info().name.clone()).collect();
+    pub(super) fn new(threads: usize, gpus: &[ChosenGpu], boards: &[String], memory: Option<u64>) -> Self {
+        let gpus = gpus.iter().map(|gpu| gpu.name().to_owned()).collect();
         Self { threads, gpus, boards: boards.to_vec(), memory }
     }
 
@@ -78,16 +70,10 @@ impl KeptResources {
 /// picture's scene.
 ///
 /// - `joins`: whether those are as good that paint now, whatever the number of processors; the key that is returned says how many.
-/// - `encoded`: the scene, for each of the GPUs.
 ///
 /// # Errors
 /// A GPU cannot be opened, its kernels cannot be compiled, or a board cannot be reached.
-pub(super) fn resources(
-    key: ResourceKey,
-    joins: bool,
-    gpus: &[GpuAdapter],
-    encoded: &[EncodedScene],
-) -> Result<KeptResources, Error> {
+pub(super) fn resources(key: ResourceKey, joins: bool, gpus: &[ChosenGpu]) -> Result<KeptResources, Error> {
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     kept.retain(|known| known.is_painting() || !known.are_boards_slow());
     let may_join = |known: &KeptResources| joins && known.is_painting() && known.key.differs_in_threads(&key);
@@ -100,25 +86,24 @@ pub(super) fn resources(
             open(key, gpus)?
         }
     };
-    let admitted = found.scenes.iter().zip(encoded).try_for_each(|(scenes, encoded)| scenes.admit(encoded));
+    let admitted = found.scenes.iter().zip(gpus).try_for_each(|(scenes, gpu)| gpu.admit(scenes));
     // A device that failed is not kept: the next picture opens it anew.
     admitted?;
     kept.push(found.clone());
     Ok(found)
 }
 
-fn open(key: ResourceKey, gpus: &[GpuAdapter]) -> Result<KeptResources, Error> {
+fn open(key: ResourceKey, gpus: &[ChosenGpu]) -> Result<KeptResources, Error> {
     let (mut lanes, mut scenes, mut boards) = (Vec::new(), Vec::new(), Vec::new());
-    for adapter in gpus {
-        let options = path_options(Some(adapter.info().name.clone()), key.memory);
-        let gpu = GpuPaths::open(adapter.clone(), &options)?;
-        scenes.push(gpu.scenes());
-        lanes.push(lane_of(gpu));
+    for gpu in gpus {
+        let (lane, place) = gpu.open(key.memory)?;
+        lanes.push(lane);
+        scenes.push(place);
     }
     for address in &key.boards {
-        let board = RemoteBoard::connect(BoardAddress::of(address)?, identity())?;
-        boards.push(ConnectedBoard::of(address, &board));
-        lanes.push(Lane::Windowed(Box::new(board) as _, Window { patience: BOARD_PATIENCE, ..Window::default() }));
+        let (lane, board) = board::open(address)?;
+        lanes.push(lane);
+        boards.push(board);
     }
     let costs = if gpus.is_empty() { None } else { costs::read() };
     let resources = Arc::new(Resources::new(key.threads, Devices { lanes, costs }));

@@ -1,24 +1,40 @@
 //! The devices of this machine: processors and GPUs.
 
+#[cfg(feature = "board")]
 mod board;
+mod board_worth;
 mod choice;
 pub mod costs;
+#[cfg(feature = "gpu")]
 mod gpu;
 mod kept;
+#[cfg(not(feature = "board"))]
+mod without_board;
+#[cfg(not(feature = "gpu"))]
+mod without_gpu;
 
-use std::{sync::Arc, thread};
+use std::thread;
 
-use bottega_hra::{HraReport, Incident, Lane};
-use bottega_render::{PreparedScene, RenderWork};
+use bottega_hra::{HraReport, Incident};
 
-pub(crate) use self::board::{are_worth_waves, left_alone};
+#[cfg(feature = "gpu")]
+pub use self::gpu::painter;
+#[cfg(not(feature = "board"))]
+use self::without_board as board;
+#[cfg(not(feature = "gpu"))]
+use self::without_gpu as gpu;
+pub(crate) use self::{
+    board::check_address as check_board_address,
+    board_worth::{are_worth_waves, left_alone},
+};
 pub use self::{
-    board::ConnectedBoard,
+    board_worth::ConnectedBoard,
     choice::{DeviceSet, PainterWish, beside_gpus, beside_processors},
+    gpu::GpuScenes,
     kept::release,
 };
 pub use crate::request::DeviceChoice;
-use crate::{error::Error, request::Request};
+use crate::request::Request;
 
 /// Processors that this process may use.
 pub fn processors() -> usize {
@@ -28,14 +44,6 @@ pub fn processors() -> usize {
 /// Processors that a request allows.
 pub fn threads(request: &Request) -> usize {
     request.devices.threads.map_or_else(processors, usize::from)
-}
-
-/// The GPU that was asked for, with the scene on it: it paints blocks of pixels.
-///
-/// # Errors
-/// There is none of that name, or it cannot paint the scene.
-pub fn painter(name: &str, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, Error> {
-    Ok(gpu::open(Some(name.to_owned()), scene)?)
 }
 
 /// What went wrong with a device, for its user.

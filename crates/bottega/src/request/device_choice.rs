@@ -2,14 +2,15 @@
 
 use std::str::FromStr;
 
-use bottega_board::BoardAddress;
-
 use super::InvalidField;
+use crate::devices::check_board_address;
 
 /// The word for the processors in a list of devices.
 const PROCESSORS: &str = "cpu";
 /// The word for whatever is there.
 pub const AUTO: &str = "auto";
+/// The beginning of the address of a board.
+const BOARD: &str = "tcp://";
 
 /// The devices that are to paint.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -76,8 +77,8 @@ impl DeviceChoice {
             ));
         }
         let others = names.iter().filter(|name| *name != PROCESSORS).cloned();
-        let (boards, gpus): (Vec<String>, _) = others.partition(|name| BoardAddress::is_one(name));
-        boards.iter().try_for_each(|name| BoardAddress::of(name).map(|_| ()).map_err(|error| error.to_string()))?;
+        let (boards, gpus): (Vec<String>, _) = others.partition(|name| name.starts_with(BOARD));
+        boards.iter().try_for_each(|name| check_board_address(name))?;
         let processors = names.iter().any(|name| name == PROCESSORS);
         if !boards.is_empty() && !processors {
             return Err(format!("`{PROCESSORS}` beside boards, which follow rays and shade nothing"));

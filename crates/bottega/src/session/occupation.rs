@@ -7,6 +7,7 @@ use bottega_hra::{CableUse, HraReport, timeline_json, timeline_svg};
 use super::reporter::Reporter;
 use crate::{
     builtin::BuiltinPainter,
+    devices::GpuScenes,
     error::Error,
     events::{CableTraffic, Event, ResourceUse},
     text::shown,
@@ -69,8 +70,8 @@ fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
         units: resource.units,
         failures: resource.failures,
         memory_bytes: resource.descriptor.memory_bytes,
-        resident_bytes: scenes.map(bottega_gpu::GpuScenes::resident_bytes),
-        sent_bytes: scenes.map(bottega_gpu::GpuScenes::sent_bytes),
+        resident_bytes: scenes.map(GpuScenes::resident_bytes),
+        sent_bytes: scenes.map(GpuScenes::sent_bytes),
         cable: resource
             .cable
             .filter(|_| painter.crew.boards.iter().any(|board| board.name == resource.descriptor.name))

@@ -220,19 +220,19 @@ impl<M: StateMachine> Mailbox<M> {
         self.shared.work.notify_all();
     }
 
-    /// Brings something from beyond this process. Dropped when the agent has stopped.
-    pub(in crate::driver) fn deliver(&self, event: EventOf<M>) {
+    /// Delivers an event from beyond this process. It is dropped when the agent has stopped.
+    pub fn deliver(&self, event: EventOf<M>) {
         self.shared.lock().deliver(self.agent, event);
         self.shared.work.notify_all();
     }
 
-    /// The number of the agent among those of its platform.
-    pub(in crate::driver) fn number(&self) -> usize {
+    /// Returns the number of the agent among those of its platform.
+    pub fn number(&self) -> usize {
         self.agent
     }
 
-    /// Whether the agent has stopped: nothing that is delivered is of use any more.
-    pub(in crate::driver) fn is_closed(&self) -> bool {
+    /// Whether the agent has stopped, so that nothing can be delivered to it.
+    pub fn is_closed(&self) -> bool {
         let state = self.shared.lock();
         state.closing || state.slots[self.agent].stopped
     }

@@ -6,7 +6,8 @@ use async_nats::Request;
 use tokio::{runtime::Builder, sync::Semaphore};
 use tokio_stream::StreamExt;
 
-use super::{Codec, Login, NatsError, NatsOptions, NatsUplink, names, options::ANSWER_TIME, rights::NEWCOMER};
+use super::{Login, NatsError, NatsOptions, NatsUplink, names, options::ANSWER_TIME, rights::NEWCOMER};
+use crate::codec::Codec;
 
 /// The largest request.
 const REQUEST_BYTES_MAX: usize = 1 << 12;

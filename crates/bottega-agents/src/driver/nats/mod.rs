@@ -8,9 +8,9 @@
 
 mod blobs;
 mod board;
-mod codec;
 mod enrolment;
 mod error;
+mod frame;
 mod names;
 mod options;
 mod paged;
@@ -41,7 +41,6 @@ use tokio_stream::StreamExt;
 pub use self::{
     blobs::{Blob, BlobError, NatsBlobs},
     board::{Notice, NoticeBoard},
-    codec::{Codec, WIRE_VERSION},
     enrolment::{MemberKey, enrol, is_public_key, newcomer},
     error::NatsError,
     options::{Login, NatsOptions, Tls},
@@ -55,7 +54,7 @@ pub use self::{
 };
 use self::{options::ANSWER_TIME, store::Bucket};
 use super::{Mailbox, Uplink};
-use crate::{AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket, Time};
+use crate::{AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket, Time, codec::Codec};
 
 /// Messages that wait to go out at most; what comes on top is lost, as on any network.
 const OUTBOX_MAX: usize = 1 << 14;
@@ -344,7 +343,7 @@ where
                     tracing::warn!(subject = %message.subject, "a message of nobody");
                     continue;
                 };
-                match codec::read_message(&*codec, mailbox.now(), sender, me.clone(), &message.payload) {
+                match frame::read_message(&*codec, mailbox.now(), sender, me.clone(), &message.payload) {
                     Ok(message) => mailbox.deliver(Event::Message(message)),
                     Err(error) => tracing::warn!(subject = %message.subject, %error, "a message that cannot be read"),
                 }
@@ -355,7 +354,7 @@ where
 
     fn publish(&self, now: Time, message: &AclMessage<K::Content>, receiver: &AgentId) {
         let subject = names::message_to(&self.farm, receiver, &message.sender.name);
-        let bytes = codec::write_message(&*self.codec, now, message);
+        let bytes = frame::write_message(&*self.codec, now, message);
         if self.outbox.try_send((subject, bytes)).is_err() {
             tracing::warn!(%receiver, "a message was lost: too many wait");
         }

@@ -11,10 +11,10 @@ use std::{
     time::Duration,
 };
 
-use super::{NatsUplink, NoticePages, codec::Codec};
+use super::{NatsUplink, NoticePages};
 use crate::{
     AclMessage, AgentId, Event, Key, Mailbox, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time, Uplink,
-    entry_store::EntryStore, platform::PAGE_FOLDERS, store::AddressedStore,
+    codec::Codec, entry_store::EntryStore, platform::PAGE_FOLDERS, store::AddressedStore,
 };
 
 /// How often is looked what other processes wrote.

@@ -12,12 +12,13 @@ use async_nats::{
 };
 
 use super::{
-    codec::{self, Codec},
     error::NatsError,
-    names,
+    frame, names,
     watch::{WatchNews, WrittenEntry, follow},
 };
-use crate::{Entry, Event, Key, Revision, StateMachine, StoreReply, StoreRequest, Ticket, driver::Mailbox};
+use crate::{
+    Entry, Event, Key, Revision, StateMachine, StoreReply, StoreRequest, Ticket, codec::Codec, driver::Mailbox,
+};
 
 /// The largest value of an entry.
 const VALUE_BYTES_MAX: i32 = 1 << 20;
@@ -142,7 +143,7 @@ impl<K: Codec> Bucket<K> {
     }
 
     fn bytes(&self, value: &K::Value) -> bytes::Bytes {
-        codec::write_entry(&*self.codec, value).into()
+        frame::write_entry(&*self.codec, value).into()
     }
 
     async fn entry(&self, key: &Key) -> Result<Option<Entry<K::Value>>, ()> {
@@ -159,7 +160,7 @@ impl<K: Codec> Bucket<K> {
             tracing::warn!(key, "an entry whose name cannot be read");
             return None;
         };
-        match codec::read_entry(&*self.codec, value) {
+        match frame::read_entry(&*self.codec, value) {
             Ok(value) => Some(Entry { key: read_key, revision: Revision(revision), value }),
             Err(error) => {
                 tracing::warn!(key, %error, "an entry that cannot be read");

@@ -25,10 +25,13 @@ use std::{
 use bottega::request::WordChoice;
 use bottega_agents::{
     AgentId, LocalPlatform, Mailbox,
-    driver::node::{Node, Reports},
+    driver::{
+        nats::NatsUplink,
+        node::{Node, Reports},
+    },
     machine_of,
 };
-use bottega_farm::{Expert, Link, Timing, Visitor, VisitorConfig, VisitorReport, WorkId};
+use bottega_farm::{Expert, FarmCodec, Link, Timing, Visitor, VisitorConfig, VisitorReport, WorkId};
 
 use self::{
     desk::{Desk, ExpectedDelivery},
@@ -41,6 +44,7 @@ use crate::{
     error::Error,
     job::{Job, JobSpec},
     names::fresh_number,
+    transport::job_link,
 };
 
 /// How often the jobs are looked at.
@@ -175,9 +179,7 @@ impl JobWatch {
             deliver: self.desk.results(),
             secret,
         });
-        let link =
-            Link { uplink: Arc::clone(&board.uplink), work: WorkId(job.work), job: Some(number), name: String::new() };
-        let bridge = Arc::new(Bridge::begin(link, self.desk.clone())?);
+        let bridge = Arc::new(Bridge::begin(&board.uplink, WorkId(job.work), number, self.desk.clone())?);
         let performer = Arc::clone(&bridge);
         let reports = node.add_worldly(&id, door, move |effect| performer.perform(effect));
         let reports = reports
@@ -211,11 +213,11 @@ struct Bridge {
 }
 
 impl Bridge {
-    fn begin(link: Link, desk: Desk) -> Result<Self, Error> {
-        let uplink: Arc<dyn bottega_agents::Uplink<Visitor>> = link.uplink.clone();
-        let platform = LocalPlatform::linked(1, Some(uplink)).map_err(|error| {
+    fn begin(uplink: &Arc<NatsUplink<FarmCodec>>, work: WorkId, job: u32, desk: Desk) -> Result<Self, Error> {
+        let platform = LocalPlatform::linked(1, Some(Arc::clone(uplink) as _)).map_err(|error| {
             Error::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
         })?;
+        let link = job_link(Arc::clone(uplink), work, Some(job), String::new());
         Ok(Self { platform, visitors: Mutex::default(), reports: Arc::default(), link, desk })
     }
 

@@ -19,7 +19,7 @@ use self::{
     cast::AnyAgent,
     world::HostileWorld,
 };
-use crate::{
+use crate::sim::{
     stage::{assert_pieces, bad_network},
     survey::tunables,
 };

@@ -14,7 +14,7 @@ use bottega_farm::{
 use bottega_image::Rect;
 
 use super::cast::{AnyAgent, AnyCompletion, AnyEffect};
-use crate::{stage::Studio, survey::survey};
+use crate::sim::{stage::Studio, survey::survey};
 
 type Reports = Vec<(Duration, AnyCompletion)>;
 

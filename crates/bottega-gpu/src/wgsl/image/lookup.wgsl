@@ -41,38 +41,62 @@ fn lookup_uv_set(map: u32) -> u32 {
 
 // One texel of a level whose texels begin at `at`, linear.
 fn lookup_texel(format: u32, at: u32, index: u32) -> vec4f {
-    let is_srgb = (format >> IMAGE_SRGB_SHIFT) != 0u;
-    switch format & IMAGE_FORMAT_MASK {
-        case TEXTURE_GRAY8: {
-            let code = (texture_words[at + (index >> 2u)] >> ((index & 3u) * 8u)) & 0xffu;
-            if is_srgb {
-                return vec4f(vec3f(lookup_f32(code)), 1.0);
-            }
-            return vec4f(vec3f(f32(code) / TEXEL_8_MAX), 1.0);
+    let kind = format & IMAGE_FORMAT_MASK;
+    if kind == TEXTURE_GRAY8 || kind == TEXTURE_RGBA8 {
+        let is_gray = kind == TEXTURE_GRAY8;
+        let word = texture_words[at + select(index, index >> 2u, is_gray)];
+        let gray = vec3u((word >> ((index & 3u) * 8u)) & 0xffu);
+        let code = select(vec3u(word & 0xffu, (word >> 8u) & 0xffu, (word >> 16u) & 0xffu), gray, is_gray);
+        let alpha = select(f32(word >> 24u) / TEXEL_8_MAX, 1.0, is_gray);
+        if (format >> IMAGE_SRGB_SHIFT) != 0u {
+            return vec4f(lookup_f32(code.x), lookup_f32(code.y), lookup_f32(code.z), alpha);
         }
-        case TEXTURE_RGBA8: {
-            let word = texture_words[at + index];
-            let code = vec4u(word & 0xffu, (word >> 8u) & 0xffu, (word >> 16u) & 0xffu, word >> 24u);
-            let alpha = f32(code.w) / TEXEL_8_MAX;
-            if is_srgb {
-                return vec4f(lookup_f32(code.x), lookup_f32(code.y), lookup_f32(code.z), alpha);
-            }
-            return vec4f(vec3f(code.xyz) / TEXEL_8_MAX, alpha);
-        }
-        case TEXTURE_RGBA16: {
-            let low = texture_words[at + 2u * index];
-            let high = texture_words[at + 2u * index + 1u];
-            return vec4f(vec4u(low & 0xffffu, low >> 16u, high & 0xffffu, high >> 16u)) / TEXEL_16_MAX;
-        }
-        case TEXTURE_RGB32: {
-            let start = at + 3u * index;
-            return vec4f(lookup_f32(start), lookup_f32(start + 1u), lookup_f32(start + 2u), 1.0);
-        }
-        default: {
-            let start = at + 4u * index;
-            return vec4f(lookup_f32(start), lookup_f32(start + 1u), lookup_f32(start + 2u), lookup_f32(start + 3u));
-        }
+        return vec4f(vec3f(code) / TEXEL_8_MAX, alpha);
     }
+    let is_short = kind == TEXTURE_RGBA16;
+    let has_alpha = kind != TEXTURE_RGB32;
+    let start = at + index * select(select(3u, 4u, has_alpha), 2u, is_short);
+    var words = vec4u(texture_words[start], texture_words[start + 1u], 0u, 0u);
+    if is_short {
+        return vec4f(vec4u(words.x & 0xffffu, words.x >> 16u, words.y & 0xffffu, words.y >> 16u)) / TEXEL_16_MAX;
+    }
+    words.z = texture_words[start + 2u];
+    words.w = bitcast<u32>(1.0);
+    if has_alpha {
+        words.w = texture_words[start + 3u];
+    }
+    return bitcast<vec4f>(words);
+}
+
+// The texels that a lookup takes of one level: one, or the four around a point, upper row first.
+struct TextureTaps {
+    start: u32,
+    texels: vec4u,
+    count: u32,
+    // Weights of the second column and row.
+    u: f32,
+    v: f32,
+}
+
+// One texel.
+fn lookup_one(start: u32, texel: u32) -> TextureTaps {
+    return TextureTaps(start, vec4u(texel), 1u, 0.0, 0.0);
+}
+
+// The values of all taps, by the same code: it is long, and what compiles a shader writes it out wherever it is called. Of one tap the
+// others are 0, and have no weight.
+fn lookup_quad(format: u32, taps: TextureTaps) -> TextureQuad {
+    var quad = TextureQuad(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0), taps.u, taps.v);
+    var texels = taps.texels;
+    for (var i = 0u; i < taps.count; i++) {
+        let value = lookup_texel(format, taps.start, texels.x);
+        texels = texels.yzwx;
+        quad.a = select(quad.a, value, i == 0u);
+        quad.b = select(quad.b, value, i == 1u);
+        quad.c = select(quad.c, value, i == 2u);
+        quad.d = select(quad.d, value, i == 3u);
+    }
+    return quad;
 }
 
 // Linear RGBA of the picture as a map lays it on a surface; `footprint`: width of the lookup in units of `uv`.
@@ -85,21 +109,22 @@ fn image_eval(handle: u32, uv: vec2f, footprint: f32) -> vec4f {
     let last = texture_words[image + IMAGE_LEVEL_COUNT] - 1u;
     let levels = image + IMAGE_WORDS;
     let detail = lookup_level_of_detail(map, footprint);
-    var level = 0u;
-    var rest = 0.0;
-    if detail > 0.0 {
-        level = u32(detail);
-        rest = detail - f32(level);
-        if level >= last {
-            return lookup_texel(format, texture_words[levels + LEVEL_WORDS * last + LEVEL_TEXELS], 0u);
-        }
-    } else if (flags & MAP_SMOOTH) == 0u {
-        return lookup_nearest(format, levels, flags, at);
-    }
+    let level = min(u32(max(detail, 0.0)), last);
+    let is_last = detail > 0.0 && level >= last;
+    let is_nearest = detail <= 0.0 && (flags & MAP_SMOOTH) == 0u;
+    let rest = select(max(detail, 0.0) - f32(level), 0.0, is_last);
     var value = vec4f(0.0);
-    // Both levels by the same code: it is long.
     for (var i = 0u; i < 2u; i++) {
-        let q = lookup_around(format, levels + LEVEL_WORDS * (level + i), flags, at);
+        let place = levels + LEVEL_WORDS * (level + i);
+        var taps: TextureTaps;
+        if is_last {
+            taps = lookup_one(texture_words[place + LEVEL_TEXELS], 0u);
+        } else if is_nearest {
+            taps = lookup_nearest(place, flags, at);
+        } else {
+            taps = lookup_around(place, flags, at);
+        }
+        let q = lookup_quad(format, taps);
         let upper = q.a * (1.0 - q.u) + q.b * q.u;
         let lower = q.c * (1.0 - q.u) + q.d * q.u;
         let here = upper * (1.0 - q.v) + lower * q.v;
@@ -133,7 +158,7 @@ fn image_slopes(handle: u32, uv: vec2f, footprint: f32) -> TextureSlopes {
     var along_y = vec4f(0.0);
     for (var i = 0u; i < 2u; i++) {
         let place = levels + LEVEL_WORDS * (level + i);
-        let q = lookup_around(format, place, flags, at);
+        let q = lookup_quad(format, lookup_around(place, flags, at));
         let width = f32(texture_words[place + LEVEL_WIDTH]) * select(1.0, -1.0, turned_u);
         let height = f32(texture_words[place + LEVEL_HEIGHT]) * select(1.0, -1.0, turned_v);
         let x = ((q.b - q.a) * (1.0 - q.v) + (q.d - q.c) * q.v) * width;
@@ -202,25 +227,21 @@ fn lookup_neighbors(x: f32, wrap: u32, size: u32) -> TexturePlace {
     return TexturePlace(u32(max(first, 0)), u32(min(second, last)), weight);
 }
 
-// The four texels around a point, upper row first. `level`: the place of its record.
-fn lookup_around(format: u32, level: u32, flags: u32, at: vec2f) -> TextureQuad {
-    let start = texture_words[level + LEVEL_TEXELS];
+// The four texels around a point. `level`: the place of its record.
+fn lookup_around(level: u32, flags: u32, at: vec2f) -> TextureTaps {
     let width = texture_words[level + LEVEL_WIDTH];
     let x = lookup_neighbors(at.x, (flags >> MAP_WRAP_U_SHIFT) & MAP_WRAP_MASK, width);
     let y = lookup_neighbors(at.y, (flags >> MAP_WRAP_V_SHIFT) & MAP_WRAP_MASK, texture_words[level + LEVEL_HEIGHT]);
-    var quad: TextureQuad;
-    quad.a = lookup_texel(format, start, y.first * width + x.first);
-    quad.b = lookup_texel(format, start, y.first * width + x.second);
-    quad.c = lookup_texel(format, start, y.second * width + x.first);
-    quad.d = lookup_texel(format, start, y.second * width + x.second);
-    quad.u = x.weight;
-    quad.v = y.weight;
-    return quad;
+    let upper = y.first * width;
+    let lower = y.second * width;
+    let texels = vec4u(upper + x.first, upper + x.second, lower + x.first, lower + x.second);
+    return TextureTaps(texture_words[level + LEVEL_TEXELS], texels, 4u, x.weight, y.weight);
 }
 
-fn lookup_nearest(format: u32, level: u32, flags: u32, at: vec2f) -> vec4f {
+// The texel at a point.
+fn lookup_nearest(level: u32, flags: u32, at: vec2f) -> TextureTaps {
     let size = vec2u(texture_words[level + LEVEL_WIDTH], texture_words[level + LEVEL_HEIGHT]);
     let inside = vec2f(lookup_wrapped(at.x, (flags >> MAP_WRAP_U_SHIFT) & MAP_WRAP_MASK), lookup_wrapped(at.y, (flags >> MAP_WRAP_V_SHIFT) & MAP_WRAP_MASK));
     let texel = min(vec2u(inside * vec2f(size)), size - 1u);
-    return lookup_texel(format, texture_words[level + LEVEL_TEXELS], texel.y * size.x + texel.x);
+    return lookup_one(texture_words[level + LEVEL_TEXELS], texel.y * size.x + texel.x);
 }

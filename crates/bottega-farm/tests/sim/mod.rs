@@ -1,11 +1,10 @@
 //! The farm in virtual time: unequal agents, a bad network, agents that die and come back.
 
-#[path = "../common/survey.rs"]
-mod survey;
-
 mod directories;
 mod hostile;
 mod stage;
+
+use crate::common::survey;
 
 use std::time::Duration;
 

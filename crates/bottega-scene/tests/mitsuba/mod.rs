@@ -5,10 +5,10 @@ mod files;
 mod fuzz;
 mod lights;
 mod materials;
-#[path = "../mutation/mod.rs"]
-mod mutation;
 mod parameters;
 mod real_scenes;
 mod sensors;
 mod shapes;
 mod support;
+
+use crate::mutation;

@@ -1,8 +1,8 @@
 //! Other people's engines, well and badly behaved: workers and command lines that exist only here.
 
 mod real;
-#[path = "../support/mod.rs"]
-mod support;
+
+use crate::support;
 
 use std::{
     fs,

@@ -7,7 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::support::{self, Jade, Line, TAKEN, WAIT, config, is, node, node_over};
+use crate::nodes::support::{self, Jade, Line, TAKEN, WAIT, config, is, node, node_over};
 use bottega_agents::{
     Action, ActionOf, AgentId, Event, EventOf, Performative as P, StateMachine, Time,
     driver::node::Node,

@@ -6,10 +6,10 @@ mod compressed;
 mod fuzz;
 mod geometry;
 mod materials;
-#[path = "../mutation/mod.rs"]
-mod mutation;
 mod pictures;
 mod sample_scenes;
 mod size;
 mod support;
 mod view;
+
+use crate::mutation;

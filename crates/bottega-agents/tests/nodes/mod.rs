@@ -1,7 +1,7 @@
 //! Nodes of a platform that speak with others over real sockets.
 
+mod federation;
 mod gateway;
 mod jade;
-mod nodes;
-#[path = "../support/mod.rs"]
-mod support;
+
+use crate::support;

@@ -19,9 +19,9 @@ mod platform;
 mod requests;
 mod room;
 mod strangers;
-#[path = "../support/mod.rs"]
-mod support;
 mod web;
+
+use crate::support;
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -12,5 +12,5 @@ mod requests;
 mod rules;
 mod same_bits;
 mod simulate;
-#[path = "../support/mod.rs"]
-mod support;
+
+use crate::support;

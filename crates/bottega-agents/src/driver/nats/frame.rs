@@ -4,45 +4,13 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{AclMessage, AgentId, Performative, Time};
+use crate::{
+    AclMessage, AgentId, Performative, Time,
+    codec::{Codec, WIRE_VERSION},
+};
 
-/// The layout of messages and entries. Whoever has another one does not understand a word, and is told so when it joins.
-pub const WIRE_VERSION: u8 = 3;
-
-/// Words that are no words of the vocabulary.
+/// A word that is not in the vocabulary.
 const NO_WORD: u8 = u8::MAX;
-
-/// How the contents of messages and the values of entries are written. What is read was written by somebody else:
-/// nothing in it is believed.
-pub trait Codec: Send + Sync + 'static {
-    /// What messages say.
-    type Content: Send + 'static;
-    /// What the store holds.
-    type Value: Send + 'static;
-    /// Why bytes are refused.
-    type Error: std::error::Error + Send + Sync + 'static;
-
-    /// All languages, ontologies and protocols of messages, the same in each version of the layout.
-    fn words(&self) -> &'static [&'static str];
-
-    /// Appends a content.
-    fn write_content(&self, content: &Self::Content, bytes: &mut Vec<u8>);
-
-    /// Reads what [`Self::write_content`] wrote, and nothing else.
-    ///
-    /// # Errors
-    /// It is something else.
-    fn read_content(&self, bytes: &[u8]) -> Result<Self::Content, Self::Error>;
-
-    /// Appends a value.
-    fn write_value(&self, value: &Self::Value, bytes: &mut Vec<u8>);
-
-    /// Reads what [`Self::write_value`] wrote, and nothing else.
-    ///
-    /// # Errors
-    /// It is something else.
-    fn read_value(&self, bytes: &[u8]) -> Result<Self::Value, Self::Error>;
-}
 
 /// Why a message or an entry is refused.
 #[derive(Debug, PartialEq, thiserror::Error)]

@@ -1,0 +1,7 @@
+//! The tests of bottega-fuzzy that use it from outside, as one program.
+
+mod hostile;
+mod language;
+mod reference;
+mod rules;
+mod verify;

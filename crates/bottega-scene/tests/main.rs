@@ -1,0 +1,8 @@
+//! The tests of bottega-scene that use it from outside, as one program.
+
+mod gltf;
+mod meshes;
+mod mitsuba;
+mod mutation;
+mod pbrt;
+mod pbrt_mappings;

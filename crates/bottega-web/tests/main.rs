@@ -1,0 +1,4 @@
+//! The tests of bottega-web that use it from outside, as one program.
+
+mod door;
+mod scripts;

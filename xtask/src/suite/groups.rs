@@ -1,0 +1,51 @@
+//! Tests that need more than Rust, as named groups: `cargo xtask test GROUP` runs one of them alone.
+
+use clap::ValueEnum;
+
+/// A group of tests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub(crate) enum Group {
+    /// Farms of real processes: they need a NATS server.
+    Farm,
+    /// The page in Chromium, and its scripts in Node.js.
+    Browser,
+    /// The Python module: it needs Python with NumPy, pytest and mypy.
+    Python,
+    /// Other renderers: they need POV-Ray and Mitsuba.
+    Engines,
+    /// GPU kernels: they need a Vulkan driver, such as Mesa's software one.
+    Gpu,
+}
+
+/// The tests of one package that belong to a group.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Part {
+    pub(crate) group: Group,
+    pub(crate) package: &'static str,
+    /// The modules of the test program whose tests belong to it. None: all of the program.
+    pub(crate) modules: &'static [&'static str],
+    /// Processors that it keeps busy, as measured; the rest of its time it waits.
+    pub(crate) load: f64,
+}
+
+/// All parts, the longest first.
+pub(crate) const PARTS: &[Part] = &[
+    Part { group: Group::Farm, package: "bottega-cli", modules: &["farm"], load: 1.0 },
+    Part { group: Group::Browser, package: "bottega-cli", modules: &["page"], load: 0.7 },
+    Part { group: Group::Python, package: "bottega-python", modules: &[], load: 1.0 },
+    Part { group: Group::Engines, package: "bottega-cli", modules: &["engines"], load: 1.0 },
+    Part { group: Group::Gpu, package: "bottega-gpu", modules: &[], load: 1.0 },
+    Part { group: Group::Farm, package: "bottega-bench", modules: &["farm"], load: 0.5 },
+    Part { group: Group::Browser, package: "bottega-web", modules: &["scripts"], load: 1.0 },
+];
+
+/// Packages that programs of a group's tests come from, beside those of its parts.
+pub(crate) fn beside(group: Group) -> &'static [&'static str] {
+    match group {
+        // The example `submit`.
+        Group::Farm => &["bottega-cluster"],
+        // The program, which the module is compared with.
+        Group::Python => &["bottega-cli"],
+        Group::Browser | Group::Engines | Group::Gpu => &[],
+    }
+}

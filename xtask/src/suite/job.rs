@@ -1,0 +1,102 @@
+//! The runs of test programs: each program once for its tests that need Rust alone, and once for each group that it has tests of.
+
+use std::{env, ffi::OsString, path::PathBuf, process::Command, thread};
+
+use anyhow::{Context, Result};
+
+use super::{
+    groups::{Group, PARTS, Part},
+    programs::TestProgram,
+};
+use crate::{bars::root, cargo};
+
+/// A run of a test program, or of the examples in documentation.
+pub(crate) struct Job {
+    /// What it is listed under, such as `bottega-cli farm`.
+    pub(crate) name: String,
+    pub(crate) command: Command,
+    /// Processors that it keeps busy.
+    pub(crate) load: f64,
+}
+
+/// Programs that take longest where nothing is waited for: they begin first, so that none of them is alone at the end.
+const LONG: [&str; 4] = ["bottega-render", "bottega-scene", "bottega-farm", "bottega-cli"];
+
+/// The runs of these programs, in the order in which they begin.
+pub(crate) fn jobs(
+    programs: &[TestProgram],
+    group: Option<Group>,
+    environment: &[(&'static str, OsString)],
+) -> Result<Vec<Job>> {
+    let libraries = library_path()?;
+    let make = |name: String, program: &TestProgram, filters: &[String], load: f64| {
+        let mut command = Command::new(&program.file);
+        command.args(filters).args(["--show-output", "--test-threads", &threads(load).to_string()]);
+        // As cargo runs it.
+        command.current_dir(&program.folder).env("CARGO_MANIFEST_DIR", &program.folder);
+        command.env("LD_LIBRARY_PATH", &libraries).envs(environment.iter().map(|(name, value)| (name, value)));
+        cargo::forget_package(&mut command);
+        command.env("CARGO_MANIFEST_DIR", &program.folder);
+        Job { name, command, load }
+    };
+    let parts = PARTS.iter().filter(|part| group.is_none_or(|group| part.group == group));
+    let mut jobs: Vec<Job> = Vec::new();
+    for part in parts {
+        for program in programs.iter().filter(|program| program.package == part.package && holds(program, part)) {
+            let filters: Vec<String> = part.modules.iter().map(|module| format!("{module}::")).collect();
+            let kind = if program.is_unit { " (unit)" } else { "" };
+            let name = format!("{} {}{kind}", part.package, format!("{:?}", part.group).to_lowercase());
+            jobs.push(make(name, program, &filters, part.load));
+        }
+    }
+    if group.is_some() {
+        return Ok(jobs);
+    }
+    let mut others: Vec<(usize, Job)> = Vec::new();
+    for program in programs {
+        let parts: Vec<&Part> =
+            PARTS.iter().filter(|part| part.package == program.package && holds(program, part)).collect();
+        if parts.iter().any(|part| part.modules.is_empty()) {
+            continue;
+        }
+        let modules = parts.iter().flat_map(|part| part.modules);
+        let skips: Vec<String> = modules.flat_map(|module| ["--skip".to_owned(), format!("{module}::")]).collect();
+        let name = format!("{}{}", program.package, if program.is_unit { " (unit)" } else { "" });
+        let rank = LONG.iter().position(|long| *long == program.package).unwrap_or(LONG.len());
+        others.push((rank, make(name, program, &skips, 1.0)));
+    }
+    others.sort_by_key(|(rank, _)| *rank);
+    jobs.extend(others.into_iter().map(|(_, job)| job));
+    jobs.push(documentation(environment));
+    Ok(jobs)
+}
+
+/// Whether a program has tests of this part: the modules of a part are those of the folder `tests`.
+fn holds(program: &TestProgram, part: &Part) -> bool {
+    part.modules.is_empty() || !program.is_unit
+}
+
+/// The examples in documentation, which cargo compiles and runs.
+fn documentation(environment: &[(&'static str, OsString)]) -> Job {
+    let mut command = cargo::command();
+    command.args(["test", "--quiet", "--workspace", "--doc", "--no-fail-fast"]).current_dir(root());
+    command.envs(environment.iter().map(|(name, value)| (name, value)));
+    Job { name: "examples in documentation".to_owned(), command, load: 1.0 }
+}
+
+/// Tests of one program that run at a time: so many that other programs have their part of the processors.
+fn threads(load: f64) -> usize {
+    let all = thread::available_parallelism().map_or(1, usize::from);
+    // What waits most of its time waits beside others.
+    if load < 1.0 { all.max(2) } else { all.div_ceil(2) }
+}
+
+/// Where test programs find the standard library: those of macros are linked with it at run time.
+fn library_path() -> Result<OsString> {
+    let rustc = PathBuf::from(env!("CARGO")).with_file_name("rustc");
+    let shown = Command::new(rustc).args(["--print", "target-libdir"]).output().context("cannot start rustc")?;
+    let folder = PathBuf::from(String::from_utf8(shown.stdout)?.trim());
+    let rest = env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
+    let all = std::iter::once(folder).chain(env::split_paths(&rest).collect::<Vec<_>>());
+    Ok(env::join_paths(all)?)
+}
