@@ -81,9 +81,9 @@ enum Command {
     /// Measures a farm of real processes on this machine: what the way over a server costs, what a machine costs that waits,
     /// and how long a picture takes while somebody is killed every few seconds. Some minutes; nothing else should run.
     Farm(farm::FarmArgs),
-    /// What befalls a farm of real processes by chance: jobs asked for, painted again, paused, called off, machines, server and `up` killed,
-    /// guests that come and go, through command line, HTTP and Python in turn. After each quiet moment all tell the same and all pictures
-    /// have their bits; no job waits while a machine is free. 500 steps take about an hour.
+    /// Runs a farm of real processes through random events from a seed: jobs submitted, painted again, paused and called off; machines,
+    /// server and `up` killed; guests that join and leave; by command line, HTTP and Python in turn. Fails when the doors differ, a picture
+    /// has other bits, or a job waits while a machine is free.
     Soak(soak::SoakArgs),
     /// Evaluates rules by an independent fuzzy library, and keeps the numbers for the tests of bottega-fuzzy.
     FuzzyReference {

@@ -1,6 +1,5 @@
-//! A soak: hundreds of things that befall a farm of real processes, by chance from a seed, through its three doors in turn. After each
-//! quiet moment all doors tell the same, all that was asked for is painted and has its bits, and at no moment does a job wait while a
-//! machine is free.
+//! A soak: random events, from a seed, on a farm of real processes, through its three doors in turn. After each quiet moment all doors
+//! must report the same and all jobs must be painted with the right bits; at no moment may a job wait while a machine is free.
 
 mod doors;
 mod farm;
