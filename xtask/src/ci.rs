@@ -7,12 +7,12 @@ use anyhow::Result;
 use crate::{
     beside::CheckBeside,
     cargo::cargo,
-    cost, deny, needs, soak,
+    cost, deny, needs,
     suite::{self, Group},
     systems,
 };
 
-/// Format, lints, documentation, dependencies, other systems, tests, a short soak.
+/// Format, lints, documentation, dependencies, other systems, tests.
 pub(crate) fn ci() -> Result<()> {
     let begun = Instant::now();
     // What is installed comes over the network while processors read sources.
@@ -30,9 +30,8 @@ pub(crate) fn ci() -> Result<()> {
     let mut systems = None;
     let tested = suite::run(None, &needs::variables(), || systems = Some(CheckBeside::start("systems")));
     let checked = systems.map_or(Ok(()), |check| check?.finish());
-    let soaked = soak::soak_shortly(needs::nats_server());
     cost::print_longest(begun);
-    checked.and(tested).and(soaked)
+    checked.and(tested)
 }
 
 fn lints() -> Result<()> {

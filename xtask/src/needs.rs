@@ -139,12 +139,6 @@ fn nats_servers() -> Option<(&'static str, OsString)> {
     Some((VARIABLE, env::join_paths(servers).ok()?))
 }
 
-/// A server for farms that are no test: a new one, if it is installed, else the distribution's.
-pub(crate) fn nats_server() -> Option<PathBuf> {
-    let new = Some(python::program("nats-server")).filter(|server| server.is_file());
-    new.or_else(distribution_server)
-}
-
 fn distribution_server() -> Option<PathBuf> {
     ["/usr/sbin/nats-server", "/usr/bin/nats-server"].map(PathBuf::from).into_iter().find(|it| it.is_file())
 }

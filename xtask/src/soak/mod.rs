@@ -86,15 +86,6 @@ pub(crate) fn soak(args: &SoakArgs) -> Result<()> {
     args.output.as_ref().map_or(Ok(()), |path| fs::write(path, text)).context("the figures are not written")
 }
 
-/// A short soak of the program that the tests have built.
-///
-/// - `server`: the NATS server; none: the system's.
-pub(crate) fn soak_shortly(server: Option<PathBuf>) -> Result<()> {
-    const STEPS: u32 = 24;
-    let scene = PathBuf::from("scenes/goblets.glb");
-    soak(&SoakArgs { steps: STEPS, seed: 1, program: None, server, scene, python: None, output: None })
-}
-
 /// Numbers by chance, the same for the same seed.
 struct Chance(u64);
 
