@@ -1,10 +1,10 @@
 //! Calls of cargo.
 
-use std::{env, ffi::OsStr, process::Command, time::Instant};
+use std::{env, ffi::OsStr, path::PathBuf, process::Command, time::Instant};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::cost;
+use crate::{bars::root, cost};
 
 /// Cargo, as who calls it by hand has it.
 pub(crate) fn command() -> Command {
@@ -26,6 +26,11 @@ pub(crate) fn forget_package(command: &mut Command) {
             command.env_remove(name);
         }
     }
+}
+
+/// Where cargo puts what it builds.
+pub(crate) fn target() -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
 /// Runs cargo, and says what it cost.

@@ -1,5 +1,5 @@
 //! The commands of a developer: `cargo xtask ci | test | fresh | wheel | package | systems | manual | python-stubs | engines | leaks |
-//! farm | fuzzy-reference`.
+//! farm | soak | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod absences;
@@ -31,6 +31,7 @@ mod node;
 mod package;
 mod python;
 mod run_head;
+mod soak;
 mod spelling;
 mod suite;
 mod symbols;
@@ -81,6 +82,10 @@ enum Command {
     /// Measures a farm of real processes on this machine: what the way over a server costs, what a machine costs that waits,
     /// and how long a picture takes while somebody is killed every few seconds. Some minutes; nothing else should run.
     Farm(farm::FarmArgs),
+    /// Runs a farm of real processes through random events from a seed: jobs submitted, painted again, paused and called off; machines,
+    /// server and `up` killed; guests that join and leave; by command line, HTTP and Python in turn. Fails when the doors differ, a picture
+    /// has other bits, or a job waits while a machine is free.
+    Soak(soak::SoakArgs),
     /// Evaluates rules by an independent fuzzy library, and keeps the numbers for the tests of bottega-fuzzy.
     FuzzyReference {
         /// A Python 3 that has pyfuzzylite.
@@ -102,6 +107,7 @@ fn main() -> Result<()> {
         Command::Engines(args) => engines::engines(&args),
         Command::Leaks { rays } => leaks::leaks(rays),
         Command::Farm(args) => farm::farm(&args),
+        Command::Soak(args) => soak::soak(&args),
         Command::FuzzyReference { python } => fuzzy_reference::fuzzy_reference(&python),
     }
 }

@@ -2,7 +2,7 @@
 //! gives a network, so that the network need not know what they talk about.
 
 /// The layout of messages and entries. A process of another layout reads none of them; it is refused with a reason when it joins.
-pub const WIRE_VERSION: u8 = 2;
+pub const WIRE_VERSION: u8 = 3;
 
 /// Writes and reads the contents of messages and the values of entries. Bytes that are read come from another process and are
 /// checked.

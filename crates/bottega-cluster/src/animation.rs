@@ -29,8 +29,7 @@ use crate::{
     part::Member,
     patience::patiently,
     prepared_job::WorkerDevices,
-    refusals::{RefusalWatch, Refusals},
-    usage::UsageMeter,
+    refusals::RefusalWatch,
     worker::{Worker, WorkerMessage},
 };
 
@@ -94,9 +93,7 @@ fn paint_with_others(
     stop: &StopSwitch,
     reporter: &Arc<Reporter>,
 ) -> Result<(), Error> {
-    let (threads, refusals) = (threads(request), Refusals::default());
-    let (meter, devices, tags) = (UsageMeter::new(None), devices_of(request), Vec::new());
-    let member = Member { board: board.clone(), name, threads, devices, stop: stop.clone(), tags, refusals, meter };
+    let member = Member::new(board.clone(), name, (threads(request), devices_of(request)), stop);
     let only = wanted.keys().copied().collect();
     let over = Arc::new(AtomicBool::new(false));
     let collector = {
@@ -220,7 +217,7 @@ fn collect(
             if let Some(error) = ended_badly(number, &job.state) {
                 over.push(number);
                 failure = Some(error);
-            } else if let JobState::Done { .. } = job.state
+            } else if job.state == JobState::Done
                 && let Some(picture) = patiently(stop, say, || board.picture(&job))?
             {
                 if let Err(error) = write_picture(output, &picture) {

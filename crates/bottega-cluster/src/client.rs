@@ -27,10 +27,9 @@ use crate::{
     names::fresh_number,
     part::{Leading, Member, PartOutcome, take_part},
     patience::{meanwhile, patiently},
-    refusals::{RefusalWatch, Refusals},
+    refusals::RefusalWatch,
     sent_files::SentFiles,
     transfer::{self, SentPieces},
-    usage::UsageMeter,
 };
 
 /// How often is looked how a job stands that this process has no part in.
@@ -148,9 +147,7 @@ impl SubmittedJob {
         let number = board.submit(&job, &order)?;
         sent.keep();
         reporter.tell(Event::Asked { job: number, last_job: None });
-        let (threads, stop, refusals) = (threads(request), stop.clone(), Refusals::default());
-        let (devices, tags) = (devices_of(request), Vec::new());
-        let member = Member { board, name, threads, devices, stop, tags, refusals, meter: UsageMeter::new(None) };
+        let member = Member::new(board, name, (threads(request), devices_of(request)), stop);
         Ok(Self { member, number, work: job.work })
     }
 
@@ -171,7 +168,7 @@ impl SubmittedJob {
         let Member { board, stop, .. } = &self.member;
         let say = |line: &str| reporter.say(line);
         let mut said_paused = false;
-        let mut helped = false;
+        let mut helped = None;
         loop {
             let job = board.get(self.number).ok_or_else(|| {
                 Error::failed(format!("job {} is gone", self.number), "somebody has removed it; ask again")
@@ -179,14 +176,14 @@ impl SubmittedJob {
             if let Some(error) = ended_badly(self.number, &job.state) {
                 return Err(error);
             }
-            if let JobState::Done { .. } = job.state {
+            if job.state == JobState::Done {
                 let picture = patiently(stop, say, || board.picture(&job))?;
                 return picture.map(JobOutcome::Elsewhere).ok_or_else(|| {
                     Error::failed("the job is done, and its picture is nowhere", "see `bottega jobs log`")
                 });
             }
             let is_led = board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
-            if job.state == JobState::Paused || helped && is_led {
+            if job.state == JobState::Paused || helped == Some(job.turn()) && is_led {
                 if job.state == JobState::Paused && !std::mem::replace(&mut said_paused, true) {
                     reporter.say(&format!("paused; go on with `bottega jobs resume {}`", self.number));
                 }
@@ -197,7 +194,7 @@ impl SubmittedJob {
                 continue;
             }
             said_paused = false;
-            helped = false;
+            helped = None;
             let part = || take_part(&self.member, self.number, &job, &mut tools, || false);
             match patiently(stop, say, part) {
                 Ok(PartOutcome::Led(report, leading)) => return Ok(JobOutcome::Here(report, Some(leading))),
@@ -207,11 +204,11 @@ impl SubmittedJob {
                 }
                 Ok(PartOutcome::Left(None)) if stop.is_requested() => return Err(self.called_off()),
                 Ok(PartOutcome::Left(_)) => {}
-                Ok(PartOutcome::Helped) => helped = true,
+                Ok(PartOutcome::Helped) => helped = Some(job.turn()),
                 // Those who were not left out go on.
                 Err(Error::Bottega(bottega::Error::Job(JobError::LeftOut { reason }))) => {
                     reporter.warn(format!("this machine is left out: {reason}"));
-                    helped = true;
+                    helped = Some(job.turn());
                 }
                 Err(error) if error.may_pass() => return Err(self.called_off()),
                 Err(error) => return Err(error),
@@ -222,11 +219,11 @@ impl SubmittedJob {
     /// The picture is written here: the job is over.
     fn finish(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), Error> {
         let state = match failed {
-            0 => JobState::Done { kept: false },
+            0 => JobState::Done,
             failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
         };
         let Member { board, stop, .. } = &self.member;
-        patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state))
+        patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state, false))
     }
 
     /// The picture could not be written here. Whoever leads the job next will have the farm keep it.
@@ -284,10 +281,14 @@ pub fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 
 /// A job that is asked for now.
 pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> Job {
+    let number = fresh_number();
     let mut job = Job {
         version: build().identity().to_owned(),
         commit: build().commit().to_owned(),
-        work: fresh_number(),
+        origin: number,
+        work: number,
+        stirs: 0,
+        kept: false,
         scene: shown(&request.scene.file),
         output: request.output.file.as_deref().map(shown).unwrap_or_default(),
         from: from.to_owned(),

@@ -14,10 +14,11 @@ use bottega::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{error::Error, sent_files::SentFiles};
+use crate::{error::Error, names::fresh_number, sent_files::SentFiles};
 
 /// Lines that a job's log has at most; older ones go.
 const LOG_LINES_MAX: usize = 200;
+
 /// The state of a job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "state", rename_all = "lowercase")]
@@ -27,10 +28,7 @@ pub enum JobState {
     /// Nobody paints it until it is resumed.
     Paused,
     /// It is painted.
-    Done {
-        /// Whether the farm has the picture: not where the process that asked for it wrote it itself.
-        kept: bool,
-    },
+    Done,
     /// It cannot be painted.
     Failed {
         /// Why not.
@@ -51,7 +49,7 @@ impl JobState {
         match self {
             Self::Active => "active",
             Self::Paused => "paused",
-            Self::Done { .. } => "done",
+            Self::Done => "done",
             Self::Failed { .. } => "failed",
             Self::Cancelled => "cancelled",
         }
@@ -86,8 +84,18 @@ pub struct Job {
     /// The commit of its sources, for people; empty: unknown.
     #[serde(default)]
     pub commit: String,
-    /// The number under which its zones are kept, which no other job has had.
+    /// The number under which what it asks for and its picture are kept, which no other job has had.
+    pub origin: u64,
+    /// The number of its painting, under which its zones are kept, and which no other painting has had: another one each time the job
+    /// is painted again, so that nothing of an earlier painting is taken for a part of it.
     pub work: u64,
+    /// How often all who paint it were told to begin again with it, because nothing went on.
+    #[serde(default)]
+    pub stirs: u32,
+    /// Whether the farm has a picture of it: not where the process that asked for it wrote it itself. While it is painted again, that
+    /// of the painting before.
+    #[serde(default)]
+    pub kept: bool,
     /// The scene, as its asker calls it.
     pub scene: String,
     /// The picture, as its asker calls it.
@@ -111,7 +119,24 @@ pub struct Job {
     pub log: Vec<LogLine>,
 }
 
+/// A painting of a job, and how often it was begun again: whoever is done with it has nothing more to do in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PaintingTurn {
+    pub(crate) work: u64,
+    pub(crate) stirs: u32,
+}
+
 impl Job {
+    /// Which painting of it is under way.
+    pub(crate) fn turn(&self) -> PaintingTurn {
+        PaintingTurn { work: self.work, stirs: self.stirs }
+    }
+
+    /// Has it painted from its first sample.
+    pub(crate) fn paint_again(&mut self) {
+        (self.work, self.stirs, self.state) = (fresh_number(), 0, JobState::Active);
+    }
+
     /// Adds a line to the log.
     pub fn say(&mut self, text: impl Into<String>) {
         self.log.push(LogLine { at: unix_seconds(), text: text.into() });

@@ -1,7 +1,7 @@
 //! The jobs of a farm as its notices have them, and who leads each.
 //!
 //! - `job/N`: the job; changed by compare-and-set, so that no change is lost.
-//! - `lead/N`: who leads it. The leader renews it; one that is not renewed is up for whoever is first.
+//! - `lead/N`: who leads it, and how far its painting is. The leader renews it; one that is not renewed is up for whoever is first.
 //! - `page/PLATFORM/…`: the white and yellow pages: see [`directories`](crate::directories).
 //! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](crate::machine).
 
@@ -41,6 +41,9 @@ const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 pub struct Lead {
     /// The process; `None`: it has laid it down.
     pub leader: Option<String>,
+    /// The number of the painting of which it says how far it is.
+    #[serde(default)]
+    pub work: u64,
     /// Predicted share of all cost that is done, 0..=1.
     pub done: f64,
     /// Zones painted.
@@ -53,15 +56,25 @@ pub struct Lead {
     /// Whether there is something to see of it.
     #[serde(default)]
     pub seen: bool,
+    /// Whether its zones wait for more machines than there are, to compare what these paint.
+    #[serde(default)]
+    pub lacks_machines: bool,
 }
 
 impl Lead {
-    /// How far the job is, by the one who leads it; one who has no zones yet cannot tell.
+    /// How far the painting is, by the one who leads it; one who has no zones yet cannot tell.
     fn or_as_before(self, before: Option<Self>) -> Self {
         match before {
-            Some(before) if self.zones == 0 => Self { leader: self.leader, seen: self.seen || before.seen, ..before },
+            Some(before) if self.zones == 0 && self.work == before.work => {
+                Self { leader: self.leader, seen: self.seen || before.seen, ..before }
+            }
             _ => self,
         }
+    }
+
+    /// How far this painting of a job is: nothing is known of it where somebody leads, or led, another one.
+    pub(crate) fn of(self, work: u64) -> Self {
+        if self.work == work { self } else { Self { leader: self.leader, work, ..Self::default() } }
     }
 }
 
@@ -82,15 +95,32 @@ pub struct JobBoard {
 impl JobBoard {
     /// Keeps a job. Returns its number.
     pub fn submit(&self, job: &Job, order: &JobSpec) -> Result<u32, Error> {
-        self.uplink.blobs().put(&order_blob(job.work), &text(order)).map_err(Error::Blob)?;
-        let first = self.all().last().map_or(1, |(number, _)| number + 1);
-        for number in first..first + TRIES_MAX {
-            let put = self.uplink.notices().update(&job_name(number), &text(job), 0).map_err(Error::Blob)?;
+        self.uplink.blobs().put(&order_blob(job.origin), &text(order)).map_err(Error::Blob)?;
+        let first = self.first_unused()?;
+        for number in first..first.saturating_add(TRIES_MAX) {
+            let put = self.uplink.notices().put_first(&job_name(number), &text(job)).map_err(Error::Blob)?;
             if put.is_some() {
                 return Ok(number);
             }
         }
         Err(too_busy())
+    }
+
+    /// The first number that no job has or had: the last ones may have been removed.
+    fn first_unused(&self) -> Result<u32, Error> {
+        let was_used = |number: u32| self.uplink.notices().was_ever(&job_name(number)).map_err(Error::Blob);
+        let mut used = self.all().last().map_or(0, |(number, _)| *number);
+        let mut step = 1;
+        while was_used(used.saturating_add(step))? {
+            used = used.saturating_add(step);
+            step = step.saturating_mul(2);
+        }
+        let mut unused = used.saturating_add(step);
+        while unused - used > 1 {
+            let middle = used.midpoint(unused);
+            if was_used(middle)? { used = middle } else { unused = middle }
+        }
+        Ok(unused)
     }
 
     /// Lets go of the rows and pixels of a job's zones.
@@ -160,7 +190,7 @@ impl JobBoard {
 
     /// What a job asks for.
     pub fn spec(&self, job: &Job) -> Result<JobSpec, Error> {
-        let bytes = self.uplink.blobs().get(&order_blob(job.work), ORDER_BYTES_MAX).map_err(Error::Blob)?;
+        let bytes = self.uplink.blobs().get(&order_blob(job.origin), ORDER_BYTES_MAX).map_err(Error::Blob)?;
         bytes
             .and_then(|bytes| serde_json::from_slice(&bytes).ok())
             .ok_or_else(|| Error::failed("the farm does not know what the job asks for", "call it off, and ask again"))
@@ -203,12 +233,17 @@ impl JobBoard {
 
     /// Keeps the picture of a job: the bytes of the file that was asked for.
     pub fn keep_picture(&self, job: &Job, bytes: &[u8]) -> Result<(), Error> {
-        self.uplink.blobs().put(&picture_blob(job.work), bytes).map_err(Error::Blob)
+        self.uplink.blobs().put(&picture_blob(job.origin), bytes).map_err(Error::Blob)
     }
 
-    /// The picture of a job, if the farm has it.
+    /// The picture of a job, if the farm has it: while it is painted again, that of the painting before.
     pub fn picture(&self, job: &Job) -> Result<Option<Vec<u8>>, Error> {
-        self.uplink.blobs().get(&picture_blob(job.work), PICTURE_BYTES_MAX).map_err(Error::Blob)
+        self.uplink.blobs().get(&picture_blob(job.origin), PICTURE_BYTES_MAX).map_err(Error::Blob)
+    }
+
+    /// Whether a blob is kept for a job and not for one painting of it.
+    pub(crate) fn is_of_all_paintings(job: &Job, name: &str) -> bool {
+        name == order_blob(job.origin) || name == picture_blob(job.origin)
     }
 
     /// Who leads a job now, and how far it is.
@@ -220,7 +255,9 @@ impl JobBoard {
     }
 
     /// Takes the lead of a job, if nobody has it. `None`: somebody has.
-    pub fn claim(&self, number: u32, me: &str) -> Result<Option<Lease>, Error> {
+    ///
+    /// - `work`: the number of its painting.
+    pub fn claim(&self, number: u32, work: u64, me: &str) -> Result<Option<Lease>, Error> {
         if self.uplink.is_guest() {
             return Ok(None);
         }
@@ -231,7 +268,7 @@ impl JobBoard {
         if is_led {
             return Ok(None);
         }
-        let lead = Lead { leader: Some(me.to_owned()), ..before };
+        let lead = Lead { leader: Some(me.to_owned()), ..before.of(work) };
         let revision = notice.map_or(0, |notice| notice.revision);
         let taken = self.uplink.notices().update(&lead_name(number), &text(&lead), revision).map_err(Error::Blob)?;
         Ok(taken.map(|revision| Lease { number, revision }))
@@ -315,7 +352,7 @@ pub fn ended_badly(number: u32, state: &JobState) -> Option<Error> {
     match state {
         JobState::Failed { reason } => Some(Error::failed(format!("job {number} failed: {reason}"), remedy)),
         JobState::Cancelled => Some(Error::failed(format!("job {number} was called off"), remedy)),
-        JobState::Active | JobState::Paused | JobState::Done { .. } => None,
+        JobState::Active | JobState::Paused | JobState::Done => None,
     }
 }
 
@@ -383,15 +420,25 @@ mod tests {
     fn who_begins_to_lead_says_no_less_than_the_one_before() {
         let lead = |leader: &str, done, zones_done, zones| Lead {
             leader: Some(leader.to_owned()),
+            work: 7,
             done,
             zones_done,
             zones,
-            seconds_left: None,
-            seen: false,
+            ..Lead::default()
         };
         let before = Some(lead("a", 0.5, 12, 24));
         assert_eq!(lead("b", 0.0, 0, 0).or_as_before(before.clone()), lead("b", 0.5, 12, 24));
         assert_eq!(lead("b", 0.4, 10, 25).or_as_before(before), lead("b", 0.4, 10, 25));
         assert_eq!(lead("b", 0.0, 0, 0).or_as_before(None), lead("b", 0.0, 0, 0));
+    }
+
+    #[test]
+    fn a_painting_that_begins_anew_is_not_as_far_as_the_one_before() {
+        let before =
+            Lead { leader: Some("a".to_owned()), work: 7, done: 1.0, zones_done: 24, zones: 24, ..Lead::default() };
+        let anew = Lead { leader: Some("b".to_owned()), work: 8, ..Lead::default() };
+        assert_eq!(anew.clone().or_as_before(Some(before.clone())), anew);
+        assert_eq!(before.clone().of(7), before);
+        assert_eq!(before.of(8), Lead { leader: Some("a".to_owned()), work: 8, ..Lead::default() });
     }
 }

@@ -27,8 +27,8 @@ pub struct JobPreview {
     /// The pixels of each zone that are shown.
     shown: BTreeMap<ZoneId, BlobId>,
     png: Option<Vec<u8>>,
-    /// It shows the picture of a job that is over.
-    is_final: bool,
+    /// It shows a picture that the farm has: while which painting of the job was the last, and whether that was over.
+    is_final: Option<(u64, bool)>,
 }
 
 impl JobPreview {
@@ -39,23 +39,21 @@ impl JobPreview {
     pub fn new(board: &JobBoard, job: &Job) -> Result<Self, Error> {
         let output = board.spec(job)?.request.output;
         let (exposure, tone) = (output.exposure, tone(output.tonemap));
-        Ok(Self { exposure, tone, canvas: None, shown: BTreeMap::new(), png: None, is_final: false })
+        Ok(Self { exposure, tone, canvas: None, shown: BTreeMap::new(), png: None, is_final: None })
     }
 
-    /// What is painted by now, as the bytes of a PNG file. `None`: nothing is, or a job is over whose picture the farm does not
-    /// have.
+    /// What is painted by now, as the bytes of a PNG file: of a job that is painted again the picture of the painting before, until
+    /// the new one is there. `None`: nothing is painted, or a job is over whose picture the farm does not have.
     ///
     /// # Errors
     /// The farm does not answer, or the picture is too large to be shown.
     pub fn renew(&mut self, board: &JobBoard, job: &Job) -> Result<Option<Vec<u8>>, Error> {
-        if self.is_final && job.state.is_over() {
+        let is_whole = job.state.is_over() || job.kept;
+        let shown = Some((job.work, job.state.is_over()));
+        if is_whole && self.is_final == shown {
             return Ok(self.png.clone());
         }
-        if self.is_final {
-            // What was over is painted again.
-            (self.canvas, self.is_final) = (None, false);
-        }
-        if !job.state.is_over() {
+        if !is_whole {
             if self.fetch_news(board, job)?
                 && let Some((_, preview)) = &self.canvas
             {
@@ -66,7 +64,7 @@ impl JobPreview {
         if let Some(picture) = board.picture(job)? {
             self.png = Some(self.of_picture(&job.output, picture)?);
         }
-        self.is_final = true;
+        self.is_final = shown;
         Ok(self.png.clone())
     }
 
@@ -153,7 +151,7 @@ mod tests {
             canvas: None,
             shown: BTreeMap::new(),
             png: None,
-            is_final: false,
+            is_final: None,
         };
         let png = Canvas::new(2, 1, [9; 3]).to_png().unwrap();
         assert_eq!(preview.of_picture("a.png", png.clone()).unwrap(), png, "a PNG file is shown as it is");

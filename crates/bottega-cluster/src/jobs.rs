@@ -70,7 +70,8 @@ pub fn set_priority(board: &JobBoard, number: u32, priority: u32) -> Result<(), 
     change.map(drop)
 }
 
-/// Writes the picture of a job that the farm has finished. Returns where it is.
+/// Writes the picture of a job that the farm has finished; of one that is painted again, that of the painting before. Returns where
+/// it is.
 ///
 /// - `output`: none: as it was asked for.
 ///
@@ -78,17 +79,22 @@ pub fn set_priority(board: &JobBoard, number: u32, priority: u32) -> Result<(), 
 /// The farm has no picture of it, or it cannot be written.
 pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<PathBuf, Error> {
     let job = known(board, number)?;
-    let remedy = match &job.state {
-        JobState::Done { kept: false } => format!("{} wrote it to {}", job.from, job.output),
-        JobState::Done { kept: true } => "somebody has removed it".to_owned(),
-        state => format!("the job is {}: see `bottega jobs show {number}`", state.word()),
-    };
-    let picture = board.picture(&job)?;
-    let picture = picture.ok_or_else(|| Error::failed("the farm has no picture of this job", remedy))?;
+    let picture = if job.kept { board.picture(&job)? } else { None };
+    let picture =
+        picture.ok_or_else(|| Error::failed("the farm has no picture of this job", no_picture(number, &job)))?;
     let output = output.unwrap_or_else(|| PathBuf::from(&job.output));
     write_picture(&output, &picture).map_err(|error| unfetched(number, &error))?;
     forget_journal(board, &job, &output);
     Ok(output)
+}
+
+/// What can be done where the farm has no picture of a job.
+pub fn no_picture(number: u32, job: &Job) -> String {
+    match &job.state {
+        _ if job.kept => "somebody has removed it: have it painted again".to_owned(),
+        JobState::Done => format!("{} wrote it to {}", job.from, job.output),
+        state => format!("the job is {}: see `bottega jobs show {number}`", state.word()),
+    }
 }
 
 /// The one who asked may have been killed, and its journal lies beside the picture: the picture is there now. A journal of another

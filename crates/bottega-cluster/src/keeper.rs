@@ -19,6 +19,7 @@ use crate::{
     patience::meanwhile,
     room::{Cure, MAKE_ROOM, Pulse, RoomNews, RoomWatch, bytes_said},
     server::{Server, Setup},
+    stall_watch::StallWatch,
 };
 
 /// How often is looked whether the process is there, and how often it is asked how it is.
@@ -94,12 +95,13 @@ impl Keeper {
     /// Until the user wants to stop.
     pub(crate) fn keep_up(&mut self, stop: &StopSwitch) -> Result<(), Error> {
         let (tell, told) = mpsc::channel();
-        let board = self.board.clone();
+        let (board, mut stalls) = (self.board.clone(), StallWatch::new());
         let ask = move || {
             // Nobody listens any more when the user wants to stop.
             _ = tell.send(board.uplink.server_state());
             board.clear_seats();
             board.clear_pages();
+            stalls.look(&board);
         };
         meanwhile(ASK_EVERY, ask, || {
             while !stop.is_requested() {

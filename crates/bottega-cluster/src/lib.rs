@@ -18,7 +18,8 @@
 //! | rows of a job, for people; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
 //! | processor time and energy of jobs: counted, added up, priced | [`usage`], `src/power_counters.rs`; [`energy`] |
 //! | what machines have learnt of how long zones take | `src/experience.rs` |
-//! | a machine as its seat shows it | `src/presence.rs` |
+//! | a machine as its seat shows it; what it does | `src/presence.rs`, `src/activity.rs` |
+//! | jobs that wait though machines are free | `src/stall_watch.rs` |
 //! | messages between the agents of a job, for those who look on | [`messages`] |
 //! | rules of a job, and what they say of a zone | [`rules_of_job`] |
 //! | steering of jobs and machines | [`jobs`], [`machine`]; zones painted again: `src/requeue.rs` |
@@ -36,6 +37,7 @@
 //! | which build of the farm this is | [`build`](mod@build) |
 //! | a picture asked for without a command line | `examples/submit.rs` |
 
+mod activity;
 pub mod address;
 mod admission;
 pub mod animation;
@@ -78,6 +80,7 @@ mod sent_files;
 mod server;
 mod shares;
 pub mod society;
+mod stall_watch;
 mod together;
 mod transfer;
 mod transport;
@@ -90,6 +93,7 @@ pub mod web_secrets;
 pub mod worker;
 
 pub use self::{
+    activity::Activity,
     address::FarmAddress,
     client::{SubmittedJob, render},
     error::Error,

@@ -14,12 +14,14 @@ use bottega_farm::{Goal, JobReport, JobSettings, Link, StopSwitch, WorkId};
 use bottega_image::Canvas;
 
 use crate::{
+    activity::{ActivityLog, Occupation},
     first_look::FirstLook,
-    job::{Job, JobState},
+    job::{Job, JobState, PaintingTurn},
     job_board::{JobBoard, Lead, Lease, Presence, RENEW_EVERY},
     part_observer::LoggingObserver,
     refusals::{RefusalWatch, Refusals},
     society::SeenSociety,
+    stall_watch::StallWatch,
     together::{self, JobPeers},
     transport::job_link,
     usage::UsageMeter,
@@ -47,14 +49,42 @@ pub(crate) struct Member {
     pub refusals: Refusals,
     /// What it uses for each job.
     pub meter: UsageMeter,
+    /// What it does.
+    pub activity: ActivityLog,
+    /// Its watch over the jobs of the farm.
+    pub stalls: Arc<Mutex<StallWatch>>,
 }
 
 impl Member {
+    /// A process that waits for work.
+    pub(crate) fn new(board: JobBoard, name: String, devices: (usize, Vec<String>), stop: &StopSwitch) -> Self {
+        let (threads, devices) = devices;
+        Self {
+            board,
+            name,
+            threads,
+            devices,
+            stop: stop.clone(),
+            tags: Vec::new(),
+            refusals: Refusals::default(),
+            meter: UsageMeter::new(None),
+            activity: ActivityLog::default(),
+            stalls: Arc::new(Mutex::new(StallWatch::new())),
+        }
+    }
+
+    /// Looks whether a job waits though machines are free.
+    pub(crate) fn watch_stalls(&self) {
+        self.stalls.lock().unwrap_or_else(PoisonError::into_inner).look(&self.board);
+    }
+
     /// Its seat, while it paints a job or waits for one.
     pub(crate) fn seat(&self, job: Option<u32>) -> Presence {
         let (is_guest, refusals, usages) = (self.board.uplink.is_guest(), self.refusals.last(), self.meter.usages());
         let (devices, tags) = (self.devices.clone(), self.tags.clone());
-        Presence { is_guest, tags, refusals, usages, devices, ..Presence::new(&self.name, self.threads, job) }
+        let (activity, moves) = (self.activity.now(), self.activity.moves());
+        let seat = Presence::new(&self.name, self.threads, job);
+        Presence { is_guest, tags, refusals, usages, devices, activity, moves, ..seat }
     }
 }
 
@@ -78,10 +108,11 @@ pub(crate) fn take_part(
     tools: &mut PaintingTools,
     elsewhere: impl Fn() -> bool + Send + 'static,
 ) -> Result<PartOutcome, Error> {
-    let Member { board, name, .. } = member;
+    let Member { board, name, activity, .. } = member;
+    let occupation = activity.occupy();
     // It may take longer than a lease.
     learn_from_others(board, job, &*tools.engine)?;
-    let lease = board.claim(number, name)?;
+    let lease = board.claim(number, job.work, name)?;
     let leads = lease.is_some();
     let asked = job.from == *name;
     if leads {
@@ -90,7 +121,10 @@ pub(crate) fn take_part(
     let this = StopSwitch::new();
     let told = Arc::new(LoggingObserver {
         inner: Arc::clone(&tools.observer),
-        lead: Mutex::default(),
+        work: job.work,
+        activity: activity.clone(),
+        progress: Mutex::default(),
+        lacks_machines: AtomicBool::default(),
         seen: AtomicBool::default(),
         log: Mutex::default(),
         master: Mutex::default(),
@@ -103,6 +137,8 @@ pub(crate) fn take_part(
         member: member.clone(),
         number,
         work: job.work,
+        origin: job.origin,
+        turn: job.turn(),
         asked,
         lease,
         has_claimed: false,
@@ -127,11 +163,14 @@ pub(crate) fn take_part(
     let link = job_link(Arc::clone(&board.uplink), WorkId(job.work), Some(number), name.clone());
     let settings = JobSettings { experience: board.own_experience(name), ..less(&tools.settings, prepared) };
     let (settings, engine) = (&settings, Arc::clone(&tools.engine));
+    // From here on it is at work while something of the picture is under way.
+    drop(occupation);
     if leads {
         let settings = &JobSettings { credits: board.credits(), ..settings.clone() };
         let (store, kept) = (tools.store.take(), tools.kept.take());
         let leading = Arc::clone(&told);
         let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
+        activity.under_way(0);
         // It knows the agents, who know this observer.
         *leading.master.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let mut report = Box::new(report.map_err(Error::job)?);
@@ -141,10 +180,13 @@ pub(crate) fn take_part(
         return Ok(if report.stopped {
             PartOutcome::Left(Some(report))
         } else {
-            PartOutcome::Led(report, Leading { _watch: watch, link })
+            // The picture is still to be made safe.
+            PartOutcome::Led(report, Leading { _occupation: activity.occupy(), _watch: watch, link })
         });
     }
-    let helped = bottega_farm::assist(settings, engine, told, &this, link).map_err(Error::job)?;
+    let helped = bottega_farm::assist(settings, engine, told, &this, link);
+    activity.under_way(0);
+    let helped = helped.map_err(Error::job)?;
     Ok(if helped { PartOutcome::Helped } else { PartOutcome::Left(None) })
 }
 
@@ -166,7 +208,7 @@ fn prepare_together(member: &Member, number: u32, job: &Job, tools: &PaintingToo
     if board.uplink.is_guest() || tools.settings.verify > 1 || tools.engine.learnt().is_some() {
         return;
     }
-    let together = JobPeers::new(board, name, job.work, this);
+    let together = JobPeers::new(member, number, job.work, this);
     if let Err(error) = tools.engine.prepare_with(&together) {
         tracing::debug!(%error, "it is made when it is needed");
     }
@@ -192,21 +234,30 @@ fn learn_from_others(board: &JobBoard, job: &Job, engine: &dyn RenderEngine) -> 
 
 /// The lead of a job that is painted, held until it is dropped.
 pub(crate) struct Leading {
+    _occupation: Occupation,
     _watch: PartWatch,
     link: Link,
 }
 
 impl Leading {
-    /// The picture is safe: the job is over, and what was kept for it goes.
-    pub(crate) fn finish(&self, board: &JobBoard, number: u32, state: &JobState) -> Result<(), Error> {
+    /// The picture is safe: the job is over, and what was kept for its painting goes.
+    ///
+    /// - `is_kept`: the farm has the picture.
+    pub(crate) fn finish(&self, board: &JobBoard, number: u32, state: &JobState, is_kept: bool) -> Result<(), Error> {
         // As long as it is not over its rows are those of the store.
-        let painted = board.get(number).filter(|job| !job.state.is_over());
+        let work = self.link.work.0;
+        let painted = board.get(number).filter(|job| !job.state.is_over() && job.work == work);
         board.change(number, |job| {
+            // Another may have finished it while this process stood still, and it may be painted again already.
+            if job.work != work || job.state == JobState::Done {
+                return false;
+            }
             job.say(match state {
                 JobState::Failed { reason } => format!("failed: {reason}"),
                 state => state.word().to_owned(),
             });
             job.state = state.clone();
+            job.kept |= is_kept;
             true
         })?;
         if let Some(job) = &painted {
@@ -214,10 +265,10 @@ impl Leading {
             board.keep_rule_inputs(job.work);
         }
         self.link.forget();
-        board.forget_learnt(self.link.work.0);
+        board.forget_learnt(work);
         board.forget_requeues(number);
-        board.forget_first_look(self.link.work.0);
-        together::forget(board, self.link.work.0);
+        board.forget_first_look(work);
+        together::forget(board, work);
         Ok(())
     }
 }
@@ -251,7 +302,10 @@ impl Drop for PartWatch {
 struct Guard {
     member: Member,
     number: u32,
+    /// The number of the painting, and that of the job.
     work: u64,
+    origin: u64,
+    turn: PaintingTurn,
     /// It is this process that asked for the job.
     asked: bool,
     lease: Option<Lease>,
@@ -282,10 +336,12 @@ impl Guard {
                 self.tell_messages();
                 self.keep_importance();
                 self.clear_pages();
+                self.member.watch_stalls();
             }
             if !self.this.is_requested() && self.is_to_leave() {
                 self.this.request();
             }
+            self.leave_to_others();
             self.teach();
             thread::sleep(LOOK_EVERY);
         }
@@ -303,8 +359,18 @@ impl Guard {
 
     fn is_to_leave(&mut self) -> bool {
         let Member { board, stop, .. } = &self.member;
-        let is_active = board.get(self.number).is_some_and(|job| job.state == JobState::Active);
-        stop.is_requested() || !is_active || (self.elsewhere)() || self.claims()
+        let is_wanted = |job: Job| job.state == JobState::Active && job.turn() == self.turn;
+        stop.is_requested() || !board.get(self.number).is_some_and(is_wanted) || (self.elsewhere)() || self.claims()
+    }
+
+    /// Everybody begins again with the job: whoever is ready first leads it, and need not wait for this process, which may hang.
+    fn leave_to_others(&mut self) {
+        if self.member.board.get(self.number).is_some_and(|job| job.turn() != self.turn)
+            && let Some(mut lease) = self.lease.take()
+            && let Err(error) = self.member.board.renew(&mut lease, &self.told.lead())
+        {
+            tracing::debug!(%error, "the lead was not laid down");
+        }
     }
 
     /// One who helps may see the lead become free. Whoever is first takes it; the others paint on, and report to the one
@@ -315,7 +381,7 @@ impl Guard {
         if self.lease.is_some() || is_led() {
             return false;
         }
-        match board.claim(self.number, name) {
+        match board.claim(self.number, self.work, name) {
             Ok(lease) => self.lease = lease,
             Err(error) => tracing::debug!(%error, "the lead was not taken"),
         }
@@ -340,7 +406,7 @@ impl Guard {
 
     fn renew(&mut self) {
         let Member { board, name, meter, .. } = &self.member;
-        meter.count(Some(self.work));
+        meter.count(Some(self.origin));
         board.attend(&Presence { takes_orders: !self.asked, ..self.member.seat(Some(self.number)) });
         let lead = Lead { leader: Some(name.clone()), ..self.told.lead() };
         let Some(lease) = &mut self.lease else { return };
@@ -387,8 +453,8 @@ impl Guard {
         if self.lease.is_some() {
             let board = &self.member.board;
             let mut society = self.told.society();
-            society.see_usages(self.work, &board.presences());
-            society.see_usages(self.work, &[self.member.seat(Some(self.number))]);
+            society.see_usages(self.origin, &board.presences());
+            society.see_usages(self.origin, &[self.member.seat(Some(self.number))]);
             society.tell(board, self.number);
         }
     }
@@ -429,7 +495,7 @@ impl Guard {
 
     /// Nobody need wait until the lease is over; but who has claimed it will lead.
     fn lay_down(&mut self) {
-        self.member.meter.count(Some(self.work));
+        self.member.meter.count(Some(self.origin));
         self.tell_society();
         self.tell_messages();
         if self.lease.is_some() {

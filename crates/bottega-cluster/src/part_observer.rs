@@ -1,8 +1,11 @@
 //! The observer of a job in which this process has a part: it remembers what others are to be told.
 
-use std::sync::{
-    Arc, Mutex, MutexGuard, PoisonError,
-    atomic::{AtomicBool, Ordering},
+use std::{
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::{Duration, Instant},
 };
 
 use bottega_engines::Survey;
@@ -10,15 +13,41 @@ use bottega_farm::{
     AgentRow, FarmMessage, ImportanceMap, MasterHandle, Observer, Partition, Progress, RoundSummary, Theft, ZoneRow,
 };
 
-use crate::{job_board::Lead, messages::MessageRecorder, requeue::SettledZones, society::SeenSociety};
+use crate::{
+    activity::ActivityLog, job_board::Lead, messages::MessageRecorder, requeue::SettledZones, society::SeenSociety,
+};
 
 /// Lines that wait to be written into the log of a job at most.
 const LOG_WAITING_MAX: usize = 64;
+/// Of the time that was left when a zone was done last so much is left until the next one is.
+const LEFT_SHARE_MIN: f64 = 0.1;
+
+/// How far a job was when it was seen last.
+#[derive(Clone, Copy)]
+pub(crate) struct SeenProgress {
+    progress: Progress,
+    at: Instant,
+}
+
+impl SeenProgress {
+    fn lead(&self) -> Lead {
+        let Progress { zones_done, zones, cost_done, left, .. } = self.progress;
+        // Until the next zone is done time goes on, and something is left of it.
+        let seconds =
+            |left: Duration| left.saturating_sub(self.at.elapsed()).max(left.mul_f64(LEFT_SHARE_MIN)).as_secs_f64();
+        Lead { done: cost_done, zones_done, zones, seconds_left: left.map(seconds), ..Lead::default() }
+    }
+}
 
 /// An observer that remembers how far the job is, and what is to be written into its log.
 pub(crate) struct LoggingObserver {
     pub(crate) inner: Arc<dyn Observer>,
-    pub(crate) lead: Mutex<Lead>,
+    /// The number of the painting.
+    pub(crate) work: u64,
+    pub(crate) activity: ActivityLog,
+    pub(crate) progress: Mutex<Option<SeenProgress>>,
+    /// Zones wait for more machines than there are.
+    pub(crate) lacks_machines: AtomicBool,
     /// Whether there is something to see.
     pub(crate) seen: AtomicBool,
     pub(crate) log: Mutex<Vec<String>>,
@@ -38,8 +67,17 @@ impl LoggingObserver {
     }
 
     pub(crate) fn lead(&self) -> Lead {
-        let lead = self.lead.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        Lead { seen: lead.zones_done > 0 || self.seen.load(Ordering::Relaxed), ..lead }
+        let seen = *self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        let lead = seen.as_ref().map(SeenProgress::lead).unwrap_or_default();
+        let (seen, lacks_machines) = (self.seen.load(Ordering::Relaxed), self.lacks_machines.load(Ordering::Relaxed));
+        Lead { work: self.work, seen: lead.zones_done > 0 || seen, lacks_machines, ..lead }
+    }
+
+    fn say(&self, line: String) {
+        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        if log.len() < LOG_WAITING_MAX {
+            log.push(line);
+        }
     }
 }
 
@@ -78,10 +116,10 @@ impl Observer for LoggingObserver {
     }
 
     fn progress(&self, progress: &Progress) {
-        let Progress { zones_done, zones, cost_done, left, .. } = *progress;
-        let seconds_left = left.map(|left| left.as_secs_f64());
-        *self.lead.lock().unwrap_or_else(PoisonError::into_inner) =
-            Lead { leader: None, done: cost_done, zones_done, zones, seconds_left, seen: false };
+        let seen = SeenProgress { progress: *progress, at: Instant::now() };
+        *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = Some(seen);
+        // Something goes on.
+        self.lacks_machines.store(false, Ordering::Relaxed);
         self.inner.progress(progress);
     }
 
@@ -96,16 +134,27 @@ impl Observer for LoggingObserver {
     }
 
     fn left_out(&self, agent: &bottega_agents::AgentId, reason: &str) {
-        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
-        if log.len() < LOG_WAITING_MAX {
-            log.push(format!("{agent} is left out: {reason}"));
-        }
-        drop(log);
+        self.say(format!("{agent} is left out: {reason}"));
         self.inner.left_out(agent, reason);
     }
 
     fn too_few(&self, present: usize, needed: usize) {
+        self.lacks_machines.store(true, Ordering::Relaxed);
         self.inner.too_few(present, needed);
+    }
+
+    fn stalled(&self, waited: Duration, zones: usize, free: usize) {
+        self.say(format!(
+            "nothing was begun for {} s, though {zones} zones waited and {free} agents were free: the Master begins again from the \
+             Blackboard",
+            waited.as_secs()
+        ));
+        self.inner.stalled(waited, zones, free);
+    }
+
+    fn under_way(&self, count: usize) {
+        self.activity.under_way(count);
+        self.inner.under_way(count);
     }
 
     fn not_kept(&self, error: &std::io::Error) {

@@ -20,12 +20,21 @@ const BETWEEN_TRIES: Duration = Duration::from_millis(250);
 pub(crate) fn patiently<T>(
     stop: &StopSwitch,
     say: impl Fn(&str),
+    attempt: impl FnMut() -> Result<T, Error>,
+) -> Result<T, Error> {
+    patiently_until(|| stop.is_requested(), say, attempt)
+}
+
+/// The same until nobody wants it any more.
+pub(crate) fn patiently_until<T>(
+    is_enough: impl Fn() -> bool,
+    say: impl Fn(&str),
     mut attempt: impl FnMut() -> Result<T, Error>,
 ) -> Result<T, Error> {
     let mut has_said = false;
     loop {
         match attempt() {
-            Err(error) if error.may_pass() && !stop.is_requested() => {
+            Err(error) if error.may_pass() && !is_enough() => {
                 if !std::mem::replace(&mut has_said, true) {
                     let is_full = matches!(&error, Error::Blob(error) if error.is_full);
                     say(&if is_full {

@@ -18,8 +18,8 @@ use crate::{
 
 /// A job made ready.
 pub(crate) struct PreparedJob {
-    /// Which.
-    pub(crate) work: u64,
+    /// The number of the job, whichever painting of it is under way.
+    pub(crate) origin: u64,
     session: Session,
 }
 
@@ -61,7 +61,7 @@ impl PreparedJob {
         let turn = member.name.bytes().map(usize::from).sum::<usize>();
         let files = SentFiles::root_of(&scene);
         let part = JobPart { asked: &order.request, files: &files, engine: order.engine.as_deref(), turn };
-        Ok(Self { work: job.work, session: Session::for_others(&request, part)? })
+        Ok(Self { origin: job.origin, session: Session::for_others(&request, part)? })
     }
 
     /// What painting takes.

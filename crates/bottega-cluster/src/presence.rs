@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{build::build, usage::JobUsage};
+use crate::{activity::Activity, build::build, usage::JobUsage};
 
 /// The state of a machine, ordered or actual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,7 +33,7 @@ impl PresenceState {
 pub struct Refusal {
     /// The number of the job.
     pub job: u32,
-    /// The number of its work, which no other job has had.
+    /// The number of its painting, which no other one has had: painted again, it may be another matter.
     pub work: u64,
     /// Why.
     pub reason: String,
@@ -55,6 +55,12 @@ pub struct Presence {
     pub job: Option<u32>,
     /// What it does, as it was told.
     pub standing: PresenceState,
+    /// Whether it is at work for its job.
+    #[serde(default)]
+    pub activity: Activity,
+    /// A number that is another one when it has begun or finished something.
+    #[serde(default)]
+    pub moves: u64,
     /// Whether it does what it is told; not the process that asked for a job and paints with the others until it is done.
     pub takes_orders: bool,
     /// Whether it may paint and no more.
@@ -81,6 +87,8 @@ impl Presence {
             version: build().identity().to_owned(),
             job,
             standing: PresenceState::Active,
+            activity: Activity::Waiting,
+            moves: 0,
             takes_orders: true,
             is_guest: false,
             tags: Vec::new(),

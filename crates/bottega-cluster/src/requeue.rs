@@ -45,7 +45,7 @@ impl SettledZones {
 
 impl JobBoard {
     /// Has a zone painted again that is done or could not be painted. Of a job that is over the farm has no zones any more: all of
-    /// them are painted again, and the picture is another file with the same bits.
+    /// them are painted again, from nothing, and until that is done the farm keeps the picture that there is.
     ///
     /// - `by`: who wants it, for people.
     ///
@@ -67,23 +67,27 @@ impl JobBoard {
             return Ok(());
         }
         let is_there = |event: &Event| matches!(event, Event::Zone(row) if row.id == zone);
-        if !self.rows(&job)?.iter().any(is_there) {
+        // Of a painting that was called off nothing is kept, and its zones are those of the one before.
+        let rows = self.rows(&job)?;
+        if !rows.is_empty() && !rows.iter().any(is_there) {
             return Err(no_zone(number, zone));
         }
-        match &job.state {
-            JobState::Done { kept: true } | JobState::Failed { .. } => {}
-            state => {
-                let problem = format!("job {number} is {}, and its picture is not at the farm", state.word());
-                return Err(Error::failed(problem, "ask for the picture anew"));
-            }
+        if !job.kept && !matches!(job.state, JobState::Failed { .. }) {
+            let problem = format!("job {number} is {}, and its picture is not at the farm", job.state.word());
+            return Err(Error::failed(problem, "ask for the picture anew"));
         }
-        self.change(number, |job| {
-            job.say(format!(
-                "zone {zone} is to be painted again, says {by}: so are all, for no zones are kept of what is over"
-            ));
-            job.state = JobState::Active;
-            true
+        self.change(number, |now| {
+            // Somebody else may have asked at the same moment.
+            let is_as_before = now.turn() == job.turn() && now.state.is_over();
+            if is_as_before {
+                now.say(format!(
+                    "zone {zone} is to be painted again, says {by}: so are all, for no zones are kept of what is over"
+                ));
+                now.paint_again();
+            }
+            is_as_before
         })?;
+        self.forget_painting(&job);
         Ok(())
     }
 

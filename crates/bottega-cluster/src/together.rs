@@ -1,7 +1,11 @@
 //! Work before a picture that the machines of a job do together: photons are traced, lighting agents cast and sent out, once.
 //!
 //! - `cast/WORK/STAGE/PART`: who has taken a part, and whether it is done; changed by compare-and-set.
-//! - blob `job-WORK/cast/STAGE/PART`: what came of it. All read it, and join the parts by their numbers.
+//! - blob `job-WORK/cast/STAGE/PART`: the result of it. All read it, and join the parts by their numbers.
+//!
+//! A notice is a claim and no lock. Its holder may hang: so a claim has a deadline, after which whoever has nothing else to do takes
+//! the part too, and a machine that cannot write claims does the parts without. What is done twice is the same, and what comes late
+//! harms nobody.
 
 use std::{
     collections::BTreeSet,
@@ -15,19 +19,22 @@ use bottega_engines::{RenderError, Sharing};
 use bottega_farm::{NextPart, SharedPart, StopSwitch, next_part};
 use serde::{Deserialize, Serialize};
 
-use crate::{job_board::JobBoard, machine::PresenceState};
+use crate::{job_board::JobBoard, machine::PresenceState, part::Member};
 
-/// The most that comes of a part.
+/// The most bytes of the result of a part.
 const PART_BYTES_MAX: usize = 1 << 28;
 /// For so long at least another machine may have a part.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// How often is looked what others have done.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// A machine for which nothing goes on for so long, because it cannot take what is free or have what is done, does what is left
+/// without asking.
+const IN_VAIN_MAX: Duration = Duration::from_secs(5);
 
 /// Those who paint a job with this process.
 pub(crate) struct JobPeers<'a> {
-    board: &'a JobBoard,
-    me: &'a str,
+    member: &'a Member,
+    number: u32,
     work: u64,
     /// Somebody wants something else.
     stop: &'a StopSwitch,
@@ -43,9 +50,35 @@ struct PartNotice {
     is_done: bool,
 }
 
+/// How one who shares in a stage gets on.
+struct Advance {
+    /// Who has which part, and which are done, as it was seen last.
+    seen: Vec<(Option<String>, bool)>,
+    /// When that changed, or something was done here.
+    moved: Instant,
+}
+
+impl Advance {
+    fn begin() -> Self {
+        Self { seen: Vec::new(), moved: Instant::now() }
+    }
+
+    fn see(&mut self, parts: &[SharedPart]) {
+        let now: Vec<_> = parts.iter().map(|part| (part.taken_by.clone(), part.is_done)).collect();
+        if self.seen != now {
+            (self.seen, self.moved) = (now, Instant::now());
+        }
+    }
+
+    fn is_in_vain(&self) -> bool {
+        self.moved.elapsed() > IN_VAIN_MAX
+    }
+}
+
 impl<'a> JobPeers<'a> {
-    pub(crate) fn new(board: &'a JobBoard, me: &'a str, work: u64, stop: &'a StopSwitch) -> Self {
-        Self { board, me, work, stop, parts: AtomicU32::new(0), done_here: AtomicU32::new(0) }
+    /// - `number`, `work`: of the job and of its painting.
+    pub(crate) fn new(member: &'a Member, number: u32, work: u64, stop: &'a StopSwitch) -> Self {
+        Self { member, number, work, stop, parts: AtomicU32::new(0), done_here: AtomicU32::new(0) }
     }
 
     /// Parts that were done here, and those in all.
@@ -55,12 +88,20 @@ impl<'a> JobPeers<'a> {
 
     /// Whether there is another machine that may take part.
     fn has_others(&self) -> bool {
-        self.board.presences().iter().any(|seat| seat.name != self.me && seat.standing == PresenceState::Active)
+        let Member { board, name, .. } = self.member;
+        board.presences().iter().any(|seat| seat.name != *name && seat.standing == PresenceState::Active)
+    }
+
+    /// The machines that take part in the job now: others hold nothing of it.
+    fn present(&self) -> BTreeSet<String> {
+        let seats = self.member.board.presences().into_iter();
+        let at_work = seats.filter(|seat| seat.job == Some(self.number) && seat.standing == PresenceState::Active);
+        at_work.map(|seat| seat.name).collect()
     }
 
     fn parts_of(&self, stage: u32, count: u32) -> Vec<SharedPart> {
         let part = |number| {
-            let Some(notice) = self.board.uplink.notices().get(&part_name(self.work, stage, number)) else {
+            let Some(notice) = self.member.board.uplink.notices().get(&part_name(self.work, stage, number)) else {
                 return SharedPart::default();
             };
             match serde_json::from_slice::<PartNotice>(&notice.text) {
@@ -71,40 +112,46 @@ impl<'a> JobPeers<'a> {
         (0..count).map(part).collect()
     }
 
-    /// Takes a part, does it and tells the others. `None`: somebody else was first.
-    fn take(
+    fn notice(&self, is_done: bool) -> Vec<u8> {
+        let notice = PartNotice { by: self.member.name.clone(), is_done };
+        serde_json::to_vec(&notice).expect("a structure of text can be written")
+    }
+
+    /// Takes a part, so that others leave it alone for a while. `false`: somebody else was first.
+    fn claim(&self, stage: u32, number: u32) -> Result<bool, BlobError> {
+        let (notices, name) = (self.member.board.uplink.notices(), part_name(self.work, stage, number));
+        let revision = notices.get(&name).map_or(0, |notice| notice.revision);
+        Ok(notices.update(&name, &self.notice(false), revision)?.is_some())
+    }
+
+    /// Does a part and tells the others.
+    fn perform(
         &self,
         stage: u32,
         number: u32,
         perform: &mut dyn FnMut(u32) -> Result<Vec<u8>, RenderError>,
-    ) -> Result<Result<Option<Vec<u8>>, RenderError>, BlobError> {
-        let (notices, name) = (self.board.uplink.notices(), part_name(self.work, stage, number));
-        let says = |is_done| {
-            serde_json::to_vec(&PartNotice { by: self.me.to_owned(), is_done })
-                .expect("a structure of text can be written")
-        };
-        let revision = notices.get(&name).map_or(0, |notice| notice.revision);
-        if notices.update(&name, &says(false), revision)?.is_none() {
-            return Ok(Ok(None));
-        }
+    ) -> Result<Result<Vec<u8>, RenderError>, BlobError> {
         let bytes = match perform(number) {
             Ok(bytes) => bytes,
             Err(error) => return Ok(Err(error)),
         };
         self.done_here.fetch_add(1, Ordering::Relaxed);
-        self.board.uplink.blobs().put(&part_blob(self.work, stage, number), &bytes)?;
-        notices.put(&name, &says(true))?;
-        Ok(Ok(Some(bytes)))
+        self.member.activity.moved();
+        let uplink = &self.member.board.uplink;
+        uplink.blobs().put(&part_blob(self.work, stage, number), &bytes)?;
+        uplink.notices().put(&part_name(self.work, stage, number), &self.notice(true))?;
+        Ok(Ok(bytes))
     }
 
-    /// What another machine has found; `None`: nothing that could be had.
+    /// The result that another machine has found; `None`: none that can be had.
     fn fetch(&self, stage: u32, number: u32) -> Option<Vec<u8>> {
         let blob = part_blob(self.work, stage, number);
-        let fetched = self.board.uplink.blobs().get(&blob, PART_BYTES_MAX);
+        let fetched = self.member.board.uplink.blobs().get(&blob, PART_BYTES_MAX);
         fetched.inspect_err(|error| tracing::debug!(%error, "a part is done here")).ok().flatten()
     }
 
-    /// Parts are done by all who have time, until there is none left. What was found so far, if the farm does not answer.
+    /// Parts are done by all who have time, until there is none left. What was found so far, if the farm does not answer or nothing
+    /// goes on.
     fn share_out(
         &self,
         stage: u32,
@@ -112,28 +159,47 @@ impl<'a> JobPeers<'a> {
         perform: &mut dyn FnMut(u32) -> Result<Vec<u8>, RenderError>,
     ) -> Result<Result<(), RenderError>, BlobError> {
         let mut longest = Duration::ZERO;
+        let mut advance = Advance::begin();
         loop {
             if self.stop.is_requested() {
                 return Ok(Err(RenderError::Left));
             }
             let parts = self.parts_of(stage, found.len() as u32);
-            let there: Vec<String> = self.board.presences().into_iter().map(|seat| seat.name).collect();
-            let is_there = |name: &str| there.iter().any(|it| it == name);
-            match next_part(&parts, self.me, is_there, PATIENCE.max(2 * longest)) {
+            advance.see(&parts);
+            let present = self.present();
+            let next = next_part(&parts, &self.member.name, |name| present.contains(name), PATIENCE.max(2 * longest));
+            if next != NextPart::Done && advance.is_in_vain() {
+                let Member { board, name, .. } = self.member;
+                let seconds = IN_VAIN_MAX.as_secs();
+                board.log(
+                    self.number,
+                    &format!(
+                        "{name} could take no part of the shared work for {seconds} s, and does the rest of it alone"
+                    ),
+                );
+                return Ok(Ok(()));
+            }
+            match next {
                 NextPart::Done => return Ok(Ok(())),
-                NextPart::Take(number) => {
+                NextPart::Take(number) if self.claim(stage, number as u32)? => {
                     let begun = Instant::now();
-                    match self.take(stage, number as u32, perform)? {
-                        Ok(Some(bytes)) => found[number] = Some(bytes),
-                        Ok(None) => thread::sleep(LOOK_EVERY),
+                    self.member.activity.awaits_others(false);
+                    match self.perform(stage, number as u32, perform)? {
+                        Ok(bytes) => found[number] = Some(bytes),
                         Err(error) => return Ok(Err(error)),
                     }
                     longest = longest.max(begun.elapsed());
+                    advance.moved = Instant::now();
                 }
+                NextPart::Take(_) => thread::sleep(LOOK_EVERY),
                 NextPart::Wait => {
+                    self.member.activity.awaits_others(true);
                     let next = (0..found.len()).find(|&number| found[number].is_none() && parts[number].is_done);
                     match next.and_then(|number| Some((number, self.fetch(stage, number as u32)?))) {
-                        Some((number, bytes)) => found[number] = Some(bytes),
+                        Some((number, bytes)) => {
+                            found[number] = Some(bytes);
+                            advance.moved = Instant::now();
+                        }
                         None => thread::sleep(LOOK_EVERY),
                     }
                 }
@@ -153,7 +219,9 @@ impl Sharing for JobPeers<'_> {
         let mut found = vec![None; parts as usize];
         let is_shared = self.has_others();
         if is_shared {
-            match self.share_out(stage, &mut found, perform) {
+            let shared = self.share_out(stage, &mut found, perform);
+            self.member.activity.awaits_others(false);
+            match shared {
                 Ok(done) => done?,
                 Err(error) => tracing::warn!(%error, "the farm does not answer: what is left is done here"),
             }
@@ -199,4 +267,67 @@ fn part_name(work: u64, stage: u32, part: u32) -> String {
 
 fn part_blob(work: u64, stage: u32, part: u32) -> String {
     format!("job-{work}/cast/{stage}/{part}")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use bottega_agents::driver::nats::NatsThread;
+
+    use super::*;
+    use crate::{job_board::Presence, own_server::OwnServer};
+
+    const WORK: u64 = 5;
+    const PARTS: u32 = 16;
+
+    /// A machine of a farm that paints job 1.
+    fn member(server: &OwnServer, name: &str) -> Member {
+        let uplink = server.entry.link(&NatsThread::start().unwrap(), name).unwrap();
+        let board = JobBoard { uplink: Arc::new(uplink) };
+        Member::new(board, name.to_owned(), (1, Vec::new()), &StopSwitch::new())
+    }
+
+    fn attend(member: &Member) {
+        member.board.attend(&member.seat(Some(1)));
+    }
+
+    /// Has a machine share in a stage. Returns how long that took, and how many parts were done here.
+    fn share(member: &Member) -> (Duration, u32) {
+        let stop = StopSwitch::new();
+        let peers = JobPeers::new(member, 1, WORK, &stop);
+        let begun = Instant::now();
+        let all = peers.share(0, PARTS, &mut |part| Ok(vec![part as u8])).ok().unwrap();
+        assert_eq!(all, (0..PARTS).map(|part| vec![part as u8]).collect::<Vec<_>>());
+        (begun.elapsed(), peers.shares()[0])
+    }
+
+    #[test]
+    fn parts_are_shared_once_more_when_a_picture_is_painted_again_and_a_claim_of_one_who_does_nothing_is_no_obstacle() {
+        let folder = tempfile::tempdir().unwrap();
+        let Ok(server) = OwnServer::start(None, folder.path()) else {
+            return eprintln!("SKIPPED: there is no NATS server");
+        };
+        let (one, two) = (member(&server, "one"), member(&server, "two"));
+        let (one, two) = (&one, &two);
+        attend(two);
+        attend(one);
+        let begun = Instant::now();
+        while !one.board.presences().iter().any(|seat: &Presence| seat.name == "two") {
+            assert!(begun.elapsed() < Duration::from_secs(30), "the other one is not seen");
+            thread::sleep(LOOK_EVERY);
+        }
+        // Long before anybody's patience is over.
+        assert_eq!(share(one).1, PARTS);
+        // The picture is painted, and the notices of its parts are taken down; and the same work begins again.
+        forget(&one.board, WORK);
+        let (took, here) = share(one);
+        assert!(here == PARTS && took < IN_VAIN_MAX, "{here} parts in {took:?}");
+        // Another one is there, has taken a part, and does nothing of it.
+        forget(&one.board, WORK);
+        let stop = StopSwitch::new();
+        assert!(JobPeers::new(two, 1, WORK, &stop).claim(0, 3).unwrap());
+        attend(two);
+        assert_eq!(share(one).1, PARTS);
+    }
 }

@@ -104,16 +104,22 @@ impl JobBoard {
     pub fn remove(&self, number: u32) -> Result<(), Error> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
         self.refuse_guests()?;
-        self.forget_zones(job.work);
-        together::forget(self, job.work);
-        let prefix = format!("job-{}/", job.work);
-        self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix));
+        self.forget_painting(&job);
+        self.uplink.blobs().forget_all(|name, _| Self::is_of_all_paintings(&job, name));
         self.uplink.notices().remove(&job_name(number)).map_err(Error::Blob)?;
         self.uplink.notices().remove(&lead_name(number)).map_err(Error::Blob)?;
         self.forget_society(number);
         self.forget_requeues(number);
         self.forget_watch(number);
         Ok(())
+    }
+
+    /// Forgets what was kept for a painting of a job; not what the job asks for, nor its picture.
+    pub(crate) fn forget_painting(&self, job: &Job) {
+        self.forget_zones(job.work);
+        together::forget(self, job.work);
+        let prefix = format!("job-{}/", job.work);
+        self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix) && !Self::is_of_all_paintings(job, name));
     }
 
     /// The pieces that jobs need which are not over; `None`: it is not known.
@@ -180,9 +186,11 @@ impl JobBoard {
             let pieces: BTreeSet<String> =
                 self.spec(job).map(|order| order.files.blobs().collect()).unwrap_or_default();
             let scene = pieces.iter().filter_map(|name| sizes.get(&**name)).sum();
-            let prefix = format!("job-{}/", job.work);
-            let own: u64 =
-                sizes.range(&*prefix..).take_while(|(name, _)| name.starts_with(&prefix)).map(|(_, it)| it).sum();
+            let below = |number: u64| {
+                let prefix = format!("job-{number}/");
+                sizes.range(&*prefix..).take_while(|(name, _)| name.starts_with(&prefix)).map(|(_, it)| it).sum()
+            };
+            let own: u64 = below(job.work) + if job.origin == job.work { 0 } else { below(job.origin) };
             let painted = tiles.get(&format!("work-{}", job.work)).copied().unwrap_or_default();
             JobStorage { scene, own: own + painted }
         };

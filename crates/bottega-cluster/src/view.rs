@@ -48,7 +48,9 @@ pub struct JobView {
     pub output: String,
     /// Of which animation it is a frame.
     pub animation: Option<AnimationFrame>,
-    /// The farm has the picture.
+    /// How often all who paint it were told to begin again with it, because nothing went on for 30 s though somebody was free.
+    pub stirs: u32,
+    /// The farm has a picture of it: while it is painted again, that of the painting before.
     pub kept: bool,
     /// Whether it will not change by itself any more.
     #[serde(skip)]
@@ -68,7 +70,8 @@ impl JobView {
 
     /// A job, as others look at it.
     pub fn of(number: u32, job: &Job, lead: &Lead, machines: usize) -> Self {
-        let is_done = matches!(job.state, JobState::Done { .. });
+        let is_done = job.state == JobState::Done;
+        let lead = &lead.clone().of(job.work);
         Self {
             number,
             state: job.state.word(),
@@ -92,7 +95,8 @@ impl JobView {
             scene: job.scene.clone(),
             output: job.output.clone(),
             animation: job.animation.clone(),
-            kept: matches!(job.state, JobState::Done { kept: true }),
+            stirs: job.stirs,
+            kept: job.kept,
             is_over: job.state.is_over(),
         }
     }
@@ -116,9 +120,9 @@ impl MachineView {
 
     /// The machine as JSON.
     pub fn to_value(&self) -> serde_json::Value {
-        let Presence { name, threads, devices, version, job, standing, takes_orders, tags, .. } = &self.seat;
-        serde_json::json!({ "machine": name, "state": standing.word(), "ordered": self.ordered.word(), "threads": threads, "devices": devices,
-            "job": job, "version": version, "takes_orders": takes_orders, "tags": tags })
+        let Presence { name, threads, devices, version, job, standing, activity, takes_orders, tags, .. } = &self.seat;
+        serde_json::json!({ "machine": name, "state": standing.word(), "ordered": self.ordered.word(),
+            "activity": activity.word(), "threads": threads, "devices": devices, "job": job, "version": version, "takes_orders": takes_orders, "tags": tags })
     }
 }
 

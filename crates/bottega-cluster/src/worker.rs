@@ -17,15 +17,15 @@ pub use crate::prepared_job::WorkerDevices;
 use crate::{
     cache::{CACHE_BYTES, Cache},
     error::Error,
-    job::{Job, JobState},
+    job::{Job, JobState, PaintingTurn},
     job_board::{JobBoard, Presence, RENEW_EVERY},
     link::FarmLink,
     machine::{MachineOrder, PresenceState},
     owner::{MemoryLimit, OwnerConditions, OwnerWatch},
     part::{Member, PartOutcome, take_part},
-    patience::{meanwhile, patiently},
+    patience::{meanwhile, patiently, patiently_until},
     prepared_job::PreparedJob,
-    refusals::{Refusal, Refusals},
+    refusals::Refusal,
     shares::{JobClaim, choose, should_move},
     usage::UsageMeter,
 };
@@ -66,9 +66,9 @@ pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dy
     let FarmLink { uplink, name, .. } = link;
     let JoinOptions { own, cache, cache_bytes, once, owner, tags, memory_bytes, watts } = options;
     let threads = own.threads.map_or_else(processors, usize::from);
-    let (board, refusals, meter) = (JobBoard { uplink }, Refusals::default(), UsageMeter::new(watts));
-    let devices = beside_processors(&own.devices);
-    let member = Member { board, name, threads, devices, stop: stop.clone(), tags, refusals, meter };
+    let devices = (threads, beside_processors(&own.devices));
+    let member = Member::new(JobBoard { uplink }, name, devices, stop);
+    let member = Member { tags, meter: UsageMeter::new(watts), ..member };
     let folder = cache.unwrap_or_else(|| state_folder().join("cache"));
     let cache = Cache::new(folder, cache_bytes.unwrap_or(CACHE_BYTES));
     let mut worker = Worker::new(member, cache, own, None, say);
@@ -92,8 +92,8 @@ pub(crate) struct Worker {
     studio: Option<PreparedJob>,
     /// The only ones that it may; then it is the process that asked for them, and takes no orders.
     only: Option<BTreeSet<u32>>,
-    /// A job that is painted, and whose picture somebody else makes safe.
-    helped: Option<u32>,
+    /// A painting that is finished, and whose picture somebody else makes safe.
+    helped: Option<PaintingTurn>,
     /// The owner of the machine, where conditions are set.
     owner: Option<OwnerWatch>,
     /// What this machine may take of its memory, where that is limited.
@@ -173,12 +173,11 @@ impl Worker {
 
     /// Whether this machine would paint a job.
     fn would(&self, number: u32, job: &Job) -> bool {
-        may(&self.only, &self.member, number, job) && !self.is_done_with(number)
+        may(&self.only, &self.member, number, job) && !self.is_done_with(number, job)
     }
 
     /// Takes part in a job, or waits a moment if there is none. Returns whether one came to its end.
     pub(crate) fn work_once(&mut self) -> bool {
-        self.forget_helped();
         let Member { board, name, .. } = &self.member;
         let others: Vec<Presence> = board.presences().into_iter().filter(|seat| seat.name != *name).collect();
         let wanting = wanting(board, |number, job| self.would(number, job));
@@ -207,20 +206,15 @@ impl Worker {
         }
     }
 
-    /// A job that was helped and is over may be wanted again.
-    fn forget_helped(&mut self) {
-        let is_over = |number| self.member.board.get(number).is_none_or(|job| job.state.is_over());
-        self.helped = self.helped.filter(|&number| !is_over(number));
-    }
-
-    /// Whether a job needs no more hands, though it is not over yet.
-    fn is_done_with(&self, number: u32) -> bool {
+    /// Whether a painting of a job needs no more hands, though it is not over yet.
+    fn is_done_with(&self, number: u32, job: &Job) -> bool {
         let is_led = || self.member.board.lead(number).is_some_and(|lead| lead.leader.is_some());
-        self.helped == Some(number) && is_led()
+        self.helped == Some(job.turn()) && is_led()
     }
 
     /// Until it is time to say that this machine is there, or there may be work.
     fn wait(&self) {
+        self.member.watch_stalls();
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         while begun.elapsed() < RENEW_EVERY && !self.member.stop.is_requested() {
             thread::sleep(LOOK_EVERY);
@@ -234,22 +228,28 @@ impl Worker {
         let teller = &self.say;
         let say = |line: &str| teller(WorkerMessage::Line(line));
         let Member { board, stop, .. } = &self.member;
+        let occupation = self.member.activity.occupy();
         let seat = Presence { takes_orders: self.only.is_none(), ..self.member.seat(Some(number)) };
-        if self.studio.as_ref().is_none_or(|studio| studio.work != job.work) {
+        if self.studio.as_ref().is_none_or(|studio| studio.origin != job.origin) {
             // The old one goes first: two scenes may be more than there is room for.
             self.studio = None;
             let open = || PreparedJob::open(&self.member, job, &self.cache, &self.own);
             let sit = || {
-                self.member.meter.count(Some(job.work));
+                self.member.meter.count(Some(job.origin));
                 board.attend(&seat);
             };
-            self.studio = Some(meanwhile(RENEW_EVERY, sit, || patiently(stop, say, open))?);
+            let is_enough = || stop.is_requested() || !self.is_wanted(number, job);
+            self.studio = Some(meanwhile(RENEW_EVERY, sit, || patiently_until(is_enough, say, open))?);
         }
+        // Others know from now on that it takes part.
+        board.attend(&seat);
+        drop(occupation);
         let Some(studio) = &self.studio else { return Ok(false) };
         let before = studio.samples_done();
         (self.say)(WorkerMessage::Line(&format!("job {number}: painting {}", job.scene)));
         let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
-        let part = patiently(stop, say, part)?;
+        let is_enough = || stop.is_requested() || !self.is_wanted(number, job);
+        let part = patiently_until(is_enough, say, part)?;
         if let (PartOutcome::Left(_), Some(limit)) = (&part, &self.memory)
             && limit.is_passed()
         {
@@ -265,18 +265,24 @@ impl Worker {
                     let metadata = studio.finish(board, (number, job), &mut report);
                     let picture = (&report.film, &metadata);
                     patiently(stop, say, || studio.keep_picture(board, job, picture, &self.cache))?;
-                    JobState::Done { kept: true }
+                    JobState::Done
                 }
                 failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
             };
-            patiently(stop, say, || leading.finish(board, number, &state))?;
+            patiently(stop, say, || leading.finish(board, number, &state, state == JobState::Done))?;
         } else if is_over {
-            self.helped = Some(number);
+            self.helped = Some(job.turn());
         }
         let how = if is_over { "done" } else { "left" };
         let samples = (studio.samples_done() - before) as f64 / 1e6;
         (self.say)(WorkerMessage::Line(&format!("job {number}: {how}, {samples:.1} M samples here")));
         Ok(is_over)
+    }
+
+    /// Whether a painting of a job is still wanted, and this machine may paint it.
+    fn is_wanted(&self, number: u32, job: &Job) -> bool {
+        let is_same = |now: Job| now.state == JobState::Active && now.turn() == job.turn();
+        self.member.board.get(number).is_some_and(is_same) && !self.is_called_off()()
     }
 
     /// Whether this machine is told to paint no more, or another job has too few machines for its priority.

@@ -135,6 +135,8 @@ pub struct Painted {
     pub tile: Tile,
     /// Processor time spent on it, summed over processors.
     pub busy: Duration,
+    /// Whether that is a measurement of painting alone: not where something was loaded, compiled or started meanwhile.
+    pub is_warm: bool,
     /// Where that time went: disjoint parts of the rectangle. Empty where the engine does not know.
     pub parts: Vec<(Rect, Duration)>,
     /// False when it was cancelled before the end.

@@ -118,15 +118,17 @@ impl WorkQueue {
         self.loads.iter().enumerate().any(is_sooner)
     }
 
-    /// Takes note of what came of a zone.
-    fn settle(&mut self, engine: usize, samples: f64, seconds: f64, is_complete: bool) {
+    /// Takes note of the end of a zone.
+    ///
+    /// - `seconds`: what it took; `None`: that is no measurement.
+    fn settle(&mut self, engine: usize, samples: f64, seconds: Option<f64>, is_complete: bool) {
         let load = &mut self.loads[engine];
         load.running -= 1;
         load.under_way = (load.under_way - samples).max(0.0);
-        if is_complete {
+        load.zones += u64::from(is_complete);
+        if let Some(seconds) = seconds.filter(|_| is_complete) {
             let speed = samples / seconds.max(1e-6);
             load.speed = Some(load.speed.map_or(speed, |before| MEMORY * before + (1.0 - MEMORY) * speed));
-            load.zones += 1;
         }
     }
 }
@@ -151,7 +153,9 @@ impl MixedState {
         let (shared, again, begun) = (Arc::clone(self), task.clone(), Instant::now());
         let finished = move |painted: Result<Painted, EngineError>| {
             let is_complete = painted.as_ref().is_ok_and(|painted| painted.complete);
-            shared.desk().settle(engine, samples_of(&again), begun.elapsed().as_secs_f64(), is_complete);
+            let is_warm = painted.as_ref().is_ok_and(|painted| painted.is_warm);
+            let seconds = is_warm.then(|| begun.elapsed().as_secs_f64());
+            shared.desk().settle(engine, samples_of(&again), seconds, is_complete);
             match painted {
                 Err(error) if failed.len() + 1 < shared.engines.len() => {
                     tracing::warn!(%error, "another engine paints the zone");
@@ -227,7 +231,7 @@ mod tests {
         fn start(&self, task: ZoneTask, done: ZoneCallback) {
             let tile = Tile::new(task.rect, Layout::new(AovSet::NONE));
             let busy = std::time::Duration::from_millis(1);
-            let painted = Painted { tile, busy, parts: Vec::new(), complete: true };
+            let painted = Painted { tile, busy, is_warm: true, parts: Vec::new(), complete: true };
             let failed = EngineError::Zone { engine: self.0.to_owned(), rect: task.rect, reason: "no".to_owned() };
             let outcome = if self.1 { Ok(painted) } else { Err(failed) };
             std::thread::spawn(move || done(outcome));

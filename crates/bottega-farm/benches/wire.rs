@@ -59,6 +59,8 @@ fn painting() -> Painting {
         goal: 192,
         time_left: Duration::ZERO,
         busy: Duration::from_nanos(3_400_108_117),
+        is_measured: true,
+        was_ready: true,
         error: None,
     }
 }

@@ -15,7 +15,6 @@ mod machine;
 mod observer;
 mod paint;
 mod populate;
-mod progress;
 mod settings;
 mod shared;
 mod stop;
@@ -33,7 +32,6 @@ pub use self::{
     link::Link,
     machine::benchmark,
     observer::{MasterHandle, Observer},
-    progress::{Progress, Times},
     settings::{AGENTS_MAX, JobError, JobSettings, VERIFY_MAX},
     stop::StopSwitch,
     transport::{JobTransport, JobUplink, TransportError},
@@ -43,7 +41,7 @@ use self::{
     populate::populate,
     shared::{End, Shared},
 };
-use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, WorkRow, ZoneId, ZoneRow, ZoneStore};
+use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, Times, WorkRow, ZoneId, ZoneRow, ZoneStore};
 
 /// The report of a job.
 #[derive(Debug)]

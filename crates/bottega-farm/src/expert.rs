@@ -90,10 +90,20 @@ impl Expert {
         Self::parse(Technique::PathTracing.rules()).expect("the rules in the repository can be read")
     }
 
+    /// Its rules as FCL text, which [`Self::parse`] reads.
+    pub fn rules_text(&self) -> String {
+        self.rules.to_string()
+    }
+
     /// The same for an engine: what it has no knob for is left as it is, and not credited.
     #[must_use]
     pub fn for_engine(self, engine: &EngineDescription) -> Self {
         let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;
+        self.for_knobs(has_max_depth, has_light_samples, is_profiled)
+    }
+
+    /// The same for an engine of which so much is known.
+    pub(crate) fn for_knobs(self, has_max_depth: bool, has_light_samples: bool, is_profiled: bool) -> Self {
         Self { has_max_depth, has_light_samples, is_profiled, ..self }
     }
 

@@ -23,6 +23,7 @@
 //! | the auction | `src/auction.rs`, `src/auction/` |
 //! | the end of a work: zones are cut and given twice | `src/master/tail.rs` |
 //! | orders that stand still; agents that fail often | `src/master/pace.rs`, `src/master/trust.rs` |
+//! | work that waits though somebody is free | `src/watchdog.rs`, `src/master/stall.rs` |
 //! | comparing what untrusted agents paint; by its look | `src/master/verify.rs`, `src/master/likeness.rs` |
 //! | a goal of error or time | `src/cells.rs`, `src/goals.rs`, `src/master/plan.rs`; rules: `rules/goals.fcl` |
 //! | the platform of a job: directories; how agents register and find their Master | `src/directory.rs`; `src/registrant.rs`, `src/render_agent/membership.rs` |
@@ -32,12 +33,13 @@
 //! | what outputs of rules mean | `src/technique.rs` |
 //! | which of two engines suits a zone | `src/engine_choice.rs`, `rules/engine-choice.fcl` |
 //! | blending of neighbouring zones | `src/compose.rs` |
-//! | parts of photons and lighting agents, shared out | `src/shared_work.rs` |
+//! | parts of work before a picture, shared out: who may take which, and until when | `src/shared_work.rs` |
 //! | agents in this process; over several machines | `src/driver.rs`, `src/driver/`; `src/driver/link.rs`, `src/driver/transport.rs`, `src/wire.rs`, `src/wire/` |
 //! | agents in virtual time; what must hold after each run | `src/simulate/`; `src/simulate/invariants.rs`, `src/simulate/film.rs` |
 //! | what a run took, written down | `src/simulate/recorder.rs` |
 //! | how long zones should take, by what was learnt in works before | `src/experience.rs`, `src/experience/`, `src/importance/outlook.rs`, `src/driver/learner.rs` |
 //! | how well times were predicted | `src/prediction.rs` |
+//! | how far a job is, and how long it takes yet | `src/progress.rs`, `src/throughput.rs` |
 //! | what is kept for `--resume` | `src/journal.rs` |
 
 mod adaptation;
@@ -61,6 +63,7 @@ mod master;
 mod painting;
 mod partition;
 mod prediction;
+mod progress;
 mod registrant;
 mod render_agent;
 mod settings;
@@ -68,8 +71,10 @@ mod shared_work;
 mod short_map;
 pub mod simulate;
 mod technique;
+mod throughput;
 mod visitor;
 mod vocabulary;
+mod watchdog;
 mod wire;
 mod work_keys;
 mod zone_inputs;
@@ -94,7 +99,7 @@ pub use directory::{
 };
 pub use driver::{
     AGENTS_MAX, JobAgent, JobError, JobReport, JobSettings, JobTransport, JobUplink, Link, MasterHandle, Observer,
-    Progress, StopSwitch, Times, TransportError, VERIFY_MAX, assist, benchmark, lead, run,
+    StopSwitch, TransportError, VERIFY_MAX, assist, benchmark, lead, run,
 };
 pub use engine_choice::EngineChoice;
 pub use experience::{Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone};
@@ -109,6 +114,7 @@ pub use master::{Master, MasterConfig, Timing};
 pub use painting::{Painting, ResultRef};
 pub use partition::{Balance, Level, NeighborDifference, Partition, PartitionSettings, UnknownLevel, ZoneLimits};
 pub use prediction::{Forecast, Prediction};
+pub use progress::{Progress, Times};
 pub use registrant::MasterSource;
 pub use render_agent::{RenderAgent, RenderAgentConfig};
 pub use settings::{Choice, ErrorUse, Goal, Optimization, UnknownOptimization, WorkSettings};
@@ -116,6 +122,7 @@ pub use shared_work::{NextPart, SharedPart, next_part};
 pub use technique::{OutputMeaning, PAPER_RULES, PAPER_RULES_NAME, Technique};
 pub use visitor::{Visitor, VisitorConfig, VisitorEffect, VisitorReport};
 pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrder, PaintResult, STEP_MAX};
+pub use watchdog::{STALLED_AFTER, Watchdog};
 pub use wire::{FarmCodec, WireError, digest};
 pub use work_keys::{WorkKeys, compare_and_set};
 pub use zone_inputs::ExpertError;

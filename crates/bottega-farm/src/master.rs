@@ -19,10 +19,12 @@ mod plan;
 mod results;
 mod roster;
 mod rows;
+mod stall;
 mod tail;
 mod trust;
 mod verify;
 mod watched;
+mod worth;
 
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
@@ -33,12 +35,12 @@ use std::{
 use bottega_agents::{AgentId, Performative, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roster};
+use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roster, worth::ZoneWorth};
 use crate::{
     AgentRow, AuctionRule, Award, Bidder, BidderStanding, Blackboard, Choice, Credit, Decision, FarmAction,
     FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle,
     MemberId, Offer, Order, Painting, Partition, Proposal, RegistrationConfig, RelativePower, Report, Rival,
-    RoundSummary, WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
+    RoundSummary, Watchdog, WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
     auction::BIDDERS_MAX,
     contents::{answer, asking, message},
     decide,
@@ -47,8 +49,6 @@ use crate::{
     registrant::Registrant,
 };
 
-/// The ticket of the watch.
-const WATCH: Ticket = Ticket(0);
 /// Results that the film is given at once.
 const COMPOSING_MAX: usize = 8;
 
@@ -129,11 +129,20 @@ enum RowFollowUp {
         confirmation: Box<FarmMessage>,
         /// Whether something was painted.
         well: bool,
-        /// How long the agent had the order, by this Master's clock.
-        taken: Option<Duration>,
+        /// How the promise held, where it was one and its end was measured.
+        promise: Option<KeptPromise>,
     },
     /// Nothing: the zone is open again.
     TakenBack,
+}
+
+/// The end of a promise to paint a zone.
+#[derive(Clone, Copy, Debug)]
+struct KeptPromise {
+    /// How long the agent had the order, by this Master's clock.
+    taken: Duration,
+    /// What the order was worth, in reference-machine time; `None`: nobody has measured anything.
+    worth: Option<Duration>,
 }
 
 /// One round of the auction.
@@ -157,6 +166,8 @@ pub struct Master {
     board: Blackboard,
     /// Rows to put on an empty Blackboard first: what was kept of an interrupted work. By ticket, until written.
     kept: BTreeMap<Ticket, FarmValue>,
+    /// The ticket of the watch over the rows.
+    watch: Ticket,
     /// The watch has told all that there was.
     caught_up: bool,
     begun: bool,
@@ -173,6 +184,7 @@ pub struct Master {
     dubious: Vec<ZoneId>,
     /// What is known of pixels that were compared by their look.
     looks: Looks,
+    worth: ZoneWorth,
     /// Something in the film is to be painted again: it is begun anew when it has answered.
     film_is_stale: bool,
     /// For how many looks there have been too few machines to compare.
@@ -206,6 +218,11 @@ pub struct Master {
     /// Reference-machine time painted since then.
     pass_painted: Duration,
     last_number: u64,
+    watchdog: Watchdog,
+    /// Orders that were sent so far.
+    orders_sent: u64,
+    /// Nothing has begun for long: it begins again when the film has answered.
+    must_begin_again: bool,
     next_look: Option<Time>,
     /// Until then agents that a Master before it knew may tell this one that they are there.
     expects_until: Time,
@@ -225,6 +242,7 @@ impl Master {
             registrant,
             board: Blackboard::default(),
             kept: BTreeMap::new(),
+            watch: Ticket(0),
             caught_up: false,
             begun: false,
             stopping: false,
@@ -236,6 +254,7 @@ impl Master {
             lost: BTreeMap::new(),
             dubious: Vec::new(),
             looks: Looks::default(),
+            worth: ZoneWorth::default(),
             film_is_stale: false,
             lacking: 0,
             rounds: BTreeMap::new(),
@@ -253,6 +272,9 @@ impl Master {
             pass_begun: Time::ZERO,
             pass_painted: Duration::ZERO,
             last_number: 0,
+            watchdog: Watchdog::default(),
+            orders_sent: 0,
+            must_begin_again: false,
             next_look: None,
             expects_until: Time::ZERO,
         }
@@ -279,6 +301,11 @@ impl Master {
     /// Whether all zones are in the film or given up.
     pub fn is_finished(&self) -> bool {
         self.finished
+    }
+
+    /// Zones that wait for an agent.
+    pub(crate) fn waiting_count(&self) -> usize {
+        if self.begun && !self.stopping { self.ledger.waiting_count() } else { 0 }
     }
 
     fn number(&mut self) -> u64 {

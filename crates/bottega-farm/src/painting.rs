@@ -28,6 +28,11 @@ pub struct Painting {
     pub time_measured: Duration,
     /// The same in the painter's own time.
     pub busy: Duration,
+    /// Whether these times are measurements of painting alone: nothing was loaded, compiled or started meanwhile, as far as the painter
+    /// knows.
+    pub is_measured: bool,
+    /// Whether its agent had what all zones need when it was given the order: else it got ready in a part of the time since then.
+    pub was_ready: bool,
     /// How many samples it should have next; not more than it has: it is finished, or the Master decides.
     pub goal: u32,
     /// T_est for the samples that are still missing, in reference-machine time; where none are, of one more.

@@ -119,6 +119,11 @@ impl RenderAgent {
         self.adaptation.as_ref().map_or(RelativePower::REFERENCE, Adaptation::power)
     }
 
+    /// Whether it is on the Master's list and would paint, and has nothing to do.
+    pub(crate) fn is_free(&self) -> bool {
+        self.subscribed && !self.left_out && self.hands.is_empty() && self.unanswered.is_empty() && self.room() > 0
+    }
+
     /// The zones in hand and the tokens of their orders.
     pub fn hands(&self) -> impl Iterator<Item = (ZoneId, Revision)> {
         self.hands.iter().map(|(zone, hand)| (zone, hand.order.fence))
@@ -300,8 +305,17 @@ impl RenderAgent {
         let order = if choice == profiled { order.clone() } else { order.decided_anew(choice) };
         let is_estimated = choice.tunables == profiled.tunables;
         let decided = decided.is_none();
-        let hand =
-            ZoneInHand { order, choice, is_estimated, decided, begun: false, since: now, painted: 0, conversation };
+        let hand = ZoneInHand {
+            was_ready: self.fetched,
+            order,
+            choice,
+            is_estimated,
+            decided,
+            begun: false,
+            since: now,
+            painted: 0,
+            conversation,
+        };
         if self.hands.is_empty() {
             self.since = now;
         }
@@ -335,6 +349,7 @@ impl RenderAgent {
             let taken = f64::from(painted.result.samples.saturating_sub(hand.order.row.samples_done()).max(1));
             if !profiling
                 && hand.is_estimated
+                && painted.is_measured
                 && let (Some(adaptation), Some(estimated)) = (&mut self.adaptation, hand.order.row.time_estimated)
             {
                 adaptation.learn(painted.busy, estimated);
@@ -344,6 +359,8 @@ impl RenderAgent {
                 result: painted.result,
                 time_measured: power.to_reference(painted.busy),
                 busy: painted.busy,
+                is_measured: painted.is_measured,
+                was_ready: hand.was_ready,
                 goal,
                 error: painted.error,
                 time_left: power.to_reference(scaled(painted.busy, painted.unfinished * left / taken)),

@@ -1,18 +1,20 @@
 //! Work before a picture whose parts the machines of a job do together: which of them next?
 //!
-//! Nobody hands the parts out. Whoever has nothing to do takes one that is free, by a compare-and-set that tells all others,
-//! and what came of it depends on the part alone. So a part may be done twice, and never otherwise; any machine may go at any time.
+//! Nobody hands the parts out. Whoever has nothing to do claims one that is free, by a compare-and-set that tells all others, and
+//! the result depends on the part alone. A claim ends when its holder no longer takes part in the work, and at a deadline: then
+//! whoever has nothing else to do takes the part as well. So a part may be done twice, and never otherwise; any machine may go, or
+//! stand still, at any time.
 
 use std::time::Duration;
 
 /// A part of shared work, as a machine sees it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SharedPart {
-    /// Who has taken it last.
+    /// Who has claimed it last.
     pub taken_by: Option<String>,
-    /// For how long that has been so.
+    /// How long ago.
     pub since: Duration,
-    /// Whether all can have what came of it.
+    /// Whether all can have the result.
     pub is_done: bool,
 }
 
@@ -29,8 +31,8 @@ pub enum NextPart {
 
 /// What a machine does next.
 ///
-/// - `is_there`: whether another one has not gone.
-/// - `patience`: for how long another one may have a part, before one who has nothing else to do does it as well.
+/// - `is_there`: whether another one takes part in the work now.
+/// - `patience`: the deadline of a claim, from when it was made: after it one who has nothing else to do takes the part as well.
 pub fn next_part(parts: &[SharedPart], me: &str, is_there: impl Fn(&str) -> bool, patience: Duration) -> NextPart {
     let open = || parts.iter().enumerate().filter(|(_, part)| !part.is_done);
     if open().next().is_none() {

@@ -124,6 +124,8 @@ pub struct Visitor {
     calls: Vec<FarmMessage>,
     /// Samples to which each order that it paints goes up. A hash map, for speed: never gone through.
     orders: FxHashMap<ZoneId, (Revision, u32)>,
+    /// Whether it has painted something since it came: with the first zone it may have read the scene, or compiled.
+    is_warm: bool,
     /// The call of the award that is being taken.
     won: Option<u64>,
     is_away: bool,
@@ -152,6 +154,7 @@ impl Visitor {
             benchmark: (power, lanes),
             calls: Vec::new(),
             orders: FxHashMap::default(),
+            is_warm: false,
             won: None,
             is_away: false,
         }
@@ -255,16 +258,19 @@ impl Visitor {
                 let samples = self.orders.get(&zone).filter(|(other, _)| *other == fence).map(|(_, samples)| *samples);
                 let Some(samples) = samples else { return };
                 self.orders.remove(&zone);
+                let is_measured = self.is_warm;
+                self.is_warm |= outcome.is_ok();
                 let outcome = outcome.map(|(result, busy)| PaintResult {
                     result: ResultRef { fence, samples, ..result },
                     busy,
+                    is_measured,
                     error: None,
                     unfinished: 1.0,
                 });
                 self.forward(now, Event::Completed(FarmCompletion::Painted { zone, fence, outcome }), actions);
             }
             VisitorReport::Leaves => {
-                self.is_away = true;
+                (self.is_away, self.is_warm) = (true, false);
                 self.calls.clear();
                 self.orders.clear();
                 self.agent.let_go();

@@ -95,6 +95,16 @@ pub enum FarmEffect {
         /// So many are needed.
         needed: usize,
     },
+    /// Nothing was begun for long though zones waited and agents were free: the Master begins again from the Blackboard. For those who
+    /// watch.
+    Stalled {
+        /// For how long.
+        waited: Duration,
+        /// Zones that wait.
+        zones: usize,
+        /// Agents that are free.
+        free: usize,
+    },
     /// Begin a new, empty film for this work: what was composed before is void.
     BeginFilm(Arc<WorkRow>),
     /// A zone's row has changed: for those who watch, and for the journal.
@@ -195,6 +205,8 @@ pub struct PaintResult {
     pub result: ResultRef,
     /// Processor time that they took.
     pub busy: Duration,
+    /// Whether that is a measurement: nothing was loaded, compiled or started meanwhile.
+    pub is_measured: bool,
     /// The zone's estimated relative error, where it was asked for and can be known; where cells stop by theirs, the greatest
     /// of those that were looked at.
     pub error: Option<f64>,

@@ -154,6 +154,8 @@ fn painting(order: &Order, samples: u32) -> Painting {
         goal: 40,
         time_left: Duration::from_millis(95),
         busy: Duration::from_millis(5),
+        is_measured: true,
+        was_ready: true,
         error: None,
     }
 }

@@ -9,6 +9,7 @@ use std::{
 use axum::http::StatusCode;
 use bottega::{Event, Request, StopSwitch};
 use bottega_cluster::{
+    Activity,
     energy::{JobEnergy, Tariff},
     job::{LogLine, unix_seconds},
     machine::PresenceState,
@@ -137,6 +138,7 @@ impl PaintedState {
             scene: String::new(),
             output: String::new(),
             animation: None,
+            stirs: 0,
             kept: false,
             is_over: false,
         };
@@ -294,6 +296,7 @@ impl ShownFarm for PaintedJob {
             name: host_name(),
             state: PresenceState::Active.word(),
             ordered: PresenceState::Active.word(),
+            activity: if state.view.is_over { Activity::Waiting } else { Activity::Busy }.word(),
             threads: state.threads,
             devices: state.devices.clone(),
             job: Some(NUMBER).filter(|_| !state.view.is_over),

@@ -70,7 +70,8 @@ struct ReadMessages {
 
 /// A job that somebody watches.
 struct FollowedJob {
-    work: u64,
+    /// The number of the job, whichever painting of it is under way.
+    origin: u64,
     live: Arc<LiveJob>,
     /// Nothing more is told of it: it was over.
     has_ended: Arc<AtomicBool>,
@@ -137,6 +138,9 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
     let mut said: Option<LogLine> = None;
     let mut look = || {
         let job = board.get(number)?;
+        if live.begin_painting(job.work) {
+            said = None;
+        }
         live.tell_job(&view(board, number, &job, &board.presences()));
         let from = job.log.iter().rposition(|line| Some(line) == said.as_ref()).map_or(0, |last| last + 1);
         for line in &job.log[from..] {
@@ -155,7 +159,8 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
             if looked.elapsed() > LOOK_EVERY && !job.state.is_over() {
                 looked = Instant::now();
                 now = look();
-                return is_wanted() && now.as_ref().is_some_and(|now| !now.state.is_over());
+                let goes_on = |now: &Job| !now.state.is_over() && now.work == job.work;
+                return is_wanted() && now.as_ref().is_some_and(goes_on);
             }
             true
         });
@@ -167,7 +172,7 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
         }
         match now {
             None => return live.tell_removed(),
-            // It is over: once more, what its rows said last. Else the server went away: from the beginning.
+            // It is over: once more, what its rows said last. Else it is painted again, or the server went away: from the beginning.
             Some(now) => job = now,
         }
         thread::sleep(LOOK_EVERY);
@@ -264,12 +269,11 @@ impl ShownFarm for LinkedFarm {
     fn picture(&self, number: u32) -> Result<PictureFile, Problem> {
         let job = self.known(number)?;
         let lacking = |why: String, remedy: &str| Problem::conflict(why, remedy);
-        match &job.state {
-            JobState::Done { kept: true } => {}
-            JobState::Done { kept: false } => {
-                return Err(lacking(format!("{} wrote the picture itself", job.from), "look there"));
-            }
-            state => return Err(lacking(format!("job {number} is {}", state.word()), "wait until it is done")),
+        if !job.kept {
+            return Err(match &job.state {
+                JobState::Done => lacking(format!("{} wrote the picture itself", job.from), "look there"),
+                state => lacking(format!("job {number} is {}", state.word()), "wait until it is done"),
+            });
         }
         let bytes = self.board.picture(&job)?;
         let bytes = bytes.ok_or_else(|| lacking("the farm has no picture of this job".to_owned(), "ask again"))?;
@@ -278,11 +282,11 @@ impl ShownFarm for LinkedFarm {
     }
 
     fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem> {
-        let Job { work, state, .. } = self.known(number)?;
+        let Job { origin, state, .. } = self.known(number)?;
         let mut followed = lock(&self.live);
         // Whose thread has ended, and whom nobody watches.
         followed.retain(|_, job| Arc::strong_count(&job.live) > 1);
-        let known = followed.get(&number).filter(|job| job.work == work);
+        let known = followed.get(&number).filter(|job| job.origin == origin);
         // One that was over may be painted again.
         let goes_on = |job: &&FollowedJob| state.is_over() || !job.has_ended.load(Ordering::Relaxed);
         if let Some(job) = known.filter(goes_on) {
@@ -290,7 +294,7 @@ impl ShownFarm for LinkedFarm {
         }
         let live = known.map_or_else(Arc::default, |job| Arc::clone(&job.live));
         let has_ended = Arc::new(AtomicBool::new(false));
-        followed.insert(number, FollowedJob { work, live: Arc::clone(&live), has_ended: Arc::clone(&has_ended) });
+        followed.insert(number, FollowedJob { origin, live: Arc::clone(&live), has_ended: Arc::clone(&has_ended) });
         let (board, told, all) = (self.board.clone(), Arc::clone(&live), Arc::clone(&self.live));
         // This thread and the table have it.
         let is_wanted = move |live: &Arc<LiveJob>| {
@@ -341,6 +345,7 @@ impl ShownFarm for LinkedFarm {
             MachineStatus {
                 state: seat.standing.word(),
                 ordered: board.order_to(&seat.name).standing.word(),
+                activity: seat.activity.word(),
                 threads: seat.threads,
                 devices: seat.devices,
                 job: seat.job,

@@ -50,6 +50,8 @@ enum RowKey {
 
 #[derive(Default)]
 struct LiveState {
+    /// The painting that is told, where there may be several.
+    painting: Option<u64>,
     epoch: u64,
     version: u64,
     rows: HashMap<RowKey, (u64, Arc<str>)>,
@@ -90,6 +92,17 @@ impl LiveJob {
             | Event::Denoised { .. } => state.next_note(),
         };
         state.put(key, without_paths(event.to_json()).into());
+    }
+
+    /// A painting of the job is told from now on. What was told of another one is void. Returns whether something was.
+    pub(crate) fn begin_painting(&self, work: u64) -> bool {
+        let mut state = self.state();
+        let is_another = state.painting.is_some_and(|before| before != work);
+        if is_another {
+            state.restart();
+        }
+        state.painting = Some(work);
+        is_another
     }
 
     /// Tells how the job stands: an event `job`.
@@ -180,6 +193,18 @@ mod tests {
 
     fn told(news: &News) -> Vec<Value> {
         serde_json::from_str(&news.text).expect("JSON")
+    }
+
+    #[test]
+    fn what_was_told_of_an_earlier_painting_is_void() {
+        let live = LiveJob::default();
+        assert!(!live.begin_painting(7));
+        live.tell(&zone(3, "done"));
+        let first = live.since(None).unwrap();
+        assert!(!live.begin_painting(7) && live.begin_painting(8));
+        live.tell(&zone(1, "open"));
+        let next = live.since(Some(first.cursor)).unwrap();
+        assert!(next.is_whole && told(&next).len() == 1 && told(&next)[0]["id"] == 1);
     }
 
     #[test]

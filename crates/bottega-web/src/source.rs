@@ -72,6 +72,8 @@ pub struct MachineStatus {
     pub state: &'static str,
     /// What it is told to be.
     pub ordered: &'static str,
+    /// `busy`: at work for its job; `waiting`: it has none, or there is nothing for it to do in it just now.
+    pub activity: &'static str,
     /// Its processors.
     pub threads: usize,
     /// What paints beside them, where a job lets it: names of GPUs, addresses of boards.

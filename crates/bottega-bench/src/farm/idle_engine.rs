@@ -80,7 +80,7 @@ fn share_of(number: u32) -> f64 {
 fn paint(task: ZoneTask, busy: Duration) -> Painted {
     if task.cancel.is_cancelled() {
         let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, Layout::new(AovSet::NONE)));
-        return Painted { tile, busy, parts: Vec::new(), complete: false };
+        return Painted { tile, busy, is_warm: true, parts: Vec::new(), complete: false };
     }
     let mut tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, Layout::new(AovSet::NONE)));
     let values = SampleValues { radiance: [0.5; 3], alpha: 1.0, ..SampleValues::default() };
@@ -88,7 +88,7 @@ fn paint(task: ZoneTask, busy: Duration) -> Painted {
         task.samples.clone().for_each(|_| tile.add(x, y, &values));
     }
     task.progress.add(task.rect.area() * u64::from(task.samples.end - task.samples.start));
-    Painted { tile, busy, parts: Vec::new(), complete: true }
+    Painted { tile, busy, is_warm: true, parts: Vec::new(), complete: true }
 }
 
 impl RenderEngine for IdleEngine {

@@ -173,7 +173,6 @@ impl MagarroScene<'_> {
             }
             let mut plan = Plan::calm(crew, seed);
             plan.faults.latency_min = LATENCY;
-            plan.expert = settings.experts.first().cloned().unwrap_or(plan.expert);
             if ways == Ways::Papers {
                 plan.auction = AuctionRule::Paper;
                 plan.adaptation = AdaptationRule::Paper;

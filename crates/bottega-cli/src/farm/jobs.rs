@@ -193,8 +193,9 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     if let JobState::Failed { reason } = &job.state {
         println!("it failed: {reason}");
     }
-    if let JobState::Done { kept: true } = job.state {
-        println!("the farm has the picture: bottega jobs fetch {number}");
+    if job.kept {
+        let which = if job.state == JobState::Done { "the picture" } else { "the picture of the painting before" };
+        println!("the farm has {which}: bottega jobs fetch {number}");
     }
     Ok(())
 }

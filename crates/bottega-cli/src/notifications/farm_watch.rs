@@ -173,6 +173,7 @@ mod tests {
             scene: "s.glb".to_owned(),
             output: "p.exr".to_owned(),
             animation: None,
+            stirs: 0,
             kept: false,
             is_over: !matches!(state, "active" | "paused"),
         }

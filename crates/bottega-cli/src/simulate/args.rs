@@ -33,7 +33,8 @@ pub(crate) struct SimulateArgs {
     /// Who paints: `8`, `4x1.0,4x0.25` (how many x how fast), `2x1:8` (with eight processors each), `agent-3@join=5s`,
     /// `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (four times slower from then on), `agent-3@hang=8s` (says
     /// that it lives, and paints no more), `agent-3@break=5s:0.5` (half of its orders fail), `agent-3@lie=5s:0.1` (a tenth of
-    /// what it paints is wrong), `agent-3@boast=0s:2` (promises to be twice as fast as it is); or a file with such words. Default: as in the record.
+    /// what it paints is wrong), `agent-3@boast=0s:2` (promises to be twice as fast as it is),
+    /// `agent-3@load=0s:60` (with its next zone it loads something for 60 s, and takes that for painting); or a file with such words. Default: as in the record.
     #[arg(long, value_name = "SPEC", num_args = 1.., help_heading = "Agents")]
     pub(crate) agents: Vec<String>,
     /// All agents share one machine of so many processors, as those of one process do. Default: each has its own.
@@ -54,7 +55,7 @@ pub(crate) struct SimulateArgs {
     /// How agents learn their speed.
     #[arg(long, value_name = "RULE", value_parser = choice::<AdaptationChoice>(), default_value = "ratio", help_heading = "Agents")]
     pub(crate) adaptation: AdaptationChoice,
-    /// The expert rules of all agents, as `bottega render --rules`: those of the recorded work, if it had its own.
+    /// The expert rules of all agents, as `bottega render --rules`. Default: those by which the recorded work was painted.
     #[arg(long, value_name = "FILE", value_hint = clap::ValueHint::FilePath, help_heading = "Agents")]
     pub(crate) rules: Option<PathBuf>,
     /// Zones that an agent has in hand at most.

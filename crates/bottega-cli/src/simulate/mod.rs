@@ -43,7 +43,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
         crew.fail_some(args.fail, until, args.seed);
     }
     let plan = Plan {
-        expert: expert(args.rules.as_deref())?,
+        experts: args.rules.as_deref().map(experts_of).transpose()?.unwrap_or_default(),
         faults: Faults { latency_min: args.latency, latency_extra_mean: args.jitter, ..faults(args) },
         benchmark_error: args.benchmark_error,
         auction: auction_rule(args.auction),
@@ -76,10 +76,9 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
 }
 
 /// The knowledge of the agents; what is to be told of its rules is told by `bottega rules check`.
-fn expert(rules: Option<&Path>) -> Result<Expert, CliError> {
-    let sources: Vec<RulesSource> = rules.map(|path| RulesSource::File(path.to_owned())).into_iter().collect();
-    let (experts, _) = experts(rule_texts(&sources)?)?;
-    Ok(experts.into_iter().next().unwrap_or_else(Expert::path_tracing))
+fn experts_of(rules: &Path) -> Result<Vec<Expert>, CliError> {
+    let (experts, _) = experts(rule_texts(&[RulesSource::File(rules.to_owned())])?)?;
+    Ok(experts)
 }
 
 fn faults(args: &SimulateArgs) -> Faults {

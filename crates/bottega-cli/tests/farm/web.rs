@@ -216,3 +216,47 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     farm.until("the other door is closed", || TcpStream::connect(&steer_there.at).is_err());
     assert_eq!(steer.get("/api/jobs/1").0, 200, "one door closes, the other stays");
 }
+
+/// The processes that have painted the picture first are gone, so that what comes before the first zone is done once more, by two machines
+/// together: it was waited for for ever.
+#[test]
+fn a_job_that_is_painted_again_keeps_its_picture_until_the_new_one_is_there() {
+    const PHOTONS: [&str; 4] = ["--integrator", "photon", "--photons", "400000"];
+    let Some(server) = servers().pop() else { return };
+    let farm = Farm::start_with(&server, &["--web", "127.0.0.1:0"]);
+    let [steer, _] = Web::doors(&farm, "up.log");
+    let mut first = [farm.join("one"), farm.join("two")];
+    let more = [&PHOTONS[..], &["--detach"]].concat();
+    assert!(farm.render_by("a.exr", "--spp=8", &more).wait(), "{}", farm.logs());
+    farm.until_state(1, "done");
+    let fetched = |name: &str| {
+        let path = farm.path(name);
+        farm.succeed(&["jobs", "fetch", "1", "-o", text(&path)]);
+        bits(&path)
+    };
+    let picture = fetched("first.exr");
+    first.iter_mut().for_each(|machine| assert!(machine.end(), "{}", farm.logs()));
+    let again = || {
+        let (status, view) = steer.post("/api/jobs/1/zones/3/requeue", &json!({}));
+        assert!(status == 200 && view["state"] == "active" && view["kept"] == true, "{view}");
+        // Nothing of the painting before is taken for progress.
+        assert_eq!((&view["done"], &view["zones_done"], &view["seconds_left"]), (&json!(0.0), &json!(0), &json!(null)));
+    };
+    again();
+    let is_kept = |name: &str| {
+        assert!(fetched(name) == picture);
+        for path in ["picture", "preview.png"] {
+            assert_eq!(steer.get(&format!("/api/jobs/1/{path}")).0, 200, "{path}");
+        }
+    };
+    is_kept("active.exr");
+    assert_eq!(steer.post("/api/jobs/1/cancel", &json!({})).1["state"], "cancelled");
+    is_kept("cancelled.exr");
+    again();
+    let _machines = [farm.join("three"), farm.join("four")];
+    farm.until_state(1, "done");
+    is_kept("second.exr");
+    let job = steer.job(1);
+    assert_eq!((&job["stirs"], &job["done"]), (&json!(0), &json!(1.0)), "{}", farm.log_of(1));
+    assert!(farm.log_of(1).contains(" parts of the work before the first zone"), "{}", farm.log_of(1));
+}

@@ -72,7 +72,7 @@ fn the_same_seed_gives_the_same_synthetic_run() {
 fn what_cannot_be_simulated_is_refused_with_a_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     let torn = folder.path().join("torn.json");
-    fs::write(&torn, "{\n  \"format\": \"bottega record\",\n  \"version\": 1,\n").expect("written");
+    fs::write(&torn, "{\n  \"format\": \"bottega record\",\n  \"version\": 2,\n").expect("written");
     for (arguments, code, reason) in [
         (vec!["simulate"], 2, "<RECORD>"),
         (vec!["simulate", "nowhere.json"], 1, "nowhere.json"),

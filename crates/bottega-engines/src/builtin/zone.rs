@@ -58,6 +58,8 @@ pub(super) struct ZonePainter<'a> {
     waiting: VecDeque<Rect>,
     under_way: Vec<Option<BlockUnderWay>>,
     busy: Duration,
+    /// Whether the engine had painted something before: devices get their kernels and scenes with the first units.
+    is_warm: bool,
     /// By block, of those that are done.
     parts: Vec<(Rect, Duration)>,
     complete: bool,
@@ -90,6 +92,7 @@ impl<'a> ZonePainter<'a> {
         settings.max_depth = task.tunables.max_depth;
         settings.light_samples = task.tunables.light_samples;
         let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
+        let is_warm = shared.devices == 0 || shared.samples_done.load(Ordering::Relaxed) > 0;
         Self {
             shared,
             client,
@@ -100,6 +103,7 @@ impl<'a> ZonePainter<'a> {
             waiting: blocks(task.rect, task.parts.as_deref()),
             under_way: Vec::new(),
             busy: Duration::ZERO,
+            is_warm,
             parts: Vec::new(),
             complete: true,
             cancel: task.cancel,
@@ -125,7 +129,8 @@ impl<'a> ZonePainter<'a> {
                 self.take_back();
             }
         }
-        Ok(Painted { tile: self.tile, busy: self.busy, parts: self.parts, complete: self.complete })
+        let Self { tile, busy, is_warm, parts, complete, .. } = self;
+        Ok(Painted { tile, busy, is_warm, parts, complete })
     }
 
     /// Hands out the first samples of the next waiting block that lacks any.

@@ -17,7 +17,7 @@ use bottega_kernels::SplitMix64;
 use super::{
     error::EngineFault,
     locate::LocatedEngine,
-    manifest::Determinism,
+    manifest::{Determinism, EngineKind},
     picture, quarantine,
     session::{SceneRequest, Session, WindowRequest},
     tiny,
@@ -136,7 +136,7 @@ impl ExternalEngine {
         sessions.resize_with(lane_count, || None);
         let mut engine = Self { shared: Arc::clone(&shared), lanes: Vec::new() };
         for session in sessions {
-            let mut lane = EngineProcess { shared: Arc::clone(&shared), session };
+            let mut lane = EngineProcess { shared: Arc::clone(&shared), session, is_warm: false };
             let thread = thread::Builder::new().name("engine".to_owned()).spawn(move || lane.run());
             engine.lanes.push(thread.map_err(|source| EngineFault::Start { program: "a thread".to_owned(), source })?);
         }
@@ -337,13 +337,15 @@ impl EngineState {
 /// What a task comes to that was cancelled before it began.
 fn unpainted(task: ZoneTask, layout: &Layout) -> Painted {
     let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout.clone()));
-    Painted { tile, busy: Duration::ZERO, parts: Vec::new(), complete: false }
+    Painted { tile, busy: Duration::ZERO, is_warm: false, parts: Vec::new(), complete: false }
 }
 
 /// One process of the engine, and the thread that drives it.
 struct EngineProcess {
     shared: Arc<EngineState>,
     session: Option<Session>,
+    /// Whether the session has painted something: many engines build or compile with their first window what all of them need.
+    is_warm: bool,
 }
 
 impl EngineProcess {
@@ -394,7 +396,10 @@ impl EngineProcess {
         }
         let session = match self.session.take() {
             Some(session) => session,
-            None => Session::open(&self.shared.located, &self.request())?,
+            None => {
+                self.is_warm = false;
+                Session::open(&self.shared.located, &self.request())?
+            }
         };
         Ok(self.session.insert(session))
     }
@@ -452,6 +457,8 @@ impl EngineProcess {
         let first = if kept.is_some() { task.samples.start } else { 0 };
         let count = task.samples.end.saturating_sub(first).max(1);
         let area = task.rect.area();
+        // What it takes to start an engine and open a scene is no part of painting.
+        self.session()?;
         let begun = Instant::now();
         let request = self.window_request(task.rect, first, count, &task.tunables, task.cancel.clone());
         let mut told = 0;
@@ -467,7 +474,8 @@ impl EngineProcess {
                 // The process is at work for nobody.
                 self.session = None;
                 let tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
-                return Ok(Painted { tile, busy: self.busy(begun), parts: Vec::new(), complete: false });
+                let busy = self.busy(begun);
+                return Ok(Painted { tile, busy, is_warm: false, parts: Vec::new(), complete: false });
             }
             written => written?,
         };
@@ -484,7 +492,10 @@ impl EngineProcess {
         if let Some(watcher) = shared.watcher.get() {
             watcher(&tile);
         }
-        Ok(Painted { tile, busy: self.busy(begun), parts: Vec::new(), complete: true })
+        // One that is started for each window takes for each what the first one takes.
+        let starts_anew = shared.located.manifest().kind == EngineKind::Command;
+        let is_warm = std::mem::replace(&mut self.is_warm, true) || starts_anew;
+        Ok(Painted { tile, busy: self.busy(begun), is_warm, parts: Vec::new(), complete: true })
     }
 
     /// Time of all processors that this lane has.

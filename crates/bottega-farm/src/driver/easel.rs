@@ -5,11 +5,11 @@ use std::{collections::BTreeMap, io, time::Duration};
 use bottega_agents::{BlobId, Revision, Time};
 use bottega_image::{Film, Layout, Tile};
 
-use super::{
-    progress::{Progress, Tally, Times},
-    settings::JobSettings,
+use super::settings::JobSettings;
+use crate::{
+    AgentRow, AuctionRule, Mask, Progress, ResultRef, Times, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest,
+    progress::Tally,
 };
-use crate::{AgentRow, Mask, ResultRef, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest};
 
 /// Tiles, film and store of one job.
 pub(super) struct Composer {
@@ -38,7 +38,7 @@ impl Composer {
             rows: BTreeMap::new(),
             store,
             stored,
-            tally: Tally::new(!settings.experience.is_empty()),
+            tally: Tally::new(!settings.experience.is_empty(), settings.auction == AuctionRule::Stealing),
             times: Times::default(),
         }
     }

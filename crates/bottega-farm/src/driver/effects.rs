@@ -27,6 +27,7 @@ impl Shared {
             FarmEffect::Dismissed { reason } => self.dismissed(reason),
             FarmEffect::LeftOut { agent, reason } => self.observer.left_out(&agent, &reason),
             FarmEffect::TooFew { present, needed } => self.observer.too_few(present, needed),
+            FarmEffect::Stalled { waited, zones, free } => self.observer.stalled(waited, zones, free),
             FarmEffect::BeginFilm(work) => {
                 self.learner().see_work(&work);
                 let kept = self.easel().begin(&work);

@@ -60,7 +60,7 @@ impl Learner {
 
     /// The Master is told of a zone.
     pub(super) fn hear(&mut self, report: &Report) {
-        if let Ok(painting) = &report.outcome {
+        if let Some(painting) = report.outcome.as_ref().ok().filter(|painting| painting.is_measured) {
             self.told.insert(report.zone, (report.fence, painting.busy));
         }
     }
@@ -173,6 +173,8 @@ mod tests {
             result: result(samples).unwrap(),
             time_measured: SECOND,
             busy: 4 * SECOND,
+            is_measured: true,
+            was_ready: true,
             goal: samples,
             time_left: SECOND,
             error: None,
@@ -224,6 +226,15 @@ mod tests {
         let forecast = learner.forecast().unwrap();
         assert_eq!(forecast.zones, 3);
         assert!((forecast.median_error - 0.2).abs() < 1e-9, "{forecast:?}");
+    }
+
+    #[test]
+    fn a_zone_during_which_its_painter_loaded_something_teaches_nothing() {
+        let mut learner = learner();
+        let cold = report(0, 20, choice(20, 8));
+        let cold = Report { outcome: cold.outcome.map(|it| Painting { is_measured: false, ..it }), ..cold };
+        learner.hear(&cold);
+        assert!(learner.told.is_empty());
     }
 
     #[test]

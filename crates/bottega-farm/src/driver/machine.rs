@@ -29,8 +29,8 @@ impl Shared {
             Preparation::UnderWay(waiting) => waiting.push((work, mailbox.clone())),
             before @ Preparation::NotBegun => {
                 *before = Preparation::UnderWay(vec![(work, mailbox.clone())]);
-                state.outstanding += 1;
                 drop(state);
+                self.begin_outstanding();
                 self.prepare(mailbox.clone());
             }
         }

@@ -1,12 +1,13 @@
 //! Observers of a job.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use bottega_agents::{AgentId, Revision, Time};
 use bottega_engines::Survey;
 
-use super::progress::Progress;
-use crate::{AgentRow, FarmCompletion, FarmMessage, ImportanceMap, Partition, RoundSummary, Theft, ZoneId, ZoneRow};
+use crate::{
+    AgentRow, FarmCompletion, FarmMessage, ImportanceMap, Partition, Progress, RoundSummary, Theft, ZoneId, ZoneRow,
+};
 
 /// A Master, as somebody beside it may ask it for something.
 #[derive(Clone)]
@@ -49,6 +50,11 @@ pub trait Observer: Send + Sync {
     fn left_out(&self, _agent: &AgentId, _reason: &str) {}
     /// Zones wait for more machines, `needed` in all, to compare what these paint.
     fn too_few(&self, _present: usize, _needed: usize) {}
+    /// Nothing was begun for so long, though `zones` waited and `free` agents could have painted them: the Master begins again.
+    fn stalled(&self, _waited: Duration, _zones: usize, _free: usize) {}
+    /// So many things are under way in this process: surveys, what all zones need, zones, tiles that are fetched. Told whenever one
+    /// begins or ends.
+    fn under_way(&self, _count: usize) {}
     /// The job could not be kept: it goes on, but cannot be resumed.
     fn not_kept(&self, _error: &std::io::Error) {}
 }

@@ -19,6 +19,8 @@ struct ZonePainting {
     /// Samples of one pass.
     pass: u32,
     busy: Duration,
+    /// Whether all of that is a measurement.
+    is_measured: bool,
     shared: Arc<Shared>,
     mailbox: FarmMailbox,
     cancel: CancelSwitch,
@@ -96,6 +98,7 @@ impl Shared {
             estimate: Estimate::of(&order, engine.resumes_samples && engine.is_profiled),
             pass: count.div_ceil(passes).max(1),
             busy: Duration::ZERO,
+            is_measured: true,
             shared: Arc::clone(self),
             mailbox: mailbox.clone(),
             order,
@@ -178,8 +181,9 @@ impl ZonePainting {
                     self.done(Err("the engine was cancelled".to_owned()));
                 }
             }
-            Ok(Painted { mut tile, busy, complete: true, .. }) => {
+            Ok(Painted { mut tile, busy, is_warm, complete: true, .. }) => {
                 self.busy += busy;
+                self.is_measured &= is_warm;
                 if tile.rect() != self.order.rect {
                     return self.done(Err("the engine painted another rectangle".to_owned()));
                 }
@@ -214,8 +218,8 @@ impl ZonePainting {
             return self.done(Err(reason));
         }
         self.shared.easel().put(self.order.zone, digest, tile);
-        let busy = self.busy;
-        self.done(Ok(PaintResult { result, busy, error, unfinished }));
+        let Self { busy, is_measured, .. } = self;
+        self.done(Ok(PaintResult { result, busy, is_measured, error, unfinished }));
     }
 
     /// Keeps a pass.

@@ -173,12 +173,22 @@ impl Shared {
     }
 
     pub(super) fn begin_outstanding(&self) {
-        self.state().outstanding += 1;
+        let count = {
+            let mut state = self.state();
+            state.outstanding += 1;
+            state.outstanding
+        };
+        self.observer.under_way(count);
     }
 
     pub(super) fn end_outstanding(&self) {
-        self.state().outstanding -= 1;
+        let count = {
+            let mut state = self.state();
+            state.outstanding -= 1;
+            state.outstanding
+        };
         self.changed.notify_all();
+        self.observer.under_way(count);
     }
 
     /// The Master has left an agent of this process out. When it has left out all who paint for a Master elsewhere, this

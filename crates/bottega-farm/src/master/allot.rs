@@ -114,7 +114,10 @@ impl Master {
         let place = round.awaited.iter().position(|awaited| Some(*awaited) == agent);
         if let Some(agent) = place.map(|place| round.awaited.swap_remove(place)) {
             match proposal {
-                Some(proposal) => round.proposals.push((agent, proposal)),
+                Some(proposal) => {
+                    round.proposals.push((agent, proposal));
+                    self.roster.note_bid(agent);
+                }
                 None => self.roster.release(agent),
             }
         }

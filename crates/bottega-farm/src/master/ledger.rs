@@ -181,6 +181,11 @@ impl Ledger {
         self.comparisons.len()
     }
 
+    /// Zones that wait for an agent: those that nobody has seen, and those that are to be had in an auction.
+    pub(super) fn waiting_count(&self) -> usize {
+        self.unseen.len() + self.open.len()
+    }
+
     /// Zones that somebody has in hand.
     pub(super) fn in_hand_count(&self) -> usize {
         self.in_hand

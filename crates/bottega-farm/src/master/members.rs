@@ -199,6 +199,7 @@ impl Master {
         let reply_by = now + self.config.timing.lease;
         actions.push(FarmAction::Send(asking(order, conversation, Some(reply_by))));
         self.sent.insert(row.zone, now);
+        self.orders_sent += 1;
     }
 
     /// Whether the rules of whoever paints a zone decide what it is painted with: MAGarRO, section 3.4, "when a task is assigned to
@@ -221,6 +222,7 @@ impl Master {
     /// Looks for those who have fallen silent.
     pub(super) fn look(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         self.next_look = Some(now + self.config.timing.heartbeat);
+        self.watch_stall(now, actions);
         self.roster.wake(now);
         self.in_vain.clear();
         self.roster.ask_again(&self.in_vain);

@@ -61,13 +61,22 @@ impl Master {
             .outcome
             .as_ref()
             .is_ok_and(|it| row.choice.is_none_or(|chosen| chosen.tunables == it.choice.tunables));
-        let taken = self.roster.find(&message.sender).and_then(|agent| self.roster.report(now, agent, sent));
-        // What is expected before anybody has seen a zone is nobody's promise.
+        let sender = self.roster.find(&message.sender);
+        let taken = sender.and_then(|agent| self.roster.report(now, agent, sent));
+        let measured = report.outcome.as_ref().ok().filter(|painting| painting.is_measured);
+        // What is expected before anybody has seen a zone is nobody's promise, and while something is loaded nothing is measured.
         let taken = taken.filter(|_| is_estimated && row.state == ZoneState::Awarded);
+        let promise = taken.zip(measured.filter(|painting| painting.was_ready)).map(|(taken, painting)| {
+            let samples = painting.result.samples.saturating_sub(row.samples_done());
+            KeptPromise { taken, worth: self.worth.of(sender, row, samples) }
+        });
+        if let (Some(sender), Some(painting), Ok(_)) = (sender, measured, &after) {
+            self.worth.see(sender, row, painting);
+        }
         match after {
             Ok((row, verdict)) => {
                 self.pass_painted += row.time_measured.unwrap_or_default();
-                let then = RowFollowUp::Receive { confirmation: Box::new(received()), well: true, taken };
+                let then = RowFollowUp::Receive { confirmation: Box::new(received()), well: true, promise };
                 self.forget_likeness(&row);
                 self.write(now, row, then, actions);
                 self.pronounce(now, zone, &verdict, actions);
@@ -81,7 +90,7 @@ impl Master {
                         self.write(now, row, RowFollowUp::TakenBack, actions);
                     }
                 } else if let Some(row) = after {
-                    let then = RowFollowUp::Receive { confirmation: Box::new(received()), well: false, taken };
+                    let then = RowFollowUp::Receive { confirmation: Box::new(received()), well: false, promise };
                     self.write(now, row, then, actions);
                 } else {
                     actions.push(FarmAction::Send(received()));
@@ -111,7 +120,7 @@ impl Master {
     /// The zone's row after a valid report.
     fn accepted(&self, row: &ZoneRow, fence: Revision, painting: &Painting) -> Result<ZoneRow, &'static str> {
         let Some(work) = self.board.work() else { return Err("there is no work") };
-        let Painting { choice, result, time_measured, busy, goal, time_left, error } = *painting;
+        let Painting { choice, result, time_measured, busy, is_measured, goal, time_left, error, .. } = *painting;
         let unchanged = Choice::unchanged(&work.settings);
         let within = choice.samples >= 1
             && choice.samples <= unchanged.samples
@@ -151,7 +160,10 @@ impl Master {
         Ok(if wanted > result.samples || is_timed {
             let goal = (work.settings.goal != Goal::Samples).then_some(wanted);
             let time_measured = Some(time_measured).filter(|_| !profiling || is_timed);
-            let time_estimated = Some(time_left);
+            // Who loaded something meanwhile does not know how long the rest takes: others do, or the one who looked at the scene.
+            let left = choice.samples.saturating_sub(result.samples);
+            let expected = || self.worth.of(None, row, left).or(row.time_estimated).unwrap_or(time_left);
+            let time_estimated = Some(if is_measured { time_left } else { time_left.min(expected()) });
             ZoneRow { state: ZoneState::Profiled, goal, time_estimated, time_measured, ..after }
         } else {
             ZoneRow { state: ZoneState::Done, time_measured: Some(time_measured), ..after }

@@ -39,6 +39,8 @@ pub(super) struct Member {
     pub(super) heard: Time,
     /// It refused, or said nothing: not asked before.
     rests_until: Option<Time>,
+    /// It refused, or said nothing, when it was last asked.
+    is_unwilling: bool,
     /// It bid and won nothing: not asked again until something has changed.
     passed_over: bool,
     /// The round in which its bid is awaited.
@@ -300,7 +302,15 @@ impl Roster {
                 self.resting.remove(&(before, id));
             }
             self.resting.insert((until, id));
+            member.is_unwilling = true;
             self.place(id);
+        }
+    }
+
+    /// An agent has bid.
+    pub(super) fn note_bid(&mut self, id: MemberId) {
+        if let Some(member) = self.members[id.index()].as_mut() {
+            member.is_unwilling = false;
         }
     }
 
@@ -494,6 +504,7 @@ impl Member {
             weighs_promises: false,
             heard: now,
             rests_until: None,
+            is_unwilling: false,
             passed_over: false,
             round: None,
             hands: 0,
@@ -510,6 +521,16 @@ impl Member {
     /// Whether it has nothing at all to do, and would do something.
     pub(super) fn is_idle(&self) -> bool {
         self.hands == 0 && self.rests_until.is_none() && self.round.is_none()
+    }
+
+    /// Whether it did not refuse when it was last asked.
+    pub(super) fn is_willing(&self) -> bool {
+        !self.is_unwilling
+    }
+
+    /// Whether it bid and won nothing, and nothing has changed since.
+    pub(super) fn is_passed_over(&self) -> bool {
+        self.passed_over
     }
 
     /// Its own time for a second of the reference machine's, all its processors together, as it says.

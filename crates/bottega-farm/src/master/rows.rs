@@ -13,8 +13,12 @@ impl Master {
         for (&ticket, value) in &self.kept {
             actions.push(self.put_kept(ticket, value));
         }
+        self.watch_rows(actions);
+    }
+
+    pub(super) fn watch_rows(&self, actions: &mut Vec<FarmAction>) {
         let prefix = self.keys.prefix();
-        actions.push(FarmAction::Store { ticket: WATCH, request: StoreRequest::Watch { prefix } });
+        actions.push(FarmAction::Store { ticket: self.watch, request: StoreRequest::Watch { prefix } });
     }
 
     fn put_kept(&self, ticket: Ticket, value: &FarmValue) -> FarmAction {
@@ -52,7 +56,8 @@ impl Master {
                 // Somebody else wrote this row, and not what was to be written.
                 self.end_write(now, zone);
             }
-            StoreReply::CaughtUp => self.caught_up = true,
+            // A watch from before this Master began again tells of changes, and not that all was told.
+            StoreReply::CaughtUp => self.caught_up |= ticket == self.watch,
             StoreReply::Unavailable => self.repeat_write(ticket, actions),
             StoreReply::Got { .. } => return false,
         }
@@ -188,7 +193,7 @@ impl Master {
     fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
         match write.then {
             RowFollowUp::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
-            RowFollowUp::Receive { confirmation, well, taken } => {
+            RowFollowUp::Receive { confirmation, well, promise } => {
                 let name = confirmation.receivers.first().cloned();
                 let agent = name.as_ref().and_then(|agent| self.roster.find(agent));
                 actions.push(FarmAction::Send(*confirmation));
@@ -196,7 +201,7 @@ impl Master {
                     self.succeed(&name, actions);
                 }
                 if write.row.state == ZoneState::Done {
-                    self.credit(&write.row, taken, actions);
+                    self.credit(&write.row, promise, actions);
                 }
                 if let Some(agent) = agent.filter(|_| self.config.auction != AuctionRule::Stealing) {
                     self.help_out(now, agent, actions);
@@ -207,11 +212,12 @@ impl Master {
     }
 
     /// Credit rises or falls in proportion to T_est − T. It is on the Blackboard soon: see [`Self::write_credits`].
-    fn credit(&mut self, row: &ZoneRow, taken: Option<Duration>, actions: &mut Vec<FarmAction>) {
-        let (Some(estimated), Some(taken), Some(agent)) = (row.time_estimated, taken, &row.agent) else { return };
+    fn credit(&mut self, row: &ZoneRow, promise: Option<KeptPromise>, actions: &mut Vec<FarmAction>) {
+        let (Some(estimated), Some(promise), Some(agent)) = (row.time_estimated, promise, &row.agent) else { return };
+        let KeptPromise { taken, worth } = promise;
         let Some(id) = self.roster.find(agent) else { return };
         let Some(own) = self.roster.get(id).map(Member::promised_own) else { return };
-        if let Some(row) = self.roster.update(id, |row| row.credit.learn(estimated, own, taken)) {
+        if let Some(row) = self.roster.update(id, |row| row.credit.learn(estimated, own, taken, worth)) {
             actions.push(FarmAction::Effect(FarmEffect::AgentChanged(Arc::new(row.clone()))));
             if self.credited.insert(id) {
                 self.credits_due.push_back(id);

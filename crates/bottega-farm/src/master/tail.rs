@@ -4,8 +4,8 @@ use super::*;
 
 /// An idle agent takes a zone over when it would be painted in this share of the time that its holder will still need.
 const WORTH_IT: f64 = 0.8;
-/// An idle agent profiles a zone too that another has been at for longer than this.
-const PROFILE_MAX: Duration = Duration::from_secs(60);
+/// An idle agent profiles a zone too that another has been at for longer than this: it is short, or its agent gets ready or hangs.
+const PROFILE_MAX: Duration = Duration::from_secs(20);
 /// Agents that are looked at as possibly too slow.
 const LAGGARDS_MAX: usize = 4;
 /// Idle agents that may take something over at one look.

@@ -19,6 +19,8 @@ pub(super) struct ZoneInHand {
     pub(super) begun: bool,
     /// When it was given.
     pub(super) since: Time,
+    /// Whether the agent had what all zones need by then.
+    pub(super) was_ready: bool,
     /// What of it is painted, in samples of single pixels, as far as was looked.
     pub(super) painted: u64,
     /// In which it was given.

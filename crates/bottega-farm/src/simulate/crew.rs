@@ -68,6 +68,8 @@ pub enum IncidentKind {
     Lie(f64),
     /// Its clock goes so many times too slow from then on, so it promises to be so many times faster than it is.
     Boast(f64),
+    /// The next order that it begins takes so many seconds longer, in which it loads something and takes that for painting.
+    Load(f64),
 }
 
 /// Why a crew cannot be had.
@@ -179,7 +181,7 @@ impl CrewSpec {
                     let mark = MachineMark { at: incident.at.as_secs_f64(), come: 0, factor: factor.recip() };
                     marks[self.agents[incident.agent].machine].push(mark);
                 }
-                IncidentKind::Break(_) | IncidentKind::Lie(_) | IncidentKind::Boast(_) => {}
+                IncidentKind::Break(_) | IncidentKind::Lie(_) | IncidentKind::Boast(_) | IncidentKind::Load(_) => {}
                 IncidentKind::Fail | IncidentKind::Leave | IncidentKind::Hang => {
                     let first = &mut gone[incident.agent];
                     *first = Some(first.map_or(incident.at, |first| first.min(incident.at)));
@@ -228,7 +230,8 @@ impl FromStr for CrewSpec {
     ///   eight processors each.
     /// - `agent-3@join=5s`, `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (from then on four times
     ///   slower), `agent-3@hang=8s` (lives, and paints no more), `agent-3@break=5s:0.5` (half of its orders fail), `agent-3@lie=5s:0.1`
-    ///   (a tenth of what it paints is wrong), `agent-3@boast=0s:2` (promises to be twice as fast as it is).
+    ///   (a tenth of what it paints is wrong), `agent-3@boast=0s:2` (promises to be twice as fast as it is), `agent-3@load=0s:60` (with
+    ///   its next zone it loads something for 60 s, and takes that for painting).
     fn from_str(text: &str) -> Result<Self, CrewError> {
         let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
         let words: Vec<&str> = lines
@@ -298,13 +301,18 @@ impl CrewSpec {
                 let factor = factor.unwrap_or("2").parse().ok().filter(|factor| SPEED_RANGE.contains(factor));
                 IncidentKind::Boast(factor.ok_or_else(|| wrong("behind the `:` must stand how many times too fast"))?)
             }
+            "load" => {
+                let seconds =
+                    factor.unwrap_or("60").parse().ok().filter(|seconds| (0.0..=SECONDS_MAX).contains(seconds));
+                IncidentKind::Load(seconds.ok_or_else(|| wrong("behind the `:` must stand a number of seconds"))?)
+            }
             "hang" => IncidentKind::Hang,
             "break" | "lie" => {
                 let share = factor.unwrap_or("1").parse().ok().filter(|share| (0.0..=1.0).contains(share));
                 let share = share.ok_or_else(|| wrong("behind the `:` must stand a share from 0 to 1"))?;
                 if what == "lie" { IncidentKind::Lie(share) } else { IncidentKind::Break(share) }
             }
-            _ => return Err(wrong("an agent can join, leave, fail, hang, break, lie, boast or become slow")),
+            _ => return Err(wrong("an agent can join, leave, fail, hang, break, lie, boast, load or become slow")),
         };
         self.incidents.push(Incident { at, agent, kind });
         Ok(())

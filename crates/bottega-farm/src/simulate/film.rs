@@ -50,7 +50,8 @@ impl FilmLog {
         self.finished.is_some() || self.abandoned.is_some()
     }
 
-    fn must(&mut self, holds: bool, what: impl FnOnce() -> String) {
+    /// Something must hold at any moment of a run.
+    pub(super) fn must(&mut self, holds: bool, what: impl FnOnce() -> String) {
         if !holds && self.broken.len() < BROKEN_MAX {
             self.broken.push(what());
         }

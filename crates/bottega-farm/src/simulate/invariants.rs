@@ -1,10 +1,58 @@
-//! Invariants that must hold after every simulated run, whatever went wrong in it.
+//! Invariants that must hold during every simulated run and after it, whatever went wrong in it.
 
-use bottega_agents::{AgentId, driver::Simulator};
+use std::time::Duration;
+
+use bottega_agents::{AgentId, Time, driver::Simulator};
 use bottega_image::Rect;
 
 use super::{film::BROKEN_MAX, studio::SimulatedFarm};
-use crate::{FarmAgent, FarmValue, Partition, ResultRef, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
+use crate::{FarmAgent, FarmValue, Partition, ResultRef, Watchdog, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
+
+/// How often is looked whether anybody waits in vain.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// Looks during a run whether zones wait while agents are free and nothing begins: from outside, by what the agents have in hand. The
+/// Master's own watch over its zones is stricter, and must find nothing either.
+#[derive(Debug)]
+pub(super) struct IdleWatch {
+    master: AgentId,
+    watchdog: Watchdog,
+    next_look: Time,
+    /// What does not hold.
+    pub(super) broken: Option<String>,
+}
+
+impl IdleWatch {
+    pub(super) fn new(master: AgentId) -> Self {
+        Self { master, watchdog: Watchdog::default(), next_look: Time::ZERO, broken: None }
+    }
+
+    /// To be called after each event.
+    pub(super) fn look(&mut self, simulator: &Simulator<FarmAgent, SimulatedFarm>) {
+        let now = simulator.now();
+        if now < self.next_look || self.broken.is_some() {
+            return;
+        }
+        self.next_look = now + LOOK_EVERY;
+        let studio = simulator.world();
+        let waiting = match simulator.machine(&self.master) {
+            Some(FarmAgent::Master(master)) => master.waiting_count(),
+            _ => 0,
+        };
+        let mut free = 0;
+        let mut is_idle = waiting > 0;
+        for name in studio.names.iter().take_while(|_| waiting > 0) {
+            if let Some(FarmAgent::Render(agent)) = simulator.machine(name) {
+                free += usize::from(agent.is_free());
+                is_idle &= agent.hands().next().is_none();
+            }
+        }
+        if let Some(waited) = self.watchdog.look(now, is_idle && free > 0, studio.orders_begun) {
+            let seconds = waited.as_secs();
+            self.broken = Some(format!("{waiting} zones waited for {seconds} s, and all of {free} agents were free"));
+        }
+    }
+}
 
 /// Checks a run that has ended. Returns what does not hold; nothing, when all is well.
 ///

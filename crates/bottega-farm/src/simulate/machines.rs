@@ -70,6 +70,11 @@ impl Machines {
         self.alter(now, machine, |machine| machine.speed *= factor);
     }
 
+    /// Speed of the processors of a machine.
+    pub(super) fn speed(&self, machine: usize) -> f64 {
+        self.machines[machine].speed
+    }
+
     /// Takes away the jobs of a machine that nobody wants any more.
     pub(super) fn drop_jobs(
         &mut self,

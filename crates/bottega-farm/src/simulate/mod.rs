@@ -23,18 +23,21 @@ use bottega_agents::{
     driver::{Faults, Simulator},
 };
 
-use self::studio::{Seat, SimulatedFarm};
 pub use self::{
     crew::{AgentSpec, CREW_MAX, CrewError, CrewSpec, Incident, IncidentKind, MachineSpec},
-    record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedZone},
+    record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedRules, RecordedZone},
     recorder::Recorder,
     studio::{SPANS_MAX, Span, SpanKind},
     workpiece::{SyntheticSpread, Workpiece, WorkpieceError, ZONES_MAX},
 };
+use self::{
+    invariants::IdleWatch,
+    studio::{Seat, SimulatedFarm},
+};
 use crate::{
     AdaptationRule, AuctionRule, Credit, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
     MasterSource, RelativePower, RenderAgent, RenderAgentConfig, RoundSummary, Theft, Timing, WorkKeys,
-    contents::message, protocol,
+    contents::message, progress::Tally, protocol,
 };
 
 /// How long the platform is watched after the end, until everybody has gone home.
@@ -72,12 +75,14 @@ pub struct Plan {
     pub inexact: bool,
     /// How long is waited for what.
     pub timing: Timing,
-    /// What agents know of rendering.
-    pub expert: Expert,
+    /// What agents know of rendering, in turn; empty: what those knew who painted what was recorded.
+    pub experts: Vec<Expert>,
     /// Decides all chance.
     pub seed: u64,
     /// Whether to write down what happens.
     pub trace: bool,
+    /// Whether to write down how long the work was said to take yet.
+    pub tells_time_left: bool,
 }
 
 impl Plan {
@@ -98,9 +103,10 @@ impl Plan {
             verify: 1,
             inexact: false,
             timing: Timing::default(),
-            expert: Expert::path_tracing(),
+            experts: Vec::new(),
             seed,
             trace: false,
+            tells_time_left: false,
         }
     }
 }
@@ -110,11 +116,11 @@ impl Plan {
 pub struct SimulationOutcome {
     /// When the picture was whole, from the start of the platform.
     pub makespan: Duration,
-    /// The least time in which so much can be painted by those who are there, survey first; `None`: they cannot.
+    /// The least time in which what is in the picture can be painted by those who are there, survey first; `None`: they cannot.
     pub least: Option<Duration>,
     /// What the dearest zone takes the fastest machine, in one piece, survey first.
     pub longest_zone: Duration,
-    /// Processor time of all zones at speed 1, painted once.
+    /// Processor time at speed 1 of all that is in the picture, painted once.
     pub work: Duration,
     /// Zones of the work.
     pub zones: usize,
@@ -140,6 +146,19 @@ pub struct SimulationOutcome {
     pub spans_left_out: u64,
     /// What happened, a line each, if it was to be written down.
     pub trace: String,
+    /// How long the work was said to take yet, if that was to be written down.
+    pub times_left: Vec<TimeLeft>,
+}
+
+/// How long a work was said to take yet, at some moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeLeft {
+    /// When.
+    pub at: Duration,
+    /// How much of its cost was done, 0..=1.
+    pub done: f64,
+    /// How long it was said to take.
+    pub said: Duration,
 }
 
 /// The outcome of an agent.
@@ -172,6 +191,20 @@ impl SimulationOutcome {
     /// The least time over the time taken, 0..=1.
     pub fn efficiency(&self) -> f64 {
         self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
+    }
+
+    /// By which factor the time left was said wrong at most, too long or too short, from when so much of the work was done. What is
+    /// wrong by less than a second, or by less than a twentieth of the whole time, is not wrong. `None`: nothing was said.
+    ///
+    /// - `from`: share of the cost, 0..1.
+    pub fn worst_time_left(&self, from: f64) -> Option<f64> {
+        let borne = 1.0_f64.max(self.makespan.as_secs_f64() / 20.0);
+        let wrong = |told: &TimeLeft| {
+            let (said, true_left) = (told.said.as_secs_f64(), self.makespan.saturating_sub(told.at).as_secs_f64());
+            let factor = said.max(true_left) / said.min(true_left).max(1e-9);
+            if (said - true_left).abs() <= borne { 1.0 } else { factor }
+        };
+        self.times_left.iter().filter(|told| told.done >= from).map(wrong).reduce(f64::max)
     }
 
     /// Messages for each zone.
@@ -222,6 +255,9 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
     let least = plan.crew.least_time(piece.survey, work);
     let limit = least.unwrap_or(piece.survey).saturating_mul(100).saturating_add(Duration::from_secs(3600));
     play.run(Time::since_start(limit));
+    if let Some(broken) = play.idle.broken.take() {
+        return Err(SimulationError::Broken { broken: vec![broken] });
+    }
     let messages = play.simulator.message_count();
     let film = &play.simulator.world().film;
     if let Some(reason) = &film.abandoned {
@@ -236,6 +272,8 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
     if !broken.is_empty() {
         return Err(SimulationError::Broken { broken });
     }
+    let work = painted_seconds(&play.simulator, piece);
+    let least = plan.crew.least_time(piece.survey, work);
     let fastest = plan.crew.machines.iter().map(|machine| machine.speed).fold(f64::MIN_POSITIVE, f64::max);
     let longest = piece.zone_seconds().fold(0.0, f64::max) / fastest;
     let trace = play.simulator.trace();
@@ -255,9 +293,20 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
         thefts: std::mem::take(&mut studio.thefts),
         spans: std::mem::take(&mut studio.spans),
         spans_left_out: studio.spans_left_out,
+        times_left: std::mem::take(&mut studio.times_left),
         agents: agents(plan, studio),
         trace,
     })
+}
+
+/// Processor time at speed 1 of what is in the picture, in seconds: rules may have asked for less than was recorded, or for more.
+fn painted_seconds(simulator: &Simulator<FarmAgent, SimulatedFarm>, piece: &Workpiece) -> f64 {
+    let prefix = WorkKeys::new(piece.work.work).prefix();
+    let seconds = |value: &FarmValue| match value {
+        FarmValue::Zone(row) => piece.painted_seconds(row),
+        _ => 0.0,
+    };
+    simulator.store().with_prefix(&prefix).map(|entry| seconds(&entry.value)).sum()
 }
 
 fn agents(plan: &Plan, studio: &SimulatedFarm) -> Vec<AgentOutcome> {
@@ -290,6 +339,7 @@ struct Play<'a> {
     simulator: Simulator<FarmAgent, SimulatedFarm>,
     /// What happens when, latest first.
     timeline: Vec<(Duration, Happening)>,
+    idle: IdleWatch,
 }
 
 impl<'a> Play<'a> {
@@ -305,6 +355,7 @@ impl<'a> Play<'a> {
             plan.inexact,
             plan.seed,
         );
+        studio.tally = plan.tells_time_left.then(|| Tally::new(false, plan.auction == AuctionRule::Stealing));
         for machine in machines {
             studio.add_machine(f64::from(machine.processors), machine.speed);
         }
@@ -324,6 +375,7 @@ impl<'a> Play<'a> {
                 breaks: 0.0,
                 lies: 0.0,
                 boasts: 1.0,
+                loads: 0.0,
                 left_out: None,
                 known: None,
             };
@@ -356,21 +408,25 @@ impl<'a> Play<'a> {
             registration: None,
         };
         simulator.add(&master, plan.master_may_crash, move || Master::new(config.clone()).into());
-        Ok(Self { piece, plan, master, simulator, timeline })
+        let idle = IdleWatch::new(master.clone());
+        Ok(Self { piece, plan, master, simulator, timeline, idle })
     }
 
     /// Runs until the work is over, or until `limit`.
     fn run(&mut self, limit: Time) {
-        let over = |simulator: &Simulator<FarmAgent, SimulatedFarm>| simulator.world().film.is_over();
+        let goes_on = |idle: &mut IdleWatch, simulator: &Simulator<FarmAgent, SimulatedFarm>| {
+            idle.look(simulator);
+            !simulator.world().film.is_over()
+        };
         while let Some((at, what)) = self.timeline.pop() {
             let at = Time::since_start(at);
-            if at > limit || self.simulator.run_while(at, |simulator| !over(simulator)) {
+            if at > limit || self.simulator.run_while(at, |simulator| goes_on(&mut self.idle, simulator)) {
                 break;
             }
             self.simulator.run_until(at);
             self.happen(what);
         }
-        self.simulator.run_while(limit, |simulator| !over(simulator));
+        self.simulator.run_while(limit, |simulator| goes_on(&mut self.idle, simulator));
     }
 
     fn happen(&mut self, what: Happening) {
@@ -386,6 +442,7 @@ impl<'a> Play<'a> {
             }
             Happening::Joins(index) => {
                 let (plan, id) = (self.plan, name(index));
+                let experts = if plan.experts.is_empty() { &self.piece.experts } else { &plan.experts };
                 let config = RenderAgentConfig {
                     id: id.clone(),
                     master: MasterSource::Known(self.master.clone()),
@@ -393,7 +450,7 @@ impl<'a> Play<'a> {
                     prefetch: plan.prefetch,
                     steals: plan.auction == AuctionRule::Stealing,
                     heartbeat: plan.timing.heartbeat,
-                    expert: plan.expert.clone(),
+                    expert: experts[index % experts.len()].clone(),
                     knowledge: crate::Foreknowledge::default(),
                 };
                 self.simulator.add(&id, true, move || RenderAgent::new(config.clone()).into());
@@ -411,6 +468,9 @@ impl<'a> Play<'a> {
             }
             Happening::Befalls(index, IncidentKind::Boast(factor)) => {
                 self.simulator.world_mut().seats[index].boasts = factor;
+            }
+            Happening::Befalls(index, IncidentKind::Load(seconds)) => {
+                self.simulator.world_mut().seats[index].loads = seconds;
             }
             Happening::Befalls(index, IncidentKind::Lie(share)) => {
                 self.simulator.world_mut().seats[index].lies = share;

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use bottega_image::Rect;
 
-use crate::{Choice, Goal, Level, NeighborDifference, Partition, WorkSettings};
+use bottega_engines::EngineDescription;
+
+use crate::{BandWidth, Choice, Expert, Goal, Level, NeighborDifference, Partition, WorkSettings};
 
 /// Side of the cells of a [`CostGrid`], in pixels: that of the built-in engine's work units, which begin at multiples of
 /// it too.
@@ -17,6 +19,8 @@ pub struct Record {
     pub scene: String,
     /// Name of the engine.
     pub engine: String,
+    /// The rules of the agents, which had them in turn.
+    pub rules: RecordedRules,
     /// What the user asked for.
     pub work: WorkSettings,
     /// How far the partition went.
@@ -43,6 +47,49 @@ pub struct Record {
     pub shared_stages: u32,
     /// Time that composition took.
     pub composition: Duration,
+}
+
+/// The rules by which the agents of a run decided what zones were painted with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedRules {
+    /// FCL texts.
+    pub texts: Vec<String>,
+    /// How wide bands were.
+    pub bands: BandWidth,
+    /// Whether the engine obeyed [`Tunables::max_depth`](bottega_engines::Tunables::max_depth).
+    pub has_max_depth: bool,
+    /// Whether the engine obeyed [`Tunables::light_samples`](bottega_engines::Tunables::light_samples).
+    pub has_light_samples: bool,
+    /// Whether zones were profiled before they were painted.
+    pub is_profiled: bool,
+}
+
+impl RecordedRules {
+    /// - `experts`: the knowledge of the agents, which have it in turn.
+    pub fn new(experts: &[Expert], bands: BandWidth, engine: &EngineDescription) -> Self {
+        let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;
+        Self {
+            texts: experts.iter().map(Expert::rules_text).collect(),
+            bands,
+            has_max_depth,
+            has_light_samples,
+            is_profiled,
+        }
+    }
+
+    /// The knowledge of the agents.
+    ///
+    /// # Errors
+    /// A text that cannot be read, or that says nothing of painting.
+    pub fn experts(&self) -> Result<Vec<Expert>, RecordError> {
+        let &Self { ref texts, bands, has_max_depth, has_light_samples, is_profiled } = self;
+        let knows = |(index, text): (usize, &String)| {
+            let wrong = |problem: String| RecordError::Value { field: format!("rules[{index}]"), problem };
+            let expert = Expert::parse(text).map_err(|error| wrong(format!("cannot be used: {error}")))?;
+            Ok(expert.for_knobs(has_max_depth, has_light_samples, is_profiled).with_bands(bands))
+        };
+        texts.iter().enumerate().map(knows).collect()
+    }
 }
 
 /// A zone and what it took.
@@ -147,7 +194,7 @@ impl CostGrid {
 }
 
 /// The version of a record in JSON that is written and read.
-pub(super) const VERSION: u64 = 1;
+pub(super) const VERSION: u64 = 2;
 
 /// A fault of a record.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -194,6 +241,10 @@ impl Record {
         if samples == 0 || samples > 1 << 24 {
             return wrong("samples", "must be from 1 to 2²⁴");
         }
+        if self.rules.texts.is_empty() {
+            return wrong("rules", "must be those of one agent at least");
+        }
+        self.rules.experts()?;
         if !(1..=1 << 14).contains(&self.agents) || !(1..=1 << 14).contains(&self.processors) {
             return wrong("agents", "and `processors` must be from 1 to 2¹⁴");
         }

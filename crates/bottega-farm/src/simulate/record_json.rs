@@ -1,4 +1,4 @@
-//! Records as JSON, version 1. Times are in seconds, rectangles `[x0, y0, x1, y1]`, x1 and y1 one past the last pixel.
+//! Records as JSON, version 2. Times are in seconds, rectangles `[x0, y0, x1, y1]`, x1 and y1 one past the last pixel.
 
 use std::time::Duration;
 
@@ -6,8 +6,8 @@ use bottega_engines::Tunables;
 use bottega_image::{Rect, Sides};
 use serde::{Deserialize, Serialize};
 
-use super::record::{CostGrid, Record, RecordError, RecordedZone, VERSION};
-use crate::{Choice, Goal, Level, NeighborDifference, Optimization, WorkSettings};
+use super::record::{CostGrid, Record, RecordError, RecordedRules, RecordedZone, VERSION};
+use crate::{BandWidth, Choice, Goal, Level, NeighborDifference, Optimization, WorkSettings};
 
 /// What tells a record from any other JSON.
 const FORMAT: &str = "bottega record";
@@ -26,6 +26,12 @@ struct RecordJson {
     version: u64,
     scene: String,
     engine: String,
+    rules: Vec<String>,
+    /// `rules`: as these say; else how many pixels.
+    bands: BandsJson,
+    has_max_depth: bool,
+    has_light_samples: bool,
+    is_profiled: bool,
     width: u32,
     height: u32,
     frame: [u32; 4],
@@ -48,6 +54,40 @@ struct RecordJson {
     zones: Vec<ZoneJson>,
     /// Nanoseconds for one sample of one pixel, for each 16 × 16 pixels, row by row.
     cost_nanoseconds: Vec<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum BandsJson {
+    Pixels(u32),
+    Word(BandsWord),
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum BandsWord {
+    Off,
+    Rules,
+}
+
+impl From<BandWidth> for BandsJson {
+    fn from(bands: BandWidth) -> Self {
+        match bands {
+            BandWidth::Off => Self::Word(BandsWord::Off),
+            BandWidth::Rules => Self::Word(BandsWord::Rules),
+            BandWidth::Pixels(pixels) => Self::Pixels(pixels),
+        }
+    }
+}
+
+impl From<BandsJson> for BandWidth {
+    fn from(bands: BandsJson) -> Self {
+        match bands {
+            BandsJson::Word(BandsWord::Off) => Self::Off,
+            BandsJson::Word(BandsWord::Rules) => Self::Rules,
+            BandsJson::Pixels(pixels) => Self::Pixels(pixels),
+        }
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -74,6 +114,11 @@ impl Record {
             version: VERSION,
             scene: self.scene.clone(),
             engine: self.engine.clone(),
+            rules: self.rules.texts.clone(),
+            bands: self.rules.bands.into(),
+            has_max_depth: self.rules.has_max_depth,
+            has_light_samples: self.rules.has_light_samples,
+            is_profiled: self.rules.is_profiled,
             width: picture.width(),
             height: picture.height(),
             frame: corners(&frame),
@@ -134,6 +179,13 @@ fn record(json: RecordJson) -> Result<Record, RecordError> {
     Ok(Record {
         scene: json.scene,
         engine: json.engine,
+        rules: RecordedRules {
+            texts: json.rules,
+            bands: json.bands.into(),
+            has_max_depth: json.has_max_depth,
+            has_light_samples: json.has_light_samples,
+            is_profiled: json.is_profiled,
+        },
         work: WorkSettings {
             picture: Rect::of_size(json.width, json.height),
             frame,
@@ -240,6 +292,13 @@ pub(super) mod tests {
         Record {
             scene: "example.glb".to_owned(),
             engine: "builtin".to_owned(),
+            rules: RecordedRules {
+                texts: vec![crate::Expert::path_tracing().rules_text()],
+                bands: BandWidth::default(),
+                has_max_depth: true,
+                has_light_samples: true,
+                is_profiled: true,
+            },
             work,
             level: Level::Balanced,
             agents: 1,
@@ -262,7 +321,7 @@ pub(super) mod tests {
         let read = Record::from_json(&record.to_json()).unwrap();
         // Costs are rounded to a thousandth of a nanosecond.
         assert_eq!(read.to_json(), record.to_json());
-        assert_eq!((read.zones, read.work), (record.zones, record.work));
+        assert_eq!((read.zones, read.work, read.rules), (record.zones, record.work, record.rules));
     }
 
     #[test]
@@ -273,7 +332,9 @@ pub(super) mod tests {
             let error = Record::from_json(&text.replacen(from, to, 1)).unwrap_err().to_string();
             assert!(error.contains(names), "{from} to {to}: {error}");
         };
-        check("\"version\": 1", "\"version\": 7", "version 7");
+        check("\"version\": 2", "\"version\": 7", "version 7");
+        check("FUNCTION_BLOCK", "FUNCTION", "rules[0]");
+        check("\"bands\": \"rules\"", "\"bands\": \"some\"", "line");
         check("bottega record", "a record", "format");
         check("\"samples\": 40", "\"samples\": 0", "samples");
         check("\"optimize\": \"off\"", "\"optimize\": \"loud\"", "loud");

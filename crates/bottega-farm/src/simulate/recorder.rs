@@ -13,7 +13,7 @@ use bottega_engines::{
 };
 use bottega_image::Rect;
 
-use super::record::{CostGrid, Record, RecordError, RecordedZone};
+use super::record::{CostGrid, Record, RecordError, RecordedRules, RecordedZone};
 use crate::{
     AgentRow, Choice, FarmContent, FarmMessage, Goal, ImportanceMap, JobReport, JobSettings, Observer, Partition,
     Progress, ZoneRow,
@@ -94,9 +94,11 @@ impl Recorder {
             let parts = if task.parts.is_empty() { whole.to_vec() } else { task.parts.clone() };
             parts.into_iter().map(|(rect, busy)| (rect, task.samples, busy.as_secs_f64()))
         });
+        let engine = self.engine.describe();
         let record = Record {
             scene: scene.to_owned(),
-            engine: self.engine.describe().name,
+            rules: RecordedRules::new(&settings.experts, settings.bands, &engine),
+            engine: engine.name,
             costs: CostGrid::of_parts(&work.frame, parts),
             work,
             level: settings.level,

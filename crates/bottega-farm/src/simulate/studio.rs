@@ -9,13 +9,14 @@ use bottega_agents::{
 use rustc_hash::FxHashMap;
 
 use super::{
+    TimeLeft,
     film::{FilmLog, digest, flaw, signed, unsigned},
     machines::{Machines, PaintJob},
     workpiece::Workpiece,
 };
 use crate::{
-    AgentRow, FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, RelativePower, ResultRef, RoundSummary,
-    Theft, ZoneId,
+    AgentRow, FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, Progress, RelativePower, ResultRef,
+    RoundSummary, Theft, ZoneId, ZoneRow, progress::Tally,
 };
 
 /// What an agent's benchmark takes.
@@ -76,6 +77,8 @@ pub(super) struct Seat {
     pub(super) lies: f64,
     /// Its clock goes so many times too slow: it takes itself to be so many times faster than it is.
     pub(super) boasts: f64,
+    /// Its next order takes so many seconds longer.
+    pub(super) loads: f64,
     /// Why its Master has left it out, if it has.
     pub(super) left_out: Option<String>,
     /// What its Master knows of it.
@@ -109,6 +112,11 @@ pub(super) struct SimulatedFarm {
     /// It was told that there were too few machines to compare.
     pub(super) lacked_machines: bool,
     pub(super) film: FilmLog,
+    /// Orders that agents have begun to paint.
+    pub(super) orders_begun: u64,
+    /// What is said of how long the work takes yet, where somebody wants to know.
+    pub(super) tally: Option<Tally>,
+    pub(super) times_left: Vec<TimeLeft>,
 }
 
 impl SimulatedFarm {
@@ -138,6 +146,9 @@ impl SimulatedFarm {
             rounds: Vec::new(),
             thefts: Vec::new(),
             lacked_machines: false,
+            orders_begun: 0,
+            tally: None,
+            times_left: Vec::new(),
         }
     }
 
@@ -178,13 +189,23 @@ impl SimulatedFarm {
     }
 
     fn begin(&mut self, now: Time, agent: usize, order: &PaintOrder) {
+        self.orders_begun += 1;
         self.film.order(order.zone, order.fence, agent);
-        let (left, width) = self.piece.cost(order);
+        let (mut left, width) = self.piece.cost(order);
+        let seat = &mut self.seats[agent];
+        left += std::mem::take(&mut seat.loads) * self.machines.speed(seat.machine) * seat.lanes;
         let (zone, fence, samples) = (order.zone, order.fence, order.samples.end);
         let first = order.samples.start == 0;
         let flaw = order.from.map_or(0, |from| flaw(&from.digest));
         let job = PaintJob { agent, zone, fence, samples, flaw, first, begun: now, left, width, busy: 0.0 };
         self.machines.begin(now, self.seats[agent].machine, job);
+    }
+
+    fn tell_time_left(&mut self, now: Time, row: &ZoneRow) {
+        let Some(tally) = &mut self.tally else { return };
+        tally.see(now, row, self.piece.work.settings.samples, 0);
+        let Progress { cost_done, left, .. } = tally.progress();
+        self.times_left.extend(left.map(|said| TimeLeft { at: now.elapsed(), done: cost_done, said }));
     }
 
     fn end(&mut self, now: Time, job: &PaintJob, kind: SpanKind) {
@@ -216,7 +237,8 @@ impl SimulatedFarm {
             let digest = digest(zone, job.samples, job.flaw ^ lie);
             let digest = if self.inexact { signed(digest, job.agent) } else { digest };
             let result = ResultRef { fence, samples: job.samples, digest };
-            Ok(PaintResult { result, busy: Duration::from_secs_f64(job.busy / boasts), error: None, unfinished: 1.0 })
+            let busy = Duration::from_secs_f64(job.busy / boasts);
+            Ok(PaintResult { result, busy, is_measured: true, error: None, unfinished: 1.0 })
         };
         FarmCompletion::Painted { zone, fence, outcome }
     }
@@ -277,6 +299,7 @@ impl World<FarmAgent> for SimulatedFarm {
                 if let Some(rival) = &row.rival {
                     self.film.take_over(row.zone, rival.fence);
                 }
+                self.tell_time_left(now, &row);
             }
             (FarmEffect::Look(orders), Some(index)) => {
                 let look = |(zone, fence)| Some((zone, fence, self.progress(now, index, zone, fence)?));
@@ -289,9 +312,15 @@ impl World<FarmAgent> for SimulatedFarm {
                 }
             }
             (FarmEffect::TooFew { .. }, _) => self.lacked_machines = true,
+            (FarmEffect::Stalled { waited, zones, free }, _) => self.film.must(false, || {
+                format!("{zones} zones waited for {} s, and {free} agents were free", waited.as_secs())
+            }),
             (FarmEffect::RoundClosed(round), _) => self.rounds.push(round),
             (FarmEffect::Stolen(theft), _) => self.thefts.push(theft),
             (FarmEffect::AgentChanged(row), _) => {
+                if let Some(tally) = &mut self.tally {
+                    tally.see_agent(&row);
+                }
                 if let Some(&index) = self.index.get(&row.agent) {
                     self.seats[index].known = Some(row);
                 }

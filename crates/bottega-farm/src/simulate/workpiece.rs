@@ -6,10 +6,10 @@ use bottega_agents::driver::Random;
 use bottega_engines::{EnginePreference, Tunables};
 use bottega_image::Rect;
 
-use super::record::{CELL_SIDE, Record, RecordedZone};
+use super::record::{CELL_SIDE, Record, RecordError, RecordedZone};
 use crate::{
-    ErrorUse, Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings, ZoneId,
-    ZoneRow,
+    ErrorUse, Expert, Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings,
+    ZoneId, ZoneRow,
 };
 
 /// Zones of a simulation at most.
@@ -26,6 +26,8 @@ pub struct Workpiece {
     /// By id.
     zones: Vec<SurveyedZone>,
     costs: Costs,
+    /// The knowledge of the agents that painted it, who had it in turn.
+    pub(super) experts: Vec<Expert>,
     /// How long the work is looked at before there are zones.
     pub(super) survey: Duration,
     /// What each machine makes of the scene before its first zone.
@@ -95,6 +97,9 @@ pub enum WorkpieceError {
         /// How many there would be.
         found: usize,
     },
+    /// The record's rules cannot be used.
+    #[error("{0}")]
+    Rules(RecordError),
 }
 
 impl Workpiece {
@@ -123,6 +128,7 @@ impl Workpiece {
             shared_preparation: record.shared_preparation,
             shared_stages: record.shared_stages,
             relative_power: record.relative_power,
+            experts: record.rules.experts().map_err(WorkpieceError::Rules)?,
             ..Self::new(record.work, zones, Costs::Recorded(Box::new(record.clone())))
         })
     }
@@ -176,6 +182,7 @@ impl Workpiece {
             },
             zones,
             costs,
+            experts: vec![Expert::path_tracing()],
             survey: Duration::ZERO,
             preparation: Duration::ZERO,
             shared_preparation: Duration::ZERO,
@@ -226,6 +233,24 @@ impl Workpiece {
                 (seconds * share, f64::INFINITY)
             }
         }
+    }
+
+    /// Processor time at speed 1 of what a row says is painted of its zone, in seconds.
+    pub(super) fn painted_seconds(&self, row: &ZoneRow) -> f64 {
+        let Some(choice) = row.choice else { return 0.0 };
+        let order = PaintOrder {
+            zone: row.zone,
+            fence: bottega_agents::Revision::ABSENT,
+            rect: row.painted(&choice, &self.work.settings.frame),
+            samples: 0..row.samples_done(),
+            tunables: choice.tunables,
+            leaning: EnginePreference::default(),
+            from: None,
+            error_use: ErrorUse::None,
+            samples_max: choice.samples,
+            time_estimated: None,
+        };
+        self.cost(&order).0
     }
 
     fn profile_samples(&self) -> u32 {

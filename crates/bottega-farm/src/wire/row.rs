@@ -230,6 +230,8 @@ pub(super) struct PaintingRecord {
     time_left: u64,
     /// In the painter's own time.
     busy: u64,
+    is_measured: bool,
+    was_ready: bool,
     error: Option<f64>,
 }
 
@@ -242,6 +244,8 @@ impl From<&Painting> for PaintingRecord {
             goal: painting.goal,
             time_left: nanoseconds(painting.time_left),
             busy: nanoseconds(painting.busy),
+            is_measured: painting.is_measured,
+            was_ready: painting.was_ready,
             error: painting.error,
         }
     }
@@ -258,6 +262,8 @@ impl TryFrom<PaintingRecord> for Painting {
             goal: record.goal,
             time_left: Duration::from_nanos(record.time_left),
             busy: Duration::from_nanos(record.busy),
+            is_measured: record.is_measured,
+            was_ready: record.was_ready,
             error: record.error.map(|error| finite("the error of a painting", error)).transpose()?,
         })
     }

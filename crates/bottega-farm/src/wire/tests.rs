@@ -70,6 +70,8 @@ fn painting(samples: u32, has_error: bool) -> Painting {
         goal: samples,
         time_left: Duration::from_millis(2),
         busy: Duration::from_micros(1700),
+        is_measured: samples.is_multiple_of(2),
+        was_ready: samples.is_multiple_of(3),
         error: has_error.then_some(0.25),
     }
 }

@@ -91,7 +91,7 @@ fn paint(shared: &Shared, task: ZoneTask) -> Painted {
     }
     shared.samples.fetch_add(count, Ordering::Relaxed);
     let busy = Duration::from_nanos(count * u64::from(10 + shared.weight));
-    Painted { tile, busy, parts: Vec::new(), complete }
+    Painted { tile, busy, is_warm: true, parts: Vec::new(), complete }
 }
 
 fn work(shared: &Shared) {

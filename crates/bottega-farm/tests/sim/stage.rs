@@ -115,7 +115,7 @@ impl World<FarmAgent> for Studio {
                         ErrorUse::None | ErrorUse::Weighs => true,
                     };
                     let (error, unfinished) = (Some(error), f64::from(u8::from(goes_on)));
-                    Ok(PaintResult { result, busy, error, unfinished })
+                    Ok(PaintResult { result, busy, is_measured: true, error, unfinished })
                 };
                 reports.push((begin + busy - now, FarmCompletion::Painted { zone, fence, outcome }));
             }
@@ -134,6 +134,9 @@ impl World<FarmAgent> for Studio {
                 reports.push((Duration::ZERO, FarmCompletion::Looked(found)));
             }
             FarmEffect::TooFew { .. } => {}
+            FarmEffect::Stalled { waited, zones, free } => {
+                panic!("{zones} zones waited for {waited:?} while {free} agents were free")
+            }
             FarmEffect::Compare { zone, .. } => panic!("{zone} is compared, and everybody is trusted"),
             FarmEffect::LeftOut { agent, reason } => panic!("{agent} is left out: {reason}"),
             FarmEffect::ZoneChanged(row) => _ = seen.zones.insert(row.zone, (*row).clone()),

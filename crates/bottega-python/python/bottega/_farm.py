@@ -65,7 +65,7 @@ class Farm:
         return job
 
     def machines(self) -> list[dict[str, Any]]:
-        """The machines that are there: `machine`, `state`, `ordered`, `threads`, `job`, `version`, `takes_orders`."""
+        """The machines that are there: `machine`, `state`, `ordered`, `activity`, `threads`, `job`, `version`, `takes_orders`."""
         return self._native.machines()
 
 

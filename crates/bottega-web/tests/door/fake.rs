@@ -81,6 +81,7 @@ pub(crate) fn job(number: u32) -> JobView {
         scene: format!("{folder}scene.glb"),
         output: format!("{folder}picture.exr"),
         animation: None,
+        stirs: 0,
         kept: is_over,
         is_over,
     }
@@ -176,6 +177,7 @@ impl ShownFarm for FakeFarm {
             name: "machine".to_owned(),
             state: "active",
             ordered: "active",
+            activity: "busy",
             threads: 4,
             devices: vec!["A GPU".to_owned()],
             job: Some(1),

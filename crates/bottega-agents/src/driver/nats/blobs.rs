@@ -22,6 +22,9 @@ use super::error::NatsError;
 
 /// A blob lies in messages of so many bytes.
 const PART_BYTES: usize = 128 << 10;
+/// A server that sends nothing more of what was asked for is not waited for any longer: parts that somebody has let go meanwhile never
+/// come.
+const SILENT: Duration = Duration::from_secs(10);
 
 /// A blob that could not be kept or had.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -40,6 +43,12 @@ pub struct BlobError {
 impl BlobError {
     pub(super) fn passing(name: &str, error: &(impl std::error::Error + 'static)) -> Self {
         Self { name: name.to_owned(), reason: error.to_string(), is_lasting: false, is_full: says_full(error) }
+    }
+
+    /// The server has sent a part of it and then no more.
+    fn silent(name: &str) -> Self {
+        let reason = format!("the server has sent nothing of it for {} s", SILENT.as_secs());
+        Self { name: name.to_owned(), reason, is_lasting: false, is_full: false }
     }
 
     pub(super) fn lasting(name: &str, reason: String) -> Self {
@@ -242,8 +251,14 @@ impl NatsBlobs {
                 return Err(BlobError::lasting(name, reason));
             }
             let mut bytes = Vec::with_capacity(object.info().size);
-            object.read_to_end(&mut bytes).await.map_err(|error| BlobError::passing(name, &error))?;
-            Ok(Some(bytes))
+            loop {
+                let read = tokio::time::timeout(SILENT, object.read_buf(&mut bytes)).await;
+                match read.map_err(|_| BlobError::silent(name))? {
+                    Ok(0) => return Ok(Some(bytes)),
+                    Ok(_) => {}
+                    Err(error) => return Err(BlobError::passing(name, &error)),
+                }
+            }
         })
     }
 
@@ -271,7 +286,8 @@ impl NatsBlobs {
     async fn infos(&self) -> Vec<ObjectInfo> {
         let Ok(mut list) = self.store.list().await else { return Vec::new() };
         let mut infos = Vec::new();
-        while let Some(Ok(info)) = list.next().await {
+        // What was let go while it is listed may never be told.
+        while let Ok(Some(Ok(info))) = tokio::time::timeout(SILENT, list.next()).await {
             infos.push(info);
         }
         infos

@@ -9,7 +9,7 @@ use std::{
 use async_nats::{
     Client,
     connection::State,
-    jetstream::kv::{self, CreateErrorKind, UpdateErrorKind},
+    jetstream::kv::{self, CreateErrorKind, Operation, UpdateErrorKind},
 };
 use tokio::{runtime::Handle, sync::oneshot};
 
@@ -47,6 +47,9 @@ pub struct NoticeBoard {
 /// What was heard of the notices.
 struct KnownNotices {
     notices: BTreeMap<String, ReceivedNote>,
+    /// How often the server has begun to list all notices. What it lists then is so, whatever was known before: a server that lost
+    /// its last writings counts from an earlier number again.
+    listing: u64,
     /// How often something was heard of each folder: what stands before the first stroke.
     changes: BTreeMap<String, u64>,
     /// How often the server was reached, and when it was the last time.
@@ -58,12 +61,14 @@ struct ReceivedNote {
     revision: u64,
     text: Arc<[u8]>,
     at: Instant,
+    /// The listing in which it was heard of last.
+    listing: u64,
 }
 
 impl NoticeBoard {
     /// The board, when all that is on it has been read.
     pub(super) async fn open(client: Client, store: kv::Store, handle: Handle) -> Self {
-        let seen = KnownNotices { notices: BTreeMap::new(), changes: BTreeMap::new(), connects: 0, connected: now() };
+        let seen = KnownNotices::new();
         let board = Self { client, store, handle, seen: Arc::new(Mutex::new(seen)) };
         let (read, is_read) = oneshot::channel();
         let (follower, store, seen) = (board.client.clone(), board.store.clone(), Arc::downgrade(&board.seen));
@@ -72,8 +77,10 @@ impl NoticeBoard {
             let tell = |news| {
                 let Some(seen) = seen.upgrade() else { return false };
                 match news {
+                    WatchNews::Begins => lock(&seen).listing += 1,
                     WatchNews::Entry(entry) => lock(&seen).told(&entry),
                     WatchNews::CaughtUp => {
+                        lock(&seen).forget_unlisted();
                         // Who opened it may have given up.
                         _ = read.take().map(|read| read.send(()));
                     }
@@ -96,17 +103,42 @@ impl NoticeBoard {
         put.inspect(|revision| self.wrote(name, *revision, text)).map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// Puts a notice up only if its last writing has this number; 0: if there has never been one of this name. Returns the
-    /// number of the writing; `None`: somebody else was first.
+    /// Puts a notice up only if it is still as it was read. Returns the number of the writing; `None`: it is not, and what it says
+    /// now is known here from then on.
+    ///
+    /// - `revision`: the number of its last writing; 0: there is none of this name, whether there never was one or it was taken down.
     ///
     /// # Errors
     /// The server does not say whether it took it.
     pub fn update(&self, name: &str, text: &[u8], revision: u64) -> Result<Option<u64>, BlobError> {
-        match self.handle.block_on(self.store.update(
-            names::key(&Key::from(name.to_owned())),
-            text.to_vec().into(),
-            revision,
-        )) {
+        let (key, bytes) = (names::key(&Key::from(name.to_owned())), text.to_vec().into());
+        let written = self.handle.block_on(async {
+            if revision == 0 {
+                // A name that was taken down has a last writing, too: the one that says so.
+                return match self.store.create(key, bytes).await {
+                    Err(error) if error.kind() == CreateErrorKind::AlreadyExists => Ok(None),
+                    written => written.map(Some).map_err(|error| BlobError::passing(name, &error)),
+                };
+            }
+            match self.store.update(key, bytes, revision).await {
+                Err(error) if error.kind() == UpdateErrorKind::WrongLastRevision => Ok(None),
+                written => written.map(Some).map_err(|error| BlobError::passing(name, &error)),
+            }
+        })?;
+        match written {
+            Some(revision) => self.wrote(name, revision, text),
+            None => self.read_again(name)?,
+        }
+        Ok(written)
+    }
+
+    /// Puts up the first notice of a name. Returns the number of the writing; `None`: there is one, or there was one before.
+    ///
+    /// # Errors
+    /// The server does not say whether it took it.
+    pub fn put_first(&self, name: &str, text: &[u8]) -> Result<Option<u64>, BlobError> {
+        let written = self.store.update(names::key(&Key::from(name.to_owned())), text.to_vec().into(), 0);
+        match self.handle.block_on(written) {
             Ok(revision) => {
                 self.wrote(name, revision, text);
                 Ok(Some(revision))
@@ -116,20 +148,30 @@ impl NoticeBoard {
         }
     }
 
-    /// Puts a notice up only if there is none of this name, also where there was one that was taken down. Returns the number of
-    /// the writing; `None`: there is one.
+    /// Whether there is a notice of this name, or was one that was taken down.
     ///
     /// # Errors
-    /// The server does not say whether it took it.
-    pub fn create(&self, name: &str, text: &[u8]) -> Result<Option<u64>, BlobError> {
-        match self.handle.block_on(self.store.create(names::key(&Key::from(name.to_owned())), text.to_vec().into())) {
-            Ok(revision) => {
-                self.wrote(name, revision, text);
-                Ok(Some(revision))
+    /// The server does not say.
+    pub fn was_ever(&self, name: &str) -> Result<bool, BlobError> {
+        let entry = self.handle.block_on(self.store.entry(names::key(&Key::from(name.to_owned()))));
+        entry.map(|entry| entry.is_some()).map_err(|error| BlobError::passing(name, &error))
+    }
+
+    /// Asks the server what a notice says. What is known of it was wrong: a writing that was not told of yet, or one that the server
+    /// has lost.
+    fn read_again(&self, name: &str) -> Result<(), BlobError> {
+        let before = lock(&self.seen).notices.get(name).map(|heard| heard.revision);
+        let entry = self.handle.block_on(self.store.entry(names::key(&Key::from(name.to_owned()))));
+        let entry = entry.map_err(|error| BlobError::passing(name, &error))?;
+        let mut seen = lock(&self.seen);
+        // Something newer may have been told meanwhile.
+        if seen.notices.get(name).map(|heard| heard.revision) == before {
+            match entry.filter(|entry| entry.operation == Operation::Put) {
+                Some(entry) => seen.set(name, entry.revision, &entry.value),
+                None => seen.forget(name),
             }
-            Err(error) if error.kind() == CreateErrorKind::AlreadyExists => Ok(None),
-            Err(error) => Err(BlobError::passing(name, &error)),
         }
+        Ok(())
     }
 
     /// Takes a notice down.
@@ -186,18 +228,33 @@ impl NoticeBoard {
 }
 
 impl KnownNotices {
+    fn new() -> Self {
+        Self { notices: BTreeMap::new(), listing: 0, changes: BTreeMap::new(), connects: 0, connected: now() }
+    }
+
     fn told(&mut self, entry: &WrittenEntry) {
         let Some(name) = names::entry(&entry.key).map(|key| key.to_string()) else { return };
+        let known = self.notices.get(&name).map(|heard| (heard.listing, heard.revision));
         if let Some(value) = &entry.value {
             self.hear(&name, entry.revision, value);
-        } else if self.notices.get(&name).is_some_and(|heard| heard.revision < entry.revision) {
+        } else if known.is_some_and(|known| known < (self.listing, entry.revision)) {
             self.forget(&name);
         }
     }
 
     fn forget(&mut self, name: &str) {
-        self.notices.remove(name);
-        self.count(name);
+        if self.notices.remove(name).is_some() {
+            self.count(name);
+        }
+    }
+
+    /// The server has listed all notices: there are no others.
+    fn forget_unlisted(&mut self) {
+        let listing = self.listing;
+        let unlisted = self.notices.iter().filter(|(_, heard)| heard.listing < listing).map(|(name, _)| name.clone());
+        for name in unlisted.collect::<Vec<_>>() {
+            self.forget(&name);
+        }
     }
 
     fn count(&mut self, name: &str) {
@@ -209,11 +266,18 @@ impl KnownNotices {
     }
 
     fn hear(&mut self, name: &str, revision: u64, text: &[u8]) {
-        if self.notices.get(name).is_none_or(|heard| heard.revision < revision) {
-            let heard = ReceivedNote { revision, text: text.into(), at: now() };
-            self.notices.insert(name.to_owned(), heard);
-            self.count(name);
+        match self.notices.get_mut(name) {
+            // It is as it was: nobody has written it since.
+            Some(heard) if heard.revision == revision => heard.listing = self.listing,
+            Some(heard) if heard.listing == self.listing && heard.revision > revision => {}
+            _ => self.set(name, revision, text),
         }
+    }
+
+    fn set(&mut self, name: &str, revision: u64, text: &[u8]) {
+        let heard = ReceivedNote { revision, text: text.into(), at: now(), listing: self.listing };
+        self.notices.insert(name.to_owned(), heard);
+        self.count(name);
     }
 }
 
@@ -224,4 +288,47 @@ fn lock(seen: &Mutex<KnownNotices>) -> MutexGuard<'_, KnownNotices> {
 #[allow(clippy::disallowed_methods, reason = "how long ago something was heard is no matter of protocols")]
 fn now() -> Instant {
     Instant::now()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(name: &str, revision: u64, value: Option<&'static str>) -> WrittenEntry {
+        let value = value.map(|text| text.as_bytes().into());
+        WrittenEntry { key: names::key(&Key::from(name.to_owned())), revision, value }
+    }
+
+    fn texts(known: &KnownNotices) -> Vec<(&str, u64)> {
+        known.notices.iter().map(|(name, heard)| (&**name, heard.revision)).collect()
+    }
+
+    #[test]
+    fn what_is_told_never_goes_back_in_time_but_where_the_server_lists_all_again() {
+        let mut known = KnownNotices::new();
+        known.listing += 1;
+        for told in [entry("a", 3, Some("x")), entry("a", 2, Some("old")), entry("b", 9, Some("y"))] {
+            known.told(&told);
+        }
+        known.told(&entry("b", 8, None));
+        assert_eq!(texts(&known), [("a", 3), ("b", 9)]);
+        // The server has lost its last writings: `b` had none, and `a` an earlier one.
+        known.listing += 1;
+        known.told(&entry("a", 1, Some("first")));
+        known.forget_unlisted();
+        assert_eq!(texts(&known), [("a", 1)]);
+        known.told(&entry("a", 2, None));
+        assert_eq!(texts(&known), []);
+    }
+
+    #[test]
+    fn a_notice_that_is_listed_again_as_it_was_stays_as_old_as_it_is() {
+        let mut known = KnownNotices::new();
+        known.told(&entry("a", 3, Some("x")));
+        let (at, changes) = (known.notices["a"].at, known.changes.clone());
+        known.listing += 1;
+        known.told(&entry("a", 3, Some("x")));
+        known.forget_unlisted();
+        assert_eq!((known.notices["a"].at, known.changes), (at, changes));
+    }
 }

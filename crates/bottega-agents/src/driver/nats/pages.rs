@@ -66,13 +66,7 @@ impl NoticePages {
     }
 
     fn compare_and_set(&self, key: Key, expected: Revision, value: &str) -> StoreReply<String> {
-        let name = self.name(&key);
-        let written = match expected {
-            // There may have been one that was let go.
-            Revision::ABSENT => self.notices.create(&name, value.as_bytes()),
-            Revision(revision) => self.notices.update(&name, value.as_bytes(), revision),
-        };
-        match written {
+        match self.notices.update(&self.name(&key), value.as_bytes(), expected.0) {
             Ok(Some(revision)) => StoreReply::Written { key, revision: Revision(revision) },
             Ok(None) => {
                 let entry = self.get(&key);

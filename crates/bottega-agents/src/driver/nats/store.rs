@@ -197,7 +197,9 @@ impl<K: Codec> Bucket<K> {
                 tell(entry.map_or(EntryNews::Nothing, EntryNews::Entry))
             }
             WatchNews::CaughtUp if !std::mem::replace(&mut caught_up, true) => tell(EntryNews::CaughtUp),
-            WatchNews::Entry(_) | WatchNews::CaughtUp | WatchNews::Nothing => tell(EntryNews::Nothing),
+            WatchNews::Entry(_) | WatchNews::Begins | WatchNews::CaughtUp | WatchNews::Nothing => {
+                tell(EntryNews::Nothing)
+            }
         })
         .await;
     }

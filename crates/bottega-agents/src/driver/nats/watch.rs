@@ -27,6 +27,8 @@ const OPERATION: &str = "KV-Operation";
 
 /// What one is told who follows entries.
 pub(super) enum WatchNews {
+    /// From here on all entries that there are will be told, and then every change.
+    Begins,
     /// An entry as it is, or is from now on.
     Entry(WrittenEntry),
     /// All entries that there were have been told.
@@ -61,7 +63,7 @@ pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut 
         };
         match open(client, store, &filter).await {
             Ok(messages) => {
-                if !listen(store, &filter, messages, there, &mut tell).await {
+                if !tell(WatchNews::Begins) || !listen(store, &filter, messages, there, &mut tell).await {
                     return;
                 }
             }

@@ -264,6 +264,7 @@ fn job(number: u32, state: &'static str, done: f64) -> JobView {
         scene: "a scene.glb".to_owned(),
         output: "o.exr".to_owned(),
         animation: None,
+        stirs: 0,
         kept: false,
         is_over: state == "done",
     }

@@ -131,7 +131,7 @@ impl JobWatch {
         let over: Vec<u64> = self.doors.keys().copied().filter(|&work| is_over(work)).collect();
         for work in over {
             if let Some(door) = self.doors.remove(&work).flatten() {
-                let is_painted = matches!(state(work), Some(JobState::Done { .. }));
+                let is_painted = state(work) == Some(&JobState::Done);
                 self.close(&door, (!is_painted).then(|| state(work).map_or("removed", JobState::word)));
             }
         }

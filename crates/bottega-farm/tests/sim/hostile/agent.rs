@@ -239,7 +239,17 @@ impl HostileAgent {
                 _ => error = Some(self.one_of(&[f64::NAN, -1.0, 0.0, f64::INFINITY])),
             }
         }
-        Painting { choice, result, time_measured, busy: time_measured, goal, time_left, error }
+        Painting {
+            choice,
+            result,
+            time_measured,
+            busy: time_measured,
+            is_measured: true,
+            was_ready: true,
+            goal,
+            time_left,
+            error,
+        }
     }
 
     /// What it says of its orders when it says that it lives.
@@ -420,6 +430,8 @@ impl HostileAgent {
             goal: choice.samples,
             time_left: time,
             busy: time,
+            is_measured: true,
+            was_ready: true,
             error: None,
         };
         let report = Arc::new(Report { zone, fence, outcome: Ok(painting), reasons: None });

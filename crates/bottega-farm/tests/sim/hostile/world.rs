@@ -75,7 +75,7 @@ impl HostileWorld {
         let digest = digest(order);
         self.tiles.insert(digest, (order.rect, order.samples.end));
         let result = ResultRef { fence: order.fence, samples: order.samples.end, digest };
-        (begin + busy - now, PaintResult { result, busy, error: None, unfinished: 1.0 })
+        (begin + busy - now, PaintResult { result, busy, is_measured: true, error: None, unfinished: 1.0 })
     }
 
     fn look(&self, now: Time, agent: &AgentId, orders: Vec<(ZoneId, Revision)>) -> FarmCompletion {
@@ -139,6 +139,7 @@ impl HostileWorld {
             FarmEffect::Drop { .. }
             | FarmEffect::Dismissed { .. }
             | FarmEffect::TooFew { .. }
+            | FarmEffect::Stalled { .. }
             | FarmEffect::AgentChanged(_)
             | FarmEffect::RoundClosed(_)
             | FarmEffect::Stolen(_)

@@ -2,12 +2,14 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use bottega_agents::{AgentId, Time};
+use bottega_agents::Time;
 
-use crate::{AgentRow, ZoneId, ZoneRow, ZoneState};
+use crate::{AgentRow, ZoneId, ZoneRow, ZoneState, throughput::Throughput};
 
 /// When zones of so much of the cost are profiled, T_est tells the time that is left.
 const SHARE_PROFILED: f64 = 0.25;
+/// While anything is to be painted it takes so long at least, in seconds.
+const LEFT_MIN: f64 = 0.1;
 
 /// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,8 +27,8 @@ pub struct Progress {
     pub cost_done: f64,
     /// Time since painting began.
     pub elapsed: Duration,
-    /// Time left: by T_est and how fast agents are at first, more and more by how long that took what is done; `None` while neither
-    /// is known.
+    /// Time left, never 0: by T_est, and by how fast agents paint as they say and as what is done shows. `None`: that is not known yet,
+    /// or all is painted and the picture is put together.
     pub left: Option<Duration>,
 }
 
@@ -60,14 +62,13 @@ struct Share {
 
 /// Keeps the sums over all zones in step with their rows.
 #[derive(Debug, Default)]
-pub(super) struct Tally {
+pub(crate) struct Tally {
     shares: BTreeMap<ZoneId, Share>,
     /// Whether what is expected was learnt in works before: then the time that is left is known before anything is painted.
     is_experienced: bool,
     /// What is expected of a zone a unit of its complexity, in seconds.
     expectations: BTreeMap<ZoneId, f64>,
-    /// Reference-machine seconds that agents paint in a second.
-    speeds: BTreeMap<AgentId, f64>,
+    throughput: Throughput,
     begun: Option<Time>,
     now: Option<Time>,
     progress: Progress,
@@ -80,21 +81,22 @@ pub(super) struct Tally {
 
 impl Tally {
     /// - `is_experienced`: whether this machine has learnt in works before how long zones take.
-    pub(super) fn new(is_experienced: bool) -> Self {
-        Self { is_experienced, ..Self::default() }
+    /// - `is_in_turn`: whether agents begin what they have in hand one after the other.
+    pub(crate) fn new(is_experienced: bool, is_in_turn: bool) -> Self {
+        Self { is_experienced, throughput: Throughput::new(is_in_turn), ..Self::default() }
     }
 
     /// Takes in how fast an agent is.
-    pub(super) fn see_agent(&mut self, row: &AgentRow) {
-        let speed = if row.left_out.is_none() { row.lanes / row.power.get() } else { 0.0 };
-        self.speeds.insert(row.agent.clone(), speed);
+    pub(crate) fn see_agent(&mut self, row: &AgentRow) {
+        self.throughput.see_agent(row);
     }
 
     /// Takes in a row.
     ///
     /// - `samples_wanted`: of the user, where the zone has no choice yet.
     /// - `samples_done`: at least those of the row; more when it is painted in passes.
-    pub(super) fn see(&mut self, now: Time, row: &ZoneRow, samples_wanted: u32, samples_done: u32) {
+    pub(crate) fn see(&mut self, now: Time, row: &ZoneRow, samples_wanted: u32, samples_done: u32) {
+        self.throughput.see_zone(now, row);
         let samples = row.choice.map_or(samples_wanted, |choice| row.goal_samples(&choice)).max(1);
         let samples_done = samples_done.max(row.samples_done()).min(samples);
         // T_est is for what the painting before left over.
@@ -145,15 +147,15 @@ impl Tally {
 
     /// How long so much reference-machine time takes all agents, where what is expected can be believed: it was learnt before, or
     /// enough zones are profiled.
-    fn left_by_estimates(&self, seconds: f64) -> Option<f64> {
-        let speed: f64 = self.speeds.values().sum();
+    fn left_by_estimates(&self, left: f64, all: f64) -> Option<f64> {
         let is_learnt = self.is_experienced && !self.expectations.is_empty();
         let is_profiled = self.timed_expected > SHARE_PROFILED * self.expected;
-        ((is_learnt || is_profiled) && speed > 0.0).then(|| seconds.max(0.0) / speed)
+        let zone = all / self.shares.len().max(1) as f64;
+        (is_learnt || is_profiled).then(|| self.throughput.time_for(self.now.unwrap_or_default(), left, zone))?
     }
 
     /// How far the job is.
-    pub(super) fn progress(&self) -> Progress {
+    pub(crate) fn progress(&self) -> Progress {
         // Zones that are not profiled cost as those that are, by what is expected of both.
         let rate = if self.timed_expected > 1e-9 { self.timed / self.timed_expected } else { 1.0 };
         let all = self.timed + (self.expected - self.timed_expected) * rate;
@@ -162,24 +164,18 @@ impl Tally {
         let whole = self.progress.zones_done == zones;
         let cost_done = if whole || all <= 0.0 { f64::from(u8::from(whole)) } else { (done / all).clamp(0.0, 1.0) };
         let elapsed = self.now.unwrap_or_default() - self.begun.unwrap_or_default();
-        let left = elapsed.as_secs_f64() * (1.0 - cost_done) / cost_done;
-        let left = Some(left).filter(|_| cost_done > 0.0);
-        // What was done so far tells little in the beginning: profiles come first, and paint less in a second than whole zones.
-        let left = match (left, self.left_by_estimates(all - done)) {
-            (Some(left), Some(estimated)) => {
-                let seen = cost_done * cost_done;
-                Some(seen * left + (1.0 - seen) * estimated)
-            }
-            (left, estimated) => left.or(estimated),
-        };
-        let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
+        // Where nothing is known of agents and zones, by how long it took what is done.
+        let by_elapsed = elapsed.as_secs_f64() * (1.0 - cost_done) / cost_done;
+        let by_elapsed = Some(by_elapsed).filter(|_| cost_done > 0.0);
+        let left = self.left_by_estimates((all - done).max(0.0), all).or(by_elapsed).filter(|_| !whole);
+        let left = left.and_then(|left| Duration::try_from_secs_f64(left.max(LEFT_MIN)).ok());
         Progress { zones, cost_done, elapsed, left, ..self.progress }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use bottega_agents::{BlobId, Revision};
+    use bottega_agents::{AgentId, BlobId, Revision};
     use bottega_engines::Tunables;
     use bottega_image::{Rect, Sides};
 
@@ -213,23 +209,49 @@ mod tests {
     }
 
     #[test]
-    fn time_left_goes_by_estimates_before_much_is_painted() {
-        let (mut tally, rows) = (Tally::new(false), open());
-        for agent in ["a", "b"] {
-            tally.see_agent(&AgentRow::new(AgentId::new(agent), RelativePower::new(0.5), 1.0));
+    fn time_left_goes_by_what_agents_say_and_then_by_what_they_do() {
+        let (mut tally, rows) = (Tally::new(false, false), open());
+        let agents = ["a", "b"].map(AgentId::new);
+        for agent in &agents {
+            tally.see_agent(&AgentRow::new(agent.clone(), RelativePower::new(0.5), 1.0));
         }
-        rows.iter().for_each(|row| tally.see(Time::ZERO, row, 100, 0));
+        let at = |seconds: u32| Time::ZERO + seconds * SECOND;
+        rows.iter().for_each(|row| tally.see(at(0), row, 100, 0));
         assert_eq!(seconds_left(&tally), None, "nobody knows anything yet");
         // Profiling took far longer than so many samples of whole zones do.
-        rows.iter().for_each(|row| tally.see(Time::ZERO + 10 * SECOND, &profiled(row), 100, 0));
+        rows.iter().for_each(|row| tally.see(at(10), &profiled(row), 100, 0));
         let left = seconds_left(&tally).unwrap();
         assert!((left - 19.0 / 4.0).abs() < 1.0, "{left} s: two agents, each twice as fast as the reference machine");
-        // Half of it took 30 s more: they are slower than they are said to be, and what was seen is believed more and more.
-        for row in &rows[..5] {
-            let done = ZoneRow { state: ZoneState::Done, ..profiled(row) };
-            tally.see(Time::ZERO + 40 * SECOND, &done, 100, 100);
+        // Each takes 4 s for a zone, four times as long as it says: in 12 s each paints three.
+        for (turn, pair) in rows[..6].chunks(2).enumerate() {
+            for (row, agent) in pair.iter().zip(&agents) {
+                let awarded = ZoneRow { state: ZoneState::Awarded, agent: Some(agent.clone()), ..profiled(row) };
+                tally.see(at(10 + 4 * turn as u32), &awarded, 100, 0);
+            }
+            for (row, agent) in pair.iter().zip(&agents) {
+                let done = ZoneRow { state: ZoneState::Done, agent: Some(agent.clone()), ..profiled(row) };
+                tally.see(at(14 + 4 * turn as u32), &done, 100, 100);
+            }
         }
         let later = seconds_left(&tally).unwrap();
-        assert!(later > 2.0 * left && later < 40.0, "{later} s");
+        assert!((later - 8.0).abs() < 1.5, "{later} s for four zones");
+    }
+
+    #[test]
+    fn time_left_is_never_0_before_the_end_and_not_known_when_all_is_painted() {
+        let (mut tally, rows) = (Tally::new(false, false), open());
+        let agent = AgentId::new("a");
+        tally.see_agent(&AgentRow::new(agent.clone(), RelativePower::new(1e-4), 1.0));
+        for (second, row) in (0..).zip(&rows) {
+            let now = Time::ZERO + second * SECOND;
+            tally.see(now, &profiled(row), 100, 0);
+            tally.see(now, &ZoneRow { state: ZoneState::Awarded, agent: Some(agent.clone()), ..profiled(row) }, 100, 0);
+            assert!(seconds_left(&tally).is_none_or(|left| left >= LEFT_MIN));
+        }
+        for row in &rows {
+            assert!(seconds_left(&tally).is_some_and(|left| left >= LEFT_MIN));
+            tally.see(Time::ZERO + 100 * SECOND, &ZoneRow { state: ZoneState::Done, ..profiled(row) }, 100, 100);
+        }
+        assert_eq!(seconds_left(&tally), None);
     }
 }

@@ -1,0 +1,462 @@
+//! A soak: random events, from a seed, on a farm of real processes, through its three doors in turn. After each quiet moment all doors
+//! must report the same and all jobs must be painted with the right bits; at no moment may a job wait while a machine is free.
+
+mod doors;
+mod farm;
+mod kinds;
+mod watch;
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    thread,
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use serde_json::Value;
+
+use self::{
+    doors::{Door, Python},
+    farm::SoakFarm,
+    kinds::{PictureKind, bits},
+    watch::IdleWatch,
+};
+use crate::{cargo::cargo, python};
+
+/// Machines of one thread each, and guests.
+const MACHINES: usize = 2;
+const GUESTS_MAX: usize = 1;
+/// From one quiet moment to the next.
+const STEPS_BETWEEN: u32 = 12;
+/// Jobs that there are at most after a quiet moment.
+const JOBS_KEPT: usize = 8;
+/// Jobs that wait or are painted at most.
+const JOBS_OPEN: usize = 4;
+/// How long all jobs may take to be painted when nobody disturbs them.
+const QUIET_WITHIN: Duration = Duration::from_secs(300);
+/// How long doors may differ: what a farm notes takes its time to each of them.
+const SAME_WITHIN: Duration = Duration::from_secs(20);
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+
+/// What a soak is made with.
+#[derive(Args)]
+pub(crate) struct SoakArgs {
+    /// Things that happen.
+    #[arg(long, default_value_t = 500)]
+    steps: u32,
+    /// Decides what happens, and to whom.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The program; default: that of the `dev` profile, which is built before.
+    #[arg(long)]
+    program: Option<PathBuf>,
+    /// The NATS server; default: the one that `bottega up` finds.
+    #[arg(long)]
+    server: Option<PathBuf>,
+    /// The scene.
+    #[arg(long, default_value = "scenes/goblets.glb")]
+    scene: PathBuf,
+    /// A Python that has the module. Default: that of the tests, if it has it.
+    #[arg(long)]
+    python: Option<PathBuf>,
+    /// Write the figures to this file, too, such as one below `bench/runs`.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+}
+
+/// Runs a soak, and prints its figures.
+pub(crate) fn soak(args: &SoakArgs) -> Result<()> {
+    let program = match &args.program {
+        Some(program) => program.clone(),
+        None => {
+            cargo(&["build", "--quiet", "-p", "bottega-cli"], &[])?;
+            crate::cargo::target().join("debug/bottega")
+        }
+    };
+    let mut soak = Soak::start(args, &program)?;
+    let ran = soak.run(args.steps);
+    if let Err(error) = ran {
+        bail!("{error:#}\n\nseed {}, after {} steps:\n{}", args.seed, soak.figures.steps, soak.farm.logs());
+    }
+    let text = soak.told(args);
+    print!("{text}");
+    args.output.as_ref().map_or(Ok(()), |path| fs::write(path, text)).context("the figures are not written")
+}
+
+/// Numbers by chance, the same for the same seed.
+struct Chance(u64);
+
+impl Chance {
+    /// SplitMix64 (Steele, Lea, Flood 2014).
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        (self.next() % count.max(1) as u64) as usize
+    }
+
+    fn one_of<'a, T>(&mut self, all: &'a [T]) -> Option<&'a T> {
+        let index = self.below(all.len());
+        all.get(index)
+    }
+}
+
+/// What may happen, and how often of all.
+const HAPPENINGS: [(Happening, usize); 14] = [
+    (Happening::Submit, 20),
+    (Happening::Requeue, 14),
+    (Happening::Pause, 8),
+    (Happening::Resume, 10),
+    (Happening::Cancel, 4),
+    (Happening::Priority, 6),
+    (Happening::SuspendMachine, 5),
+    (Happening::ResumeMachine, 8),
+    (Happening::KillLeader, 5),
+    (Happening::KillMachine, 5),
+    (Happening::KillServer, 4),
+    (Happening::KillUp, 4),
+    (Happening::GuestComes, 4),
+    (Happening::GuestGoes, 3),
+];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Happening {
+    Submit,
+    Requeue,
+    Pause,
+    Resume,
+    Cancel,
+    Priority,
+    SuspendMachine,
+    ResumeMachine,
+    KillLeader,
+    KillMachine,
+    KillServer,
+    KillUp,
+    GuestComes,
+    GuestGoes,
+}
+
+/// What was seen in a soak.
+#[derive(Default)]
+struct Figures {
+    steps: u32,
+    happened: BTreeMap<Happening, u32>,
+    /// What a door refused because it could not be done just then.
+    refused: u32,
+    by_door: BTreeMap<&'static str, u32>,
+    quiet_moments: u32,
+    pictures_compared: u32,
+    kept_pictures: u32,
+    /// How often the farm's own watch had a job begun again.
+    stirs: u64,
+    longest_idle: Duration,
+}
+
+struct Soak {
+    farm: SoakFarm,
+    doors: Vec<Door>,
+    kinds: Vec<PictureKind>,
+    chance: Chance,
+    figures: Figures,
+    /// Of which kind the picture of each job is.
+    asked: BTreeMap<u64, usize>,
+    watch: IdleWatch,
+    begun: Instant,
+}
+
+impl Soak {
+    fn start(args: &SoakArgs, program: &Path) -> Result<Self> {
+        let mut farm = SoakFarm::start(program, args.server.as_deref())?;
+        let scene = fs::canonicalize(&args.scene).with_context(|| args.scene.display().to_string())?;
+        let kinds = PictureKind::all(&farm.cli, &scene, &farm.path(""))?;
+        for _ in 0..MACHINES {
+            farm.join_machine()?;
+        }
+        let mut doors = vec![Door::Cli(farm.cli.clone()), Door::Api(farm.api()?)];
+        let own = args.python.clone().unwrap_or_else(|| python::program("python3"));
+        match Python::start(&own.display().to_string(), &farm.lines()?[0], &farm.cli.state)? {
+            Some(python) => doors.push(Door::Python(Box::new(python))),
+            None => eprintln!("SKIPPED the Python door: {} has no module `bottega`", own.display()),
+        }
+        let (figures, asked, watch) = (Figures::default(), BTreeMap::new(), IdleWatch::default());
+        Ok(Self { farm, doors, kinds, chance: Chance(args.seed), figures, asked, watch, begun: Instant::now() })
+    }
+
+    fn run(&mut self, steps: u32) -> Result<()> {
+        for step in 1..=steps {
+            let what = self.choose();
+            let happened = self.happen(what).with_context(|| format!("step {step}, {what:?}"))?;
+            self.figures.steps = step;
+            if happened {
+                *self.figures.happened.entry(what).or_default() += 1;
+            } else {
+                self.figures.refused += 1;
+            }
+            // Some things happen at once, others amid the painting.
+            let pause = Duration::from_millis(50 + 40 * self.chance.below(30) as u64);
+            let until = Instant::now() + pause;
+            while Instant::now() < until {
+                self.look().with_context(|| format!("after step {step}, {what:?}"))?;
+            }
+            if step % STEPS_BETWEEN == 0 || step == steps {
+                self.quiet().with_context(|| format!("the quiet moment after step {step}"))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn choose(&mut self) -> Happening {
+        let all: usize = HAPPENINGS.iter().map(|(_, weight)| weight).sum();
+        let mut place = self.chance.below(all);
+        for (what, weight) in HAPPENINGS {
+            if place < weight {
+                return what;
+            }
+            place -= weight;
+        }
+        Happening::Submit
+    }
+
+    /// The door whose turn it is.
+    fn door(&mut self) -> &mut Door {
+        let place = self.figures.steps as usize % self.doors.len();
+        let door = &mut self.doors[place];
+        *self.figures.by_door.entry(door.name()).or_default() += 1;
+        door
+    }
+
+    fn api(&self) -> Result<doors::Api> {
+        self.farm.api()
+    }
+
+    fn jobs(&mut self) -> Result<Vec<Value>> {
+        self.api()?.list("/api/jobs")
+    }
+
+    /// Jobs in one of these states.
+    fn jobs_that_are(&mut self, states: &[&str]) -> Result<Vec<Value>> {
+        Ok(self.jobs()?.into_iter().filter(|job| states.iter().any(|state| job["state"] == *state)).collect())
+    }
+
+    /// Whether it could happen.
+    fn happen(&mut self, what: Happening) -> Result<bool> {
+        match what {
+            Happening::Submit => self.submit(),
+            Happening::Requeue => self.requeue(),
+            Happening::Pause => self.steer(&["active"], "pause"),
+            Happening::Resume => self.steer(&["paused"], "resume"),
+            Happening::Cancel => self.steer(&["active", "paused"], "cancel"),
+            Happening::Priority => self.set_priority(),
+            Happening::SuspendMachine => self.order(0, "suspend"),
+            Happening::ResumeMachine => self.order(1, "resume"),
+            Happening::KillLeader => self.kill_machine(true),
+            Happening::KillMachine => self.kill_machine(false),
+            Happening::KillServer => self.farm.kill_server().map(|()| true),
+            Happening::KillUp => {
+                self.farm.kill_up();
+                thread::sleep(Duration::from_millis(200 * self.chance.below(8) as u64));
+                self.farm.up()?;
+                let api = self.farm.api()?;
+                self.doors
+                    .iter_mut()
+                    .filter(|door| door.name() == "API")
+                    .for_each(|door| *door = Door::Api(api.clone()));
+                Ok(true)
+            }
+            Happening::GuestComes if self.farm.guests.len() < GUESTS_MAX => self.farm.join_guest().map(|()| true),
+            Happening::GuestGoes if !self.farm.guests.is_empty() => self.farm.guests.remove(0).end().map(|()| true),
+            Happening::GuestComes | Happening::GuestGoes => Ok(false),
+        }
+    }
+
+    fn submit(&mut self) -> Result<bool> {
+        if self.jobs_that_are(&["active", "paused"])?.len() >= JOBS_OPEN {
+            return Ok(false);
+        }
+        let kind = self.chance.below(self.kinds.len());
+        let output = self.farm.path(&format!("asked-{}.exr", self.figures.steps));
+        let like = self.jobs()?.last().and_then(|job| job["job"].as_u64());
+        let place = self.figures.steps as usize % self.doors.len();
+        let Self { doors, kinds, .. } = self;
+        // The first one sends the scene.
+        let place = if like.is_none() { 0 } else { place };
+        let door = &mut doors[place];
+        let number = door.submit(&kinds[kind], &output, like)?;
+        *self.figures.by_door.entry(door.name()).or_default() += 1;
+        self.asked.insert(number, kind);
+        Ok(true)
+    }
+
+    /// Has a zone of a job painted again that is over: the picture that there is stays, and its progress begins at 0.
+    fn requeue(&mut self) -> Result<bool> {
+        let done: Vec<u64> = self.jobs_that_are(&["done"])?.iter().filter_map(|job| job["job"].as_u64()).collect();
+        let Some(&number) = self.chance.one_of(&done) else { return Ok(false) };
+        let api = self.api()?;
+        let zones: Vec<u64> =
+            api.list(&format!("/api/jobs/{number}/zones"))?.iter().filter_map(|zone| zone["id"].as_u64()).collect();
+        let Some(&zone) = self.chance.one_of(&zones) else { return Ok(false) };
+        api.ask("POST", &format!("/api/jobs/{number}/zones/{zone}/requeue"), &Value::Null)?;
+        let view = api.ask("GET", &format!("/api/jobs/{number}"), &Value::Null)?;
+        let begins = view["state"] == "done" || view["done"].as_f64() < Some(0.5) && view["kept"] == true;
+        ensure!(begins, "job {number} is painted again, and it is told as {view}");
+        self.compare(number).context("the picture of a job that is painted again")?;
+        self.figures.kept_pictures += 1;
+        Ok(true)
+    }
+
+    fn steer(&mut self, states: &[&str], word: &str) -> Result<bool> {
+        let jobs: Vec<u64> = self.jobs_that_are(states)?.iter().filter_map(|job| job["job"].as_u64()).collect();
+        let Some(&number) = self.chance.one_of(&jobs) else { return Ok(false) };
+        match self.door().steer(number, word) {
+            Ok(()) => Ok(true),
+            // It may have been finished meanwhile.
+            Err(error) if error.to_string().contains("is over") => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn set_priority(&mut self) -> Result<bool> {
+        let jobs: Vec<u64> =
+            self.jobs_that_are(&["active", "paused"])?.iter().filter_map(|job| job["job"].as_u64()).collect();
+        let Some(&number) = self.chance.one_of(&jobs) else { return Ok(false) };
+        let priority = (1 + self.chance.below(50)).to_string();
+        self.farm.cli.run(&["jobs", "priority", &number.to_string(), &priority])?;
+        Ok(true)
+    }
+
+    /// Suspends a machine, or resumes all.
+    fn order(&mut self, from: usize, word: &str) -> Result<bool> {
+        let machines: Vec<String> = self.farm.machines.iter().map(|machine| machine.name.clone()).collect();
+        let Some(machine) = self.chance.one_of(&machines) else { return Ok(false) };
+        let over_http = (self.figures.steps as usize + from) % 2 == 0;
+        if over_http {
+            // It may have been killed a moment ago, and its seat be gone.
+            return Ok(self.api()?.ask("POST", &format!("/api/machines/{machine}/{word}"), &Value::Null).is_ok());
+        }
+        self.farm.cli.run(&["machines", word, machine]).map(|_| true)
+    }
+
+    /// Kills a machine and has another one come.
+    fn kill_machine(&mut self, is_leader: bool) -> Result<bool> {
+        let leaders: Vec<String> =
+            self.jobs()?.iter().filter_map(|job| job["leader"].as_str().map(str::to_owned)).collect();
+        let all = 0..self.farm.machines.len();
+        let which: Vec<usize> = all.filter(|&i| leaders.contains(&self.farm.machines[i].name) == is_leader).collect();
+        let Some(&which) = self.chance.one_of(&which) else { return Ok(false) };
+        self.farm.machines.remove(which).kill();
+        self.farm.join_machine()?;
+        Ok(true)
+    }
+
+    /// Looks whether a job waits while a machine is free.
+    fn look(&mut self) -> Result<()> {
+        let api = self.api()?;
+        // While the server is away nothing is known.
+        if let (Ok(jobs), Ok(machines)) = (api.list("/api/jobs"), api.list("/api/machines")) {
+            self.watch.look(&jobs, &machines)?;
+            self.figures.longest_idle = self.figures.longest_idle.max(self.watch.longest);
+            self.figures.stirs = self.figures.stirs.max(self.watch.stirs());
+        }
+        thread::sleep(LOOK_EVERY);
+        Ok(())
+    }
+
+    /// Nobody disturbs anything: all is painted and compared.
+    fn quiet(&mut self) -> Result<()> {
+        let machines: Vec<String> = self.farm.machines.iter().map(|machine| machine.name.clone()).collect();
+        for machine in machines {
+            self.farm.cli.run(&["machines", "resume", &machine])?;
+        }
+        let begun = Instant::now();
+        loop {
+            for job in self.jobs_that_are(&["paused"])? {
+                let number = job["job"].as_u64().context("a number")?;
+                self.door().steer(number, "resume")?;
+            }
+            if self.jobs_that_are(&["active", "paused"])?.is_empty() {
+                break;
+            }
+            ensure!(begun.elapsed() < QUIET_WITHIN, "it is not painted in {QUIET_WITHIN:?}: {:?}", self.jobs()?);
+            self.look()?;
+        }
+        self.all_doors_tell_the_same()?;
+        let jobs = self.jobs()?;
+        for job in jobs.iter().filter(|job| job["kept"] == true) {
+            self.compare(job["job"].as_u64().context("a number")?)?;
+        }
+        let failed: Vec<&Value> = jobs.iter().filter(|job| job["state"] == "failed").collect();
+        ensure!(failed.is_empty(), "jobs failed: {failed:?}");
+        for job in &jobs[..jobs.len().saturating_sub(JOBS_KEPT)] {
+            let number = job["job"].as_u64().context("a number")?;
+            self.door().steer(number, "remove")?;
+            self.asked.remove(&number);
+        }
+        self.figures.quiet_moments += 1;
+        eprintln!(
+            "step {}: quiet, {} jobs, {:.0} s",
+            self.figures.steps,
+            jobs.len(),
+            self.begun.elapsed().as_secs_f64()
+        );
+        Ok(())
+    }
+
+    fn all_doors_tell_the_same(&mut self) -> Result<()> {
+        const FIELDS: [&str; 10] =
+            ["job", "state", "done", "zones_done", "zones", "kept", "priority", "stirs", "machines", "seconds_left"];
+        let begun = Instant::now();
+        loop {
+            let mut told = Vec::new();
+            for door in &mut self.doors {
+                let jobs: Vec<Vec<Value>> =
+                    door.jobs()?.iter().map(|job| FIELDS.iter().map(|field| job[field].clone()).collect()).collect();
+                told.push((door.name(), jobs));
+            }
+            if told.windows(2).all(|pair| pair[0].1 == pair[1].1) {
+                return Ok(());
+            }
+            ensure!(begun.elapsed() < SAME_WITHIN, "doors tell otherwise ({FIELDS:?}): {told:?}");
+            thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    /// Fetches the picture of a job by the door whose turn it is, and compares its bits.
+    fn compare(&mut self, number: u64) -> Result<()> {
+        let path = self.farm.path("fetched.exr");
+        self.door().fetch(number, &path)?;
+        let kind = *self.asked.get(&number).with_context(|| format!("nobody asked for job {number}"))?;
+        ensure!(bits(&path)? == self.kinds[kind].bits, "the picture of job {number} has other bits");
+        self.figures.pictures_compared += 1;
+        Ok(())
+    }
+
+    fn told(&self, args: &SoakArgs) -> String {
+        let Figures { steps, happened, refused, by_door, quiet_moments, pictures_compared, kept_pictures, .. } =
+            &self.figures;
+        let happened: Vec<String> = happened.iter().map(|(what, count)| format!("{count} {what:?}")).collect();
+        let doors: Vec<String> = by_door.iter().map(|(door, count)| format!("{count} {door}")).collect();
+        format!(
+            "cargo xtask soak --steps {} --seed {}\n\
+             {steps} steps in {:.0} s, {refused} of them could not be done just then: {}\n\
+             by door: {}\n\
+             {quiet_moments} quiet moments; {pictures_compared} pictures fetched and compared bit by bit, {kept_pictures} of them while painted \
+             again\n\
+             the longest that a job waited while a machine was free: {:.1} s; begun again by the farm's own watch: {}\n",
+            args.steps,
+            args.seed,
+            self.begun.elapsed().as_secs_f64(),
+            happened.join(", "),
+            doors.join(", "),
+            self.figures.longest_idle.as_secs_f64(),
+            self.figures.stirs,
+        )
+    }
+}
