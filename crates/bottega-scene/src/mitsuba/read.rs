@@ -192,7 +192,7 @@ impl DocumentReader<'_, '_> {
             return Err(self.report.invalid(at, format!("<{}> has no `type`", element.name)));
         };
         let id = element.attribute("id").unwrap_or_default().to_owned();
-        self.report_attributes(&element);
+        self.report_attributes(&element, &["type"]);
         self.depth += 1;
         if self.depth > DEPTH_MAX {
             let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
@@ -219,7 +219,7 @@ impl DocumentReader<'_, '_> {
 
     fn property(&mut self, element: &Element, name: String, container: &mut Container) -> Result<(), SceneError> {
         let at = element.at;
-        self.report_attributes(element);
+        self.report_attributes(element, &[]);
         let value = match element.name.as_str() {
             "transform" => transform::read(element, self.is_old, self.report).map(Value::Transform),
             "animation" => {
@@ -250,7 +250,9 @@ impl DocumentReader<'_, '_> {
     }
 
     /// Names the attributes of an object, a property and the operations of a transformation that mean nothing to us.
-    fn report_attributes(&mut self, element: &Element) {
+    ///
+    /// - `more`: attributes that it may have beside those of its tag.
+    fn report_attributes(&mut self, element: &Element, more: &[&str]) {
         let known: &[&str] = match element.name.as_str() {
             "translate" | "scale" | "point" | "vector" => &["x", "y", "z"],
             "rotate" => &["x", "y", "z", "angle"],
@@ -259,18 +261,16 @@ impl DocumentReader<'_, '_> {
             "spectrum" | "color" => &["filename", "intent"],
             "blackbody" => &["temperature", "scale"],
             "transform" => &["time"],
-            // Objects.
-            _ if element.attribute("type").is_some() => &["type"],
             _ => &[],
         };
         for (name, _) in &element.attributes {
-            if !matches!(name.as_str(), "name" | "value" | "id") && !known.contains(&name.as_str()) {
+            if !matches!(name.as_str(), "name" | "value" | "id") && !known.iter().chain(more).any(|it| it == name) {
                 let tag = shortened(&element.name);
                 self.report.warn(element.at, format!("the attribute `{}` of <{tag}> is left out", shortened(name)));
             }
         }
         if matches!(element.name.as_str(), "transform" | "animation") {
-            element.children.iter().for_each(|child| self.report_attributes(child));
+            element.children.iter().for_each(|child| self.report_attributes(child, &[]));
         }
     }
 
