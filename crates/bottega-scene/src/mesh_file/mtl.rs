@@ -156,7 +156,8 @@ impl MtlMaterial {
             b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" if number(words)? == 0.0 => {}
             needless if NEEDLESS.contains(&needless) => {}
             _ => {
-                notes.push(format!("`{}` is not supported, and left out", shortened(&String::from_utf8_lossy(keyword))))
+                notes
+                    .push(format!("`{}` is not supported, and left out", shortened(&String::from_utf8_lossy(keyword))));
             }
         }
         Ok(())

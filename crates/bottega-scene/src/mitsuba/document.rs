@@ -157,7 +157,7 @@ impl Object {
     pub(super) fn full_transform(&self, name: &str) -> Result<Transform, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(Transform::IDENTITY),
-            Some(ObjectProperty { value: Value::Transform(transform), .. }) => Ok(*transform),
+            Some(ObjectProperty { value: Value::Transform(transform), .. }) => Ok(**transform),
             Some(property) => Err(property.wrong("a transformation")),
         }
     }

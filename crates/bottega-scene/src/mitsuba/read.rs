@@ -221,12 +221,12 @@ impl DocumentReader<'_, '_> {
         let at = element.at;
         self.report_attributes(element, &[]);
         let value = match element.name.as_str() {
-            "transform" => transform::read(element, self.is_old, self.report).map(Value::Transform),
+            "transform" => transform::read(element, self.is_old, self.report).map(|it| Value::Transform(Box::new(it))),
             "animation" => {
                 self.report.warn(at, "nothing moves: the first transformation of an <animation> stands for all");
                 let first = element.children.iter().find(|child| child.name == "transform");
                 let read = |first| transform::read(first, self.is_old, self.report);
-                first.map_or(Ok(Transform::IDENTITY), read).map(Value::Transform)
+                first.map_or(Ok(Transform::IDENTITY), read).map(|it| Value::Transform(Box::new(it)))
             }
             _ => value::read(element),
         };

@@ -15,7 +15,7 @@ pub(super) enum Value {
     Boolean(bool),
     String(String),
     Vector(DVec3),
-    Transform(Transform),
+    Transform(Box<Transform>),
     /// Linear Rec. 709.
     Rgb(Vec3),
     /// The same at all wavelengths.

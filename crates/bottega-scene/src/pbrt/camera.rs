@@ -89,7 +89,8 @@ impl PbrtWorld {
             }
         };
         // The film asked for them, too.
-        (params.float("shutteropen")?, params.float("shutterclose")?);
+        params.float("shutteropen")?;
+        params.float("shutterclose")?;
         let lens_radius = params.float("lensradius")?.unwrap_or(0.0) * scale.x;
         let focus_distance = params.float("focaldistance")?.unwrap_or(1e6) * scale.z;
         if !(lens_radius >= 0.0 && focus_distance > 0.0) {

@@ -217,7 +217,8 @@ impl PbrtWorld {
         }
         if integrator.kind == "sppm" {
             // Asked for where its photons are counted.
-            (params.integer("photonsperiteration")?, params.float("radius")?);
+            params.integer("photonsperiteration")?;
+            params.float("radius")?;
         }
         context.report_unused(Directive::Integrator, &integrator.kind, params);
         u32::try_from(depth).map_err(|_| params.place_of("maxdepth").fault("`maxdepth` is negative").into())

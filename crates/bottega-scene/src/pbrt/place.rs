@@ -105,10 +105,14 @@ pub(super) fn with_own_corners(mesh: &Mesh) -> Mesh {
     }
 }
 
+/// What meshes that are joined have in common: the material, whether vertices have normals, texture coordinates and tangents, and the
+/// look of curves.
+type JoinKey = (u32, [bool; 3], Option<CurveLook>);
+
 /// Small meshes, joined by material and by what their vertices have.
 #[derive(Default)]
 pub(super) struct JoinedMeshes {
-    meshes: BTreeMap<(u32, [bool; 3], Option<CurveLook>), (Mesh, PbrtPlace)>,
+    meshes: BTreeMap<JoinKey, (Mesh, PbrtPlace)>,
 }
 
 impl JoinedMeshes {
