@@ -93,7 +93,7 @@ impl ConsoleWatcher {
             Event::Sending { bytes_sent, bytes, seconds_left, .. } => {
                 self.show_sending(*bytes_sent, *bytes, *seconds_left);
             }
-            Event::Step { name, share } => self.show_share(*share, name.clone()),
+            Event::Step { name, share } => self.show_share(*share, name),
             _ => {
                 if matches!(event, Event::Asked { .. } | Event::Denoised { .. }) {
                     self.bar.finish_and_clear();
@@ -103,12 +103,12 @@ impl ConsoleWatcher {
         }
     }
 
-    fn show_share(&self, share: f64, message: String) {
+    fn show_share(&self, share: f64, message: &str) {
         if self.bar.is_finished() {
             self.bar.reset();
         }
         self.bar.set_position((share * BAR_STEPS as f64) as u64);
-        self.bar.set_message(printable(&message).into_owned());
+        self.bar.set_message(printable(message).into_owned());
     }
 
     fn show_progress(&self, progress: &Progress) {
@@ -120,7 +120,7 @@ impl ConsoleWatcher {
             length(progress.seconds),
             progress.seconds_left.map_or("–".to_owned(), length),
         );
-        self.show_share(progress.share, message);
+        self.show_share(progress.share, &message);
     }
 
     fn show_sending(&self, sent: u64, bytes: u64, seconds_left: Option<f64>) {
@@ -137,7 +137,7 @@ impl ConsoleWatcher {
             *said = Some(Instant::now());
             self.say(&text);
         }
-        self.show_share(share, text);
+        self.show_share(share, &text);
     }
 }
 

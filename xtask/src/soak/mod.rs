@@ -336,7 +336,7 @@ impl Soak {
     fn order(&mut self, from: usize, word: &str) -> Result<bool> {
         let machines: Vec<String> = self.farm.machines.iter().map(|machine| machine.name.clone()).collect();
         let Some(machine) = self.chance.one_of(&machines) else { return Ok(false) };
-        let over_http = (self.figures.steps as usize + from) % 2 == 0;
+        let over_http = (self.figures.steps as usize + from).is_multiple_of(2);
         if over_http {
             // It may have been killed a moment ago, and its seat be gone.
             return Ok(self.api()?.ask("POST", &format!("/api/machines/{machine}/{word}"), &Value::Null).is_ok());

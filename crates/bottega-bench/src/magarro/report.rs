@@ -43,7 +43,7 @@ pub(super) struct MagarroRow {
     pub(super) pair: Option<f64>,
     /// Those two replayed, each as fast as a processor is beside another one, the second from when the Master knew it.
     pub(super) replayed_pair: Option<f64>,
-    /// Replayed, by [`AGENTS`].
+    /// Replayed, by `AGENTS`.
     pub(super) replayed: [f64; 4],
     pub(super) zones: usize,
     pub(super) error: Option<PictureError>,
@@ -76,7 +76,7 @@ pub(super) struct MagarroReport {
     pub(super) noise: PictureError,
     /// Optimization n, levels 1 to 3.
     pub(super) levels: Vec<MagarroRow>,
-    /// Level 3, by [`OPTIMIZATIONS`].
+    /// Level 3, by `OPTIMIZATIONS`.
     pub(super) optimizations: Vec<MagarroRow>,
     /// The same with the paper's set of expert rules.
     pub(super) papers_rules: Vec<MagarroRow>,

@@ -266,7 +266,8 @@ fn sizes_count_what_is_painted() {
     };
     let crop = "<integer name='crop_offset_x' value='8'/><integer name='crop_offset_y' value='2'/>
         <integer name='crop_width' value='16'/><integer name='crop_height' value='4'/>";
-    let render = |more: &[&'static str]| [&["render", text(&scene), "-o", text(&picture), "--spp", "1"][..], more].concat();
+    let render =
+        |more: &[&'static str]| [&["render", text(&scene), "-o", text(&picture), "--spp", "1"][..], more].concat();
     film(17_000, crop);
     succeed(&render(&[]));
     let image = bottega_image::read_image(&picture, bottega_image::ReadLimits::default()).expect("a picture");
