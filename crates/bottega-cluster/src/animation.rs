@@ -26,7 +26,7 @@ use crate::{
     job::{AnimationFrame, Job, JobSpec, JobState, for_others},
     job_board::{JobBoard, ended_badly},
     link::{Credentials, FarmLink, link},
-    part::Member,
+    member::Member,
     patience::patiently,
     prepared_job::WorkerDevices,
     refusals::RefusalWatch,

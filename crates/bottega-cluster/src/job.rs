@@ -1,9 +1,6 @@
 //! The record of a job: enough for any process of the farm to paint it, or to say how it stands.
 
-use std::{
-    path::{Path, PathBuf},
-    time::{Duration, SystemTime, UNIX_EPOCH},
-};
+use std::path::{Path, PathBuf};
 
 use bottega::{
     Request,
@@ -84,7 +81,8 @@ pub struct Job {
     /// The commit of its sources, for people; empty: unknown.
     #[serde(default)]
     pub commit: String,
-    /// The number under which what it asks for and its picture are kept, which no other job has had.
+    /// The number under which what it asks for and its picture are kept, which no other job has had. Jobs of older versions have none.
+    #[serde(default)]
     pub origin: u64,
     /// The number of its painting, under which its zones are kept, and which no other painting has had: another one each time the job
     /// is painted again, so that nothing of an earlier painting is taken for a part of it.
@@ -242,10 +240,5 @@ impl JobSpec {
 
 /// Seconds since 1970.
 pub fn unix_seconds() -> u64 {
-    since_1970().as_secs()
-}
-
-pub(crate) fn since_1970() -> Duration {
-    // A clock that stands before 1970 has been set by nobody.
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
+    crate::clock::since_1970().as_secs()
 }

@@ -2,7 +2,7 @@
 
 use std::process;
 
-use crate::job::since_1970;
+use crate::clock::since_1970;
 
 /// Characters of a host's name that are used.
 const HOST_CHARS: usize = 24;

@@ -13,7 +13,7 @@ use bottega_farm::JobReport;
 use bottega_image::{Film, Metadata};
 
 use crate::{
-    build::build, cache::Cache, error::Error, job::Job, job_board::JobBoard, part::Member, sent_files::SentFiles,
+    build::build, cache::Cache, error::Error, job::Job, job_board::JobBoard, member::Member, sent_files::SentFiles,
 };
 
 /// A job made ready.

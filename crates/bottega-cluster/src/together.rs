@@ -19,7 +19,7 @@ use bottega_engines::{RenderError, Sharing};
 use bottega_farm::{NextPart, SharedPart, StopSwitch, next_part};
 use serde::{Deserialize, Serialize};
 
-use crate::{job_board::JobBoard, machine::PresenceState, part::Member};
+use crate::{job_board::JobBoard, machine::PresenceState, member::Member};
 
 /// The most bytes of the result of a part.
 const PART_BYTES_MAX: usize = 1 << 28;

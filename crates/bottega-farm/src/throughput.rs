@@ -1,4 +1,4 @@
-//! How fast the agents of a job paint: as they say, corrected by how long what is done took them.
+//! The speed of the agents of a job: as they say, corrected by how long what is done took them.
 //!
 //! An agent says how much reference-machine time it paints in a second: V_cp and lanes. Agents may share processors with each other or
 //! with other programs, so that all of them together paint less. What is done tells by how much, and must be counted with what is

@@ -19,14 +19,14 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// A process that ends with this.
-pub(super) struct Process {
+pub(super) struct FarmProcess {
     child: Child,
     log: PathBuf,
     /// What the farm calls it.
     pub(super) name: String,
 }
 
-impl Process {
+impl FarmProcess {
     fn said(&self) -> String {
         fs::read_to_string(&self.log).unwrap_or_default()
     }
@@ -60,7 +60,7 @@ impl Process {
     }
 }
 
-impl Drop for Process {
+impl Drop for FarmProcess {
     fn drop(&mut self) {
         self.kill();
     }
@@ -80,9 +80,9 @@ pub(super) struct SoakFarm {
     server: Option<PathBuf>,
     port: u16,
     web: u16,
-    up: Option<Process>,
-    pub(super) machines: Vec<Process>,
-    pub(super) guests: Vec<Process>,
+    up: Option<FarmProcess>,
+    pub(super) machines: Vec<FarmProcess>,
+    pub(super) guests: Vec<FarmProcess>,
     started: u32,
 }
 
@@ -104,12 +104,12 @@ impl SoakFarm {
         self.folder.path().join(name)
     }
 
-    fn spawn(&mut self, what: &str, words: &[&str], until: &str) -> Result<Process> {
+    fn spawn(&mut self, what: &str, words: &[&str], until: &str) -> Result<FarmProcess> {
         self.started += 1;
         let log = self.path(&format!("{what}-{}.log", self.started));
         let file = File::create(&log)?;
         let child = self.cli.command(words).stdout(file.try_clone()?).stderr(file).spawn()?;
-        let mut process = Process { child, log, name: String::new() };
+        let mut process = FarmProcess { child, log, name: String::new() };
         process.until_says(until)?;
         let said = process.said();
         let name = said.split_once(" as ").and_then(|(_, rest)| rest.split(';').next());
@@ -138,7 +138,7 @@ impl SoakFarm {
     }
 
     fn said_by_up(&self) -> String {
-        self.up.as_ref().map(Process::said).unwrap_or_default()
+        self.up.as_ref().map(FarmProcess::said).unwrap_or_default()
     }
 
     /// The door over HTTP that steers, and the lines that let a machine and a guest in.
@@ -156,7 +156,7 @@ impl SoakFarm {
         Ok([next()?, next()?])
     }
 
-    fn join(&mut self, what: &str, line: Option<&str>) -> Result<Process> {
+    fn join(&mut self, what: &str, line: Option<&str>) -> Result<FarmProcess> {
         let cache = self.path(&format!("cache-{what}")).display().to_string();
         let mut words = vec!["join", "--threads", "1", "--cache", &cache];
         words.extend(line);

@@ -5,8 +5,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
-use super::doors::CommandLine;
-
 /// A kind of picture, and what it is when one machine paints it alone.
 pub(super) struct PictureKind {
     pub(super) scene: PathBuf,
@@ -23,7 +21,9 @@ const COMMON: [&str; 3] = ["--size=64x48", "--seed=5", "--zones=16"];
 
 impl PictureKind {
     /// Paints each kind once.
-    pub(super) fn all(cli: &CommandLine, scene: &Path, folder: &Path) -> Result<Vec<Self>> {
+    ///
+    /// - `run`: runs the program, and returns what it prints.
+    pub(super) fn all(run: &dyn Fn(&[&str]) -> Result<String>, scene: &Path, folder: &Path) -> Result<Vec<Self>> {
         let kinds: [(&[&'static str], Value); 3] = [
             (&["--spp=48"], json!({ "spp": 48 })),
             (
@@ -46,8 +46,8 @@ impl PictureKind {
             let file = path.display().to_string();
             let asked: Vec<String> =
                 kind.render_words().into_iter().chain(["-o".to_owned(), file.clone(), "--quiet".to_owned()]).collect();
-            cli.run(&asked.iter().map(String::as_str).collect::<Vec<_>>())?;
-            let request: Value = serde_json::from_str(&cli.run(&["request", "show", &file])?)?;
+            run(&asked.iter().map(String::as_str).collect::<Vec<_>>())?;
+            let request: Value = serde_json::from_str(&run(&["request", "show", &file])?)?;
             Ok(Self { request, bits: bits(&path)?, ..kind })
         };
         kinds.into_iter().enumerate().map(paint).collect()

@@ -109,25 +109,25 @@ impl Chance {
 }
 
 /// What may happen, and how often of all.
-const HAPPENINGS: [(Happening, usize); 14] = [
-    (Happening::Submit, 20),
-    (Happening::Requeue, 14),
-    (Happening::Pause, 8),
-    (Happening::Resume, 10),
-    (Happening::Cancel, 4),
-    (Happening::Priority, 6),
-    (Happening::SuspendMachine, 5),
-    (Happening::ResumeMachine, 8),
-    (Happening::KillLeader, 5),
-    (Happening::KillMachine, 5),
-    (Happening::KillServer, 4),
-    (Happening::KillUp, 4),
-    (Happening::GuestComes, 4),
-    (Happening::GuestGoes, 3),
+const STEPS: [(SoakStep, usize); 14] = [
+    (SoakStep::Submit, 20),
+    (SoakStep::Requeue, 14),
+    (SoakStep::Pause, 8),
+    (SoakStep::Resume, 10),
+    (SoakStep::Cancel, 4),
+    (SoakStep::Priority, 6),
+    (SoakStep::SuspendMachine, 5),
+    (SoakStep::ResumeMachine, 8),
+    (SoakStep::KillLeader, 5),
+    (SoakStep::KillMachine, 5),
+    (SoakStep::KillServer, 4),
+    (SoakStep::KillUp, 4),
+    (SoakStep::GuestComes, 4),
+    (SoakStep::GuestGoes, 3),
 ];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Happening {
+enum SoakStep {
     Submit,
     Requeue,
     Pause,
@@ -148,7 +148,7 @@ enum Happening {
 #[derive(Default)]
 struct Figures {
     steps: u32,
-    happened: BTreeMap<Happening, u32>,
+    happened: BTreeMap<SoakStep, u32>,
     /// What a door refused because it could not be done just then.
     refused: u32,
     by_door: BTreeMap<&'static str, u32>,
@@ -176,7 +176,7 @@ impl Soak {
     fn start(args: &SoakArgs, program: &Path) -> Result<Self> {
         let mut farm = SoakFarm::start(program, args.server.as_deref())?;
         let scene = fs::canonicalize(&args.scene).with_context(|| args.scene.display().to_string())?;
-        let kinds = PictureKind::all(&farm.cli, &scene, &farm.path(""))?;
+        let kinds = PictureKind::all(&|words| farm.cli.run(words), &scene, &farm.path(""))?;
         for _ in 0..MACHINES {
             farm.join_machine()?;
         }
@@ -213,16 +213,16 @@ impl Soak {
         Ok(())
     }
 
-    fn choose(&mut self) -> Happening {
-        let all: usize = HAPPENINGS.iter().map(|(_, weight)| weight).sum();
+    fn choose(&mut self) -> SoakStep {
+        let all: usize = STEPS.iter().map(|(_, weight)| weight).sum();
         let mut place = self.chance.below(all);
-        for (what, weight) in HAPPENINGS {
+        for (what, weight) in STEPS {
             if place < weight {
                 return what;
             }
             place -= weight;
         }
-        Happening::Submit
+        SoakStep::Submit
     }
 
     /// The door whose turn it is.
@@ -247,20 +247,20 @@ impl Soak {
     }
 
     /// Whether it could happen.
-    fn happen(&mut self, what: Happening) -> Result<bool> {
+    fn happen(&mut self, what: SoakStep) -> Result<bool> {
         match what {
-            Happening::Submit => self.submit(),
-            Happening::Requeue => self.requeue(),
-            Happening::Pause => self.steer(&["active"], "pause"),
-            Happening::Resume => self.steer(&["paused"], "resume"),
-            Happening::Cancel => self.steer(&["active", "paused"], "cancel"),
-            Happening::Priority => self.set_priority(),
-            Happening::SuspendMachine => self.order(0, "suspend"),
-            Happening::ResumeMachine => self.order(1, "resume"),
-            Happening::KillLeader => self.kill_machine(true),
-            Happening::KillMachine => self.kill_machine(false),
-            Happening::KillServer => self.farm.kill_server().map(|()| true),
-            Happening::KillUp => {
+            SoakStep::Submit => self.submit(),
+            SoakStep::Requeue => self.requeue(),
+            SoakStep::Pause => self.steer(&["active"], "pause"),
+            SoakStep::Resume => self.steer(&["paused"], "resume"),
+            SoakStep::Cancel => self.steer(&["active", "paused"], "cancel"),
+            SoakStep::Priority => self.set_priority(),
+            SoakStep::SuspendMachine => self.order(0, "suspend"),
+            SoakStep::ResumeMachine => self.order(1, "resume"),
+            SoakStep::KillLeader => self.kill_machine(true),
+            SoakStep::KillMachine => self.kill_machine(false),
+            SoakStep::KillServer => self.farm.kill_server().map(|()| true),
+            SoakStep::KillUp => {
                 self.farm.kill_up();
                 thread::sleep(Duration::from_millis(200 * self.chance.below(8) as u64));
                 self.farm.up()?;
@@ -271,9 +271,9 @@ impl Soak {
                     .for_each(|door| *door = Door::Api(api.clone()));
                 Ok(true)
             }
-            Happening::GuestComes if self.farm.guests.len() < GUESTS_MAX => self.farm.join_guest().map(|()| true),
-            Happening::GuestGoes if !self.farm.guests.is_empty() => self.farm.guests.remove(0).end().map(|()| true),
-            Happening::GuestComes | Happening::GuestGoes => Ok(false),
+            SoakStep::GuestComes if self.farm.guests.len() < GUESTS_MAX => self.farm.join_guest().map(|()| true),
+            SoakStep::GuestGoes if !self.farm.guests.is_empty() => self.farm.guests.remove(0).end().map(|()| true),
+            SoakStep::GuestComes | SoakStep::GuestGoes => Ok(false),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Whether a job waits while a machine is free for it, as somebody sees it who asks the farm.
+//! The watch over jobs that wait while a machine is free for them, as somebody sees it who asks the farm.
 
 use std::{
     collections::BTreeMap,

@@ -27,7 +27,7 @@ pub use self::{
     crew::{AgentSpec, CREW_MAX, CrewError, CrewSpec, Incident, IncidentKind, MachineSpec},
     record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedRules, RecordedZone},
     recorder::Recorder,
-    studio::{SPANS_MAX, Span, SpanKind},
+    studio::{SPANS_MAX, Span, SpanKind, TimeLeft},
     workpiece::{SyntheticSpread, Workpiece, WorkpieceError, ZONES_MAX},
 };
 use self::{
@@ -148,17 +148,6 @@ pub struct SimulationOutcome {
     pub trace: String,
     /// How long the work was said to take yet, if that was to be written down.
     pub times_left: Vec<TimeLeft>,
-}
-
-/// How long a work was said to take yet, at some moment.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TimeLeft {
-    /// When.
-    pub at: Duration,
-    /// How much of its cost was done, 0..=1.
-    pub done: f64,
-    /// How long it was said to take.
-    pub said: Duration,
 }
 
 /// The outcome of an agent.

@@ -9,7 +9,6 @@ use bottega_agents::{
 use rustc_hash::FxHashMap;
 
 use super::{
-    TimeLeft,
     film::{FilmLog, digest, flaw, signed, unsigned},
     machines::{Machines, PaintJob},
     workpiece::Workpiece,
@@ -18,6 +17,17 @@ use crate::{
     AgentRow, FarmAgent, FarmCompletion, FarmEffect, PaintOrder, PaintResult, Progress, RelativePower, ResultRef,
     RoundSummary, Theft, ZoneId, ZoneRow, progress::Tally,
 };
+
+/// How long a work was said to take yet, at some moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeLeft {
+    /// When.
+    pub at: Duration,
+    /// How much of its cost was done, 0..=1.
+    pub done: f64,
+    /// How long it was said to take.
+    pub said: Duration,
+}
 
 /// What an agent's benchmark takes.
 const BENCHMARK: Duration = Duration::from_millis(6);
