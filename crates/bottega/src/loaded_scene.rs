@@ -237,7 +237,10 @@ fn size(request: &Request, hints: &RenderHints, camera: &Camera) -> Result<[u32;
     let crop = request.film.crop.or_else(|| hints.crop.filter(|_| request.film.size.is_none()).map(hinted));
     check_size([width, height], crop).map_err(|allowed| {
         let whose = if request.film.size.is_none() { "the scene file asks for" } else { "the request asks for" };
-        Error::usage(format!("{whose} a picture of {width}x{height} pixels: {allowed}"), "say another size (`--size`)")
+        Error::usage(
+            format!("{whose} a picture of {width}x{height} pixels: {allowed}"),
+            "say another size (`--size`), or which part of it (`--crop`)",
+        )
     })?;
     Ok([width, height])
 }

@@ -18,7 +18,7 @@ use crate::render::scenes::{Subject, add_quad, add_room, add_sphere, camera, cor
 use crate::render::strategies::{assert_same_mean, moments};
 
 /// Large enough that there is something to learn from.
-const SIDE: u32 = 96;
+const SIDE: u32 = 128;
 const VIEW: View = View { camera: 0, width: SIDE, height: SIDE };
 
 /// So many times as many samples has the picture that others are held to.

@@ -294,7 +294,7 @@ fn settings(
     check_crop(&crop, &frame)?;
     check_size([opened.width, opened.height], asked.film.crop).map_err(|allowed| {
         let problem = format!("the scene is a picture of {}x{} pixels: {allowed}", opened.width, opened.height);
-        Error::usage(problem, "say another size (`--size`)")
+        Error::usage(problem, "say another size (`--size`), or which part of it (`--crop`)")
     })?;
     let tunables = &located.manifest().tunables;
     let samples = asked.goal.samples.unwrap_or_else(|| default_samples(asked, located.manifest()));
