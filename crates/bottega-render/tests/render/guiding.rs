@@ -11,7 +11,7 @@ use crate::render::scenes::{Subject, add_quad, add_room, camera, cornell, matte,
 use crate::render::strategies::{assert_same_mean, moments};
 
 /// Large enough that there is something to learn from.
-const SIDE: u32 = 96;
+const SIDE: u32 = 128;
 
 /// So many times as many samples has the picture that others are held to: where light is rare, few know too little of their own
 /// variance.
