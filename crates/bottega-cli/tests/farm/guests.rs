@@ -76,7 +76,7 @@ fn hostile(farm: &Farm) {
             scope.spawn(move || assert!(link_of_evil.notices().put(name, b"{}").is_err(), "{name}"));
             // Of a notice that is there it may be told so.
             scope.spawn(move || {
-                assert!(!matches!(link_of_evil.notices().update(name, b"{}", 0), Ok(Some(_))), "{name}")
+                assert!(!matches!(link_of_evil.notices().update(name, b"{}", 0), Ok(Some(_))), "{name}");
             });
             scope.spawn(move || assert!(link_of_evil.notices().remove(name).is_err(), "{name}"));
         }
