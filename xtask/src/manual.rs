@@ -28,7 +28,7 @@ pub(crate) struct ManualArgs {
 /// # Errors
 /// The program does not compile, a page cannot be written, or there is no mdBook for the book.
 pub(crate) fn manual(args: &ManualArgs) -> Result<()> {
-    // With the features that the tests have, so that nothing is compiled twice.
+    // With the features of the whole workspace, so that little is compiled twice.
     let mut build = cargo::command();
     build.args(["build", "--workspace", "--bin", "bottega"]).current_dir(root());
     ensure!(build.status().context("cannot start cargo")?.success(), "the program does not compile");

@@ -123,7 +123,7 @@ pub(crate) enum Error {
     StartRender {
         /// The program.
         path: PathBuf,
-        /// Why.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// Ctrl-C cannot be watched for.

@@ -9,7 +9,7 @@ use crate::error::Error;
 
 /// A measurement, as the options on the command line ask for it.
 pub(crate) trait Measurement {
-    /// Measures.
+    /// Runs the measurement, and returns its figures.
     ///
     /// - `log`: gets a line for each step, such as which picture is being painted.
     fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error>;

@@ -117,7 +117,7 @@ pub struct Job {
     pub log: Vec<LogLine>,
 }
 
-/// A painting of a job, and how often it was begun again: whoever is done with it has nothing more to do in it.
+/// One painting of a job, and how often it was begun again. A process that has left a turn does not come back to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PaintingTurn {
     pub(crate) work: u64,

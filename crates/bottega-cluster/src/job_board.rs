@@ -1,7 +1,7 @@
 //! The jobs of a farm as its notices have them, and who leads each.
 //!
 //! - `job/N`: the job; changed by compare-and-set, so that no change is lost.
-//! - `lead/N`: who leads it, and how far its painting is. The leader renews it; one that is not renewed is up for whoever is first.
+//! - `lead/N`: who leads it, and how far its painting is. The leader renews it; if it does not, the first process that asks takes the lead.
 //! - `page/PLATFORM/…`: the white and yellow pages: see [`directories`](crate::directories).
 //! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](crate::machine).
 

@@ -307,7 +307,7 @@ impl Guard {
         stop.is_requested() || !board.get(self.number).is_some_and(is_wanted) || (self.elsewhere)() || self.claims()
     }
 
-    /// Everybody begins again with the job: whoever is ready first leads it, and need not wait for this process, which may hang.
+    /// Gives up the lead of a job that everybody begins again with: the next leader need not wait for this process, which may hang.
     fn leave_to_others(&mut self) {
         if self.member.board.get(self.number).is_some_and(|job| job.turn() != self.turn)
             && let Some(mut lease) = self.lease.take()

@@ -1,8 +1,8 @@
 //! The watch over jobs of a farm that wait though machines are free for them.
 //!
-//! The process that has the farm watches, and each that takes part in a job or waits for one: whoever notices first has all who paint
-//! the job begin again with it, and the job's log says so. What everybody has forgotten then is what was wrong, mostly; if it was not,
-//! the job is painted from its first sample in the end.
+//! `bottega up` watches, and so does each process that takes part in a job or waits for one. The first that notices a stall makes all
+//! processes of the job begin again with it, and says so in the job's log. That clears what they had in memory, which is mostly the
+//! fault; if the job stalls again and again, it is painted from its first sample.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -19,7 +19,7 @@ use crate::{
     machine::PresenceState,
 };
 
-/// After so many times in vain a job is painted from its first sample.
+/// The number of restarts after which a job that still stalls is painted from its first sample.
 const STIRS_MAX: u32 = 3;
 
 /// Watches all jobs of a farm.

@@ -3,9 +3,8 @@
 //! - `cast/WORK/STAGE/PART`: who has taken a part, and whether it is done; changed by compare-and-set.
 //! - blob `job-WORK/cast/STAGE/PART`: the result of it. All read it, and join the parts by their numbers.
 //!
-//! A notice is a claim and no lock. Its holder may hang: so a claim has a deadline, after which whoever has nothing else to do takes
-//! the part too, and a machine that cannot write claims does the parts without. What is done twice is the same, and what comes late
-//! harms nobody.
+//! A notice is a claim, not a lock. Its holder may hang, so a claim has a deadline, after which an idle machine takes the part too. A
+//! machine that cannot write claims does the parts without. A part that is done twice has the same result, and a late result is harmless.
 
 use std::{
     collections::BTreeSet,

@@ -1,9 +1,8 @@
 //! Work before a picture whose parts the machines of a job do together: which of them next?
 //!
-//! Nobody hands the parts out. Whoever has nothing to do claims one that is free, by a compare-and-set that tells all others, and
-//! the result depends on the part alone. A claim ends when its holder no longer takes part in the work, and at a deadline: then
-//! whoever has nothing else to do takes the part as well. So a part may be done twice, and never otherwise; any machine may go, or
-//! stand still, at any time.
+//! Nobody hands the parts out. An idle machine claims a free part by a compare-and-set, which tells all others; the result depends on
+//! the part alone. A claim ends when its holder leaves the work, or at a deadline, after which another idle machine does the part as
+//! well. So machines may go or hang at any time, and a part may be done twice, with the same result.
 
 use std::time::Duration;
 

@@ -23,7 +23,7 @@ pub struct RunHead {
     pub processors: String,
     /// The operating system.
     pub system: String,
-    /// When.
+    /// When the process was started, as RFC 3339.
     pub date: String,
 }
 

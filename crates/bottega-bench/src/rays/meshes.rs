@@ -17,7 +17,7 @@ const INTERIORS: [(&str, Vec3, Vec3); 2] = [
     ("staircase2", Vec3::new(6.91, 1.65, 2.55), Vec3::new(6.01, 1.65, 2.12)),
 ];
 
-/// Reads a file, or all PLY files of a folder, as one mesh. What is no interior that is known stands in a closed room.
+/// Reads a file, or all PLY files of a folder, as one mesh. A mesh that is not a known interior is put into a closed room.
 pub(super) fn read(path: &Path) -> Result<BenchScene, Error> {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for file in files(path)? {

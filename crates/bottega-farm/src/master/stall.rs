@@ -7,8 +7,8 @@ impl Master {
     /// How many zones wait for an agent, and how many agents are free for one; `None`: there are none of either. A zone whose order is
     /// not on the Blackboard yet waits, and an agent is free that has no others.
     ///
-    /// Not free is whoever refuses, and, while others paint, whoever the auction has just passed over: another agent is to have the
-    /// zone sooner.
+    /// An agent that refuses zones is not free. While others paint, neither is one that the auction has just passed over, because another
+    /// agent would finish the zone sooner.
     fn waits_in_vain(&self) -> Option<(usize, usize)> {
         let mut ordered: BTreeMap<MemberId, usize> = BTreeMap::new();
         let mut being_given = 0;
@@ -33,7 +33,7 @@ impl Master {
         (free > 0).then_some((zones, free))
     }
 
-    /// Begins again when zones have waited in vain for too long.
+    /// Restarts this Master from the Blackboard when zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER) though an agent is free.
     pub(super) fn watch_stall(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let is_at_work = self.begun && !self.stopping && !self.finished;
         let in_vain = if is_at_work { self.waits_in_vain() } else { None };

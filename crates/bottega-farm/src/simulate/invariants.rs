@@ -8,7 +8,7 @@ use bottega_image::Rect;
 use super::{film::BROKEN_MAX, studio::SimulatedFarm};
 use crate::{FarmAgent, FarmValue, Partition, ResultRef, Watchdog, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
 
-/// How often is looked whether anybody waits in vain.
+/// Virtual time between two looks whether an agent waits in vain.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// Looks during a run whether zones wait while agents are free and nothing begins: from outside, by what the agents have in hand. The

@@ -18,14 +18,14 @@ use crate::{
     RoundSummary, Theft, ZoneId, ZoneRow, progress::Tally,
 };
 
-/// How long a work was said to take yet, at some moment.
+/// The time that a work was said to need still, at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLeft {
-    /// When.
+    /// Virtual time since the start of the work.
     pub at: Duration,
     /// How much of its cost was done, 0..=1.
     pub done: f64,
-    /// How long it was said to take.
+    /// The time it was said to need still.
     pub said: Duration,
 }
 

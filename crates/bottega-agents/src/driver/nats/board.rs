@@ -157,8 +157,8 @@ impl NoticeBoard {
         entry.map(|entry| entry.is_some()).map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// Asks the server what a notice says. What is known of it was wrong: a writing that was not told of yet, or one that the server
-    /// has lost.
+    /// Asks the server for a notice of which an outdated text is known here: a later writing was not reported yet, or the server has lost
+    /// the last one.
     fn read_again(&self, name: &str) -> Result<(), BlobError> {
         let before = lock(&self.seen).notices.get(name).map(|heard| heard.revision);
         let entry = self.handle.block_on(self.store.entry(names::key(&Key::from(name.to_owned()))));
