@@ -14,8 +14,7 @@ def ask(word: str, job: int, more: dict) -> object:
     if word == "machines":
         return farm.machines()
     if word == "submit":
-        scene, output = more.pop("scene"), more.pop("output")
-        return farm.submit(scene, output=output, **more).number
+        return farm.submit(bottega.Request.from_json(json.dumps(more))).number
     known = {each.number: each for each in farm.jobs()}[job]
     if word == "fetch":
         return str(known.fetch(more["path"]))

@@ -85,10 +85,10 @@ impl Door {
                 told["job"].as_u64().context("the API told no number")
             }
             Self::Python(python) => {
-                let mut more = kind.python.clone();
-                more["scene"] = json!(kind.scene);
-                more["output"] = json!(output);
-                python.ask("submit", 0, &more)?.as_u64().context("Python told no number")
+                let mut request = kind.request.clone();
+                request["scene"]["file"] = json!(kind.scene);
+                request["output"]["file"] = json!(output);
+                python.ask("submit", 0, &request)?.as_u64().context("Python told no number")
             }
         }
     }

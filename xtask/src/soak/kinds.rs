@@ -3,14 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 /// A kind of picture, and what it is when one machine paints it alone.
 pub(super) struct PictureKind {
     pub(super) scene: PathBuf,
     words: Vec<&'static str>,
-    /// The same for Python.
-    pub(super) python: Value,
     /// The same as JSON.
     pub(super) request: Value,
     pub(super) bits: Vec<[u32; 3]>,
@@ -24,25 +22,14 @@ impl PictureKind {
     ///
     /// - `run`: runs the program, and returns what it prints.
     pub(super) fn all(run: &dyn Fn(&[&str]) -> Result<String>, scene: &Path, folder: &Path) -> Result<Vec<Self>> {
-        let kinds: [(&[&'static str], Value); 3] = [
-            (&["--spp=48"], json!({ "spp": 48 })),
-            (
-                &["--spp=6", "--integrator=photon", "--photons=400000"],
-                json!({ "spp": 6, "integrator": "photon", "photons": 400_000 }),
-            ),
-            (
-                &["--spp=6", "--integrator=ala", "--lighting-agents=30000"],
-                json!({ "spp": 6, "integrator": "ala", "lighting_agents": 30_000 }),
-            ),
+        const KINDS: [&[&str]; 3] = [
+            &["--spp=48"],
+            &["--spp=6", "--integrator=photon", "--photons=60000"],
+            &["--spp=6", "--integrator=ala", "--lighting-agents=6000"],
         ];
-        let paint = |(number, (words, python)): (usize, (&[&'static str], Value))| {
-            let mut python = python;
-            for (name, value) in [("size", json!([64, 48])), ("seed", json!(5)), ("zones", json!(16))] {
-                python[name] = value;
-            }
+        let paint = |(number, words): (usize, &[&'static str])| {
             let path = folder.join(format!("alone-{number}.exr"));
-            let words = words.to_vec();
-            let kind = Self { scene: scene.to_owned(), words, python, request: Value::Null, bits: Vec::new() };
+            let kind = Self { scene: scene.to_owned(), words: words.to_vec(), request: Value::Null, bits: Vec::new() };
             let file = path.display().to_string();
             let asked: Vec<String> =
                 kind.render_words().into_iter().chain(["-o".to_owned(), file.clone(), "--quiet".to_owned()]).collect();
@@ -50,7 +37,7 @@ impl PictureKind {
             let request: Value = serde_json::from_str(&run(&["request", "show", &file])?)?;
             Ok(Self { request, bits: bits(&path)?, ..kind })
         };
-        kinds.into_iter().enumerate().map(paint).collect()
+        KINDS.into_iter().enumerate().map(paint).collect()
     }
 
     /// The words that ask the program for it, but for its file.

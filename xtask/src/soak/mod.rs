@@ -40,6 +40,10 @@ const QUIET_WITHIN: Duration = Duration::from_secs(300);
 /// How long doors may differ: what a farm notes takes its time to each of them.
 const SAME_WITHIN: Duration = Duration::from_secs(20);
 const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// How long a server that was killed may take to be back.
+const BACK_WITHIN: Duration = Duration::from_secs(60);
+/// The words by which the doors say that the server is away.
+const AWAY: [&str; 4] = ["cannot reach a NATS server", "does not answer", ": 503: ", ": 504: "];
 
 /// What a soak is made with.
 #[derive(Args)]
@@ -151,6 +155,8 @@ struct Figures {
     happened: BTreeMap<SoakStep, u32>,
     /// What a door refused because it could not be done just then.
     refused: u32,
+    /// What was done once more, because the server was away.
+    again: u32,
     by_door: BTreeMap<&'static str, u32>,
     quiet_moments: u32,
     pictures_compared: u32,
@@ -193,7 +199,7 @@ impl Soak {
     fn run(&mut self, steps: u32) -> Result<()> {
         for step in 1..=steps {
             let what = self.choose();
-            let happened = self.happen(what).with_context(|| format!("step {step}, {what:?}"))?;
+            let happened = self.happen_or_again(what).with_context(|| format!("step {step}, {what:?}"))?;
             self.figures.steps = step;
             if happened {
                 *self.figures.happened.entry(what).or_default() += 1;
@@ -244,6 +250,22 @@ impl Soak {
     /// Jobs in one of these states.
     fn jobs_that_are(&mut self, states: &[&str]) -> Result<Vec<Value>> {
         Ok(self.jobs()?.into_iter().filter(|job| states.iter().any(|state| job["state"] == *state)).collect())
+    }
+
+    /// As [`Self::happen`]; where the server was away just then, once more when it is back.
+    fn happen_or_again(&mut self, what: SoakStep) -> Result<bool> {
+        match self.happen(what) {
+            Err(error) if AWAY.iter().any(|words| format!("{error:#}").contains(words)) => {
+                self.figures.again += 1;
+                let begun = Instant::now();
+                while self.farm.cli.run(&["jobs", "list", "--json"]).is_err() || self.jobs().is_err() {
+                    ensure!(begun.elapsed() < BACK_WITHIN, "the server is not back after {BACK_WITHIN:?}: {error:#}");
+                    thread::sleep(LOOK_EVERY);
+                }
+                self.happen(what)
+            }
+            happened => happened,
+        }
     }
 
     /// Whether it could happen.
@@ -439,13 +461,15 @@ impl Soak {
     }
 
     fn told(&self, args: &SoakArgs) -> String {
-        let Figures { steps, happened, refused, by_door, quiet_moments, pictures_compared, kept_pictures, .. } =
-            &self.figures;
+        let Figures {
+            steps, happened, refused, again, by_door, quiet_moments, pictures_compared, kept_pictures, ..
+        } = &self.figures;
         let happened: Vec<String> = happened.iter().map(|(what, count)| format!("{count} {what:?}")).collect();
         let doors: Vec<String> = by_door.iter().map(|(door, count)| format!("{count} {door}")).collect();
         format!(
             "cargo xtask soak --steps {} --seed {}\n\
-             {steps} steps in {:.0} s, {refused} of them could not be done just then: {}\n\
+             {steps} steps in {:.0} s, {refused} of them could not be done just then, {again} were done once more when the server \
+             was back: {}\n\
              by door: {}\n\
              {quiet_moments} quiet moments; {pictures_compared} pictures fetched and compared bit by bit, {kept_pictures} of them while painted \
              again\n\

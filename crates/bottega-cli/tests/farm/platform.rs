@@ -1,14 +1,14 @@
 //! A farm and a platform that shows it: JADE's words over a real socket, and machines that do what they are told.
 
-use std::{cell::Cell, net::SocketAddr, path::Path};
+use std::{cell::Cell, net::SocketAddr};
 
 use super::jade::{Jade, Line, TAKEN, is};
 use bottega_agents::{Performative as P, wire::WireMessage};
 use serde_json::Value;
 
 use super::{
-    fixture::{Farm, Process, WAIT, bits},
-    support::{servers, text},
+    fixture::{Farm, MANY, Process, WAIT, bits},
+    support::servers,
 };
 
 /// A platform that shows a farm.
@@ -117,13 +117,6 @@ pub(super) fn name_of(farm: &Farm, known: &[String]) -> String {
     name.expect("it was found")
 }
 
-/// A picture that takes its time.
-pub(super) fn paint(farm: &Farm, output: &Path, spp: &str, more: &[&str]) -> Process {
-    let arguments = ["render", "goblets.glb", "-o", text(output), "--size", "96x72", "--spp", spp, "--zones=24"];
-    let log = format!("{}.log", output.file_name().expect("a name").display());
-    farm.spawn(&[&arguments[..], &["--threads", "1", "--quiet"], more].concat(), &log)
-}
-
 fn machines(farm: &Farm) -> Vec<Value> {
     let told = farm.succeed(&["machines", "list", "--json"]);
     told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
@@ -138,8 +131,7 @@ fn standing(farm: &Farm, machine: &str) -> Value {
 fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
-    let alone = farm.path("plain.exr");
-    assert!(paint(&farm, &alone, "1400", &[]).wait(), "{}", farm.logs());
+    let plain = farm.plain_by(MANY);
     let mut first = farm.join("one");
     let one = name_of(&farm, &[]);
     let mut second = farm.join("two");
@@ -152,8 +144,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
     assert_eq!(shown.renderers()[0]["properties"]["threads"], "1");
 
     // The AMS suspends one in the middle of its work: the other one paints on.
-    let path = farm.path("a.exr");
-    assert!(paint(&farm, &path, "1400", &["--farm", "--detach"]).wait(), "{}", farm.logs());
+    assert!(farm.render_by("a.exr", MANY, &["--detach"]).wait(), "{}", farm.logs());
     farm.until_painted(1, 0.05);
     farm.until("both paint", || farm.job(1)["machines"] == 2);
     let modify = |state: &str| {
@@ -179,7 +170,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
     farm.until("it paints again", || standing(&farm, &two) == "active");
     farm.until_state(1, "done");
     farm.succeed(&["jobs", "fetch", "1"]);
-    assert!(bits(&path) == bits(&alone), "{}", farm.logs());
+    assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
 
     // Ended by the AMS, and killed.
     shown.tells_ams(&format!("(quit (agent-identifier :name {one}@shop))"));
@@ -273,8 +264,7 @@ fn machines_are_steered_without_a_platform_and_what_cannot_be_is_told() {
     let one = name_of(&farm, &[]);
     farm.succeed(&["machines", "suspend", &one]);
     farm.until("it rests", || standing(&farm, &one) == "suspended");
-    let path = farm.path("a.exr");
-    let mut render = paint(&farm, &path, "4096", &["--farm"]);
+    let mut render = farm.render_by("a.exr", "--spp=200000", &[]);
     farm.until_painted(1, 0.02);
     assert_eq!(farm.job(1)["machines"], 1);
     let asker = machines(&farm).into_iter().find(|one| one["takes_orders"] == false).expect("the process that asked");

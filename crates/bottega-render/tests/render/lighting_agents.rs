@@ -66,7 +66,7 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
     let scene = prepare(room_with_sphere());
     let expected = paint(&scene, SIZE, 512, PathSettings { seed: 9, guiding: false, ..PathSettings::default() });
     for oracle in ORACLES {
-        let settings = by(AgentSettings { cast: 20_000, ..few(oracle) }, 1);
+        let settings = by(AgentSettings { cast: 10_000, ..few(oracle) }, 1);
         let found = paint(&scene, SIZE, 64, settings);
         let report = report(&scene, &settings);
         let tally = report.tally;
@@ -117,7 +117,7 @@ fn a_wide_light_comes_back_whole_from_surfaces_that_are_known() {
         let expected =
             mean_color(&paint(&scene, SIZE, 512, PathSettings { seed: 9, guiding: false, ..PathSettings::default() }));
         for oracle in ORACLES {
-            let settings = by(AgentSettings { cast: 20_000, ..few(oracle) }, 1);
+            let settings = by(AgentSettings { cast: 8_000, ..few(oracle) }, 1);
             let found = mean_color(&paint(&scene, SIZE, 64, settings));
             assert!(((found - expected) / expected).abs().max_element() < 0.02, "{oracle:?} {found} {expected}");
         }
@@ -149,7 +149,7 @@ fn glossy_surfaces_are_told_where_light_comes_from() {
     let scene = prepare(glossy_room());
     let expected = paint(&scene, SIZE, 2048, PathSettings { seed: 9, guiding: false, ..PathSettings::default() });
     let by_asking = |decides_radiance: bool| {
-        let settings = by(AgentSettings { cast: 20_000, decides_radiance, ..few(Oracle::Error) }, 1);
+        let settings = by(AgentSettings { cast: 10_000, decides_radiance, ..few(Oracle::Error) }, 1);
         let mean = mean_color(&paint(&scene, SIZE, 64, settings));
         assert!(((mean / mean_color(&expected)) - 1.0).abs().max_element() < 0.03, "{decides_radiance} {mean}");
         let tile = paint(&scene, SIZE, 8, settings);
