@@ -22,6 +22,9 @@ struct SystemPackages {
     are_installed: fn() -> bool,
 }
 
+/// The variable that names NATS servers for the tests, separated as in `PATH`.
+const NATS_SERVERS: &str = "BOTTEGA_NATS_SERVERS";
+
 const SYSTEM_PACKAGES: &[SystemPackages] = &[
     SystemPackages {
         names: &["mesa-vulkan-drivers", "libvulkan1"],
@@ -128,15 +131,20 @@ fn has_povray() -> bool {
     !lacks_includes && answers("povray", &["--version"])
 }
 
+/// The newest NATS server of those on which farms are tested, if there is one.
+pub(crate) fn nats_server() -> Option<PathBuf> {
+    let servers = env::var_os(NATS_SERVERS).or_else(|| Some(nats_servers()?.1))?;
+    env::split_paths(&servers).last().filter(|server| server.is_file())
+}
+
 /// NATS servers, on which farms are tested: the distribution's old one and a new one, as far as they are installed.
 fn nats_servers() -> Option<(&'static str, OsString)> {
-    const VARIABLE: &str = "BOTTEGA_NATS_SERVERS";
-    if env::var_os(VARIABLE).is_some() {
+    if env::var_os(NATS_SERVERS).is_some() {
         return None;
     }
     let new = Some(python::program("nats-server")).filter(|server| server.is_file());
     let servers: Vec<PathBuf> = [distribution_server(), new].into_iter().flatten().collect();
-    Some((VARIABLE, env::join_paths(servers).ok()?))
+    Some((NATS_SERVERS, env::join_paths(servers).ok()?))
 }
 
 fn distribution_server() -> Option<PathBuf> {

@@ -174,14 +174,20 @@ impl Api {
 }
 
 impl Python {
-    /// `None`: this Python has no module of ours.
-    pub(super) fn start(program: &str, address: &str, state: &Path) -> Result<Option<Self>> {
-        let has_module = Command::new(program).args(["-c", "import bottega"]).stderr(Stdio::null()).status();
+    /// Opens the door. `None`: this Python cannot import the module.
+    ///
+    /// - `module`: the folder in which Python looks for it before others.
+    pub(super) fn start(python: &Path, module: &Path, address: &str, state: &Path) -> Result<Option<Self>> {
+        let command = |words: &[&str]| {
+            let mut command = Command::new(python);
+            command.args(words).env("PYTHONPATH", module).env("XDG_STATE_HOME", state);
+            command
+        };
+        let has_module = command(&["-c", "import bottega"]).stderr(Stdio::null()).status();
         if !has_module.is_ok_and(|status| status.success()) {
             return Ok(None);
         }
-        let mut command = Command::new(program);
-        command.args(["-c", PYTHON, address]).env("XDG_STATE_HOME", state);
+        let mut command = command(&["-c", PYTHON, address]);
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
         let asks = child.stdin.take().context("a pipe")?;
         let mut python = Self { tells: BufReader::new(child.stdout.take().context("a pipe")?), asks, child };

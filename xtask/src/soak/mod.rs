@@ -4,6 +4,7 @@
 mod doors;
 mod farm;
 mod kinds;
+mod module;
 mod watch;
 
 use std::{
@@ -24,7 +25,7 @@ use self::{
     kinds::{PictureKind, bits},
     watch::IdleWatch,
 };
-use crate::{cargo::cargo, python};
+use crate::{cargo::cargo, needs, python};
 
 /// Machines of one thread each, and guests.
 const MACHINES: usize = 2;
@@ -40,7 +41,7 @@ const QUIET_WITHIN: Duration = Duration::from_secs(300);
 /// How long doors may differ: what a farm notes takes its time to each of them.
 const SAME_WITHIN: Duration = Duration::from_secs(20);
 const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// How long a server that was killed may take to be back.
+/// How long a server that was killed, and machines that look for it, may take to be back.
 const BACK_WITHIN: Duration = Duration::from_secs(60);
 /// The words by which the doors say that the server is away.
 const AWAY: [&str; 4] = ["cannot reach a NATS server", "does not answer", ": 503: ", ": 504: "];
@@ -54,16 +55,17 @@ pub(crate) struct SoakArgs {
     /// Decides what happens, and to whom.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// The program; default: that of the `dev` profile, which is built before.
+    /// The program, with the library of the Python module beside it or in `deps` there; default: those of the `dev` profile, which
+    /// are built before.
     #[arg(long)]
     program: Option<PathBuf>,
-    /// The NATS server; default: the one that `bottega up` finds.
+    /// The NATS server; default: that of the tests, or the one that `bottega up` finds.
     #[arg(long)]
     server: Option<PathBuf>,
     /// The scene.
     #[arg(long, default_value = "scenes/goblets.glb")]
     scene: PathBuf,
-    /// A Python that has the module. Default: that of the tests, if it has it.
+    /// A Python with NumPy; default: that of the tests.
     #[arg(long)]
     python: Option<PathBuf>,
     /// Write the figures to this file, too, such as one below `bench/runs`.
@@ -76,7 +78,7 @@ pub(crate) fn soak(args: &SoakArgs) -> Result<()> {
     let program = match &args.program {
         Some(program) => program.clone(),
         None => {
-            cargo(&["build", "--quiet", "-p", "bottega-cli"], &[])?;
+            cargo(&["build", "--quiet", "-p", "bottega-cli", "-p", "bottega-python"], &[])?;
             crate::cargo::target().join("debug/bottega")
         }
     };
@@ -180,7 +182,8 @@ struct Soak {
 
 impl Soak {
     fn start(args: &SoakArgs, program: &Path) -> Result<Self> {
-        let mut farm = SoakFarm::start(program, args.server.as_deref())?;
+        let server = args.server.clone().or_else(needs::nats_server);
+        let mut farm = SoakFarm::start(program, server.as_deref())?;
         let scene = fs::canonicalize(&args.scene).with_context(|| args.scene.display().to_string())?;
         let kinds = PictureKind::all(&|words| farm.cli.run(words), &scene, &farm.path(""))?;
         for _ in 0..MACHINES {
@@ -188,9 +191,10 @@ impl Soak {
         }
         let mut doors = vec![Door::Cli(farm.cli.clone()), Door::Api(farm.api()?)];
         let own = args.python.clone().unwrap_or_else(|| python::program("python3"));
-        match Python::start(&own.display().to_string(), &farm.lines()?[0], &farm.cli.state)? {
+        let module = module::assemble(program, &farm.path("python"))?;
+        match Python::start(&own, &module, &farm.lines()?[0], &farm.cli.state)? {
             Some(python) => doors.push(Door::Python(Box::new(python))),
-            None => eprintln!("SKIPPED the Python door: {} has no module `bottega`", own.display()),
+            None => eprintln!("SKIPPED the Python door: {} cannot import the module `bottega`", own.display()),
         }
         let (figures, asked, watch) = (Figures::default(), BTreeMap::new(), IdleWatch::default());
         Ok(Self { farm, doors, kinds, chance: Chance(args.seed), figures, asked, watch, begun: Instant::now() })
@@ -363,7 +367,12 @@ impl Soak {
             // It may have been killed a moment ago, and its seat be gone.
             return Ok(self.api()?.ask("POST", &format!("/api/machines/{machine}/{word}"), &Value::Null).is_ok());
         }
-        self.farm.cli.run(&["machines", word, machine]).map(|_| true)
+        match self.farm.cli.run(&["machines", word, machine]) {
+            Ok(_) => Ok(true),
+            // It looks for the server that was killed a moment ago.
+            Err(error) if error.to_string().contains("no machine") => Ok(false),
+            Err(error) => Err(error),
+        }
     }
 
     /// Kills a machine and has another one come.
@@ -394,8 +403,12 @@ impl Soak {
     /// Nobody disturbs anything: all is painted and compared.
     fn quiet(&mut self) -> Result<()> {
         let machines: Vec<String> = self.farm.machines.iter().map(|machine| machine.name.clone()).collect();
+        let begun = Instant::now();
         for machine in machines {
-            self.farm.cli.run(&["machines", "resume", &machine])?;
+            while let Err(error) = self.farm.cli.run(&["machines", "resume", &machine]) {
+                ensure!(begun.elapsed() < BACK_WITHIN, "a machine is not back after {BACK_WITHIN:?}: {error:#}");
+                thread::sleep(LOOK_EVERY);
+            }
         }
         let begun = Instant::now();
         loop {

@@ -42,8 +42,8 @@ pub(crate) const PARTS: &[Part] = &[
 /// Packages that programs of a group's tests come from, beside those of its parts.
 pub(crate) fn beside(group: TestGroup) -> &'static [&'static str] {
     match group {
-        // The example `submit`.
-        TestGroup::Farm => &["bottega-cluster"],
+        // The example `submit`, and the module that the short soak asks by.
+        TestGroup::Farm => &["bottega-cluster", "bottega-python"],
         // The program, which the module is compared with.
         TestGroup::Python => &["bottega-cli"],
         TestGroup::Browser | TestGroup::Engines | TestGroup::Gpu => &[],

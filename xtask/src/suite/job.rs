@@ -22,6 +22,10 @@ pub(crate) struct TestJob {
 /// Programs that take longest where nothing is waited for: they begin first, so that none of them is alone at the end.
 const LONG: [&str; 4] = ["bottega-render", "bottega-scene", "bottega-farm", "bottega-cli"];
 
+/// The events of the short soak.
+const SOAK_STEPS: &str = "36";
+const SOAK_SEED: &str = "3";
+
 /// The runs of these programs, in the order in which they begin.
 pub(crate) fn jobs(
     programs: &[TestProgram],
@@ -49,6 +53,9 @@ pub(crate) fn jobs(
             jobs.push(make(name, program, &filters, part.load));
         }
     }
+    if group.is_none_or(|group| group == TestGroup::Farm) {
+        jobs.push(short_soak(environment)?);
+    }
     if group.is_some() {
         return Ok(jobs);
     }
@@ -74,6 +81,15 @@ pub(crate) fn jobs(
 /// Whether a program has tests of this part: the modules of a part are those of the folder `tests`.
 fn holds(program: &TestProgram, part: &Part) -> bool {
     part.modules.is_empty() || !program.is_unit
+}
+
+/// A few random events on a farm of real processes, always the same ones.
+fn short_soak(environment: &[(&'static str, OsString)]) -> Result<TestJob> {
+    let built = cargo::target().join("debug");
+    let mut command = Command::new(env::current_exe()?);
+    command.args(["soak", "--steps", SOAK_STEPS, "--seed", SOAK_SEED, "--program"]).arg(built.join("bottega"));
+    command.current_dir(root()).envs(environment.iter().map(|(name, value)| (name, value)));
+    Ok(TestJob { name: "soak farm".to_owned(), command, load: 1.0 })
 }
 
 /// The examples in documentation, which cargo compiles and runs.
