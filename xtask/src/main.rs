@@ -29,6 +29,8 @@ mod modules;
 mod needs;
 mod node;
 mod package;
+#[cfg(test)]
+mod prose;
 mod python;
 mod run_head;
 mod soak;

@@ -256,19 +256,18 @@ impl Soak {
         Ok(self.jobs()?.into_iter().filter(|job| states.iter().any(|state| job["state"] == *state)).collect())
     }
 
-    /// As [`Self::happen`]; where the server was away just then, once more when it is back.
+    /// As [`Self::happen`]; where the server is away just then, again until it is back.
     fn happen_or_again(&mut self, what: SoakStep) -> Result<bool> {
-        match self.happen(what) {
-            Err(error) if AWAY.iter().any(|words| format!("{error:#}").contains(words)) => {
-                self.figures.again += 1;
-                let begun = Instant::now();
-                while self.farm.cli.run(&["jobs", "list", "--json"]).is_err() || self.jobs().is_err() {
-                    ensure!(begun.elapsed() < BACK_WITHIN, "the server is not back after {BACK_WITHIN:?}: {error:#}");
+        let begun = Instant::now();
+        loop {
+            match self.happen(what) {
+                Err(error) if AWAY.iter().any(|words| format!("{error:#}").contains(words)) => {
+                    ensure!(begun.elapsed() < BACK_WITHIN, "the farm is not back after {BACK_WITHIN:?}: {error:#}");
+                    self.figures.again += 1;
                     thread::sleep(LOOK_EVERY);
                 }
-                self.happen(what)
+                happened => return happened,
             }
-            happened => happened,
         }
     }
 
@@ -481,8 +480,8 @@ impl Soak {
         let doors: Vec<String> = by_door.iter().map(|(door, count)| format!("{count} {door}")).collect();
         format!(
             "cargo xtask soak --steps {} --seed {}\n\
-             {steps} steps in {:.0} s, {refused} of them could not be done just then, {again} were done once more when the server \
-             was back: {}\n\
+             {steps} steps in {:.0} s, {refused} of them could not be done just then, {again} tries failed while the server was \
+             away: {}\n\
              by door: {}\n\
              {quiet_moments} quiet moments; {pictures_compared} pictures fetched and compared bit by bit, {kept_pictures} of them while painted \
              again\n\
