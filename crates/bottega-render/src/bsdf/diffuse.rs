@@ -1,4 +1,4 @@
-//! Light without a preferred direction: the diffuse base, and what was scattered more than once between facets.
+//! Cosine lobes of the layered material: the diffuse base, and multiple scattering between facets.
 
 use std::f32::consts::PI;
 
@@ -6,24 +6,24 @@ use bottega_scene::Spectrum;
 
 use super::fresnel::DielectricFresnel;
 
-/// One term color · g(μo) g(μi) / (π (1 − E̅)), g = 1 − E: with colour 1 it reflects exactly what E leaves over.
+/// The lobe color · g(μo) g(μi) / (π (1 − E̅)), g = 1 − E: with a white colour it reflects exactly what E leaves.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoupledDiffuse {
-    /// What is reflected of the light that E leaves over.
+    /// Reflected share of the light that E leaves.
     pub(super) color: Spectrum,
     /// 1 / (π (1 − E̅)).
     scale: f32,
-    /// Whether what E leaves over is mostly near the horizon, where cosine-weighted samples are rare.
+    /// `true`: the lobe's light is mostly near the horizon, where cosine-weighted samples are rare.
     pub(super) is_grazing: bool,
 }
 
 impl CoupledDiffuse {
     pub(super) const BLACK: Self = Self { color: Spectrum::ZERO, scale: 0.0, is_grazing: false };
 
-    /// `mean`: E̅, the mean of E over the cosine-weighted hemisphere where the light leaves.
+    /// Creates a lobe; `mean`: E̅, the mean of E over the cosine-weighted hemisphere on the side where the light leaves.
     pub(super) fn new(color: Spectrum, mean: f32) -> Self {
         let rest = 1.0 - mean;
-        // A layer that loses next to nothing has nothing to give back.
+        // A layer that loses almost nothing returns nothing
         if rest > 1e-4 { Self { color, scale: 1.0 / (PI * rest), is_grazing: rest < 0.1 } } else { Self::BLACK }
     }
 
@@ -36,8 +36,8 @@ impl CoupledDiffuse {
     }
 }
 
-/// The E of a dielectric over a diffuse base, of light that it reflects once or more often, in terms of what facets reflect
-/// once with F = 1 (`single`) and with F = s (`rise`).
+/// The albedo E of a dielectric over a diffuse base, including multiple scattering, as a linear function of the
+/// single-scattering albedos with F = 1 (`single`) and with F = s (`rise`).
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Cover {
     single: f32,
@@ -46,9 +46,9 @@ pub(super) struct Cover {
 }
 
 impl Cover {
-    /// `multiple`: share that is reflected later of what the facets do not reflect once.
+    /// Creates the cover; `multiple`: share of the light not reflected once that is reflected by multiple scattering.
     pub(super) fn new(fresnel: &DielectricFresnel, multiple: f32) -> Self {
-        // The strongest channel counts for all, lest the base take on the complementary colour.
+        // Use the strongest channel for all, so that the base does not take on the complementary colour
         let f0 = fresnel.specular * fresnel.f0.max_element();
         Self { single: f0 - multiple, rise: fresnel.specular - f0, constant: multiple }
     }
