@@ -1,4 +1,4 @@
-//! All tables from their cells.
+//! Computation of all tables from their cells.
 
 use super::{super::sheen, AlbedoCurve, Cell, INDEX, MU, ROUGHNESS, Tables, node_mu};
 
