@@ -20,7 +20,7 @@
 //! | Russian roulette and splitting by agents; the trial of their efficiency | `src/guide/agent.rs`, `src/guide/expected.rs`, `src/integrator/path/branch.rs`, `src/integrator/path/trial.rs` |
 //! | photons: emission, tracing, map, casting, storage | `src/lights/emission.rs`, `src/photon/trace.rs`, `src/photon/map.rs`, `src/photon/cast.rs`, `src/photon/store.rs` |
 //! | extent of the visible part; plans of photons and agents | `src/extent.rs`, `src/photon/extent.rs`, `src/photon/plan.rs`, `src/lights/emission/plan.rs` |
-//! | photons by number of bounces | `src/photon/bounces.rs` |
+//! | light by its number of bounces | `src/photon/bounces.rs` |
 //! | photon integrator, irradiance cache | `src/integrator/photon/`, `src/photon/cache.rs` |
 //! | lighting agents: by the paper, by expected error; their use by the integrator | `src/ala/sense.rs`, `src/ala/paper/`, `src/ala/own/`, `src/integrator/photon/eye.rs` |
 //! | useful data density | `src/ala/ludd.rs` |

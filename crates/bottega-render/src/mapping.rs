@@ -1,4 +1,4 @@
-//! Texture coordinates by a place in the world ([`Scene::mappings`]).
+//! Texture coordinates by position in the world ([`Scene::mappings`]).
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -6,21 +6,21 @@ use bottega_kernels::math;
 use bottega_scene::{Mapping, MappingKind, Scene, TextureMap, Uvs};
 use glam::{Mat3, Vec2, Vec3};
 
-/// A point in the world, and how wide it is seen: the input of mappings.
+/// A point in the world with the width of its beam: the input of mappings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spot {
-    /// World space.
+    /// Position in world space.
     pub p: Vec3,
-    /// Of the surface there, unit length.
+    /// Normal of the surface at the point, unit length.
     pub normal: Vec3,
-    /// Width of the beam in scene units; 0 for sharp lookups.
+    /// Width of the beam in scene units; 0 for unfiltered lookups.
     pub beam: f32,
     /// Cosine between the beam and the normal.
     pub cosine: f32,
 }
 
 impl Spot {
-    /// A point that is looked at sharply.
+    /// Returns a point with a beam of width 0.
     pub(crate) fn sharp(p: Vec3) -> Self {
         Self { p, ..Self::default() }
     }
@@ -29,9 +29,9 @@ impl Spot {
 /// A point with the texture coordinates of its surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TexturePlace {
-    /// Both sets of the surface.
+    /// Both sets of texture coordinates of the surface.
     pub(crate) uvs: [Vec2; 2],
-    /// Where it is.
+    /// Position, for textures that are mapped by position.
     pub(crate) spot: Spot,
 }
 
@@ -45,20 +45,20 @@ impl Uvs for TexturePlace {
     }
 }
 
-/// The coordinates of a spot, and how wide its beam is in them.
+/// Returns the coordinates of a point, and the width of its beam in texture coordinates.
 #[cold]
 fn mapped(mapping: &Mapping, spot: &Spot, is_wide: bool) -> (Vec2, f32) {
     let uv = uv_of(mapping, spot.p);
     if !is_wide || spot.beam <= 0.0 {
         return (uv, 0.0);
     }
-    // The area of the coordinates that a unit of the surface covers. Between the long and the short axis of the beam's
-    // oblique cut: the geometric mean.
+    // Area in texture coordinates per unit area of the surface. The beam's oblique cross-section is represented by the
+    // geometric mean of its axes
     let [u, v] = gradients(mapping, spot.p);
     (uv, spot.beam * (u.cross(v).dot(spot.normal) / spot.cosine.abs().max(0.01)).abs().sqrt())
 }
 
-/// The coordinates of a place. Those without numbers (a pole, the middle of a sphere) are 0.
+/// Returns the coordinates of a position. Undefined ones (at a pole, at the centre of a sphere) are 0.
 fn uv_of(mapping: &Mapping, p: Vec3) -> Vec2 {
     let q = mapping.mapping_from_world.transform_point3(p);
     let turns = || 0.5 * FRAC_1_PI * math::atan2(q.y, q.x);
@@ -75,7 +75,7 @@ fn uv_of(mapping: &Mapping, p: Vec3) -> Vec2 {
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
 
-/// How u and v grow in the world. Nothing grows where they jump.
+/// Returns the gradients of u and v in world space; 0 where they are discontinuous.
 pub(crate) fn gradients(mapping: &Mapping, p: Vec3) -> [Vec3; 2] {
     let q = mapping.mapping_from_world.transform_point3(p);
     let (rho_squared, r_squared) = (q.truncate().length_squared(), q.length_squared());
