@@ -226,7 +226,7 @@ mod tests {
     #[test]
     fn pictures_of_another_shape_keep_the_extent_that_the_axis_names() {
         use bottega_scene::FovAxis;
-        // Half extents of a picture twice as high as wide, of a camera made for twice as wide as high.
+        // Half extents of a picture twice as high as wide, for a camera made for twice as wide as high
         let cases = [
             (FovAxis::X, Vec2::new(2.0, 4.0)),
             (FovAxis::Y, Vec2::new(0.5, 1.0)),
@@ -276,7 +276,7 @@ mod tests {
         let rays = |panorama| CameraRays::new(&camera(Projection::Panorama(panorama), 0.5), 200, 100);
         let close = |a: Vec3, b: Vec3| assert!((a - b).length() < 1e-5, "{a} {b}");
         let round = rays(Panorama::Equirectangular);
-        // pbrt's z is ours turned round.
+        // pbrt's z is the reverse of ours
         let at = |x, y| round.ray(Vec2::new(x, y), [0.3; 2]);
         assert_eq!(at(17.0, 33.0).origin, Vec3::new(1.0, 2.0, 3.0));
         close(at(50.0, 50.0).direction, Vec3::NEG_Z);
@@ -291,7 +291,7 @@ mod tests {
         close(at(100.0, 100.0), Vec3::NEG_Z);
         close(at(0.0, 0.0), Vec3::NEG_Y);
         close(at(200.0, 100.0), Vec3::NEG_Y);
-        // Where a filter looks beyond an edge, the sphere goes on.
+        // Beyond an edge, the sphere continues
         for (inside, beyond) in [((0.1, 30.0), (-0.1, 70.0)), ((60.0, 99.9), (140.0, 100.1))] {
             close(at(inside.0, inside.1), at(beyond.0, beyond.1));
         }
@@ -304,7 +304,7 @@ mod tests {
     #[test]
     fn a_panorama_of_equal_areas_has_equal_areas() {
         let rays = CameraRays::new(&camera(Projection::Panorama(Panorama::EqualArea), 0.0), 64, 64);
-        // As much of the sphere on either side of each of its great circles, and second moments of a third.
+        // Great circles halve the sphere, and second moments are a third
         let mut moments = glam::Mat3::ZERO;
         for i in 0..64 * 64 {
             let d = rays.ray(Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5), [0.0; 2]).direction;

@@ -210,7 +210,7 @@ mod tests {
             let sampler = FilterSampler::new(filter);
             let radius = radius(filter);
             let count = 100_000;
-            // The other coordinate stays in the middle, where no filter is negative: its factor is taken out again.
+            // The other coordinate stays in the middle, where no filter is negative: divide by its factor
             let (_, middle) = sampler.sample([0.5, 0.5]);
             let mut bins = [0.0; 20];
             for i in 0..count {

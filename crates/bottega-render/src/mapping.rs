@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn coordinates_are_those_that_pbrt_gives() {
-        // s and t at points of which both are known.
+        // s and t at points where both are known
         let cases = [
             (MappingKind::Planar, Vec3::new(0.25, -2.0, 7.0), Vec2::new(0.25, -2.0)),
             (MappingKind::Spherical, Vec3::new(0.0, 0.0, 3.0), Vec2::new(0.0, 0.0)),
@@ -165,8 +165,8 @@ mod tests {
         assert_eq!(mapped(&plain(MappingKind::Spherical), &spot, false).1, 0.0);
     }
 
-    /// A material with a picture that a mapping lays, on a square of four units in the plane z = 0 without coordinates of its own, or
-    /// on a sphere of radius 2 around the origin.
+    /// A material with a mapped picture, on a square of four units in the plane z = 0 without texture coordinates, or on
+    /// a sphere of radius 2 around the origin.
     fn laid(
         mapping: Mapping,
         image: Image,
@@ -190,7 +190,7 @@ mod tests {
         PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap()
     }
 
-    /// Heights that rise by one from edge to edge of the picture, along u.
+    /// Heights that rise by one between the edges of the picture, along u.
     fn slope() -> Image {
         let texels = (0..64 * 64).map(|i| [(i % 64) as f32 / 64.0; 3]).collect();
         Image::from_linear_rgb("slope", 64, 64, texels)
@@ -214,7 +214,7 @@ mod tests {
         let normal = point(&prepared, Vec3::new(0.1, 0.2, 3.0), Vec3::NEG_Z).frame[2];
         let expected = Vec3::new(-0.3, -0.4, 1.0).normalize();
         assert!((normal - expected).length() < 1e-3, "{normal}");
-        // On a sphere θ grows by π over π radii, so u by 1 / 2π a unit at its equator, downwards.
+        // On a sphere θ grows by π over a length of π radii, so u by 1 / 2π per unit at its equator, downwards
         let prepared = laid(plain(MappingKind::Spherical), slope(), true, bumped);
         let normal = point(&prepared, Vec3::new(5.0, 0.0, 0.0), Vec3::NEG_X).frame[2];
         let expected = Vec3::new(1.0, 0.0, 0.5 * FRAC_1_PI).normalize();
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn a_surface_is_there_where_a_picture_in_space_says() {
-        // Left half clear.
+        // The left half is transparent
         let half = || Image::from_linear_rgb("half", 2, 1, vec![[0.0; 3], [1.0; 3]]);
         let masked = |opacity: ScalarParam| Material { opacity, alpha_mode: AlphaMode::Blend, ..Material::default() };
         for (kind, on_sphere, origin, there) in [
@@ -238,7 +238,7 @@ mod tests {
         ] {
             let prepared = laid(plain(kind), half(), on_sphere, masked);
             let axis = if origin.y.abs() > 1.0 { Vec3::Y } else { Vec3::Z };
-            // Longer than a unit, as shadow rays are.
+            // Longer than unit length, like shadow rays
             let ray = Ray::new(origin, -2.0 * axis * origin.dot(axis).signum());
             let hit = prepared.accel().intersect(&ray);
             assert!(!hit.is_none());
@@ -257,7 +257,7 @@ mod tests {
         let map = |uv_set| TextureMap { uv_set, ..TextureMap::new(ImageId(0)) };
         scene.materials[0].emission.texture = Some(map(2));
         assert!(scene.validate().unwrap_err().to_string().contains("emission"));
-        // An unlit surface is no light.
+        // An unlit surface is not a light
         let color = bottega_scene::ColorParam { factor: Spectrum::ONE, texture: Some(map(2)) };
         scene.materials[0] = Surface::Unlit(color).into();
         scene.validate().unwrap();

@@ -26,12 +26,14 @@ pub(crate) struct Homogeneous {
     extinction: Spectrum,
     /// Scattering coefficient σ_s.
     pub(crate) scattering: Spectrum,
+    /// Radiance emitted per unit of length, per channel.
     emission: Spectrum,
     /// Henyey-Greenstein phase function.
     pub(crate) phase: Phase,
 }
 
 impl Homogeneous {
+    /// Prepares a medium.
     pub(crate) fn new(medium: &Medium) -> Self {
         Self {
             extinction: medium.absorption + medium.scattering,
@@ -41,6 +43,7 @@ impl Homogeneous {
         }
     }
 
+    /// Returns true if the medium scatters light.
     pub(crate) fn scatters(&self) -> bool {
         self.scattering != Spectrum::ZERO
     }
@@ -176,7 +179,7 @@ mod tests {
     fn distances_are_drawn_by_their_density_in_all_channels() {
         let medium = medium();
         let channels = channel_probabilities(Spectrum::new(1.0, 2.0, 1.0));
-        // What is scattered before d, by distances drawn: σ_s / σ_t (1 − e^(−σ_t d)).
+        // Fraction scattered before d, by sampled distances: σ_s / σ_t (1 − e^(−σ_t d))
         let (count, end) = (1 << 16, 0.8_f32);
         let (mut scattered, mut passed) = (Spectrum::ZERO, Spectrum::ZERO);
         for i in 0..count {
@@ -201,7 +204,7 @@ mod tests {
         let emitted = medium().emitted(3.0);
         let exact = Spectrum::new(1.0 - (-3.0_f32).exp(), 1.0 - (-6.0_f32).exp(), 9.0);
         assert!((emitted - exact).abs().max_element() < 1e-4, "{emitted} {exact}");
-        // Without end: nothing is infinite.
+        // Infinite distance: the results are finite
         assert_eq!(medium().emitted(f32::INFINITY), Spectrum::new(1.0, 1.0, 0.0));
         assert_eq!(medium().transmittance(f32::INFINITY), Spectrum::new(0.0, 0.0, 1.0));
     }

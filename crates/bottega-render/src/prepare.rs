@@ -195,6 +195,7 @@ impl PreparedScene {
             + self.majorants.iter().flatten().map(Majorants::memory_bytes).sum::<usize>()
     }
 
+    /// Returns the scene's lights.
     #[inline(always)]
     pub(crate) fn lights(&self) -> &Lights {
         &self.lights

@@ -182,7 +182,7 @@ mod tests {
 
     use super::*;
 
-    /// Whether the points fill an elementary grid of 2^a × 2^b cells with one point each.
+    /// Returns true if each of the 2^a × 2^b cells of an elementary grid contains one point.
     fn fills_grid(points: &[(f32, f32)], columns: usize, rows: usize) -> bool {
         let mut cells = vec![0; columns * rows];
         for &(x, y) in points {
@@ -250,7 +250,8 @@ mod tests {
 
     #[test]
     fn integration_error_falls_faster_than_that_of_random_numbers() {
-        // The mean over pixels of the squared error of ∫ f, f smooth in four dimensions with mean (1 − e⁻¹)⁴, and a disc.
+        // The mean over pixels of the squared error of ∫ f, for a smooth f in four dimensions with mean (1 − e⁻¹)⁴, and a
+        // disc
         let exact = (1.0 - (-1.0_f64).exp()).powi(4);
         let smooth = |q: Quad| f64::from(-q.iter().sum::<f32>()).exp();
         let disc = |q: Quad| f64::from(u8::from(q[0] * q[0] + q[1] * q[1] < 1.0));

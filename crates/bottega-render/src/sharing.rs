@@ -42,6 +42,7 @@ pub(crate) struct Hands<'a> {
 }
 
 impl<'a> Hands<'a> {
+    /// Creates the executors: `client` for local devices; `others`: machines to share with, if any.
     pub(crate) fn new(client: &'a HraClient<RenderWork>, others: Option<&'a dyn Sharing>) -> Self {
         Self { client, others, stage: Cell::new(0) }
     }

@@ -13,7 +13,9 @@ use crate::{
 /// A scene with precomputed data of its instances and materials.
 pub struct Surfaces {
     scene: Arc<Scene>,
+    /// Data of the scene's instances, by index.
     pub(crate) instances: Vec<PreparedInstance>,
+    /// Data of the scene's materials, by index.
     pub(crate) materials: Vec<PreparedMaterial>,
     /// `true`: some surface is invisible to the camera from behind.
     culls_backs: bool,
@@ -22,6 +24,7 @@ pub struct Surfaces {
 }
 
 impl Surfaces {
+    /// Precomputes the data of a scene; the lights are set later.
     pub(crate) fn new(scene: Arc<Scene>) -> Self {
         let materials = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let instances = scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
@@ -50,16 +53,19 @@ impl Surfaces {
         size_of_val(&*self.instances) + size_of_val(&*self.materials)
     }
 
+    /// Returns the data of an instance.
     #[inline(always)]
     pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {
         &self.instances[index as usize]
     }
 
+    /// Returns the mesh of an instance.
     #[inline(always)]
     pub(crate) fn mesh(&self, instance: u32) -> &Mesh {
         &self.scene.meshes[self.scene.instances[instance as usize].mesh as usize]
     }
 
+    /// Returns a material with its data.
     #[inline(always)]
     pub(crate) fn material(&self, index: u32) -> (&Material, &PreparedMaterial) {
         (&self.scene.materials[index as usize], &self.materials[index as usize])

@@ -17,7 +17,9 @@ pub const DISPERSION_SCALE: f32 = 0.025;
 /// A mix of metal, opaque dielectric and transmitting dielectric with common facets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Base {
+    /// Albedo tables, shared by all materials.
     pub(super) tables: &'static Tables,
+    /// GGX boundary: single reflection and transmission.
     pub(super) interface: Interface,
     /// `true`: wo is within a solid.
     pub(super) inside: bool,
@@ -57,10 +59,13 @@ pub(super) struct Rest {
 /// Albedo of each lobe along one direction.
 #[derive(Clone, Copy)]
 pub(super) struct BaseAlbedo {
+    /// Boundary: single reflection and transmission.
     pub(super) interface: Spectrum,
+    /// Cosine lobes on the side of wo.
     pub(super) cosine: Spectrum,
     /// Cosine lobes with most of their light near the horizon.
     pub(super) grazing: Spectrum,
+    /// Cosine lobes on the far side.
     pub(super) cosine_through: Spectrum,
 }
 

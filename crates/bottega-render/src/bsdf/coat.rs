@@ -19,6 +19,7 @@ pub const IOR: f32 = 1.5;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coat {
     weight: f32,
+    /// Facets of the coat.
     pub(super) ggx: Ggx,
     rough: Rough,
     index: Index,

@@ -86,6 +86,7 @@ pub(super) struct Stack {
 struct Chances(SplitMix64);
 
 impl Stack {
+    /// Creates a stack; `eta`: index of refraction of the layer over that of the outside; `facets`: of the boundary.
     pub(super) fn new(eta: f32, facets: Microfacets, layer: ClearLayer, base: Base) -> Self {
         let below = if let Base::Metal(metal) = &base { metal.alpha() } else { [1.0; 2] };
         let above = facets.alpha();

@@ -36,6 +36,7 @@ impl Conductor {
         self.tint * fresnel::conductor(cos, self.eta, self.k)
     }
 
+    /// Returns true if the metal is a mirror: its only lobe is a Dirac lobe.
     pub(super) fn is_smooth(&self) -> bool {
         self.facets.is_smooth()
     }

@@ -289,7 +289,7 @@ mod tests {
 
     #[test]
     fn what_goes_in_comes_out() {
-        // Reciprocity ties both directions: η² (1 − back) is the mean of what is let through.
+        // By reciprocity, η² (1 − back) is the mean of the transmission
         for alpha in [0.0, 0.1, 0.4] {
             for distribution in [Distribution::Ggx, Distribution::Beckmann] {
                 let cover = Cover::new(distribution, Shadowing::Correlated, 1.5, alpha, 0.0, Mean::Exact);
@@ -298,7 +298,7 @@ mod tests {
                 let mean: f64 =
                     (0..steps).map(|i| 2.0 * cos(i) * f64::from(cover.through(cos(i) as f32)) / f64::from(steps)).sum();
                 let out = 1.0 - f64::from(cover.back());
-                // What is lost between facets is lost on both sides.
+                // Energy lost between facets is lost on both sides
                 assert!(mean / 2.25 <= out + 2e-3, "{alpha} {distribution:?}: {mean} {out}");
                 assert!(alpha > 0.1 || mean / 2.25 > out - 0.05, "{alpha} {distribution:?}: {mean} {out}");
             }

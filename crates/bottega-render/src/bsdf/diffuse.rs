@@ -18,6 +18,7 @@ pub(super) struct CoupledDiffuse {
 }
 
 impl CoupledDiffuse {
+    /// A lobe that reflects nothing.
     pub(super) const BLACK: Self = Self { color: Spectrum::ZERO, scale: 0.0, is_grazing: false };
 
     /// Creates a lobe; `mean`: E̅, the mean of E over the cosine-weighted hemisphere on the side where the light leaves.
@@ -27,10 +28,12 @@ impl CoupledDiffuse {
         if rest > 1e-4 { Self { color, scale: 1.0 / (PI * rest), is_grazing: rest < 0.1 } } else { Self::BLACK }
     }
 
+    /// Returns true if the lobe reflects nothing.
     pub(super) fn is_black(&self) -> bool {
         self.color == Spectrum::ZERO
     }
 
+    /// Returns f in sr⁻¹, given 1 − E for both directions.
     pub(super) fn eval(&self, g_o: f32, g_i: f32) -> Spectrum {
         self.color * (self.scale * g_o * g_i)
     }
@@ -53,10 +56,12 @@ impl Cover {
         Self { single: f0 - multiple, rise: fresnel.specular - f0, constant: multiple }
     }
 
+    /// Returns true if E is the same for all directions.
     pub(super) fn is_constant(&self) -> bool {
         self.single == 0.0 && self.rise == 0.0
     }
 
+    /// Returns E, in [0, 1], given the single-scattering albedos with F = 1 and F = s.
     pub(super) fn at(&self, single: f32, rise: f32) -> f32 {
         (self.single * single + self.rise * rise + self.constant).clamp(0.0, 1.0)
     }

@@ -139,7 +139,7 @@ mod tests {
     fn a_film_that_fades_leaves_the_base_as_it_is() {
         let film = Film::new(1.0, 1.3, 1e-6).unwrap();
         let f0 = Spectrum::new(0.9, 0.5, 0.04);
-        // Schlick's term rises at both sides of a film, even of one that is not there.
+        // Schlick's term rises at both sides of a film, even of one of thickness 0
         for cos in [1.0, 0.8, 0.6] {
             let bare = f0 + (Spectrum::ONE - f0) * schlick_weight(cos);
             let off = (film.reflectance(cos, f0) - bare).abs().max_element();
@@ -155,7 +155,7 @@ mod tests {
         assert!(saturation(color(400.0, 1.0)) > 0.05);
         assert!((color(400.0, 1.0) - color(500.0, 1.0)).length() > 0.05);
         assert!((color(400.0, 1.0) - color(400.0, 0.4)).length() > 0.05);
-        // So thick a film shows all colours at once.
+        // A film this thick reflects all colours equally
         assert!(saturation(color(20_000.0, 1.0)) < 0.01);
     }
 

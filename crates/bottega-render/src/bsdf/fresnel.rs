@@ -103,6 +103,7 @@ impl DielectricFresnel {
         Self { eta, f0: (tint * f0_exact).min(Spectrum::ONE), specular, f0_exact }
     }
 
+    /// Returns true if the index stands for total reflection.
     pub(super) fn is_total(&self) -> bool {
         self.f0_exact >= 1.0
     }

@@ -23,13 +23,17 @@ pub(super) enum Through {
 /// dielectric's share, tinted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interface {
+    /// Facets of the boundary; smooth ones make a mirror.
     pub(super) ggx: Ggx,
     /// Share of the surface that is metal, and its reflectance at normal incidence.
     pub(super) metal: f32,
+    /// Reflectance of the metal at normal incidence.
     pub(super) metal_f0: Spectrum,
     /// Share of the surface that reflects as a dielectric.
     pub(super) dielectric: f32,
+    /// Fresnel term of the dielectric.
     pub(super) fresnel: DielectricFresnel,
+    /// Fate of the light that is not reflected.
     pub(super) through: Through,
     /// Share of the surface that transmits light, times its colour.
     pub(super) tint: Spectrum,
@@ -52,8 +56,11 @@ struct Split {
 
 /// A sampled direction, with value and probability if the boundary is smooth.
 pub(super) struct BoundarySample {
+    /// Sampled direction in the local frame, unit length.
     pub(super) wi: Vec3,
+    /// Flags of the sampled lobe.
     pub(super) flags: LobeFlags,
+    /// Index of refraction on the side of wi over that on the side of wo.
     pub(super) eta: f32,
     /// f |cos θi| and probability of a Dirac lobe; `None` otherwise.
     pub(super) delta: Option<(Spectrum, f32)>,
@@ -123,6 +130,7 @@ impl Interface {
         Split { reflected, transmitted, reflection }
     }
 
+    /// Returns true if nothing is reflected or transmitted.
     pub(super) fn is_black(&self) -> bool {
         self.metal <= 0.0 && self.dielectric * self.fresnel.specular <= 0.0 && self.tint == Spectrum::ZERO
     }

@@ -95,14 +95,17 @@ impl Layered {
         self.outgoing(wo).1.iter().copied().sum()
     }
 
+    /// Returns true if nothing is scattered.
     pub(super) fn is_black(&self) -> bool {
         self.is_black
     }
 
+    /// Returns true if light can be transmitted to the other side.
     pub(super) fn is_transmissive(&self) -> bool {
         self.base.interface.through != Through::Nothing || self.base.is_translucent()
     }
 
+    /// Returns true if any lobe is not a Dirac lobe.
     pub(super) fn has_non_delta(&self) -> bool {
         self.has_non_delta
     }

@@ -10,6 +10,7 @@ use super::ggx::{Ggx, SMOOTH_ALPHA};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Microfacets {
     normals: Normals,
+    /// Correlation of masking and shadowing.
     pub(super) shadowing: Shadowing,
 }
 
@@ -24,6 +25,7 @@ enum Normals {
 pub const ALPHA_MAX: f32 = 10.0;
 
 impl Microfacets {
+    /// A smooth boundary.
     pub(super) const SMOOTH: Self = Self { normals: Normals::Smooth, shadowing: Shadowing::Correlated };
 
     /// Creates facets; `alpha`: α along x and y, below [`SMOOTH_ALPHA`] (or NaN) on both axes for a smooth boundary.
@@ -38,6 +40,7 @@ impl Microfacets {
         Self { normals, shadowing }
     }
 
+    /// Returns true for a smooth boundary, whose only lobe is a Dirac lobe.
     pub(super) fn is_smooth(&self) -> bool {
         self.normals == Normals::Smooth
     }
@@ -66,6 +69,7 @@ impl Microfacets {
         }
     }
 
+    /// Returns the distribution of normals; GGX for a smooth boundary.
     pub(super) fn distribution(&self) -> Distribution {
         if let Normals::Beckmann(_) = self.normals { Distribution::Beckmann } else { Distribution::Ggx }
     }

@@ -16,17 +16,29 @@ use super::{BsdfSample, LobeFlags, TransportMode, warp};
 /// Parameters at one point, as in [`bottega_scene::Principled`], clamped to their ranges.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PrincipledParams {
+    /// Base colour, multiplied by the vertex colour, in [0, 1].
     pub(super) base_color: Spectrum,
+    /// Perceptual roughness, in [0, 1]: α is its square.
     pub(super) roughness: f32,
+    /// Stretch of highlights along x, in [0, 1].
     pub(super) anisotropic: f32,
+    /// Share of metal, in [0, 1].
     pub(super) metallic: f32,
+    /// Share of transmission in the dielectric part, in [0, 1].
     pub(super) spec_trans: f32,
+    /// Index of refraction inside over that outside.
     pub(super) eta: f32,
+    /// Tint of the dielectric reflection towards the base colour, in [0, 1].
     pub(super) spec_tint: f32,
+    /// Strength of the sheen, in [0, 1].
     pub(super) sheen: f32,
+    /// Tint of the sheen towards the base colour, in [0, 1].
     pub(super) sheen_tint: f32,
+    /// Blend of the diffuse lobe towards flat subsurface scattering, in [0, 1].
     pub(super) flatness: f32,
+    /// Strength of the clear coat, in [0, 1].
     pub(super) clearcoat: f32,
+    /// Gloss of the clear coat, in [0, 1]: α goes from 0.1 to 0.001.
     pub(super) clearcoat_gloss: f32,
     /// Share of the diffuse light that is transmitted, in [0, 1].
     pub(super) diff_trans: f32,

@@ -358,7 +358,7 @@ mod tests {
         (a - b).abs() <= 2e-6 * a.abs().max(b.abs())
     }
 
-    /// Directions and numbers.
+    /// Returns random directions and numbers.
     fn cases() -> impl Iterator<Item = (Vec3, [f32; 3])> {
         (0..400_u32).map(|i| {
             let part = |prime: u32| (i * prime % 401) as f32 / 401.0;
@@ -410,7 +410,7 @@ mod tests {
                     assert!(ways[0].pdf >= ways[1].pdf);
                     assert!(ways.iter().any(|way| (way.wi, way.value, way.pdf) == (drawn.wi, drawn.value, drawn.pdf)));
                 }
-                // All is reflected.
+                // Everything is reflected
                 (None, Some(drawn)) => assert!(drawn.pdf > 1.0 - 1e-5 && drawn.wi.z > 0.0, "{wo} {drawn:?}"),
                 (_, None) => {}
             }

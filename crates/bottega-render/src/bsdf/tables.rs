@@ -80,6 +80,7 @@ impl TablePosition {
 pub(super) struct Mu(TablePosition);
 
 impl Mu {
+    /// Returns the position of a cosine; negative ones count as 0.
     pub(super) fn new(cos: f32) -> Self {
         Self(TablePosition::new(cos.max(0.0).sqrt() * (MU - 1) as f32, MU))
     }
@@ -90,6 +91,7 @@ impl Mu {
 pub(super) struct Rough(TablePosition);
 
 impl Rough {
+    /// Returns the position of a perceptual roughness in [0, 1].
     pub(super) fn new(roughness: f32) -> Self {
         Self::at(roughness.sqrt())
     }
@@ -105,6 +107,7 @@ impl Rough {
 pub(super) struct Index(TablePosition);
 
 impl Index {
+    /// Returns the position of an index of refraction of at least 1.
     pub(super) fn new(ior: f32) -> Self {
         let root = ((ior - 1.0) / (ior + 1.0) / R_MAX).max(0.0).sqrt();
         Self(TablePosition::new(root * (INDEX - 1) as f32, INDEX))
@@ -124,14 +127,17 @@ impl Tables {
         TABLES.get_or_init(Self::compute)
     }
 
+    /// Returns the albedo of single reflection with F = 1.
     pub(super) fn single(&self, mu: Option<Mu>, rough: Rough) -> f32 {
         rough.0.mix(|i| pick(&self.single[i], mu))
     }
 
+    /// Returns the albedo of single reflection with F = Schlick's weight.
     pub(super) fn schlick(&self, mu: Option<Mu>, rough: Rough) -> f32 {
         rough.0.mix(|i| pick(&self.schlick[i], mu))
     }
 
+    /// Returns the albedo of single reflection with F = s, from outside.
     pub(super) fn rise(&self, mu: Option<Mu>, rough: Rough, index: Index) -> f32 {
         index.0.mix(|k| rough.0.mix(|i| pick(&self.rise[k * ROUGHNESS + i], mu)))
     }

@@ -15,6 +15,7 @@ pub(super) fn count(prepared: &PreparedScene) -> u64 {
         + scene.spheres.len() as u64 * u64::from(SphereRecord::WORDS)
 }
 
+/// Writes instances, meshes and spheres, and their offsets into the header.
 pub(super) fn write(prepared: &PreparedScene, words: &mut Words) {
     let scene: &Scene = prepared.scene();
     let meshes: Vec<u32> =

@@ -5,10 +5,12 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::Portable;
 
+/// A growing array of words, and the pictures whose handles belong into some of them.
 #[derive(Debug, Default)]
 pub(crate) struct Words(Vec<u32>, Vec<(u32, TextureMap)>);
 
 impl Words {
+    /// Creates an array that starts with `count` zero words.
     pub(super) fn with_header(count: usize) -> Self {
         Self(vec![0; count], Vec::new())
     }
@@ -28,10 +30,12 @@ impl Words {
         self.0[place] = word;
     }
 
+    /// Appends floats by their bits.
     pub(crate) fn numbers(&mut self, numbers: &[f32]) {
         self.0.extend(numbers.iter().map(|number| number.to_bits()));
     }
 
+    /// Appends words.
     pub(crate) fn words(&mut self, words: &[u32]) {
         self.0.extend_from_slice(words);
     }

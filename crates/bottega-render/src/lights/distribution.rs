@@ -239,7 +239,7 @@ mod tests {
         (0..SIDE * SIDE).map(|i| [i % SIDE, i / SIDE].map(|j| (j as f32 + 0.5) / SIDE as f32))
     }
 
-    /// Compares how many places fall into each cell of a coarse grid with the integral of the density over it.
+    /// Compares the number of points in each cell of a coarse grid with the integral of the density over it.
     fn assert_drawn_by_density(
         sample: impl Fn([f32; 2]) -> ([f32; 2], f32),
         density: impl Fn([f32; 2]) -> f32,
@@ -272,7 +272,7 @@ mod tests {
             if let Some(table) = Bilinear::new(values.clone(), columns, rows) {
                 assert_drawn_by_density(|u| table.sample(u), |place| table.density(place))?;
             }
-            // The midpoints of the coarse grid fall on the borders of cells only where these divide it.
+            // The midpoints of the coarse grid meet the borders of cells only if these divide it
             if let Some(table) = Cells::new(&values, columns, rows).filter(|_| 128 % columns == 0 && 128 % rows == 0) {
                 assert_drawn_by_density(|u| table.sample(u), |place| table.density(place))?;
             }

@@ -438,7 +438,7 @@ mod tests {
             ..environment()
         };
         let light = EnvironmentLight::new(&scene, &upright, false);
-        // Row 1 of 0 to 5 is a fifth of the way down: there its blue is told, and at the poles that of the outer rows.
+        // Row 1 of 0 to 5 is a fifth of the way down: its blue is found there, and at the poles that of the outer rows
         for (angle, blue) in [(0.0, 3.0), (0.2, 2.5), (0.5, 1.75), (1.0, 0.5)] {
             let (sine, cosine) = (angle * PI).sin_cos();
             let seen = light.radiance(&scene, Vec3::new(sine, cosine, 0.0)).z;
@@ -476,7 +476,7 @@ mod tests {
         assert!((integral - 1.0).abs() < 0.02, "{integral}");
     }
 
-    /// Half of the sphere in a turned and mirrored environment of equal areas.
+    /// Light from half of the sphere in a rotated and mirrored equal-area environment.
     fn equal_area() -> (Scene, Environment) {
         let scene = scene_with((32, 32), |x, y| if x < 20 { [0.5 + (y % 3) as f32, x as f32, 2.0] } else { [0.0; 3] });
         let mirror = Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0));
@@ -522,7 +522,7 @@ mod tests {
 
     #[test]
     fn directions_are_drawn_by_the_density_of_a_picture_with_a_tiny_sun() {
-        // One texel a hundred thousand times as bright as the others, in the dark.
+        // One texel a hundred thousand times as bright as the others, which are dark
         let scene = scene_with((64, 32), |x, y| if (x, y) == (40, 9) { [1e5; 3] } else { [0.0; 3] });
         for compensate in [false, true] {
             let light = EnvironmentLight::new(&scene, &environment(), compensate);
@@ -546,7 +546,7 @@ mod tests {
         for u in grid(200) {
             let direction = uniform_sphere(u);
             let radiance = luminance(light.radiance(&scene, direction));
-            // Near the poles a table of eight rows knows their lengths to a factor of three.
+            // Near the poles, the weights of a table of eight rows are within a factor of three
             assert!(radiance <= 1e-5 || radiance / light.pdf(direction) < 3.0 * light.integral, "{direction}");
         }
     }

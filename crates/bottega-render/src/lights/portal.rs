@@ -170,7 +170,7 @@ mod tests {
         Spectrum::splat(if direction.dot(sun) > 0.99 { 50.0 } else { 0.5 + direction.y * direction.y })
     }
 
-    /// Two windows in a wall and a ceiling, turned.
+    /// Two rotated portals, in a wall and a ceiling.
     fn portals() -> (Portals, Mat3) {
         let turn = Mat3::from_rotation_z(0.3) * Mat3::from_rotation_x(0.2);
         let portal = |corner: Vec3, a: Vec3, b: Vec3| Portal { corner: turn * corner, edges: [turn * a, turn * b] };
@@ -190,12 +190,12 @@ mod tests {
         for i in 0..SIDE {
             for j in 0..SIDE {
                 let u = [(f32::from(i) + 0.5) / 256.0, (f32::from(j) + 0.5) / 256.0];
-                // The choice of the window takes the place of the first number.
+                // The choice of the portal uses the first number
                 let choice = (u[0] * 61.0 + u[1] * 17.0).fract();
                 let Some(direction) = portals.sample(from, [choice, u[0], u[1], 0.0]) else { continue };
                 assert!((direction.length() - 1.0).abs() < 1e-5);
                 let pdf = portals.pdf(from, direction);
-                // Rounding takes a few directions out of their window.
+                // Rounding moves a few directions out of their portal
                 if pdf > 0.0 {
                     let count = portals.count(from, direction) as f32;
                     by_portals += f64::from(sky(direction, 0.0).x * count / pdf) / 65536.0;
@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn from_outside_nothing_comes_in() {
         let (portals, turn) = portals();
-        // Beyond both windows, looking further out and back in.
+        // Beyond both portals, looking outwards and back in
         let from = turn * Vec3::new(5.0, 5.0, 0.0);
         assert_eq!(portals.integral(from), 0.0);
         assert!(portals.sample(from, [0.5; 4]).is_none());

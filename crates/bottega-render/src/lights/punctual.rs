@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_goniometric_light_is_as_strong_as_its_picture_says() {
-        // Bright in the middle, which is +z of the light, and turned to +x of the world.
+        // Bright in the middle, which is +z of the light, rotated to +x of the world
         let texels = (0..64u32)
             .map(|i| if (3..5).contains(&(i % 8)) && (3..5).contains(&(i / 8)) { [6.0; 3] } else { [0.0; 3] });
         let kind = LightKind::Goniometric {

@@ -43,6 +43,7 @@ pub(super) struct Panel {
     corner: Vec3,
     x: Vec3,
     y: Vec3,
+    /// Shape that the sides span.
     pub(super) shape: PanelShape,
 }
 
@@ -134,6 +135,7 @@ impl Panel {
         is_rectangle.then_some(Self { instance, triangle, corner: world[corner], x, y, shape })
     }
 
+    /// Returns the number of its triangles: 1 or 2.
     pub(super) fn triangle_count(&self) -> u32 {
         if self.shape == PanelShape::Triangle { 1 } else { 2 }
     }
@@ -283,6 +285,7 @@ impl SurfaceLight {
         self.area(x.cross(y).length()) * luminance(self.mean_emission(scene, grid)).max(0.0)
     }
 
+    /// Returns true if the light is a rectangle, false if it is a triangle.
     pub(super) fn is_rectangle(&self) -> bool {
         self.panel.shape != PanelShape::Triangle
     }

@@ -126,7 +126,7 @@ mod tests {
         let table = table();
         let window = [[0.13, 0.22], [0.71, 0.9]];
         let integral = table.integral(window);
-        // A test function against both ways to integrate it.
+        // Integrate a test function in both ways
         let f = |[x, y]: [f64; 2]| x * x + 0.5 * y;
         let (mut by_table, mut by_grid) = (0.0, 0.0);
         for i in 0..400u16 {

@@ -25,6 +25,7 @@ const TRANSMITTANCE_MIN: f32 = 0.1;
 /// A coarse grid of majorants: upper bounds of the extinction of a medium that varies in space.
 #[derive(Clone, Debug)]
 pub(crate) struct Majorants {
+    /// Number of majorants along each axis.
     size: [u32; 3],
     /// Majorants per unit of length; x varies fastest.
     values: Vec<f32>,
@@ -43,6 +44,7 @@ pub(crate) struct Varying<'a> {
 /// A segment of a path, in world space.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
+    /// Start of the segment.
     pub(crate) origin: Vec3,
     /// Direction, unit length.
     pub(crate) direction: Vec3,
@@ -53,6 +55,7 @@ pub(crate) struct Line {
 /// A scattering event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Collision {
+    /// Distance along the segment.
     pub(crate) distance: f32,
     /// Albedo σ_s / (σ_a + σ_s) at that point.
     pub(crate) albedo: Spectrum,
@@ -61,11 +64,14 @@ pub(crate) struct Collision {
 /// Throughput and radiance of a path through a medium.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CarriedLight {
+    /// Throughput of the path per channel.
     pub(crate) throughput: Spectrum,
+    /// Radiance collected so far, per channel.
     pub(crate) radiance: Spectrum,
 }
 
 impl Majorants {
+    /// Computes the majorants over the variation's grid.
     pub(crate) fn new(medium: &Medium, variation: &Variation) -> Self {
         let size = variation.resolution().map(|side| side.div_ceil(CELLS_A_BOUND).clamp(1, BOUNDS_MAX));
         let corner =
@@ -250,7 +256,7 @@ mod tests {
     use super::*;
     use crate::sampler::PixelSampler;
 
-    /// Denser and denser along x, from 0 to twice the mean, in a box from −1 to 1.
+    /// A density that increases along x, from 0 to twice the mean, in a box from −1 to 1.
     fn wedge() -> Medium {
         let values = (0..20).map(|i| (i % 20) as f32 / 9.5).collect();
         let density = Density::Both(Grid::new([20, 1, 1], values, Blend::Nearest).unwrap());
@@ -266,7 +272,7 @@ mod tests {
 
     fn lines() -> [(Line, f32); 4] {
         let line = |origin: Vec3, direction: Vec3, length| Line { origin, direction, length };
-        // With the integral of the density along each.
+        // Lines with the integral of the density along each
         [
             (line(Vec3::new(-3.0, 0.1, 0.2), Vec3::X, f32::INFINITY), 2.0),
             (line(Vec3::new(3.0, -0.4, 0.2), Vec3::NEG_X, 3.0), 14.5 / 9.5),
@@ -305,7 +311,7 @@ mod tests {
             let exact = Spectrum::from_array(exact);
             assert!((through - exact).abs().max_element() < 0.01, "{line:?}: {through} {exact}");
             assert!((passed - exact).abs().max_element() < 0.02, "{line:?}: {passed} {exact}");
-            // Where a channel does not scatter, the medium sends out all that does not get lost: ∫ j e^(−τ) = j/σ (1 − e^(−τ)).
+            // In a channel without scattering, the emitted radiance is ∫ j e^(−τ) = j/σ (1 − e^(−τ))
             let sent = medium.emission.z / extinction.z * (1.0 - exact.z);
             assert!((emitted.z - sent).abs() < 0.03 * sent.max(0.1), "{line:?}: {emitted} {sent}");
         }

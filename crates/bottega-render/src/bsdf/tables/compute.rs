@@ -3,6 +3,7 @@
 use super::{super::sheen, AlbedoCurve, Cell, INDEX, MU, ROUGHNESS, Tables, node_mu};
 
 impl Tables {
+    /// Integrates all tables, with fixed nodes in a fixed order.
     pub(super) fn compute() -> Self {
         let cells: Vec<[Cell; MU]> = (0..ROUGHNESS)
             .map(|i| {

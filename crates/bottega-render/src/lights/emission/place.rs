@@ -15,9 +15,13 @@ use crate::{
 
 /// The start of a photon: origin, direction, and the power that it represents.
 pub(super) struct Start {
+    /// Origin in world space, just off the light.
     pub(super) origin: Vec3,
+    /// Direction of travel, unit length.
     pub(super) direction: Vec3,
+    /// Power that the photon represents, in watts, given its source.
     pub(super) power: Spectrum,
+    /// Density by which the direction was drawn.
     pub(super) spread: Spread,
 }
 

@@ -26,6 +26,7 @@ const FAR: f32 = 2.0;
 /// The probabilities by which photons are emitted towards the visible part.
 #[derive(Clone, Debug)]
 pub(crate) struct EmissionPlan {
+    /// Visible part of the scene.
     pub(super) extent: Extent,
     /// Cumulative probabilities of the sources, from 0 to 1.
     pub(super) sums: Vec<f64>,
