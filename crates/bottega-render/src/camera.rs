@@ -142,6 +142,7 @@ impl CameraRays {
     pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
         let offset = place * self.double_pixel - 1.0;
         let film = (Vec2::new(offset.x, -offset.y) - self.lens_shift) * self.half_extent;
+        // Map the film position to a ray in camera space
         let (mut origin, mut direction) = match self.kind {
             ProjectionKind::Perspective => (Vec3::ZERO, film.extend(-1.0)),
             ProjectionKind::Parallel => (film.extend(0.0), Vec3::NEG_Z),

@@ -201,11 +201,13 @@ impl Interaction {
             material: mesh.material,
             hit: *hit,
         };
+        // Look up texture coordinates and footprint
         if known.is_textured {
             point.uvs = uvs_at(mesh, triangle, u, v);
             point.beam = cone.width;
             point.footprint = footprint(mesh, triangle, area_vector.length(), cone.width, direction.dot(ng));
         }
+        // Interpolate the normal, and lift the origin of rays off the facets
         let mut ns = ng;
         if !mesh.normals.is_empty() {
             let normals = triangle.map(|vertex| mesh.normals[vertex as usize]);
@@ -256,6 +258,7 @@ impl Interaction {
             }
         };
         let mut lifted_by_mitsuba = None;
+        // Apply the normal or bump map
         match &material.relief {
             None => self.set_frame(ns),
             Some(Relief { source, rule: ReliefRule::Bent }) => self.set_frame(lifted(self, source, self.footprint)),
@@ -265,6 +268,7 @@ impl Interaction {
                 lifted_by_mitsuba = Some((self.set_lifted_frame(ns, normal, *turns, *mirrored), *shadows));
             }
         }
+        // Align the frame with the tangent, for anisotropy
         let (tangent, sign) = (sides.tangent)(0);
         if let Surface::Layered(layered) = &material.surface {
             self.turn_frame(match &layered.anisotropy {

@@ -162,6 +162,7 @@ fn recursion_levels(
             }
         })
         .collect();
+    // Trace all rays by one bounce per iteration
     while !chains.is_empty() {
         let hits = intersect_all(scene, &chains, client)?;
         let mut next = Vec::with_capacity(chains.len());

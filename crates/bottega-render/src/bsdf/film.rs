@@ -69,6 +69,7 @@ impl Film {
         let mut term = Spectrum::from(channels.map(|(_, first, ..)| first));
         let ratio = Spectrum::from(channels.map(|(_, _, ratio, _)| ratio));
         let turn = Spectrum::from(channels.map(|(.., turn)| turn));
+        // Sum the interference terms
         for order in 1..=TERMS {
             term *= ratio;
             sum += term * sensitivity(order as f32 * path, order as f32 * turn) * 2.0;

@@ -237,6 +237,7 @@ impl Interface {
     ) -> Option<BoundarySample> {
         let smooth = self.ggx.is_smooth();
         let h = if smooth { Vec3::Z } else { self.ggx.sample_visible_normal(wo, u) };
+        // Split the light at a facet, and choose reflection or transmission
         let split = self.split(wo.dot(h), carried);
         let sharp = if smooth { LobeFlags::DELTA } else { LobeFlags::GLOSSY };
         if u_way < split.reflection {
@@ -248,6 +249,7 @@ impl Interface {
                 delta: smooth.then_some((split.reflected, split.reflection)),
             });
         }
+        // Choose a channel if the boundary is dispersive
         let (eta, color, chance) = if self.is_dispersive() {
             let u = (u_way - split.reflection) / (1.0 - split.reflection);
             let channel = split.channel_at(u, carried);

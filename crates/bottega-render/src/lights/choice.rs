@@ -19,8 +19,8 @@ use crate::{bsdf::warp::ONE_MINUS_EPSILON, sampler::Quad, surfaces::Surfaces};
 pub(crate) const PARTS: usize = 32;
 /// Index of the part for lights at infinity.
 const FAR: usize = PARTS;
-/// Mixture weights of the choice that a place may select; the largest one, 0.9, makes light that the choice considers
-/// dark at most ten times as bright as by the tree alone.
+/// Mixture weights of the choice that a place may select. With the largest one, 0.9, a sample of light that the choice
+/// considers dark weighs at most ten times as much as by the tree alone.
 const SHARES: [f32; 4] = [0.0, 0.5, 0.75, 0.9];
 /// Factor by which the mean square must fall for a choice to be used: the mixture evaluates the tree twice.
 const GAIN_MIN: f64 = 1.05;

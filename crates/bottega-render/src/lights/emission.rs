@@ -107,6 +107,7 @@ impl Emission {
                 powers.push(f64::from(power));
             }
         };
+        // Collect the lights of the tree
         for (number, light) in prepared.lights().lights.iter().enumerate() {
             let (source, power) = match light {
                 Light::Surface(surface) => (EmissionSource::Near(number as u32), surface.power(scene)),
@@ -119,6 +120,7 @@ impl Emission {
             emission.sum(&powers);
             return emission;
         }
+        // Collect parallel lights and the environment
         for light in &scene.lights {
             if let SceneLight { kind: LightKind::Directional { direction, irradiance }, .. } = *light {
                 push(&mut emission, EmissionSource::Parallel(direction, irradiance), disc * luminance(irradiance));
@@ -165,12 +167,14 @@ impl Emission {
         if extent.is_whole() {
             return plan;
         }
+        // Discs around the visible part, each wider by STEP, up to the scene's
         let mut radii: Vec<f32> = std::iter::successors(Some(extent.radius), |radius| Some(radius * STEP))
             .take_while(|&radius| radius < extent.whole)
             .collect();
         radii.push(self.radius);
         let others = (1.0 - FIRST) / (radii.len() - 1).max(1) as f32;
         plan.discs = radii.iter().zip(0..).map(|(&radius, i)| (radius, if i == 0 { FIRST } else { others })).collect();
+        // Mix probabilities by power with those by arriving power
         let source = |index: usize| {
             let power = self.sums[index + 1] - self.sums[index];
             (power, power * self.arriving(prepared, &extent, &self.sources[index]))

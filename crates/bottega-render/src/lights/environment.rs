@@ -150,10 +150,12 @@ impl EnvironmentLight {
                 .sum();
             (4.0 * std::f64::consts::PI * sum / (cells.len() as f64 * f64::from(self.rows.scale))) as f32
         };
+        // Compensate for MIS: leave everything darker than the mean to BSDF sampling
         if compensate {
             let mean = integral_of(&cells) / (4.0 * PI);
             cells.iter_mut().for_each(|cell| *cell = (*cell - mean).max(0.0));
         }
+        // Weight the cells by solid angle
         let integral = integral_of(&cells);
         for (row, cells) in cells.chunks_exact_mut(columns).enumerate() {
             cells.iter_mut().for_each(|cell| *cell *= weight(row));

@@ -130,6 +130,7 @@ impl Lights {
             .map(|environment| EnvironmentLight::new(scene, environment, compensate_environment));
         let mut lights = Self { environment, ..Self::default() };
         let mut collected = CollectedLights::default();
+        // Collect parallel lights and lights without extent
         for (light, index) in scene.lights.iter().zip(0..) {
             if let LightKind::Directional { direction, irradiance } = light.kind {
                 lights.parallel.push(Parallel {
@@ -141,6 +142,7 @@ impl Lights {
                 collected.push(Light::Punctual(index), bounds);
             }
         }
+        // Collect emitting spheres and meshes
         let shines = |material: u32| materials[material as usize].shines;
         for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| shines(sphere.material)) {
             let number = collected.push(Light::Sphere(index), sphere::bounds(scene, sphere));
@@ -219,10 +221,12 @@ impl Lights {
     /// Samples one light and a point on it. `None`: no light for these random numbers.
     #[inline(always)]
     pub(crate) fn sample(&self, surfaces: &Surfaces, receiver: &Receiver, u: Quad) -> Option<LightSample> {
+        // Choose between lights at infinity and those of the tree
         let share = self.far_share(receiver);
         if u[0] < share {
             return self.sample_far(surfaces.scene(), receiver, u[0] / share, share, [u[1], u[2]]);
         }
+        // Choose a light of the tree, then a point on it
         let choice = if share > 0.0 { ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON) } else { u[0] };
         let (light, pmf) = self.tree.sample(receiver, choice)?;
         let pmf = pmf * (1.0 - share);
@@ -289,6 +293,7 @@ impl Lights {
             light: NO_LIGHT,
             pmf,
         };
+        // Choose a parallel light by its share of the illuminance
         for light in &self.parallel {
             let importance = light.importance(receiver);
             if rest < importance {
@@ -299,6 +304,7 @@ impl Lights {
             }
             rest -= importance;
         }
+        // Otherwise sample the environment
         let environment = self.environment.as_ref()?;
         let illuminance = environment.illuminance(receiver.p);
         let choice = (rest / illuminance).min(ONE_MINUS_EPSILON);

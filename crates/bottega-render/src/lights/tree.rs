@@ -427,6 +427,7 @@ fn around<'a>(mut lights: impl Iterator<Item = &'a LightBounds>) -> LightBounds 
 fn partition(leaves: &mut [(LightBounds, u32)], depth: usize) -> usize {
     let centers = leaves.iter().fold(Aabb::EMPTY, |all, (bounds, _)| all.with(bounds.bounds.center()));
     let extent = centers.max - centers.min;
+    // Find the split of least cost over all axes
     let mut best: Option<(f32, usize, usize)> = None;
     if depth < BALANCED_DEPTH {
         for axis in (0..3).filter(|&axis| extent[axis] > 0.0) {

@@ -62,6 +62,7 @@ impl EmissionPlan {
         if self.discs.len() == 1 {
             return (center + across(radius) - direction * radius, PI * radius * radius);
         }
+        // Choose a disc
         let mut rest = choice;
         let chosen = self.discs.iter().position(|&(_, probability)| {
             rest -= probability;
@@ -83,6 +84,7 @@ impl EmissionPlan {
             let is_there = number == chosen || off(middle) <= radius * radius;
             if is_there { probability / (PI * radius * radius) } else { 0.0 }
         };
+        // Sum the densities of all discs that cover the point
         let density: f32 = self.discs.iter().enumerate().map(covers).sum();
         (origin, density.recip())
     }
