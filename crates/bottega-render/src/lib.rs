@@ -74,7 +74,7 @@ pub use survey::survey;
 pub use wave_work::WaveWork;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};
 
-/// Luminance of linear Rec. 709 RGB.
+/// Returns the luminance of linear Rec. 709 RGB.
 pub(crate) fn luminance(color: bottega_scene::Spectrum) -> f32 {
     color.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))
 }

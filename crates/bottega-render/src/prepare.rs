@@ -136,7 +136,7 @@ impl PreparedScene {
         RenderError::NoCamera { index, count: self.cameras.read().unwrap_or_else(PoisonError::into_inner).len() }
     }
 
-    /// The acceleration structure.
+    /// Returns the acceleration structure.
     #[inline(always)]
     pub fn accel(&self) -> &Accel {
         &self.accel

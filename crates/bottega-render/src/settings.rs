@@ -1,4 +1,4 @@
-//! The settings of a picture.
+//! Settings of a picture: view, path tracing, photon mapping, lighting agents.
 
 use crate::filter::Filter;
 
@@ -7,9 +7,9 @@ use crate::filter::Filter;
 pub struct View {
     /// Index into [`Scene::cameras`](bottega_scene::Scene::cameras).
     pub camera: usize,
-    /// Columns of the whole picture.
+    /// Width of the whole picture in pixels.
     pub width: u32,
-    /// Rows of the whole picture.
+    /// Height of the whole picture in pixels.
     pub height: u32,
 }
 
@@ -55,7 +55,7 @@ pub struct PathSettings {
     pub max_depth: u32,
     /// Number of light samples per path vertex; at least 1 is taken.
     pub light_samples: u32,
-    /// The pixel filter.
+    /// Reconstruction filter of the pixels.
     pub filter: Filter,
     /// Largest value of a sample's channels. Brighter samples are scaled down to it, which keeps their colour; infinity:
     /// no limit.
@@ -193,10 +193,10 @@ impl Default for AgentSettings {
 /// The weight of a photon at distance d from the centre of a disc of radius r.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum PhotonFilter {
-    /// 2 (1 − d²/r²).
+    /// The weight 2 (1 − d²/r²).
     #[default]
     Epanechnikov,
-    /// Falls linearly to 1/11 of its peak (Jensen 2001, §7.2.3, k = 1.1).
+    /// A weight that falls linearly to 1/11 of its peak (Jensen 2001, §7.2.3, k = 1.1).
     Cone,
 }
 

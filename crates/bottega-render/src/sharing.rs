@@ -71,7 +71,7 @@ impl<'a> Hands<'a> {
 /// - `here`: performs pieces locally; the result of each depends on it alone.
 ///
 /// # Errors
-/// As [`Sharing::share`].
+/// Errors of [`Sharing::share`].
 pub(crate) fn in_parts<T: ByteForm>(
     others: &dyn Sharing,
     stage: u32,

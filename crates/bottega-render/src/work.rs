@@ -17,7 +17,7 @@ use crate::{
 /// Number of samples whose paths are traced before they are added to their pixels.
 const SAMPLES_AT_ONCE: usize = 256;
 
-/// A unit of rendering work. It refers to the scene and never carries it.
+/// A unit of rendering work. It refers to the scene by a pointer, and does not contain it.
 #[derive(Clone)]
 pub enum RenderWork {
     /// Finds the closest hit of each ray.
@@ -82,7 +82,7 @@ pub struct ProbeWork {
     pub sample_count: u32,
 }
 
-/// The output of a [`RenderWork`], of the same kind.
+/// The output of a [`RenderWork`], of the corresponding kind.
 #[derive(Clone, Debug)]
 pub enum RenderOutput {
     /// Hits, one per ray.

@@ -5,11 +5,11 @@ use glam::Vec3;
 /// A right-handed orthonormal basis; its z is the shading normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// The tangent.
+    /// Tangent, unit length.
     pub x: Vec3,
-    /// The bitangent.
+    /// Bitangent, unit length.
     pub y: Vec3,
-    /// The normal.
+    /// Normal, unit length.
     pub z: Vec3,
 }
 

@@ -146,7 +146,7 @@ impl Microfacets {
 pub(super) struct Bounce {
     /// Cosine between wo and the facet's normal.
     pub(super) cos: f32,
-    /// f, in sr⁻¹.
+    /// f in sr⁻¹, before the Fresnel factor.
     pub(super) value: f32,
     /// Density of wi in sr⁻¹ if it is drawn by visible normals.
     pub(super) pdf: f32,

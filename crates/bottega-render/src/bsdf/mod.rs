@@ -1,4 +1,4 @@
-//! Scattering at one point of a surface.
+//! BSDFs: scattering at one point of a surface.
 //!
 //! [`scattering`] looks up a material's textures and returns its [`Bsdf`], a small `Copy` value of one of a closed set of
 //! kinds. Directions are unit length, in the local frame whose +z is the shading normal **on the side of wo**, and point

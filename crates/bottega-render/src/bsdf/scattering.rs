@@ -25,9 +25,9 @@ pub struct Bsdf {
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a box would allocate at every textured point")]
 enum BsdfKind {
-    /// Nothing is scattered.
+    /// A surface that scatters nothing.
     Black,
-    /// f = color / π, not black.
+    /// A Lambertian surface: f = color / π, not black.
     Lambert(Spectrum),
     /// A bare mirror, clear solid or thin sheet: a shortcut with the same result as the layers.
     Smooth(Interface),
@@ -48,7 +48,7 @@ pub(super) enum Other {
     PrincipledSheet(PrincipledSheet),
 }
 
-/// Dispatches an expression over all kinds of [`Other`].
+/// Dispatches an expression over all kinds of `Other`.
 macro_rules! ask {
     ($other:expr, $it:ident => $answer:expr) => {
         match $other {

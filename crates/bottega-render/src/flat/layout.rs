@@ -125,7 +125,7 @@ record! {
 }
 
 record! {
-    /// A sphere.
+    /// A sphere of the scene.
     pub struct SphereRecord in 12 {
         /// Centre in world space.
         pub center: Vec3,
@@ -146,7 +146,7 @@ pub const LIGHT_WORDS: u32 = 24;
 record! {
     /// An emitting panel, or a part of one, as a light.
     pub struct SurfaceLightRecord in 24 {
-        /// [`code::LIGHT_SURFACE`].
+        /// Kind of the light: [`code::LIGHT_SURFACE`].
         pub kind: u32,
         /// Index of its instance.
         pub instance: u32,
@@ -170,7 +170,7 @@ record! {
 record! {
     /// An emitting sphere as a light.
     pub struct SphereLightRecord in 24 {
-        /// [`code::LIGHT_SPHERE`].
+        /// Kind of the light: [`code::LIGHT_SPHERE`].
         pub kind: u32,
         /// Index of the sphere.
         pub sphere: u32,
@@ -190,7 +190,7 @@ record! {
 }
 
 record! {
-    /// A spotlight.
+    /// A spotlight with a cone.
     pub struct SpotLightRecord in 24 {
         /// Fields common to all lights without extent.
         pub point: PointLightRecord,

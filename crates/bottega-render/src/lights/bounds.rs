@@ -32,7 +32,7 @@ pub(super) struct Cone {
 }
 
 impl Cone {
-    /// All directions.
+    /// The cone of all directions.
     pub(super) const SPHERE: Self = Self { axis: Vec3::Z, angle: PI };
 
     /// Returns the cone of a single direction.

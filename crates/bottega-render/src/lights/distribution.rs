@@ -5,7 +5,7 @@ use crate::flat::{NONE, TableRecord, Words};
 /// Largest f32 below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// A density that is constant within each cell of a grid.
+/// A density on the unit square that is constant within each cell of a grid.
 #[derive(Clone, Debug)]
 pub(super) struct Cells {
     columns: usize,
