@@ -3,9 +3,9 @@
 //! No network, no agents. All heavy work is submitted to the Hardware Resource Allocator as work units; this crate
 //! defines what a unit computes on a CPU, and controls all recursion above it.
 //!
-//! # Map of the crate
+//! # Where is what
 //!
-//! | content | files |
+//! | what | where |
 //! |---|---|
 //! | prepared scenes: surfaces, everything | `src/surfaces.rs`, `src/prepare.rs` |
 //! | prepass of a picture | `src/prepass.rs` |
