@@ -1,4 +1,4 @@
-//! Rays from the camera into the scene.
+//! Camera rays: perspective and orthographic cameras with thin lens, panoramas.
 
 use bottega_kernels::math;
 use bottega_scene::{Camera, Clip, Panorama, Projection};
@@ -11,8 +11,8 @@ use crate::{
     sampling::uniform_disk,
 };
 
-/// What a path can resolve: the width of its beam, after Akenine-Möller et al. 2021, *Improved Shader and Texture
-/// Level of Detail Using Ray Cones*.
+/// The width of a path's beam, which limits the detail that it can resolve; after Akenine-Möller et al. 2021, *Improved
+/// Shader and Texture Level of Detail Using Ray Cones*.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RayCone {
     /// Width at the ray's origin, in scene units.
@@ -22,7 +22,7 @@ pub struct RayCone {
 }
 
 impl RayCone {
-    /// The cone farther along its ray.
+    /// Returns the cone at a distance along its ray.
     #[must_use]
     #[inline(always)]
     pub fn at(self, distance: f32) -> Self {
@@ -30,32 +30,32 @@ impl RayCone {
     }
 }
 
-/// Width of a camera ray's beam in pixels. The film's filter takes the mean over the pixel, from many samples; textures that were
-/// blurred by a pixel before it would be blurred twice, and lose their edges where they are seen at a slant.
+/// Width of a camera ray's beam in pixels. The film's filter averages over the pixel by many samples; textures filtered
+/// by a full pixel are blurred twice, and lose detail at grazing angles.
 pub(crate) const BEAM: f32 = 0.125;
 
 /// A ray from the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraRay {
-    /// Where it starts, world space.
+    /// Origin in world space.
     pub origin: Vec3,
-    /// Where it goes, unit length, world space.
+    /// Direction, unit length, world space.
     pub direction: Vec3,
-    /// The part of the pixel that it stands for.
+    /// Cone of the pixel's share that the ray represents.
     pub cone: RayCone,
-    /// How far it starts from where the camera stands: in its near plane.
+    /// Distance of the origin from the camera's position: to the near plane.
     pub start: f32,
-    /// How far it sees surfaces from there: to the far plane.
+    /// Distance from the origin up to which surfaces are visible: to the far plane.
     pub reach: f32,
 }
 
-/// Makes the rays of one camera for pictures of one size.
+/// A generator of camera rays for one camera and one picture size.
 #[derive(Clone, Debug)]
 pub struct CameraRays {
     world_from_camera: Affine3A,
     /// Half the picture's width and height: at distance 1 for a perspective, in scene units for a parallel projection.
     half_extent: Vec2,
-    /// Where the axis meets the picture, in halves of its width and height.
+    /// Position of the axis in the picture, in halves of its width and height.
     lens_shift: Vec2,
     /// Two over the picture's size in pixels.
     double_pixel: Vec2,
@@ -66,7 +66,7 @@ pub struct CameraRays {
     clip: Clip,
 }
 
-/// How directions and places belong together.
+/// The kind of projection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ProjectionKind {
     Perspective,
@@ -75,7 +75,8 @@ enum ProjectionKind {
 }
 
 impl CameraRays {
-    /// That extent is the camera's which its [`FovAxis`](bottega_scene::FovAxis) names, whatever the shape of the picture.
+    /// Creates the generator. The extent along the camera's [`FovAxis`](bottega_scene::FovAxis) is kept for any shape of
+    /// the picture.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let size = Vec2::new(width.max(1) as f32, height.max(1) as f32);
         let (mut half_height, kind) = match camera.projection {
@@ -83,7 +84,7 @@ impl CameraRays {
             Projection::Orthographic { height } => (0.5 * height, ProjectionKind::Parallel),
             Projection::Panorama(panorama) => (0.0, ProjectionKind::Panorama(panorama)),
         };
-        // Width over height of what is seen, which is not that of the picture where pixels are not square.
+        // Width over height of the visible extent; differs from the picture's for pixels that are not square
         let shown = size.x / size.y * camera.pixel_aspect;
         if let Some(aspect) = camera.aspect {
             let wanted = aspect * camera.pixel_aspect;
@@ -94,7 +95,7 @@ impl CameraRays {
         let cone = match kind {
             ProjectionKind::Perspective => RayCone { width: 0.0, spread: beam },
             ProjectionKind::Parallel => RayCone { width: beam, spread: 0.0 },
-            // The square root of the mean solid angle of a pixel.
+            // Square root of the mean solid angle of a pixel
             ProjectionKind::Panorama(_) => RayCone { width: 0.0, spread: (4.0 * PI / (size.x * size.y)).sqrt() * BEAM },
         };
         Self {
@@ -110,7 +111,7 @@ impl CameraRays {
         }
     }
 
-    /// Writes it down; see [`FlatPicture`](crate::flat::FlatPicture).
+    /// Returns the record of the camera, see [`FlatPicture`](crate::flat::FlatPicture).
     pub(crate) fn record(&self) -> CameraRecord {
         CameraRecord {
             world_from_camera: Mat3::from(self.world_from_camera.matrix3),
@@ -133,21 +134,22 @@ impl CameraRays {
         }
     }
 
-    /// The ray through a place of the picture.
+    /// Returns the ray through a position of the picture.
     ///
-    /// - `place`: in pixels from the upper left corner; the center of pixel (x, y) is (x + ½, y + ½).
-    /// - `lens`: two uniform numbers, used where the lens has a radius.
+    /// - `place`: position in pixels from the upper left corner; the centre of pixel (x, y) is (x + ½, y + ½).
+    /// - `lens`: random numbers for the position on the lens, if it has a radius.
     #[inline(always)]
     pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
         let offset = place * self.double_pixel - 1.0;
         let film = (Vec2::new(offset.x, -offset.y) - self.lens_shift) * self.half_extent;
+        // Map the film position to a ray in camera space
         let (mut origin, mut direction) = match self.kind {
             ProjectionKind::Perspective => (Vec3::ZERO, film.extend(-1.0)),
             ProjectionKind::Parallel => (film.extend(0.0), Vec3::NEG_Z),
             ProjectionKind::Panorama(panorama) => (Vec3::ZERO, around(panorama, 0.5 * place * self.double_pixel)),
         };
         if self.lens_radius > 0.0 {
-            // All rays of one place meet in the plane in focus.
+            // All rays of one position meet in the plane of focus
             let focus = origin + direction * self.focus_distance;
             let shift = self.lens_radius * uniform_disk(lens);
             origin += shift.extend(0.0);
@@ -155,7 +157,7 @@ impl CameraRays {
         }
         let (mut start, mut reach) = (0.0, f32::INFINITY);
         if self.clip != Clip::NONE {
-            // The line of sight is −z; a ray that slants comes to a plane later.
+            // The optical axis is −z; oblique rays reach a plane at a larger distance
             let slant = direction.length() / -direction.z;
             (start, reach) = (self.clip.near * slant, (self.clip.far - self.clip.near) * slant);
             origin += direction * (self.clip.near / -direction.z);
@@ -170,7 +172,8 @@ impl CameraRays {
     }
 }
 
-/// The direction at a place of a panorama, both from 0 to 1. Filters ask beyond its edges, where the sphere goes on.
+/// Returns the direction at a position of a panorama, both coordinates from 0 to 1. Filters may ask beyond the edges,
+/// where the sphere continues.
 fn around(panorama: Panorama, place: Vec2) -> Vec3 {
     match panorama {
         Panorama::Equirectangular => {
@@ -180,7 +183,7 @@ fn around(panorama: Panorama, place: Vec2) -> Vec3 {
         }
         Panorama::EqualArea => {
             let mut place = place;
-            // Beyond an edge lies what is mirrored along it.
+            // Beyond an edge, the picture is mirrored along it
             for (axis, other) in [(0, 1), (1, 0)] {
                 if !(0.0..=1.0).contains(&place[axis]) {
                     let edge = if place[axis] < 0.0 { 0.0 } else { 2.0 };
@@ -224,7 +227,7 @@ mod tests {
     #[test]
     fn pictures_of_another_shape_keep_the_extent_that_the_axis_names() {
         use bottega_scene::FovAxis;
-        // Half extents of a picture twice as high as wide, of a camera made for twice as wide as high.
+        // Half extents of a picture twice as high as wide, for a camera made for twice as wide as high
         let cases = [
             (FovAxis::X, Vec2::new(2.0, 4.0)),
             (FovAxis::Y, Vec2::new(0.5, 1.0)),
@@ -274,7 +277,7 @@ mod tests {
         let rays = |panorama| CameraRays::new(&camera(Projection::Panorama(panorama), 0.5), 200, 100);
         let close = |a: Vec3, b: Vec3| assert!((a - b).length() < 1e-5, "{a} {b}");
         let round = rays(Panorama::Equirectangular);
-        // pbrt's z is ours turned round.
+        // pbrt's z is the reverse of ours
         let at = |x, y| round.ray(Vec2::new(x, y), [0.3; 2]);
         assert_eq!(at(17.0, 33.0).origin, Vec3::new(1.0, 2.0, 3.0));
         close(at(50.0, 50.0).direction, Vec3::NEG_Z);
@@ -289,7 +292,7 @@ mod tests {
         close(at(100.0, 100.0), Vec3::NEG_Z);
         close(at(0.0, 0.0), Vec3::NEG_Y);
         close(at(200.0, 100.0), Vec3::NEG_Y);
-        // Where a filter looks beyond an edge, the sphere goes on.
+        // Beyond an edge, the sphere continues
         for (inside, beyond) in [((0.1, 30.0), (-0.1, 70.0)), ((60.0, 99.9), (140.0, 100.1))] {
             close(at(inside.0, inside.1), at(beyond.0, beyond.1));
         }
@@ -302,7 +305,7 @@ mod tests {
     #[test]
     fn a_panorama_of_equal_areas_has_equal_areas() {
         let rays = CameraRays::new(&camera(Projection::Panorama(Panorama::EqualArea), 0.0), 64, 64);
-        // As much of the sphere on either side of each of its great circles, and second moments of a third.
+        // Great circles halve the sphere, and second moments are a third
         let mut moments = glam::Mat3::ZERO;
         for i in 0..64 * 64 {
             let d = rays.ray(Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5), [0.0; 2]).direction;

@@ -1,28 +1,28 @@
-//! The errors before and while painting.
+//! Errors of preparing and rendering a scene.
 
-/// Why a scene cannot be prepared, or a picture not be painted.
+/// An error of preparing or rendering a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     /// The scene has no such camera.
     #[error("there is no camera {index}: the scene has {count}")]
     NoCamera {
-        /// The index asked for.
+        /// Requested index.
         index: usize,
-        /// How many there are.
+        /// Number of cameras.
         count: usize,
     },
-    /// The picture would have no pixel.
+    /// The picture has no pixels.
     #[error("a picture of {width} × {height} pixels has no pixel")]
     EmptyPicture {
-        /// Columns.
+        /// Requested width in pixels.
         width: u32,
-        /// Rows.
+        /// Requested height in pixels.
         height: u32,
     },
-    /// The scene breaks a promise of the model, such as an index out of range.
+    /// The scene violates an invariant of the model, such as an index out of range.
     #[error("the scene is not sound")]
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
-    /// Photons cannot be found in what fills space.
+    /// Photon mapping does not support the scene's media.
     #[error(
         "photons and lighting agents know nothing of media that scatter, emit or have no surface; paint this scene by path tracing"
     )]
@@ -30,19 +30,19 @@ pub enum RenderError {
     /// The acceleration structure cannot be built.
     #[error("cannot build the acceleration structure")]
     Accel(#[from] bottega_kernels::BuildError),
-    /// The allocator did not take the work.
+    /// The allocator rejected the work.
     #[error("the allocator refused the work")]
     Submit(#[from] bottega_hra::SubmitError),
-    /// A unit of work was not done.
+    /// A work unit failed.
     #[error("a unit of work was lost")]
     Unit(#[from] bottega_hra::UnitError),
-    /// A unit of work met one of the other errors.
+    /// A work unit failed with one of the other errors.
     #[error(transparent)]
     Refused(std::sync::Arc<RenderError>),
-    /// Work that is shared out with others was left before its end.
+    /// Work shared with others was abandoned.
     #[error("the work that is shared out with others was left before its end")]
     Left,
-    /// A resource gave an answer to another question, or none.
+    /// A resource returned an answer of the wrong kind, or none.
     #[error("a unit of work was not answered as asked")]
     Unanswered,
 }

@@ -1,25 +1,25 @@
-//! The measure of lengths for photons and agents: what is seen, or the whole scene.
+//! The unit of length for photons and agents: the size of the visible part, or of the scene.
 
 use glam::Vec3;
 
 use crate::prepare::PreparedScene;
 
-/// Lengths as a share of the radius: half of what is seen is finer than the whole of it.
+/// Lengths as a fraction of the radius; the visible part needs finer ones than the whole scene.
 const DETAIL: f32 = 0.5;
 
-/// Where what a camera sees is, and how wide.
+/// Position and size of the part of a scene that a camera sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extent {
-    /// In the middle of what is seen.
+    /// Centre of the visible part.
     pub(crate) center: Vec3,
-    /// Of what is seen.
+    /// Radius of the visible part.
     pub(crate) radius: f32,
-    /// Radius of the scene; the same where what is seen is no small part of it.
+    /// Radius of the scene; equal to [`Self::radius`] unless the visible part is a small part of it.
     pub(crate) whole: f32,
 }
 
 impl Extent {
-    /// Of a whole scene. Without surfaces the radius is 0.
+    /// Returns the extent of a whole scene; the radius is 0 without surfaces.
     pub(crate) fn whole(prepared: &PreparedScene) -> Self {
         let bounds = prepared.accel().bounds();
         let radius = 0.5 * (bounds.max - bounds.min).length();
@@ -28,13 +28,14 @@ impl Extent {
         Self { center, radius, whole: radius }
     }
 
-    /// Whether the scene itself is the measure.
+    /// Returns true if the scene itself is the unit.
     #[inline(always)]
     pub(crate) fn is_whole(&self) -> bool {
         self.radius >= self.whole
     }
 
-    /// The length that others are shares of at a place: half the radius of what is seen, and farther off half of how far it is.
+    /// Returns the unit of length at a point: half the radius of the visible part, or half the distance to its centre if
+    /// that is larger; the scene's radius if everything counts as visible.
     #[inline(always)]
     pub(crate) fn length_at(&self, p: Vec3) -> f32 {
         if self.is_whole() { self.whole } else { DETAIL * p.distance(self.center).clamp(self.radius, self.whole) }

@@ -1,6 +1,6 @@
-//! Pixel reconstruction filters, used by importance sampling: a sample is drawn with the filter's own density and
-//! counts fully for its pixel, and for no other. So pixels are independent of each other, whoever paints them. Where a
-//! filter is negative, samples are drawn by its size and count with its sign.
+//! Pixel reconstruction filters by importance sampling: a sample is drawn with the filter's density and counts fully for
+//! its own pixel only, so pixels are independent of each other. Where a filter is negative, samples are drawn by its
+//! absolute value and weighted with its sign.
 //!
 //! Source: Ernst, Stamminger, Greiner 2006, *Filter Importance Sampling*.
 
@@ -20,7 +20,7 @@ fn radius(filter: Filter) -> f32 {
     }
 }
 
-/// The filter at distance `x` from the center, not normalized.
+/// Returns the filter at distance `x` from the centre, not normalized.
 fn value(filter: Filter, x: f64) -> f64 {
     let radius = f64::from(radius(filter));
     match filter {
@@ -40,7 +40,7 @@ fn value(filter: Filter, x: f64) -> f64 {
         }
         Filter::BlackmanHarris { .. } => {
             let c = cos(std::f64::consts::PI * x / radius);
-            // cos 2a and cos 3a by Chebyshev's polynomials.
+            // cos 2a and cos 3a by Chebyshev's polynomials
             0.35875 + 0.48829 * c + 0.14128 * (2.0 * c * c - 1.0) + 0.01168 * (4.0 * c * c * c - 3.0 * c)
         }
     }
@@ -49,20 +49,21 @@ fn value(filter: Filter, x: f64) -> f64 {
 /// Number of intervals of a table of quantiles.
 pub const INTERVALS: usize = 512;
 
-/// Of a filter of radius 1: the offset at probability i / INTERVALS of its size. Between them it counts as constant.
+/// Quantiles of the absolute value of a filter of radius 1: offsets at probabilities i / INTERVALS. The density between
+/// them is constant.
 #[derive(Clone, Debug)]
 struct Table {
     quantiles: [f32; INTERVALS + 1],
-    /// Integral of its size over its own integral: 1 where it is nowhere negative.
+    /// Integral of the absolute value over the integral; 1 for a filter that is nowhere negative.
     excess: f32,
-    /// Where it turns negative; at or above 1: nowhere.
+    /// Offset beyond which the filter is negative; 1 or more: nowhere.
     sign_change: f32,
 }
 
 static TENT: LazyLock<Table> = LazyLock::new(|| table(Filter::Tent { radius: 1.0 }));
 static BLACKMAN_HARRIS: LazyLock<Table> = LazyLock::new(|| table(Filter::BlackmanHarris { radius: 1.0 }));
 
-/// Draws offsets from a pixel's center by the density of a filter.
+/// Samples offsets from a pixel's centre by the density of a filter.
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
     radius: f32,
@@ -77,8 +78,8 @@ enum FilterShape {
 }
 
 impl FilterSampler {
-    /// The sampler of a filter; cheap except for a Gaussian and Mitchell's. What has no width, or no sound shape, counts
-    /// as the pixel itself.
+    /// Creates the sampler of a filter; cheap except for Gaussian and Mitchell. A filter with an invalid radius or shape
+    /// becomes a box of one pixel.
     pub fn new(filter: Filter) -> Self {
         let radius = radius(filter);
         let sound = radius > 0.0 && radius.is_finite();
@@ -97,7 +98,7 @@ impl FilterSampler {
         Self { radius, shape }
     }
 
-    /// Writes it down; see [`FlatPicture`](crate::flat::FlatPicture).
+    /// Writes the filter, see [`FlatPicture`](crate::flat::FlatPicture).
     pub(crate) fn write(&self, words: &mut Words) {
         let radius = self.radius;
         let table = match &self.shape {
@@ -115,8 +116,8 @@ impl FilterSampler {
         words.numbers(&table.quantiles);
     }
 
-    /// The offset from the pixel's center, in pixels, from two uniform numbers in [0, 1), and the factor with which the
-    /// sample counts.
+    /// Draws an offset from the pixel's centre, in pixels, from two random numbers in [0, 1); returns it with the weight
+    /// of the sample.
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
         let table = match &self.shape {
@@ -137,7 +138,7 @@ impl FilterSampler {
     }
 }
 
-/// Inverts the integral of the size of a filter of radius 1, summed on a fine grid by the trapezoidal rule.
+/// Inverts the integral of the absolute value of a filter of radius 1, summed on a fine grid by the trapezoidal rule.
 fn table(filter: Filter) -> Table {
     const STEPS: usize = 8 * INTERVALS;
     let at = |step: usize| 2.0 * step as f64 / STEPS as f64 - 1.0;
@@ -159,7 +160,7 @@ fn table(filter: Filter) -> Table {
         let part = if gain > 0.0 { ((target - integral[step]) / gain).clamp(0.0, 1.0) } else { 0.0 };
         (at(step) + part * (at(step + 1) - at(step))) as f32
     });
-    // Where as much counts positively as should, by the offsets as they are drawn: samples then count 1 on the mean.
+    // Choose the sign change by the offsets as they are drawn, so that the mean weight of samples is exactly 1
     let turn = INTERVALS as f64 * (0.5 + 0.25 * (1.0 + signed / total));
     let sign_change = match quantiles.get(turn as usize..) {
         Some([low, high, ..]) => low + turn.fract() as f32 * (high - low),
@@ -168,14 +169,14 @@ fn table(filter: Filter) -> Table {
     Table { quantiles, excess: (total / signed) as f32, sign_change }
 }
 
-/// e^−x for x ≥ 0. By sums and products only, so that tables have the same bits on every platform.
+/// Returns e^−x for x ≥ 0. Uses sums and products only, so that tables have the same bits on every platform.
 fn exp_negative(x: f64) -> f64 {
     let reduced = -x.min(700.0) / 1024.0;
     let series = (1..=16).rev().fold(1.0, |sum, n| 1.0 + sum * reduced / f64::from(n));
     (0..10).fold(series, |power, _| power * power)
 }
 
-/// The cosine for |x| ≤ π; see [`exp_negative`] for why it is not that of std.
+/// Returns the cosine for |x| ≤ π, with the same bits on every platform like [`exp_negative`].
 fn cos(x: f64) -> f64 {
     let square = x * x;
     (1..=14).rev().fold(1.0, |sum, n| 1.0 - sum * square / f64::from((2 * n) * (2 * n - 1)))
@@ -209,7 +210,7 @@ mod tests {
             let sampler = FilterSampler::new(filter);
             let radius = radius(filter);
             let count = 100_000;
-            // The other coordinate stays in the middle, where no filter is negative: its factor is taken out again.
+            // The other coordinate stays in the middle, where no filter is negative: divide by its factor
             let (_, middle) = sampler.sample([0.5, 0.5]);
             let mut bins = [0.0; 20];
             for i in 0..count {

@@ -1,11 +1,10 @@
-//! A prepared scene and a picture of it as arrays of 32-bit words, for devices that know nothing of Rust.
+//! A prepared scene and its camera as arrays of 32-bit words, for GPUs.
 //!
-//! One portable layout: every number is an `f32` or a `u32` in the byte order of the machine, every record begins at a multiple
-//! of one word, and what refers to something else in the array does so by its place, counted in words from the beginning;
-//! [`NONE`] stands for nothing. [`FlatScene`] begins with the [`header`] places; each record is declared once, by [`record!`](crate::record),
-//! for those who write it and for those who read it.
-//! Materials and pictures are not in it: who reads it has them in the form that it likes best, and writes the numbers by which it
-//! knows pictures to the places that [`FlatScene::pictures`] tells.
+//! The layout is portable: every number is an `f32` or `u32` in the machine's byte order, every record starts at a word
+//! boundary, and references within the array are offsets in words from its start; [`NONE`] stands for no reference. A
+//! [`FlatScene`] starts with the offsets of [`header`]. Each record is declared once, by [`record!`](crate::record), for
+//! writers and readers. Materials and pictures are not included: the reader stores them in its own form, and writes its
+//! handles of pictures to the offsets in [`FlatScene::pictures`].
 
 mod geometry;
 mod layout;
@@ -26,7 +25,7 @@ pub use picture::{FlatPicture, sobol_table};
 pub use record::{FieldPlace, Portable, Record, place_of, places};
 pub(crate) use words::Words;
 
-/// Constants of light transport that shaders share: where they are declared, they say what they are.
+/// Constants of light transport that GPU shaders share; each is documented where it is declared.
 pub mod constants {
     pub use crate::filter::INTERVALS as FILTER_INTERVALS;
     pub use crate::integrator::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
@@ -35,51 +34,51 @@ pub mod constants {
     pub use crate::shading::{BLEND, DEPTH_SHIFT};
 }
 
-/// A prepared scene as words.
+/// A prepared scene as 32-bit words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatScene {
-    /// See the [module](self).
+    /// The words, in the layout of the [module](self).
     pub words: Vec<u32>,
-    /// Pictures that lights refer to, and the places of the words that are to be their numbers.
+    /// Pictures of lights, with the offsets of the words that receive their handles.
     pub pictures: Vec<(u32, TextureMap)>,
-    /// Whether some surface may let rays pass.
+    /// `true`: some surface may let rays pass.
     pub has_opacity: bool,
 }
 
-/// The part of a scene that its flat form cannot say.
+/// A feature of a scene that its flat form does not support.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotFlat {
-    /// A surface that the camera sees through from behind.
+    /// Surfaces that are invisible to the camera from behind.
     #[error("surfaces that the camera sees through from behind")]
     CulledBacks,
-    /// A medium that scatters, emits, or does not begin and end where light is refracted.
+    /// Media that scatter or emit, or are not bounded by refracting surfaces.
     #[error("media that scatter or have no refracting boundary")]
     Media,
-    /// Panes that are no bounce for what goes straight through.
+    /// Panes, which transmit light straight through without counting as a bounce.
     #[error("panes that let the light of lamps without extent through")]
     Panes,
-    /// A camera that does not see what shines.
+    /// A camera that does not see emitters.
     #[error("a camera from which what shines is hidden")]
     HiddenEmitters,
     /// Curves that face each ray.
     #[error("curves that face each ray")]
     Curves,
-    /// Lamps that no ray meets.
+    /// Lights that no ray can hit.
     #[error("lamps that are not there")]
     AbsentLamps,
-    /// Windows that let an environment in.
+    /// An environment behind portals.
     #[error("an environment behind portals")]
     Portals,
-    /// More words than places have numbers.
+    /// More words than a `u32` offset can address.
     #[error("more than 2³² words of geometry")]
     TooMuch,
 }
 
 impl FlatScene {
-    /// Writes down a scene.
+    /// Writes a scene.
     ///
     /// # Errors
-    /// Everything that stands in the way.
+    /// All unsupported features of the scene.
     pub fn new(prepared: &PreparedScene) -> Result<Self, Vec<NotFlat>> {
         let mut missing = Vec::new();
         if prepared.culls_backs() {

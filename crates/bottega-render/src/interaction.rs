@@ -1,4 +1,4 @@
-//! Interactions: a point on a surface, from the kernel's hit to the shading record.
+//! Surface interactions: from the kernel's hit to the shading record of a point.
 
 mod curve;
 mod mesh;
@@ -24,12 +24,13 @@ use crate::{
     surfaces::{PreparedMaterial, Surfaces},
 };
 
-/// Distance that a new ray keeps from the surface, relative to the sizes of the numbers that its place was computed
-/// from: 64 units in the last place. The kernel's own step goes by the place alone, and is too small in the middle of
-/// a large triangle that lies around the origin.
+/// Distance of a new ray's origin from the surface, relative to the magnitudes from which the point was computed: 64
+/// units in the last place. The kernel's own offset depends on the position alone, and is too small in the middle of a
+/// large triangle around the world's origin.
 pub const CLEARANCE: f32 = 64.0 / 8_388_608.0;
-/// The same, relative to the extent of a triangle: 16 units in the last place. The test of a ray that leaves along the
-/// triangle is off by some of them; more would let light under what stands on it.
+/// Distance of a new ray's origin from the surface, relative to the extent of the triangle: 16 units in the last place.
+/// The intersection test of a ray along the triangle has an error of a few of them; more lets light leak under objects on
+/// the triangle.
 pub const EXTENT_CLEARANCE: f32 = 16.0 / 8_388_608.0;
 /// Least cosine between `wo` and the shading normal.
 pub const COSINE_MIN: f32 = 1e-3;
@@ -37,12 +38,12 @@ pub const COSINE_MIN: f32 = 1e-3;
 /// A point of a surface, seen from a direction.
 #[derive(Debug)]
 pub(crate) struct Interaction {
-    /// World space, on the surface.
+    /// Position in world space, on the surface.
     pub(crate) p: Vec3,
-    /// Where rays start that stay on the side of `wo`: above the facets of a curved surface, so that these do not
-    /// shade themselves. Equal to `p` for a flat surface and for one that lets light through.
+    /// Origin of rays that stay on the side of `wo`: above the facets of a curved surface, which avoids shadow terminator
+    /// artifacts. Equal to `p` for flat surfaces and for those that transmit light.
     pub(crate) p_outside: Vec3,
-    /// How far off the surface a new ray must start so that it does not meet it again.
+    /// Distance from the surface at which new rays start, so that they do not hit it again.
     clearance: f32,
     /// Geometric normal, unit length, on the front side.
     pub(crate) ng: Vec3,
@@ -50,33 +51,33 @@ pub(crate) struct Interaction {
     pub(crate) frame: [Vec3; 3],
     /// Normal of the clear coat in the shading frame, on the side of `wo`.
     pub(crate) coat_normal: Vec3,
-    /// How a relief turned the frame, where that takes something from the light.
+    /// Perturbation of the shading normal; `None` where it does not darken the light.
     pub(crate) lifted: Option<LiftedNormal>,
-    /// Back along the ray, unit length.
+    /// Direction back along the ray, unit length.
     pub(crate) wo: Vec3,
-    /// Whether `wo` is on the front side.
+    /// `true`: `wo` is on the front side.
     pub(crate) front: bool,
-    /// Texture coordinates of the surface.
+    /// Both sets of texture coordinates.
     pub(crate) uvs: [Vec2; 2],
-    /// Interpolated vertex color; white where there is none.
+    /// Interpolated vertex colour; white without vertex colours.
     pub(crate) color: Vec4,
-    /// Whether there are vertex colors.
+    /// `true`: there are vertex colours.
     pub(crate) is_colored: bool,
-    /// Width of texture lookups.
+    /// Width of texture lookups in texture coordinates.
     pub(crate) footprint: f32,
-    /// Width of the beam in scene units; 0 where nothing is looked up.
+    /// Width of the beam in scene units; 0 without textures.
     beam: f32,
     /// Index of the material.
     pub(crate) material: u32,
-    /// The hit.
+    /// The hit that the point was computed from.
     pub(crate) hit: Hit,
 }
 
 impl Interaction {
-    /// Reconstructs the point that a ray hit.
+    /// Computes the point that a ray hit.
     ///
-    /// - `origin`, `direction`: the ray; unit length.
-    /// - `cone`: its width at the hit.
+    /// - `origin`, `direction`: the ray; the direction has unit length.
+    /// - `cone`: width and spread of the ray's cone at the hit.
     #[inline(always)]
     pub(crate) fn new(surfaces: &Surfaces, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
         match hit.sphere() {
@@ -94,7 +95,7 @@ impl Interaction {
         let ng = (origin + hit.t * direction - sphere.center).normalize_or(-direction);
         let (material, known) = surfaces.material(sphere.material);
         let uv = if known.is_textured { sphere_uv(sphere, ng) } else { Vec2::ZERO };
-        // One turn of u around the equator.
+        // u makes one turn around the equator
         let footprint = if known.is_textured { cone.width / (2.0 * PI * sphere.radius) } else { 0.0 };
         let p = sphere.center + sphere.radius * ng;
         let mut point = Self {
@@ -121,7 +122,7 @@ impl Interaction {
         let sides = UvFrame {
             tangent: |_| (along.normalize_or(equator), 1.0),
             derivatives: |_| {
-                // u goes once around the axis, v from pole to pole; at these nothing goes along u.
+                // u runs once around the axis, v from pole to pole; at the poles u has no derivative
                 let sine = along.length();
                 (sine > 1e-6).then(|| {
                     let (turn, down) = (2.0 * PI * sphere.radius, PI * sphere.radius / sine);
@@ -175,12 +176,12 @@ impl Interaction {
         let (e1, e2) = (p1 - p0, p2 - p0);
         let local = p0 + e1 * u + e2 * v;
         let to_normal = known_instance.world_from_normal;
-        // Twice the area, along the normal.
+        // Twice the area, along the normal
         let area_vector = to_normal * e1.cross(e2);
         let ng = area_vector.normalize_or(-direction);
         let p = instance.world_from_object.transform_point3(local);
         let (material, known) = surfaces.material(mesh.material);
-        // Rounding errors of the hit and of the next test are relative to the size of the triangle and to the place.
+        // Rounding errors of this hit and of the next test are relative to the triangle's size and to its position
         let extent = e1.abs().max(e2.abs()).max_element() * known_instance.scale;
         let mut point = Self {
             p,
@@ -200,11 +201,13 @@ impl Interaction {
             material: mesh.material,
             hit: *hit,
         };
+        // Look up texture coordinates and footprint
         if known.is_textured {
             point.uvs = uvs_at(mesh, triangle, u, v);
             point.beam = cone.width;
             point.footprint = footprint(mesh, triangle, area_vector.length(), cone.width, direction.dot(ng));
         }
+        // Interpolate the normal, and lift the origin of rays off the facets
         let mut ns = ng;
         if !mesh.normals.is_empty() {
             let normals = triangle.map(|vertex| mesh.normals[vertex as usize]);
@@ -229,7 +232,7 @@ impl Interaction {
         point
     }
 
-    /// Makes the shading frame and the coat's normal from the smooth normal `ns` and the maps of normals and heights.
+    /// Computes the shading frame and the coat's normal from the smooth normal `ns` and the normal and bump maps.
     #[inline(always)]
     fn set_frames<T, D>(
         &mut self,
@@ -255,15 +258,17 @@ impl Interaction {
             }
         };
         let mut lifted_by_mitsuba = None;
+        // Apply the normal or bump map
         match &material.relief {
             None => self.set_frame(ns),
             Some(Relief { source, rule: ReliefRule::Bent }) => self.set_frame(lifted(self, source, self.footprint)),
             Some(Relief { source, rule: ReliefRule::Mitsuba { turns, shadows, mirrored } }) => {
-                // Mitsuba filters no textures, and what a relief does is far from linear in what it is.
+                // Like Mitsuba, do not filter: the effect of a relief is far from linear in the texture
                 let normal = lifted(self, source, 0.0);
                 lifted_by_mitsuba = Some((self.set_lifted_frame(ns, normal, *turns, *mirrored), *shadows));
             }
         }
+        // Align the frame with the tangent, for anisotropy
         let (tangent, sign) = (sides.tangent)(0);
         if let Surface::Layered(layered) = &material.surface {
             self.turn_frame(match &layered.anisotropy {
@@ -275,7 +280,7 @@ impl Interaction {
                 }
             });
             if layered.coat.factor > 0.0 {
-                // The base's normal map is not the coat's (KHR_materials_clearcoat).
+                // The normal map of the base does not apply to the coat (KHR_materials_clearcoat)
                 let map = layered.coat_normal.as_ref();
                 let coat = map.map_or(ns, |(map, scale)| mapped(self, (map, *scale), self.footprint));
                 self.coat_normal = self.to_local(if coat.dot(self.wo) < 0.0 { -coat } else { coat });
@@ -286,13 +291,13 @@ impl Interaction {
         self.lifted = lifted_by_mitsuba.map(|(without, shadows)| LiftedNormal::new(self.to_local(without), shadows));
     }
 
-    /// Makes the shading frame around `normal`, which a relief lifted off `ns`. Returns the normal without relief on the
+    /// Sets the shading frame around `normal`, which a relief perturbed from `ns`. Returns the unperturbed normal on the
     /// side of `wo`.
     ///
-    /// - `turns`: a normal turned away from `wo` is tilted to the other side of `ns` (Schüssler et al. 2017,
-    ///   Microfacet-Based Normal Mapping for Robust Monte Carlo Path Tracing, where this is the facet beside); else
-    ///   nothing is seen of it.
-    /// - `mirrored`: on the back it is tilted to where it is on the front.
+    /// - `turns`: `true`: a normal that faces away from `wo` is mirrored at `ns` (Schüssler et al. 2017, Microfacet-Based
+    ///   Normal Mapping for Robust Monte Carlo Path Tracing, where this is the neighbouring facet); `false`: it scatters
+    ///   nothing.
+    /// - `mirrored`: `true`: on the back, the normal is tilted as on the front.
     fn set_lifted_frame(&mut self, ns: Vec3, normal: Vec3, turns: bool, mirrored: bool) -> Vec3 {
         self.set_frame(ns);
         let without = self.frame[2];
@@ -309,7 +314,7 @@ impl Interaction {
         without
     }
 
-    /// Turns the frame about its normal until x is as near to `tangent` as it can be.
+    /// Rotates the frame about its normal until x is as close to `tangent` as possible.
     fn turn_frame(&mut self, tangent: Vec3) {
         let n = self.frame[2];
         if let Some(s) = (tangent - n * n.dot(tangent)).try_normalize() {
@@ -317,8 +322,8 @@ impl Interaction {
         }
     }
 
-    /// Makes the shading frame around `ns`, which may be on either side: turned to that of `wo`, and bent so that `wo`
-    /// sees it.
+    /// Sets the shading frame around `ns`, which may be on either side: flips it to the side of `wo`, and bends it so
+    /// that it is visible from `wo`.
     #[inline(always)]
     fn set_frame(&mut self, ns: Vec3) {
         let upright = if ns.dot(self.ng) < 0.0 { -ns } else { ns };
@@ -331,43 +336,44 @@ impl Interaction {
         self.frame = [s, t, n];
     }
 
-    /// Where it is, as mappings of textures ask.
+    /// Returns the point as input of texture mappings.
     #[inline(always)]
     pub(crate) fn spot(&self) -> Spot {
         Spot { p: self.p, normal: self.ng, beam: self.beam, cosine: self.wo.dot(self.ng) }
     }
 
-    /// Where its textures are looked up.
+    /// Returns the point as input of texture lookups.
     #[inline(always)]
     pub(crate) fn texture_place(&self) -> TexturePlace {
         TexturePlace { uvs: self.uvs, spot: self.spot() }
     }
 
-    /// What an unlit surface of that colour shows: like every base colour, none above 1, whatever the vertices say.
+    /// Returns the radiance of an unlit surface of that colour: at most 1 per channel, like every base colour, including
+    /// vertex colours.
     #[inline(always)]
     pub(crate) fn unlit(&self, scene: &Scene, color: &ColorParam) -> Spectrum {
         (color.eval(scene, self.texture_place(), self.footprint) * self.color.truncate()).min(Spectrum::ONE)
     }
 
-    /// A world-space direction in the shading frame.
+    /// Transforms a direction from world space into the shading frame.
     #[inline(always)]
     pub(crate) fn to_local(&self, w: Vec3) -> Vec3 {
         Vec3::new(w.dot(self.frame[0]), w.dot(self.frame[1]), w.dot(self.frame[2]))
     }
 
-    /// A direction of the shading frame in world space.
+    /// Transforms a direction from the shading frame into world space.
     #[inline(always)]
     pub(crate) fn to_world(&self, w: Vec3) -> Vec3 {
         self.frame[0] * w.x + self.frame[1] * w.y + self.frame[2] * w.z
     }
 
-    /// Whether a direction is on the side of `wo` of the real surface.
+    /// Returns true if a direction is on the side of `wo` of the geometric surface.
     #[inline(always)]
     pub(crate) fn is_reflection(&self, wi: Vec3) -> bool {
         (wi.dot(self.ng) > 0.0) == self.front
     }
 
-    /// Where a ray starts that leaves in direction `wi`.
+    /// Returns the origin of a ray that leaves in direction `wi`.
     #[inline(always)]
     pub(crate) fn ray_origin(&self, wi: Vec3) -> Vec3 {
         let p = if self.is_reflection(wi) { self.p_outside } else { self.p };
@@ -375,22 +381,22 @@ impl Interaction {
     }
 }
 
-/// How texture coordinates lie on a surface, for each set of them.
+/// The parametrization of a surface by texture coordinates, as functions of the coordinate set.
 struct UvFrame<T, D> {
-    /// The tangent of increasing u, and the sign of its bitangent.
+    /// Returns the tangent of increasing u, and the sign of its bitangent.
     tangent: T,
-    /// How the point moves with u and with v; `None` where they do not tell.
+    /// Returns the derivatives of the point by u and by v; `None` if they are undefined.
     derivatives: D,
 }
 
-/// Texture coordinates on a sphere: u around +y, v from the upper pole down.
+/// Returns the texture coordinates on a sphere: u around +y, v from the upper pole down.
 fn sphere_uv(sphere: &Sphere, n: Vec3) -> Vec2 {
     let n = sphere.world_from_object.inverse() * n;
     let u = 0.5 + math::atan2(n.x, n.z) / (2.0 * PI);
     Vec2::new(u, math::acos(n.y) / PI)
 }
 
-/// What a sphere emits where `n` is its outward normal.
+/// Returns the radiance that a sphere emits at outward normal `n`.
 #[inline(always)]
 pub(crate) fn emitted_by_sphere(scene: &Scene, sphere: &Sphere, n: Vec3, footprint: f32) -> Spectrum {
     let emission = &scene.materials[sphere.material as usize].emission;
@@ -400,7 +406,7 @@ pub(crate) fn emitted_by_sphere(scene: &Scene, sphere: &Sphere, n: Vec3, footpri
     emission.eval(scene, [sphere_uv(sphere, n); 2], footprint)
 }
 
-/// What a triangle emits at barycentric coordinates.
+/// Returns the radiance that a triangle emits at barycentric coordinates.
 #[inline(always)]
 pub(crate) fn emitted(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32), footprint: f32) -> Spectrum {
     let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
@@ -411,7 +417,7 @@ pub(crate) fn emitted(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32)
     emission.eval(scene, uvs_at(mesh, mesh.triangles[triangle as usize], b.0, b.1), footprint)
 }
 
-/// How opaque a triangle is at barycentric coordinates.
+/// Returns the opacity of a triangle at barycentric coordinates, in [0, 1].
 pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32)) -> f32 {
     let instance = &scene.instances[instance as usize];
     let mesh = &scene.meshes[instance.mesh as usize];
@@ -428,9 +434,9 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
     material.opacity_at(scene, TexturePlace { uvs, spot }, 0.0, alpha)
 }
 
-/// How opaque a sphere is at a place on it.
+/// Returns the opacity of a sphere at a point on it, in [0, 1].
 ///
-/// - `from_center`: from its middle to the place.
+/// - `from_center`: vector from the sphere's centre to the point.
 pub(crate) fn opacity_of_sphere(scene: &Scene, sphere: &Sphere, from_center: Vec3) -> f32 {
     let material = &scene.materials[sphere.material as usize];
     let uv = sphere_uv(sphere, from_center.normalize_or(Vec3::Y));
@@ -438,35 +444,36 @@ pub(crate) fn opacity_of_sphere(scene: &Scene, sphere: &Sphere, from_center: Vec
     material.opacity_at(scene, TexturePlace { uvs: [uv; 2], spot }, 0.0, 1.0)
 }
 
-/// The bit by which a surface has another number for a shadow ray than for a path.
+/// Bit by which a surface's random number for shadow rays differs from that for paths.
 pub const ASKS_AS_SHADOW: u32 = 1 << 31;
 
-/// What a ray that asks whether surfaces are there looks for.
+/// The kind of ray that tests if a surface is opaque at a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SurfaceQuery {
-    /// The first surface that a path from the camera meets.
+    /// A camera ray, up to the path's first vertex.
     Camera,
-    /// The surface that a path meets next.
+    /// A later ray of a path.
     Path,
-    /// Whether a light is seen. It must not hear what the segment heard that led to the place: both may cross one surface.
+    /// A shadow ray. Its random numbers are independent of those of the path's previous segment, as both may cross one
+    /// surface.
     Shadow,
 }
 
 impl SurfaceQuery {
-    /// What a path asks for that has had so many vertices.
+    /// Returns the kind of the next ray of a path that has this number of vertices.
     #[inline(always)]
     pub(crate) fn of_vertex(self, vertices: u32) -> Self {
         if self == Self::Path && vertices == 0 { Self::Camera } else { self }
     }
 
-    /// A surface's number, another one where a sphere is left than where it is entered.
+    /// Returns the key of a surface's random number; it differs between entering and leaving a sphere.
     fn number_of(self, hit: &Hit, is_left: bool) -> u64 {
         let asked = if self == Self::Shadow { u64::from(ASKS_AS_SHADOW) } else { 0 };
         u64::from(hit.instance) << 32 | u64::from(hit.primitive) ^ asked ^ u64::from(is_left)
     }
 }
 
-/// The material of what is hit.
+/// Returns the material of the surface that was hit.
 pub(crate) fn material_of(surfaces: &Surfaces, hit: &Hit) -> u32 {
     let scene = surfaces.scene();
     match hit.sphere() {
@@ -475,13 +482,13 @@ pub(crate) fn material_of(surfaces: &Surfaces, hit: &Hit) -> u32 {
     }
 }
 
-/// Whether what is hit emits light, on whichever side.
+/// Returns true if the surface that was hit emits light, on any side.
 pub(crate) fn shines(surfaces: &Surfaces, hit: &Hit) -> bool {
     surfaces.material(material_of(surfaces, hit)).1.shines
 }
 
-/// Whether a candidate hit is there. `chance` is asked for a number in [0, 1) where the surface is half transparent, and told
-/// the number of the surface: equal ones must get equal answers.
+/// Returns true if the surface of a candidate hit is opaque there. `chance` returns a random number in [0, 1) for the key
+/// of a half-transparent surface; equal keys must get equal numbers.
 pub(crate) fn is_there(
     surfaces: &Surfaces,
     ray: &Ray,
@@ -496,7 +503,7 @@ pub(crate) fn is_there(
     opacity >= 1.0 || (opacity > 0.0 && chance(asks.number_of(hit, is_left)) < opacity)
 }
 
-/// Whether a candidate hit is the back of a surface through which the camera sees from there.
+/// Returns true if a candidate hit is the back of a surface that is invisible to the camera from there.
 fn is_culled(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
     if let Some(sphere) = hit.sphere() {
         let sphere = &scene.spheres[sphere as usize];
@@ -513,7 +520,7 @@ fn is_culled(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
     (b - a).cross(c - a).dot(ray.direction) > 0.0
 }
 
-/// The probability with which a candidate hit is there, and whether it is where a ray leaves a ball.
+/// Returns the opacity at a candidate hit, and true if a ray leaves a sphere there.
 pub(crate) fn opacity_of(surfaces: &Surfaces, ray: &Ray, hit: &Hit) -> (f32, bool) {
     let scene = &**surfaces.scene();
     let sphere = hit.sphere().map(|sphere| &scene.spheres[sphere as usize]);

@@ -1,4 +1,4 @@
-//! Texture coordinates by a place in the world ([`Scene::mappings`]).
+//! Texture coordinates by position in the world ([`Scene::mappings`]).
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -6,21 +6,21 @@ use bottega_kernels::math;
 use bottega_scene::{Mapping, MappingKind, Scene, TextureMap, Uvs};
 use glam::{Mat3, Vec2, Vec3};
 
-/// A point in the world, and how wide it is seen: the input of mappings.
+/// A point in the world with the width of its beam: the input of mappings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spot {
-    /// World space.
+    /// Position in world space.
     pub p: Vec3,
-    /// Of the surface there, unit length.
+    /// Normal of the surface at the point, unit length.
     pub normal: Vec3,
-    /// Width of the beam in scene units; 0 for sharp lookups.
+    /// Width of the beam in scene units; 0 for unfiltered lookups.
     pub beam: f32,
     /// Cosine between the beam and the normal.
     pub cosine: f32,
 }
 
 impl Spot {
-    /// A point that is looked at sharply.
+    /// Returns a point with a beam of width 0.
     pub(crate) fn sharp(p: Vec3) -> Self {
         Self { p, ..Self::default() }
     }
@@ -29,9 +29,9 @@ impl Spot {
 /// A point with the texture coordinates of its surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TexturePlace {
-    /// Both sets of the surface.
+    /// Both sets of texture coordinates of the surface.
     pub(crate) uvs: [Vec2; 2],
-    /// Where it is.
+    /// Position, for textures that are mapped by position.
     pub(crate) spot: Spot,
 }
 
@@ -45,20 +45,20 @@ impl Uvs for TexturePlace {
     }
 }
 
-/// The coordinates of a spot, and how wide its beam is in them.
+/// Returns the coordinates of a point, and the width of its beam in texture coordinates.
 #[cold]
 fn mapped(mapping: &Mapping, spot: &Spot, is_wide: bool) -> (Vec2, f32) {
     let uv = uv_of(mapping, spot.p);
     if !is_wide || spot.beam <= 0.0 {
         return (uv, 0.0);
     }
-    // The area of the coordinates that a unit of the surface covers. Between the long and the short axis of the beam's
-    // oblique cut: the geometric mean.
+    // Area in texture coordinates per unit area of the surface. The beam's oblique cross-section is represented by the
+    // geometric mean of its axes
     let [u, v] = gradients(mapping, spot.p);
     (uv, spot.beam * (u.cross(v).dot(spot.normal) / spot.cosine.abs().max(0.01)).abs().sqrt())
 }
 
-/// The coordinates of a place. Those without numbers (a pole, the middle of a sphere) are 0.
+/// Returns the coordinates of a position. Undefined ones (at a pole, at the centre of a sphere) are 0.
 fn uv_of(mapping: &Mapping, p: Vec3) -> Vec2 {
     let q = mapping.mapping_from_world.transform_point3(p);
     let turns = || 0.5 * FRAC_1_PI * math::atan2(q.y, q.x);
@@ -75,7 +75,7 @@ fn uv_of(mapping: &Mapping, p: Vec3) -> Vec2 {
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
 
-/// How u and v grow in the world. Nothing grows where they jump.
+/// Returns the gradients of u and v in world space; 0 where they are discontinuous.
 pub(crate) fn gradients(mapping: &Mapping, p: Vec3) -> [Vec3; 2] {
     let q = mapping.mapping_from_world.transform_point3(p);
     let (rho_squared, r_squared) = (q.truncate().length_squared(), q.length_squared());
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn coordinates_are_those_that_pbrt_gives() {
-        // s and t at points of which both are known.
+        // s and t at points where both are known
         let cases = [
             (MappingKind::Planar, Vec3::new(0.25, -2.0, 7.0), Vec2::new(0.25, -2.0)),
             (MappingKind::Spherical, Vec3::new(0.0, 0.0, 3.0), Vec2::new(0.0, 0.0)),
@@ -165,8 +165,8 @@ mod tests {
         assert_eq!(mapped(&plain(MappingKind::Spherical), &spot, false).1, 0.0);
     }
 
-    /// A material with a picture that a mapping lays, on a square of four units in the plane z = 0 without coordinates of its own, or
-    /// on a sphere of radius 2 around the origin.
+    /// A material with a mapped picture, on a square of four units in the plane z = 0 without texture coordinates, or on
+    /// a sphere of radius 2 around the origin.
     fn laid(
         mapping: Mapping,
         image: Image,
@@ -190,7 +190,7 @@ mod tests {
         PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap()
     }
 
-    /// Heights that rise by one from edge to edge of the picture, along u.
+    /// Heights that rise by one between the edges of the picture, along u.
     fn slope() -> Image {
         let texels = (0..64 * 64).map(|i| [(i % 64) as f32 / 64.0; 3]).collect();
         Image::from_linear_rgb("slope", 64, 64, texels)
@@ -214,7 +214,7 @@ mod tests {
         let normal = point(&prepared, Vec3::new(0.1, 0.2, 3.0), Vec3::NEG_Z).frame[2];
         let expected = Vec3::new(-0.3, -0.4, 1.0).normalize();
         assert!((normal - expected).length() < 1e-3, "{normal}");
-        // On a sphere θ grows by π over π radii, so u by 1 / 2π a unit at its equator, downwards.
+        // On a sphere θ grows by π over a length of π radii, so u by 1 / 2π per unit at its equator, downwards
         let prepared = laid(plain(MappingKind::Spherical), slope(), true, bumped);
         let normal = point(&prepared, Vec3::new(5.0, 0.0, 0.0), Vec3::NEG_X).frame[2];
         let expected = Vec3::new(1.0, 0.0, 0.5 * FRAC_1_PI).normalize();
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn a_surface_is_there_where_a_picture_in_space_says() {
-        // Left half clear.
+        // The left half is transparent
         let half = || Image::from_linear_rgb("half", 2, 1, vec![[0.0; 3], [1.0; 3]]);
         let masked = |opacity: ScalarParam| Material { opacity, alpha_mode: AlphaMode::Blend, ..Material::default() };
         for (kind, on_sphere, origin, there) in [
@@ -238,7 +238,7 @@ mod tests {
         ] {
             let prepared = laid(plain(kind), half(), on_sphere, masked);
             let axis = if origin.y.abs() > 1.0 { Vec3::Y } else { Vec3::Z };
-            // Longer than a unit, as shadow rays are.
+            // Longer than unit length, like shadow rays
             let ray = Ray::new(origin, -2.0 * axis * origin.dot(axis).signum());
             let hit = prepared.accel().intersect(&ray);
             assert!(!hit.is_none());
@@ -257,7 +257,7 @@ mod tests {
         let map = |uv_set| TextureMap { uv_set, ..TextureMap::new(ImageId(0)) };
         scene.materials[0].emission.texture = Some(map(2));
         assert!(scene.validate().unwrap_err().to_string().contains("emission"));
-        // An unlit surface is no light.
+        // An unlit surface is not a light
         let color = bottega_scene::ColorParam { factor: Spectrum::ONE, texture: Some(map(2)) };
         scene.materials[0] = Surface::Unlit(color).into();
         scene.validate().unwrap();

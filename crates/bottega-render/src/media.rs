@@ -1,5 +1,5 @@
-//! Participating media: how far light gets in them, and where it goes when it is scattered. Those that vary in space are
-//! in [`varying`].
+//! Participating media: transmittance, sampling of distances, phase functions. Media that vary in space are in
+//! [`varying`].
 
 mod phase;
 pub(crate) mod varying;
@@ -10,26 +10,30 @@ use bottega_scene::{Medium, Spectrum};
 pub(crate) use self::phase::Phase;
 use self::varying::Varying;
 
-/// A medium of either kind, ready for use.
+/// A medium inside a surface, prepared for rendering.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Filling<'a> {
     Homogeneous(Homogeneous),
     Varying(Varying<'a>),
 }
 
-/// A homogeneous medium, ready for use. Coefficients are per unit of length.
+/// A homogeneous medium, prepared for rendering. Coefficients per unit of length.
+///
+/// Parameters: absorption, scattering, emission per channel; asymmetry g of the Henyey-Greenstein phase function.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Homogeneous {
-    /// σ_t = σ_a + σ_s.
+    /// Extinction σ_t = σ_a + σ_s.
     extinction: Spectrum,
-    /// σ_s.
+    /// Scattering coefficient σ_s.
     pub(crate) scattering: Spectrum,
+    /// Radiance emitted per unit of length, per channel.
     emission: Spectrum,
-    /// Henyey and Greenstein's.
+    /// Henyey-Greenstein phase function.
     pub(crate) phase: Phase,
 }
 
 impl Homogeneous {
+    /// Prepares a medium.
     pub(crate) fn new(medium: &Medium) -> Self {
         Self {
             extinction: medium.absorption + medium.scattering,
@@ -39,28 +43,29 @@ impl Homogeneous {
         }
     }
 
+    /// Returns true if the medium scatters light.
     pub(crate) fn scatters(&self) -> bool {
         self.scattering != Spectrum::ZERO
     }
 
-    /// Share of light that is scattered where it meets the medium.
+    /// Returns the single-scattering albedo σ_s / σ_t.
     pub(crate) fn albedo(&self) -> Spectrum {
         self.scattering / self.extinction.max(Spectrum::splat(f32::MIN_POSITIVE))
     }
 
-    /// Share of light that gets through a distance, which may be infinite (Beer and Lambert).
+    /// Returns the transmittance over a distance, which may be infinite (Beer and Lambert).
     pub(crate) fn transmittance(&self, distance: f32) -> Spectrum {
         Spectrum::from_array(self.extinction.to_array().map(|extinction| through(extinction, distance)))
     }
 
-    /// Radiance that the medium itself sends out along a distance. What would be infinite counts as 0.
+    /// Returns the radiance that the medium emits along a distance. Infinite results become 0.
     pub(crate) fn emitted(&self, distance: f32) -> Spectrum {
         if self.emission == Spectrum::ZERO {
             return Spectrum::ZERO;
         }
         let along = |i: usize| {
             let extinction = self.extinction[i];
-            // (1 − e^(−σ d)) / σ, without cancellation where hardly anything is absorbed.
+            // (1 − e^(−σ d)) / σ, without cancellation at small optical depths
             let depth = extinction * distance;
             let length =
                 if depth < 1e-3 { distance * (1.0 - 0.5 * depth) } else { (1.0 - math::exp(-depth)) / extinction };
@@ -70,8 +75,8 @@ impl Homogeneous {
         Spectrum::new(along(0), along(1), along(2))
     }
 
-    /// A distance at which light is scattered or absorbed; infinite where it never is. One channel decides, by these
-    /// probabilities; which one it was is forgotten, for [`Self::distance_pdf`] is that of all of them.
+    /// Draws the distance to the next collision; infinite if there is none. `channels` are the probabilities of choosing
+    /// the channel whose extinction is used; [`Self::distance_pdf`] sums over all channels (one-sample MIS).
     pub(crate) fn sample_distance(&self, channels: Spectrum, u_channel: f32, u: f32) -> f32 {
         let channel = if u_channel < channels.x {
             0
@@ -84,12 +89,12 @@ impl Homogeneous {
         if extinction > 0.0 { -math::ln(1.0 - u) / extinction } else { f32::INFINITY }
     }
 
-    /// Density of a distance drawn by [`Self::sample_distance`].
+    /// Returns the density of a distance drawn by [`Self::sample_distance`].
     pub(crate) fn distance_pdf(&self, channels: Spectrum, distance: f32) -> f32 {
         channels.dot(self.extinction * self.transmittance(distance))
     }
 
-    /// Probability with which [`Self::sample_distance`] goes beyond a distance.
+    /// Returns the probability that [`Self::sample_distance`] exceeds a distance.
     pub(crate) fn survival(&self, channels: Spectrum, distance: f32) -> f32 {
         channels.dot(self.transmittance(distance))
     }
@@ -99,7 +104,7 @@ fn through(extinction: f32, distance: f32) -> f32 {
     if extinction > 0.0 { math::exp(-extinction * distance) } else { 1.0 }
 }
 
-/// How the channels of a path decide: by what it carries in each.
+/// Returns the probabilities of choosing a channel, proportional to the throughput.
 pub(crate) fn channel_probabilities(throughput: Spectrum) -> Spectrum {
     throughput / throughput.element_sum()
 }
@@ -174,7 +179,7 @@ mod tests {
     fn distances_are_drawn_by_their_density_in_all_channels() {
         let medium = medium();
         let channels = channel_probabilities(Spectrum::new(1.0, 2.0, 1.0));
-        // What is scattered before d, by distances drawn: σ_s / σ_t (1 − e^(−σ_t d)).
+        // Fraction scattered before d, by sampled distances: σ_s / σ_t (1 − e^(−σ_t d))
         let (count, end) = (1 << 16, 0.8_f32);
         let (mut scattered, mut passed) = (Spectrum::ZERO, Spectrum::ZERO);
         for i in 0..count {
@@ -199,7 +204,7 @@ mod tests {
         let emitted = medium().emitted(3.0);
         let exact = Spectrum::new(1.0 - (-3.0_f32).exp(), 1.0 - (-6.0_f32).exp(), 9.0);
         assert!((emitted - exact).abs().max_element() < 1e-4, "{emitted} {exact}");
-        // Without end: nothing is infinite.
+        // Infinite distance: the results are finite
         assert_eq!(medium().emitted(f32::INFINITY), Spectrum::new(1.0, 1.0, 0.0));
         assert_eq!(medium().transmittance(f32::INFINITY), Spectrum::new(0.0, 0.0, 1.0));
     }

@@ -1,4 +1,4 @@
-//! A scene made ready for painting.
+//! The preparation of a scene for rendering.
 
 use std::{
     ops::Deref,
@@ -22,13 +22,13 @@ use crate::{
     surfaces::{Surfaces, used_materials},
 };
 
-/// The options of preparing a scene.
+/// Options of the preparation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PrepareOptions {
-    /// Threads to build with; 0: as many as the machine has. The result does not depend on it.
+    /// Number of threads for building; 0: all of the machine. The result does not depend on it.
     pub threads: usize,
-    /// Leave to BSDF sampling those parts of the environment that light sampling finds no better. Without it the
-    /// environment can be found by light sampling alone.
+    /// `true`: leaves to BSDF sampling those parts of the environment that it samples well enough (MIS compensation);
+    /// `false`: light sampling alone finds the whole environment.
     pub compensate_environment: bool,
 }
 
@@ -38,15 +38,15 @@ impl Default for PrepareOptions {
     }
 }
 
-/// A scene, its acceleration structure and its light tables. Immutable, and shared by all who paint it; cameras may be added
-/// ([`Self::add_camera`]), and none changes. What is found out of it before a picture is in a [`Prepass`](crate::Prepass).
+/// A scene with its acceleration structure and light tables. Immutable and shared by all who render it, except that
+/// cameras can be added ([`Self::add_camera`]) and removed. Data learnt before a picture is in a
+/// [`Prepass`](crate::Prepass).
 pub struct PreparedScene {
     surfaces: Surfaces,
-    /// Those of the scene, then those that were added.
-    /// One that was taken away leaves its place: no number means two cameras.
+    /// Cameras of the scene, then added ones. A removed camera leaves `None`, so that numbers are not reused.
     cameras: RwLock<Vec<Option<Arc<Camera>>>>,
     accel: Accel,
-    /// Of the media that vary in space.
+    /// Majorants of the media that vary in space; `None` for the others.
     majorants: Vec<Option<Majorants>>,
     lights: Lights,
     has_opacity: bool,
@@ -55,20 +55,20 @@ pub struct PreparedScene {
     needs_volume: bool,
     threads: usize,
     id: DataId,
-    /// Bytes on a device, once one has said what it takes.
+    /// Memory on a device in bytes, once a device has reported it.
     device_bytes: AtomicU64,
 }
 
 impl PreparedScene {
-    /// Builds everything that painting needs.
+    /// Prepares a scene: validates it, builds the acceleration structure and everything else.
     pub fn new(scene: Arc<Scene>, options: &PrepareOptions) -> Result<Self, RenderError> {
         let accel = build_accel(&scene, options)?;
         Ok(Self::with_accel(scene, accel, options))
     }
 
-    /// Builds everything else that painting needs.
+    /// Prepares a scene whose acceleration structure exists.
     ///
-    /// - `accel`: what [`build_accel`] made of the same scene.
+    /// - `accel`: result of [`build_accel`] for the same scene.
     pub fn with_accel(scene: Arc<Scene>, accel: Accel, options: &PrepareOptions) -> Self {
         let mut surfaces = Surfaces::new(scene);
         let scene = Arc::clone(surfaces.scene());
@@ -108,22 +108,22 @@ impl PreparedScene {
         }
     }
 
-    /// The camera of a number: those of the scene have theirs, and those that were added follow.
+    /// Returns a camera by its number: the scene's cameras come first, then the added ones. `None`: no such camera.
     pub fn camera(&self, number: usize) -> Option<Arc<Camera>> {
         self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(number).cloned().flatten()
     }
 
-    /// Adds a camera: the same scene, seen otherwise, with nothing prepared anew. Returns its number.
+    /// Adds a camera without preparing anything again. Returns its number.
     ///
-    /// - `camera`: one of the scene's that stands elsewhere, or has another lens or angle; its medium and its view of emitters
-    ///   must be those of one of the scene's.
+    /// - `camera`: may differ from the scene's cameras in position, lens and angle; its medium and
+    ///   [`hides_emitters`](Camera::hides_emitters) must equal those of one of the scene's.
     pub fn add_camera(&self, camera: Camera) -> usize {
         let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
         cameras.push(Some(Arc::new(camera)));
         cameras.len() - 1
     }
 
-    /// Takes a camera away that was added; those of the scene stay. Nobody may see by it any more.
+    /// Removes an added camera; the scene's own ones stay. It must not be used any more.
     pub fn remove_camera(&self, number: usize) {
         let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
         if let Some(added) = cameras.get_mut(number).filter(|_| number >= self.scene().cameras.len()) {
@@ -131,63 +131,63 @@ impl PreparedScene {
         }
     }
 
-    /// An error for a number that no camera has.
+    /// Returns the error for a number without a camera.
     pub(crate) fn no_camera(&self, index: usize) -> RenderError {
         RenderError::NoCamera { index, count: self.cameras.read().unwrap_or_else(PoisonError::into_inner).len() }
     }
 
-    /// The acceleration structure.
+    /// Returns the acceleration structure.
     #[inline(always)]
     pub fn accel(&self) -> &Accel {
         &self.accel
     }
 
-    /// Names it as data that may be resident in a resource; unique within the process.
+    /// Returns the id of the scene as data that may reside on a device; unique within the process.
     pub fn data_id(&self) -> DataId {
         self.id
     }
 
-    /// Bytes that it takes on the device where it takes most; 0 until one has told.
+    /// Returns the scene's memory in bytes, on the device where it is largest; 0 until a device has reported it.
     pub fn device_bytes(&self) -> u64 {
         self.device_bytes.load(Ordering::Relaxed)
     }
 
-    /// A device tells how many bytes the scene takes there.
+    /// Records the scene's memory on a device, in bytes.
     pub fn note_device_bytes(&self, bytes: u64) {
         self.device_bytes.fetch_max(bytes, Ordering::Relaxed);
     }
 
-    /// Whether some surface may let rays pass, so that hits must be asked.
+    /// Returns true if some surface may let rays pass, so that hits must be filtered.
     #[inline(always)]
     pub fn has_opacity(&self) -> bool {
         self.has_opacity
     }
 
-    /// Whether something is more than surfaces: a medium that scatters or emits, or one that does not begin and end where
-    /// light is refracted.
+    /// Returns true if the scene needs volume integration: a medium scatters or emits, or is not bounded by refracting
+    /// surfaces.
     #[inline(always)]
     pub(crate) fn needs_volume(&self) -> bool {
         self.needs_volume
     }
 
-    /// Whether light goes through media that photons know nothing of: those that scatter, emit, or do not begin and end where
-    /// it is refracted.
+    /// Returns true if there are media that photon mapping does not support: those that scatter, emit, or are not bounded
+    /// by refracting surfaces.
     pub fn has_media(&self) -> bool {
         self.needs_volume
     }
 
-    /// Whether there are surfaces behind which lights are sought: those that do nothing but part media, and panes.
+    /// Returns true if light sampling must look behind some surfaces: boundaries of media without a surface, and panes.
     pub(crate) fn has_boundaries(&self) -> bool {
         self.has_boundaries || self.has_panes
     }
 
-    /// Whether there are panes: what goes straight through them is no bounce.
+    /// Returns true if there are panes, which transmit light straight through without counting as a bounce.
     #[inline(always)]
     pub(crate) fn has_panes(&self) -> bool {
         self.has_panes
     }
 
-    /// Bytes that preparation added to the scene.
+    /// Returns the memory of the prepared data without the scene, in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.accel.memory_bytes()
             + self.lights.memory_bytes()
@@ -195,12 +195,13 @@ impl PreparedScene {
             + self.majorants.iter().flatten().map(Majorants::memory_bytes).sum::<usize>()
     }
 
+    /// Returns the scene's lights.
     #[inline(always)]
     pub(crate) fn lights(&self) -> &Lights {
         &self.lights
     }
 
-    /// What fills space.
+    /// Returns a medium, prepared for rendering.
     pub(crate) fn medium(&self, id: MediumId) -> Filling<'_> {
         let medium = &self.scene().media[id.0 as usize];
         match (&medium.variation, &self.majorants[id.0 as usize]) {
@@ -209,7 +210,7 @@ impl PreparedScene {
         }
     }
 
-    /// Does something on as many threads as are meant for what is made once.
+    /// Runs `make` in a pool with the configured number of threads.
     pub(crate) fn on_threads<T: Send>(&self, make: impl FnOnce() -> T + Send) -> T {
         match rayon::ThreadPoolBuilder::new().num_threads(self.threads).build() {
             Ok(pool) => pool.install(make),
@@ -217,11 +218,12 @@ impl PreparedScene {
         }
     }
 
-    /// Whether paths of a view learn beforehand: it has pixels and samples enough, and no media take part.
+    /// Returns true if paths of a view can learn in a prepass: it has enough pixels and samples, no media and no panes.
     pub fn can_learn(&self, view: View, planned_samples: u32) -> bool {
-        /// A picture of fewer pixels gives too few paths to learn from: with a poor guide its noise would grow.
+        /// Smallest number of pixels: fewer give too few paths to learn from, and a poor guide adds noise.
         const PIXELS_MIN: u64 = 128 * 128;
-        /// Of fewer samples learning takes more than it saves (`bench/runs/2026-11-25-negative-light.txt`).
+        /// Smallest number of samples: below, learning costs more than it saves
+        /// (`bench/runs/2026-11-25-negative-light.txt`).
         const SAMPLES_MIN: u64 = 1 << 19;
         let pixels = u64::from(view.width) * u64::from(view.height);
         let is_large = pixels >= PIXELS_MIN && pixels * u64::from(planned_samples) >= SAMPLES_MIN;
@@ -238,19 +240,19 @@ impl Deref for PreparedScene {
     }
 }
 
-/// The shapes of a scene as those take them who build trees over them; numbered as in the scene.
+/// The shapes of a scene as the input of tree builders; numbered as in the scene.
 #[derive(Debug)]
 pub struct SceneGeometry<'a> {
-    /// Of [`Scene::meshes`].
+    /// Shapes of [`Scene::meshes`].
     pub meshes: Vec<MeshGeometry<'a>>,
-    /// Of [`Scene::instances`].
+    /// Shapes of [`Scene::instances`].
     pub instances: Vec<InstanceGeometry>,
-    /// Of [`Scene::spheres`].
+    /// Shapes of [`Scene::spheres`].
     pub spheres: Vec<SphereGeometry>,
 }
 
 impl<'a> SceneGeometry<'a> {
-    /// All shapes of `scene`.
+    /// Returns all shapes of `scene`.
     pub fn of(scene: &'a Scene) -> Self {
         let mesh = |mesh: &'a Mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles };
         let instance = |it: &Instance| InstanceGeometry { mesh: it.mesh, world_from_object: it.world_from_object };
@@ -263,7 +265,7 @@ impl<'a> SceneGeometry<'a> {
     }
 }
 
-/// Checks a scene and builds its acceleration structures: the long part of preparing one of many triangles.
+/// Validates a scene and builds its acceleration structure, which takes most of the preparation of large scenes.
 pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderError> {
     scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
     let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(scene);

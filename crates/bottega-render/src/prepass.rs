@@ -1,4 +1,4 @@
-//! The prepass of a picture: guides, photon maps, lighting agents.
+//! The prepass of pictures: guides, photon maps, lighting agents.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -9,10 +9,10 @@ use crate::{
     photon::{MapBytes, Passes, PhotonPlan, PhotonPlans, PhotonStore},
 };
 
-/// What is found out of one scene before its pictures, shared by all who paint them. Each part is made by the first who
-/// needs it, while others wait; it depends on scene, view, settings and seed alone.
+/// Data learnt from one scene before its pictures, shared by all threads that render them. Each part is created by the
+/// first user while others wait; it depends on scene, view, settings and seed alone.
 ///
-/// A prepass belongs to one [`PreparedScene`]: with another one its answers are of no use.
+/// A prepass belongs to one [`PreparedScene`]; with another one its data is meaningless.
 #[derive(Default)]
 pub struct Prepass {
     guides: Mutex<Vec<(LearntFor, GuidePlace)>>,
@@ -20,30 +20,30 @@ pub struct Prepass {
     photon_plans: PhotonPlans,
 }
 
-/// What a guide is for: a view, samples a pixel, what agents are asked for, and whether paths are guided.
+/// The key of a guide: view, samples per pixel, uses of agents, and if paths are guided.
 type LearntFor = (View, u32, AgentUse, bool);
 
 fn learnt_for(view: View, settings: &PathSettings) -> LearntFor {
     (view, settings.planned_samples, settings.agents, settings.guiding)
 }
 
-/// Where a guide is put by the first who needs it, while others wait.
+/// A guide, filled by its first user while others wait.
 type GuidePlace = Arc<OnceLock<Arc<Guide>>>;
 
 impl Prepass {
-    /// Returns the bytes that it holds.
+    /// Returns the memory of guides and photon maps, in bytes.
     pub fn memory_bytes(&self) -> usize {
         let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
         let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
         guides.sum::<usize>() + self.photons.memory_bytes()
     }
 
-    /// Where photons and agents of a view are sent; the first who asks looks at it.
+    /// Returns the plan of photons and agents for a view; the first call computes it.
     pub(crate) fn photon_plan(&self, prepared: &PreparedScene, view: View) -> Arc<PhotonPlan> {
         self.photon_plans.of_view(prepared, view)
     }
 
-    /// The photon maps of a picture.
+    /// Returns the photon maps of a picture.
     pub(crate) fn passes(
         &self,
         prepared: &PreparedScene,
@@ -55,7 +55,7 @@ impl Prepass {
         self.photons.passes(self.photon_plan(prepared, view), photons, seed, pass_count)
     }
 
-    /// What the lighting agents of a picture are like, and what they were asked so far; `None` where there are none.
+    /// Returns statistics of the lighting agents of a picture and of the requests so far; `None` without agents.
     pub fn lighting_agents(
         &self,
         prepared: &PreparedScene,
@@ -69,24 +69,24 @@ impl Prepass {
         Some(AgentReport { caustics_seen: passes.plan().shares_seen(), ..report })
     }
 
-    /// What the maps of a picture by photons take.
+    /// Returns the memory of the photon maps of a picture, in bytes.
     pub fn map_bytes(&self, prepared: &PreparedScene, view: View, photons: PhotonSettings, seed: u64) -> MapBytes {
         self.passes(prepared, view, photons, seed, 1).bytes()
     }
 
-    /// What is known of where light comes from, for a view and as many samples a pixel as are planned. The first who asks
-    /// learns it by `learn`; who asks meanwhile waits.
+    /// Returns the guide of a view for the planned number of samples per pixel. The first caller computes it by `learn`;
+    /// others wait.
     pub(crate) fn guide(&self, view: View, settings: &PathSettings, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
         Arc::clone(self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
-    /// Whether that has been learnt.
+    /// Returns true if the guide exists.
     pub(crate) fn has_guide(&self, view: View, settings: &PathSettings) -> bool {
         self.guide_place(learnt_for(view, settings)).get().is_some()
     }
 
-    /// What has been learnt of a view that is painted with such settings, for others who paint the same; `None`: nothing
-    /// yet.
+    /// Serializes the data learnt for a view and settings, for other machines that render the same; `None`: nothing is
+    /// learnt yet.
     pub fn learnt(&self, prepared: &PreparedScene, view: View, settings: &PathSettings) -> Option<Vec<u8>> {
         match settings.photons {
             None => Some(self.guide_place(learnt_for(view, settings)).get()?.to_bytes()),
@@ -94,11 +94,11 @@ impl Prepass {
         }
     }
 
-    /// Takes what somebody else has [learnt](Self::learnt) of the same view of the same scene, by the same version of this
-    /// program. Whoever has learnt it already keeps that.
+    /// Takes data that another machine has [learnt](Self::learnt) for the same view of the same scene, with the same
+    /// version of this program. Existing data is kept.
     ///
     /// # Errors
-    /// The bytes are nothing of the kind.
+    /// The bytes are not such data.
     pub fn learn_from(
         &self,
         prepared: &PreparedScene,
@@ -116,7 +116,7 @@ impl Prepass {
     }
 
     fn guide_place(&self, of: LearntFor) -> GuidePlace {
-        /// Guides that are kept.
+        /// Number of guides kept.
         const GUIDES_MAX: usize = 4;
         let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, place)) = guides.iter().find(|(known, _)| *known == of) {

@@ -1,55 +1,57 @@
-//! Uniform numbers for Monte Carlo integration, as a pure function of (seed, pixel, sample index, dimension).
+//! Quasi-random numbers for Monte Carlo integration, as a pure function of (seed, pixel, sample index, dimension).
 //!
-//! Dimensions come in sets of four: an Owen-scrambled Sobol' sequence of its own for every set, so that the four
-//! numbers of a set are stratified together and any number of sets can be had. Nothing is stored and nothing
-//! advances: whoever asks for the same numbers gets the same bits, on any thread, in any order, in any pass.
+//! Dimensions come in sets of four, each with its own Owen-scrambled Sobol' sequence: the four numbers of a set are
+//! stratified together, and there can be any number of sets. Nothing is stored and there is no state: the same request
+//! gets the same bits, on any thread, in any order, in any pass.
 //!
-//! Source: Burley 2020, *Practical Hash-based Owen Scrambling* (shuffled scrambled Sobol' in four dimensions); the
-//! hash is that of Laine and Karras 2011 with the better mixing constants published by Vegdahl 2021.
+//! Source: Burley 2020, *Practical Hash-based Owen Scrambling* (shuffled scrambled Sobol' in four dimensions); the hash
+//! is that of Laine and Karras 2011 with the better mixing constants published by Vegdahl 2021.
 
 mod sobol;
 
 use bottega_kernels::mix64;
 
-/// The four uniform numbers of one dimension set, each in [0, 1).
+/// Four random numbers of one dimension set, each in [0, 1).
 pub type Quad = [f32; 4];
 
-/// Names the dimension sets of a path, so that each decision at each vertex has numbers of its own.
+/// A set of four dimensions; each decision at each vertex of a path has its own set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct DimensionSet(u32);
 
 impl DimensionSet {
-    /// Place in the pixel (2), place on the lens (2).
+    /// The camera: position in the pixel (2), position on the lens (2).
     pub const CAMERA: Self = Self(0);
 
-    /// Choice of the light (1), place on it (2), spare (1), at the path's vertex `vertex` counted from the camera.
+    /// Light sampling at a path's vertex, counted from the camera: choice of the light (1), position on it (2), spare
+    /// (1).
     pub fn light(vertex: u32) -> Self {
         Self(1 + 2 * vertex)
     }
 
-    /// Choice of the channel (1), distance (1), spare (2), on the path's segment `segment` through a medium.
+    /// Distance sampling on a path's segment through a medium: choice of the channel (1), distance (1), spare (2).
     pub fn distance(segment: u32) -> Self {
         Self(Self::MEDIA + 2 * segment)
     }
 
-    /// Choice of the light (1), distance (1), place on the light (2), on the path's segment `segment` through a medium.
+    /// Light sampling along a path's segment through a medium: choice of the light (1), distance (1), position on the
+    /// light (2).
     pub fn along(segment: u32) -> Self {
         Self(Self::MEDIA + 1 + 2 * segment)
     }
 
-    /// Where the sets of segments through media begin: beyond those of vertices.
+    /// Start of the sets of segments through media, beyond those of vertices.
     const MEDIA: u32 = 1 << 30;
 
-    /// Choice of the lobe (1), direction (2), Russian roulette (1), at the path's vertex `vertex`.
+    /// Scattering at a path's vertex: choice of the lobe (1), direction (2), Russian roulette (1).
     pub fn scattering(vertex: u32) -> Self {
         Self(2 + 2 * vertex)
     }
 }
 
-/// Sets the numbers of branches of paths apart from all others.
+/// Key that separates the random numbers of path branches from all others.
 const BRANCH: u64 = 0x6272_616e_6368_6573;
 
-/// The uniform numbers of one sample of one pixel.
+/// The random numbers of one sample of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelSampler {
     pixel_key: u64,
@@ -58,27 +60,27 @@ pub struct PixelSampler {
 }
 
 impl PixelSampler {
-    /// The numbers of sample `sample_index` of the pixel (x, y) of the picture.
+    /// Creates the sampler of sample `sample_index` of the pixel (x, y) of the picture.
     #[inline(always)]
     pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
         let pixel = u64::from(x) | u64::from(y) << 32;
         Self { pixel_key: mix64(mixed_seed(seed) ^ pixel), sample_index, reversed_index: sample_index.reverse_bits() }
     }
 
-    /// The numbers of branch `branch` of a path that goes on as several from its vertex `vertex`.
+    /// Returns the sampler of branch `branch` of a path that is split at its vertex `vertex`.
     #[inline(always)]
     pub(crate) fn branch(&self, vertex: u32, branch: u32) -> Self {
         let key = u64::from(vertex) << 32 | u64::from(branch);
         Self { pixel_key: mix64(self.pixel_key ^ mix64(key ^ BRANCH)), ..*self }
     }
 
-    /// The four numbers of a dimension set.
+    /// Returns the four numbers of a dimension set.
     #[inline(always)]
     pub fn quad(&self, set: DimensionSet) -> Quad {
         self.scrambled_point(set, self.reversed_index)
     }
 
-    /// The numbers of two sets, at little more than the price of one.
+    /// Returns the numbers of two sets, at little more than the cost of one.
     #[inline(always)]
     pub fn two_quads(&self, first: DimensionSet, second: DimensionSet) -> [Quad; 2] {
         let (p, j) = self.point(first, self.reversed_index);
@@ -89,8 +91,8 @@ impl PixelSampler {
         [[all[0], all[1], all[2], all[3]], [all[4], all[5], all[6], all[7]]]
     }
 
-    /// The numbers of part `part` of `part_count`, where this sample splits into several in that set. The parts of
-    /// all samples together make one sequence, so they are stratified against each other as well.
+    /// Returns the numbers of part `part` of `part_count`, if this sample is split in that set. The parts of all samples
+    /// form one sequence, so they are stratified against each other as well.
     #[inline(always)]
     pub fn split_quad(&self, set: DimensionSet, part: u32, part_count: u32) -> Quad {
         debug_assert!(part < part_count);
@@ -98,19 +100,19 @@ impl PixelSampler {
         self.scrambled_point(set, index.reverse_bits())
     }
 
-    /// The first number of a set.
+    /// Returns the first number of a set.
     pub fn get_1d(&self, set: DimensionSet) -> f32 {
         self.quad(set)[0]
     }
 
-    /// The first two numbers of a set.
+    /// Returns the first two numbers of a set.
     pub fn get_2d(&self, set: DimensionSet) -> glam::Vec2 {
         let [x, y, ..] = self.quad(set);
         glam::Vec2::new(x, y)
     }
 
-    /// Uniform in [0, 1), from the sample and `key` alone: for decisions that have no dimension, such as whether a
-    /// half-transparent surface is there.
+    /// Returns a hash of sample and `key` in [0, 1), for decisions without a dimension, such as the opacity of a
+    /// half-transparent surface.
     #[inline(always)]
     pub fn hashed(&self, key: u64) -> f32 {
         let bits = mix64(mix64(self.pixel_key ^ key) ^ u64::from(self.sample_index));
@@ -123,33 +125,33 @@ impl PixelSampler {
         scrambled(bits, [key; 4], [0, 1, 2, 3])
     }
 
-    /// The point of the shuffled sequence of a set with its bits reversed, and what its scrambling is made from.
+    /// Returns the bit-reversed point of the shuffled sequence of a set, and the key of its scrambling.
     #[inline(always)]
     fn point(&self, set: DimensionSet, reversed_index: u32) -> ([u32; 4], u64) {
         let key = mix64(self.pixel_key.wrapping_add(u64::from(set.0).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
-        // Shuffle the order of the points, differently for each set, or sets would be correlated.
+        // Shuffle the order of the points differently for each set, which decorrelates the sets
         let shuffled = owen_scramble_reversed(reversed_index, (key >> 32) as u32);
         (sobol::reversed_point(shuffled), key)
     }
 }
 
-/// What all pixels have of a seed.
+/// Returns the hash of a seed that all pixels share.
 pub fn mixed_seed(seed: u64) -> u64 {
     mix64(seed)
 }
 
-/// What the points of the sequence are joined from; see [`crate::flat::sobol_table`].
+/// Returns the table from which the points of the sequence are combined, see [`crate::flat::sobol_table`].
 pub(crate) fn sobol_table() -> &'static [[[u32; 4]; 16]; 8] {
     &sobol::NIBBLES
 }
 
-/// Owen scrambling of fractions whose bits are reversed, by keys and dimensions, to numbers in [0, 1). Without branches, for
+/// Returns numbers in [0, 1) by Owen scrambling of bit-reversed fractions, by keys and dimensions; without branches, for
 /// all lanes at once.
 #[inline(always)]
 fn scrambled<const N: usize>(reversed: [u32; N], keys: [u64; N], dimensions: [u32; N]) -> [f32; N] {
     let seeds: [u32; N] =
         std::array::from_fn(|i| (keys[i] as u32).wrapping_add(dimensions[i].wrapping_mul(0x9e37_79b9)));
-    // A bijection of 32 bits that mixes well (Wellons 2018, "lowbias32").
+    // A bijection of 32 bits that mixes well (Wellons 2018, "lowbias32")
     let seeds: [u32; N] = std::array::from_fn(|i| (seeds[i] ^ seeds[i] >> 16).wrapping_mul(0x7feb_352d));
     let seeds: [u32; N] = std::array::from_fn(|i| (seeds[i] ^ seeds[i] >> 15).wrapping_mul(0x846c_a68b));
     let seeds: [u32; N] = std::array::from_fn(|i| seeds[i] ^ seeds[i] >> 16);
@@ -157,14 +159,14 @@ fn scrambled<const N: usize>(reversed: [u32; N], keys: [u64; N], dimensions: [u3
     bits.map(unit_interval)
 }
 
-/// The 24 high bits as a number in [0, 1).
+/// Converts the 24 high bits to a number in [0, 1).
 #[inline(always)]
 fn unit_interval(bits: u32) -> f32 {
-    // By way of a signed number, which any vector unit converts.
+    // Convert from a signed number, which every vector unit supports
     (bits >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0)
 }
 
-/// Owen scrambling of a number whose bits are reversed: a bit is flipped depending on those below it only.
+/// Owen-scrambles a bit-reversed number: each bit is flipped depending only on the bits below it.
 #[inline(always)]
 fn owen_scramble_reversed(mut x: u32, seed: u32) -> u32 {
     x ^= x.wrapping_mul(0x3d20_adea);
@@ -180,7 +182,7 @@ mod tests {
 
     use super::*;
 
-    /// Whether the points fill an elementary grid of 2^a × 2^b cells with one point each.
+    /// Returns true if each of the 2^a × 2^b cells of an elementary grid contains one point.
     fn fills_grid(points: &[(f32, f32)], columns: usize, rows: usize) -> bool {
         let mut cells = vec![0; columns * rows];
         for &(x, y) in points {
@@ -248,7 +250,8 @@ mod tests {
 
     #[test]
     fn integration_error_falls_faster_than_that_of_random_numbers() {
-        // The mean over pixels of the squared error of ∫ f, f smooth in four dimensions with mean (1 − e⁻¹)⁴, and a disc.
+        // The mean over pixels of the squared error of ∫ f, for a smooth f in four dimensions with mean (1 − e⁻¹)⁴, and a
+        // disc
         let exact = (1.0 - (-1.0_f64).exp()).powi(4);
         let smooth = |q: Quad| f64::from(-q.iter().sum::<f32>()).exp();
         let disc = |q: Quad| f64::from(u8::from(q[0] * q[0] + q[1] * q[1] < 1.0));

@@ -1,10 +1,11 @@
-//! Maps from the unit square to directions and places, each by its density.
+//! Mappings from the unit square to directions and points, with known densities.
 
 use bottega_kernels::math;
 use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// A point of the unit disk, uniform by area: the concentric map (Shirley and Chiu 1997), which keeps strata compact.
+/// Maps `u` to a point of the unit disk, uniform by area: the concentric mapping (Shirley and Chiu 1997), which keeps
+/// strata compact.
 #[inline(always)]
 pub(crate) fn uniform_disk(u: [f32; 2]) -> Vec2 {
     let [a, b] = u.map(|u| 2.0 * u - 1.0);
@@ -17,7 +18,7 @@ pub(crate) fn uniform_disk(u: [f32; 2]) -> Vec2 {
     radius * Vec2::new(cos, sin)
 }
 
-/// The direction at angle arccos(1 − `one_minus_cos`) to an axis, `turn` of the way around.
+/// Returns the direction at the angle arccos(1 − `one_minus_cos`) to an axis; `turn`: azimuth as a fraction of a turn.
 pub(crate) fn around(axis: Vec3, one_minus_cos: f32, turn: f32) -> Vec3 {
     let (s, t) = orthonormal_basis(axis);
     let (sin, cos) = math::sin_cos_of_turns(turn);
@@ -25,7 +26,7 @@ pub(crate) fn around(axis: Vec3, one_minus_cos: f32, turn: f32) -> Vec3 {
     (s * (sine * cos) + t * (sine * sin) + axis * (1.0 - one_minus_cos)).normalize()
 }
 
-/// A direction uniform over the sphere.
+/// Maps `u` to a direction, uniform over the sphere.
 #[inline(always)]
 pub(crate) fn uniform_sphere(u: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * u[0];
@@ -34,8 +35,8 @@ pub(crate) fn uniform_sphere(u: [f32; 2]) -> Vec3 {
     Vec3::new(r * cos, r * sin, z)
 }
 
-/// Barycentric coordinates (of the second and third vertex) uniform over a triangle, by a map that keeps strata
-/// compact (Heitz 2019, *A Low-Distortion Map Between Triangle and Square*).
+/// Maps `u` to barycentric coordinates (of the second and third vertex), uniform over a triangle, by a mapping that keeps
+/// strata compact (Heitz 2019, *A Low-Distortion Map Between Triangle and Square*).
 #[inline(always)]
 pub(crate) fn uniform_triangle(u: [f32; 2]) -> (f32, f32) {
     let [mut x, mut y] = u;
@@ -49,7 +50,7 @@ pub(crate) fn uniform_triangle(u: [f32; 2]) -> (f32, f32) {
     (x, y)
 }
 
-/// Two unit vectors that make a right-handed frame with the unit vector `n` (Duff et al. 2017, *Building an
+/// Returns two unit vectors that form a right-handed frame with the unit vector `n` (Duff et al. 2017, *Building an
 /// Orthonormal Basis, Revisited*).
 #[inline(always)]
 pub(crate) fn orthonormal_basis(n: Vec3) -> (Vec3, Vec3) {

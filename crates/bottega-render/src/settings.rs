@@ -1,46 +1,46 @@
-//! The settings of a picture.
+//! Settings of a picture: view, path tracing, photon mapping, lighting agents.
 
 use crate::filter::Filter;
 
-/// A picture of the scene: which camera, how many pixels.
+/// A camera and a size: the view that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct View {
     /// Index into [`Scene::cameras`](bottega_scene::Scene::cameras).
     pub camera: usize,
-    /// Columns of the whole picture.
+    /// Width of the whole picture in pixels.
     pub width: u32,
-    /// Rows of the whole picture.
+    /// Height of the whole picture in pixels.
     pub height: u32,
 }
 
-/// The strategies that find direct light. All have the same mean; that is what the others are for: to test it.
+/// The strategies that find direct light. All have the same mean, so the single ones serve to test the combination.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DirectLight {
     /// Light sampling and BSDF sampling, combined by the power heuristic (Veach 1997, §9.2.4).
     #[default]
     Combined,
-    /// Light sampling alone. Misses what only a Dirac lobe can see.
+    /// Light sampling alone. Misses light that is visible only through Dirac lobes.
     LightSampling,
     /// BSDF sampling alone. Misses lights without extent.
     BsdfSampling,
 }
 
-/// The use of lighting agents on a path.
+/// The uses of lighting agents in path tracing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AgentUse {
-    /// Whether a light is seen, as far as they know: fewer shadow rays.
+    /// `true`: their knowledge of visibility saves shadow rays.
     pub shadows: bool,
-    /// Which lights matter.
+    /// `true`: they guide the choice of lights.
     pub lights: bool,
-    /// What a path is worth: whether it ends, goes on, or goes on as several.
+    /// `true`: they estimate a path's contribution for Russian roulette and splitting.
     pub roulette: bool,
 }
 
 impl AgentUse {
-    /// All that they can tell.
+    /// All uses.
     pub const ALL: Self = Self { shadows: true, lights: true, roulette: true };
 
-    /// Whether anything is asked.
+    /// Returns true if any use is enabled.
     pub fn any(self) -> bool {
         self.shadows || self.lights || self.roulette
     }
@@ -49,125 +49,128 @@ impl AgentUse {
 /// The settings of the path integrator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSettings {
-    /// Another seed gives another picture of the same mean.
+    /// Seed of the random numbers; the mean does not depend on it.
     pub seed: u64,
-    /// Bounces. 0: only emission seen directly; 1: direct light; and so on.
+    /// Largest number of bounces. 0: only directly visible emission; 1: direct light; and so on.
     pub max_depth: u32,
-    /// Light samples at each vertex of a path; at least 1 is taken.
+    /// Number of light samples per path vertex; at least 1 is taken.
     pub light_samples: u32,
-    /// The pixel filter.
+    /// Reconstruction filter of the pixels.
     pub filter: Filter,
-    /// The greatest value that a channel of a sample may have. A brighter sample is darkened to it, and keeps its colour; infinity: none
-    /// is.
+    /// Largest value of a sample's channels. Brighter samples are scaled down to it, which keeps their colour; infinity:
+    /// no limit.
     pub sample_max: f32,
-    /// Bounces after which Russian roulette may end a path.
+    /// Number of bounces before Russian roulette starts.
     pub roulette_depth: u32,
-    /// Which strategies find direct light.
+    /// The strategies for direct light.
     pub direct_light: DirectLight,
-    /// Whether paths learn beforehand where light comes from. It changes the noise, not the mean.
+    /// `true`: paths learn in a prepass where light comes from. Changes the noise, not the mean.
     pub guiding: bool,
-    /// What lighting agents, who learn beforehand as well, are asked for beside that. It changes the noise, not the mean.
+    /// Uses of lighting agents, which also learn in a prepass. Changes the noise, not the mean.
     pub agents: AgentUse,
-    /// Samples a pixel that the picture is to have: the more, the longer paths learn beforehand.
+    /// Number of samples per pixel planned for the picture; the prepass learns longer for more samples.
     pub planned_samples: u32,
-    /// Photon mapping in place of path tracing.
+    /// Photon mapping instead of path tracing, if set.
     pub photons: Option<PhotonSettings>,
 }
 
 /// The settings of photon mapping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotonSettings {
-    /// Photons that leave the lights, in each pass of a progressive picture. Without any there is direct light alone.
+    /// Number of photons emitted, in each pass for a progressive picture. 0: direct light only.
     pub count: u32,
-    /// The nearest photons from which light is estimated; [`NEAREST_MAX`](crate::photon::NEAREST_MAX) at most.
+    /// Number of nearest photons in an estimate; at most [`NEAREST_MAX`](crate::photon::NEAREST_MAX).
     pub gather: u32,
-    /// How far photons may lie, as a share of the radius of what is seen (of the scene, unless that is much wider); those of a
-    /// progressive picture a fifth of it in the first pass, and less in each later one.
+    /// Largest distance of photons in an estimate, as a fraction of the radius of the visible part (of the scene, unless
+    /// that is much wider). Progressive pictures start with a fifth of it, which shrinks from pass to pass.
     pub radius: f32,
-    /// The radius of the first pass of a progressive picture in scene units, where it is not to be by the share.
+    /// Radius of the first pass of a progressive picture, in scene units; `None`: derived from [`Self::radius`].
     pub first_radius: Option<f32>,
-    /// Rays of the final gathering in each sample, whose ends are lit by the map. 0: what the camera sees is lit by it.
+    /// Number of final gather rays per sample. 0: the photon map lights visible surfaces directly.
     pub final_rays: u32,
-    /// Surfaces that a photon may come to.
+    /// Largest number of surfaces that a photon visits.
     pub bounces: u32,
-    /// How near photons count more.
+    /// Weights of photons by distance.
     pub filter: PhotonFilter,
-    /// Greatest error with which indirect light on matte surfaces is taken from places near by instead of gathered anew, as
-    /// a share (Ward's a): 0.1 careful, 0.4 coarse, 0 never.
+    /// Largest relative error at which indirect light on matte surfaces is interpolated instead of gathered again (Ward's
+    /// a): 0.1 careful, 0.4 coarse, 0 never.
     pub irradiance_cache: f32,
-    /// Whether photons for caustics are sent where agents that the camera casts look out for them, or to all mirrors and glass alike. It
-    /// changes the noise, not the mean.
+    /// `true`: caustic photons are aimed where agents cast from the camera detect caustics; `false`: at all specular
+    /// surfaces equally. Changes the noise, not the mean.
     pub lookouts: bool,
-    /// Whether photons that go on behind what is lit decide where shadow rays are needed.
+    /// `true`: shadow photons, which continue behind lit surfaces, decide where shadow rays are traced.
     pub shadow_photons: bool,
-    /// Whether gathering rays go where indirect photons came from, as far as that tells more than chance. It changes the noise, not the mean.
+    /// `true`: final gather rays follow the directions of indirect photons, where these are informative. Changes the
+    /// noise, not the mean.
     pub gather_directions: bool,
-    /// Whether photons that come straight from the lights and those that were scattered are kept in maps of their own, from which light
-    /// is estimated wherever it is asked for; else the irradiance is computed beforehand at places all over the surfaces.
+    /// `true`: direct and indirect photons are kept in separate maps and estimated at each lookup; `false`: irradiance is
+    /// precomputed at points on all surfaces.
     pub separate_maps: bool,
-    /// Whether there is indirect light, but for that over mirrors and through glass alone.
+    /// `true`: includes indirect light; `false`: only direct light and light over specular surfaces.
     pub indirect: bool,
-    /// Whether each sample has photons of its own, and finds them within a radius that shrinks, so that with more and more
-    /// samples the picture becomes that of the path tracer.
+    /// `true`: each sample has its own photons, gathered within a shrinking radius, so that the picture converges to that
+    /// of the path tracer.
     pub progressive: bool,
-    /// Autonomous Lighting Agents in place of all photons but those of caustics.
+    /// Autonomous Lighting Agents instead of all photons but those of caustics, if set.
     pub agents: Option<AgentSettings>,
 }
 
 /// The settings of Autonomous Lighting Agents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSettings {
-    /// Agents cast from all lights together. Their clones behind what they meet come on top.
+    /// Number of agents cast from all lights together, not counting their clones behind surfaces.
     pub cast: u32,
-    /// Who answers while the picture is painted.
+    /// The rules by which agents answer during rendering.
     pub oracle: Oracle,
-    /// Whether it is asked which shadow rays are to be traced; else all are.
+    /// `true`: agents decide which shadow rays are traced; `false`: all are.
     pub decides_shadows: bool,
-    /// Whether it is asked where indirect light may be interpolated; else it is gathered everywhere.
+    /// `true`: agents decide where indirect light is interpolated; `false`: it is gathered everywhere.
     pub decides_irradiance: bool,
-    /// With [`Oracle::Error`]: whether glossy surfaces ask it what light comes to them from where; else they send rays to all sides.
+    /// With [`Oracle::Error`], `true`: glossy surfaces ask agents for incident light by direction; `false`: they trace
+    /// rays in all directions.
     pub decides_radiance: bool,
-    /// Whether it is asked if a path goes on that has come to where indirect light is not known well enough.
+    /// `true`: agents decide if a path continues where indirect light is not known accurately.
     pub decides_halting: bool,
-    /// Whether the proximity network stays, and the median of an agent and its neighbors answers which shadow rays are to be traced.
+    /// `true`: the proximity network is kept, and the median over an agent and its neighbours decides which shadow rays
+    /// are traced.
     pub asks_network: bool,
-    /// With [`Oracle::Error`]: greatest relative error of indirect light that is interpolated.
+    /// With [`Oracle::Error`]: largest relative error of interpolated indirect light.
     pub error: f32,
-    /// With [`Oracle::Error`]: bytes that all the agents may take. Where they are too few, more is computed while the picture is
-    /// painted.
+    /// With [`Oracle::Error`]: memory budget of all agents, in bytes. With too little, more is computed during rendering.
     pub memory_bytes: u64,
 }
 
 impl AgentSettings {
-    /// How far from where they were measured values are taken, as a share of the distance to other things (Ward's a).
+    /// Returns the largest distance of interpolation from a measured value, as a fraction of the distance to other
+    /// surfaces (Ward's a).
     pub(crate) fn tolerance(&self) -> f32 {
         0.3
     }
 
-    /// Whether agents send scouts to what no light shines at straight: the paper has none.
+    /// Returns true if agents send scouts to surfaces without direct light. The paper has none.
     pub(crate) fn has_scouts(&self) -> bool {
         self.oracle == Oracle::Error && self.decides_irradiance
     }
 
-    /// How many agents are kept.
+    /// Returns the largest number of agents kept.
     pub(crate) fn agents_max(&self) -> usize {
-        /// What an agent takes where it is found by place.
+        /// Memory of an agent in the spatial index, in bytes.
         const AGENT_BYTES: u64 = 26;
         match self.oracle {
             Oracle::Paper => usize::MAX,
-            // Half of the memory is for the light.
+            // Half of the memory is for the light
             Oracle::Error => usize::try_from(self.memory_bytes / (2 * AGENT_BYTES)).unwrap_or(usize::MAX),
         }
     }
 }
 
-/// By which rules agents answer.
+/// The rules by which agents answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Oracle {
-    /// By the error that is to be expected.
+    /// The expected error.
     #[default]
     Error,
-    /// Those of Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*.
+    /// The rules of Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*.
     Paper,
 }
 
@@ -187,13 +190,13 @@ impl Default for AgentSettings {
     }
 }
 
-/// The weight of a photon at its distance d from the middle of a disc of radius r.
+/// The weight of a photon at distance d from the centre of a disc of radius r.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum PhotonFilter {
-    /// 2 (1 − d²/r²).
+    /// The weight 2 (1 − d²/r²).
     #[default]
     Epanechnikov,
-    /// Falls linearly to 1/11 of its peak (Jensen 2001, §7.2.3, k = 1.1).
+    /// A weight that falls linearly to 1/11 of its peak (Jensen 2001, §7.2.3, k = 1.1).
     Cone,
 }
 

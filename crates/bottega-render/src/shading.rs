@@ -1,4 +1,4 @@
-//! Scattering at a point of a surface, and what can be said of it beforehand.
+//! The BSDF at a point of a surface, and its classification.
 
 use bottega_kernels::math;
 use glam::Vec3;
@@ -9,15 +9,16 @@ use crate::{
     surfaces::Surfaces,
 };
 
-/// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
+/// Key that separates the random numbers of blended surfaces from those of opacity.
 pub const BLEND: u64 = 0x9e37_79b9_7f4a_7c15;
-/// Where the depth of a vertex begins in the keys of both.
+/// Shift of a vertex's depth in the keys of blending and opacity.
 pub const DEPTH_SHIFT: u32 = 56;
-/// Density in sr⁻¹ below which a direction counts as drawn broadly: a lobe as sharp covers some six of the cells in which
-/// records know directions.
+/// Density in sr⁻¹ below which a sampled direction counts as broad: a lobe of this density covers about six of the cells
+/// by which records distinguish directions.
 const SHARPEST: f32 = 1.0;
 
-/// The scattering at a point; `chance` is asked for a number in [0, 1) where surfaces are blended. It is put into `place` if it was not known before.
+/// Returns the BSDF at a point. `chance` returns a random number in [0, 1) and is called only for blended surfaces. A
+/// BSDF that is not precomputed is stored in `place`.
 #[inline(always)]
 pub(crate) fn bsdf_at<'a>(
     surfaces: &'a Surfaces,
@@ -49,18 +50,18 @@ pub(crate) fn exp(v: Vec3) -> Vec3 {
     Vec3::new(math::exp(v.x), math::exp(v.y), math::exp(v.z))
 }
 
-/// Whether light leaves a surface the same in all directions, and on one side.
+/// Returns true if light is scattered equally in all directions, on one side.
 pub(crate) fn is_matte(bsdf: &Bsdf) -> bool {
     bsdf.roughness() >= 1.0 && !bsdf.is_transmissive()
 }
 
-/// Whether a direction was drawn so broadly that light from around it can stand for light from there.
+/// Returns true if a direction was drawn so broadly that light from nearby directions can replace its light.
 #[inline(always)]
 pub(crate) fn is_broad_sample(sample: &BsdfSample) -> bool {
     !sample.is_delta() && sample.pdf < SHARPEST
 }
 
-/// Whether a surface that is not matte sends back an eighth or more of the light, or of the samples at least, broadly.
+/// Returns true if a surface that is not matte reflects an eighth or more of 16 samples broadly.
 pub(crate) fn is_broad(bsdf: &Bsdf, wo: Vec3) -> bool {
     const TRIED: u32 = 16;
     if is_matte(bsdf) || bsdf.is_transmissive() {

@@ -1,4 +1,4 @@
-//! Work before a picture that those who paint it share out among them: maps of photons, lighting agents, the trial of a guide.
+//! Prepass work shared among the machines that render a picture: photon maps, lighting agents, the trial of a guide.
 
 use std::{cell::Cell, ops::Range};
 
@@ -9,20 +9,22 @@ use crate::{
     photon::bytes::{ByteForm, Reader, Writer},
 };
 
-/// Units of work from which on they are shared out.
+/// Smallest number of work units that are shared.
 const SHARED_MIN: usize = 32;
-/// Parts of a stage at most.
+/// Largest number of parts of a stage.
 const PARTS_MAX: usize = 32;
 
-/// Others who paint the same picture of the same scene, by the same version of this program.
+/// Machines that render the same picture of the same scene, with the same version of this program.
 pub trait Sharing: Send + Sync {
-    /// Has the parts of a stage of the work done, each by one of those who take part. Returns what came of each, in order. Blocks.
+    /// Performs the parts of a stage, each on one of the participants. Returns the results of all parts, in order.
+    /// Blocks.
     ///
-    /// - `stage`: its number. All come to the same stages in the same order, with as many parts.
-    /// - `perform`: does one part here. What comes of it depends on stage and part alone.
+    /// - `stage`: number of the stage. All participants run the same stages in the same order, with equal numbers of
+    ///   parts.
+    /// - `perform`: performs one part locally. Its result depends on stage and part alone.
     ///
     /// # Errors
-    /// What `perform` says; [`RenderError::Left`].
+    /// Errors of `perform`; [`RenderError::Left`].
     fn share(
         &self,
         stage: u32,
@@ -31,22 +33,23 @@ pub trait Sharing: Send + Sync {
     ) -> Result<Vec<Vec<u8>>, RenderError>;
 }
 
-/// All who work for one picture: the processors here, and perhaps others.
+/// The executors of work for one picture: local devices, and possibly other machines.
 pub(crate) struct Hands<'a> {
     client: &'a HraClient<RenderWork>,
     others: Option<&'a dyn Sharing>,
-    /// How many stages there were.
+    /// Number of stages so far.
     stage: Cell<u32>,
 }
 
 impl<'a> Hands<'a> {
+    /// Creates the executors: `client` for local devices; `others`: machines to share with, if any.
     pub(crate) fn new(client: &'a HraClient<RenderWork>, others: Option<&'a dyn Sharing>) -> Self {
         Self { client, others, stage: Cell::new(0) }
     }
 
-    /// Has units of work done. Returns what came of each, in order.
+    /// Runs work units. Returns the results of all, in order.
     ///
-    /// - `answer`: takes it out of an output; `None`: it is the answer to something else.
+    /// - `answer`: extracts the result from an output; `None`: the output is of another kind.
     pub(crate) fn run<T: ByteForm>(
         &self,
         works: Vec<RenderWork>,
@@ -62,13 +65,13 @@ impl<'a> Hands<'a> {
     }
 }
 
-/// Has a stage of work done by all. Returns what came of each of `count` pieces of it, in order.
+/// Runs a stage of work on all participants. Returns the results of its `count` pieces, in order.
 ///
-/// - `parts`: into how many parts it is cut at most, each of as many pieces but the last.
-/// - `here`: does pieces here; what comes of each depends on it alone.
+/// - `parts`: largest number of parts; all parts but the last have equally many pieces.
+/// - `here`: performs pieces locally; the result of each depends on it alone.
 ///
 /// # Errors
-/// As [`Sharing::share`].
+/// Errors of [`Sharing::share`].
 pub(crate) fn in_parts<T: ByteForm>(
     others: &dyn Sharing,
     stage: u32,
@@ -85,7 +88,7 @@ pub(crate) fn in_parts<T: ByteForm>(
     })?;
     let mut all = Vec::with_capacity(count);
     for (number, bytes) in told.iter().enumerate() {
-        // What cannot be read is found here.
+        // Perform parts with unreadable results locally
         match found(bytes, part(number).len()) {
             Some(mut found) => all.append(&mut found),
             None => all.append(&mut here(part(number))?),
@@ -94,7 +97,7 @@ pub(crate) fn in_parts<T: ByteForm>(
     Ok(all)
 }
 
-/// What others have told of so many units of work.
+/// Deserializes the results of `count` pieces; `None`: the bytes are invalid.
 fn found<T: ByteForm>(bytes: &[u8], count: usize) -> Option<Vec<T>> {
     let mut from = Reader(bytes);
     let found = (0..count).map(|_| T::read(&mut from)).collect::<Option<Vec<T>>>()?;
@@ -107,7 +110,7 @@ pub(crate) fn run(client: &HraClient<RenderWork>, works: Vec<RenderWork>) -> Res
     client.submit_group(works.into_iter().zip(0..).map(|(work, ticket)| WorkUnit::new(work, ticket)).collect())?;
     let mut outputs: Vec<Option<RenderOutput>> = vec![None; count];
     let mut failure = None;
-    // All answers are taken even after a failure: none may be left for the client's next user.
+    // Take all answers even after a failure: none may be left for the client's next user
     while let Some(completed) = client.take() {
         match completed.output {
             Ok(RenderOutput::Refused(error)) => failure = Some(RenderError::Refused(error)),

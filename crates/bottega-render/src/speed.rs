@@ -1,4 +1,4 @@
-//! A small picture that is always the same: what it takes a processor tells how fast its machine follows paths.
+//! A benchmark picture: the time to render it measures the speed of path tracing on a CPU.
 
 use std::sync::Arc;
 
@@ -10,43 +10,43 @@ use glam::{Affine3A, Vec3};
 
 use crate::{Filter, PathSettings, PrepareOptions, PreparedScene, RenderError, View, survey::probe};
 
-/// Side of the picture, in pixels.
+/// Side of the picture in pixels.
 const SIDE: u32 = 24;
-/// Samples of each pixel.
+/// Number of samples per pixel.
 const SAMPLES: u32 = 16;
-/// Bounces.
+/// Largest number of bounces.
 const MAX_DEPTH: u32 = 8;
-/// Side of the ground, in squares of two triangles.
+/// Side of the ground in squares of two triangles.
 const GROUND: u32 = 48;
-/// Balls in a row, half of them of glass.
+/// Number of balls per row and column; half of the balls are glass.
 const ROW: u32 = 4;
-/// Materials.
+/// Index of the ground's material; [`CLAY`], [`GLASS`] and [`LAMP`]: of the balls'.
 const EARTH: u32 = 0;
 const CLAY: u32 = 1;
 const GLASS: u32 = 2;
 const LAMP: u32 = 3;
 
-/// A small picture of balls, half of them of glass, on uneven ground.
+/// A small benchmark picture of balls, half of them glass, on uneven ground.
 pub struct SpeedProbe {
     scene: PreparedScene,
     settings: PathSettings,
 }
 
 impl SpeedProbe {
-    /// Prepares the picture.
+    /// Prepares the scene.
     ///
     /// # Errors
-    /// There is no memory for it.
+    /// The acceleration structure cannot be built.
     pub fn new() -> Result<Self, RenderError> {
         let settings =
             PathSettings { max_depth: MAX_DEPTH, filter: Filter::PIXEL, guiding: false, ..PathSettings::default() };
         Ok(Self { scene: PreparedScene::new(Arc::new(scene()), &PrepareOptions::default())?, settings })
     }
 
-    /// Paints it on the calling thread: some ten thousand paths. Returns the mean luminance.
+    /// Renders the picture on the calling thread, about ten thousand paths. Returns the mean luminance.
     ///
     /// # Errors
-    /// Never, but for those of any picture.
+    /// Those of rendering any picture; none are expected.
     pub fn paint(&self) -> Result<f32, RenderError> {
         let view = View { camera: 0, width: SIDE, height: SIDE };
         let pixels = probe(&self.scene, view, &self.settings, Rect::of_size(SIDE, SIDE), SAMPLES)?;
@@ -90,11 +90,11 @@ fn scene() -> Scene {
     scene
 }
 
-/// Uneven ground.
+/// Builds the uneven ground.
 fn ground() -> Mesh {
     let at = |i: u32, j: u32| {
         let [x, z] = [i, j].map(|k| 12.0 * (k as f32 / GROUND as f32 - 0.5));
-        // Some hash of the place; which does not matter.
+        // An arbitrary hash of the position
         let height = 0.1 * ((i * 7919 + j * 104_729) % 97) as f32 / 97.0;
         Vec3::new(x, height, z)
     };

@@ -1,4 +1,4 @@
-//! The surfaces of a scene, with what is asked of them again and again.
+//! Surfaces of a scene, with precomputed data of instances and materials.
 
 use std::sync::Arc;
 
@@ -10,18 +10,21 @@ use crate::{
     lights::NO_LIGHT,
 };
 
-/// A scene with what is known of its instances and materials beside its own records.
+/// A scene with precomputed data of its instances and materials.
 pub struct Surfaces {
     scene: Arc<Scene>,
+    /// Data of the scene's instances, by index.
     pub(crate) instances: Vec<PreparedInstance>,
+    /// Data of the scene's materials, by index.
     pub(crate) materials: Vec<PreparedMaterial>,
-    /// Whether the camera sees through some surface from behind.
+    /// `true`: some surface is invisible to the camera from behind.
     culls_backs: bool,
-    /// Whether some mesh is the hull of curves.
+    /// `true`: some mesh is the hull of curves.
     has_curves: bool,
 }
 
 impl Surfaces {
+    /// Precomputes the data of a scene; the lights are set later.
     pub(crate) fn new(scene: Arc<Scene>) -> Self {
         let materials = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let instances = scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
@@ -30,18 +33,18 @@ impl Surfaces {
         Self { scene, instances, materials, culls_backs, has_curves }
     }
 
-    /// The scene as it was imported.
+    /// Returns the scene as it was imported.
     #[inline(always)]
     pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 
-    /// Whether the camera sees through some surface from behind.
+    /// Returns true if some surface is invisible to the camera from behind.
     pub(crate) fn culls_backs(&self) -> bool {
         self.culls_backs
     }
 
-    /// Whether some mesh is the hull of curves, so that hits must be asked.
+    /// Returns true if some mesh is the hull of curves, so that hits must be filtered.
     pub(crate) fn has_curves(&self) -> bool {
         self.has_curves
     }
@@ -50,65 +53,68 @@ impl Surfaces {
         size_of_val(&*self.instances) + size_of_val(&*self.materials)
     }
 
+    /// Returns the data of an instance.
     #[inline(always)]
     pub(crate) fn instance(&self, index: u32) -> &PreparedInstance {
         &self.instances[index as usize]
     }
 
+    /// Returns the mesh of an instance.
     #[inline(always)]
     pub(crate) fn mesh(&self, instance: u32) -> &Mesh {
         &self.scene.meshes[self.scene.instances[instance as usize].mesh as usize]
     }
 
+    /// Returns a material with its data.
     #[inline(always)]
     pub(crate) fn material(&self, index: u32) -> (&Material, &PreparedMaterial) {
         (&self.scene.materials[index as usize], &self.materials[index as usize])
     }
 }
 
-/// What is known of an instance beside the scene's own record.
+/// Precomputed data of an instance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreparedInstance {
-    /// Turns normals, and vectors along them whose length is an area: det M · M⁻ᵀ of the linear part M.
+    /// Transformation of normals and area vectors: det M · M⁻ᵀ of the linear part M.
     pub(crate) world_from_normal: Mat3,
-    /// No vector gets longer than this times its length.
+    /// Upper bound of the factor by which the instance lengthens vectors.
     pub(crate) scale: f32,
-    /// Place of its first triangle among those that shine; [`NO_LIGHT`] where it does not.
+    /// Index of its first triangle among the emitting ones; [`NO_LIGHT`] if it does not emit.
     pub(crate) first_light: u32,
 }
 
-/// What is known of a material beside the scene's own record.
+/// Precomputed data of a material.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreparedMaterial {
-    /// Whether a lookup depends on the footprint.
+    /// `true`: it has textures, so that lookups depend on the footprint.
     pub(crate) is_textured: bool,
-    /// Textures that are looked up for it.
+    /// Number of textures looked up for it.
     pub(crate) texture_count: u8,
-    /// Whether it depends on the directions of the texture coordinates.
+    /// `true`: it depends on the directions of the texture coordinates.
     pub(crate) needs_tangents: bool,
-    /// Whether rays may pass it as if it were not there.
+    /// `true`: rays may pass it as if it were absent.
     pub(crate) has_opacity: bool,
-    /// Whether it is no more than the boundary of media.
+    /// `true`: it is only a boundary of media, without a surface.
     pub(crate) is_null: bool,
-    /// Whether light that goes straight through it goes on as if nothing was there.
+    /// `true`: light that crosses it straight is not deflected and counts no bounce.
     pub(crate) is_pane: bool,
-    /// Whether light that goes through it comes into another medium.
+    /// `true`: it separates two media, so transmitted light changes the medium.
     pub(crate) parts_media: bool,
-    /// Whether it emits light, other than by being unlit.
+    /// `true`: it emits light, other than as an unlit surface.
     pub(crate) shines: bool,
-    /// Whether light may go through to the other side.
+    /// `true`: light may be transmitted to the other side.
     pub(crate) transmits: bool,
-    /// The scattering seen from the back and from the front, where it is the same everywhere on the surface.
+    /// BSDFs seen from the back and from the front, if they are the same everywhere on the surface.
     pub(crate) bsdfs: Option<[Bsdf; 2]>,
-    /// What fills the space before the front and behind it, where light may go through to it.
+    /// Media before the front and behind it, if the material separates media.
     pub(crate) media: [Option<MediumId>; 2],
-    /// Absorption before the front and behind it, per unit of distance; 0 for opaque things.
+    /// Absorption before the front and behind it, per unit of distance; 0 for opaque materials.
     pub(crate) absorption: [Spectrum; 2],
 }
 
 fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
     let linear = Mat3::from(world_from_object.matrix3);
-    // det M · M⁻ᵀ without a division: good for matrices that are nearly singular, too.
+    // det M · M⁻ᵀ without a division, accurate for nearly singular matrices, too
     let world_from_normal = Mat3::from_cols(
         linear.y_axis.cross(linear.z_axis),
         linear.z_axis.cross(linear.x_axis),
@@ -144,7 +150,7 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     }
 }
 
-/// Indices of the materials that something is made of.
+/// Iterates over the materials of instances and spheres, by index; may repeat.
 pub(crate) fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
     let meshes = scene.instances.iter().map(|instance| scene.meshes[instance.mesh as usize].material as usize);
     meshes.chain(scene.spheres.iter().map(|sphere| sphere.material as usize))

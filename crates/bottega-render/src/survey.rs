@@ -1,7 +1,7 @@
-//! The fast, low-resolution look at a scene from which the Analyst makes its importance map.
+//! The survey: a fast, low-resolution look at a scene, from which the Analyst computes its importance map.
 //!
-//! Two passes, both by work units alone: levels of recursion, by following mirrored and refracted rays breadth first
-//! in batches; and a few paths a pixel, for what pixels look like and what they cost.
+//! It has two passes, both by work units alone: recursion levels, by tracing mirrored and refracted rays breadth-first in
+//! batches; and a few paths per pixel, which estimate colour and cost.
 
 mod glimpse;
 mod probe;
@@ -28,40 +28,40 @@ pub use glimpse::{GlimpseOptions, glimpse};
 pub use probe::SurveyPixel;
 pub(crate) use probe::probe;
 
-/// Levels of recursion that are told apart.
+/// Largest number of recursion levels.
 const LEVELS_MAX: u32 = 16;
-/// Rays followed for the recursion levels of a pixel.
+/// Number of rays traced per pixel for its recursion levels.
 const CHAINS_PER_PIXEL: u32 = 4;
-/// Rays in a unit of work.
+/// Number of rays in a work unit.
 const RAYS_PER_UNIT: usize = 4096;
-/// Density above which a glossy direction counts as mirrored, in sr⁻¹.
+/// Density in sr⁻¹ above which a glossy direction counts as mirrored.
 const MIRROR_PDF: f32 = 10.0;
-/// Samples a pixel.
+/// Number of samples per pixel of the probes.
 const PROBE_SAMPLES: u32 = 6;
-/// Bounces at most: where paths go on for long, the last of them tell no places apart.
+/// Largest number of bounces of the probes; later bounces hardly differ between pixels.
 const PROBE_DEPTH_MAX: u32 = 16;
-/// Side of a probe's block, in pixels.
+/// Side of a probe's block in pixels.
 const PROBE_SIDE: u32 = 16;
 
-/// A low-resolution look at the scene, row-major.
+/// A low-resolution look at the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
-    /// `[width × height]`.
+    /// Pixels `[width × height]`, row-major.
     pub pixels: Vec<SurveyPixel>,
-    /// Into so many zones the picture should be cut at most: more would cost more than they gain. `None`: any number.
+    /// Largest number of zones that pays for its overhead; `None`: no limit.
     pub zones_max: Option<u32>,
 }
 
-/// Looks at the whole picture `view`, which should be small: some 128 columns are plenty.
+/// Surveys the picture `view`, which should be small: about 128 columns are enough.
 ///
-/// - `max_depth`: bounces of the paths that the picture will be painted with.
+/// - `max_depth`: largest number of bounces of the final picture.
 ///
-/// All heavy work goes through `client`, which nobody else may use meanwhile. The result depends on the scene, the view
-/// and the depth alone.
+/// All heavy work goes through `client`, which must not be used by others meanwhile. The result depends on the scene, the
+/// view and the depth alone.
 pub fn survey(
     scene: &Arc<PreparedScene>,
     view: View,
@@ -77,7 +77,7 @@ pub fn survey(
     Ok(Survey { width: view.width, height: view.height, pixels, zones_max: None })
 }
 
-/// How probes follow paths; `max_depth` is that of the picture.
+/// Returns the settings of probes; `max_depth` is that of the picture.
 fn probe_settings(max_depth: u32) -> PathSettings {
     PathSettings {
         max_depth: max_depth.min(PROBE_DEPTH_MAX),
@@ -87,7 +87,7 @@ fn probe_settings(max_depth: u32) -> PathSettings {
     }
 }
 
-/// Puts the pixels of a block where they are in the whole.
+/// Copies the pixels of a block to their positions in the whole.
 fn take_in(pixels: &mut [SurveyPixel], whole: Rect, block: Rect, seen: &[SurveyPixel]) {
     for ((x, y), pixel) in block.pixels().zip(seen) {
         pixels[whole.index(x, y)] = *pixel;
@@ -114,7 +114,7 @@ fn probe_all(
     Ok(pixels)
 }
 
-/// A ray that is followed from mirror to mirror.
+/// A ray that is traced through mirrored and refracted bounces.
 #[derive(Clone, Copy)]
 struct Chain {
     pixel: usize,
@@ -122,9 +122,9 @@ struct Chain {
     origin: Vec3,
     direction: Vec3,
     cone: RayCone,
-    /// How far its next ray sees surfaces.
+    /// Distance up to which its next ray sees surfaces.
     reach: f32,
-    /// Surfaces passed, mirrors or half-transparent ones that were not there.
+    /// Number of surfaces passed: mirrored or refracted at, or crossed as transparent.
     step: u32,
 }
 
@@ -134,7 +134,7 @@ impl Chain {
     }
 }
 
-/// Mean number of mirrored or refracted bounces in a row, for each pixel.
+/// Returns the mean number of consecutive mirrored or refracted bounces for each pixel.
 fn recursion_levels(
     scene: &Arc<PreparedScene>,
     view: View,
@@ -162,6 +162,7 @@ fn recursion_levels(
             }
         })
         .collect();
+    // Trace all rays by one bounce per iteration
     while !chains.is_empty() {
         let hits = intersect_all(scene, &chains, client)?;
         let mut next = Vec::with_capacity(chains.len());
@@ -193,7 +194,7 @@ fn intersect_all(
     if hits.len() == chains.len() { Ok(hits) } else { Err(RenderError::Unanswered) }
 }
 
-/// The chain behind the surface that it hit, and by how many levels that counts. `None`: it ends there.
+/// Continues a chain at its hit; returns it with the number of levels to add. `None`: it ends.
 fn follow(scene: &PreparedScene, chain: Chain, hit: &Hit) -> Option<(Chain, f32)> {
     let step = chain.step + 1;
     if hit.is_none() || step > LEVELS_MAX {

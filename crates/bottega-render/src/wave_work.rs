@@ -1,4 +1,4 @@
-//! Shading as a primitive of its own: a wave of paths, and what others found of its rays.
+//! Work units of wavefront path tracing: shading of a wave of paths, given the hits of its rays.
 
 use std::{ops::Range, sync::Arc};
 
@@ -9,30 +9,30 @@ use crate::{
     integrator::{PathIntegrator, Wave, WaveAnswers},
 };
 
-/// A wave of paths to be brought from what its rays met to the next rays.
+/// A work unit that advances a wave of paths from the hits of its rays to its next rays.
 #[derive(Clone)]
 pub struct WaveWork {
-    /// The scene.
+    /// The scene to render.
     pub scene: Arc<PreparedScene>,
-    /// What is known of it.
+    /// Prepass data of the scene.
     pub prepass: Arc<Prepass>,
-    /// The picture.
+    /// Camera and size of the picture.
     pub view: View,
-    /// How.
+    /// Settings of the path integrator.
     pub settings: Arc<PathSettings>,
-    /// Whether the reflectance of surfaces is wanted.
+    /// `true`: the albedo layer is requested.
     pub albedo: bool,
-    /// The paths.
+    /// The paths of the wave.
     pub wave: Wave,
-    /// What was found of their rays; nothing for those that begin.
+    /// Results of the wave's rays; empty for a new wave.
     pub answers: WaveAnswers,
 }
 
 impl WaveWork {
-    /// Shades on the calling thread.
+    /// Shades on the calling thread, and returns the wave with its next rays.
     ///
     /// # Errors
-    /// The picture cannot be painted.
+    /// The picture cannot be rendered.
     pub fn perform(self) -> Result<Wave, RenderError> {
         let Self { scene, prepass, view, settings, albedo, mut wave, answers } = self;
         let wanted = crate::integrator::Wanted { albedo, cost: false };
@@ -43,14 +43,14 @@ impl WaveWork {
 }
 
 impl Wave {
-    /// Paths for samples of a block of pixels.
+    /// Creates the paths for all samples of a block of pixels.
     pub fn of_block(rect: Rect, samples: &Range<u32>) -> Self {
         let pixels = rect.pixels().flat_map(|(x, y)| samples.clone().map(move |sample| (x, y, sample)));
         Self::new(pixels.collect())
     }
 
-    /// Adds what came of all samples to the sums of their pixels, each pixel's in their order. Returns how many had no finite
-    /// radiance, and count as 0.
+    /// Adds the finished samples to the sums of their pixels, in the order of samples within each pixel. Returns the
+    /// number of samples whose radiance was not finite and counted as 0.
     pub fn add_to(&self, tile: &mut Tile) -> u64 {
         let mut dropped_count = 0;
         for (&(x, y, _), record) in self.samples().iter().zip(self.records()) {
@@ -60,7 +60,7 @@ impl Wave {
         dropped_count
     }
 
-    /// Why a picture cannot be painted in waves; `None`: it can.
+    /// Returns the reason if wavefront rendering does not support a picture, else `None`.
     pub fn refusal(
         prepared: &PreparedScene,
         view: View,

@@ -1,4 +1,4 @@
-//! The units of work that the renderer asks of the Hardware Resource Allocator, and what a processor does for each.
+//! Work units that the renderer submits to the Hardware Resource Allocator, and their CPU implementation.
 
 use std::{fmt, ops::Range, sync::Arc};
 
@@ -14,110 +14,110 @@ use crate::{
     survey::{SurveyPixel, probe},
 };
 
-/// Samples whose paths are followed before they are added to their pixels.
+/// Number of samples whose paths are traced before they are added to their pixels.
 const SAMPLES_AT_ONCE: usize = 256;
 
-/// A unit of rendering work. It refers to the scene and never carries it.
+/// A unit of rendering work. It refers to the scene by a pointer, and does not contain it.
 #[derive(Clone)]
 pub enum RenderWork {
-    /// The closest hit of each ray.
+    /// Finds the closest hit of each ray.
     Rays {
-        /// The scene.
+        /// The scene to render.
         scene: Arc<PreparedScene>,
-        /// The rays, which stay where they are: whoever asks may need them again with the answer.
+        /// The rays; shared, since the submitter may need them again with the answer.
         rays: Arc<Vec<Ray>>,
     },
-    /// Whether each ray hits anything.
+    /// Tests if each ray hits anything.
     Occlusion {
-        /// The scene.
+        /// The scene to render.
         scene: Arc<PreparedScene>,
-        /// The rays, which stay where they are: whoever asks may need them again with the answer.
+        /// The rays; shared, since the submitter may need them again with the answer.
         rays: Arc<Vec<Ray>>,
     },
-    /// Samples of a block of pixels.
+    /// Adds samples to a block of pixels.
     Block(BlockWork),
-    /// Paths of a wave at their vertices.
+    /// Shades the paths of a wave at their vertices.
     Wave(Box<WaveWork>),
-    /// A fast look at a block of pixels.
+    /// Probes a block of pixels.
     Probe(ProbeWork),
-    /// Photons on their way.
+    /// Traces photons.
     Photons(Box<PhotonWork>),
-    /// Irradiance from photons at a batch of points.
+    /// Estimates irradiance from photons at a batch of points.
     Irradiance(IrradianceWork),
-    /// Agents on their way.
+    /// Traces agents.
     Agents(AgentWork),
-    /// Agents that look around.
+    /// Lets agents sense their surroundings.
     Sensors(Box<SensorWork>),
 }
 
-/// Samples of a block of pixels, added to running sums.
+/// A work unit that adds samples to the running sums of a block of pixels.
 #[derive(Clone)]
 pub struct BlockWork {
-    /// The scene.
+    /// The scene to render.
     pub scene: Arc<PreparedScene>,
-    /// What is known of it.
+    /// Prepass data of the scene.
     pub prepass: Arc<Prepass>,
-    /// The picture.
+    /// Camera and size of the picture.
     pub view: View,
-    /// How.
+    /// Settings of the integrator.
     pub settings: Arc<PathSettings>,
-    /// The running sums of all samples before; the pixels are those of its rectangle.
+    /// Running sums of all previous samples; its rectangle gives the pixels.
     pub tile: Tile,
-    /// Which samples to add to each pixel.
+    /// Indices of the samples to add to each pixel.
     pub samples: Range<u32>,
 }
 
-/// A fast look at a block of pixels, by paths that learn nothing.
+/// A work unit that probes a block of pixels quickly, by unguided paths.
 #[derive(Clone)]
 pub struct ProbeWork {
-    /// The scene.
+    /// The scene to render.
     pub scene: Arc<PreparedScene>,
-    /// The picture.
+    /// Camera and size of the picture.
     pub view: View,
-    /// How.
+    /// Settings of the paths.
     pub settings: Arc<PathSettings>,
-    /// Which pixels.
+    /// The block of pixels.
     pub rect: Rect,
-    /// Samples a pixel.
+    /// Number of samples per pixel.
     pub sample_count: u32,
 }
 
-/// The output of a [`RenderWork`], of the same kind.
+/// The output of a [`RenderWork`], of the corresponding kind.
 #[derive(Clone, Debug)]
 pub enum RenderOutput {
-    /// One a ray.
+    /// Hits, one per ray.
     Hits(Vec<Hit>),
-    /// One a ray.
+    /// Occlusion, one per ray: `true` if it hits anything.
     Occlusion(Vec<bool>),
-    /// The sums, with the samples added.
+    /// Sums of the block with the samples added.
     Block(BlockOutput),
-    /// The wave, with its next rays.
+    /// The wave with its next rays.
     Wave(Box<Wave>),
-    /// One a pixel, row-major.
+    /// Probed pixels, row-major.
     Probe(Vec<SurveyPixel>),
-    /// Where they arrived, in the order of their indices.
+    /// Photons at the surfaces that they reached, in the order of their indices.
     Photons(TracedPhotons),
-    /// One a point.
+    /// Irradiance, one per point.
     Irradiance(IrradiancePlaces),
-    /// Where they were stored, in the order of their identities.
+    /// Stored agents, in the order of their identities.
     Agents(Vec<Agent>),
-    /// What they found out, in the same order.
+    /// Readings of the agents' sensors, in the order of the agents.
     Sensors(SensorReadings),
-    /// The picture asked for cannot be painted.
+    /// The requested picture cannot be rendered.
     Refused(Arc<RenderError>),
 }
 
 /// The output of a [`BlockWork`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockOutput {
-    /// The sums, with the samples added.
+    /// Sums of the block with the samples added.
     pub tile: Tile,
-    /// Samples whose radiance was not finite and counted as 0.
+    /// Number of samples whose radiance was not finite and counted as 0.
     pub dropped_count: u64,
 }
 
 impl RenderWork {
-    /// Does the work on the calling thread.
+    /// Performs the work on the calling thread.
     pub fn perform(self) -> RenderOutput {
         match self {
             Self::Rays { scene, rays } => {
@@ -167,8 +167,8 @@ impl RenderWork {
 }
 
 impl BlockWork {
-    /// Adds the samples on the calling thread. Each pixel is a left fold over its samples in the order of their
-    /// indices, so any cut into ranges ends with the same bits.
+    /// Adds the samples on the calling thread. Each pixel is a left fold over its samples in the order of their indices,
+    /// so any division into ranges gives the same bits.
     pub fn perform(self) -> Result<BlockOutput, RenderError> {
         let Self { scene, prepass, view, settings, mut tile, samples } = self;
         let layout = tile.layout();
@@ -248,9 +248,9 @@ impl Work for RenderWork {
     fn answer_bytes(&self) -> u64 {
         match self {
             Self::Rays { rays, .. } => (rays.len() * size_of::<Hit>()) as u64,
-            // Bits.
+            // One bit per ray
             Self::Occlusion { rays, .. } => rays.len().div_ceil(8) as u64,
-            // Running sums come back as they went.
+            // Running sums return as they were sent
             Self::Block(_) => self.payload_bytes(),
             Self::Wave(_)
             | Self::Probe(_)
@@ -261,7 +261,8 @@ impl Work for RenderWork {
         }
     }
 
-    /// Rays have as many answers: who followed them may be another process, and what is missing would be black.
+    /// Checks that rays have as many answers: another process may have traced them, and a missing answer must not render
+    /// black.
     fn check(output: &RenderOutput, size: u64) -> Result<(), String> {
         let count = match output {
             RenderOutput::Hits(hits) => hits.len(),
@@ -272,7 +273,7 @@ impl Work for RenderWork {
     }
 
     fn backup(&self) -> Option<Self> {
-        // A wave is as much to copy as it is to shade.
+        // Copying a wave costs as much as shading it
         (!matches!(self, Self::Wave(_))).then(|| self.clone())
     }
 }

@@ -1,4 +1,4 @@
-//! The base below coat and sheen: facets, what is scattered between them more than once, and the diffuse rest.
+//! The base below coat and sheen: microfacets, multiple scattering between them, and the diffuse lobe.
 
 use bottega_scene::Spectrum;
 
@@ -10,30 +10,33 @@ use super::interface::{Interface, Through};
 use super::params::SurfaceParams;
 use super::tables::{Index, Mu, Rough, Tables};
 
-/// Half of the spread of a solid's index of refraction over (n − 1) times its dispersion (KHR_materials_dispersion).
+/// Factor of a solid's dispersion: half the spread of its index of refraction is this × (n − 1) × dispersion
+/// (KHR_materials_dispersion).
 pub const DISPERSION_SCALE: f32 = 0.025;
 
-/// A mix of metal, opaque dielectric and transmitting dielectric that share their facets.
+/// A mix of metal, opaque dielectric and transmitting dielectric with common facets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Base {
+    /// Albedo tables, shared by all materials.
     pub(super) tables: &'static Tables,
+    /// GGX boundary: single reflection and transmission.
     pub(super) interface: Interface,
-    /// Whether wo is within a solid.
+    /// `true`: wo is within a solid.
     pub(super) inside: bool,
     rough: Rough,
     index: Index,
-    /// What lies over the diffuse base.
+    /// Dielectric layer over the diffuse base.
     cover: Cover,
     diffuse: CoupledDiffuse,
-    /// What of the diffuse light leaves on the other side.
+    /// Diffuse light that leaves on the other side.
     diffuse_through: CoupledDiffuse,
-    /// Scattered more than once between facets that only reflect (or of a thin sheet).
+    /// Multiple scattering between facets that only reflect, or of a thin sheet.
     multiple: CoupledDiffuse,
     multiple_through: CoupledDiffuse,
-    /// Scattered more than once between the facets of a solid's boundary.
+    /// Multiple scattering between the facets of a solid's boundary.
     boundary: CoupledDiffuse,
     boundary_through: CoupledDiffuse,
-    /// Which tables the cosine lobes look into.
+    /// The tables that the cosine lobes need.
     uses: Uses,
 }
 
@@ -44,8 +47,8 @@ struct Uses {
     boundary: bool,
 }
 
-/// What is left over of the light along one direction: 1 − E of the facets, of the cover over the diffuse base, and of
-/// the solid's boundary. Arbitrary where no lobe asks for it.
+/// Shares of the light along one direction that are not scattered once: 1 − E of the facets, of the cover over the
+/// diffuse base, and of the solid's boundary. Arbitrary where no lobe uses the value.
 #[derive(Clone, Copy)]
 pub(super) struct Rest {
     multiple: f32,
@@ -53,18 +56,21 @@ pub(super) struct Rest {
     boundary: f32,
 }
 
-/// Share of the light along one direction that each lobe scatters.
+/// Albedo of each lobe along one direction.
 #[derive(Clone, Copy)]
 pub(super) struct BaseAlbedo {
+    /// Boundary: single reflection and transmission.
     pub(super) interface: Spectrum,
+    /// Cosine lobes on the side of wo.
     pub(super) cosine: Spectrum,
-    /// Cosine lobes that are mostly near the horizon.
+    /// Cosine lobes with most of their light near the horizon.
     pub(super) grazing: Spectrum,
+    /// Cosine lobes on the far side.
     pub(super) cosine_through: Spectrum,
 }
 
 impl Base {
-    /// `p` is clamped.
+    /// Builds the base; the caller clamps `p`.
     pub(super) fn new(p: &SurfaceParams) -> Self {
         let refracting = p.ior != 0.0 && (1.0 - p.metallic) * p.transmission > 0.0;
         let through = match (refracting, p.thin) {
@@ -74,11 +80,11 @@ impl Base {
         };
         let inside = through == Through::Solid && !p.front;
         let ggx = Ggx::stretched(p.roughness, p.anisotropy);
-        // The tables know no direction: they see facets whose slopes are as large on average.
+        // The tables are isotropic: look up the roughness with the same mean slope
         let roughness = if p.anisotropy > 0.0 { ggx.mean_slope().sqrt() } else { p.roughness };
         let narrow = through == Through::Solid && !ggx.is_smooth();
         let ior = if narrow { p.ior.max(1.0 + IOR_STEP_MIN) } else { p.ior };
-        // Shares of the surface: metal, and a dielectric that is opaque or lets light through.
+        // Shares of the surface: metal, transmitting dielectric, opaque dielectric
         let transmitting = if refracting { (1.0 - p.metallic) * p.transmission } else { 0.0 };
         let opaque = (1.0 - p.metallic - transmitting).max(0.0);
         let fresnel = DielectricFresnel::new(ior, p.specular, p.specular_color, inside);
@@ -95,7 +101,7 @@ impl Base {
             metal: p.metallic,
             metal_f0: p.base_color,
             dielectric: match (inside, through) {
-                // From within, the opaque share is bare: its dielectric is on the other side.
+                // From within, the opaque share has no dielectric: that is on the other side
                 (true, _) => transmitting,
                 (false, Through::Nothing) if p.specular == 0.0 => 0.0,
                 (false, _) => 1.0 - p.metallic,
@@ -119,7 +125,7 @@ impl Base {
             boundary_through: CoupledDiffuse::BLACK,
             uses: Uses::default(),
         };
-        // A solid's other side is not matte.
+        // A solid has no diffuse transmission
         let beyond = if through == Through::Solid { 0.0 } else { p.diffuse_transmission };
         base.balance(p.base_color, opaque * (1.0 - beyond), transmitting, opaque * beyond);
         if beyond > 0.0 {
@@ -130,15 +136,15 @@ impl Base {
         base
     }
 
-    /// Fills in the cosine lobes: what the facets lose, and the diffuse base.
+    /// Computes the cosine lobes: the energy lost between facets, and the diffuse base.
     ///
-    /// - `opaque`, `transmitting`, `beyond`: shares of the surface whose light stays on its side, goes through as through
-    ///   glass, and goes through diffusely.
+    /// - `opaque`, `transmitting`, `beyond`: shares of the surface whose light stays on its side, is refracted, and is
+    ///   transmitted diffusely.
     fn balance(&mut self, base_color: Spectrum, opaque: f32, transmitting: f32, beyond: f32) {
         let [metal_f0, f0] = self.interface.mean_f0;
         let fresnel = DielectricFresnel { f0, ..self.interface.fresnel };
         let single_mean = self.tables.single(None, self.rough);
-        // At zero roughness the table of s is s itself, and its mean that of the Fresnel term.
+        // At zero roughness the table of s is s itself, and its mean that of the Fresnel term
         let fresnel_mean = fresnel.of_rise(self.rise(None, Rough::new(0.0)));
 
         let metal = multiply_scattered(metal_f0 * (20.0 / 21.0) + 1.0 / 21.0, single_mean);
@@ -148,7 +154,7 @@ impl Base {
             multiple += (opaque + beyond) * dielectric;
             let mut fresnel = fresnel;
             if let Some(film) = &self.interface.film {
-                // Where the film is brightest the base still must not reflect what the film already has.
+                // Where the film is brightest, the base must not reflect light that the film already reflects
                 let bare = self.interface.fresnel;
                 let peak = film.peak_f0(bare.f0, |cos| bare.rise(cos));
                 fresnel.f0 = film.mix(bare.f0, bare.f0.max(Spectrum::splat(peak)));
@@ -168,23 +174,23 @@ impl Base {
         self.multiple = CoupledDiffuse::new(multiple, single_mean);
     }
 
-    /// Mean share of the light that the cover keeps from the diffuse base.
+    /// Returns the mean share of the light that the cover withholds from the diffuse base.
     fn cover_mean(&self) -> f32 {
         self.cover.at(self.tables.single(None, self.rough), self.rise(None, self.rough))
     }
 
-    /// What the facets of a solid's boundary lose, given back on both sides. The shares are such that
-    /// f(wo, wi) / η_i² is symmetric.
+    /// Computes the lobes that return the energy lost between the facets of a solid's boundary, on both sides. The shares
+    /// make f(wo, wi) / η_i² symmetric.
     fn balance_boundary(&mut self, base_color: Spectrum, transmitting: f32) {
         let fresnel = self.interface.fresnel;
         let near = self.tables.boundary(None, self.rough, self.index, self.inside);
         let far = self.tables.boundary(None, self.rough, self.index, !self.inside);
         let outside = fresnel.f0_exact + (1.0 - fresnel.f0_exact) * self.rise(None, Rough::new(0.0));
-        // Hemispherical transmittance: from within it is smaller by n².
+        // Hemispherical transmittance: n² times smaller from within
         let passed = (1.0 - outside) * if self.inside { fresnel.eta * fresnel.eta } else { 1.0 };
         let rest_max = (1.0 - near).max(1.0 - far).max(1e-9);
         let crossed = passed * (1.0 - far) / rest_max;
-        // The tables hold for full strength and a white tint; elsewhere less is given back.
+        // The tables hold for full strength and a white tint; return less otherwise
         let tint = (fresnel.f0 / fresnel.f0_exact.max(1e-9)).min_element().min(1.0);
         let weight = transmitting * fresnel.specular * tint;
         self.boundary = CoupledDiffuse::new(Spectrum::splat(weight * (1.0 - crossed)), near);
@@ -201,12 +207,12 @@ impl Base {
         }
     }
 
-    /// Whether diffuse light leaves on the other side.
+    /// Returns true if diffuse light leaves on the other side.
     pub(super) fn is_translucent(&self) -> bool {
         !self.diffuse_through.is_black()
     }
 
-    /// Whether there is any cosine lobe.
+    /// Returns true if any cosine lobe is not black.
     pub(super) fn has_cosine(&self) -> bool {
         let across = [self.diffuse_through, self.multiple_through, self.boundary_through];
         [self.diffuse, self.multiple, self.boundary].iter().chain(&across).any(|lobe| !lobe.is_black())
@@ -217,7 +223,7 @@ impl Base {
         if total { self.tables.schlick(mu, rough) } else { self.tables.rise(mu, rough, self.index) }
     }
 
-    /// What is left over along a direction; `inside`: it is within the solid.
+    /// Returns the shares not scattered once along a direction; `inside`: `true` if the direction is within the solid.
     pub(super) fn rest(&self, mu: Mu, inside: bool) -> Rest {
         let mu = Some(mu);
         let single = if self.uses.single { self.tables.single(mu, self.rough) } else { 1.0 };
@@ -230,7 +236,7 @@ impl Base {
         Rest { multiple: 1.0 - single, diffuse: 1.0 - self.cover.at(single, rise), boundary: 1.0 - boundary }
     }
 
-    /// What is left over along wo, and what the lobes make of light from there.
+    /// Returns the shares not scattered once along wo, and the albedo of each lobe.
     pub(super) fn rest_and_albedo(&self, cos: f32) -> (Rest, BaseAlbedo) {
         let mu = Mu::new(cos);
         let at = Some(mu);
@@ -255,14 +261,14 @@ impl Base {
         (rest, BaseAlbedo { interface, cosine, grazing, cosine_through })
     }
 
-    /// f of the cosine lobes on the side of wo.
+    /// Returns f of the cosine lobes on the side of wo.
     pub(super) fn cosine(&self, o: &Rest, i: &Rest) -> Spectrum {
         self.diffuse.eval(o.diffuse, i.diffuse)
             + self.multiple.eval(o.multiple, i.multiple)
             + self.boundary.eval(o.boundary, i.boundary)
     }
 
-    /// f of the cosine lobes on the far side, in importance mode.
+    /// Returns f of the cosine lobes on the far side, in importance mode.
     pub(super) fn cosine_through(&self, o: &Rest, i: &Rest) -> Spectrum {
         self.diffuse_through.eval(o.diffuse, i.diffuse)
             + self.multiple_through.eval(o.multiple, i.multiple)
@@ -270,8 +276,8 @@ impl Base {
     }
 }
 
-/// Colour of the light that was reflected more than once, as a share of what single scattering loses.
-/// `fresnel`, `single`: means over the hemisphere of the reflectance of a facet and of the share scattered once.
+/// Returns the colour of light reflected more than once, as a share of the energy that single scattering loses.
+/// `fresnel`, `single`: hemispherical means of the reflectance of a facet and of the share scattered once.
 fn multiply_scattered(fresnel: Spectrum, single: f32) -> Spectrum {
     fresnel * fresnel * single / (Spectrum::ONE - fresnel * (1.0 - single))
 }

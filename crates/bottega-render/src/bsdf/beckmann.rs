@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_2_SQRT_PI, PI};
 use bottega_kernels::math;
 use glam::Vec3;
 
-/// Half of 1 / √π.
+/// 0.5 / √π.
 pub const HALF_RSQRT_PI: f32 = 0.25 * FRAC_2_SQRT_PI;
 
 /// Beckmann's distribution of microfacet normals, in the frame whose +z is the surface's normal.
@@ -17,16 +17,16 @@ pub(super) struct Beckmann {
     pub(super) alpha: [f32; 2],
 }
 
-/// A direction in the space where α is 1.
+/// A direction stretched into the space where α is 1.
 struct StretchedDirection {
     direction: Vec3,
-    /// By how much it got longer.
+    /// Length of the stretched vector before normalization.
     length: f32,
     sin: f32,
 }
 
 impl Beckmann {
-    /// D(h): area of facets facing `h` per area of surface and solid angle, in sr⁻¹.
+    /// Returns D(h): area of facets facing `h` per area of surface and solid angle, in sr⁻¹.
     pub(super) fn density(&self, h: Vec3) -> f32 {
         let [ax, ay] = self.alpha;
         let cos2 = h.z * h.z;
@@ -37,8 +37,8 @@ impl Beckmann {
         math::exp(-(x * x + y * y) / cos2) / (PI * ax * ay * cos2 * cos2)
     }
 
-    /// G₁: share of the facets that a direction sees. The rational fit of eq. 27, which all renderers share: off by less
-    /// than 0.35 %.
+    /// Returns G₁, the share of the facets visible from a direction: the rational fit of eq. 27, common to all renderers,
+    /// with an error below 0.35 %.
     pub(super) fn masking(&self, w: Vec3) -> f32 {
         let [ax, ay] = self.alpha;
         let (x, y) = (ax * w.x, ay * w.y);
@@ -47,7 +47,7 @@ impl Beckmann {
         if across == 0.0 || a >= 1.6 { 1.0 } else { (3.535 * a + 2.181 * a * a) / (1.0 + 2.276 * a + 2.577 * a * a) }
     }
 
-    /// ∫ D(h) max(w · h, 0) dω: the area of the facets that `w` (above the surface) sees, without the fit.
+    /// Returns ∫ D(h) max(w · h, 0) dω: the area of the facets visible from `w` (above the surface), without the fit.
     pub(super) fn visible_area(&self, w: Vec3) -> f32 {
         let s = self.stretched(w);
         s.length * area_below(&s, s.direction.z / s.sin.max(1e-9))
@@ -62,10 +62,10 @@ impl Beckmann {
         StretchedDirection { direction, length, sin }
     }
 
-    /// A facet's normal, as likely as `wo` (wo.z > 0) sees it.
+    /// Draws a facet's normal from the distribution of normals visible from `wo` (wo.z > 0).
     ///
-    /// The slope towards `wo` is found by inverting its distribution function with Newton's method between brackets, over
-    /// the error function of the slope, where it is nearly linear. Source: Heitz and d'Eon 2014, Importance Sampling
+    /// Newton's method with bracketing inverts the distribution function of the slope towards `wo`, in terms of the error
+    /// function of the slope, where it is nearly linear. Source: Heitz and d'Eon 2014, Importance Sampling
     /// Microfacet-Based BSDFs using the Distribution of Visible Normals, section 5; Jakob 2014, An Improved Visible
     /// Normal Sampling Routine for the Beckmann Distribution.
     pub(super) fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
@@ -84,12 +84,12 @@ impl Beckmann {
     }
 }
 
-/// ∫ from −∞ to x of (cos θ − t sin θ) e^(−t²) / √π dt.
+/// Returns ∫ from −∞ to x of (cos θ − t sin θ) e^(−t²) / √π dt.
 fn area_below(s: &StretchedDirection, x: f32) -> f32 {
     0.5 * s.direction.z * (1.0 + erf(x)) + s.sin * HALF_RSQRT_PI * math::exp(-x * x)
 }
 
-/// The slope along the direction, visible with the probability `u` or less. It is below cot θ.
+/// Returns the slope along the direction at which the distribution function of visible slopes is `u`; below cot θ.
 fn visible_slope(s: &StretchedDirection, u: f32) -> f32 {
     let cot = s.direction.z / s.sin;
     let target = u * area_below(s, cot);
@@ -114,8 +114,8 @@ fn visible_slope(s: &StretchedDirection, u: f32) -> f32 {
     x
 }
 
-/// The error function. Source: Abramowitz and Stegun 1964, Handbook of Mathematical Functions, 7.1.26; off by less than
-/// 1.5 · 10⁻⁷.
+/// Returns the error function. Source: Abramowitz and Stegun 1964, Handbook of Mathematical Functions, 7.1.26; error
+/// below 1.5 · 10⁻⁷.
 fn erf(x: f32) -> f32 {
     let z = x.abs();
     let t = 1.0 / (1.0 + 0.327_591_1 * z);
@@ -123,7 +123,7 @@ fn erf(x: f32) -> f32 {
     (1.0 - sum * math::exp(-z * z)).copysign(x)
 }
 
-/// Its inverse. Source: Giles 2010, Approximating the erfinv Function, single precision.
+/// Returns the inverse error function. Source: Giles 2010, Approximating the erfinv Function, single precision.
 fn inverse_erf(y: f32) -> f32 {
     let y = y.clamp(-0.999_999_9, 0.999_999_9);
     let w = -math::ln((1.0 - y) * (1.0 + y));
@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn the_facets_that_are_seen_cover_what_is_seen_of_the_surface() {
-        // cos θ / G₁ is the visible area, as far as the fit goes.
+        // cos θ / G₁ is the visible area, within the error of the fit
         let facets = Beckmann { alpha: [0.4, 0.7] };
         for (x, y, z) in [(0.0, 0.0, 1.0), (0.5, 0.2, 0.8), (0.9, 0.1, 0.2), (-0.3, 0.9, 0.05)] {
             let w = Vec3::new(x, y, z).normalize();

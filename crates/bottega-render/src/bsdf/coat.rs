@@ -1,4 +1,6 @@
-//! The clear coat: a thin, colourless film of varnish.
+//! The clear coat: a thin, colourless layer of varnish.
+//!
+//! Parameters: strength and perceptual roughness in [0, 1], normal. Source: KHR_materials_clearcoat.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -13,19 +15,20 @@ use super::tables::{Index, Mu, Rough, Tables};
 /// Index of refraction of the coat (KHR_materials_clearcoat).
 pub const IOR: f32 = 1.5;
 
-/// A dielectric GGX layer over all but the sheen, with a normal of its own.
+/// A dielectric GGX layer over all layers but the sheen, with a normal of its own.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coat {
     weight: f32,
+    /// Facets of the coat.
     pub(super) ggx: Ggx,
     rough: Rough,
     index: Index,
-    /// Around the coat's normal where that is not the base's.
+    /// Frame around the coat's normal; `None`: the base's normal.
     tilted: Option<Frame>,
 }
 
 impl Coat {
-    /// `None` without strength. `normal`: unit length, above the surface.
+    /// Creates a coat; `None` if `weight` is 0. `normal`: unit length, above the surface.
     pub(super) fn new(weight: f32, roughness: f32, normal: Vec3) -> Option<Self> {
         (weight > 0.0).then(|| Self {
             weight,
@@ -40,13 +43,13 @@ impl Coat {
         self.tilted.map_or(w, |frame| frame.to_local(w))
     }
 
-    /// Cosine of a direction on either side of the surface to the coat's normal on that side; not positive where the
-    /// coat is seen from below.
+    /// Returns the cosine between a direction on either side and the coat's normal on that side; not positive if the
+    /// direction is below the coat.
     fn cos(&self, w: Vec3) -> f32 {
         self.tilted.map_or(w.z.abs(), |frame| frame.z.dot(w) * w.z.signum())
     }
 
-    /// f and density of a rough coat; nothing of a smooth one. Both directions above the surface.
+    /// Returns f and pdf of a rough coat; 0 for a smooth one. Both directions must be above the surface.
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
         let (o, i) = (self.in_coat(wo), self.in_coat(wi));
         if self.ggx.is_smooth() || o.z <= 0.0 || i.z <= 0.0 {
@@ -57,12 +60,12 @@ impl Coat {
         (self.reflectance(o.dot(h)) * facets, self.ggx.reflection_pdf(o, h))
     }
 
-    /// What a facet reflects.
+    /// Returns the reflectance of a facet at cosine `cos`.
     fn reflectance(&self, cos: f32) -> f32 {
         self.weight * fresnel::dielectric(cos, IOR)
     }
 
-    /// `None`: the light goes on between the facets.
+    /// Draws a reflection; `None`: it meets another facet and is lost.
     pub(super) fn sample(&self, wo: Vec3, u: [f32; 2]) -> Option<BoundarySample> {
         let o = self.in_coat(wo);
         if o.z <= 0.0 {
@@ -74,7 +77,7 @@ impl Coat {
         let wi = self.tilted.map_or(i, |frame| frame.to_world(i));
         let sharp = if smooth { LobeFlags::DELTA } else { LobeFlags::GLOSSY };
         (i.z > 0.0 && wi.z > 0.0).then(|| {
-            // f |cos θi|: a mirror's f has one over its own cosine.
+            // f |cos θi|; the f of a mirror is divided by the cosine to its own normal
             let weight = self.reflectance(o.z) * tilt(wo, o) * tilt(wi, i) * (wi.z / i.z);
             BoundarySample {
                 wi,
@@ -85,7 +88,7 @@ impl Coat {
         })
     }
 
-    /// Share of the light along a direction that is reflected (with a normal of its own: at most).
+    /// Returns the reflected share of the light along a direction; an upper bound for a normal of its own.
     pub(super) fn albedo(&self, tables: &Tables, w: Vec3) -> f32 {
         let cos = self.cos(w);
         if cos <= 0.0 {
@@ -98,8 +101,8 @@ impl Coat {
     }
 }
 
-/// Weakens a tilted coat, the same way for both directions, so far that cosines to the base's normal see no more light
-/// than those to its own. `base`, `coat`: one direction in both frames.
+/// Returns the factor by which a tilted coat is attenuated, symmetric in both directions, so that cosines to the base's
+/// normal reflect no more light than those to the coat's. `base`, `coat`: one direction in both frames.
 fn tilt(base: Vec3, coat: Vec3) -> f32 {
     (coat.z / base.z).min(1.0)
 }

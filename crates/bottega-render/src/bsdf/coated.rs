@@ -1,11 +1,14 @@
-//! A base below a dielectric boundary and a layer that may scatter, with all reflections between them.
+//! A base below a rough or smooth dielectric boundary and a layer that may scatter, with all interreflections.
 //!
-//! A matte base below a layer that only absorbs has a closed form: light that the base scatters is spread evenly, and
-//! each round trip multiplies it by the same number, so that the series is that of [`Plastic`]. All other stacks are
-//! evaluated as pbrt does: f(wo, wi) is estimated by one random walk through the layers, its random numbers made from the
-//! bits of both directions, so that the estimate is a function of them and has the right mean. Directions are drawn by
-//! walks, too, and weigh what is left of the light; unlike there, f is not asked again. The density told is only about
-//! that of the samples, which is enough to weigh ways to find light against each other. Dirac lobes are exact.
+//! Parameters: index of refraction and facets of the boundary; thickness (in mean free paths), albedo and phase function
+//! of the layer; a matte or metal base.
+//!
+//! A matte base below a layer that only absorbs has a closed form: the base scatters light uniformly, and each round trip
+//! multiplies it by the same factor, which gives the series of [`Plastic`]. All other stacks are evaluated as in pbrt:
+//! one random walk through the layers estimates f(wo, wi). Its random numbers are a hash of both directions, so the
+//! estimate is a function of them and has the right mean. Random walks also sample directions; unlike pbrt, the
+//! throughput of the walk is the sample's weight, without another evaluation of f. The returned pdf only approximates
+//! that of the samples, which suffices for MIS. Dirac lobes are exact.
 //!
 //! Source: Guo, Hašan and Zhao 2018, Position-Free Monte Carlo Simulation for Arbitrary Layered BSDFs; Pharr, Jakob and
 //! Humphreys 2023, Physically Based Rendering, section 14.3.
@@ -25,32 +28,32 @@ use super::plastic::{Plastic, Through};
 use super::scatter::{Lobes, Scatter, split};
 use super::{BsdfSample, LobeFlags, TransportMode, warp};
 
-/// What lies below.
+/// The base below the layer.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Base {
-    /// Lambert's.
+    /// A Lambertian base of this albedo.
     Matte(Spectrum),
-    /// Seen from within the layer.
+    /// A metal, with its index of refraction relative to the layer.
     Metal(Conductor),
 }
 
-/// The layer between both.
+/// The layer between boundary and base.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ClearLayer {
-    /// In mean free paths.
+    /// Thickness in mean free paths.
     pub(super) thickness: f32,
-    /// Single-scattering albedo; black: nothing scatters.
+    /// Single-scattering albedo; black: the layer only absorbs.
     pub(super) albedo: Spectrum,
-    /// Henyey and Greenstein's.
+    /// Asymmetry of the Henyey-Greenstein phase function, in (−1, 1).
     pub(super) g: f32,
-    /// Greatest number of events within: scatterings and reflections.
+    /// Largest number of events within the layer: scatterings and reflections.
     pub(super) max_depth: u32,
 }
 
-/// A matte base below a clear or absorbing layer.
+/// Returns the BSDF of a matte base below a clear or absorbing layer, in closed form.
 ///
 /// - `eta`: index of refraction of the layer over that of the outside.
-/// - `cover`: of rough facets, with the layer's thickness.
+/// - `cover`: transmission of the rough boundary, for the layer's thickness.
 pub(super) fn matte_coated(
     eta: f32,
     color: Spectrum,
@@ -58,7 +61,7 @@ pub(super) fn matte_coated(
     layer: &ClearLayer,
     cover: Cover,
 ) -> Plastic {
-    // Of the events within, every other one is at the base.
+    // Every other event within the layer is at the base
     let bounces = layer.max_depth.div_ceil(2);
     let round = color * cover.back();
     let beyond = |x: f32| math::powf(x, bounces as f32);
@@ -68,25 +71,26 @@ pub(super) fn matte_coated(
     Plastic::from_series(eta, series / (eta * eta), facets, through)
 }
 
-/// All other stacks.
+/// A stack without a closed form, evaluated by random walks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stack {
     eta: f32,
     facets: Microfacets,
     layer: ClearLayer,
     base: Base,
-    /// Facets on the outside whose reflections are about those of the base through the boundary.
+    /// GGX facets whose reflection from outside approximates that of the base through the boundary.
     proxy: Microfacets,
 }
 
-/// A walk's random numbers: a function of two directions.
+/// Random numbers of a walk, derived from two directions.
 struct Chances(SplitMix64);
 
 impl Stack {
+    /// Creates a stack; `eta`: index of refraction of the layer over that of the outside; `facets`: of the boundary.
     pub(super) fn new(eta: f32, facets: Microfacets, layer: ClearLayer, base: Base) -> Self {
         let below = if let Base::Metal(metal) = &base { metal.alpha() } else { [1.0; 2] };
         let above = facets.alpha();
-        // Slopes below look η times as steep from outside, and each crossing of a rough boundary adds its own bend.
+        // Refraction steepens slopes of the base by η, and each crossing of a rough boundary adds its own spread
         let seen = [0, 1].map(|i| {
             let (a, b) = (eta * below[i], (eta - 1.0) * above[i]);
             (a * a + b * b).sqrt().min(1.0)
@@ -95,7 +99,8 @@ impl Stack {
         Self { eta, facets, layer, base, proxy }
     }
 
-    /// Share of the light that is mirrored without having been scattered, where boundary and base are smooth.
+    /// Returns the share of the light that is mirrored without scattering if the boundary is smooth; includes the base if
+    /// that is smooth, too.
     fn mirrored_unscattered(&self, cos: f32) -> Spectrum {
         let surface = fresnel::dielectric(cos, self.eta);
         let Base::Metal(metal) = self.base else { return Spectrum::splat(surface) };
@@ -125,7 +130,7 @@ impl Stack {
         base && self.facets.is_smooth() && self.layer.albedo == Spectrum::ZERO
     }
 
-    /// Probabilities of the boundary's lobe and of the proxy's; the rest is evenly spread.
+    /// Returns the probabilities of sampling the boundary's lobe and the proxy's; the remainder is the cosine lobe.
     fn chances(&self, cos: f32) -> [f32; 2] {
         if self.is_smooth() {
             return [1.0, 0.0];
@@ -146,7 +151,7 @@ impl Stack {
         [surface / sum, sharp / sum]
     }
 
-    /// A direction within that is reached from `w` above, and its share of the light.
+    /// Samples the refraction of `w`, above, into the layer: returns the direction and its weight.
     fn enter(&self, w: Vec3, u: [f32; 2]) -> Option<(Vec3, f32)> {
         let h = self.facets.sample_visible_normal(w, u);
         let below = fresnel::refract(w, h, self.eta).filter(|below| below.z < 0.0)?;
@@ -154,8 +159,8 @@ impl Stack {
         Some((below, weight * (1.0 - fresnel::dielectric(w.dot(h), self.eta))))
     }
 
-    /// f of the boundary from `below` to `above` in importance mode, and the density with which `enter` finds `below`
-    /// from `above`. Nothing of a smooth one.
+    /// Returns f of the boundary from `below` to `above` in importance mode, and the density with which `enter` samples
+    /// `below` from `above`. Both are 0 for a smooth boundary.
     fn crossing(&self, above: Vec3, below: Vec3) -> (f32, f32) {
         if self.facets.is_smooth() {
             return (0.0, 0.0);
@@ -169,7 +174,7 @@ impl Stack {
         math::exp(-depth / w.z.abs().max(1e-6))
     }
 
-    /// f and density of the base for directions above it.
+    /// Returns f and pdf of the base for directions above it.
     fn base(&self, wo: Vec3, wi: Vec3) -> (Spectrum, f32) {
         match &self.base {
             Base::Matte(color) => (*color / PI, warp::cosine_hemisphere_pdf(wi.z)),
@@ -177,7 +182,7 @@ impl Stack {
         }
     }
 
-    /// A direction above the base, its weight, and its density; `None` of the latter: the only one.
+    /// Samples a direction above the base: returns it with its weight and its pdf (`None` for a Dirac lobe).
     fn sample_base(&self, wo: Vec3, u: [f32; 2]) -> Option<(Vec3, Spectrum, Option<f32>)> {
         match &self.base {
             Base::Matte(color) => {
@@ -191,20 +196,22 @@ impl Stack {
         }
     }
 
-    /// An estimate of f of all light that entered the layer and left it, but for light that was mirrored alone.
+    /// Estimates f of the light that entered the layer and left it, except for purely mirrored light.
     fn walk(&self, wo: Vec3, wi: Vec3) -> Spectrum {
         let ClearLayer { thickness, albedo, g, max_depth } = self.layer;
         let scatters = albedo != Spectrum::ZERO;
         let mut chances = Chances::new(wo, wi);
+        // Refract the view path into the layer
         let Some((mut w, entered)) = self.enter(wo, chances.pair()) else { return Spectrum::ZERO };
-        // The light's way in, walked backwards: `exit` points down, the light comes from there up.
+        // Refract the light path into the layer, for next-event estimation: `exit` points down, against the light
         let exit = self.enter(wi, chances.pair());
         let rough_top = !self.facets.is_smooth();
         let mut carried = Spectrum::splat(entered);
         let mut sum = Spectrum::ZERO;
-        // Depth below the boundary.
+        // Depth below the boundary, in mean free paths
         let mut depth = 0.0;
         for event in 0..max_depth {
+            // Terminate with Russian roulette
             if event > 3 {
                 let survival = carried.max_element().min(1.0);
                 if survival < 0.25 {
@@ -215,11 +222,13 @@ impl Stack {
                 }
             }
             if scatters {
+                // Sample the distance to the next scattering event
                 let step = -math::ln(1.0 - chances.next()) * w.z.abs();
                 let next = if w.z < 0.0 { depth + step } else { depth - step };
                 if next > 0.0 && next < thickness {
                     depth = next;
                     carried *= albedo;
+                    // Connect to the light path
                     if let Some((exit, left)) = exit {
                         let phase = henyey_greenstein(g, w.dot(-exit));
                         let weight = if rough_top { balance(self.crossing(wi, exit).1, phase) } else { 1.0 };
@@ -228,13 +237,14 @@ impl Stack {
                         if let (false, Base::Metal(metal)) = (rough_top, &self.base)
                             && metal.is_smooth()
                         {
-                            // By way of the mirror below, which no other way finds.
+                            // Connect by way of the smooth base, which no other strategy finds
                             let down = Vec3::new(-exit.x, -exit.y, exit.z);
                             let phase = henyey_greenstein(g, w.dot(down));
                             let passed = self.passed(2.0 * thickness - depth, exit);
                             sum += carried * metal.reflectance(-exit.z) * (phase * left * passed);
                         }
                     }
+                    // Sample the phase function; leave through a rough boundary with MIS
                     let next = sample_henyey_greenstein(g, w, chances.pair());
                     let density = henyey_greenstein(g, w.dot(next));
                     w = next;
@@ -247,7 +257,7 @@ impl Stack {
                 carried *= self.passed(thickness, w);
             }
             if w.z > 0.0 {
-                // From below at the boundary: what is reflected goes on.
+                // Reflect at the boundary from below
                 depth = 0.0;
                 let down = self.reflected_within(w, chances.pair());
                 let Some((next, share)) = down else { break };
@@ -257,11 +267,13 @@ impl Stack {
             }
             depth = thickness;
             let up = -w;
+            // At the base: connect to the light path
             if let Some((exit, left)) = exit {
                 let (value, density) = self.base(up, -exit);
                 let weight = if rough_top { balance(self.crossing(wi, exit).1, density) } else { 1.0 };
                 sum += carried * value * (weight * left * self.passed(thickness, exit));
             }
+            // Sample the base; leave through a rough boundary with MIS
             let Some((next, share, density)) = self.sample_base(up, chances.pair()) else { break };
             carried *= share;
             w = next;
@@ -270,8 +282,8 @@ impl Stack {
         sum / (self.eta * self.eta)
     }
 
-    /// What of light going up along `w` from `depth`, drawn with `density` (`None`: the only way), a rough boundary sends
-    /// to `wi`; weighted against light that was drawn from there.
+    /// Returns the share of the light going up along `w` from `depth` that a rough boundary refracts to `wi`, weighted by
+    /// MIS against sampling the boundary. `density`: pdf of `w`; `None` for a Dirac lobe.
     fn left(&self, w: Vec3, wi: Vec3, density: Option<f32>, depth: f32) -> f32 {
         let (value, other) = self.crossing(wi, -w);
         if value == 0.0 {
@@ -280,7 +292,7 @@ impl Stack {
         value * density.map_or(1.0, |density| balance(density, other)) * self.passed(depth, w)
     }
 
-    /// Where light going up along `w` is mirrored to by the boundary, and its share.
+    /// Samples the reflection of light going up along `w` at the boundary: returns the direction and its weight.
     fn reflected_within(&self, w: Vec3, u: [f32; 2]) -> Option<(Vec3, f32)> {
         let o = Vec3::new(-w.x, -w.y, w.z);
         let h = self.facets.sample_visible_normal(o, u);
@@ -291,8 +303,8 @@ impl Stack {
 }
 
 impl Stack {
-    /// About the density with which `sample` draws `wi`. It only weighs ways to find light against each other, for which
-    /// it need not be exact.
+    /// Approximates the density with which `sample` draws `wi`, in sr⁻¹. It is used only for MIS weights, which need not
+    /// be exact.
     fn likeness(&self, wo: Vec3, wi: Vec3) -> f32 {
         let [surface, sharp] = self.chances(wo.z);
         let mut pdf = (1.0 - surface - sharp).max(0.0) * warp::cosine_hemisphere_pdf(wi.z);
@@ -309,10 +321,10 @@ impl Stack {
         pdf
     }
 
-    /// Follows light that enters the layer until it leaves, and returns where to, and what is left of it. Light that was
-    /// mirrored by smooth things alone is a Dirac lobe of its own, and not found here.
+    /// Follows light that enters the layer until it leaves; returns its direction and throughput. `None` if it is
+    /// absorbed, or only mirrored by smooth surfaces, which is a separate Dirac lobe.
     ///
-    /// - `u`: decides on the first facet, or below a smooth boundary on the first direction from the base.
+    /// - `u`: samples the first facet, or below a smooth boundary the first direction from the base.
     fn walk_out(&self, wo: Vec3, u: [f32; 2], mut chances: Chances) -> Option<(Vec3, Spectrum)> {
         let ClearLayer { thickness, albedo, g, max_depth } = self.layer;
         let scatters = albedo != Spectrum::ZERO;
@@ -324,6 +336,7 @@ impl Stack {
         let mut depth = 0.0;
         let mut events = 0;
         loop {
+            // Terminate with Russian roulette
             if events > 3 {
                 let survival = carried.max_element().min(1.0);
                 if survival < 0.25 {
@@ -334,6 +347,7 @@ impl Stack {
                 }
             }
             if scatters {
+                // Sample the distance to the next scattering event
                 let step = -math::ln(1.0 - chances.next()) * w.z.abs();
                 let next = if w.z < 0.0 { depth + step } else { depth - step };
                 if next > 0.0 && next < thickness {
@@ -351,7 +365,7 @@ impl Stack {
                 carried *= self.passed(thickness, w);
             }
             if w.z > 0.0 {
-                // Seen from within, the boundary's normal points down.
+                // At the boundary, whose normal points down seen from within: reflect or refract by Fresnel
                 let o = Vec3::new(-w.x, -w.y, w.z);
                 let h = self.facets.sample_visible_normal(o, chances.pair());
                 let mirrors = chances.next() < fresnel::dielectric(o.dot(h), 1.0 / self.eta);
@@ -364,6 +378,7 @@ impl Stack {
                 }
                 depth = 0.0;
             } else {
+                // Sample the base
                 let (next, share, density) = self.sample_base(-w, first.take().unwrap_or_else(|| chances.pair()))?;
                 is_spread |= density.is_some();
                 carried *= share;
@@ -392,8 +407,8 @@ impl Scatter for Stack {
         (value, self.likeness(wo, wi))
     }
 
-    /// The value of the sample is such that its weight is what is left of the light that was followed: it estimates f as
-    /// `eval_pdf` does, with less noise.
+    /// The value is set so that the sample's weight is the throughput of the walk, which estimates f like `eval_pdf`
+    /// does, with less noise.
     fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], _mode: TransportMode) -> Option<BsdfSample> {
         let [surface, _] = self.chances(wo.z);
         let (is_surface, rest) = split(u_lobe, surface);
@@ -434,19 +449,20 @@ impl Scatter for Stack {
     }
 }
 
-/// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.8).
+/// Returns the MIS weight, by the balance heuristic, of the strategy with density `chosen` against `other` (Veach 1997,
+/// eq. 9.8).
 fn balance(chosen: f32, other: f32) -> f32 {
     if chosen > 0.0 { 1.0 / (1.0 + other / chosen) } else { 0.0 }
 }
 
-/// Density with which light goes on at an angle of cosine `cos` to where it went, in sr⁻¹. Source: Henyey and Greenstein
-/// 1941, Diffuse Radiation in the Galaxy, eq. 2.
+/// Returns the Henyey-Greenstein phase function in sr⁻¹; `cos`: cosine between the directions of travel before and after
+/// scattering. Source: Henyey and Greenstein 1941, Diffuse Radiation in the Galaxy, eq. 2.
 fn henyey_greenstein(g: f32, cos: f32) -> f32 {
     let t = (1.0 + g * g - 2.0 * g * cos).max(1e-6);
     (1.0 - g * g) / (2.0 * TAU * t * t.sqrt())
 }
 
-/// Where light goes on that went along `w`.
+/// Samples the direction of travel after scattering of light that travelled along `w`.
 fn sample_henyey_greenstein(g: f32, w: Vec3, u: [f32; 2]) -> Vec3 {
     let cos = if g.abs() < 1e-3 {
         1.0 - 2.0 * u[0]

@@ -1,4 +1,7 @@
-//! Metal.
+//! A smooth or rough metal with a complex index of refraction.
+//!
+//! Parameters: index of refraction per channel, tint in [0, 1], facets. Source: Fresnel's equations
+//! ([`fresnel::conductor`]) on the facets of [`Microfacets`].
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -8,24 +11,24 @@ use super::microfacet::Microfacets;
 use super::scatter::{Lobes, Scatter};
 use super::{BsdfSample, LobeFlags, TransportMode};
 
-/// A smooth or rough metal by its complex index of refraction. Light is scattered once, as in the formats.
+/// A smooth or rough metal with a complex index of refraction. Single scattering only, as in Mitsuba and pbrt.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Conductor {
-    /// Real and imaginary part; both 0: a perfect mirror.
+    /// Real part of the index of refraction (`k`: imaginary part), relative to the outside; both 0: a perfect mirror.
     eta: Spectrum,
     k: Spectrum,
-    /// Multiplies the reflection.
+    /// Factor for the reflection, in [0, 1].
     tint: Spectrum,
     facets: Microfacets,
 }
 
 impl Conductor {
-    /// `None`: black.
+    /// Creates a metal; `None` for a black `tint`.
     pub(super) fn new(eta: Spectrum, k: Spectrum, tint: Spectrum, facets: Microfacets) -> Option<Self> {
         (tint.max_element() > 0.0).then_some(Self { eta, k, tint, facets })
     }
 
-    /// What a facet reflects.
+    /// Returns the reflectance of a facet at cosine `cos`.
     pub(super) fn reflectance(&self, cos: f32) -> Spectrum {
         if self.eta == Spectrum::ZERO && self.k == Spectrum::ZERO {
             return self.tint;
@@ -33,11 +36,12 @@ impl Conductor {
         self.tint * fresnel::conductor(cos, self.eta, self.k)
     }
 
+    /// Returns true if the metal is a mirror: its only lobe is a Dirac lobe.
     pub(super) fn is_smooth(&self) -> bool {
         self.facets.is_smooth()
     }
 
-    /// α along x and y.
+    /// Returns α along x and y.
     pub(super) fn alpha(&self) -> [f32; 2] {
         self.facets.alpha()
     }
@@ -64,7 +68,7 @@ impl Scatter for Conductor {
     }
 
     fn albedo(&self, wo: Vec3) -> Spectrum {
-        // Light that leaves one facet and meets another is lost: about as much as wo does not see itself.
+        // Light that meets a second facet is lost: about the share masked from wo
         self.reflectance(wo.z) * self.facets.masking(wo)
     }
 

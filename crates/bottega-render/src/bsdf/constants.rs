@@ -1,4 +1,4 @@
-//! Constants of scattering that shaders share: where they are declared, they say what they are.
+//! Constants of scattering that GPU shaders share; each is documented where it is declared.
 
 pub use super::base::DISPERSION_SCALE;
 pub use super::beckmann::HALF_RSQRT_PI;

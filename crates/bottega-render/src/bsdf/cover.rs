@@ -1,5 +1,5 @@
-//! The cover of a matte base: what a rough dielectric boundary lets through and keeps in, as curves that are integrated once for
-//! each boundary that a scene has.
+//! Transmission and internal reflection of a rough dielectric boundary over a matte base, tabulated once per boundary of
+//! a scene.
 
 use std::collections::BTreeMap;
 use std::sync::{OnceLock, PoisonError, RwLock};
@@ -11,44 +11,45 @@ use glam::Vec3;
 use super::fresnel;
 use super::microfacet::Microfacets;
 
-/// Nodes of the cosine, even from 0 to 1.
+/// Number of nodes over the cosine, uniform from 0 to 1.
 pub const COSINES: usize = 64;
-/// Nodes of α, even in its root from 0 to 1.
+/// Number of nodes over α, uniform in √α from 0 to 1.
 pub(super) const ROUGHNESS: usize = 48;
-/// Indices of refraction are told apart to this part of 1, and thicknesses to this part of an octave.
+/// Steps per unit at which indices of refraction are quantized.
 const ETA_STEPS: f32 = 16384.0;
+/// Steps per octave at which thicknesses are quantized.
 const THICKNESS_STEPS: f32 = 64.0;
 
-/// Curves of one boundary at one roughness, below which lies a clear layer that may absorb.
+/// Curves of one boundary at one roughness, over a clear layer that may absorb.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoverCurve {
-    /// Share of the light at each node that reaches the base.
+    /// Share of the light at each node's cosine that reaches the base.
     through: [f32; COSINES],
-    /// Share of the light that leaves the base evenly and comes back to it.
+    /// Share of the light leaving the base uniformly that returns to it.
     back: f32,
 }
 
-/// How the mean over the hemisphere is taken of what comes back.
+/// The quadrature of the hemispherical mean of the returned light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Mean {
-    /// As an integral.
+    /// An accurate integral.
     Exact,
-    /// As Mitsuba does: the plain mean over the nodes, both ends of the range at full weight, 1 to 2 % less.
+    /// Mitsuba's: the plain mean over the nodes with full weight at both ends, 1 to 2 % lower.
     Nodes,
 }
 
-/// A boundary with a roughness between two nodes.
+/// A boundary with a roughness between two nodes of the tables.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cover {
     curves: [&'static CoverCurve; 2],
     fraction: f32,
 }
 
-/// What makes a boundary, but for its roughness.
+/// The parameters of a boundary except for its roughness, quantized: a key of the cache.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Boundary {
     eta: u32,
-    /// Of the layer; `i32::MIN`: 0.
+    /// Quantized logarithm of the layer's thickness; `i32::MIN`: thickness 0.
     thickness: i32,
     is_beckmann: bool,
     is_separable: bool,
@@ -56,9 +57,11 @@ struct Boundary {
 }
 
 impl Cover {
+    /// Looks up the curves of a boundary; computes them at first use.
+    ///
     /// - `eta`: index of refraction of the layer over that of the outside.
-    /// - `alpha`: of the boundary.
-    /// - `thickness`: of the layer, in mean free paths.
+    /// - `alpha`: α of the boundary's facets.
+    /// - `thickness`: thickness of the layer, in mean free paths.
     pub(super) fn new(
         distribution: Distribution,
         shadowing: Shadowing,
@@ -84,7 +87,7 @@ impl Cover {
         Self { curves: [curve(index), curve(index + 1)], fraction }
     }
 
-    /// Its two curves: what reaches the base by the cosine, and what comes back to it.
+    /// Returns both curves, each with the share that reaches the base by cosine, then the share that returns to it.
     pub(super) fn curves(&self) -> [[f32; COSINES + 1]; 2] {
         self.curves.map(|curve| std::array::from_fn(|i| if i < COSINES { curve.through[i] } else { curve.back }))
     }
@@ -94,7 +97,7 @@ impl Cover {
         a + (b - a) * self.fraction
     }
 
-    /// Share of the light at a cosine that reaches the base.
+    /// Returns the share of the light at a cosine that reaches the base.
     pub(super) fn through(&self, cos: f32) -> f32 {
         let position = cos.clamp(0.0, 1.0) * (COSINES - 1) as f32;
         let index = (position as usize).min(COSINES - 2);
@@ -102,20 +105,20 @@ impl Cover {
         self.mix(|curve| curve.through[index] + (curve.through[index + 1] - curve.through[index]) * fraction)
     }
 
-    /// Share of the light that leaves the base evenly and comes back to it.
+    /// Returns the share of the light leaving the base uniformly that returns to it.
     pub(super) fn back(&self) -> f32 {
         self.mix(|curve| curve.back)
     }
 }
 
-/// The node at or below a roughness α, and how near the next one is.
+/// Returns the node at or below a roughness α, and the fraction of the way to the next node.
 pub(super) fn place(alpha: f32) -> (usize, f32) {
     let position = alpha.max(0.0).sqrt().min(1.0) * (ROUGHNESS - 1) as f32;
     let index = (position as usize).min(ROUGHNESS - 2);
     (index, position - index as f32)
 }
 
-/// α of a node.
+/// Returns α of a node.
 pub(super) fn alpha_of(index: usize) -> f32 {
     let root = index as f32 / (ROUGHNESS - 1) as f32;
     root * root
@@ -123,7 +126,7 @@ pub(super) fn alpha_of(index: usize) -> f32 {
 
 type Family = [OnceLock<CoverCurve>; ROUGHNESS];
 
-/// The curves of a boundary by roughness; they stay for the life of the process, some 13 kB for each boundary.
+/// Returns the curves of a boundary, by roughness. They live as long as the process: about 13 kB per boundary.
 fn family(boundary: Boundary) -> &'static Family {
     static FAMILIES: RwLock<BTreeMap<Boundary, &'static Family>> = RwLock::new(BTreeMap::new());
     if let Some(family) = FAMILIES.read().unwrap_or_else(PoisonError::into_inner).get(&boundary) {
@@ -150,7 +153,7 @@ impl Boundary {
                     (wi.z > 0.0).then(|| (wi, reflectance * math::exp(-depth / wi.z)))
                 })
         };
-        // ∫ 2 μ f dμ. The edge of total reflection is sharp below a smooth boundary, and costs little to find.
+        // ∫ 2 μ f dμ; finer below a smooth boundary, where total reflection has a sharp edge and evaluation is cheap
         let steps = if facets.is_smooth() { 16 * COSINES } else { COSINES };
         let back = match self.mean {
             Mean::Exact => {
@@ -173,14 +176,15 @@ impl Boundary {
 }
 
 impl Microfacets {
-    /// What a rough boundary of these facets lets through to a base; see [`Cover::new`].
+    /// Returns the transmission of a rough boundary of these facets to a base; see [`Cover::new`].
     pub(super) fn cover(&self, eta: f32, thickness: f32, mean: Mean) -> Cover {
         let [x, y] = self.alpha();
         Cover::new(self.distribution(), self.shadowing, eta, (x * y).sqrt(), thickness, mean)
     }
 }
 
-/// Mean over the normals that a direction at cosine `mu` sees of what `way` makes of a facet: a direction and its share.
+/// Averages `way` over the normals visible from a direction at cosine `mu`. `way` maps wo and a normal to a direction and
+/// its weight.
 fn share(facets: &Microfacets, mu: f32, eta: f32, way: impl Fn(Vec3, Vec3) -> Option<(Vec3, f32)>) -> f32 {
     let wo = Vec3::new((1.0 - mu * mu).max(0.0).sqrt(), 0.0, mu);
     if facets.is_smooth() {
@@ -192,8 +196,8 @@ fn share(facets: &Microfacets, mu: f32, eta: f32, way: impl Fn(Vec3, Vec3) -> Op
         way(wo, h).map_or(0.0, |(wi, share)| share * facets.shadowing(wo, wi) / masking)
     };
     if eta < 1.0 {
-        // Total reflection has an edge: a lattice, shifted differently for each cosine, so that what it misses of the edge
-        // does not add up.
+        // Total reflection has an edge: use a lattice, shifted differently for each cosine, so that its errors at the
+        // edge do not add up
         let shift = |scale: f32| (mu * scale).fract();
         let node = |i: u32| {
             let i = i as f32 + 0.5;
@@ -201,7 +205,7 @@ fn share(facets: &Microfacets, mu: f32, eta: f32, way: impl Fn(Vec3, Vec3) -> Op
         };
         return (0..LATTICE).map(|i| weighed(node(i))).sum::<f32>() / LATTICE as f32;
     }
-    // One half of the normals is the other's mirror image, in the number that draws the side.
+    // One half of the normals mirrors the other, in the number that draws the side: integrate one half
     let across = usize::from(facets.distribution() == Distribution::Beckmann);
     let (whole, half) = nodes();
     let mut sum = 0.0;
@@ -215,11 +219,11 @@ fn share(facets: &Microfacets, mu: f32, eta: f32, way: impl Fn(Vec3, Vec3) -> Op
     sum
 }
 
-/// Normals for a direction within the layer.
+/// Number of normals per direction within the layer.
 const LATTICE: u32 = 600;
 const GOLDEN_RATIO: f32 = 0.618_034;
 
-/// Nodes in [0, 1] and their weights.
+/// Nodes in [0, 1] with their weights.
 type Nodes<const N: usize> = [(f32, f32); N];
 
 fn nodes() -> &'static (Nodes<16>, Nodes<8>) {
@@ -227,7 +231,8 @@ fn nodes() -> &'static (Nodes<16>, Nodes<8>) {
     NODES.get_or_init(|| (gauss(), gauss()))
 }
 
-/// Gauss and Legendre's quadrature: the roots of the N-th Legendre polynomial by Newton's method.
+/// Computes the nodes and weights of Gauss-Legendre quadrature: the roots of the N-th Legendre polynomial by Newton's
+/// method.
 fn gauss<const N: usize>() -> Nodes<N> {
     std::array::from_fn(|i| {
         let guess = math::cos(std::f32::consts::PI * (i as f32 + 0.75) / (N as f32 + 0.5));
@@ -284,7 +289,7 @@ mod tests {
 
     #[test]
     fn what_goes_in_comes_out() {
-        // Reciprocity ties both directions: η² (1 − back) is the mean of what is let through.
+        // By reciprocity, η² (1 − back) is the mean of the transmission
         for alpha in [0.0, 0.1, 0.4] {
             for distribution in [Distribution::Ggx, Distribution::Beckmann] {
                 let cover = Cover::new(distribution, Shadowing::Correlated, 1.5, alpha, 0.0, Mean::Exact);
@@ -293,7 +298,7 @@ mod tests {
                 let mean: f64 =
                     (0..steps).map(|i| 2.0 * cos(i) * f64::from(cover.through(cos(i) as f32)) / f64::from(steps)).sum();
                 let out = 1.0 - f64::from(cover.back());
-                // What is lost between facets is lost on both sides.
+                // Energy lost between facets is lost on both sides
                 assert!(mean / 2.25 <= out + 2e-3, "{alpha} {distribution:?}: {mean} {out}");
                 assert!(alpha > 0.1 || mean / 2.25 > out - 0.05, "{alpha} {distribution:?}: {mean} {out}");
             }

@@ -1,4 +1,7 @@
-//! Clear solids and sheets.
+//! The boundary of a clear solid, or a thin clear sheet; smooth or rough.
+//!
+//! Parameters: index of refraction, tints of reflection and transmission in [0, 1], facets, thin or solid. Source: the
+//! dielectric models of Mitsuba 3 and pbrt; rough refraction by Walter et al. 2007.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -8,25 +11,25 @@ use super::microfacet::Microfacets;
 use super::scatter::{Lobes, Scatter};
 use super::{BsdfSample, LobeFlags, TransportMode};
 
-/// The boundary of a clear solid, smooth or rough, or a sheet with two of them. Light is scattered once, as in the formats.
+/// The boundary of a clear solid, or a thin sheet with two of them. Single scattering only, as in Mitsuba and pbrt.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dielectric {
-    /// Index of refraction beyond the boundary (of a sheet: within it) over that on the side of wo.
+    /// Index of refraction beyond the boundary (sheet: within it) over that on the side of wo.
     eta: f32,
-    /// Multiplies the reflection.
+    /// Factor for the reflection, in [0, 1].
     reflectance: Spectrum,
-    /// Multiplies what goes through.
+    /// Factor for the transmission, in [0, 1].
     transmittance: Spectrum,
     facets: Microfacets,
-    /// Light goes straight through, with all reflections between both boundaries.
+    /// `true`: a sheet that transmits without refraction, with all reflections between both boundaries.
     thin: bool,
 }
 
-/// A rough boundary bends light by so little below this difference from 1 that it counts as smooth.
+/// Smallest difference of the index from 1 of a rough boundary; below it, refraction is so weak that it counts as smooth.
 pub const ETA_STEP_MIN: f32 = 1e-3;
 
 impl Dielectric {
-    /// `None`: black.
+    /// Creates the BSDF; `None` if both tints are black.
     pub(super) fn new(
         eta: f32,
         reflectance: Spectrum,
@@ -45,17 +48,17 @@ impl Dielectric {
         })
     }
 
-    /// What a facet reflects and lets through, and the probability that a sample is reflected.
+    /// Returns reflectance and transmittance of a facet, and the probability of sampling reflection.
     fn split(&self, cos: f32) -> (Spectrum, Spectrum, f32) {
         let single = fresnel::dielectric(cos, self.eta);
-        // Between two boundaries: R + T² R / (1 − R²), with T = 1 − R.
+        // Both boundaries of a sheet: R + T² R / (1 − R²), with T = 1 − R
         let share = if self.thin { 2.0 * single / (1.0 + single) } else { single };
         let (reflected, transmitted) = (self.reflectance * share, self.transmittance * (1.0 - share));
         let (r, t) = (mean(reflected), mean(transmitted));
         (reflected, transmitted, if r + t > 0.0 { r / (r + t) } else { 1.0 })
     }
 
-    /// What a smooth sheet lets straight through; 0 of anything else.
+    /// Returns the transmittance of a smooth sheet, without deflection; 0 for anything else.
     pub(super) fn straight(&self, wo: Vec3) -> Spectrum {
         if self.thin && self.facets.is_smooth() { self.split(wo.z).1 } else { Spectrum::ZERO }
     }

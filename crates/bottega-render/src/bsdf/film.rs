@@ -1,4 +1,6 @@
-//! A thin film whose interference colours a reflection: soap, oil, anodised metal.
+//! Thin-film interference that colours a reflection: soap, oil, anodised metal.
+//!
+//! Parameters: strength in [0, 1], index of refraction, thickness in nanometres. Source: Belcour and Barla 2017, below.
 
 use std::f32::consts::{PI, TAU};
 
@@ -7,30 +9,30 @@ use bottega_scene::Spectrum;
 
 use super::fresnel::{at_normal_incidence, schlick_weight};
 
-/// A film on a base, in the outside whose index of refraction is 1.
+/// A thin film on a base, with an index of refraction of 1 outside.
 ///
 /// Source: Belcour and Barla 2017, A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence,
-/// eq. 3 to 11, with Schlick's reflectances in place of the polarized ones, as KHR_materials_iridescence says.
+/// eq. 3 to 11, with Schlick's reflectance instead of the polarized ones, as KHR_materials_iridescence specifies.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Film {
-    /// Strength, in [0, 1].
+    /// Strength of the effect, in [0, 1].
     pub(super) factor: f32,
     ior: f32,
-    /// In nanometres.
+    /// Thickness in nanometres.
     thickness: f32,
 }
 
-/// Interference terms beyond the constant one: a film coats all colours alike after a few of them.
+/// Number of interference terms after the constant one; higher orders are nearly colourless.
 pub const TERMS: usize = 2;
-/// Below this thickness, in nanometres, the film fades into the outside.
+/// Thickness in nanometres below which the film's index of refraction fades to 1.
 pub const FADING: f32 = 0.03;
-/// Cosines at which the film's mean reflectance is asked for.
+/// Number of cosines at which the film's mean reflectance is sampled.
 pub const MEAN_STEPS: usize = 8;
-/// And at which its greatest reflectance is.
+/// Number of cosines at which the film's greatest reflectance is sampled.
 pub const PEAK_STEPS: usize = 24;
 
 impl Film {
-    /// `None` without strength.
+    /// Creates a film; `None` if `factor` or `thickness` is 0.
     pub(super) fn new(factor: f32, ior: f32, thickness: f32) -> Option<Self> {
         (factor > 0.0 && thickness > 0.0).then(|| {
             let t = (thickness / FADING).min(1.0);
@@ -39,7 +41,8 @@ impl Film {
         })
     }
 
-    /// Reflectance for a direction at cosine `cos` outside, `f0` that of the bare base at normal incidence.
+    /// Returns the reflectance for a direction at cosine `cos` outside; `f0`: reflectance of the bare base at normal
+    /// incidence.
     pub(super) fn reflectance(&self, cos: f32, f0: Spectrum) -> Spectrum {
         let cos2_within = 1.0 - (1.0 - cos * cos).max(0.0) / (self.ior * self.ior);
         if cos2_within <= 0.0 {
@@ -50,9 +53,9 @@ impl Film {
         let outer = schlick(at_normal_incidence(self.ior), cos);
         let passed = 1.0 - outer;
         let path = 2.0 * self.ior * self.thickness * cos_within;
-        // Light turns by π where it is reflected by something denser.
+        // Reflection at a denser medium shifts the phase by π
         let turn_outer = if self.ior < 1.0 { 0.0 } else { PI };
-        // By channel: the series' constant, its first term and ratio, and the turn of the phase.
+        // Per channel: constant of the series, its first term and ratio, phase shift
         let channels = [f0.x, f0.y, f0.z].map(|f0| {
             let root = f0.clamp(0.0, 0.9999).sqrt();
             let base = (1.0 + root) / (1.0 - root);
@@ -66,6 +69,7 @@ impl Film {
         let mut term = Spectrum::from(channels.map(|(_, first, ..)| first));
         let ratio = Spectrum::from(channels.map(|(_, _, ratio, _)| ratio));
         let turn = Spectrum::from(channels.map(|(.., turn)| turn));
+        // Sum the interference terms
         for order in 1..=TERMS {
             term *= ratio;
             sum += term * sensitivity(order as f32 * path, order as f32 * turn) * 2.0;
@@ -73,18 +77,18 @@ impl Film {
         sum.clamp(Spectrum::ZERO, Spectrum::ONE)
     }
 
-    /// The f₀ with which Schlick's term reflects as much of evenly spread light as the film does.
+    /// Returns the f₀ for which Schlick's term has the same mean reflectance as the film.
     pub(super) fn mean_f0(&self, f0: Spectrum) -> Spectrum {
         let mut sum = Spectrum::ZERO;
         for step in 0..MEAN_STEPS {
             let cos = ((step as f32 + 0.5) / MEAN_STEPS as f32).sqrt();
             sum += self.reflectance(cos, f0);
         }
-        // The mean of Schlick's weight is 1 / 21.
+        // The mean of Schlick's weight over the hemisphere is 1 / 21
         ((sum / MEAN_STEPS as f32 - 1.0 / 21.0) * (21.0 / 20.0)).clamp(Spectrum::ZERO, Spectrum::ONE)
     }
 
-    /// The f₀ with which f₀ + (1 − f₀) `rise(cos)` is nowhere below what the film reflects in any channel.
+    /// Returns the smallest f₀ for which f₀ + (1 − f₀) `rise(cos)` bounds the film's reflectance in every channel.
     pub(super) fn peak_f0(&self, f0: Spectrum, rise: impl Fn(f32) -> f32) -> f32 {
         (1..=PEAK_STEPS).fold(0.0f32, |peak, step| {
             let cos = step as f32 / PEAK_STEPS as f32;
@@ -93,7 +97,7 @@ impl Film {
         })
     }
 
-    /// Between the bare reflectance and that of the film, by its strength.
+    /// Interpolates between the bare reflectance and that of the film by its strength.
     pub(super) fn mix(&self, bare: Spectrum, film: Spectrum) -> Spectrum {
         bare + (film - bare) * self.factor
     }
@@ -106,11 +110,12 @@ pub const GAUSSIANS: [[f64; 3]; 4] = [
     [4.4201e-13, 1.7953e6, 9.3046e9],
     [5.2481e-13, 2.2084e6, 6.6121e9],
 ];
-/// The integral of Y, by which they are divided.
+/// Integral of Y, which normalizes [`GAUSSIANS`].
 pub const GAUSSIANS_NORM: f64 = 1.0685e-7;
 
-/// How the observer's three colours see light whose spectrum is cos(2π path / λ + turn): the Fourier transform of the
-/// colour matching functions, fitted by Gaussians (eq. 10), in linear Rec. 709. `path` in nanometres; `turn` by channel.
+/// Returns the response of the colour matching functions to light with the spectrum cos(2π path / λ + turn): their
+/// Fourier transform, fitted by Gaussians (eq. 10), in linear Rec. 709. `path` in nanometres; `turn`: phase per channel,
+/// in radians.
 fn sensitivity(path: f32, turn: Spectrum) -> Spectrum {
     let phase = TAU * path * 1e-9;
     let gauss = |index: usize, turn: f32| {
@@ -135,7 +140,7 @@ mod tests {
     fn a_film_that_fades_leaves_the_base_as_it_is() {
         let film = Film::new(1.0, 1.3, 1e-6).unwrap();
         let f0 = Spectrum::new(0.9, 0.5, 0.04);
-        // Schlick's term rises at both sides of a film, even of one that is not there.
+        // Schlick's term rises at both sides of a film, even of one of thickness 0
         for cos in [1.0, 0.8, 0.6] {
             let bare = f0 + (Spectrum::ONE - f0) * schlick_weight(cos);
             let off = (film.reflectance(cos, f0) - bare).abs().max_element();
@@ -151,7 +156,7 @@ mod tests {
         assert!(saturation(color(400.0, 1.0)) > 0.05);
         assert!((color(400.0, 1.0) - color(500.0, 1.0)).length() > 0.05);
         assert!((color(400.0, 1.0) - color(400.0, 0.4)).length() > 0.05);
-        // So thick a film shows all colours at once.
+        // A film this thick reflects all colours equally
         assert!(saturation(color(20_000.0, 1.0)) < 0.01);
     }
 

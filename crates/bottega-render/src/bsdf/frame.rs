@@ -1,20 +1,20 @@
-//! Local frames.
+//! Local orthonormal frames around a normal.
 
 use glam::Vec3;
 
 /// A right-handed orthonormal basis; its z is the shading normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// Tangent.
+    /// Tangent, unit length.
     pub x: Vec3,
-    /// Bitangent.
+    /// Bitangent, unit length.
     pub y: Vec3,
-    /// Normal.
+    /// Normal, unit length.
     pub z: Vec3,
 }
 
 impl Frame {
-    /// Any frame around a unit normal.
+    /// Returns an arbitrary frame around a unit normal.
     ///
     /// Source: Duff et al. 2017, Building an Orthonormal Basis, Revisited, listing 3.
     pub fn from_normal(normal: Vec3) -> Self {
@@ -29,12 +29,12 @@ impl Frame {
         }
     }
 
-    /// From the world into the frame.
+    /// Transforms a vector from world space into the frame.
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
-    /// From the frame into the world.
+    /// Transforms a vector from the frame into world space.
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z
     }

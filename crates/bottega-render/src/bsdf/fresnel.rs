@@ -1,14 +1,14 @@
-//! Fresnel reflectance of a boundary.
+//! Fresnel reflectance of dielectric and conductor boundaries; reflected and refracted directions.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-/// Reflectance of a smooth dielectric boundary for unpolarized light, by Fresnel's equations.
+/// Returns the reflectance of a smooth dielectric boundary for unpolarized light, by Fresnel's equations.
 ///
 /// - `cos_o`: cosine between the direction and the normal, in [0, 1].
 /// - `eta`: index of refraction beyond the boundary over that on the side of the direction.
 ///
-/// 1 where there is no refracted direction (total internal reflection).
+/// 1 for total internal reflection.
 pub fn dielectric(cos_o: f32, eta: f32) -> f32 {
     let cos_o = cos_o.clamp(0.0, 1.0);
     let sin2_i = (1.0 - cos_o * cos_o) / (eta * eta);
@@ -21,9 +21,9 @@ pub fn dielectric(cos_o: f32, eta: f32) -> f32 {
     0.5 * (parallel * parallel + perpendicular * perpendicular)
 }
 
-/// Reflectance of a smooth metal for unpolarized light, by channel: Fresnel's equations for a complex index of refraction
-/// (`eta` + i `k`) over that of the outside. `cos_o` as in [`dielectric`]. Source: Born and Wolf, Principles of Optics, section 14.2
-/// (in real numbers).
+/// Returns the reflectance of a smooth metal for unpolarized light, by channel: Fresnel's equations for a complex index
+/// of refraction (`eta` + i `k`) relative to that of the outside. `cos_o` as in [`dielectric`]. Source: Born and Wolf,
+/// Principles of Optics, section 14.2 (in real numbers).
 pub fn conductor(cos_o: f32, eta: Spectrum, k: Spectrum) -> Spectrum {
     let cos = cos_o.clamp(0.0, 1.0);
     let cos2 = cos * cos;
@@ -38,12 +38,12 @@ pub fn conductor(cos_o: f32, eta: Spectrum, k: Spectrum) -> Spectrum {
         0.5 * perpendicular * (1.0 + (p - q) / (p + q))
     };
     let value = Spectrum::new(channel(eta.x, k.x), channel(eta.y, k.y), channel(eta.z, k.z));
-    // 0 / 0 where an index of 1 meets the horizon.
+    // 0 / 0 at the horizon for an index of 1
     if value.is_finite() { value } else { Spectrum::ONE }
 }
 
-/// The direction in which `wo` goes on beyond a boundary with normal `h` (wo · h > 0); points away from the boundary
-/// like `wo`. `None`: total internal reflection. `eta` as in [`dielectric`].
+/// Returns the refraction of `wo` at a boundary with normal `h` (wo · h > 0); it points away from the boundary like `wo`.
+/// `None`: total internal reflection. `eta` as in [`dielectric`].
 pub fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     let cos_o = wo.dot(h);
     let sin2_i = (1.0 - cos_o * cos_o).max(0.0) / (eta * eta);
@@ -54,44 +54,45 @@ pub fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     Some((h * (cos_o / eta - cos_i) - wo / eta).normalize())
 }
 
-/// `wo` mirrored at the normal `h`.
+/// Returns `wo` mirrored at the normal `h`.
 pub fn reflect(wo: Vec3, h: Vec3) -> Vec3 {
     2.0 * wo.dot(h) * h - wo
 }
 
-/// (1 − cos θ)⁵, the share of white in Schlick's Fresnel term. Source: Schlick 1994, An Inexpensive BRDF Model for
-/// Physically-based Rendering, eq. 15.
+/// Returns (1 − cos θ)⁵, the weight of white in Schlick's Fresnel term. Source: Schlick 1994, An Inexpensive BRDF Model
+/// for Physically-based Rendering, eq. 15.
 pub fn schlick_weight(cos_o: f32) -> f32 {
     let m = (1.0 - cos_o).clamp(0.0, 1.0);
     let m2 = m * m;
     m2 * m2 * m
 }
 
-/// Largest index of refraction that is told from larger ones, and its inverse the smallest.
+/// Largest index of refraction; larger ones are clamped. The smallest is its inverse.
 pub const IOR_MAX: f32 = 5.0;
-/// The difference of an index from 1 below which a rough boundary would be too narrow a lobe for single precision.
+/// Smallest difference of a rough boundary's index from 1; below it, the lobe is too narrow for single precision.
 pub const IOR_STEP_MIN: f32 = 5e-3;
 
 /// Fresnel term of a dielectric with the strength and tint of KHR_materials_specular.
 ///
-/// F = specular · (f₀ + (1 − f₀) s), where s = (F_exact − F₀) / (1 − F₀) is how far the exact reflectance has risen
-/// from its value F₀ at normal incidence to 1, and f₀ = min(F₀ · tint, 1). With specular 1 and a white tint it is the exact
-/// reflectance. (The extension writes Schlick's weight for s; that is used where the index stands for total
-/// reflection, F₀ = 1.)
+/// F = specular · (f₀ + (1 − f₀) s), where s = (F_exact − F₀) / (1 − F₀) is the rise of the exact reflectance from its
+/// value F₀ at normal incidence towards 1, and f₀ = min(F₀ · tint, 1). With specular 1 and a white tint, F is the exact
+/// reflectance. (The extension uses Schlick's weight for s; here only an index that stands for total reflection, F₀ = 1,
+/// does.)
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricFresnel {
-    /// Index beyond the boundary over that on the side of wo.
+    /// Index of refraction beyond the boundary over that on the side of wo.
     pub(super) eta: f32,
     /// f₀: tinted reflectance at normal incidence, before `specular`.
     pub(super) f0: Spectrum,
-    /// Strength.
+    /// Strength of the reflection, in [0, 1].
     pub(super) specular: f32,
     /// F₀: untinted reflectance at normal incidence; 1 stands for total reflection.
     pub(super) f0_exact: f32,
 }
 
 impl DielectricFresnel {
-    /// `ior` of the solid, at least 1, or 0 for total reflection; `inside`: wo is within the solid.
+    /// Creates the term; `ior` of the solid is at least 1, or 0 for total reflection; `inside`: `true` if wo is within
+    /// the solid.
     pub(super) fn new(ior: f32, specular: f32, tint: Spectrum, inside: bool) -> Self {
         let f0_exact = if ior == 0.0 { 1.0 } else { at_normal_incidence(ior) };
         let eta = match (ior == 0.0, inside) {
@@ -102,24 +103,26 @@ impl DielectricFresnel {
         Self { eta, f0: (tint * f0_exact).min(Spectrum::ONE), specular, f0_exact }
     }
 
+    /// Returns true if the index stands for total reflection.
     pub(super) fn is_total(&self) -> bool {
         self.f0_exact >= 1.0
     }
 
-    /// Reflectance for a direction at cosine `cos_o` to the (micro)normal.
+    /// Returns the reflectance for a direction at cosine `cos_o` to the (micro)normal.
     pub(super) fn at(&self, cos_o: f32) -> Spectrum {
         if self.is_total() {
             return self.of_rise(schlick_weight(cos_o));
         }
         let exact = dielectric(cos_o, self.eta);
         if exact >= 1.0 && self.eta < 1.0 {
-            // Total internal reflection: there is nowhere else for the light to go, however weak `specular` is.
+            // Total internal reflection: no light is refracted, even for a weak `specular`
             return Spectrum::ONE;
         }
         self.of_rise((exact - self.f0_exact) / (1.0 - self.f0_exact))
     }
 
-    /// Reflectance of each channel with its own index beyond the boundary over that before it.
+    /// Returns the reflectance with a separate index of refraction per channel; `etas`: beyond the boundary over before
+    /// it.
     pub(super) fn at_dispersed(&self, cos_o: f32, etas: [f32; 3]) -> Spectrum {
         Spectrum::from([0, 1, 2].map(|channel| {
             let f0_exact = at_normal_incidence(etas[channel]);
@@ -129,7 +132,7 @@ impl DielectricFresnel {
         }))
     }
 
-    /// s, seen from outside: how far the exact reflectance has risen.
+    /// Returns s for light from outside: the rise of the exact reflectance.
     pub(super) fn rise(&self, cos_o: f32) -> f32 {
         if self.is_total() {
             return schlick_weight(cos_o);
@@ -137,20 +140,20 @@ impl DielectricFresnel {
         (dielectric(cos_o, self.eta.max(1.0 / self.eta)) - self.f0_exact) / (1.0 - self.f0_exact)
     }
 
-    /// F for a given s.
+    /// Returns F for a given s.
     pub(super) fn of_rise(&self, rise: f32) -> Spectrum {
-        // Below 0 only for an index above 2 + √3, whose reflectance dips before it rises, with a black tint.
+        // Negative only with a black tint and an index above 2 + √3, whose reflectance dips before it rises
         self.specular * (self.f0 + (Spectrum::ONE - self.f0) * rise).max(Spectrum::ZERO)
     }
 }
 
-/// F₀, the reflectance at normal incidence, of an index of refraction.
+/// Returns F₀, the reflectance at normal incidence, of an index of refraction.
 pub(super) fn at_normal_incidence(ior: f32) -> f32 {
     let r = (ior - 1.0) / (ior + 1.0);
     r * r
 }
 
-/// Mean of a colour's channels: what probabilities are made from.
+/// Returns the mean of a colour's channels, used for lobe probabilities.
 pub(super) fn mean(color: Spectrum) -> f32 {
     (color.x + color.y + color.z) * (1.0 / 3.0)
 }

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use bottega_kernels::math;
 use glam::Vec3;
 
-/// A surface whose α is below this one is a mirror: its lobe is narrower than single precision resolves well.
+/// Largest α of a mirror: below it, the lobe is too narrow for single precision.
 pub const SMOOTH_ALPHA: f32 = 1e-3;
 
 /// GGX distribution of microfacet normals, in the frame whose +z is the surface's normal.
@@ -14,22 +14,23 @@ pub const SMOOTH_ALPHA: f32 = 1e-3;
 /// Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs, eq. 72, 85, 86 and 99.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ggx {
-    /// Along x and along y.
+    /// α along x and along y.
     pub(super) alpha: [f32; 2],
 }
 
 impl Ggx {
-    /// With α along x and along y.
+    /// Creates the distribution; `alpha`: α along x and along y.
     pub fn new(alpha: [f32; 2]) -> Self {
         Self { alpha }
     }
 
-    /// From a perceptual roughness in [0, 1]: α is its square.
+    /// Creates the isotropic distribution of a perceptual roughness in [0, 1]: α is its square.
     pub fn from_roughness(roughness: f32) -> Self {
         Self { alpha: [roughness * roughness; 2] }
     }
 
-    /// The same, wider along x: α there is mixed with 1 by the square of `stretch`, in [0, 1] (KHR_materials_anisotropy).
+    /// Creates the distribution of a perceptual roughness, wider along x: α along x goes from roughness² to 1 with the
+    /// square of `stretch`, in [0, 1] (KHR_materials_anisotropy).
     pub fn stretched(roughness: f32, stretch: f32) -> Self {
         let alpha = roughness * roughness;
         let along = alpha + (1.0 - alpha) * stretch * stretch;
@@ -37,24 +38,24 @@ impl Ggx {
         Self { alpha: if stretch > 0.0 { [along, across] } else { [alpha; 2] } }
     }
 
-    /// Width of the distribution of slopes: the geometric mean of both α.
+    /// Returns the width of the distribution of slopes: the geometric mean of both α.
     pub fn alpha(&self) -> f32 {
         let [x, y] = self.alpha;
         if x == y { x } else { (x * y).sqrt() }
     }
 
-    /// The quadratic mean of both α.
+    /// Returns the quadratic mean of both α.
     pub(super) fn mean_slope(&self) -> f32 {
         let [x, y] = self.alpha;
         (0.5 * (x * x + y * y)).sqrt()
     }
 
-    /// Whether the surface is treated as a mirror.
+    /// Returns true if the surface is treated as a mirror.
     pub fn is_smooth(&self) -> bool {
         self.alpha[0].max(self.alpha[1]) < SMOOTH_ALPHA
     }
 
-    /// D(h): area of facets facing `h` per area of surface and solid angle, in sr⁻¹.
+    /// Returns D(h): area of facets facing `h` per area of surface and solid angle, in sr⁻¹.
     pub fn density(&self, h: Vec3) -> f32 {
         let [ax, ay] = self.alpha;
         let area = ax * ay;
@@ -64,46 +65,46 @@ impl Ggx {
         area * area * area / (PI * t * t)
     }
 
-    /// Length of a direction in the space where α is 1: what both shadowing terms are made of.
+    /// Returns the length of `w` in the space where α is 1; both shadowing terms use it.
     fn stretch(&self, w: Vec3) -> f32 {
         let [ax, ay] = self.alpha;
         let (x, y) = (ax * w.x, ay * w.y);
         (x * x + y * y + w.z * w.z).sqrt()
     }
 
-    /// G₁: share of the facets that a direction on either side sees.
+    /// Returns G₁, the share of the facets visible from a direction on either side.
     pub fn masking(&self, w: Vec3) -> f32 {
         let cos = w.z.abs();
         2.0 * cos / (cos + self.stretch(w))
     }
 
-    /// G₂ / (4 cos_o cos_i): height-correlated masking and shadowing over the denominator of a reflection.
+    /// Returns G₂ / (4 cos_o cos_i): height-correlated masking and shadowing over the denominator of a reflection.
     pub fn visibility(&self, wo: Vec3, wi: Vec3) -> f32 {
         0.5 / (wi.z * self.stretch(wo) + wo.z * self.stretch(wi))
     }
 
-    /// G₂ / G₁(o): weight of a reflection that was drawn by visible normals.
+    /// Returns G₂ / G₁(o): the weight of a reflection drawn by visible normals.
     pub fn shadowing(&self, wo: Vec3, wi: Vec3) -> f32 {
         let stretch_o = self.stretch(wo);
         wi.z * (wo.z + stretch_o) / (wi.z * stretch_o + wo.z * self.stretch(wi))
     }
 
-    /// ∫ D(h) max(w · h, 0) dω: the area of the facets that `w` (above the surface) sees.
+    /// Returns ∫ D(h) max(w · h, 0) dω: the area of the facets visible from `w` (above the surface).
     pub fn visible_area(&self, w: Vec3) -> f32 {
         0.5 * (w.z + self.stretch(w))
     }
 
-    /// Density with which [`Self::sample_visible_normal`] draws `h`, in sr⁻¹ of normals.
+    /// Returns the density with which [`Self::sample_visible_normal`] draws `h`, per solid angle of normals, in sr⁻¹.
     pub fn visible_normal_pdf(&self, wo: Vec3, h: Vec3) -> f32 {
         wo.dot(h).max(0.0) * self.density(h) / self.visible_area(wo)
     }
 
-    /// Density of the direction that `wo` is mirrored to by a visible normal `h`, in sr⁻¹.
+    /// Returns the density of the direction into which `wo` is mirrored at a visible normal `h`, in sr⁻¹.
     pub fn reflection_pdf(&self, wo: Vec3, h: Vec3) -> f32 {
         0.25 * self.density(h) / self.visible_area(wo)
     }
 
-    /// A facet's normal, as likely as `wo` (wo.z > 0) sees it.
+    /// Draws a facet's normal from the distribution of normals visible from `wo` (wo.z > 0).
     ///
     /// Source: Dupuy and Benyoub 2023, Sampling Visible GGX Normals with Spherical Caps, listing 1.
     pub fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {

@@ -1,4 +1,4 @@
-//! The base's GGX facets: metal and dielectric, mirrored light and light that goes through.
+//! The base's GGX boundary: reflection by metal and dielectric, and transmission.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -8,64 +8,71 @@ use super::fresnel::{self, DielectricFresnel, mean};
 use super::ggx::Ggx;
 use super::{LobeFlags, TransportMode};
 
-/// What happens to light that is not reflected.
+/// The fate of light that is not reflected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Through {
-    /// It is scattered diffusely or absorbed.
+    /// Scattered diffusely or absorbed.
     Nothing,
-    /// It leaves a thin sheet on the other side, without refraction.
+    /// Transmitted by a thin sheet, without refraction.
     Thin,
-    /// It enters or leaves a solid.
+    /// Refracted into or out of a solid.
     Solid,
 }
 
-/// A rough or smooth boundary. Its facets reflect `metal` · Schlick + `dielectric` · Fresnel and let through the rest of
-/// the dielectric's share, tinted.
+/// A rough or smooth boundary. Its facets reflect `metal` · Schlick + `dielectric` · Fresnel and transmit the rest of the
+/// dielectric's share, tinted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interface {
+    /// Facets of the boundary; smooth ones make a mirror.
     pub(super) ggx: Ggx,
     /// Share of the surface that is metal, and its reflectance at normal incidence.
     pub(super) metal: f32,
+    /// Reflectance of the metal at normal incidence.
     pub(super) metal_f0: Spectrum,
     /// Share of the surface that reflects as a dielectric.
     pub(super) dielectric: f32,
+    /// Fresnel term of the dielectric.
     pub(super) fresnel: DielectricFresnel,
+    /// Fate of the light that is not reflected.
     pub(super) through: Through,
-    /// Share of the surface that lets light through, times its colour.
+    /// Share of the surface that transmits light, times its colour.
     pub(super) tint: Spectrum,
-    /// A film on it.
+    /// Thin film on the boundary.
     pub(super) film: Option<Film>,
-    /// Reflectances at normal incidence, of metal and dielectric, whose means are those under the film.
+    /// Reflectances at normal incidence, of metal and dielectric, that have the same mean as those under the film.
     pub(super) mean_f0: [Spectrum; 2],
-    /// Half of how much the index of refraction of a solid differs between red and blue; 0: all colours go together.
+    /// Half the difference of a solid's index of refraction between red and blue; 0: no dispersion.
     pub(super) spread: f32,
 }
 
-/// What one facet does with the light.
+/// Reflection and transmission of one facet.
 #[derive(Clone, Copy)]
 struct Split {
     reflected: Spectrum,
     transmitted: Spectrum,
-    /// With which probability a sample is reflected.
+    /// Probability of sampling reflection.
     reflection: f32,
 }
 
-/// A direction and, for a smooth boundary, all that there is to say about it.
+/// A sampled direction, with value and probability if the boundary is smooth.
 pub(super) struct BoundarySample {
+    /// Sampled direction in the local frame, unit length.
     pub(super) wi: Vec3,
+    /// Flags of the sampled lobe.
     pub(super) flags: LobeFlags,
+    /// Index of refraction on the side of wi over that on the side of wo.
     pub(super) eta: f32,
-    /// f |cos θi| and probability, of a Dirac lobe.
+    /// f |cos θi| and probability of a Dirac lobe; `None` otherwise.
     pub(super) delta: Option<(Spectrum, f32)>,
 }
 
 impl Interface {
-    /// Index of refraction on the far side over that on the near side, for the directions.
+    /// Returns the index of refraction on the far side over that on the near side, for the directions.
     pub(super) fn eta(&self) -> f32 {
         if self.through == Through::Solid { self.fresnel.eta } else { 1.0 }
     }
 
-    /// Index of refraction of each channel, far side over near side (KHR_materials_dispersion).
+    /// Returns the index of refraction of each channel, far side over near side (KHR_materials_dispersion).
     fn etas(&self) -> [f32; 3] {
         let inside = self.fresnel.eta < 1.0;
         let ior = if inside { 1.0 / self.fresnel.eta } else { self.fresnel.eta };
@@ -79,13 +86,13 @@ impl Interface {
         self.spread > 0.0
     }
 
-    /// Reflectances of metal and dielectric.
+    /// Returns the reflectances of metal and dielectric.
     fn reflectances(&self, cos: f32) -> (Spectrum, Spectrum) {
         let dielectric =
             if self.is_dispersive() { self.fresnel.at_dispersed(cos, self.etas()) } else { self.fresnel.at(cos) };
         let metal = self.metal_f0 + (Spectrum::ONE - self.metal_f0) * fresnel::schlick_weight(cos);
         let Some(film) = &self.film else { return (metal, dielectric) };
-        // The film is outside, and light from within that does not get there does not see it.
+        // The film is outside: totally reflected light from within does not reach it
         let inside = self.through == Through::Solid && self.fresnel.eta < 1.0;
         let eta = if inside { self.fresnel.eta } else { 1.0 };
         let cos2 = 1.0 - (1.0 - cos * cos).max(0.0) / (eta * eta);
@@ -99,7 +106,9 @@ impl Interface {
         (metal, film.mix(dielectric, coloured))
     }
 
-    /// - `carried`: what a path carries in each channel: where colours go apart, it is decided by that which way it goes.
+    /// Splits the light at a facet.
+    ///
+    /// - `carried`: throughput per channel; with dispersion, it determines the probability of reflection.
     fn split(&self, cos: f32, carried: Spectrum) -> Split {
         let (metal, dielectric) = self.reflectances(cos);
         let reflected = self.metal * metal + self.dielectric * dielectric;
@@ -121,12 +130,13 @@ impl Interface {
         Split { reflected, transmitted, reflection }
     }
 
+    /// Returns true if nothing is reflected or transmitted.
     pub(super) fn is_black(&self) -> bool {
         self.metal <= 0.0 && self.dielectric * self.fresnel.specular <= 0.0 && self.tint == Spectrum::ZERO
     }
 
-    /// What is reflected and goes through, from outside; `single`, `schlick`, `rise`: shares of the light that facets
-    /// reflect once with F = 1, Schlick's weight, and s; `all`: share that the dielectric reflects or lets through.
+    /// Returns the albedo of reflection and transmission, from outside. `single`, `schlick`, `rise`: albedos of single
+    /// reflection with F = 1, Schlick's weight, and s; `all`: share that the dielectric reflects or transmits.
     pub(super) fn albedo(&self, single: f32, schlick: f32, rise: f32, all: f32) -> Spectrum {
         let [metal_f0, f0] = self.mean_f0;
         let metal = metal_f0 * (single - schlick) + schlick;
@@ -135,13 +145,14 @@ impl Interface {
         self.metal * metal + self.dielectric * dielectric + self.tint * through
     }
 
-    /// What the boundary does at first sight with light at cosine `cos`: for choosing between lobes.
+    /// Returns the albedo of the smooth boundary at cosine `cos`, for lobe probabilities.
     pub(super) fn smooth_albedo(&self, cos: f32) -> Spectrum {
         let split = self.split(cos, Spectrum::ONE);
         split.reflected + split.transmitted
     }
 
-    /// f and density of a rough boundary; nothing of a smooth one. `carried`: see [`BsdfAt`](super::BsdfAt).
+    /// Returns f and pdf of a rough boundary; 0 for a smooth one. `carried`: see
+    /// [`Bsdf::at_carrying`](super::Bsdf::at_carrying).
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode, carried: Spectrum) -> (Spectrum, f32) {
         if self.ggx.is_smooth() || self.is_black() {
             return (Spectrum::ZERO, 0.0);
@@ -177,7 +188,7 @@ impl Interface {
         if !self.is_dispersive() {
             return by(self.eta(), &|split| (split.transmitted, 1.0 - split.reflection));
         }
-        // Each channel by its own index, and with its own facet.
+        // Refract each channel by its own index, at its own facet
         let (mut value, mut pdf) = (Spectrum::ZERO, 0.0);
         for (channel, eta) in self.etas().into_iter().enumerate() {
             let (part, density) = by(eta, &|split| {
@@ -190,7 +201,7 @@ impl Interface {
         (value, pdf)
     }
 
-    /// Walter et al. 2007, eq. 16 to 21, with separable shadowing.
+    /// Evaluates refraction by Walter et al. 2007, eq. 16 to 21, with separable shadowing.
     fn refracted_by(
         &self,
         wo: Vec3,
@@ -215,7 +226,7 @@ impl Interface {
         (value * mode.radiance_scale(eta), pdf)
     }
 
-    /// Draws a facet, then one of its two ways. `None`: the light goes on between the facets.
+    /// Draws a facet, then reflection or transmission. `None`: the light meets another facet and is lost.
     pub(super) fn sample(
         &self,
         wo: Vec3,
@@ -226,6 +237,7 @@ impl Interface {
     ) -> Option<BoundarySample> {
         let smooth = self.ggx.is_smooth();
         let h = if smooth { Vec3::Z } else { self.ggx.sample_visible_normal(wo, u) };
+        // Split the light at a facet, and choose reflection or transmission
         let split = self.split(wo.dot(h), carried);
         let sharp = if smooth { LobeFlags::DELTA } else { LobeFlags::GLOSSY };
         if u_way < split.reflection {
@@ -237,6 +249,7 @@ impl Interface {
                 delta: smooth.then_some((split.reflected, split.reflection)),
             });
         }
+        // Choose a channel if the boundary is dispersive
         let (eta, color, chance) = if self.is_dispersive() {
             let u = (u_way - split.reflection) / (1.0 - split.reflection);
             let channel = split.channel_at(u, carried);
@@ -259,13 +272,13 @@ impl Interface {
 }
 
 impl Split {
-    /// Probability of a channel among the light that goes through: a path that carries but one keeps to it.
+    /// Returns the probability of a channel for refraction; a path with a single channel left follows it.
     fn channel_chance(&self, channel: usize, carried: Spectrum) -> f32 {
         let sum = self.transmitted.dot(carried);
         if sum > 0.0 { self.transmitted[channel] * carried[channel] / sum } else { 0.0 }
     }
 
-    /// The channel that a number in [0, 1) falls to.
+    /// Returns the channel chosen by a random number in [0, 1).
     fn channel_at(&self, u: f32, carried: Spectrum) -> usize {
         let red = self.channel_chance(0, carried);
         let green = self.channel_chance(1, carried);

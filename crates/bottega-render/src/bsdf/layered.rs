@@ -1,4 +1,4 @@
-//! The layers put together.
+//! The layered material of glTF: base, clear coat and sheen combined into one BSDF.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -11,18 +11,18 @@ use super::sheen::Sheen;
 use super::tables::Mu;
 use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, warp};
 
-/// All layers and lobes that there are. See the [module](super) for the frame and for how the layers balance.
+/// All layers of glTF's material. The [module](super) describes the local frame and the energy balance of the layers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layered {
     base: Base,
-    /// Outside: on the far side when wo is within a solid.
+    /// Coat on the outside of the surface; on the far side when wo is within a solid.
     coat: Option<Coat>,
     sheen: Option<Sheen>,
     is_black: bool,
     has_non_delta: bool,
 }
 
-/// [`Layered`] seen from one direction: what light sampling and BSDF sampling both need is known once.
+/// [`Layered`] for one outgoing direction: values that light sampling and BSDF sampling share.
 #[derive(Clone, Copy)]
 pub(super) struct LayeredAt<'a> {
     layers: &'a Layered,
@@ -30,41 +30,41 @@ pub(super) struct LayeredAt<'a> {
     wo: Vec3,
     carried: Spectrum,
     profile: Profile,
-    /// Probabilities of [`LOBES`].
+    /// Probabilities of choosing each of [`LOBES`].
     chances: [f32; 5],
 }
 
-/// All that depends on one direction alone.
+/// The values that depend on a single direction.
 #[derive(Clone, Copy)]
 struct Profile {
     base: Rest,
-    /// What coat and sheen let pass.
+    /// Share of the light that the coat lets pass; `sheen` likewise.
     coat: f32,
     sheen: f32,
 }
 
-/// A lobe to choose.
+/// The lobe that a sample is drawn from.
 #[derive(Clone, Copy)]
 enum Lobe {
     Interface,
     Cosine,
     CosineThrough,
     Coat,
-    /// Sheen, and cosine lobes that are mostly near the horizon.
+    /// Sheen, and cosine lobes with most of their light near the horizon.
     Uniform,
 }
 
 const LOBES: [Lobe; 5] = [Lobe::Interface, Lobe::Cosine, Lobe::CosineThrough, Lobe::Coat, Lobe::Uniform];
 
 impl Layered {
-    /// `p` is clamped.
+    /// Builds the layers; the caller clamps `p`.
     pub(super) fn new(p: &SurfaceParams) -> Self {
         let base = Base::new(p);
         let coat = Coat::new(p.coat, p.coat_roughness, p.coat_normal);
         let sheen = Sheen::new(base.tables, p.sheen_color, p.sheen_roughness);
         let rough_base = !base.interface.ggx.is_smooth() && !base.interface.is_black();
         let rough_coat = coat.is_some_and(|coat| !coat.ggx.is_smooth());
-        // From within, coat and sheen only weaken what goes through.
+        // From within, coat and sheen only attenuate transmitted light.
         let above = !base.inside && (sheen.is_some() || rough_coat);
         Self {
             is_black: base.interface.is_black() && !base.has_cosine() && coat.is_none() && sheen.is_none(),
@@ -75,13 +75,14 @@ impl Layered {
         }
     }
 
-    /// The bare boundary, where there is nothing else.
+    /// Returns the boundary if it is the only lobe and smooth.
     pub(super) fn as_smooth_boundary(&self) -> Option<Interface> {
         let is_bare = self.coat.is_none() && self.sheen.is_none();
         (is_bare && !self.has_non_delta && !self.is_black).then_some(self.base.interface)
     }
 
-    /// What is seen from `wo`, above the surface, by a path that carries `carried`; `None` where nothing is scattered.
+    /// Prepares sampling and evaluation for `wo`, above the surface, of a path with throughput `carried`. `None` if
+    /// nothing is scattered.
     #[inline]
     pub(super) fn at(&self, wo: Vec3, mode: TransportMode, carried: Spectrum) -> Option<LayeredAt<'_>> {
         let (profile, albedo) = self.outgoing(wo);
@@ -89,30 +90,33 @@ impl Layered {
         Some(LayeredAt { layers: self, mode, wo, carried, profile, chances })
     }
 
-    /// See [`Bsdf::albedo`](super::Bsdf::albedo); `wo` is above the surface.
+    /// Returns the directional albedo, see [`Bsdf::albedo`](super::Bsdf::albedo); `wo` is above the surface.
     pub(super) fn albedo(&self, wo: Vec3) -> Spectrum {
         self.outgoing(wo).1.iter().copied().sum()
     }
 
+    /// Returns true if nothing is scattered.
     pub(super) fn is_black(&self) -> bool {
         self.is_black
     }
 
+    /// Returns true if light can be transmitted to the other side.
     pub(super) fn is_transmissive(&self) -> bool {
         self.base.interface.through != Through::Nothing || self.base.is_translucent()
     }
 
+    /// Returns true if any lobe is not a Dirac lobe.
     pub(super) fn has_non_delta(&self) -> bool {
         self.has_non_delta
     }
 
-    /// See [`Bsdf::roughness`](super::Bsdf::roughness).
+    /// Returns the perceptual roughness, see [`Bsdf::roughness`](super::Bsdf::roughness).
     pub(super) fn roughness(&self) -> f32 {
         let base = if self.base.interface.is_black() { 1.0 } else { self.base.interface.ggx.alpha().sqrt() };
         self.coat.filter(|_| !self.base.inside).map_or(base, |coat| base.min(coat.ggx.alpha().sqrt()))
     }
 
-    /// The profile of wi, on whichever side it is.
+    /// Returns the profile of `wi`, which may be on either side.
     fn on_side_of(&self, wi: Vec3) -> Profile {
         let crosses = wi.z < 0.0 && self.base.interface.through == Through::Solid;
         let inside = self.base.inside != crosses;
@@ -133,7 +137,7 @@ impl Layered {
         }
     }
 
-    /// The profile of wo, and the share of the light from there that each of [`LOBES`] scatters.
+    /// Returns the profile of wo and the albedo of each of [`LOBES`].
     fn outgoing(&self, wo: Vec3) -> (Profile, [Spectrum; 5]) {
         let (rest, albedo) = self.base.rest_and_albedo(wo.z);
         let profile = self.profile(wo, rest, self.base.inside);
@@ -146,13 +150,15 @@ impl Layered {
 }
 
 impl LayeredAt<'_> {
-    /// See [`BsdfAt::sample`](super::BsdfAt::sample).
+    /// Draws a direction, see [`BsdfAt::sample`](super::BsdfAt::sample).
     pub(super) fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let Self { layers, mode, wo, carried, profile, chances } = self;
         let base = &layers.base;
+        // Choose a lobe by its albedo
         let (lobe, chance, u_rest) = choose(chances, u_lobe)?;
         let reflected =
             |wi, flags| BoundarySample { wi, flags: LobeFlags::REFLECTION.union(flags), eta: 1.0, delta: None };
+        // Draw wi from the lobe
         let drawn = match lobe {
             Lobe::Interface => base.interface.sample(*wo, u_rest, u, *mode, *carried)?,
             Lobe::Cosine => reflected(warp::cosine_hemisphere(u), LobeFlags::DIFFUSE),
@@ -169,6 +175,7 @@ impl LayeredAt<'_> {
         if wi.z == 0.0 {
             return None;
         }
+        // Evaluate all lobes, or the Dirac lobe alone
         let (value, pdf) = match delta {
             None => self.eval_pdf(wi),
             Some((reflectance, probability)) => {
@@ -183,7 +190,7 @@ impl LayeredAt<'_> {
         (pdf > 0.0 && value.max_element() > 0.0).then_some(BsdfSample { wi, value, pdf, lobe: flags, eta })
     }
 
-    /// Sums of all lobes but Dirac ones. wi is not in the surface.
+    /// Returns f and pdf summed over all lobes but Dirac ones; wi.z must not be 0.
     pub(super) fn eval_pdf(&self, wi: Vec3) -> (Spectrum, f32) {
         let Self { layers, mode, wo, carried, profile, chances } = self;
         let [interface, cosine, cosine_through, coat, uniform] = *chances;
@@ -205,6 +212,7 @@ impl LayeredAt<'_> {
         if base.inside {
             return (value, pdf);
         }
+        // Add coat and sheen
         if let Some(layer) = &layers.coat {
             let (coat_value, coat_pdf) = layer.eval_pdf(*wo, wi);
             value += profile.sheen.min(other.sheen) * coat_value;
@@ -217,19 +225,19 @@ impl LayeredAt<'_> {
     }
 }
 
-/// What coat and sheen leave of light that is scattered below them.
+/// Returns the share of the light scattered below coat and sheen that they let pass.
 fn passed(o: &Profile, i: &Profile) -> f32 {
     o.coat.min(i.coat) * o.sheen.min(i.sheen)
 }
 
-/// With which probability each lobe is chosen, by what it scatters; `None` where nothing is scattered.
+/// Returns the probability of choosing each lobe, proportional to its mean albedo; `None` if nothing is scattered.
 fn chances(albedo: &[Spectrum; 5]) -> Option<[f32; 5]> {
     let weights = albedo.map(mean);
     let sum: f32 = weights.iter().sum();
     (sum > 0.0).then(|| weights.map(|weight| weight / sum))
 }
 
-/// The lobe that `u` falls to, its chance, and where in its share `u` lies.
+/// Returns the lobe chosen by `u`, its probability, and `u` rescaled to [0, 1) within its share.
 fn choose(chances: &[f32; 5], u: f32) -> Option<(Lobe, f32, f32)> {
     let mut below = 0.0;
     let mut last = None;

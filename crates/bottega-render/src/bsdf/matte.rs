@@ -1,4 +1,6 @@
-//! Matte surfaces: rough ones, and those that let light through.
+//! Matte surfaces: rough diffuse reflection, and diffuse reflection with transmission.
+//!
+//! Parameters: reflectance and transmittance in [0, 1]; roughness as standard deviation of slopes, in radians.
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -10,27 +12,27 @@ use super::fresnel::mean;
 use super::scatter::{Lobes, Scatter};
 use super::{BsdfSample, LobeFlags, TransportMode, warp};
 
-/// A rough matte surface in the manner of Oren and Nayar that loses no energy: white, it reflects everything.
+/// A rough matte surface like Oren and Nayar's that preserves energy: a white one reflects everything.
 ///
 /// Source: Portsmouth, Kutz and Hill 2024, EON: A Practical Energy-Preserving Rough Diffuse BRDF, eq. 14 to 28. Their
-/// parameter r is what the ratio of Oren and Nayar's own two terms (1994, Generalization of Lambert's Reflectance Model,
-/// eq. 30) makes of the standard deviation of the slopes.
+/// parameter r is derived from the standard deviation of the slopes by the ratio of Oren and Nayar's two terms (1994,
+/// Generalization of Lambert's Reflectance Model, eq. 30).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RoughMatte {
     color: Spectrum,
-    /// r.
+    /// Roughness r of EON, in [0, 1].
     rough: f32,
-    /// Of light that goes on between the facets.
+    /// Colour of multiple scattering between the facets, before its normalization.
     multiple: Spectrum,
 }
 
-/// How much of the first term is lost by roughness 1.
+/// Loss of the first term at roughness 1.
 pub const LOSS: f32 = 0.5 - 2.0 / (3.0 * PI);
-/// How much of its mean the second one brings.
+/// Gain of the second term's mean at roughness 1.
 pub const GAIN: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
 
 impl RoughMatte {
-    /// `deviation`: of the slopes, in radians.
+    /// Creates the surface; `deviation`: standard deviation of the slopes, in radians.
     pub(super) fn new(color: Spectrum, deviation: f32) -> Self {
         let s2 = deviation * deviation;
         let rough = (0.45 * s2 / (s2 + 0.09) / (1.0 - 0.5 * s2 / (s2 + 0.33))).min(1.0);
@@ -39,10 +41,10 @@ impl RoughMatte {
         Self { color, rough, multiple }
     }
 
-    /// Share of the light at a cosine that is reflected once by a white surface.
+    /// Returns the albedo of single scattering by a white surface at a cosine.
     fn single(&self, cos: f32) -> f32 {
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        // tan (1 − sin³), of which nothing cancels at the horizon.
+        // tan (1 − sin³), without cancellation at the horizon
         let tail = sin * cos * (1.0 + sin + sin * sin) / (1.0 + sin);
         let rise = sin * (math::acos(cos) - sin * cos - 2.0 / 3.0) + 2.0 / 3.0 * tail;
         (1.0 + self.rough * FRAC_1_PI * rise) / (1.0 + LOSS * self.rough)
@@ -78,17 +80,17 @@ impl Scatter for RoughMatte {
     }
 }
 
-/// Lambert's surface on both sides: paper, or a leaf.
+/// Lambertian reflection and transmission: paper, or a leaf.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Translucent {
     reflectance: Spectrum,
     transmittance: Spectrum,
-    /// Probability that a sample stays on its side.
+    /// Probability of sampling reflection.
     reflection: f32,
 }
 
 impl Translucent {
-    /// `None`: black.
+    /// Creates the surface; `None` if both colours are black.
     pub(super) fn new(reflectance: Spectrum, transmittance: Spectrum) -> Option<Self> {
         let (r, t) = (mean(reflectance), mean(transmittance));
         (r + t > 0.0).then(|| Self { reflectance, transmittance, reflection: r / (r + t) })

@@ -1,5 +1,4 @@
-//! The facets of a boundary: a distribution of normals, how they hide one another, and light that they mirror or refract
-//! once.
+//! Microfacets of a rough boundary: distribution of normals, masking and shadowing, single reflection and refraction.
 
 use bottega_scene::{Distribution, Shadowing};
 use glam::Vec3;
@@ -7,10 +6,11 @@ use glam::Vec3;
 use super::beckmann::Beckmann;
 use super::ggx::{Ggx, SMOOTH_ALPHA};
 
-/// Facets with either distribution; none where the boundary is smooth.
+/// Microfacets with a GGX or Beckmann distribution; or a smooth boundary without facets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Microfacets {
     normals: Normals,
+    /// Correlation of masking and shadowing.
     pub(super) shadowing: Shadowing,
 }
 
@@ -21,13 +21,14 @@ enum Normals {
     Beckmann(Beckmann),
 }
 
-/// Values above this one say no more: every direction is as likely.
+/// Largest α; larger values are clamped, since all directions are then about equally likely.
 pub const ALPHA_MAX: f32 = 10.0;
 
 impl Microfacets {
+    /// A smooth boundary.
     pub(super) const SMOOTH: Self = Self { normals: Normals::Smooth, shadowing: Shadowing::Correlated };
 
-    /// `alpha`: along x and y; NaN and negative values count as 0.
+    /// Creates facets; `alpha`: α along x and y, below [`SMOOTH_ALPHA`] (or NaN) on both axes for a smooth boundary.
     pub(super) fn new(distribution: Distribution, shadowing: Shadowing, alpha: [f32; 2]) -> Self {
         let is_smooth = !alpha.iter().any(|&alpha| alpha >= SMOOTH_ALPHA);
         let alpha = alpha.map(|alpha| if alpha > SMOOTH_ALPHA { alpha.min(ALPHA_MAX) } else { SMOOTH_ALPHA });
@@ -39,11 +40,12 @@ impl Microfacets {
         Self { normals, shadowing }
     }
 
+    /// Returns true for a smooth boundary, whose only lobe is a Dirac lobe.
     pub(super) fn is_smooth(&self) -> bool {
         self.normals == Normals::Smooth
     }
 
-    /// α along x and y.
+    /// Returns α along x and y; 0 for a smooth boundary.
     pub(super) fn alpha(&self) -> [f32; 2] {
         match &self.normals {
             Normals::Smooth => [0.0; 2],
@@ -52,13 +54,13 @@ impl Microfacets {
         }
     }
 
-    /// Perceptual roughness: the root of the mean α.
+    /// Returns the perceptual roughness: the square root of the geometric mean of both α, at most 1.
     pub(super) fn roughness(&self) -> f32 {
         let [x, y] = self.alpha();
         (x * y).sqrt().sqrt().min(1.0)
     }
 
-    /// D(h), in sr⁻¹; 0 of a smooth boundary.
+    /// Returns D(h) in sr⁻¹; 0 for a smooth boundary.
     pub(super) fn density(&self, h: Vec3) -> f32 {
         match &self.normals {
             Normals::Smooth => 0.0,
@@ -67,11 +69,12 @@ impl Microfacets {
         }
     }
 
+    /// Returns the distribution of normals; GGX for a smooth boundary.
     pub(super) fn distribution(&self) -> Distribution {
         if let Normals::Beckmann(_) = self.normals { Distribution::Beckmann } else { Distribution::Ggx }
     }
 
-    /// G₁: share of the facets that a direction on either side sees.
+    /// Returns G₁, the share of the facets visible from a direction on either side.
     pub(super) fn masking(&self, w: Vec3) -> f32 {
         match &self.normals {
             Normals::Smooth => 1.0,
@@ -80,7 +83,7 @@ impl Microfacets {
         }
     }
 
-    /// G₂: share of the facets that both directions see. They may be on different sides.
+    /// Returns G₂, the share of the facets visible from both directions, which may be on different sides.
     pub(super) fn shadowing(&self, wo: Vec3, wi: Vec3) -> f32 {
         let (o, i) = (self.masking(wo), self.masking(wi));
         match self.shadowing {
@@ -90,7 +93,7 @@ impl Microfacets {
         }
     }
 
-    /// ∫ D(h) max(wo · h, 0) dω, for a wo above the surface.
+    /// Returns ∫ D(h) max(wo · h, 0) dω for a wo above the surface.
     fn visible_area(&self, wo: Vec3) -> f32 {
         match &self.normals {
             Normals::Smooth => wo.z,
@@ -99,7 +102,7 @@ impl Microfacets {
         }
     }
 
-    /// A facet's normal, as likely as `wo` (wo.z > 0) sees it.
+    /// Draws a facet's normal from the distribution of normals visible from `wo` (wo.z > 0).
     pub(super) fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         match &self.normals {
             Normals::Smooth => Vec3::Z,
@@ -108,7 +111,7 @@ impl Microfacets {
         }
     }
 
-    /// Light that is mirrored from `wi` to `wo`, both above the surface.
+    /// Returns the reflection from `wi` to `wo`; `None` unless both are above the surface.
     pub(super) fn mirrored(&self, wo: Vec3, wi: Vec3) -> Option<Bounce> {
         let h = (wo + wi).try_normalize()?;
         let cos = wo.dot(h);
@@ -120,8 +123,8 @@ impl Microfacets {
         Some(Bounce { cos, value, pdf: 0.25 * density / self.visible_area(wo) })
     }
 
-    /// Light that is refracted from `wi` below the surface to `wo` above it; `eta`: index of refraction below over that
-    /// above. In importance mode. Source: Walter et al. 2007, eq. 16 to 21.
+    /// Returns the refraction from `wi` below the surface to `wo` above it, in importance mode; `None` if no facet
+    /// refracts so. `eta`: index of refraction below over that above. Source: Walter et al. 2007, eq. 16 to 21.
     pub(super) fn refracted(&self, wo: Vec3, wi: Vec3, eta: f32) -> Option<Bounce> {
         let sum = wo + eta * wi;
         let length2 = sum.length_squared();
@@ -138,13 +141,13 @@ impl Microfacets {
     }
 }
 
-/// What facets make of light between two directions, if they mirrored or refracted all of it.
+/// Scattering of facets between two directions, before the Fresnel factor.
 #[derive(Clone, Copy)]
 pub(super) struct Bounce {
-    /// Cosine of wo to the facet.
+    /// Cosine between wo and the facet's normal.
     pub(super) cos: f32,
-    /// f, in sr⁻¹.
+    /// f in sr⁻¹, before the Fresnel factor.
     pub(super) value: f32,
-    /// Density of the direction, if it is found by a visible normal.
+    /// Density of wi in sr⁻¹ if it is drawn by visible normals.
     pub(super) pdf: f32,
 }

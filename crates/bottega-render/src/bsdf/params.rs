@@ -1,60 +1,60 @@
-//! A material's parameters at one point.
+//! Parameters of the layered material at one point.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-/// The layered material with its textures looked up: what [`Bsdf`](super::Bsdf) is made of. Meanings as in [`Layered`](bottega_scene::Layered). Values
-/// outside their ranges, and NaN, are clamped by `Bsdf::new`.
+/// The layered material after texture lookups, from which a [`Bsdf`](super::Bsdf) is built. Meanings as in
+/// [`Layered`](bottega_scene::Layered). `Bsdf::new` clamps values outside their ranges, and NaN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceParams {
     /// Reflectance of the diffuse and metal base, tint of the transmission; in [0, 1].
     pub base_color: Spectrum,
-    /// In [0, 1].
+    /// Share of metal, in [0, 1].
     pub metallic: f32,
-    /// Perceptual, in [0, 1].
+    /// Perceptual roughness of the base, in [0, 1].
     pub roughness: f32,
-    /// How far highlights are stretched along x, in [0, 1].
+    /// Stretch of highlights along x, in [0, 1].
     pub anisotropy: f32,
-    /// At least 1 and told apart up to 5; 0 stands for total reflection.
+    /// Index of refraction, at least 1, clamped to 5; 0 stands for total reflection.
     pub ior: f32,
-    /// 20 over the Abbe number; not negative.
+    /// Dispersion: 20 over the Abbe number; not negative.
     pub dispersion: f32,
-    /// In [0, 1].
+    /// Strength of the dielectric reflection, in [0, 1].
     pub specular: f32,
-    /// Not negative.
+    /// Tint of the dielectric reflection at normal incidence; not negative.
     pub specular_color: Spectrum,
-    /// In [0, 1].
+    /// Share of refracted light among the dielectric's, in [0, 1].
     pub transmission: f32,
-    /// Share of diffuse light that leaves on the other side, in [0, 1]; none where light enters a solid.
+    /// Share of the diffuse light transmitted to the other side, in [0, 1]; ignored for solids that light enters.
     pub diffuse_transmission: f32,
-    /// In [0, 1].
+    /// Colour of the diffuse transmission, in [0, 1].
     pub diffuse_transmission_color: Spectrum,
-    /// A sheet without volume.
+    /// `true`: a sheet without volume.
     pub thin: bool,
-    /// Strength of a film on the base, in [0, 1].
+    /// Strength of a thin film on the base, in [0, 1].
     pub iridescence: f32,
-    /// Its index of refraction, at least 1.
+    /// Index of refraction of the film, at least 1.
     pub iridescence_ior: f32,
-    /// Its thickness in nanometres.
+    /// Thickness of the film in nanometres.
     pub iridescence_thickness: f32,
-    /// In [0, 1].
+    /// Strength of the clear coat, in [0, 1].
     pub coat: f32,
-    /// Perceptual, in [0, 1].
+    /// Perceptual roughness of the clear coat, in [0, 1].
     pub coat_roughness: f32,
     /// Normal of the coat in the local frame, above the surface; +z: that of the base. (In glTF a normal map of the base
-    /// is not one of the coat, which then has the interpolated normal.)
+    /// does not apply to the coat, which then uses the interpolated normal.)
     pub coat_normal: Vec3,
-    /// In [0, 1].
+    /// Colour of the sheen, in [0, 1].
     pub sheen_color: Spectrum,
-    /// Perceptual, in [0, 1].
+    /// Perceptual roughness of the sheen, in [0, 1].
     pub sheen_roughness: f32,
-    /// Whether wo is on the outside. Matters only where light enters a solid: an opaque or thin surface has two equal
+    /// `true`: wo is on the outside. Matters only for solids that light enters; opaque or thin surfaces have two equal
     /// sides.
     pub front: bool,
 }
 
 impl Default for SurfaceParams {
-    /// White plastic as in `Layered::default`, seen from outside.
+    /// Returns white plastic as in `Layered::default`, seen from outside.
     fn default() -> Self {
         Self {
             base_color: Spectrum::ONE,
@@ -83,7 +83,7 @@ impl Default for SurfaceParams {
 }
 
 impl SurfaceParams {
-    /// What scatters nothing: the surface of an unlit material.
+    /// A surface that scatters nothing, as of an unlit material.
     pub const BLACK: Self = Self {
         base_color: Spectrum::ZERO,
         metallic: 0.0,
@@ -108,13 +108,13 @@ impl SurfaceParams {
         front: true,
     };
 
-    /// The same, no smoother than `roughness`: what a path may see that already left a diffuse surface, so that no light
-    /// is found by it that it could not have found otherwise.
+    /// Returns the same material with a roughness of at least `roughness` in base and coat. Paths that have left a
+    /// diffuse surface use it, so that they do not find light that no other strategy finds.
     pub fn at_least_as_rough_as(self, roughness: f32) -> Self {
         Self { roughness: self.roughness.max(roughness), coat_roughness: self.coat_roughness.max(roughness), ..self }
     }
 
-    /// Everything in its range; NaN becomes the lower end.
+    /// Clamps everything to its range; NaN becomes the lower end.
     pub(super) fn clamped(self) -> Self {
         let within = |x: f32, low: f32, high: f32| if x > low { x.min(high) } else { low };
         let unit = |x| within(x, 0.0, 1.0);

@@ -1,4 +1,7 @@
-//! A matte base below a dielectric boundary.
+//! A matte base below a smooth or rough dielectric boundary.
+//!
+//! Parameters: index of refraction, reflectance of the base, specular tint, facets, treatment of internal reflection.
+//! Source: the plugins `plastic` and `roughplastic` of Mitsuba 3.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -11,43 +14,45 @@ use super::microfacet::Microfacets;
 use super::scatter::{Lobes, Scatter, split};
 use super::{BsdfSample, LobeFlags, TransportMode, warp};
 
-/// Light is mirrored by the boundary, or goes through it, is scattered by the base, within the layer reflected again and
-/// again, and leaves. f = mirrored + T(μo) T(μi) base / (π η²), where `base` holds the geometric series.
+/// A matte base below a dielectric boundary. Light is reflected by the boundary, or refracted, scattered by the base,
+/// reflected internally any number of times, and refracted out. f = reflection + T(μo) T(μi) base / (π η²), where `base`
+/// holds the geometric series.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plastic {
-    /// Index of refraction inside over outside.
+    /// Index of refraction inside over that outside.
     eta: f32,
     facets: Microfacets,
-    /// Multiplies the reflection of the boundary.
+    /// Factor for the reflection of the boundary.
     specular: Spectrum,
-    /// The series over η².
+    /// Sum of the geometric series over η².
     base: Spectrum,
     through: Through,
 }
 
-/// Share of light at a cosine that reaches the base.
+/// The share of the light, by cosine, that reaches the base.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Through {
-    /// A smooth boundary, and a layer of this thickness in mean free paths.
+    /// A smooth boundary over a layer of this thickness, in mean free paths.
     Smooth(f32),
     Rough(Cover),
 }
 
-/// [`Plastic`] seen from one direction.
+/// [`Plastic`] for one direction.
 struct PlasticView {
     through: f32,
-    /// Probability of the boundary.
+    /// Probability of sampling the boundary's lobe.
     chance: f32,
 }
 
 impl Plastic {
-    /// As Mitsuba has it: no absorption within, the series closed.
+    /// Creates Mitsuba's plastic: no absorption within, the series in closed form.
     ///
     /// - `diffuse`: reflectance of the base.
-    /// - `cover`: of rough facets, by [`Mean::Nodes`](super::cover::Mean); `None`: the base is seen through a smooth boundary.
+    /// - `cover`: transmission of rough facets, by [`Mean::Nodes`](super::cover::Mean); `None`: that of a smooth
+    ///   boundary.
     ///
-    /// The mean internal reflectance is the one that Mitsuba computes, so that pictures agree. For smooth boundaries that is
-    /// the fit of Egan and Hilgeman 1979, Optical Properties of Inhomogeneous Materials (after d'Eon and Irving 2011, A
+    /// The mean internal reflectance is computed as in Mitsuba, so that pictures agree. For smooth boundaries it is the
+    /// fit of Egan and Hilgeman 1979, Optical Properties of Inhomogeneous Materials (after d'Eon and Irving 2011, A
     /// Quantized-Diffusion Model for Rendering Translucent Materials).
     pub(super) fn new(
         eta: f32,
@@ -69,7 +74,7 @@ impl Plastic {
         Self { eta, facets, specular, base, through: cover.map_or(Through::Smooth(0.0), Through::Rough) }
     }
 
-    /// By the parts: `base` is the series over η².
+    /// Creates the BSDF from its parts: `base` is the sum of the series over η².
     pub(super) fn from_series(eta: f32, base: Spectrum, facets: Microfacets, through: Through) -> Self {
         Self { eta, facets, specular: Spectrum::ONE, base, through }
     }
@@ -83,7 +88,7 @@ impl Plastic {
 
     fn seen(&self, wo: Vec3) -> PlasticView {
         let through = self.through(wo.z);
-        // The base scatters about as much of the light as comes back through the boundary.
+        // Light from the base returns through the boundary: approximate that share by a constant
         let mirrored = mean(self.specular) * fresnel::dielectric(wo.z, self.eta);
         let diffuse = mean(self.base) * through * MEAN_THROUGH;
         let sum = mirrored + diffuse;
@@ -91,10 +96,10 @@ impl Plastic {
     }
 }
 
-/// About the mean over the hemisphere of what a boundary lets through.
+/// Approximate hemispherical mean of the boundary's transmittance.
 pub const MEAN_THROUGH: f32 = 0.9;
 
-/// Share of the light at a cosine that reaches the base below a smooth boundary and an absorbing layer.
+/// Returns the share of the light at a cosine that reaches the base below a smooth boundary and an absorbing layer.
 fn through_smooth(eta: f32, thickness: f32, cos: f32) -> f32 {
     let through = 1.0 - fresnel::dielectric(cos, eta);
     if thickness == 0.0 {
@@ -104,9 +109,9 @@ fn through_smooth(eta: f32, thickness: f32, cos: f32) -> f32 {
     through * bottega_kernels::math::exp(-thickness / (1.0 - sin2).max(1e-12).sqrt())
 }
 
-/// Mean of the reflectance over the hemisphere, seen from within a solid of index `eta`.
+/// Returns the hemispherical mean of the reflectance from within a solid of index `eta`.
 fn mean_internal_reflectance(eta: f32) -> f32 {
-    // The fit of each side, in terms of the index beyond the boundary over that before it.
+    // Fits in terms of the index beyond the boundary over that before it
     let beyond = 1.0 / eta;
     if beyond < 1.0 {
         ((-1.4399 * beyond + 0.7099) * beyond + 0.6681) + 0.0636 / beyond

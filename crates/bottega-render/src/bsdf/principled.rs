@@ -1,4 +1,6 @@
-//! Disney's material, as Mitsuba has it.
+//! Disney's principled material, as in Mitsuba 3, for solids and thin sheets.
+//!
+//! Parameters: see [`bottega_scene::Principled`]. Sources: Burley 2012 and 2015, see [`Principled`].
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -11,49 +13,61 @@ use super::microfacet::Microfacets;
 use super::scatter::{Lobes, Scatter, split};
 use super::{BsdfSample, LobeFlags, TransportMode, warp};
 
-/// Parameters at one point, as in [`bottega_scene::Principled`].
+/// Parameters at one point, as in [`bottega_scene::Principled`], clamped to their ranges.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PrincipledParams {
+    /// Base colour, multiplied by the vertex colour, in [0, 1].
     pub(super) base_color: Spectrum,
+    /// Perceptual roughness, in [0, 1]: α is its square.
     pub(super) roughness: f32,
+    /// Stretch of highlights along x, in [0, 1].
     pub(super) anisotropic: f32,
+    /// Share of metal, in [0, 1].
     pub(super) metallic: f32,
+    /// Share of transmission in the dielectric part, in [0, 1].
     pub(super) spec_trans: f32,
+    /// Index of refraction inside over that outside.
     pub(super) eta: f32,
+    /// Tint of the dielectric reflection towards the base colour, in [0, 1].
     pub(super) spec_tint: f32,
+    /// Strength of the sheen, in [0, 1].
     pub(super) sheen: f32,
+    /// Tint of the sheen towards the base colour, in [0, 1].
     pub(super) sheen_tint: f32,
+    /// Blend of the diffuse lobe towards flat subsurface scattering, in [0, 1].
     pub(super) flatness: f32,
+    /// Strength of the clear coat, in [0, 1].
     pub(super) clearcoat: f32,
+    /// Gloss of the clear coat, in [0, 1]: α goes from 0.1 to 0.001.
     pub(super) clearcoat_gloss: f32,
-    /// In [0, 1].
+    /// Share of the diffuse light that is transmitted, in [0, 1].
     pub(super) diff_trans: f32,
 }
 
-/// A solid's material: diffuse, sheen, main lobes of reflection and transmission, clear coat. From within the solid the
-/// main lobes alone are seen.
+/// The material of a solid: diffuse lobe, sheen, main lobes of reflection and transmission, clear coat. From within the
+/// solid, only the main lobes exist.
 ///
 /// Sources: Burley 2012, Physically Based Shading at Disney; Burley 2015, Extending the Disney BRDF to a BSDF with
-/// Integrated Subsurface Scattering. What they leave open is as in Mitsuba 3: true Fresnel reflectance of the dielectric,
-/// separable shadowing, and √base_color on each crossing of the boundary.
+/// Integrated Subsurface Scattering. Details that they leave open follow Mitsuba 3: exact Fresnel reflectance of the
+/// dielectric, separable shadowing, and √base_color at each crossing of the boundary.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Principled {
     p: PrincipledParams,
     facets: Microfacets,
-    /// wo is within the solid.
+    /// `true`: wo is within the solid.
     inside: bool,
-    /// The base colour at luminance 1.
+    /// Base colour scaled to luminance 1.
     tint: Spectrum,
-    /// Of the clear coat.
+    /// α of the clear coat's facets.
     coat_alpha: f32,
 }
 
-/// A sheet's material: diffuse light and sharp light on both sides.
+/// The material of a thin sheet: diffuse and sharp lobes on both sides.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PrincipledSheet {
     p: PrincipledParams,
     reflecting: Microfacets,
-    /// Rougher or smoother than the boundary, as light is bent twice.
+    /// Facets of transmission: light is refracted twice, which changes the roughness.
     transmitting: Microfacets,
     tint: Spectrum,
 }
@@ -65,7 +79,7 @@ fn facets(roughness: f32, anisotropic: f32) -> Microfacets {
     Microfacets::new(Distribution::Ggx, Shadowing::Separable, alpha)
 }
 
-/// A colour at luminance 1; white for black.
+/// Returns a colour scaled to luminance 1; white for black.
 fn tint_of(color: Spectrum) -> Spectrum {
     let luminance = color.dot(Vec3::new(0.212671, 0.715160, 0.072169));
     if luminance > 0.0 { color / luminance } else { Spectrum::ONE }
@@ -78,27 +92,27 @@ where
     a * (1.0 - share) + b * share
 }
 
-/// Schlick's term with reflectance `f0` at normal incidence, in terms of the angle on the thinner side; `eta`: index beyond
-/// the boundary over that before it.
+/// Returns Schlick's term with reflectance `f0` at normal incidence, evaluated at the angle on the side of the smaller
+/// index. `eta`: index of refraction beyond the boundary over that before it.
 fn schlick(f0: Spectrum, cos: f32, eta: f32) -> Spectrum {
     let cos = if eta > 1.0 { cos } else { (1.0 - (1.0 - cos * cos) / (eta * eta)).max(0.0).sqrt() };
     mix(f0, Spectrum::ONE, schlick_weight(cos))
 }
 
-/// What diffuse light and sheen make of a pair of directions; without the colour of the base, and without weights.
+/// Diffuse lobe and sheen for a pair of directions, without base colour and weights.
 struct Diffuse {
     diffuse: f32,
     sheen: Spectrum,
 }
 
 impl PrincipledParams {
-    /// Both directions above the surface.
+    /// Evaluates diffuse lobe and sheen; both directions must be above the surface.
     fn diffuse(&self, wo: Vec3, wi: Vec3, tint: Spectrum) -> Diffuse {
         let (fo, fi) = (schlick_weight(wo.z), schlick_weight(wi.z));
         let cos = (wo + wi).normalize_or(Vec3::Z).dot(wi);
         let retro = 2.0 * self.roughness * cos * cos;
         let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi) + retro * (fo + fi + fo * fi * (retro - 1.0));
-        // Hanrahan and Krueger's subsurface scattering, in Burley's flat approximation.
+        // Hanrahan and Krueger's subsurface scattering, in Burley's flat approximation
         let at_horizon = 0.5 * retro;
         let flat = mix(1.0, at_horizon, fo) * mix(1.0, at_horizon, fi);
         let flat = 1.25 * (flat * (1.0 / (wo.z + wi.z) - 0.5) + 0.5);
@@ -108,7 +122,7 @@ impl PrincipledParams {
 }
 
 impl Principled {
-    /// `p`: in their ranges; `inside`: wo is within the solid.
+    /// Creates the BSDF; `p`: clamped parameters; `inside`: `true` if wo is within the solid.
     pub(super) fn new(p: PrincipledParams, inside: bool) -> Self {
         Self {
             facets: facets(p.roughness, p.anisotropic),
@@ -119,22 +133,22 @@ impl Principled {
         }
     }
 
-    /// Share of the surface that is a clear solid.
+    /// Returns the share of the surface that is a clear solid.
     fn clear(&self) -> f32 {
         (1.0 - self.p.metallic) * self.p.spec_trans
     }
 
-    /// Share that is matte below.
+    /// Returns the share of the surface that has a matte base.
     fn matte(&self) -> f32 {
         (1.0 - self.p.metallic) * (1.0 - self.p.spec_trans)
     }
 
-    /// Index beyond the boundary over that on the side of wo.
+    /// Returns the index of refraction beyond the boundary over that on the side of wo.
     fn eta(&self) -> f32 {
         if self.inside { 1.0 / self.p.eta } else { self.p.eta }
     }
 
-    /// What a facet reflects, and share that it lets through.
+    /// Returns the reflectance of a facet, and the share of the light that it transmits.
     fn split(&self, cos: f32) -> (Spectrum, f32) {
         let p = &self.p;
         let exact = fresnel::dielectric(cos, self.eta());
@@ -148,15 +162,15 @@ impl Principled {
         (metal + dielectric * (1.0 - p.metallic), through)
     }
 
-    /// Probability that a facet reflects a sample.
+    /// Returns the probability of sampling reflection rather than transmission at a facet.
     fn reflection(&self, cos: f32) -> f32 {
         let (reflected, through) = self.split(cos);
         let (r, t) = (mean(reflected), through * mean(self.p.base_color));
-        // Neither is ever left out, lest a weight grow without bound.
+        // Keep both probabilities above 0 to bound the weights
         if through > 0.0 { (r + 0.05) / (r + t + 0.1) } else { 1.0 }
     }
 
-    /// Probabilities of the main lobes and of the clear coat; the rest is the diffuse lobe's.
+    /// Returns the probabilities of the main lobes and of the clear coat; the remainder is the diffuse lobe's.
     fn chances(&self, wo: Vec3) -> [f32; 2] {
         if self.inside {
             return [1.0, 0.0];
@@ -169,7 +183,8 @@ impl Principled {
         [main / sum, coat / sum]
     }
 
-    /// f of the clear coat and the density of its samples. Its facets are Burley's generalized Trowbridge-Reitz with γ = 1.
+    /// Returns f of the clear coat and its pdf. Its facets are Burley's generalized Trowbridge-Reitz distribution with γ
+    /// = 1.
     fn coat(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
         let Some(h) = (wo + wi).try_normalize() else { return (0.0, 0.0) };
         let cos = wo.dot(h);
@@ -200,6 +215,7 @@ impl Scatter for Principled {
     fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
         let p = &self.p;
         let [main, coat] = self.chances(wo);
+        // Transmission into or out of the solid
         if wi.z < 0.0 {
             if self.clear() <= 0.0 {
                 return (Spectrum::ZERO, 0.0);
@@ -212,6 +228,7 @@ impl Scatter for Principled {
             return (value, main * (1.0 - self.reflection(bounce.cos)) * bounce.pdf);
         }
         let (mut value, mut pdf) = (Spectrum::ZERO, 0.0);
+        // Reflection of the main lobe
         if let Some(bounce) = self.facets.mirrored(wo, wi) {
             value += self.split(bounce.cos).0 * bounce.value;
             pdf += main * self.reflection(bounce.cos) * bounce.pdf;
@@ -219,11 +236,13 @@ impl Scatter for Principled {
         if self.inside {
             return (value, pdf);
         }
+        // Clear coat
         if p.clearcoat > 0.0 {
             let (coat_value, coat_pdf) = self.coat(wo, wi);
             value += coat_value;
             pdf += coat * coat_pdf;
         }
+        // Diffuse lobe and sheen
         let matte = self.matte();
         if matte > 0.0 {
             let light = p.diffuse(wo, wi, self.tint);
@@ -235,6 +254,7 @@ impl Scatter for Principled {
     fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], mode: TransportMode) -> Option<BsdfSample> {
         let [main, coat] = self.chances(wo);
         let (is_main, u_rest) = split(u_lobe, main);
+        // Sample a facet, then reflection or transmission
         if is_main {
             let h = self.facets.sample_visible_normal(wo, u);
             if u_rest < self.reflection(wo.dot(h)) {
@@ -246,6 +266,7 @@ impl Scatter for Principled {
             let wi = fresnel::refract(wo, h, eta).filter(|wi| wi.z < 0.0)?;
             return self.spread(wo, wi, mode, LobeFlags::TRANSMISSION.union(LobeFlags::GLOSSY), eta);
         }
+        // Sample the clear coat or the diffuse lobe
         let is_coat = u_lobe < main + coat;
         let wi = if is_coat { self.sample_coat(wo, u) } else { warp::cosine_hemisphere(u) };
         let kind = if is_coat { LobeFlags::GLOSSY } else { LobeFlags::DIFFUSE };
@@ -265,7 +286,7 @@ impl Scatter for Principled {
 }
 
 impl PrincipledSheet {
-    /// `p`: in their ranges.
+    /// Creates the BSDF; `p`: clamped parameters.
     pub(super) fn new(p: PrincipledParams) -> Self {
         let scaled = ((0.65 * p.eta - 0.35) * p.roughness).max(0.0);
         Self {
@@ -276,14 +297,14 @@ impl PrincipledSheet {
         }
     }
 
-    /// Probabilities of sharp reflection, sharp transmission, diffuse reflection.
+    /// Returns the probabilities of sharp reflection, sharp transmission and diffuse reflection.
     fn chances(&self) -> [f32; 3] {
         let (sharp, diffuse) = (self.p.spec_trans, 1.0 - self.p.spec_trans);
         [0.5 * sharp, 0.5 * sharp, diffuse * (1.0 - self.p.diff_trans)]
     }
 }
 
-/// Whether `wi`, below the surface, is also below the facet that would have mirrored `wo` to its image above.
+/// Returns true if `wi`, below the surface, is also below the facet that mirrors `wo` to the image of `wi` above.
 fn is_beyond(wo: Vec3, wi: Vec3) -> bool {
     wi.dot(wo + Vec3::new(wi.x, wi.y, -wi.z)) < 0.0
 }
@@ -339,7 +360,7 @@ impl Scatter for PrincipledSheet {
         } else {
             (Vec3::new(above.x, above.y, -above.z), LobeFlags::TRANSMISSION)
         };
-        // What is sharp and not beyond its facet has no density but that of diffuse light, which did not draw it.
+        // Reject sharp transmission on the wrong side of its facet: the pdf there covers the diffuse lobe only
         if is_sharp && !reflects && !is_beyond(wo, wi) {
             return None;
         }

@@ -1,26 +1,27 @@
-//! The trait of every kind of scattering.
+//! The trait that every kind of scattering implements.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{BsdfSample, LobeFlags, TransportMode};
 
-/// The scattering at one point, of one kind. `wo` is above the surface.
+/// Scattering of one kind at one point. `wo` is above the surface.
 pub(super) trait Scatter {
-    /// f in sr⁻¹ without the cosine, and the density with which `sample` draws `wi`; Dirac lobes left out of both. Where f is
-    /// an estimate, the density may be one that is only like that of the samples.
+    /// Returns f in sr⁻¹ without the cosine, and the density with which `sample` draws `wi`; both exclude Dirac lobes.
+    /// Where f is estimated by a random walk, the density may be approximate.
     fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32);
 
-    /// Draws a direction, from numbers in [0, 1). Its weight has the right mean, also where density and value are estimates.
+    /// Draws a direction from random numbers in [0, 1). The sample's weight is unbiased, even where density and value are
+    /// estimates.
     fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], mode: TransportMode) -> Option<BsdfSample>;
 
-    /// Share of the light arriving along `wo` that is scattered anywhere: an estimate.
+    /// Estimates the share of the light arriving along `wo` that is scattered in any direction.
     fn albedo(&self, wo: Vec3) -> Spectrum;
 
-    /// What there is.
+    /// Returns a summary of the lobes.
     fn lobes(&self) -> Lobes;
 
-    /// The sample of a lobe that is spread over directions, `wi` drawn.
+    /// Returns the sample of a non-Dirac lobe for a `wi` already drawn; `None` if f or pdf is 0.
     #[inline]
     fn spread(&self, wo: Vec3, wi: Vec3, mode: TransportMode, lobe: LobeFlags, eta: f32) -> Option<BsdfSample> {
         let (value, pdf) = self.eval_pdf(wo, wi, mode);
@@ -28,19 +29,19 @@ pub(super) trait Scatter {
     }
 }
 
-/// What lobes there are.
+/// A summary of the lobes of a BSDF.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lobes {
-    /// Some light is spread over solid angles.
+    /// `true`: some light is scattered into non-Dirac lobes.
     pub(super) has_non_delta: bool,
-    /// Light may go to the other side.
+    /// `true`: light may be transmitted to the other side.
     pub(super) is_transmissive: bool,
-    /// Perceptual roughness of the sharpest lobe.
+    /// Perceptual roughness of the sharpest lobe, in [0, 1].
     pub(super) roughness: f32,
 }
 
 impl BsdfSample {
-    /// The sample of a Dirac lobe that scatters `energy` (f |cos θi|) into the one direction `wi`, chosen with
+    /// Returns the sample of a Dirac lobe that scatters `energy` (f |cos θi|) into the direction `wi`, chosen with
     /// probability `chance`.
     #[inline]
     pub(super) fn delta(wi: Vec3, energy: Spectrum, chance: f32, side: LobeFlags, eta: f32) -> Option<Self> {
@@ -50,7 +51,8 @@ impl BsdfSample {
     }
 }
 
-/// Splits a number in [0, 1) at `chance`: whether it is below, and where in its part it lies.
+/// Splits a random number in [0, 1) at `chance`: returns true if it is below, and the number rescaled to [0, 1) within
+/// its part.
 #[inline]
 pub(super) fn split(u: f32, chance: f32) -> (bool, f32) {
     let first = u < chance;

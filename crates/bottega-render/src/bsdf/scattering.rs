@@ -1,4 +1,4 @@
-//! The scattering at one point, as one of a closed set of kinds: short ways for the surfaces that need no layers.
+//! The BSDF at one point, as a closed set of kinds, with shortcuts for surfaces without layers.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -14,7 +14,7 @@ use super::principled::{Principled, PrincipledSheet};
 use super::scatter::{Lobes, Scatter};
 use super::{BsdfSample, LiftedNormal, LobeFlags, SurfaceParams, TransportMode, warp};
 
-/// The scattering at one point. See the [module](super) for the frame.
+/// The BSDF at one point. See the [module](super) for the local frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
     mode: TransportMode,
@@ -25,17 +25,17 @@ pub struct Bsdf {
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a box would allocate at every textured point")]
 enum BsdfKind {
-    /// Nothing is scattered.
+    /// A surface that scatters nothing.
     Black,
-    /// f = color / π, not black.
+    /// A Lambertian surface: f = color / π, not black.
     Lambert(Spectrum),
-    /// A mirror, or a clear solid or sheet, bare: a shorter way to what the layers say.
+    /// A bare mirror, clear solid or thin sheet: a shortcut with the same result as the layers.
     Smooth(Interface),
     Layered(Layered),
     Other(Other),
 }
 
-/// The surfaces that the formats have beside the layered one.
+/// The surfaces of other formats than glTF's layered one.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Other {
     RoughMatte(RoughMatte),
@@ -48,7 +48,7 @@ pub(super) enum Other {
     PrincipledSheet(PrincipledSheet),
 }
 
-/// Asks whichever kind there is.
+/// Dispatches an expression over all kinds of `Other`.
 macro_rules! ask {
     ($other:expr, $it:ident => $answer:expr) => {
         match $other {
@@ -82,7 +82,7 @@ impl Scatter for Other {
     }
 }
 
-/// A [`Bsdf`] seen from one direction: who asks for more than one thing from there pays once for what they share.
+/// A [`Bsdf`] for one outgoing direction; several calls share the values that depend on it alone.
 #[derive(Clone, Copy)]
 pub struct BsdfAt<'a> {
     kind: KindAt<'a>,
@@ -99,7 +99,7 @@ enum KindAt<'a> {
 }
 
 impl Bsdf {
-    /// The scattering of paths from the camera, by layers.
+    /// Creates the BSDF of the layered material, in radiance mode.
     pub fn new(params: &SurfaceParams) -> Self {
         let p = params.clamped();
         if is_lambert(&p) {
@@ -118,39 +118,40 @@ impl Bsdf {
         Self { mode: TransportMode::Radiance, kind, lifted: None }
     }
 
-    /// What scatters nothing.
+    /// Returns a BSDF that scatters nothing.
     pub(super) fn black() -> Self {
         Self::of(BsdfKind::Black)
     }
 
-    /// Lambert's surface; `color` is in [0, 1].
+    /// Returns a Lambertian BSDF; `color`: albedo in [0, 1].
     pub(super) fn lambert(color: Spectrum) -> Self {
         Self::of(if color == Spectrum::ZERO { BsdfKind::Black } else { BsdfKind::Lambert(color) })
     }
 
-    /// `None`: black.
+    /// Wraps one of the other kinds; `None`: black.
     pub(super) fn other(other: Option<Other>) -> Self {
         Self::of(other.map_or(BsdfKind::Black, BsdfKind::Other))
     }
 
-    /// The same where a relief turned the frame.
+    /// Returns the same BSDF with a perturbed shading normal.
     pub(super) fn with_lifted(self, lifted: Option<LiftedNormal>) -> Self {
         Self { lifted, ..self }
     }
 
-    /// The same for `mode`.
+    /// Returns the same BSDF for transport in `mode`.
     pub fn with_mode(self, mode: TransportMode) -> Self {
         Self { mode, ..self }
     }
 
-    /// What is seen from `wo`; nothing unless wo is above the surface.
+    /// Fixes the outgoing direction `wo`; nothing is scattered unless it is above the surface.
     #[inline(always)]
     pub fn at(&self, wo: Vec3) -> BsdfAt<'_> {
         self.at_carrying(wo, Spectrum::ONE)
     }
 
-    /// What is seen from `wo` by a path that carries so much in each channel; only the ratios count. Where colours go apart,
-    /// samples are drawn by that, so that a path which lost all colours but one keeps to the way of that one.
+    /// Fixes the outgoing direction `wo` of a path with throughput `carried`, of which only the ratios matter. Dispersive
+    /// boundaries choose reflection and channel by it, so that a path with a single channel left follows that channel's
+    /// direction.
     #[inline(always)]
     pub fn at_carrying(&self, wo: Vec3, carried: Spectrum) -> BsdfAt<'_> {
         if !is_above(wo) {
@@ -166,27 +167,28 @@ impl Bsdf {
         BsdfAt { kind, lifted: self.lifted.as_ref() }
     }
 
-    /// f(wo, wi) in sr⁻¹, without the cosine, of all lobes but Dirac ones; see [`Self::eval_pdf`].
+    /// Returns f(wo, wi) in sr⁻¹, without the cosine, summed over all lobes but Dirac ones; see [`Self::eval_pdf`].
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> Spectrum {
         self.eval_pdf(wo, wi).0
     }
 
-    /// Density in sr⁻¹ with which [`Self::sample`] draws `wi`, Dirac lobes left out; see [`Self::eval_pdf`].
+    /// Returns the density in sr⁻¹ with which [`Self::sample`] draws `wi`, without Dirac lobes; see [`Self::eval_pdf`].
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.eval_pdf(wo, wi).1
     }
 
-    /// f(wo, wi) and the density of `wi`, at the price of one of them. (0, 0) unless wo is above the surface.
+    /// Returns f(wo, wi) and the pdf of `wi`, at the cost of one of them. (0, 0) unless wo is above the surface.
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Spectrum, f32) {
         self.at(wo).eval_pdf(wi)
     }
 
-    /// Draws a direction: see [`BsdfAt::sample`].
+    /// Draws a direction, see [`BsdfAt::sample`].
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         self.at(wo).sample(u_lobe, u)
     }
 
-    /// Share of the light arriving along `wo` that a smooth sheet lets straight through; 0 of anything else.
+    /// Returns the share of the light arriving along `wo` that a smooth thin sheet transmits without deflection; 0 for
+    /// other surfaces.
     pub(crate) fn straight(&self, wo: Vec3) -> Spectrum {
         match &self.kind {
             BsdfKind::Other(Other::Dielectric(dielectric)) if is_above(wo) => dielectric.straight(wo),
@@ -194,9 +196,9 @@ impl Bsdf {
         }
     }
 
-    /// Share of the light arriving along `wo` that is scattered anywhere, as the tables know it: within two percent for
-    /// what is reflected by a base without coat and sheen, up to a tenth or so too much below these, and an estimate of
-    /// what goes through.
+    /// Returns the share of the light arriving along `wo` that is scattered in any direction, according to the tables:
+    /// within two percent for the reflection of a base without coat and sheen, up to about a tenth too high below these,
+    /// and an estimate for transmission.
     pub fn albedo(&self, wo: Vec3) -> Spectrum {
         if !is_above(wo) {
             return Spectrum::ZERO;
@@ -210,12 +212,12 @@ impl Bsdf {
         }
     }
 
-    /// Whether nothing is scattered at all.
+    /// Returns true if nothing is scattered.
     pub fn is_black(&self) -> bool {
         matches!(self.kind, BsdfKind::Black)
     }
 
-    /// Whether light can go to the other side.
+    /// Returns true if light can be transmitted to the other side.
     pub fn is_transmissive(&self) -> bool {
         match &self.kind {
             BsdfKind::Lambert(_) | BsdfKind::Black => false,
@@ -225,13 +227,14 @@ impl Bsdf {
         }
     }
 
-    /// Whether it is more than a single lobe of one colour or a bare smooth boundary: dearer to evaluate.
+    /// Returns true unless the BSDF is a single lobe of one colour or a bare smooth boundary: evaluation is then
+    /// expensive.
     #[inline(always)]
     pub(crate) fn is_layered(&self) -> bool {
         matches!(self.kind, BsdfKind::Layered(_) | BsdfKind::Other(_))
     }
 
-    /// Whether all light goes into single directions, so that connecting to a light is of no use.
+    /// Returns true if all lobes are Dirac lobes, so that next-event estimation is useless.
     #[inline(always)]
     pub fn is_delta_only(&self) -> bool {
         match &self.kind {
@@ -242,7 +245,7 @@ impl Bsdf {
         }
     }
 
-    /// Whether some light is spread over solid angles: what `eval` and `pdf` tell of.
+    /// Returns true if any light is scattered into lobes that `eval` and `pdf` cover.
     pub fn has_non_delta(&self) -> bool {
         match &self.kind {
             BsdfKind::Lambert(_) => true,
@@ -252,8 +255,7 @@ impl Bsdf {
         }
     }
 
-    /// Perceptual roughness of the sharpest lobe that this surface has: 0 for a mirror, 1 where there are only diffuse
-    /// ones.
+    /// Returns the perceptual roughness of the sharpest lobe: 0 for a mirror, 1 if all lobes are diffuse.
     pub fn roughness(&self) -> f32 {
         match &self.kind {
             BsdfKind::Lambert(_) | BsdfKind::Black => 1.0,
@@ -265,8 +267,8 @@ impl Bsdf {
 }
 
 impl BsdfAt<'_> {
-    /// f(wo, wi) in sr⁻¹, without the cosine, of all lobes but Dirac ones, and the density in sr⁻¹ with which
-    /// [`Self::sample`] draws `wi`.
+    /// Returns f(wo, wi) in sr⁻¹, without the cosine, summed over all lobes but Dirac ones, and the density in sr⁻¹ with
+    /// which [`Self::sample`] draws `wi`.
     #[inline(always)]
     pub fn eval_pdf(&self, wi: Vec3) -> (Spectrum, f32) {
         let (value, pdf) = self.eval_pdf_of_kind(wi);
@@ -277,7 +279,7 @@ impl BsdfAt<'_> {
         }
     }
 
-    /// Draws a direction, from numbers in [0, 1). `None`: these numbers scatter no light, and the path ends.
+    /// Draws a direction from random numbers in [0, 1). `None`: no light is scattered for these numbers; the path ends.
     #[inline(always)]
     pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let sample = self.sample_kind(u_lobe, u)?;
@@ -286,8 +288,8 @@ impl BsdfAt<'_> {
         (factor > 0.0).then_some(BsdfSample { value: sample.value * factor, ..sample })
     }
 
-    /// The two directions into which all light goes, the likelier one first: what a smooth boundary reflects, and what it lets through.
-    /// `None`: there is but one, or there are others.
+    /// Returns reflection and transmission of a smooth boundary, the likelier one first, if these two Dirac lobes are
+    /// all; else `None`.
     pub(crate) fn both_ways(&self) -> Option<[BsdfSample; 2]> {
         const ROUNDING: f32 = 1e-5;
         let [first, last] = [0.0, 1.0_f32.next_down()].map(|u_lobe| self.sample(u_lobe, [0.5; 2]));
@@ -332,7 +334,7 @@ impl BsdfAt<'_> {
     }
 }
 
-/// Whether nothing but the diffuse base scatters. `p` is clamped.
+/// Returns true if only the diffuse base scatters; the caller clamps `p`.
 fn is_lambert(p: &SurfaceParams) -> bool {
     let is_bare = p.coat == 0.0 && p.sheen_color == Spectrum::ZERO;
     let is_bare = is_bare && p.diffuse_transmission == 0.0;
@@ -356,7 +358,7 @@ mod tests {
         (a - b).abs() <= 2e-6 * a.abs().max(b.abs())
     }
 
-    /// Directions and numbers.
+    /// Returns random directions and numbers.
     fn cases() -> impl Iterator<Item = (Vec3, [f32; 3])> {
         (0..400_u32).map(|i| {
             let part = |prime: u32| (i * prime % 401) as f32 / 401.0;
@@ -408,7 +410,7 @@ mod tests {
                     assert!(ways[0].pdf >= ways[1].pdf);
                     assert!(ways.iter().any(|way| (way.wi, way.value, way.pdf) == (drawn.wi, drawn.value, drawn.pdf)));
                 }
-                // All is reflected.
+                // Everything is reflected
                 (None, Some(drawn)) => assert!(drawn.pdf > 1.0 - 1e-5 && drawn.wi.z > 0.0, "{wo} {drawn:?}"),
                 (_, None) => {}
             }

@@ -1,4 +1,6 @@
 //! Sheen: the soft rim light of cloth, by the Charlie distribution.
+//!
+//! Parameters: colour, roughness in [0, 1]. Source: Estevez and Kulla 2017, below.
 
 use std::f32::consts::{PI, TAU};
 
@@ -8,14 +10,14 @@ use glam::Vec3;
 
 use super::tables::{Mu, Rough, Tables};
 
-/// Smaller roughness than this is read as this: the lobe would be a line along the horizon.
+/// Smallest roughness; smaller values are clamped, because the lobe becomes a line along the horizon.
 pub const ROUGHNESS_MIN: f32 = 0.1;
 
-/// A layer of fibers on top of everything.
+/// A layer of fibers on top of all other layers.
 ///
-/// Source: Estevez and Kulla 2017, Production Friendly Microfacet Sheen BRDF, eq. 2 (distribution) and section 3 (the
-/// fit of the shadowing), without the softened terminator, which is not reciprocal. Energy above 1, which the fit gives
-/// to grazing directions, is scaled away for all directions alike.
+/// Source: Estevez and Kulla 2017, Production Friendly Microfacet Sheen BRDF, eq. 2 (distribution) and section 3 (the fit
+/// of the shadowing), without the softened terminator, which is not reciprocal. The fit gives grazing directions an
+/// albedo above 1; a common factor for all directions scales it down to 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sheen {
     color: Spectrum,
@@ -25,7 +27,7 @@ pub(super) struct Sheen {
 }
 
 impl Sheen {
-    /// `None` for a black colour.
+    /// Creates a sheen layer; `None` for a black colour.
     pub(super) fn new(tables: &Tables, color: Spectrum, roughness: f32) -> Option<Self> {
         if color.max_element() <= 0.0 {
             return None;
@@ -37,29 +39,29 @@ impl Sheen {
         Some(Self { color, alpha, fit: fit(alpha), rough })
     }
 
-    /// f(wo, wi); both above the horizon.
+    /// Returns f(wo, wi) in sr⁻¹; both directions must be above the horizon.
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Spectrum {
         let Some(h) = (wo + wi).try_normalize() else { return Spectrum::ZERO };
         self.color * charlie(self.alpha, &self.fit, wo.z, wi.z, h)
     }
 
-    /// Share of the light at a cosine that reaches what lies below (KHR_materials_sheen, albedo scaling).
+    /// Returns the share of the light at cosine `mu` that reaches the layers below (KHR_materials_sheen, albedo scaling).
     pub(super) fn passed(&self, tables: &Tables, mu: Mu) -> f32 {
         1.0 - self.color.max_element() * tables.sheen(mu, self.rough)
     }
 
-    /// Share that is reflected, from what [`Self::passed`] says.
+    /// Returns the reflected share, given the result of [`Self::passed`].
     pub(super) fn albedo(&self, passed: f32) -> Spectrum {
         self.color * ((1.0 - passed) / self.color.max_element())
     }
 }
 
-/// Roughness at a position in [0, 1] along the tables' axis.
+/// Returns the roughness at a position in [0, 1] along the tables' axis.
 pub(super) fn roughness_at(position: f32) -> f32 {
     ROUGHNESS_MIN + (1.0 - ROUGHNESS_MIN) * position
 }
 
-/// D · G / (4 cos cos) of colour 1.
+/// Returns D · G / (4 cos_o cos_i) for a white colour.
 fn charlie(alpha: f32, fit: &[f32; 5], cos_o: f32, cos_i: f32, h: Vec3) -> f32 {
     let sin = (h.x * h.x + h.y * h.y).sqrt().min(1.0);
     if sin <= 0.0 {
@@ -70,12 +72,12 @@ fn charlie(alpha: f32, fit: &[f32; 5], cos_o: f32, cos_i: f32, h: Vec3) -> f32 {
     density / (4.0 * cos_o * cos_i * (1.0 + lambda(fit, cos_o) + lambda(fit, cos_i)))
 }
 
-/// Coefficients of the shadowing's fit for α = 0.
+/// Coefficients of the fit of the shadowing for α = 0.
 pub const NARROW: [f32; 5] = [25.3245, 3.32435, 0.16801, -1.27393, -4.85967];
-/// And for α = 1.
+/// Coefficients of the fit of the shadowing for α = 1.
 pub const WIDE: [f32; 5] = [21.5473, 3.82987, 0.19823, -1.97760, -4.32054];
 
-/// Coefficients of the shadowing's fit for one roughness.
+/// Interpolates the coefficients of the fit for `alpha`.
 fn fit(alpha: f32) -> [f32; 5] {
     let narrow = (1.0 - alpha) * (1.0 - alpha);
     std::array::from_fn(|i| narrow * NARROW[i] + (1.0 - narrow) * WIDE[i])
@@ -87,7 +89,7 @@ fn lambda(fit: &[f32; 5], cos: f32) -> f32 {
     math::exp(if cos < 0.5 { l(cos) } else { 2.0 * l(0.5) - l((1.0 - cos).max(1e-6)) })
 }
 
-/// Share of the light at cosine `mu` that sheen of colour 1 reflects. For the tables.
+/// Returns the albedo of white sheen at cosine `mu`, by quadrature. Used to build the tables.
 pub(super) fn albedo_by_quadrature(mu: f32, roughness: f32) -> f32 {
     const COSINES: usize = 24;
     const AZIMUTHS: usize = 20;
@@ -96,7 +98,7 @@ pub(super) fn albedo_by_quadrature(mu: f32, roughness: f32) -> f32 {
     let wo = Vec3::new((1.0 - mu * mu).max(0.0).sqrt(), 0.0, mu);
     let mut sum = 0.0;
     for i in 0..COSINES {
-        // Even in √cos: most of the light is near the horizon.
+        // Uniform steps in √cos: most of the light is near the horizon
         let root = (i as f32 + 0.5) / COSINES as f32;
         let cos = root * root;
         let sin = (1.0 - cos * cos).sqrt();

@@ -1,4 +1,4 @@
-//! The scattering at one point, made of a scene's material.
+//! The conversion of a scene's material, at one point, into a [`Bsdf`].
 
 use bottega_kernels::math;
 use bottega_scene::{
@@ -20,29 +20,29 @@ use super::scattering::Other;
 use super::{Bsdf, LiftedNormal, SurfaceParams};
 use crate::mapping::{Spot, TexturePlace};
 
-/// A point on a surface, as the lookup of a material needs it.
+/// A point on a surface with the inputs that the evaluation of a material needs.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
     /// Both sets of texture coordinates of the surface.
     pub uvs: [Vec2; 2],
-    /// Where it is, for textures that are laid by that.
+    /// Position of the point, for textures that are mapped by position.
     pub spot: Spot,
-    /// Width of texture lookups in texture coordinates, 0 for sharp ones.
+    /// Width of texture lookups in texture coordinates; 0: unfiltered.
     pub footprint: f32,
-    /// Multiplies the base colour; white where a mesh has none.
+    /// Vertex colour, which multiplies the base colour; white for a mesh without vertex colours.
     pub vertex_color: Vec4,
-    /// Whether wo is on the front side.
+    /// `true`: wo is on the front side.
     pub front: bool,
     /// Normal of the coat in the local frame, above the surface; +z: that of the base.
     pub coat_normal: Vec3,
-    /// How a relief turned the frame, where that takes something from the light.
+    /// Perturbation of the shading normal; `None` where it does not darken the light.
     pub lifted: Option<LiftedNormal>,
-    /// A number in [0, 1) that chooses between blended surfaces.
+    /// Random number in [0, 1) that chooses between blended surfaces.
     pub chance: f32,
 }
 
 impl SurfacePoint {
-    /// A point of an untextured surface.
+    /// Returns a point for a surface without textures; `front`: `true` if wo is on the front side.
     pub fn plain(front: bool) -> Self {
         Self {
             uvs: [Vec2::ZERO; 2],
@@ -68,12 +68,12 @@ impl SurfacePoint {
         param.eval(scene, self.place(), self.footprint)
     }
 
-    /// A colour that is a share of the light.
+    /// Evaluates a reflectance or transmittance, clamped to [0, 1].
     fn share(&self, scene: &Scene, param: &ColorParam) -> Spectrum {
         within(self.color(scene, param), 1.0)
     }
 
-    /// A base colour, which those of the vertices multiply.
+    /// Evaluates a base colour, multiplied by the vertex colour and clamped to [0, 1].
     fn base(&self, scene: &Scene, param: &ColorParam) -> Spectrum {
         within(self.color(scene, param) * self.vertex_color.truncate(), 1.0)
     }
@@ -104,7 +104,7 @@ fn texel(scene: &Scene, map: &TextureMap, uvs: impl Uvs, footprint: f32) -> Vec4
     scene.images[map.image.0 as usize].eval(map, uv, footprint)
 }
 
-/// Strength of an anisotropy at a point, and its direction in the tangent frame (x along u, y up the picture).
+/// Returns the strength of an anisotropy and its direction in the tangent frame (x along u, y up the picture).
 pub(crate) fn anisotropy_at(scene: &Scene, anisotropy: &Anisotropy, uvs: impl Uvs, footprint: f32) -> (f32, Vec2) {
     let (sin, cos) = math::sin_cos(anisotropy.rotation);
     let (direction, strength) = match &anisotropy.texture {
@@ -117,7 +117,7 @@ pub(crate) fn anisotropy_at(scene: &Scene, anisotropy: &Anisotropy, uvs: impl Uv
     (anisotropy.strength * strength, Vec2::new(cos, sin).rotate(direction))
 }
 
-/// The scattering of `material` at a point.
+/// Returns the scattering of `material` at a point; black where it has no surface on that side.
 pub fn scattering(scene: &Scene, material: &Material, point: &SurfacePoint) -> Bsdf {
     match material.surface_of(point.front) {
         Some(surface) => of_surface(scene, surface, point).with_lifted(point.lifted),
@@ -132,7 +132,7 @@ fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
         Surface::Diffuse(diffuse) => of_diffuse(scene, diffuse, point),
         Surface::DiffuseTransmission { reflectance, transmittance } => {
             let [reflectance, transmittance] = [reflectance, transmittance].map(|color| point.base(scene, color));
-            // What is reflected cannot also go through.
+            // Scale down if reflectance and transmittance exceed 1 in sum
             let scale = 1.0 / (reflectance + transmittance).max(Spectrum::ONE);
             let translucent = Translucent::new(reflectance * scale, transmittance * scale);
             Bsdf::other(translucent.map(Other::Translucent))
@@ -168,7 +168,7 @@ fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
         }
         Surface::Blend { weight, surfaces } => {
             let weight = point.scalar(scene, weight).clamp(0.0, 1.0);
-            // The chosen part's share of the number is a number for the next choice.
+            // Rescale the random number for nested blends
             let (is_second, chance) = split(point.chance, weight);
             let point = SurfacePoint { chance, ..*point };
             of_surface(scene, &surfaces[usize::from(is_second)], &point)
@@ -197,7 +197,7 @@ fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> Other {
     };
     match &coated.base {
         CoatedBase::Diffuse(diffuse) => {
-            // Below a coat the base's own roughness is not seen.
+            // The roughness of the base itself is ignored below a coat
             let color = point.base(scene, &diffuse.reflectance);
             if layer.albedo == Spectrum::ZERO {
                 let cover = facets.cover(eta, layer.thickness, Mean::Exact);
@@ -235,7 +235,7 @@ fn of_principled(scene: &Scene, principled: &PrincipledSurface, point: &SurfaceP
     }
 }
 
-/// `outside`: index of refraction of what the metal lies in.
+/// `outside`: index of refraction of the medium around the metal.
 fn of_conductor(
     scene: &Scene,
     conductor: &bottega_scene::Conductor,
@@ -247,26 +247,26 @@ fn of_conductor(
     Conductor::new(index(&conductor.eta), index(&conductor.k), tint, point.facets(scene, &conductor.facets))
 }
 
-/// More events within a layer than this are not followed.
+/// Largest number of scattering events followed within a layer.
 pub const MAX_DEPTH: u32 = 1000;
 
-/// NaN becomes the lower end.
+/// Clamps `x` to [low, high]; NaN becomes `low`.
 fn within_range(x: f32, low: f32, high: f32) -> f32 {
     if x > low { x.min(high) } else { low }
 }
 
-/// Every channel in [0, max]; NaN becomes 0.
+/// Clamps every channel to [0, max]; NaN becomes 0.
 fn within(color: Spectrum, max: f32) -> Spectrum {
     let channel = |x: f32| within_range(x, 0.0, max);
     Spectrum::new(channel(color.x), channel(color.y), channel(color.z))
 }
 
-/// An index of refraction that formulas can bear.
+/// Clamps an index of refraction to at most 20; values not above 0.05 (or NaN) become 1.
 fn sound_eta(eta: f32) -> f32 {
     if eta > 0.05 { eta.min(20.0) } else { 1.0 }
 }
 
-/// Looks up the textures, but for those of a relief, which turned the frame already.
+/// Evaluates the textures of a layered material, except those of bump and normal maps, which the frame already includes.
 fn of_layered(scene: &Scene, layered: &Layered, point: &SurfacePoint) -> SurfaceParams {
     let color = |param: &ColorParam| point.color(scene, param);
     let scalar = |param: &ScalarParam| point.scalar(scene, param);

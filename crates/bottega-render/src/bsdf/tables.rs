@@ -1,9 +1,9 @@
-//! Tables of the albedo of rough layers, which keep the layers' books balanced.
+//! Tables of the albedos of rough layers, which balance the energy of the layers.
 //!
-//! They are integrated once, when the first material is met, with fixed nodes in a fixed order, so that every run has
-//! the same bits. All are functions of the cosine μ to the normal (nodes even in √μ, where they bend most) and of the
-//! perceptual roughness (nodes even in its root: at grazing angles it is α / μ that counts). Means over the
-//! cosine-weighted hemisphere are those of the *interpolated* tables, so that lobes normalized with them balance exactly.
+//! They are integrated once, at the first material, with fixed nodes in a fixed order, so that every run has the same
+//! bits. All are functions of the cosine μ to the normal (nodes uniform in √μ, near 0 the curves bend most) and of the
+//! perceptual roughness (nodes uniform in its root: at grazing angles α / μ matters). Means over the cosine-weighted
+//! hemisphere are those of the *interpolated* tables, so that lobes normalized with them balance exactly.
 
 mod compute;
 
@@ -15,18 +15,18 @@ use glam::Vec3;
 use super::fresnel;
 use super::ggx::Ggx;
 
-/// Nodes of a curve.
+/// Number of nodes of a curve, over the cosine.
 pub const MU: usize = 32;
-/// Numbers of a curve, with its mean and its peak.
+/// Number of values of a curve: nodes, mean and peak.
 pub(super) const CURVE: usize = MU + 2;
-/// Nodes of the roughness.
+/// Number of nodes over the roughness.
 pub const ROUGHNESS: usize = 16;
-/// Nodes of the index of refraction, even in √r, r = (n − 1) / (n + 1) from 0 to `R_MAX`: the cosine at which total
-/// reflection sets in goes with √r.
+/// Number of nodes over the index of refraction, uniform in √r with r = (n − 1) / (n + 1) from 0 to `R_MAX`: the cosine
+/// of the critical angle is proportional to √r.
 pub const INDEX: usize = 12;
 const R_MAX: f32 = (fresnel::IOR_MAX - 1.0) / (fresnel::IOR_MAX + 1.0);
 
-/// Values by μ for one roughness (and index), and their mean 2 ∫ v μ dμ.
+/// Albedos by μ for one roughness (and index), and their mean 2 ∫ v μ dμ.
 #[derive(Clone, Copy)]
 struct AlbedoCurve {
     at: [f32; MU],
@@ -35,27 +35,27 @@ struct AlbedoCurve {
 
 /// Directional albedos by μ, roughness and index of refraction.
 pub(super) struct Tables {
-    /// Reflection with F = 1, scattered once.
+    /// Single reflection with F = 1.
     single: Vec<AlbedoCurve>,
-    /// Reflection with F = Schlick's weight.
+    /// Single reflection with F = Schlick's weight.
     schlick: Vec<AlbedoCurve>,
-    /// Reflection with F = s, the rise of the exact Fresnel term (see `DielectricFresnel`), from outside; by index.
+    /// Single reflection with F = s, the rise of the exact Fresnel term (see `DielectricFresnel`), from outside; by
+    /// index.
     rise: Vec<AlbedoCurve>,
-    /// Reflection and transmission together through the boundary of a solid, scattered once: from outside and from
-    /// within; by index.
+    /// Single reflection plus transmission at the boundary of a solid, from outside and from within; by index.
     boundary: [Vec<AlbedoCurve>; 2],
-    /// Sheen of colour 1, in its own roughness.
+    /// White sheen, by its own roughness.
     sheen: Vec<AlbedoCurve>,
 }
 
 impl fmt::Debug for Tables {
-    /// Not the numbers.
+    /// Omits the values.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Tables").finish_non_exhaustive()
     }
 }
 
-/// Two neighbouring nodes, and how near the second one is.
+/// A node of an axis, and the fraction of the way to the next one.
 #[derive(Clone, Copy, Debug)]
 struct TablePosition {
     index: u32,
@@ -75,85 +75,91 @@ impl TablePosition {
     }
 }
 
-/// A place on the axis of cosines.
+/// A position on the axis of cosines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mu(TablePosition);
 
 impl Mu {
+    /// Returns the position of a cosine; negative ones count as 0.
     pub(super) fn new(cos: f32) -> Self {
         Self(TablePosition::new(cos.max(0.0).sqrt() * (MU - 1) as f32, MU))
     }
 }
 
-/// A place on the axis of roughness.
+/// A position on the axis of roughness.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rough(TablePosition);
 
 impl Rough {
+    /// Returns the position of a perceptual roughness in [0, 1].
     pub(super) fn new(roughness: f32) -> Self {
         Self::at(roughness.sqrt())
     }
 
-    /// `position`: along the axis, in [0, 1].
+    /// Creates a position from a number in [0, 1] along the axis.
     pub(super) fn at(position: f32) -> Self {
         Self(TablePosition::new(position * (ROUGHNESS - 1) as f32, ROUGHNESS))
     }
 }
 
-/// A place on the axis of indices of refraction (n ≥ 1).
+/// A position on the axis of indices of refraction (n ≥ 1).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Index(TablePosition);
 
 impl Index {
+    /// Returns the position of an index of refraction of at least 1.
     pub(super) fn new(ior: f32) -> Self {
         let root = ((ior - 1.0) / (ior + 1.0) / R_MAX).max(0.0).sqrt();
         Self(TablePosition::new(root * (INDEX - 1) as f32, INDEX))
     }
 }
 
-/// A value of a curve, or its mean.
+/// Returns the value of a curve at `mu`, or its mean for `None`.
 fn pick(curve: &AlbedoCurve, mu: Option<Mu>) -> f32 {
     mu.map_or(curve.mean, |mu| mu.0.mix(|i| curve.at[i]))
 }
 
-/// The lookups. `mu`: `None` asks for the mean over the cosine-weighted hemisphere.
+/// Lookups. `mu`: `None` selects the mean over the cosine-weighted hemisphere.
 impl Tables {
-    /// The tables; computed by the first caller.
+    /// Returns the tables; the first caller computes them.
     pub(super) fn get() -> &'static Self {
         static TABLES: OnceLock<Tables> = OnceLock::new();
         TABLES.get_or_init(Self::compute)
     }
 
+    /// Returns the albedo of single reflection with F = 1.
     pub(super) fn single(&self, mu: Option<Mu>, rough: Rough) -> f32 {
         rough.0.mix(|i| pick(&self.single[i], mu))
     }
 
+    /// Returns the albedo of single reflection with F = Schlick's weight.
     pub(super) fn schlick(&self, mu: Option<Mu>, rough: Rough) -> f32 {
         rough.0.mix(|i| pick(&self.schlick[i], mu))
     }
 
+    /// Returns the albedo of single reflection with F = s, from outside.
     pub(super) fn rise(&self, mu: Option<Mu>, rough: Rough, index: Index) -> f32 {
         index.0.mix(|k| rough.0.mix(|i| pick(&self.rise[k * ROUGHNESS + i], mu)))
     }
 
-    /// `inside`: the direction is within the solid.
+    /// Returns the albedo of a solid's boundary; `inside`: `true` if the direction is within the solid.
     pub(super) fn boundary(&self, mu: Option<Mu>, rough: Rough, index: Index, inside: bool) -> f32 {
         let curves = &self.boundary[usize::from(inside)];
         index.0.mix(|k| rough.0.mix(|i| pick(&curves[k * ROUGHNESS + i], mu)))
     }
 
-    /// `rough`: on the axis of sheen, see [`sheen::roughness_at`].
+    /// Returns the albedo of white sheen; `rough`: on the axis of sheen, see [`sheen::roughness_at`].
     pub(super) fn sheen(&self, mu: Mu, rough: Rough) -> f32 {
         rough.0.mix(|i| pick(&self.sheen[i], Some(mu)))
     }
 
-    /// The largest albedo that sheen has at any μ.
+    /// Returns the largest albedo of white sheen over all μ.
     pub(super) fn sheen_peak(&self, rough: Rough) -> f32 {
         rough.0.mix(|i| self.sheen[i].peak())
     }
 
-    /// All curves: `single` and `schlick` by roughness, `rise` and both of `boundary` by index and roughness, `sheen`. Each is
-    /// its values by √μ, its mean, and its peak.
+    /// Iterates over all curves: `single` and `schlick` by roughness, `rise` and both of `boundary` by index and
+    /// roughness, `sheen`. Each has its values by √μ, its mean, and its peak.
     pub(super) fn curves(&self) -> impl Iterator<Item = [f32; CURVE]> {
         let [outside, inside] = &self.boundary;
         let curves = [&self.single, &self.schlick, &self.rise, outside, inside, &self.sheen];
@@ -167,13 +173,13 @@ impl Tables {
     }
 }
 
-/// μ of a node.
+/// Returns μ of a node.
 fn node_mu(j: usize) -> f32 {
     let root = j as f32 / (MU - 1) as f32;
     (root * root).max(1e-4)
 }
 
-/// Index of refraction of a node.
+/// Returns the index of refraction of a node.
 fn node_ior(k: usize) -> f32 {
     let root = k as f32 / (INDEX - 1) as f32;
     let r = R_MAX * root * root;
@@ -182,8 +188,8 @@ fn node_ior(k: usize) -> f32 {
 
 impl AlbedoCurve {
     fn new(at: [f32; MU]) -> Self {
-        // Between two nodes the value is linear in t = √μ, and 2 μ dμ = 4 t³ dt: two-point Gauss is exact enough
-        // for a quartic over 31 pieces.
+        // Between two nodes the value is linear in t = √μ, and 2 μ dμ = 4 t³ dt: two-point Gauss is accurate enough for a
+        // quartic over 31 pieces
         let mut mean = 0.0f64;
         for i in 0..MU - 1 {
             for node in [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()] {
@@ -200,11 +206,12 @@ impl AlbedoCurve {
     }
 }
 
-/// Nodes over the visible normals: even in the azimuth (half of it, by symmetry) and in the cap.
+/// Number of azimuths of visible normals, uniform over half a turn by symmetry.
 const AZIMUTHS: usize = 12;
+/// Number of steps over the cap of visible normals.
 const CAPS: usize = 16;
 
-/// All tables at one μ and one roughness.
+/// All tables at one μ and one roughness, except sheen.
 #[derive(Clone, Copy, Default)]
 struct Cell {
     single: f32,
@@ -224,7 +231,7 @@ impl Cell {
         }
         for cap in 0..CAPS {
             for azimuth in 0..AZIMUTHS {
-                // Every ring of the cap starts a little further round, so that edges are not all met at once.
+                // Rotate alternate rings, so that they do not all meet an edge at once
                 let shift = 0.25 + 0.5 * (cap % 2) as f32;
                 let u = [0.5 * (azimuth as f32 + shift) / AZIMUTHS as f32, (cap as f32 + 0.5) / CAPS as f32];
                 cell.add(&ggx, wo, ggx.sample_visible_normal(wo, u), 1.0 / (CAPS * AZIMUTHS) as f32);
@@ -233,7 +240,7 @@ impl Cell {
         cell
     }
 
-    /// Adds what a facet `h` that `wo` sees does with the light, by the weights that `Interface` has.
+    /// Adds the contribution of a facet `h` visible from `wo`, with the weights of `Interface`.
     fn add(&mut self, ggx: &Ggx, wo: Vec3, h: Vec3, weight: f32) {
         let cos = wo.dot(h);
         let mirrored = fresnel::reflect(wo, h);

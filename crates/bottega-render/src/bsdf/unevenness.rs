@@ -1,29 +1,31 @@
-//! The unevenness of a relief: what its normal sees otherwise than the surface without it.
+//! Shading normals perturbed by a bump or normal map, and their effect on scattering.
 
 use glam::Vec3;
 
-/// A normal that a relief lifted off that of the surface, as Mitsuba 3 has it: scattering is black where the two see a
-/// direction from different sides.
+/// A shading normal perturbed by a bump or normal map. As in Mitsuba 3, scattering is black for directions that lie on
+/// different sides of the perturbed and the unperturbed normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LiftedNormal {
-    /// Normal of the surface without relief, in the local frame, whose +z is the lifted one. Unit length.
+    /// Unperturbed normal in the local frame, whose +z is the perturbed normal. Unit length.
     normal: Vec3,
-    /// Square of the roughness of facets that throw the same shadows as the relief; 0: it throws none.
+    /// α² of GGX facets that cast the same shadows as the relief; 0: no shadowing.
     alpha_squared: f32,
 }
 
 impl LiftedNormal {
-    /// - `normal`: of the surface without relief, in the local frame of the lifted one; unit length.
-    /// - `shadows`: whether light that comes in low is weakened.
+    /// Creates a perturbed normal.
+    ///
+    /// - `normal`: unperturbed normal in the local frame of the perturbed one; unit length.
+    /// - `shadows`: `true`: attenuates light from grazing directions, which hides the bump terminator.
     ///
     /// Source: Conty Estevez, Lecocq and Stein 2019, A Microfacet-Based Shadowing Function to Solve the Bump Terminator
-    /// Problem, Ray Tracing Gems, chapter 12: α² is an eighth of the squared slope, and 1 at most.
+    /// Problem, Ray Tracing Gems, chapter 12: α² is an eighth of the squared slope, at most 1.
     pub fn new(normal: Vec3, shadows: bool) -> Self {
         Self { normal, alpha_squared: if shadows { (0.125 * slope_squared(normal.z)).min(1.0) } else { 0.0 } }
     }
 
-    /// What the scattering towards or from `wi` is multiplied by: Smith's shadowing of GGX facets. It knows of the light
-    /// alone, so that scattering is not reciprocal by it.
+    /// Returns the factor for scattering towards or from `wi`: Smith's shadowing of GGX facets. It depends on `wi` alone,
+    /// so the scattering is not reciprocal.
     pub(crate) fn factor(&self, wi: Vec3) -> f32 {
         let cosine = self.normal.dot(wi);
         if cosine * wi.z <= 0.0 {
@@ -36,7 +38,7 @@ impl LiftedNormal {
     }
 }
 
-/// tan² of an angle.
+/// Returns tan² θ for `cosine` = cos θ.
 fn slope_squared(cosine: f32) -> f32 {
     let squared = cosine * cosine;
     (1.0 - squared).max(0.0) / squared.max(1e-12)

@@ -1,14 +1,14 @@
-//! Maps from the unit square to directions.
+//! Mappings from the unit square to directions, and their densities.
 
 use std::f32::consts::{PI, TAU};
 
 use bottega_kernels::math;
 use glam::Vec3;
 
-/// The largest number below 1: what a uniform number is clamped to after it was stretched.
+/// Largest f32 below 1; rescaled random numbers are clamped to it.
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// A direction of the upper hemisphere (+z) with density cos θ / π. Never below the horizon; z may be 0.
+/// Maps `u` to a direction of the upper hemisphere (+z) with density cos θ / π. Never below the horizon; z may be 0.
 #[inline(always)]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[0]);
@@ -16,13 +16,13 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     Vec3::new(radius * cos_phi, radius * sin_phi, (1.0 - u[1]).max(0.0).sqrt())
 }
 
-/// Density of [`cosine_hemisphere`], in sr⁻¹.
+/// Returns the density of [`cosine_hemisphere`], in sr⁻¹.
 #[inline(always)]
 pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
     cos_theta.max(0.0) / PI
 }
 
-/// A direction of the upper hemisphere (+z) with constant density 1 / 2π.
+/// Maps `u` to a direction of the upper hemisphere (+z) with constant density 1 / 2π.
 pub fn uniform_hemisphere(u: [f32; 2]) -> Vec3 {
     let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[0]);
     let z = 1.0 - u[1];

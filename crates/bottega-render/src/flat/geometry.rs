@@ -1,4 +1,4 @@
-//! Instances, meshes and spheres.
+//! Flattening of instances, meshes and spheres.
 
 use bottega_scene::{Mesh, Scene};
 use glam::{Mat3, Vec3};
@@ -6,7 +6,7 @@ use glam::{Mat3, Vec3};
 use super::{InstanceRecord, MeshRecord, NONE, Portable, SphereRecord, Words, header};
 use crate::{prepare::PreparedScene, surfaces::PreparedMaterial};
 
-/// Words that the geometry takes, at most.
+/// Returns an upper bound of the number of words of the geometry.
 pub(super) fn count(prepared: &PreparedScene) -> u64 {
     let scene = prepared.scene();
     let mesh = |mesh: &Mesh| (mesh.memory_bytes() / size_of::<u32>()) as u64 + u64::from(MeshRecord::WORDS);
@@ -15,6 +15,7 @@ pub(super) fn count(prepared: &PreparedScene) -> u64 {
         + scene.spheres.len() as u64 * u64::from(SphereRecord::WORDS)
 }
 
+/// Writes instances, meshes and spheres, and their offsets into the header.
 pub(super) fn write(prepared: &PreparedScene, words: &mut Words) {
     let scene: &Scene = prepared.scene();
     let meshes: Vec<u32> =
@@ -42,7 +43,8 @@ pub(super) fn write(prepared: &PreparedScene, words: &mut Words) {
     }
 }
 
-/// Writes the arrays of a mesh, then its record. What its material asks nothing of is left out.
+/// Writes the arrays of a mesh, then its record, and returns the record's offset. Omits arrays that its material does not
+/// need.
 fn write_mesh(mesh: &Mesh, material: &PreparedMaterial, words: &mut Words) -> u32 {
     let lifts = !mesh.normals.is_empty() && !material.transmits;
     let wants_uvs = material.is_textured || material.needs_tangents;

@@ -1,203 +1,204 @@
-//! The records of a scene and of a picture of it, and the codes in them.
+//! The records of a flat scene and a flat picture, with their codes.
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
 use crate::record;
 
-/// Stands for a place where nothing is.
+/// Stands for no reference.
 pub const NONE: u32 = u32::MAX;
 
-/// Places of a [`FlatScene`](crate::flat::FlatScene) that say where everything else is.
+/// Offsets in the header of a [`FlatScene`](crate::flat::FlatScene), which holds the offsets of everything else.
 pub mod header {
-    /// Records of instances, [`InstanceRecord`](super::InstanceRecord).
+    /// Array of instances, [`InstanceRecord`](super::InstanceRecord).
     pub const INSTANCES: usize = 0;
-    /// Records of spheres, [`SphereRecord`](super::SphereRecord).
+    /// Array of spheres, [`SphereRecord`](super::SphereRecord).
     pub const SPHERES: usize = 1;
-    /// Records of the lights of the tree, [`LIGHT_WORDS`](super::LIGHT_WORDS) each, by their numbers in it.
+    /// Array of the tree's lights by number, [`LIGHT_WORDS`](super::LIGHT_WORDS) each.
     pub const LIGHTS: usize = 2;
-    /// How many these are.
+    /// Number of the tree's lights.
     pub const LIGHT_COUNT: usize = 3;
-    /// Nodes of the tree, [`TreeNodeRecord`](super::TreeNodeRecord).
+    /// Array of the tree's nodes, [`TreeNodeRecord`](super::TreeNodeRecord).
     pub const TREE: usize = 4;
-    /// Intensity of all lights of the tree together (f32).
+    /// Total intensity of the tree's lights (f32).
     pub const TREE_INTENSITY: usize = 5;
-    /// Records of triangles that shine, [`ShiningRecord`](super::ShiningRecord).
+    /// Array of emitting triangles, [`ShiningRecord`](super::ShiningRecord).
     pub const SHINING: usize = 6;
-    /// Parallel lights, [`ParallelRecord`](super::ParallelRecord).
+    /// Array of parallel lights, [`ParallelRecord`](super::ParallelRecord).
     pub const PARALLEL: usize = 7;
-    /// How many these are.
+    /// Number of parallel lights.
     pub const PARALLEL_COUNT: usize = 8;
-    /// The [`EnvironmentRecord`](super::EnvironmentRecord); [`NONE`](super::NONE): there is none.
+    /// The [`EnvironmentRecord`](super::EnvironmentRecord); [`NONE`](super::NONE) without an environment.
     pub const ENVIRONMENT: usize = 9;
-    /// Whether light sampling finds light from infinitely far away.
+    /// 1 if light sampling includes lights at infinity, else 0.
     pub const HAS_FAR: usize = 10;
-    /// Words of the header.
+    /// Number of words of the header.
     pub const COUNT: usize = 16;
 }
 
-/// Numbers that stand for the variants of enums.
+/// Codes of enum variants.
 pub mod code {
-    /// A light's record: of a surface.
+    /// Kind of a light: emitting surface.
     pub const LIGHT_SURFACE: u32 = 0;
-    /// Of a sphere.
+    /// Kind of a light: emitting sphere.
     pub const LIGHT_SPHERE: u32 = 1;
-    /// Of a point.
+    /// Kind of a light: point light.
     pub const LIGHT_POINT: u32 = 2;
-    /// Of a spotlight.
+    /// Kind of a light: spotlight.
     pub const LIGHT_SPOT: u32 = 3;
-    /// Of a point with a picture of its intensity by direction.
+    /// Kind of a light: point with a picture of its intensity by direction.
     pub const LIGHT_GONIOMETRIC: u32 = 4;
-    /// Of a projector.
+    /// Kind of a light: projector.
     pub const LIGHT_PROJECTOR: u32 = 5;
-    /// Gives no light.
+    /// Kind of a light: none, emits nothing.
     pub const LIGHT_DARK: u32 = 6;
 
-    /// A spotlight falls off by the square of the ramp between its cosines.
+    /// Fall-off of a spotlight: square of the ramp between its cosines.
     pub const SPOT_SQUARED_COSINE: u32 = 0;
-    /// By a smooth step of it.
+    /// Fall-off of a spotlight: smooth step of the ramp between its cosines.
     pub const SPOT_SMOOTH_COSINE: u32 = 1;
-    /// Linearly in the angle.
+    /// Fall-off of a spotlight: linear in the angle.
     pub const SPOT_LINEAR_ANGLE: u32 = 2;
 
-    /// The shape of a panel: a triangle. Else a rectangle: its corner in the lowest bits, the opposite one above, and then a bit.
+    /// Shape of a panel: triangle. Otherwise a rectangle: its corner in the lowest bits, the opposite corner above, then
+    /// the bit [`PANEL_RECTANGLE`].
     pub const PANEL_TRIANGLE: u32 = 0;
-    /// Bits of a corner.
+    /// Mask of the bits of a panel's corner.
     pub const PANEL_CORNER_MASK: u32 = 3;
-    /// Where the bits of the opposite corner begin.
+    /// Shift of the bits of the opposite corner.
     pub const PANEL_OPPOSITE_SHIFT: u32 = 2;
-    /// The bit of a rectangle.
+    /// Bit of a panel that is a rectangle.
     pub const PANEL_RECTANGLE: u32 = 16;
 
-    /// An environment whose directions are not sampled.
+    /// Sampling of the environment: none.
     pub const DENSITY_NONE: u32 = 0;
-    /// One that is sampled uniformly.
+    /// Sampling of the environment: uniform.
     pub const DENSITY_UNIFORM: u32 = 1;
-    /// By densities that go linearly from centre to centre.
+    /// Sampling of the environment: density bilinear between the centres of cells.
     pub const DENSITY_BILINEAR: u32 = 2;
-    /// By cells of equal density.
+    /// Sampling of the environment: density constant in each cell.
     pub const DENSITY_CELLS: u32 = 3;
 
-    /// A camera of perspective projection.
+    /// Projection of a camera: perspective.
     pub const CAMERA_PERSPECTIVE: u32 = 0;
-    /// Of parallel rays.
+    /// Projection of a camera: parallel rays.
     pub const CAMERA_PARALLEL: u32 = 1;
-    /// Of all directions, by latitude and longitude.
+    /// Projection of a camera: all directions, by latitude and longitude.
     pub const CAMERA_EQUIRECTANGULAR: u32 = 2;
-    /// Of all directions, by equal areas.
+    /// Projection of a camera: all directions, by equal areas.
     pub const CAMERA_EQUAL_AREA: u32 = 3;
 }
 
 record! {
-    /// An instance.
+    /// An instance of a mesh.
     pub struct InstanceRecord in 24 {
-        /// The linear part of its transformation.
+        /// Linear part of its transformation.
         pub world_from_object: Mat3,
-        /// And where the origin goes.
+        /// Translation of its transformation.
         pub translation: Vec3,
-        /// The transformation of normals.
+        /// Transformation of normals.
         pub world_from_normal: Mat3,
-        /// Place of its mesh.
+        /// Offset of its mesh.
         pub mesh: u32,
-        /// Number of the first of its triangles among those that shine; [`NONE`](super::NONE): none shines.
+        /// Index of its first triangle among the emitting ones; [`NONE`](super::NONE) if it does not emit.
         pub first_light: u32,
     }
 }
 
 record! {
-    /// A mesh: places of its arrays, or [`NONE`](super::NONE) of those that nothing asks for.
+    /// A mesh: offsets of its arrays; [`NONE`](super::NONE) for arrays that are missing or unused.
     pub struct MeshRecord {
-        /// Number of its material.
+        /// Index of its material.
         pub material: u32,
-        /// Three vertices a triangle.
+        /// Offset of vertex indices, three per triangle.
         pub triangles: u32,
-        /// Three numbers a vertex.
+        /// Offset of positions, three numbers per vertex.
         pub positions: u32,
-        /// Three numbers a vertex.
+        /// Offset of normals, three numbers per vertex.
         pub normals: u32,
-        /// Two numbers a vertex, of both sets.
+        /// Offsets of both sets of texture coordinates, two numbers per vertex.
         pub uvs: [u32; 2],
-        /// Four numbers a vertex.
+        /// Offset of vertex colours, four numbers per vertex.
         pub colors: u32,
-        /// Four numbers a vertex.
+        /// Offset of tangents, four numbers per vertex.
         pub tangents: u32,
     }
 }
 
 record! {
-    /// A sphere.
+    /// A sphere of the scene.
     pub struct SphereRecord in 12 {
-        /// World space.
+        /// Centre in world space.
         pub center: Vec3,
-        /// Above 0.
+        /// Radius, above 0.
         pub radius: f32,
-        /// A unit quaternion.
+        /// Rotation, as a unit quaternion.
         pub world_from_object: Vec4,
-        /// Number of its material.
+        /// Index of its material.
         pub material: u32,
-        /// Number of its light; [`NONE`](super::NONE): light sampling never finds it.
+        /// Number of its light; [`NONE`](super::NONE) if light sampling never finds it.
         pub light: u32,
     }
 }
 
-/// Words of the record of any light of the tree.
+/// Number of words of the record of any light of the tree.
 pub const LIGHT_WORDS: u32 = 24;
 
 record! {
-    /// A surface that shines, or a part of it, as a light.
+    /// An emitting panel, or a part of one, as a light.
     pub struct SurfaceLightRecord in 24 {
-        /// [`code::LIGHT_SURFACE`].
+        /// Kind of the light: [`code::LIGHT_SURFACE`].
         pub kind: u32,
-        /// Number of its instance.
+        /// Index of its instance.
         pub instance: u32,
-        /// The first of its triangles.
+        /// Index of the panel's first triangle.
         pub triangle: u32,
-        /// Shape of the whole panel; see [`code::PANEL_TRIANGLE`].
+        /// Shape of the panel, see [`code::PANEL_TRIANGLE`].
         pub shape: u32,
-        /// Corner of the panel.
+        /// Corner of the panel, in world space.
         pub corner: Vec3,
-        /// A side of the panel.
+        /// First side of the panel, from the corner.
         pub x: Vec3,
-        /// The other side.
+        /// Second side of the panel, from the corner.
         pub y: Vec3,
-        /// Place of the part along both sides, and its size as a share of them, below 0 where it points the other way.
+        /// Position of the part along both sides, and its relative size; negative for a part rotated by half a turn.
         pub part: Vec3,
-        /// Number of its material.
+        /// Index of its material.
         pub material: u32,
     }
 }
 
 record! {
-    /// A sphere as a light.
+    /// An emitting sphere as a light.
     pub struct SphereLightRecord in 24 {
-        /// [`code::LIGHT_SPHERE`].
+        /// Kind of the light: [`code::LIGHT_SPHERE`].
         pub kind: u32,
-        /// Number of the sphere.
+        /// Index of the sphere.
         pub sphere: u32,
     }
 }
 
 record! {
-    /// A light without extent; what more there is of its kind follows.
+    /// A light without extent: the fields common to all kinds.
     pub struct PointLightRecord {
-        /// One of the codes of lights.
+        /// Kind of the light, one of [`code`].
         pub kind: u32,
-        /// World space.
+        /// Position in world space.
         pub position: Vec3,
-        /// By channel.
+        /// Intensity per channel.
         pub intensity: Vec3,
     }
 }
 
 record! {
-    /// A spotlight.
+    /// A spotlight with a cone.
     pub struct SpotLightRecord in 24 {
-        /// What every light without extent has.
+        /// Fields common to all lights without extent.
         pub point: PointLightRecord,
-        /// Unit length.
+        /// Direction of the axis, unit length.
         pub direction: Vec3,
-        /// Within it there is full intensity.
+        /// Cosine of the angle within which the intensity is full.
         pub cos_inner: f32,
-        /// Beyond it there is none.
+        /// Cosine of the angle beyond which the intensity is 0.
         pub cos_outer: f32,
         /// Code of its fall-off.
         pub falloff: u32,
@@ -205,123 +206,123 @@ record! {
 }
 
 record! {
-    /// A light with a picture.
+    /// A goniometric light or a projector.
     pub struct PictureLightRecord in 24 {
-        /// What every light without extent has.
+        /// Fields common to all lights without extent.
         pub point: PointLightRecord,
-        /// Turns directions.
+        /// Rotation from light space to world space.
         pub world_from_light: Mat3,
         /// Handle of its picture.
         pub picture: u32,
-        /// Of a projector: half of its picture's height at distance 1.
+        /// Projector: half the height of its picture at distance 1.
         pub half_height: f32,
-        /// Width over height of its picture.
+        /// Projector: width over height of its picture.
         pub aspect: f32,
     }
 }
 
 record! {
-    /// A triangle that shines.
+    /// An emitting triangle.
     pub struct ShiningRecord {
-        /// Place of the numbers of its parts.
+        /// Offset of the light numbers of its panel's parts.
         pub parts: u32,
-        /// Shape of its panel; see [`code::PANEL_TRIANGLE`].
+        /// Shape of its panel, see [`code::PANEL_TRIANGLE`].
         pub shape: u32,
-        /// Whether it is the second of a rectangle.
+        /// 1 for the second triangle of a rectangle, else 0.
         pub is_second: bool,
-        /// Parts a side.
+        /// Number of parts per side of the panel.
         pub side: u32,
     }
 }
 
 record! {
-    /// Parallel light.
+    /// A parallel light.
     pub struct ParallelRecord {
-        /// Direction towards it.
+        /// Direction to the light, unit length.
         pub to_light: Vec3,
-        /// Of a surface that faces it.
+        /// Irradiance of a surface that faces the light.
         pub irradiance: Vec3,
-        /// Its luminance.
+        /// Luminance of the irradiance.
         pub illuminance: f32,
     }
 }
 
 record! {
-    /// A node of the tree of lights: numbers of all four children each.
+    /// A node of the light tree; one value for each of four children.
     pub struct TreeNodeRecord {
-        /// Middles of the boxes.
+        /// x of the centres of the boxes.
         pub center_x: [f32; 4],
-        /// Middles of the boxes.
+        /// y of the centres of the boxes.
         pub center_y: [f32; 4],
-        /// Middles of the boxes.
+        /// z of the centres of the boxes.
         pub center_z: [f32; 4],
-        /// Half of the sizes of the boxes.
+        /// x of the half-extents of the boxes.
         pub half_x: [f32; 4],
-        /// Half of the sizes of the boxes.
+        /// y of the half-extents of the boxes.
         pub half_y: [f32; 4],
-        /// Half of the sizes of the boxes.
+        /// z of the half-extents of the boxes.
         pub half_z: [f32; 4],
-        /// Axes of the cones of normals.
+        /// x of the axes of the cones of normals.
         pub axis_x: [f32; 4],
-        /// Axes of the cones of normals.
+        /// y of the axes of the cones of normals.
         pub axis_y: [f32; 4],
-        /// Axes of the cones of normals.
+        /// z of the axes of the cones of normals.
         pub axis_z: [f32; 4],
-        /// Of the balls around the boxes.
+        /// Half-diagonals of the boxes.
         pub radius: [f32; 4],
-        /// Of the half angles of these cones.
+        /// Cosines of the cones' half-angles.
         pub cos_spread: [f32; 4],
-        /// Of the half angles of these cones.
+        /// Sines of the cones' half-angles.
         pub sin_spread: [f32; 4],
-        /// Of the angle beyond the cone at which emission ends.
+        /// Cosines of the angles beyond the cones at which emission ends.
         pub cos_emission: [f32; 4],
-        /// Above 0: both sides shine.
+        /// Above 0 if both sides emit.
         pub two_sided: [f32; 4],
-        /// Shares of the whole.
+        /// Shares of the tree's total intensity.
         pub intensity: [f32; 4],
-        /// Numbers of the nodes, [`NONE`](super::NONE) of lights.
+        /// Indices of the children's nodes; [`NONE`](super::NONE) for lights.
         pub child: [u32; 4],
-        /// Numbers of the first light after each.
+        /// End of each child's range of lights.
         pub end: [u32; 4],
     }
 }
 
 record! {
-    /// Light from infinitely far away, all around.
+    /// The environment.
     pub struct EnvironmentRecord {
-        /// Code of its table.
+        /// Code of its sampling.
         pub kind: u32,
-        /// Whether its picture is one of equal areas.
+        /// 1 if its picture is an equal-area one, else 0.
         pub is_equal_area: bool,
-        /// By which everything is multiplied.
+        /// Factor for the picture; the radiance itself without one.
         pub factor: Vec3,
-        /// Turns directions.
+        /// Rotation from environment space to world space.
         pub world_from_environment: Mat3,
-        /// Of its luminance over all directions.
+        /// Luminance integrated over the sphere, of the sampled part.
         pub integral: f32,
-        /// Handle of its picture; [`NONE`](super::NONE): it has none.
+        /// Handle of its picture; [`NONE`](super::NONE) without one.
         pub picture: u32,
-        /// Of the table.
+        /// Table of the sampling.
         pub table: TableRecord,
-        /// What leads from latitudes to places on the picture: a factor.
+        /// Factor from latitudes to rows of the picture.
         pub rows_scale: f32,
-        /// And what is added.
+        /// Offset added after [`Self::rows_scale`].
         pub rows_offset: f32,
     }
 }
 
 record! {
-    /// A table of densities: its size, and places of its arrays.
+    /// A table of densities: its size, and offsets of its arrays.
     pub struct TableRecord {
-        /// Of the table.
+        /// Number of columns.
         pub columns: u32,
-        /// Of the table.
+        /// Number of rows.
         pub rows: u32,
-        /// Densities at centres; of cells [`NONE`](super::NONE).
+        /// Offset of the densities at centres; [`NONE`](super::NONE) for a table of cells.
         pub values: u32,
-        /// Cumulative sums along each row.
+        /// Offset of the cumulative sums along each row.
         pub sums: u32,
-        /// Cumulative sums of the rows.
+        /// Offset of the cumulative sums of the rows.
         pub marginal: u32,
     }
 }
@@ -332,55 +333,55 @@ impl TableRecord {
 }
 
 record! {
-    /// A camera and the size of its picture.
+    /// A camera for pictures of one size.
     pub struct CameraRecord {
-        /// The linear part of its transformation.
+        /// Linear part of its transformation.
         pub world_from_camera: Mat3,
-        /// And where it is.
+        /// Position in world space.
         pub position: Vec3,
-        /// Half of the picture's extent along x and y.
+        /// Half the picture's width and height: at distance 1, or in scene units for parallel rays.
         pub half_extent: Vec2,
-        /// Of the lens.
+        /// Shift of the lens, in halves of the picture's width and height.
         pub shift: Vec2,
-        /// Two over the size in pixels.
+        /// Two over the picture's size in pixels.
         pub double_pixel: Vec2,
         /// Code of its projection.
         pub kind: u32,
-        /// 0: a pinhole.
+        /// Radius of the lens; 0 for a pinhole.
         pub lens_radius: f32,
-        /// Distance in focus.
+        /// Distance of the plane in focus.
         pub focus: f32,
-        /// Width of a pixel's cone.
+        /// Width of a ray cone at the camera.
         pub cone_width: f32,
-        /// Its growth.
+        /// Growth of the cone's width per unit of distance.
         pub cone_spread: f32,
         /// Distance of the near plane.
         pub near: f32,
-        /// Of the far plane.
+        /// Distance of the far plane.
         pub far: f32,
     }
 }
 
 record! {
-    /// A filter.
+    /// A pixel filter.
     pub struct FilterRecord {
-        /// In pixels.
+        /// Radius in pixels.
         pub radius: f32,
-        /// Place of its quantiles, from the beginning of the picture; [`NONE`](super::NONE): it is uniform.
+        /// Offset of its quantiles from the start of the picture; [`NONE`](super::NONE) for a uniform filter.
         pub quantiles: u32,
-        /// Of its samples.
+        /// Weight of a sample, before its sign.
         pub factor: f32,
-        /// Where it turns negative.
+        /// Relative offset beyond which the filter is negative.
         pub sign_change: f32,
     }
 }
 
 record! {
-    /// The head of a picture.
+    /// The start of a flat picture.
     pub struct PictureRecord {
-        /// Camera.
+        /// The camera.
         pub camera: CameraRecord,
-        /// Filter; its quantiles follow.
+        /// The filter; its quantiles follow the record.
         pub filter: FilterRecord,
     }
 }

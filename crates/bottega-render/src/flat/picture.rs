@@ -1,4 +1,4 @@
-//! A picture of a scene: camera and filter.
+//! A flat picture: camera and filter.
 
 use super::Words;
 use crate::{
@@ -8,18 +8,19 @@ use crate::{
     sampler,
 };
 
-/// Camera and filter of a picture as words: a [`PictureRecord`](super::PictureRecord), then the quantiles of the filter.
+/// Camera and filter of a picture as 32-bit words: a [`PictureRecord`](super::PictureRecord), then the quantiles of the
+/// filter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatPicture {
-    /// See there.
+    /// The words.
     pub words: Vec<u32>,
 }
 
 impl FlatPicture {
-    /// Writes down a picture.
+    /// Writes a picture.
     ///
     /// # Errors
-    /// There is no such camera, or no pixel.
+    /// The camera does not exist, or the picture has no pixels.
     pub fn new(prepared: &PreparedScene, view: View, filter: Filter) -> Result<Self, RenderError> {
         let camera = prepared.camera(view.camera).ok_or_else(|| prepared.no_camera(view.camera))?;
         if view.width == 0 || view.height == 0 {
@@ -32,8 +33,9 @@ impl FlatPicture {
     }
 }
 
-/// What each value of each group of four bits of a reversed index adds to the four reversed fractions of a point of the Sobol'
-/// sequence: `[8 groups × 16 values × 4]`, to be joined by exclusive or.
+/// Returns the table of the Sobol' sequence: the contribution of each value of each group of four bits of a bit-reversed
+/// index to the four bit-reversed fractions of a point, `[8 groups × 16 values × 4]`. The contributions are combined by
+/// XOR.
 pub fn sobol_table() -> Vec<u32> {
     sampler::sobol_table().iter().flatten().flatten().copied().collect()
 }

@@ -1,31 +1,31 @@
-//! Records of 32-bit words: one declaration says what is written and where a device finds each field.
+//! Records of 32-bit words: one declaration for the writer and for the offsets of fields on a device.
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
-/// A value of a fixed number of words.
+/// A value with a fixed number of words.
 pub trait Portable {
-    /// Words that it takes.
+    /// Number of words of the value.
     const WORDS: u32;
-    /// Appends these words.
+    /// Appends the words of the value.
     fn put(&self, words: &mut Vec<u32>);
 }
 
-/// A [`Portable`] that is made of named fields, one after the other; declared by [`record!`](crate::record).
+/// A [`Portable`] struct of consecutive named fields; declared by [`record!`](crate::record).
 pub trait Record: Portable {
-    /// Where its fields are, in their order.
+    /// Names and offsets of its fields, in order.
     const FIELDS: &'static [FieldPlace];
 }
 
-/// The place of a field in a record.
+/// Name and offset of a field in a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldPlace {
-    /// The field's name.
+    /// Name of the field.
     pub name: &'static str,
-    /// Words between the beginning of the record and the field.
+    /// Offset in words from the start of the record.
     pub first: u32,
 }
 
-/// Lays fields out one after the other.
+/// Returns the offsets of consecutive fields, given their names and numbers of words.
 pub const fn places<const N: usize>(fields: [(&'static str, u32); N]) -> [FieldPlace; N] {
     let mut places = [FieldPlace { name: "", first: 0 }; N];
     let (mut index, mut first) = (0, 0);
@@ -37,7 +37,7 @@ pub const fn places<const N: usize>(fields: [(&'static str, u32); N]) -> [FieldP
     places
 }
 
-/// The first word of a field. Evaluated by the compiler, an unknown name is an error of compilation.
+/// Returns the offset of a field. In a constant, an unknown name is a compile error.
 pub const fn place_of(fields: &[FieldPlace], name: &str) -> u32 {
     let mut index = 0;
     while index < fields.len() {
@@ -57,7 +57,7 @@ const fn is_same(a: &[u8], b: &[u8]) -> bool {
     index == a.len() && index == b.len()
 }
 
-/// Declares a struct as a [`Record`]. With `in N`, the record is filled up with zeros to N words.
+/// Declares a struct as a [`Record`]. With `in N`, the record is padded with zeros to N words.
 ///
 /// ```
 /// bottega_render::record! {
@@ -159,7 +159,7 @@ impl Portable for Vec4 {
     }
 }
 
-/// Column by column.
+/// Column-major.
 impl Portable for Mat3 {
     const WORDS: u32 = 9;
     fn put(&self, words: &mut Vec<u32>) {

@@ -1,49 +1,53 @@
-//! An array of words that grows.
+//! A growing array of words.
 
 use bottega_scene::TextureMap;
 use glam::{Vec2, Vec3, Vec4};
 
 use super::Portable;
 
+/// A growing array of words, and the pictures whose handles belong into some of them.
 #[derive(Debug, Default)]
 pub(crate) struct Words(Vec<u32>, Vec<(u32, TextureMap)>);
 
 impl Words {
+    /// Creates an array that starts with `count` zero words.
     pub(super) fn with_header(count: usize) -> Self {
         Self(vec![0; count], Vec::new())
     }
 
-    /// The words, and pictures with the places of their numbers.
+    /// Returns the words, and the pictures with the offsets of their handles.
     pub(super) fn into_inner(self) -> (Vec<u32>, Vec<(u32, TextureMap)>) {
         (self.0, self.1)
     }
 
-    /// The place of what is written next.
+    /// Returns the offset of the next word.
     pub(crate) fn place(&self) -> u32 {
         self.0.len() as u32
     }
 
-    /// Writes a word of the header.
+    /// Sets a word of the header.
     pub(crate) fn head(&mut self, place: usize, word: u32) {
         self.0[place] = word;
     }
 
+    /// Appends floats by their bits.
     pub(crate) fn numbers(&mut self, numbers: &[f32]) {
         self.0.extend(numbers.iter().map(|number| number.to_bits()));
     }
 
+    /// Appends words.
     pub(crate) fn words(&mut self, words: &[u32]) {
         self.0.extend_from_slice(words);
     }
 
-    /// Writes a record; returns its place.
+    /// Writes a record; returns its offset.
     pub(crate) fn record(&mut self, record: &impl Portable) -> u32 {
         let place = self.place();
         record.put(&mut self.0);
         place
     }
 
-    /// The word there is to be the number of a picture.
+    /// Registers the word at `place` as the handle of a picture.
     pub(crate) fn picture(&mut self, place: u32, map: TextureMap) {
         self.1.push((place, map));
     }

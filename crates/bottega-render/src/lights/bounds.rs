@@ -1,4 +1,4 @@
-//! Bounds of a group of lights: where it is, where it shines, how strongly.
+//! Bounds of a group of lights: position, directions of emission, intensity.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -10,37 +10,37 @@ use glam::{Quat, Vec3};
 /// Source: Conty Estevez and Kulla 2018, *Importance Sampling of Many Lights with Adaptive Tree Splitting*, §4.1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LightBounds {
-    /// Around all places that shine.
+    /// Box around all emitting points.
     pub(super) bounds: Aabb,
-    /// The directions in which the lights point.
+    /// Cone around the axes of the lights.
     pub(super) cone: Cone,
-    /// How far from where it points each of them shines, in radians: θ_e.
+    /// Largest angle between axis and emitted light, θ_e, in radians.
     pub(super) emission_angle: f32,
-    /// Whether they shine backwards as they do forwards.
+    /// `true`: some of the lights emit backwards as they do forwards.
     pub(super) two_sided: bool,
-    /// Greatest luminous intensity of each light, added up.
+    /// Sum over the lights of their greatest luminous intensity.
     pub(super) intensity: f32,
 }
 
-/// Directions that make no more than an angle with an axis.
+/// The directions within an angle of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Cone {
-    /// Unit length.
+    /// Axis, unit length.
     pub(super) axis: Vec3,
-    /// In radians, from 0 to π: θ_o.
+    /// Half-angle θ_o, in radians, from 0 to π.
     pub(super) angle: f32,
 }
 
 impl Cone {
-    /// All directions.
+    /// The cone of all directions.
     pub(super) const SPHERE: Self = Self { axis: Vec3::Z, angle: PI };
 
-    /// A single direction.
+    /// Returns the cone of a single direction.
     pub(super) fn of(axis: Vec3) -> Self {
         Self { axis, angle: 0.0 }
     }
 
-    /// A cone around both that is hardly larger than it must be.
+    /// Returns a nearly smallest cone around both.
     fn union(&self, other: &Self) -> Self {
         let (wide, narrow) = if self.angle >= other.angle { (self, other) } else { (other, self) };
         let between = math::acos(wide.axis.dot(narrow.axis).clamp(-1.0, 1.0));
@@ -59,7 +59,7 @@ impl Cone {
 }
 
 impl LightBounds {
-    /// A light that shines equally in all directions.
+    /// Returns the bounds of a light that emits equally in all directions.
     pub(super) fn point(position: Vec3, intensity: f32) -> Self {
         Self {
             bounds: Aabb { min: position, max: position },
@@ -70,7 +70,7 @@ impl LightBounds {
         }
     }
 
-    /// Around both.
+    /// Returns bounds of both.
     pub(super) fn union(&self, other: &Self) -> Self {
         Self {
             bounds: self.bounds.union(&other.bounds),
@@ -81,14 +81,14 @@ impl LightBounds {
         }
     }
 
-    /// What it costs to have these lights in one node of a tree: the surface area orientation heuristic (ibid., eq. 1),
-    /// without the share of the parent.
+    /// Returns the cost of these lights as one node of a tree: the surface area orientation heuristic (ibid., eq. 1),
+    /// without the parent's share.
     pub(super) fn cost(&self) -> f32 {
         self.intensity * solid_angle(self.cone.angle, self.emission_angle) * self.bounds.half_area()
     }
 }
 
-/// Measure of the directions in which light may go (ibid., eq. 2).
+/// Returns the measure of the directions of emission (ibid., eq. 2).
 fn solid_angle(angle: f32, emission_angle: f32) -> f32 {
     let widest = (angle + emission_angle).min(PI);
     let (sin, cos) = math::sin_cos(angle);

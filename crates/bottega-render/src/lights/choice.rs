@@ -1,13 +1,13 @@
-//! The choice among lights at a place: which matter and which are seen from there, learnt from shadow rays.
+//! A learnt distribution over lights for a place: learns from shadow rays which lights matter and are visible there.
 //!
-//! The tree over lights knows distances, sizes and directions, and no walls. A choice knows, for some surfaces next to each
-//! other, how much of the light that was asked for came, by parts of the tree: a cut through it that goes deep where much
-//! comes from. Whoever draws a light follows the choice or the tree, and counts with the probability of both together: so
-//! what a choice has never seen is found as well, and the mean is that of the tree alone.
+//! The light tree accounts for distances, sizes and directions, but not for visibility. A choice stores, for some
+//! neighbouring surfaces, how much sampled light arrived, by parts of the tree: a cut that is finest where most light
+//! comes from. Light sampling draws from a mixture of choice and tree and uses the probability of the mixture. It
+//! therefore also finds lights that the choice considers dark, and the mean is that of the tree alone.
 //!
 //! Sources: Vévoda, Kondapaneni and Křivánek 2018, *Bayesian online regression for adaptive direct illumination sampling*
-//! (parts of the tree learnt by place; the root of the mean square as target); Pantaleoni 2019, *Importance sampling of
-//! many lights with reinforcement lightcuts learning* (a cut that adapts).
+//! (parts of the tree learnt by place; root mean square as target); Pantaleoni 2019, *Importance sampling of many lights
+//! with reinforcement lightcuts learning* (an adaptive cut).
 
 use bottega_kernels::Hit;
 use glam::Vec3;
@@ -15,50 +15,50 @@ use glam::Vec3;
 use super::{LightSample, Lights, NO_LIGHT, Receiver, tree::LightTree};
 use crate::{bsdf::warp::ONE_MINUS_EPSILON, sampler::Quad, surfaces::Surfaces};
 
-/// Parts of the tree that a choice tells apart.
+/// Largest number of parts of the tree that a choice distinguishes.
 pub(crate) const PARTS: usize = 32;
-/// The number of the part that is infinitely far away.
+/// Index of the part for lights at infinity.
 const FAR: usize = PARTS;
-/// Shares of the choice that a place may choose between: what it has never seen shine is at most ten times as bright as by
-/// the tree alone.
+/// Mixture weights of the choice that a place may select. With the largest one, 0.9, a sample of light that the choice
+/// considers dark weighs at most ten times as much as by the tree alone.
 const SHARES: [f32; 4] = [0.0, 0.5, 0.75, 0.9];
-/// By what factor the mean square must fall for a choice to be worth its while: drawing by both asks the tree twice.
+/// Factor by which the mean square must fall for a choice to be used: the mixture evaluates the tree twice.
 const GAIN_MIN: f64 = 1.05;
-/// Rays from which a choice is learnt, at least.
+/// Smallest number of shadow rays from which a choice is learnt.
 const ASKED_MIN: usize = 64;
 
-/// Light that was asked for.
+/// A light sample and its visibility, from which choices learn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RequestedLight {
-    /// The light of the tree; [`NO_LIGHT`]: one infinitely far away.
+    /// Number of the light in the tree; [`NO_LIGHT`] for a light at infinity.
     pub(crate) light: u32,
-    /// Luminance that it adds to what leaves the place, over its probability, if nothing is between.
+    /// Unoccluded contribution to the outgoing luminance, over its probability.
     pub(crate) found: f32,
-    /// Whether nothing is between; asked only where something is found.
+    /// `true`: the light is visible; tested only if `found` is above 0.
     pub(crate) is_seen: bool,
 }
 
-/// See the [module](self).
+/// A learnt distribution over lights, see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Choice {
-    /// With which probability it is followed, not the tree.
+    /// Mixture weight of the choice; the remainder is the tree's.
     share: f32,
-    /// With which probability it then asks for light from infinitely far away.
+    /// Probability with which the choice samples lights at infinity.
     far: f32,
-    /// Where the lights of each part of the tree end, and those of the next begin; beyond all from the last part on.
+    /// End of each part's range of lights, which is the start of the next; [`NO_LIGHT`] from the last part on.
     ends: [u32; PARTS],
-    /// The node of each part; [`NO_LIGHT`] for a single light.
+    /// Tree node of each part; [`NO_LIGHT`] for a single light.
     nodes: [u32; PARTS],
-    /// The probability of each part and all before, where light is not far away; from the last part on 1.
+    /// Cumulative probabilities of the parts, given that the light is not at infinity; 1 from the last part on.
     up_to: [f32; PARTS],
-    /// The share of each part's light that is seen, as far as is known; the last is of light that is far away.
+    /// Estimated visible share of each part's light; the last entry is for lights at infinity.
     seen: [f32; PARTS + 1],
 }
 
-/// Numbers that a [`Choice`] is written down as.
+/// Number of words of a serialized [`Choice`].
 pub(crate) const NUMBERS: usize = 2 + 3 * PARTS + PARTS + 1;
 
-/// A part of the tree while a cut is sought.
+/// A part of the tree during the search for a cut.
 #[derive(Clone, Copy)]
 struct CutPart {
     node: u32,
@@ -67,15 +67,15 @@ struct CutPart {
     tally: CutTally,
 }
 
-/// What was found of a part.
+/// Statistics of the samples of a part.
 #[derive(Clone, Copy, Default)]
 struct CutTally {
-    /// How often it was asked.
+    /// Number of samples.
     asked: u32,
-    /// How often something would have been found, and how often it was seen.
+    /// Number of samples with an unoccluded contribution; `seen`: number of those that are visible.
     wanted: u32,
     seen: u32,
-    /// Sum of squares of what came, of all rays and of every other one.
+    /// Sum of squared contributions; `halves`: the same for samples of even and odd index.
     square: f64,
     halves: [f64; 2],
 }
@@ -94,19 +94,19 @@ impl CutTally {
         }
     }
 
-    /// In proportion to the root of the mean square of this part's light, if no other were asked for.
+    /// Returns a weight proportional to the root mean square of the part's light when it is the only one sampled.
     fn weight(&self, square: f64) -> f64 {
         (square * f64::from(self.asked)).sqrt()
     }
 
-    /// The share of the light that is seen, by Jeffreys' estimate: all of few is less sure than all of many.
+    /// Returns the visible share of the light by Jeffreys' estimate, which is cautious for few samples.
     fn share_seen(&self) -> f32 {
         (self.seen as f32 + 0.5) / (self.wanted as f32 + 1.0)
     }
 }
 
 impl Choice {
-    /// Learns from rays of one place. `None`: they are too few.
+    /// Learns from the samples of one place. `None`: they are too few.
     fn learn(tree: &LightTree, asked: &[RequestedLight]) -> Option<Self> {
         if asked.len() < ASKED_MIN {
             return None;
@@ -129,7 +129,7 @@ impl Choice {
             let sum: f64 = weights.iter().sum();
             weights.into_iter().map(|weight| if sum > 0.0 { weight / sum } else { 0.0 }).collect()
         };
-        // What one half has learnt is tried on the other.
+        // Cross-validate: test the distribution learnt from one half on the other
         let learnt = [by(&|tally| tally.halves[0]), by(&|tally| tally.halves[1])];
         let squares = |share: f32| {
             let of = |which: usize| {
@@ -141,9 +141,11 @@ impl Choice {
             };
             of(0).chain(of(1)).sum::<f64>()
         };
+        // Select the mixture weight with the least mean square, if it is a clear gain
         let all = SHARES.map(squares);
         let best = (1..SHARES.len()).min_by(|&a, &b| all[a].total_cmp(&all[b])).unwrap_or(0);
         let share = if all[best] > 0.0 && all[0] >= all[best] * GAIN_MIN { SHARES[best] } else { 0.0 };
+        // Learn the final distribution from all samples
         let own = by(&|tally| tally.square);
         let far_share = own[parts.len()] as f32;
         let near: f64 = own[..parts.len()].iter().sum();
@@ -169,31 +171,31 @@ impl Choice {
         choice
     }
 
-    /// The part of the tree that a light belongs to.
+    /// Returns the part of the tree that a light belongs to.
     #[inline(always)]
     fn part(&self, light: u32) -> usize {
         self.ends.iter().map(|&end| usize::from(end <= light)).sum::<usize>().min(PARTS - 1)
     }
 
-    /// The first light of a part.
+    /// Returns the first light of a part.
     #[inline(always)]
     fn first(&self, part: usize) -> u32 {
         if part == 0 { 0 } else { self.ends[part - 1] }
     }
 
-    /// The probability of a part among those of the tree.
+    /// Returns the probability of a part, given that the light is not at infinity.
     #[inline(always)]
     fn probability(&self, part: usize) -> f32 {
         self.up_to[part] - if part == 0 { 0.0 } else { self.up_to[part - 1] }
     }
 
-    /// The share of a light that is seen, as far as is known; [`NO_LIGHT`]: of one infinitely far away.
+    /// Returns the estimated visible share of a light; [`NO_LIGHT`]: of lights at infinity.
     #[inline(always)]
     pub(crate) fn seen(&self, light: u32) -> f32 {
         self.seen[if light == NO_LIGHT { FAR } else { self.part(light) }]
     }
 
-    /// As numbers, bits of those that are none.
+    /// Serializes the choice to words; floats by their bits.
     pub(crate) fn to_numbers(self) -> [u32; NUMBERS] {
         let bits = |numbers: &[f32]| numbers.iter().map(|number| number.to_bits()).collect::<Vec<_>>();
         let all = [
@@ -207,7 +209,7 @@ impl Choice {
         std::array::from_fn(|_| all.next().unwrap_or_default())
     }
 
-    /// The other way round. `None`: they are none.
+    /// Deserializes a choice. `None`: the words are invalid.
     pub(crate) fn from_numbers(numbers: &[u32; NUMBERS]) -> Option<Self> {
         let mut rest = numbers.iter().copied();
         let mut next = || rest.next().unwrap_or_default();
@@ -226,7 +228,8 @@ impl Choice {
     }
 }
 
-/// A cut through the tree: parts in the order of their lights. What most comes from is opened, as long as there is room.
+/// Returns a cut through the tree, with parts in the order of their lights. Repeatedly splits the part with the greatest
+/// weight, while there is room.
 fn cut(tree: &LightTree, tally: &impl Fn(u32, u32) -> CutTally) -> Vec<CutPart> {
     let mut parts: Vec<CutPart> = tree
         .root()
@@ -248,19 +251,19 @@ fn cut(tree: &LightTree, tally: &impl Fn(u32, u32) -> CutTally) -> Vec<CutPart> 
 }
 
 impl Lights {
-    /// Learns from rays of one place. `None`: they are too few.
+    /// Learns from the samples of one place. `None`: they are too few.
     pub(crate) fn learn(&self, asked: &[RequestedLight]) -> Option<Choice> {
         Choice::learn(&self.tree, asked)
     }
 
-    /// The probability of asking for light from infinitely far away.
+    /// Returns the probability of sampling lights at infinity by the mixture.
     #[inline(always)]
     fn far_share_by(&self, receiver: &Receiver, choice: &Choice) -> f32 {
         let tree = self.far_share(receiver);
         if !self.has_far() || self.lights.is_empty() { tree } else { tree + choice.share * (choice.far - tree) }
     }
 
-    /// Draws one light and a place on it, as [`Lights::sample`] does, by what has been learnt.
+    /// Samples one light and a point on it, like [`Lights::sample`], by the mixture of choice and tree.
     #[inline(always)]
     pub(crate) fn sample_by(
         &self,
@@ -273,11 +276,13 @@ impl Lights {
             return self.sample(surfaces, receiver, u);
         }
         let far = self.far_share_by(receiver, choice);
+        // Sample a light at infinity
         if u[0] < far {
             return self.sample_far(surfaces.scene(), receiver, u[0] / far, far, [u[1], u[2]]);
         }
         let rest = ((u[0] - far) / (1.0 - far)).min(ONE_MINUS_EPSILON);
         let by_choice = self.near_by_choice(choice) / (1.0 - far);
+        // Sample the tree below a part, or the whole tree
         let light = if rest < by_choice {
             let rest = (rest / by_choice).min(ONE_MINUS_EPSILON);
             let part = choice.up_to.iter().map(|&end| usize::from(end <= rest)).sum::<usize>().min(PARTS - 1);
@@ -289,7 +294,7 @@ impl Lights {
             self.tree.sample(receiver, rest)?.0
         };
         let pmf = self.pmf_by(receiver, choice, light);
-        // (A choice that somebody sent may know other lights.)
+        // A choice received over the network may refer to other lights
         if pmf <= 0.0 || light as usize >= self.lights.len() {
             return None;
         }
@@ -297,13 +302,13 @@ impl Lights {
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
-    /// The probability of following the choice to a light of the tree.
+    /// Returns the probability of following the choice to a light of the tree.
     #[inline(always)]
     fn near_by_choice(&self, choice: &Choice) -> f32 {
         if self.has_far() { choice.share * (1.0 - choice.far) } else { choice.share }
     }
 
-    /// The probability with which [`Self::sample_by`] draws a light of the tree.
+    /// Returns the probability with which [`Self::sample_by`] chooses a light of the tree.
     #[inline(always)]
     pub(crate) fn pmf_by(&self, receiver: &Receiver, choice: &Choice, light: u32) -> f32 {
         if choice.share <= 0.0 {
@@ -315,8 +320,8 @@ impl Lights {
         by_tree * whole + self.near_by_choice(choice) * choice.probability(part) * below
     }
 
-    /// Density per solid angle with which the place `p` that was hit on a surface that shines is drawn: by a choice that was
-    /// learnt, or as nobody has learnt.
+    /// Returns the density per solid angle with which the point `p` of a hit on an emitting surface is drawn: by the
+    /// mixture, or by the tree alone without a choice.
     #[inline(always)]
     pub(crate) fn hit_pdf_by(
         &self,
@@ -334,7 +339,7 @@ impl Lights {
         if pmf > 0.0 { pmf * self.place_pdf(surfaces.scene(), light, receiver.p, p) } else { 0.0 }
     }
 
-    /// Density per solid angle with which [`Self::sample_by`] draws a direction that meets no surface.
+    /// Returns the density per solid angle with which [`Self::sample_by`] draws a direction that meets no surface.
     pub(crate) fn environment_pdf_by(&self, receiver: &Receiver, choice: &Choice, direction: Vec3) -> f32 {
         if choice.share <= 0.0 {
             return self.environment_pdf(receiver, direction);

@@ -1,11 +1,11 @@
-//! Densities on the unit square that are given by a table, and places drawn by them.
+//! Tabulated densities on the unit square, and sampling by them.
 
 use crate::flat::{NONE, TableRecord, Words};
 
-/// The largest number below 1.
+/// Largest f32 below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// A density that is constant within each cell of a grid.
+/// A density on the unit square that is constant within each cell of a grid.
 #[derive(Clone, Debug)]
 pub(super) struct Cells {
     columns: usize,
@@ -17,7 +17,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// `None` when all cells are 0.
+    /// Creates the density; `None` if all cells are 0.
     pub(super) fn new(cells: &[f32], columns: usize, rows: usize) -> Option<Self> {
         let mut conditional = Vec::with_capacity(rows * (columns + 1));
         let row_sums: Vec<f64> = cells.chunks_exact(columns).map(|row| push_sums(&mut conditional, row)).collect();
@@ -31,7 +31,7 @@ impl Cells {
         size_of_val(&*self.conditional) + size_of_val(&*self.marginal)
     }
 
-    /// Writes it down: size, and the places of the sums along each row and of those of the rows.
+    /// Writes size, sums along each row, and sums of the rows.
     pub(super) fn write(&self, words: &mut Words) -> TableRecord {
         let sums = words.place();
         words.numbers(&self.conditional);
@@ -44,14 +44,14 @@ impl Cells {
         &self.conditional[row * (self.columns + 1)..(row + 1) * (self.columns + 1)]
     }
 
-    /// A place and its density.
+    /// Draws a point; returns it with its density.
     pub(super) fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
         let (row, y, row_density) = invert(&self.marginal, u[1]);
         let (_, x, column_density) = invert(self.row(row), u[0]);
         ([x, y], row_density * column_density)
     }
 
-    /// The density at a place.
+    /// Returns the density at a point.
     pub(super) fn density(&self, [x, y]: [f32; 2]) -> f32 {
         let row = ((y * self.rows as f32) as usize).min(self.rows - 1);
         let column = ((x * self.columns as f32) as usize).min(self.columns - 1);
@@ -60,7 +60,8 @@ impl Cells {
     }
 }
 
-/// Appends the cumulative sums of `values`, from 0 to 1, and returns the sum. Values that are all 0 count as equal.
+/// Appends the cumulative sums of `values`, normalized from 0 to 1, and returns the sum. If it is 0, all values count as
+/// equal.
 fn push_sums(sums: &mut Vec<f32>, values: &[f32]) -> f64 {
     let total: f64 = values.iter().map(|&v| f64::from(v)).sum();
     let mut sum = 0.0;
@@ -76,10 +77,10 @@ fn push_sums(sums: &mut Vec<f32>, values: &[f32]) -> f64 {
     total
 }
 
-/// The cell of `u` in cumulative sums, the place in [0, 1), and the density there.
+/// Inverts cumulative sums at `u`; returns the cell, the position in [0, 1), and the density there.
 fn invert(sums: &[f32], u: f32) -> (usize, f32, f32) {
     let cells = sums.len() - 1;
-    // The last cell that starts at or below u: its share is above 0, for the next one starts above u.
+    // Choose the last cell that starts at or below u: its share is positive, since the next one starts above u
     let cell = sums.partition_point(|&sum| sum <= u).clamp(1, cells) - 1;
     let share = sums[cell + 1] - sums[cell];
     let part = if share > 0.0 { (u - sums[cell]) / share } else { 0.5 };
@@ -88,22 +89,22 @@ fn invert(sums: &[f32], u: f32) -> (usize, f32, f32) {
 }
 
 /// A density that is bilinear between values at the centres of the cells of a grid: periodic along x, and constant beyond
-/// the outer centres along y. So it has the shape of a picture that is interpolated, not only of its texels.
+/// the outer centres along y. It follows the interpolated picture, not only its texels.
 #[derive(Clone, Debug)]
 pub(super) struct Bilinear {
     columns: usize,
     rows: usize,
-    /// `[rows × columns]`, their mean being 1.
+    /// Values `[rows × columns]`, with mean 1.
     values: Vec<f32>,
-    /// Sums of the values along each row, `[rows × (columns + 1)]`: from the centre of the first column to those of the
-    /// others and back to the first, over the number of columns.
+    /// Cumulative sums of the values along each row, `[rows × (columns + 1)]`: from the centre of the first column to
+    /// those of the others and back to the first, divided by the number of columns.
     sums: Vec<f32>,
     /// Cumulative sums from the upper edge to the centre of each row and to the lower edge, `[rows + 2]`, from 0 to 1.
     marginal: Vec<f32>,
 }
 
 impl Bilinear {
-    /// `None` when all values are 0.
+    /// Creates the density; `None` if all values are 0.
     pub(super) fn new(mut values: Vec<f32>, columns: usize, rows: usize) -> Option<Self> {
         let total: f64 = values.iter().map(|&value| f64::from(value)).sum();
         let scale = values.len() as f64 / total;
@@ -139,7 +140,7 @@ impl Bilinear {
         size_of_val(&*self.values) + size_of_val(&*self.sums) + size_of_val(&*self.marginal)
     }
 
-    /// Writes it down: size, and the places of the values, the sums along each row and those of the rows.
+    /// Writes size, values, sums along each row, and sums of the rows.
     pub(super) fn write(&self, words: &mut Words) -> TableRecord {
         let values = words.place();
         words.numbers(&self.values);
@@ -154,7 +155,7 @@ impl Bilinear {
         &self.sums[row * (self.columns + 1)..(row + 1) * (self.columns + 1)]
     }
 
-    /// The rows above and below a place between centres, counted from the first centre, and the share of the lower one.
+    /// Returns the rows above and below a position between centres, and the weight of the lower one.
     fn rows_at(&self, y: f32) -> (usize, usize, f32) {
         let place = y * self.rows as f32 - 0.5;
         let above = place.max(0.0) as usize;
@@ -163,9 +164,9 @@ impl Bilinear {
         (above, below, (place - above as f32).clamp(0.0, 1.0))
     }
 
-    /// A place and its density.
+    /// Draws a point; returns it with its density.
     pub(super) fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
-        // Interval k goes from the centre of row k − 1 to that of row k.
+        // Choose the interval of rows: interval k goes from the centre of row k − 1 to that of row k
         let intervals = self.marginal.len() - 1;
         let interval = self.marginal.partition_point(|&sum| sum <= u[1]).clamp(1, intervals) - 1;
         let start = self.marginal[interval];
@@ -179,13 +180,14 @@ impl Bilinear {
         } else {
             interval as f32 - 0.5 + sample_linear(mean(interval - 1), mean(interval), part)
         };
+        // Interpolate the sums of both rows
         let y = (y / self.rows as f32).min(ONE_BELOW);
         let (above, below, lower) = self.rows_at(y);
         let (upper_sums, lower_sums) = (self.row_sums(above), self.row_sums(below));
         let sum = |i: usize| upper_sums[i] + (lower_sums[i] - upper_sums[i]) * lower;
         let target = u[0] * sum(self.columns);
         let (mut first, mut last) = (0, self.columns);
-        // The last centre whose sum is at or below the target.
+        // Find the last centre whose sum is at or below the target
         while last - first > 1 {
             let middle = (first + last) / 2;
             if sum(middle) <= target {
@@ -205,7 +207,7 @@ impl Bilinear {
         ([x, y], self.density([x, y]))
     }
 
-    /// The density at a place.
+    /// Returns the density at a point.
     pub(super) fn density(&self, [x, y]: [f32; 2]) -> f32 {
         let (above, below, lower) = self.rows_at(y);
         let place = x * self.columns as f32 + self.columns as f32 - 0.5;
@@ -220,7 +222,7 @@ impl Bilinear {
     }
 }
 
-/// A place in [0, 1] by a density that goes linearly from `a` to `b`.
+/// Draws a number in [0, 1] by a density that goes linearly from `a` to `b`.
 fn sample_linear(a: f32, b: f32, u: f32) -> f32 {
     let root = (a * a + (b * b - a * a) * u).max(0.0).sqrt();
     if a + root > 0.0 { (u * (a + b) / (a + root)).clamp(0.0, 1.0) } else { u.sqrt() }
@@ -237,7 +239,7 @@ mod tests {
         (0..SIDE * SIDE).map(|i| [i % SIDE, i / SIDE].map(|j| (j as f32 + 0.5) / SIDE as f32))
     }
 
-    /// Compares how many places fall into each cell of a coarse grid with the integral of the density over it.
+    /// Compares the number of points in each cell of a coarse grid with the integral of the density over it.
     fn assert_drawn_by_density(
         sample: impl Fn([f32; 2]) -> ([f32; 2], f32),
         density: impl Fn([f32; 2]) -> f32,
@@ -270,7 +272,7 @@ mod tests {
             if let Some(table) = Bilinear::new(values.clone(), columns, rows) {
                 assert_drawn_by_density(|u| table.sample(u), |place| table.density(place))?;
             }
-            // The midpoints of the coarse grid fall on the borders of cells only where these divide it.
+            // The midpoints of the coarse grid meet the borders of cells only if these divide it
             if let Some(table) = Cells::new(&values, columns, rows).filter(|_| 128 % columns == 0 && 128 % rows == 0) {
                 assert_drawn_by_density(|u| table.sample(u), |place| table.density(place))?;
             }

@@ -1,9 +1,9 @@
-//! Light that leaves the lights: where a photon starts, where it goes, and how much it carries.
+//! Emission of photons by the lights: origin, direction and power.
 //!
-//! A source is chosen in proportion to its power, and on it a place and a direction so that what a photon carries varies
-//! little. What comes from infinitely far away starts on a disc that covers the sphere around the scene (Pharr, Jakob
-//! and Humphreys 2023, *Physically Based Rendering*, §12.4 and 12.5); through portals it starts on these. Where what is seen is
-//! small beside the scene, an [`EmissionPlan`] prefers what may come there.
+//! A source is chosen in proportion to its power, then a position and direction on it, such that the power per photon
+//! varies little. Light from infinity starts on a disc that covers the scene's bounding sphere (Pharr, Jakob and
+//! Humphreys 2023, *Physically Based Rendering*, §12.4 and 12.5), or on a portal. If the visible part is small compared
+//! to the scene, an [`EmissionPlan`] prefers photons that may arrive there.
 
 mod place;
 mod plan;
@@ -23,31 +23,32 @@ use place::{Spread, Start};
 use plan::{AIMED, FIRST, STEP};
 pub(crate) use plan::{Aim, EmissionPlan};
 
-/// Part of the mean that every cell of a light's picture has at least, so that nothing is missed that shines between the
-/// middles of its texels.
+/// Value added to every cell of a light's picture, as a fraction of the mean, so that light between the centres of texels
+/// is not missed.
 const FLOOR: f32 = 0.05;
 /// Largest number of cells along a side of the table of a light's picture.
 const SIDE_MAX: u32 = 256;
-/// Steps over the angle of a spot.
+/// Number of steps over the cosine of a spot's cone.
 const SPOT_STEPS: usize = 64;
 
 /// A photon that leaves a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct EmittedPhoton {
-    /// World space, just off the light.
+    /// Origin in world space, at the light's surface.
     pub(crate) origin: Vec3,
-    /// Unit length.
+    /// Direction of travel, unit length.
     pub(crate) direction: Vec3,
-    /// What it stands for if it is the only photon, in watts: the mean over all is the power of all lights.
+    /// Power in watts if this is the only photon: its mean is the power of all lights.
     pub(crate) power: Spectrum,
-    /// Which light of the tree it left; [`NO_LIGHT`] for one infinitely far away.
+    /// Number of the light in the tree; [`NO_LIGHT`] for a light at infinity.
     pub(crate) light: u32,
 }
 
 impl Start {
-    /// The same, perhaps in a direction to what is seen; its power then is that by all ways in which the direction is drawn.
+    /// Returns the photon's origin, direction and power; redirects it with probability [`Aim::SHARE`] towards the visible
+    /// part. The power accounts for both ways to draw the direction, by MIS.
     ///
-    /// - `v`: direction (2), whether it is aimed (1), spare (1).
+    /// - `v`: direction (2), choice of the redirection (1), spare (1).
     fn aimed(self, plan: &EmissionPlan, v: Quad) -> (Vec3, Vec3, Spectrum) {
         let Self { origin, mut direction, power, spread } = self;
         let aim = if matches!(spread, Spread::AsDrawn) { None } else { plan.aim(origin) };
@@ -66,36 +67,35 @@ impl Start {
     }
 }
 
-/// What emits photons in a scene.
+/// All sources of photons in a scene.
 pub(crate) struct Emission {
     sources: Vec<EmissionSource>,
-    /// Sums of the sources' shares in the power, from 0 to 1.
+    /// Cumulative shares of the sources in the total power, from 0 to 1.
     sums: Vec<f64>,
-    /// All directions of the environment.
+    /// The environment without portals.
     environment: Option<EnvironmentLight>,
-    /// The sphere around the scene.
+    /// Centre of the scene's bounding sphere; `radius`: its radius, slightly enlarged.
     center: Vec3,
     radius: f32,
 }
 
 enum EmissionSource {
-    /// A light with extent or a point light: its number in the tree.
+    /// A light with extent or a point light; number in the tree.
     Near(u32),
-    /// A light without extent: its number in the tree, its index in the scene, and how what it sends is spread over a
-    /// square.
+    /// Another light without extent: number in the tree, index in the scene, and its power distribution over a square.
     Pictured(u32, u32, Cells),
-    /// Direction and irradiance.
+    /// A parallel light: direction of travel and irradiance.
     Parallel(Vec3, Spectrum),
     Environment,
     Portal(Portal),
 }
 
 impl Emission {
-    /// Everything that shines. Sources that are black, or whose power is no number, are left out.
+    /// Collects all sources. Omits those that are black or whose power is not finite.
     pub(crate) fn new(prepared: &PreparedScene) -> Self {
         let scene = &**prepared.scene();
         let Extent { center, radius, .. } = Extent::whole(prepared);
-        // Without a surface nothing far away has anything to shine on.
+        // Without surfaces, light from infinity hits nothing
         let has_scene = radius > 0.0;
         let mut emission =
             Self { sources: Vec::new(), sums: vec![0.0], environment: None, center, radius: radius * 1.001 };
@@ -107,6 +107,7 @@ impl Emission {
                 powers.push(f64::from(power));
             }
         };
+        // Collect the lights of the tree
         for (number, light) in prepared.lights().lights.iter().enumerate() {
             let (source, power) = match light {
                 Light::Surface(surface) => (EmissionSource::Near(number as u32), surface.power(scene)),
@@ -119,6 +120,7 @@ impl Emission {
             emission.sum(&powers);
             return emission;
         }
+        // Collect parallel lights and the environment
         for light in &scene.lights {
             if let SceneLight { kind: LightKind::Directional { direction, irradiance }, .. } = *light {
                 push(&mut emission, EmissionSource::Parallel(direction, irradiance), disc * luminance(irradiance));
@@ -127,7 +129,7 @@ impl Emission {
         if let Some(environment) = &scene.environment {
             let whole = Environment { portals: Vec::new(), ..environment.clone() };
             let light = EnvironmentLight::new(scene, &whole, false);
-            // The mean over all orientations is a quarter of the integral.
+            // The mean over all orientations is a quarter of the integral
             let integral = 4.0 * light.illuminance(center);
             if environment.portals.is_empty() {
                 push(&mut emission, EmissionSource::Environment, integral * disc);
@@ -154,23 +156,25 @@ impl Emission {
         }
     }
 
-    /// Whether nothing shines.
+    /// Returns true if nothing emits light.
     pub(crate) fn is_empty(&self) -> bool {
         self.sources.is_empty()
     }
 
-    /// How photons are sent to what is seen.
+    /// Plans the emission of photons towards the visible part of the scene.
     pub(crate) fn plan(&self, prepared: &PreparedScene, extent: Extent) -> EmissionPlan {
         let mut plan = EmissionPlan { extent, sums: self.sums.clone(), discs: vec![(self.radius, 1.0)] };
         if extent.is_whole() {
             return plan;
         }
+        // Discs around the visible part, each wider by STEP, up to the scene's
         let mut radii: Vec<f32> = std::iter::successors(Some(extent.radius), |radius| Some(radius * STEP))
             .take_while(|&radius| radius < extent.whole)
             .collect();
         radii.push(self.radius);
         let others = (1.0 - FIRST) / (radii.len() - 1).max(1) as f32;
         plan.discs = radii.iter().zip(0..).map(|(&radius, i)| (radius, if i == 0 { FIRST } else { others })).collect();
+        // Mix probabilities by power with those by arriving power
         let source = |index: usize| {
             let power = self.sums[index + 1] - self.sums[index];
             (power, power * self.arriving(prepared, &extent, &self.sources[index]))
@@ -192,7 +196,7 @@ impl Emission {
         plan
     }
 
-    /// An estimate of the share of a source's power that may come to what is seen.
+    /// Estimates the share of a source's power that may arrive at the visible part.
     fn arriving(&self, prepared: &PreparedScene, extent: &Extent, source: &EmissionSource) -> f64 {
         let near = |p: Vec3| f64::from((extent.radius / p.distance(extent.center)).min(1.0)).powi(2);
         let scene = &**prepared.scene();
@@ -211,11 +215,11 @@ impl Emission {
         }
     }
 
-    /// A photon. `None`: these numbers emit none, and count as one that carries nothing.
+    /// Emits a photon. `None`: no photon for these random numbers; it counts as one without power.
     ///
-    /// - `plan`: made by [`Self::plan`].
-    /// - `u`: choice of the source (1), choice on it (1), place on it (2).
-    /// - `v`: direction (2), whether that is aimed (1), spare (1).
+    /// - `plan`: created by [`Self::plan`].
+    /// - `u`: choice of the source (1), choice on it (1), position on it (2).
+    /// - `v`: direction (2), choice of redirection (1), spare (1).
     pub(crate) fn emit(
         &self,
         prepared: &PreparedScene,
@@ -227,8 +231,10 @@ impl Emission {
             return None;
         }
         let choice = f64::from(u[0]);
+        // Choose a source by its power
         let index = plan.sums.partition_point(|&sum| sum <= choice).clamp(1, self.sources.len()) - 1;
         let pmf = (plan.sums[index + 1] - plan.sums[index]) as f32;
+        // Sample position and direction on it
         let (origin, direction, power) = self.leave(prepared, plan, index, u, [v[0], v[1]])?.aimed(plan, v);
         let power = power / pmf;
         let is_sound = power.is_finite() && power.cmpge(Vec3::ZERO).all() && power != Vec3::ZERO;
@@ -236,13 +242,14 @@ impl Emission {
         is_sound.then_some(EmittedPhoton { origin, direction, power, light: self.light_of(index) })
     }
 
-    /// How many sources there are.
+    /// Returns the number of sources.
     pub(crate) fn source_count(&self) -> usize {
         self.sources.len()
     }
 
-    /// Where an agent starts: each source sends as many, all over itself, and to all sides alike; one infinitely far away
-    /// as it shines. `power` is what the place sends that way as a photon.
+    /// Returns the start of an agent of the `ala` integrator: sources are chosen uniformly, positions uniformly over the
+    /// source, directions uniformly over the sphere, or as the light shines for lights at infinity. `power` is that of a
+    /// photon from there.
     ///
     /// - `u`, `v`: as for [`Self::emit`].
     pub(crate) fn cast(
@@ -266,7 +273,7 @@ impl Emission {
         is_sound.then_some(EmittedPhoton { origin, direction, power, light: self.light_of(index) })
     }
 
-    /// The number of a source in the tree of lights.
+    /// Returns the number of a source in the tree of lights; [`NO_LIGHT`] for lights at infinity.
     fn light_of(&self, index: usize) -> u32 {
         match &self.sources[index] {
             EmissionSource::Near(number) | EmissionSource::Pictured(number, ..) => *number,
@@ -274,7 +281,7 @@ impl Emission {
         }
     }
 
-    /// A place and a direction of one source, and the power that they stand for.
+    /// Samples position and direction on one source; returns them with the power that they represent.
     fn leave(
         &self,
         prepared: &PreparedScene,
@@ -314,12 +321,12 @@ impl Emission {
         })
     }
 
-    /// A direction towards the sky, its radiance and its density.
+    /// Samples a direction towards the environment; returns it with its radiance and pdf.
     fn far(&self, prepared: &PreparedScene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
         self.environment.as_ref()?.sample_at(prepared.scene(), self.center, [0.0, u[0], u[1], 0.0])
     }
 
-    /// Through a portal, if nothing is behind it.
+    /// Samples a photon that enters through a portal; `None` if a surface behind the portal blocks it.
     fn through(&self, prepared: &PreparedScene, portal: &Portal, [x, y]: [f32; 2], towards: [f32; 2]) -> Option<Start> {
         let outwards = portal.edges[0].cross(portal.edges[1]);
         let (wi, radiance, pdf) = self.far(prepared, towards)?;
@@ -333,7 +340,7 @@ impl Emission {
     }
 }
 
-/// A light without extent and its power.
+/// Returns the source of a light without extent, and its power.
 fn near_source(prepared: &PreparedScene, number: u32, index: u32) -> (EmissionSource, f32) {
     let scene = &**prepared.scene();
     let (columns, rows) = match scene.lights[index as usize].kind {

@@ -1,4 +1,6 @@
-//! Light from infinitely far away, all around.
+//! The environment: light at infinity from all directions.
+//!
+//! Parameters: a picture (or constant radiance) with its mapping, a factor, a rotation; optional portals.
 
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_4, PI};
 
@@ -15,10 +17,10 @@ use crate::{
     sampling::uniform_sphere,
 };
 
-/// Largest size of the sampling table, in cells.
+/// Largest size of the sampling table, in cells (columns, rows).
 const TABLE_SIZE_MAX: (usize, usize) = (4096, 2048);
 
-/// The environment with a table to draw directions from.
+/// The environment with a table for sampling directions.
 #[derive(Clone, Debug)]
 pub(crate) struct EnvironmentLight {
     picture: Option<TextureMap>,
@@ -27,15 +29,15 @@ pub(crate) struct EnvironmentLight {
     factor: Spectrum,
     world_from_environment: Mat3,
     table: Table,
-    /// Luminance integrated over the sphere: that part of it which the table stands for.
+    /// Luminance integrated over the sphere, of the part that the table represents.
     integral: f32,
-    /// Whether the table leaves a part to BSDF sampling.
+    /// `true`: the table leaves a part to BSDF sampling.
     is_compensated: bool,
-    /// The windows through which it is seen, if not from everywhere. The table is then not asked.
+    /// Portals through which alone the environment is seen; they replace the table.
     portals: Option<Portals>,
 }
 
-/// Where latitudes are on a picture: 0 to 1 from pole to pole, and from its upper edge to its lower one.
+/// The mapping from latitudes (0 to 1, pole to pole) to rows of a picture (0 to 1, top to bottom).
 #[derive(Clone, Copy, Debug)]
 struct Rows {
     scale: f32,
@@ -43,7 +45,9 @@ struct Rows {
 }
 
 impl Rows {
-    /// - `height`: of the picture in texels.
+    /// Creates the mapping.
+    ///
+    /// - `height`: height of the picture in texels.
     fn new(mapping: EnvironmentMapping, height: u32) -> Self {
         if mapping != EnvironmentMapping::LatitudeLongitudeToPoles || height < 2 {
             return Self { scale: 1.0, offset: 0.0 };
@@ -55,34 +59,34 @@ impl Rows {
         latitude * self.scale + self.offset
     }
 
-    /// Beyond 0 to 1 where the picture goes on behind the poles.
+    /// Returns the latitude, outside [0, 1] where the picture extends past the poles.
     fn latitude_from_picture(self, place: f32) -> f32 {
         (place - self.offset) / self.scale
     }
 }
 
-/// How directions are drawn.
+/// The sampling of directions.
 #[derive(Clone, Debug)]
 enum Table {
-    /// Not at all: all is left to BSDF sampling.
+    /// No sampling: BSDF sampling finds all light.
     None,
-    /// Uniformly over the sphere.
+    /// Uniform over the sphere.
     Uniform,
-    /// By latitude and longitude.
+    /// By luminance, over latitude and longitude.
     Bilinear(Bilinear),
-    /// By equal areas.
+    /// By luminance, over an equal-area square.
     Cells(Cells),
 }
 
 impl EnvironmentLight {
     /// Builds the sampling table.
     ///
-    /// - `compensate`: leave those directions to BSDF sampling which it samples well enough, all that is below the
-    ///   mean (Karlík et al. 2019, *MIS Compensation*, §5.1). Right only where both strategies are combined.
+    /// - `compensate`: leaves to BSDF sampling the directions that it samples well enough, all that are darker than the
+    ///   mean (Karlík et al. 2019, *MIS Compensation*, §5.1). Correct only with MIS.
     pub(crate) fn new(scene: &Scene, environment: &Environment, compensate: bool) -> Self {
         let picture = environment.image.map(|image| TextureMap {
             wrap_v: Wrap::Clamp,
-            // pbrt takes the nearest texel.
+            // Like pbrt, use the nearest texel of equal-area pictures
             smooth: environment.mapping != EnvironmentMapping::EqualArea,
             ..TextureMap::new(image)
         });
@@ -99,7 +103,7 @@ impl EnvironmentLight {
             portals: None,
         };
         if !environment.portals.is_empty() {
-            // What is the same everywhere needs no more cells than tell the solid angles.
+            // A constant environment needs only enough cells to resolve solid angles
             let side = environment.image.map_or(128, |image| {
                 let (width, height) = scene.images[image.0 as usize].size();
                 width.min(height) as usize
@@ -119,10 +123,10 @@ impl EnvironmentLight {
         light
     }
 
-    /// The table over a picture, and the integral of the luminance that it stands for.
+    /// Returns the table over a picture, and the integral of the luminance that it represents.
     fn tabulate(&self, scene: &Scene, columns: usize, rows: usize, compensate: bool) -> (Table, f32) {
-        // The solid angle of a cell over the mean of them. Rows that end at the poles are few at times, so they have the exact
-        // integral of what is interpolated between them.
+        // Solid angle of a cell over the mean of all cells. Pictures with rows at the poles may be small: their weights
+        // integrate exactly over the interpolation between rows
         let height = PI / (rows as f32 * self.rows.scale);
         let weight = |row: usize| {
             let latitude = PI * self.rows.latitude_from_picture((row as f32 + 0.5) / rows as f32);
@@ -146,10 +150,12 @@ impl EnvironmentLight {
                 .sum();
             (4.0 * std::f64::consts::PI * sum / (cells.len() as f64 * f64::from(self.rows.scale))) as f32
         };
+        // Compensate for MIS: leave everything darker than the mean to BSDF sampling
         if compensate {
             let mean = integral_of(&cells) / (4.0 * PI);
             cells.iter_mut().for_each(|cell| *cell = (*cell - mean).max(0.0));
         }
+        // Weight the cells by solid angle
         let integral = integral_of(&cells);
         for (row, cells) in cells.chunks_exact_mut(columns).enumerate() {
             cells.iter_mut().for_each(|cell| *cell *= weight(row));
@@ -161,12 +167,13 @@ impl EnvironmentLight {
         (table.unwrap_or(Table::None), integral)
     }
 
-    /// The luminance in each cell: of its texel, or of all its texels where the table is coarser than the picture.
+    /// Returns the luminance of each cell: of its texel, or the mean of its texels if the table is coarser than the
+    /// picture.
     fn luminances(&self, scene: &Scene, columns: usize, rows: usize) -> Vec<f32> {
         let Some(map) = &self.picture else { return Vec::new() };
         let image = &scene.images[map.image.0 as usize];
         let size = (columns as u32, rows as u32);
-        // A lookup a little wider than the cell, so that no light at its border is missed.
+        // Use a filter slightly wider than the cell, so that no light at its border is missed
         let footprint = 1.5 / columns.min(rows) as f32;
         let mut cells = Vec::with_capacity(columns * rows);
         for row in 0..size.1 {
@@ -183,8 +190,9 @@ impl EnvironmentLight {
         cells
     }
 
-    /// Writes it down: kind of the table (0: none, 1: uniform, 2: bilinear, 3: cells), mapping, factor, world from environment,
-    /// integral, picture, what the table says of itself, scale and offset of its rows. Not its portals.
+    /// Writes the environment without its portals: kind of table (0: none, 1: uniform, 2: bilinear, 3: cells), mapping,
+    /// factor, world from environment, integral, picture, table, scale and offset of its rows. Returns the offset in
+    /// words.
     pub(crate) fn write(&self, words: &mut Words) -> u32 {
         let (kind, table) = match &self.table {
             Table::None => (code::DENSITY_NONE, TableRecord::NONE),
@@ -209,18 +217,18 @@ impl EnvironmentLight {
         place
     }
 
-    /// Whether light sampling alone finds all of it.
+    /// Returns true if light sampling alone finds all of the environment's light.
     pub(crate) fn is_found(&self) -> bool {
         !self.is_compensated
     }
 
-    /// Whether light sampling draws directions of it at all.
+    /// Returns true if light sampling draws any directions of the environment.
     pub(crate) fn is_sampled(&self) -> bool {
         self.portals.is_some() || !matches!(self.table, Table::None)
     }
 
-    /// An estimate of the illuminance that sampled directions bring to a surface at a point: the mean over all its
-    /// orientations.
+    /// Returns an estimate of the illuminance by sampled directions at a point: the mean over all orientations of a
+    /// surface.
     pub(crate) fn illuminance(&self, from: Vec3) -> f32 {
         match (&self.portals, &self.table) {
             (Some(portals), _) => 0.25 * portals.integral(from),
@@ -229,8 +237,8 @@ impl EnvironmentLight {
         }
     }
 
-    /// The radiance that comes to a point from a direction of unit length. It counts once for each window that is seen
-    /// there, as if each had a sky of its own.
+    /// Returns the radiance at a point from a direction of unit length. It is counted once per portal that the direction
+    /// crosses.
     pub(crate) fn radiance_at(&self, scene: &Scene, from: Vec3, direction: Vec3) -> Spectrum {
         match self.portals.as_ref().map(|portals| portals.count(from, direction)) {
             None => self.radiance(scene, direction),
@@ -239,8 +247,8 @@ impl EnvironmentLight {
         }
     }
 
-    /// Draws a direction for a point: it, its radiance, and its density per solid angle. The first number chooses a window,
-    /// the next two a direction.
+    /// Samples a direction at a point: returns it with its radiance and pdf per solid angle. `u[0]` chooses a portal,
+    /// `u[1]` and `u[2]` the direction.
     pub(crate) fn sample_at(&self, scene: &Scene, from: Vec3, u: Quad) -> Option<(Vec3, Spectrum, f32)> {
         let Some(portals) = &self.portals else { return self.sample(scene, [u[1], u[2]]) };
         let direction = portals.sample(from, u)?;
@@ -248,7 +256,7 @@ impl EnvironmentLight {
         (pdf > 0.0 && pdf.is_finite()).then(|| (direction, self.radiance_at(scene, from, direction), pdf))
     }
 
-    /// The density per solid angle with which [`Self::sample_at`] draws a direction.
+    /// Returns the density per solid angle with which [`Self::sample_at`] draws a direction.
     pub(crate) fn pdf_at(&self, from: Vec3, direction: Vec3) -> f32 {
         self.portals.as_ref().map_or_else(|| self.pdf(direction), |portals| portals.pdf(from, direction))
     }
@@ -262,12 +270,14 @@ impl EnvironmentLight {
         table + self.portals.as_ref().map_or(0, Portals::memory_bytes)
     }
 
-    /// The radiance that comes from a direction of unit length, if it is not hidden.
+    /// Returns the radiance from a direction of unit length, ignoring portals.
     fn radiance(&self, scene: &Scene, direction: Vec3) -> Spectrum {
         self.radiance_within(scene, direction, 0.0)
     }
 
-    /// - `footprint`: how much of the picture counts.
+    /// Returns the filtered radiance from a direction of unit length.
+    ///
+    /// - `footprint`: width of the filter, as a fraction of the picture.
     fn radiance_within(&self, scene: &Scene, direction: Vec3, footprint: f32) -> Spectrum {
         if self.picture.is_none() {
             return self.factor;
@@ -275,7 +285,7 @@ impl EnvironmentLight {
         self.lookup(scene, self.uv_of(self.world_from_environment.transpose() * direction), footprint)
     }
 
-    /// Where a direction of environment space is on the picture.
+    /// Returns the position on the picture of a direction in environment space.
     fn uv_of(&self, local: Vec3) -> Vec2 {
         if self.mapping == EnvironmentMapping::EqualArea {
             return square_of(local);
@@ -291,7 +301,7 @@ impl EnvironmentLight {
         })
     }
 
-    /// Draws a direction of the whole sphere: it, its radiance, and its density per solid angle.
+    /// Samples a direction of the whole sphere: returns it with its radiance and pdf per solid angle.
     fn sample(&self, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
         let (local, uv, pdf) = match &self.table {
             Table::None => return None,
@@ -319,7 +329,7 @@ impl EnvironmentLight {
         is_sound.then(|| (self.world_from_environment * local, self.lookup(scene, uv, 0.0), pdf))
     }
 
-    /// The density per solid angle with which [`Self::sample`] draws a direction.
+    /// Returns the density per solid angle with which [`Self::sample`] draws a direction.
     fn pdf(&self, direction: Vec3) -> f32 {
         let local = self.world_from_environment.transpose() * direction;
         match &self.table {
@@ -338,14 +348,15 @@ impl EnvironmentLight {
     }
 }
 
-/// Longitude and latitude of a direction in environment space, 0 to 1: the upper edge is +y, the center column −z.
+/// Returns longitude and latitude of a direction in environment space, 0 to 1: the upper edge is +y, the centre column
+/// −z.
 fn latitude_longitude(direction: Vec3) -> Vec2 {
     let u = 0.5 + math::atan2(direction.x, -direction.z) / (2.0 * PI);
     Vec2::new(u, math::acos(direction.y) / PI)
 }
 
-/// The place of a direction on a picture of equal areas (Clarberg 2008): +z is the centre, the lower hemisphere folded
-/// into the corners.
+/// Returns the position of a direction on an equal-area picture (Clarberg 2008): +z is the centre, the lower hemisphere
+/// is folded into the corners.
 pub(super) fn square_of(direction: Vec3) -> Vec2 {
     let flat = direction.truncate().abs();
     let radius = (1.0 - direction.z.abs()).max(0.0).sqrt();
@@ -356,11 +367,11 @@ pub(super) fn square_of(direction: Vec3) -> Vec2 {
     (place * 0.5 + 0.5).clamp(Vec2::ZERO, Vec2::splat(ONE_BELOW))
 }
 
-/// The direction of a place on a picture of equal areas.
+/// Returns the direction of a position on an equal-area picture.
 pub(crate) fn direction_of_square(place: Vec2) -> Vec3 {
     let place = place * 2.0 - 1.0;
     let flat = place.abs();
-    // Above 0 in the upper hemisphere, and as far from the edge of its diamond.
+    // Signed distance from the edge of the upper hemisphere's diamond; positive inside
     let from_edge = 1.0 - (flat.x + flat.y);
     let radius = 1.0 - from_edge.abs();
     let angle = if radius > 0.0 { ((flat.y - flat.x) / radius + 1.0) * FRAC_PI_4 } else { 0.0 };
@@ -370,7 +381,7 @@ pub(crate) fn direction_of_square(place: Vec2) -> Vec3 {
     Vec3::new((cos * sine).copysign(place.x), (sin * sine).copysign(place.y), z)
 }
 
-/// The largest number below 1.
+/// Largest f32 below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 
 #[cfg(test)]
@@ -429,7 +440,7 @@ mod tests {
             ..environment()
         };
         let light = EnvironmentLight::new(&scene, &upright, false);
-        // Row 1 of 0 to 5 is a fifth of the way down: there its blue is told, and at the poles that of the outer rows.
+        // Row 1 of 0 to 5 is a fifth of the way down: its blue is found there, and at the poles that of the outer rows
         for (angle, blue) in [(0.0, 3.0), (0.2, 2.5), (0.5, 1.75), (1.0, 0.5)] {
             let (sine, cosine) = (angle * PI).sin_cos();
             let seen = light.radiance(&scene, Vec3::new(sine, cosine, 0.0)).z;
@@ -467,7 +478,7 @@ mod tests {
         assert!((integral - 1.0).abs() < 0.02, "{integral}");
     }
 
-    /// Half of the sphere in a turned and mirrored environment of equal areas.
+    /// Light from half of the sphere in a rotated and mirrored equal-area environment.
     fn equal_area() -> (Scene, Environment) {
         let scene = scene_with((32, 32), |x, y| if x < 20 { [0.5 + (y % 3) as f32, x as f32, 2.0] } else { [0.0; 3] });
         let mirror = Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0));
@@ -513,7 +524,7 @@ mod tests {
 
     #[test]
     fn directions_are_drawn_by_the_density_of_a_picture_with_a_tiny_sun() {
-        // One texel a hundred thousand times as bright as the others, in the dark.
+        // One texel a hundred thousand times as bright as the others, which are dark
         let scene = scene_with((64, 32), |x, y| if (x, y) == (40, 9) { [1e5; 3] } else { [0.0; 3] });
         for compensate in [false, true] {
             let light = EnvironmentLight::new(&scene, &environment(), compensate);
@@ -537,7 +548,7 @@ mod tests {
         for u in grid(200) {
             let direction = uniform_sphere(u);
             let radiance = luminance(light.radiance(&scene, direction));
-            // Near the poles a table of eight rows knows their lengths to a factor of three.
+            // Near the poles, the weights of a table of eight rows are within a factor of three
             assert!(radiance <= 1e-5 || radiance / light.pdf(direction) < 3.0 * light.integral, "{direction}");
         }
     }

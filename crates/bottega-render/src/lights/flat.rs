@@ -1,4 +1,4 @@
-//! All lights as words: see [`crate::flat`].
+//! Flattening of all lights for GPUs, see [`crate::flat`].
 
 use bottega_kernels::math;
 use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap};
@@ -11,7 +11,7 @@ use crate::flat::{
 };
 
 impl Lights {
-    /// Writes down all but where spheres and instances have theirs.
+    /// Writes all lights, except the lights' numbers of spheres and instances.
     pub(crate) fn write(&self, scene: &Scene, words: &mut Words) {
         words.head(header::HAS_FAR, u32::from(self.has_far()));
         self.tree.write(words);

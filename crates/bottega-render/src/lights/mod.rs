@@ -1,8 +1,8 @@
-//! Everything that shines, and the choice of one light for a point.
+//! All lights of a scene, and light sampling at a point.
 //!
-//! Lights that are somewhere hang in a tree, which is asked what arrives at the point; those infinitely far away, the
-//! environment and parallel light, stand beside it. What light sampling never chooses has probability 0 in both
-//! directions, and so is left to BSDF sampling with full weight.
+//! Lights at a position are the leaves of a tree, which chooses one by an estimate of the light that arrives at the
+//! point; lights at infinity, the environment and parallel light, are separate. Light that light sampling never chooses
+//! has pdf 0 and is left to BSDF sampling with full MIS weight.
 
 mod bounds;
 mod choice;
@@ -45,22 +45,22 @@ pub use tree::DISTANCE_SQUARED_MIN;
 use tree::LightTree;
 pub(crate) use tree::{Arc, Segment};
 
-/// Least probability with which light from infinitely far away is asked for, and least probability with which it is not,
-/// where there is light of both kinds: what is estimated of them knows nothing of shadows.
+/// Smallest probability of sampling lights at infinity, and of sampling the others, where both exist; their estimates
+/// ignore visibility.
 pub const SHARE_MIN: f32 = 0.1;
 
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
     environment: Option<EnvironmentLight>,
-    /// Parallel light.
+    /// Parallel lights.
     parallel: Vec<Parallel>,
     tree: LightTree,
-    /// By number in the tree.
+    /// Lights by number in the tree.
     lights: Vec<Light>,
-    /// The shining spheres, as indices into the scene's, ascending, with their numbers in the tree.
+    /// Emitting spheres as (index in the scene, number in the tree), ascending; [`NO_LIGHT`] for dark ones.
     spheres: Vec<(u32, u32)>,
-    /// The shining triangles, instance by instance.
+    /// Emitting triangles, instance by instance.
     triangles: Vec<TriangleLight>,
     /// Numbers in the tree of the parts of all panels; [`NO_LIGHT`] for dark ones.
     parts: Vec<u32>,
@@ -69,35 +69,35 @@ pub(crate) struct Lights {
 /// A light of the tree.
 #[derive(Clone, Copy, Debug)]
 enum Light {
-    /// Index into the scene's.
+    /// A light without extent; index into the scene's lights.
     Punctual(u32),
-    /// Index into the scene's.
+    /// An emitting sphere; index into the scene's spheres.
     Sphere(u32),
     Surface(SurfaceLight),
 }
 
-/// Parallel light.
+/// A parallel light.
 #[derive(Clone, Copy, Debug)]
 struct Parallel {
     /// Index into the scene's lights.
     light: u32,
-    /// Unit length.
+    /// Direction to the light, unit length.
     to_light: Vec3,
-    /// On a surface that faces it.
+    /// Illuminance of a surface that faces the light.
     illuminance: f32,
 }
 
-/// Which light a triangle is.
+/// The light that a triangle belongs to.
 #[derive(Clone, Copy, Debug)]
 struct TriangleLight {
-    /// Where the parts of its panel begin in [`Lights::parts`].
+    /// Index in [`Lights::parts`] of the first part of its panel.
     first_part: u32,
     shape: PanelShape,
     is_second: bool,
     grid: Grid,
 }
 
-/// What [`Lights`] is made from, light by light.
+/// Lights and their bounds, collected before the tree is built.
 #[derive(Default)]
 struct CollectedLights {
     lights: Vec<Light>,
@@ -105,7 +105,7 @@ struct CollectedLights {
 }
 
 impl CollectedLights {
-    /// The number of the light among those collected; [`NO_LIGHT`] where it is dark.
+    /// Adds a light and returns its number; [`NO_LIGHT`] for a dark one, which is not added.
     fn push(&mut self, light: Light, bounds: LightBounds) -> u32 {
         if !(bounds.intensity > 0.0 && bounds.intensity.is_finite()) {
             return NO_LIGHT;
@@ -117,7 +117,7 @@ impl CollectedLights {
 }
 
 impl Lights {
-    /// Collects the lights and writes into `instances` where theirs begin.
+    /// Collects the lights, and sets the first light of each emitting instance.
     pub(crate) fn new(
         scene: &Scene,
         materials: &[PreparedMaterial],
@@ -130,6 +130,7 @@ impl Lights {
             .map(|environment| EnvironmentLight::new(scene, environment, compensate_environment));
         let mut lights = Self { environment, ..Self::default() };
         let mut collected = CollectedLights::default();
+        // Collect parallel lights and lights without extent
         for (light, index) in scene.lights.iter().zip(0..) {
             if let LightKind::Directional { direction, irradiance } = light.kind {
                 lights.parallel.push(Parallel {
@@ -141,6 +142,7 @@ impl Lights {
                 collected.push(Light::Punctual(index), bounds);
             }
         }
+        // Collect emitting spheres and meshes
         let shines = |material: u32| materials[material as usize].shines;
         for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| shines(sphere.material)) {
             let number = collected.push(Light::Sphere(index), sphere::bounds(scene, sphere));
@@ -172,13 +174,13 @@ impl Lights {
         }
     }
 
-    /// The number in the tree of a sphere of the scene; [`NO_LIGHT`] where it does not shine.
+    /// Returns the number in the tree of a sphere of the scene; [`NO_LIGHT`] for a dark one.
     pub(crate) fn of_sphere(&self, sphere: u32) -> u32 {
         let place = self.spheres.binary_search_by_key(&sphere, |&(index, _)| index);
         place.map_or(NO_LIGHT, |place| self.spheres[place].1)
     }
 
-    /// Builds the tree, and numbers all lights as it does.
+    /// Builds the tree and renumbers all lights in its order.
     fn hang(&mut self, collected: &CollectedLights) {
         let (tree, order) = LightTree::new(&collected.bounds);
         let mut number = vec![NO_LIGHT; order.len()];
@@ -192,17 +194,17 @@ impl Lights {
         self.tree = tree;
     }
 
-    /// Whether light sampling finds nothing anywhere.
+    /// Returns true if light sampling finds no light at any point.
     pub(crate) fn is_empty(&self) -> bool {
         self.lights.is_empty() && !self.has_far()
     }
 
-    /// Whether light sampling alone finds all light: it does not where a part of the sky is left to BSDF sampling.
+    /// Returns true if light sampling alone finds all light; false if a part of the environment is left to BSDF sampling.
     pub(crate) fn are_all_found(&self) -> bool {
         self.environment.as_ref().is_none_or(EnvironmentLight::is_found)
     }
 
-    /// Whether light comes from infinitely far away.
+    /// Returns true if there are sampled lights at infinity.
     fn has_far(&self) -> bool {
         !self.parallel.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
     }
@@ -216,13 +218,15 @@ impl Lights {
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
     }
 
-    /// Draws one light and a place on it. `None`: these numbers give no light.
+    /// Samples one light and a point on it. `None`: no light for these random numbers.
     #[inline(always)]
     pub(crate) fn sample(&self, surfaces: &Surfaces, receiver: &Receiver, u: Quad) -> Option<LightSample> {
+        // Choose between lights at infinity and those of the tree
         let share = self.far_share(receiver);
         if u[0] < share {
             return self.sample_far(surfaces.scene(), receiver, u[0] / share, share, [u[1], u[2]]);
         }
+        // Choose a light of the tree, then a point on it
         let choice = if share > 0.0 { ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON) } else { u[0] };
         let (light, pmf) = self.tree.sample(receiver, choice)?;
         let pmf = pmf * (1.0 - share);
@@ -230,7 +234,7 @@ impl Lights {
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
-    /// Draws a place on one light, whose number is taken as given: `pdf` is the density of the place alone.
+    /// Samples a point on a given light: `pdf` is the density of the point alone.
     #[inline(always)]
     pub(crate) fn sample_place(&self, surfaces: &Surfaces, light: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let sample = match &self.lights[light as usize] {
@@ -241,7 +245,7 @@ impl Lights {
         Some(LightSample { light, ..sample })
     }
 
-    /// Density per solid angle with which [`Self::sample_place`] draws the place `p` on a light with extent.
+    /// Returns the density per solid angle with which [`Self::sample_place`] draws the point `p` on a light with extent.
     pub(crate) fn place_pdf(&self, scene: &Scene, light: u32, from: Vec3, p: Vec3) -> f32 {
         match &self.lights[light as usize] {
             Light::Surface(surface) => surface.pdf(from, p),
@@ -250,7 +254,7 @@ impl Lights {
         }
     }
 
-    /// The probability of asking for light from infinitely far away.
+    /// Returns the probability of sampling lights at infinity.
     #[inline(always)]
     fn far_share(&self, receiver: &Receiver) -> f32 {
         if !self.has_far() {
@@ -289,6 +293,7 @@ impl Lights {
             light: NO_LIGHT,
             pmf,
         };
+        // Choose a parallel light by its share of the illuminance
         for light in &self.parallel {
             let importance = light.importance(receiver);
             if rest < importance {
@@ -299,6 +304,7 @@ impl Lights {
             }
             rest -= importance;
         }
+        // Otherwise sample the environment
         let environment = self.environment.as_ref()?;
         let illuminance = environment.illuminance(receiver.p);
         let choice = (rest / illuminance).min(ONE_MINUS_EPSILON);
@@ -307,19 +313,19 @@ impl Lights {
         (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false))
     }
 
-    /// What light from infinitely far away does to a point, as far as it is sampled.
+    /// Returns an estimate of the illuminance by sampled lights at infinity.
     #[inline]
     fn far_total(&self, receiver: &Receiver) -> f32 {
         let environment = self.environment.as_ref().map_or(0.0, |light| light.illuminance(receiver.p));
         environment + self.parallel.iter().map(|light| light.importance(receiver)).sum::<f32>()
     }
 
-    /// Radiance of the environment that comes to a point from a direction of unit length.
+    /// Returns the environment's radiance at a point from a direction of unit length.
     pub(crate) fn environment_radiance(&self, scene: &Scene, from: Vec3, direction: Vec3) -> Spectrum {
         self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction))
     }
 
-    /// Density per solid angle with which [`Self::sample`] draws a direction that meets no surface.
+    /// Returns the density per solid angle with which [`Self::sample`] draws a direction that meets no surface.
     pub(crate) fn environment_pdf(&self, receiver: &Receiver, direction: Vec3) -> f32 {
         let Some(light) = &self.environment else { return 0.0 };
         let illuminance = light.illuminance(receiver.p);
@@ -330,7 +336,7 @@ impl Lights {
         light.pdf_at(receiver.p, direction) * pmf
     }
 
-    /// The number of the light that was hit; `None` where light sampling never finds it.
+    /// Returns the number of the light that was hit; `None` if light sampling never finds it.
     pub(crate) fn light_of(&self, surfaces: &Surfaces, hit: &Hit) -> Option<u32> {
         let number = match hit.sphere() {
             Some(sphere) => self.of_sphere(sphere),
@@ -347,29 +353,30 @@ impl Lights {
         (number != NO_LIGHT).then_some(number)
     }
 
-    /// The probability with which [`Self::sample`] draws a light of the tree.
+    /// Returns the probability with which [`Self::sample`] chooses a light of the tree.
     #[inline(always)]
     pub(crate) fn pmf(&self, receiver: &Receiver, light: u32) -> f32 {
         let near = 1.0 - self.far_share(receiver);
         if near > 0.0 { near * self.tree.pmf(receiver, light) } else { 0.0 }
     }
 
-    /// Density per solid angle with which [`Self::sample`] draws the place `p` that was hit on a surface that shines.
+    /// Returns the density per solid angle with which [`Self::sample`] draws the point `p` of a hit on an emitting
+    /// surface.
     pub(crate) fn hit_pdf(&self, surfaces: &Surfaces, hit: &Hit, receiver: &Receiver, p: Vec3) -> f32 {
         self.hit_pdf_by(surfaces, hit, receiver, p, None)
     }
 
-    /// Draws a light of the tree for a segment along which a medium scatters, and tells its probability.
+    /// Samples a light of the tree for a segment of a ray in a medium; returns its number and probability.
     pub(crate) fn sample_along(&self, segment: &Segment, u: f32) -> Option<(u32, f32)> {
         self.tree.sample(segment, u)
     }
 
-    /// The probability with which [`Self::sample_along`] draws a light.
+    /// Returns the probability with which [`Self::sample_along`] chooses a light.
     pub(crate) fn pmf_along(&self, segment: &Segment, light: u32) -> f32 {
         self.tree.pmf(segment, light)
     }
 
-    /// The segment as the middle of a light sees it.
+    /// Returns the segment as seen from the centre of a light, for equiangular sampling.
     pub(crate) fn arc(&self, scene: &Scene, segment: &Segment, light: u32) -> Arc {
         let (middle, radius_squared) = match &self.lights[light as usize] {
             Light::Surface(surface) => surface.ball(),

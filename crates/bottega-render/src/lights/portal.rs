@@ -1,5 +1,5 @@
-//! Windows through which an environment shines: the directions that lead out through one are sampled by what is seen there
-//! (Bitterli, Novák and Jarosz 2015, *Portal-Masked Environment Map Sampling*).
+//! Portals through which an environment is seen: directions through them are sampled by the radiance beyond (Bitterli,
+//! Novák and Jarosz 2015, *Portal-Masked Environment Map Sampling*).
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -10,33 +10,35 @@ use glam::{Mat3, Vec3};
 use super::window::{UnitWindow, WindowTable};
 use crate::{luminance, sampler::Quad};
 
-/// Cells of a side of the table: windows are seen at angles, and pictures are as wide as the sphere.
+/// Largest number of cells per side of the table, which covers directions within half a turn in both angles.
 const SIDE_MAX: usize = 1024;
 
-/// Part of the mean that every cell has at least, so that no direction is missed that shines between the places where a
-/// cell was looked at.
+/// Value added to every cell, as a fraction of the mean, so that light between the sampled directions of a cell is not
+/// missed.
 const FLOOR: f32 = 0.02;
 
-/// All windows of an environment.
+/// All portals of an environment.
 #[derive(Clone, Debug)]
 pub(super) struct Portals(Vec<Opening>);
 
-/// One window, with what is seen in all directions through its plane.
+/// One portal, with the environment's radiance in all directions through its plane.
 ///
-/// Directions d are mapped to the square by the angles atan(d.x ∕ d.z) and atan(d.y ∕ d.z) of its own frame, where the edges
-/// of the window run along x and y: from every point it is an axis-parallel rectangle of that square.
+/// Directions d are mapped to the unit square by the angles atan(d.x ∕ d.z) and atan(d.y ∕ d.z) in the portal's frame,
+/// whose x and y run along its edges: from every point, the portal is an axis-parallel rectangle of that square.
 #[derive(Clone, Debug)]
 struct Opening {
     corner: Vec3,
-    /// Columns: along both edges, and outwards. Orthonormal.
+    /// Orthonormal columns: along both edges, and outwards.
     world_from_local: Mat3,
     size: [f32; 2],
     table: WindowTable,
 }
 
 impl Portals {
-    /// - `side`: size of the picture, in texels of the shorter side.
-    /// - `radiance`: what comes from a direction in world space, seen with a footprint in parts of the picture.
+    /// Creates the portals.
+    ///
+    /// - `side`: shorter side of the environment's picture, in texels.
+    /// - `radiance`: radiance from a direction in world space, filtered with a footprint as a fraction of the picture.
     pub(super) fn new(portals: &[Portal], side: usize, radiance: impl Fn(Vec3, f32) -> Spectrum) -> Self {
         Self(portals.iter().map(|portal| Opening::new(portal, side.clamp(1, SIDE_MAX), &radiance)).collect())
     }
@@ -45,17 +47,17 @@ impl Portals {
         self.0.iter().map(|opening| opening.table.memory_bytes()).sum()
     }
 
-    /// Through how many windows a point sees the sky in a direction of unit length.
+    /// Returns the number of portals that a direction of unit length from a point crosses.
     pub(super) fn count(&self, from: Vec3, direction: Vec3) -> u32 {
         self.0.iter().map(|opening| u32::from(opening.is_crossed(from, direction))).sum()
     }
 
-    /// What comes to a point through all windows: luminance integrated over their solid angles.
+    /// Returns the luminance at a point through all portals, integrated over their solid angles.
     pub(super) fn integral(&self, from: Vec3) -> f32 {
         self.0.iter().map(|opening| opening.integral(from)).sum::<f64>() as f32
     }
 
-    /// Draws a direction from a point. See [`pdf`](Self::pdf).
+    /// Draws a direction from a point, with density [`pdf`](Self::pdf).
     pub(super) fn sample(&self, from: Vec3, u: Quad) -> Option<Vec3> {
         let total: f64 = self.0.iter().map(|opening| opening.integral(from)).sum();
         let mut rest = f64::from(u[0]) * total;
@@ -70,8 +72,8 @@ impl Portals {
         None
     }
 
-    /// The density per solid angle with which a direction is drawn. That of a window is its value over its integral, and a
-    /// window is chosen by its integral.
+    /// Returns the density per solid angle with which a direction is drawn. A portal is chosen by its integral; within
+    /// it, the density is its value over its integral.
     pub(super) fn pdf(&self, from: Vec3, direction: Vec3) -> f32 {
         let crossed = self.0.iter().filter(|opening| opening.is_crossed(from, direction));
         let sum: f32 = crossed.map(|opening| opening.density(direction)).sum();
@@ -88,7 +90,7 @@ impl Opening {
             size: portal.edges.map(Vec3::length),
             table: WindowTable::new(vec![1.0], 1, 1),
         };
-        // Four looks into each cell.
+        // Average four lookups per cell
         let footprint = 0.5 / side as f32;
         let at = |column: usize, row: usize, dx: f64, dy: f64| {
             let (direction, solid_angle) =
@@ -107,21 +109,21 @@ impl Opening {
         opening
     }
 
-    /// The direction of a place of the square, and the solid angle of a unit of its area there.
+    /// Returns the direction of a point of the square, and the solid angle per unit of area there.
     fn direction(&self, [u, v]: [f64; 2]) -> (Vec3, f32) {
-        // Just short of the plane of the window.
+        // Just short of the plane of the portal
         const STEEP: f32 = FRAC_PI_2 - 1e-4;
         let tan = |x: f64| math::tan((x as f32 * PI - FRAC_PI_2).clamp(-STEEP, STEEP));
         let local = Vec3::new(tan(u), tan(v), 1.0).normalize();
         (self.world_from_local * local, PI * PI * solid_angle_part(local))
     }
 
-    /// Where a direction is in the square.
+    /// Returns the point of the square for a direction in the portal's frame.
     fn place(&self, local: Vec3) -> [f64; 2] {
         [local.x, local.y].map(|x| (f64::from(math::atan2(x, local.z) / PI) + 0.5).clamp(0.0, 1.0))
     }
 
-    /// The part of the square that the window takes, seen from a point; `None`: it is seen from outside.
+    /// Returns the window of the square that the portal covers, seen from a point; `None` if the point is outside.
     fn window(&self, from: Vec3) -> Option<UnitWindow> {
         let local = self.world_from_local.transpose() * (self.corner - from);
         if local.z <= 0.0 {
@@ -135,7 +137,7 @@ impl Opening {
         self.window(from).map_or(0.0, |window| self.table.integral(window))
     }
 
-    /// Luminance per solid angle that the table has for a direction that leads out.
+    /// Returns the table's luminance per solid angle for a direction that leads out.
     fn density(&self, direction: Vec3) -> f32 {
         let local = self.world_from_local.transpose() * direction;
         self.table.value(self.place(local)) / (PI * PI * solid_angle_part(local))
@@ -152,7 +154,8 @@ impl Opening {
     }
 }
 
-/// Solid angle of a unit of both angles, in the direction d of unit length: (1 − d.x²)(1 − d.y²) ∕ d.z.
+/// Returns the Jacobian of the mapping: solid angle per unit of both angles in the unit direction d, (1 − d.x²)(1 − d.y²)
+/// ∕ d.z.
 fn solid_angle_part(d: Vec3) -> f32 {
     (1.0 - d.x * d.x) * (1.0 - d.y * d.y) / d.z.max(1e-6)
 }
@@ -167,7 +170,7 @@ mod tests {
         Spectrum::splat(if direction.dot(sun) > 0.99 { 50.0 } else { 0.5 + direction.y * direction.y })
     }
 
-    /// Two windows in a wall and a ceiling, turned.
+    /// Two rotated portals, in a wall and a ceiling.
     fn portals() -> (Portals, Mat3) {
         let turn = Mat3::from_rotation_z(0.3) * Mat3::from_rotation_x(0.2);
         let portal = |corner: Vec3, a: Vec3, b: Vec3| Portal { corner: turn * corner, edges: [turn * a, turn * b] };
@@ -187,12 +190,12 @@ mod tests {
         for i in 0..SIDE {
             for j in 0..SIDE {
                 let u = [(f32::from(i) + 0.5) / 256.0, (f32::from(j) + 0.5) / 256.0];
-                // The choice of the window takes the place of the first number.
+                // The choice of the portal uses the first number
                 let choice = (u[0] * 61.0 + u[1] * 17.0).fract();
                 let Some(direction) = portals.sample(from, [choice, u[0], u[1], 0.0]) else { continue };
                 assert!((direction.length() - 1.0).abs() < 1e-5);
                 let pdf = portals.pdf(from, direction);
-                // Rounding takes a few directions out of their window.
+                // Rounding moves a few directions out of their portal
                 if pdf > 0.0 {
                     let count = portals.count(from, direction) as f32;
                     by_portals += f64::from(sky(direction, 0.0).x * count / pdf) / 65536.0;
@@ -228,7 +231,7 @@ mod tests {
     #[test]
     fn from_outside_nothing_comes_in() {
         let (portals, turn) = portals();
-        // Beyond both windows, looking further out and back in.
+        // Beyond both portals, looking outwards and back in
         let from = turn * Vec3::new(5.0, 5.0, 0.0);
         assert_eq!(portals.integral(from), 0.0);
         assert!(portals.sample(from, [0.5; 4]).is_none());

@@ -1,4 +1,4 @@
-//! Lights without extent.
+//! Lights without extent: point, spot, goniometric and projector lights.
 
 use std::f32::consts::PI;
 
@@ -13,9 +13,9 @@ use super::{
 };
 use crate::{luminance, sampling::around};
 
-/// What bounds its light, for the choice of a light; `None` for one that is nowhere.
+/// Returns the bounds of the light, for the light tree; `None` for a parallel light.
 pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
-    /// Least angle over which a light fades, in radians.
+    /// Smallest angle over which a light fades, in radians.
     const FADE_MIN: f32 = 0.01;
     let cone = |position, axis, angle: f32, fade: f32, intensity| LightBounds {
         cone: Cone { axis, angle },
@@ -39,7 +39,7 @@ pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
             let axis = (world_from_light.matrix3 * glam::Vec3A::NEG_Z).normalize().into();
             let corner = math::tan(0.5 * vertical_fov) * (1.0 + aspect * aspect).sqrt();
             let angle = math::atan(corner);
-            // Towards the corners it is as strong as the picture is there, times 1/cos³.
+            // Towards the corners, intensity grows by 1/cos³
             let peak = (1.0 + corner * corner).powi(3).sqrt();
             let intensity = luminance(mean.truncate() * intensity) * 0.5 * (1.0 + peak);
             Some(cone(world_from_light.translation.into(), axis, angle, 0.0, intensity))
@@ -47,7 +47,7 @@ pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
     }
 }
 
-/// Where it is. Parallel light is nowhere: the origin.
+/// Returns the position of the light; the origin for a parallel light.
 pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
     match scene.lights[index as usize].kind {
         LightKind::Point { position, .. }
@@ -58,7 +58,7 @@ pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
     }
 }
 
-/// The light at `p`. `None` where it shines not, and for parallel light.
+/// Returns the light that arrives at `p`. `None` if that is dark, and for parallel light.
 pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> {
     match scene.lights[index as usize].kind {
         LightKind::Point { position, intensity } => from_point(position, p, |_| intensity),
@@ -89,23 +89,23 @@ pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> 
     }
 }
 
-/// How strong a goniometric light is at a place of its picture: the nearest texel, as pbrt takes it.
+/// Returns the relative intensity of a goniometric light at a position of its picture: the nearest texel, as in pbrt.
 fn goniometric(scene: &Scene, image: ImageId, place: Vec2) -> f32 {
     let map = TextureMap { smooth: false, ..TextureMap::new(image) };
     scene.images[image.0 as usize].eval(&map, place, 0.0).truncate().element_sum() / 3.0
 }
 
-/// What a projector shows at a place of its picture.
+/// Returns a projector's colour at a position of its picture.
 fn projected(scene: &Scene, picture: &TextureMap, place: Vec2) -> Spectrum {
     scene.images[picture.image.0 as usize].eval(picture, place, 0.0).truncate()
 }
 
-/// What leaves a light whose directions lie on the unit square: the light's place, the direction of `place`, and the power
-/// of the whole square if it were everywhere as strong as there. `None` for other lights.
+/// Returns the emission of a light whose directions are parametrized by the unit square: position of the light, direction
+/// of `place`, and the power of the whole square if it has the same intensity everywhere. `None` for other lights.
 pub(super) fn emitted(scene: &Scene, index: u32, place: Vec2) -> Option<(Vec3, Vec3, Spectrum)> {
     match scene.lights[index as usize].kind {
         LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, falloff } => {
-            // From the axis outwards, even in the cosine.
+            // From the axis outwards, uniform in the cosine
             let one_minus_cos = place.x * (1.0 - cos_outer);
             let strength = fall_off(falloff, 1.0 - one_minus_cos, cos_inner, cos_outer);
             let power = intensity * (strength * 2.0 * PI * (1.0 - cos_outer));
@@ -116,7 +116,8 @@ pub(super) fn emitted(scene: &Scene, index: u32, place: Vec2) -> Option<(Vec3, V
             Some((position, direction, intensity * (4.0 * PI * goniometric(scene, image, place))))
         }
         LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
-            // The solid angle of a part of the picture one away is its area times cos³, by which intensities are divided.
+            // The solid angle of a picture element at distance 1 is its area times cos³, which cancels the 1/cos³ of the
+            // intensity
             let half_height = math::tan(0.5 * vertical_fov);
             let on_plane = (place * 2.0 - 1.0) * Vec2::new(aspect, -1.0) * half_height;
             let direction = (world_from_light.matrix3 * on_plane.extend(-1.0)).normalize();
@@ -127,7 +128,7 @@ pub(super) fn emitted(scene: &Scene, index: u32, place: Vec2) -> Option<(Vec3, V
     }
 }
 
-/// How strong a spot is at an angle to its axis, of which `cosine` is given.
+/// Returns the relative intensity of a spot at an angle to its axis with this cosine, in [0, 1].
 fn fall_off(falloff: SpotFalloff, cosine: f32, cos_inner: f32, cos_outer: f32) -> f32 {
     if cosine >= cos_inner {
         return 1.0;
@@ -185,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_goniometric_light_is_as_strong_as_its_picture_says() {
-        // Bright in the middle, which is +z of the light, and turned to +x of the world.
+        // Bright in the middle, which is +z of the light, rotated to +x of the world
         let texels = (0..64u32)
             .map(|i| if (3..5).contains(&(i % 8)) && (3..5).contains(&(i / 8)) { [6.0; 3] } else { [0.0; 3] });
         let kind = LightKind::Goniometric {

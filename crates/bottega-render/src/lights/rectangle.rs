@@ -1,32 +1,33 @@
-//! Rectangles seen from a point, as parts of the sphere of directions.
+//! Spherical rectangles: uniform sampling of the solid angle of a rectangle seen from a point.
 
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
 use glam::Vec3;
 
-/// The projection of a rectangle to the unit sphere around a point.
+/// The projection of a rectangle onto the unit sphere around a point.
 ///
 /// Source: Ureña, Fajardo and King 2013, *An Area-Preserving Parametrization for Spherical Rectangles*.
 pub(super) struct SphericalRectangle {
-    /// Corners in the frame of the rectangle, from the point: x and y along the sides.
+    /// Lower corner relative to the point, in the rectangle's frame with x and y along its sides; `high`: the upper
+    /// corner.
     low: [f32; 2],
     high: [f32; 2],
-    /// The distance of its plane, above 0.
+    /// Distance of the point from the rectangle's plane, above 0.
     height: f32,
-    /// z of the normals of the planes through the point and the two sides along x.
+    /// z of the normal of the plane through the point and the side at low y; `high_normal`: at high y.
     low_normal: f32,
     high_normal: f32,
-    /// 2π less the angles at the two corners where x is high.
+    /// 2π minus the angles at the two corners with low x.
     far_angles: f32,
     /// Solid angle in sr.
     area: f32,
 }
 
 impl SphericalRectangle {
-    /// `None` where the rectangle is seen edge-on, or so small that single precision fails.
+    /// Projects a rectangle; `None` if it is seen edge-on, or too small for single precision.
     ///
-    /// - `x`, `y`: the sides from `corner`, at a right angle.
+    /// - `x`, `y`: the sides from `corner`, perpendicular to each other.
     #[inline(always)]
     pub(super) fn new(corner: Vec3, x: Vec3, y: Vec3, from: Vec3) -> Option<Self> {
         let (width, depth) = (x.length(), y.length());
@@ -39,7 +40,7 @@ impl SphericalRectangle {
         if height.is_nan() || height <= 1e-4 * size {
             return None;
         }
-        // Normals of the planes through the point and each side: only their z is not 0 or ±1.
+        // Normals of the planes through the point and each side: z is the only component that is not 0 or ±1
         let normal = |offset: f32| offset / (height * height + offset * offset).sqrt();
         let [low_y, high_x, high_y, low_x] = [-normal(low[1]), normal(high[0]), normal(high[1]), -normal(low[0])];
         let angle = |a: f32, b: f32| math::acos((-a * b).clamp(-1.0, 1.0));
@@ -57,13 +58,13 @@ impl SphericalRectangle {
         })
     }
 
-    /// Density per solid angle of [`Self::sample`].
+    /// Returns the density per solid angle of [`Self::sample`].
     #[inline(always)]
     pub(super) fn pdf(&self) -> f32 {
         1.0 / self.area
     }
 
-    /// Coordinates in [0, 1] along both sides of a place whose direction is uniform over the projection.
+    /// Draws a point whose direction is uniform over the projection; returns its coordinates in [0, 1] along both sides.
     #[inline(always)]
     pub(super) fn sample(&self, u: [f32; 2]) -> [f32; 2] {
         let (sin, cos) = math::sin_cos(u[0] * self.area + self.far_angles);

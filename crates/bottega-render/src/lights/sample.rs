@@ -1,36 +1,36 @@
-//! Light that a point is asked about, and what comes of it.
+//! Incident light at a point, and the points that receive it.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-/// Stands for "no light" in the number of a light.
+/// Index that stands for "no light".
 pub(crate) const NO_LIGHT: u32 = u32::MAX;
 
-/// Light that reaches a point from one direction.
+/// Light that reaches a point from one direction, as drawn by light sampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LightSample {
-    /// Unit length, from the point to the light.
+    /// Direction from the point to the light, unit length.
     pub(crate) wi: Vec3,
-    /// How far the light is; infinite for one infinitely far away.
+    /// Distance to the light; infinite for lights at infinity.
     pub(crate) distance: f32,
-    /// Radiance along `wi`, if nothing is between. Of a light without extent: intensity over squared distance.
+    /// Radiance along `wi`, before visibility. For a light without extent: intensity over squared distance.
     pub(crate) radiance: Spectrum,
-    /// Density per solid angle, or the probability alone of a light without extent.
+    /// Density per solid angle; for a light without extent: the probability alone.
     pub(crate) pdf: f32,
-    /// Whether only light sampling can find it.
+    /// `true`: only light sampling can find the light.
     pub(crate) is_delta: bool,
-    /// Which light of the tree it was; [`NO_LIGHT`] for one infinitely far away.
+    /// Index of the light in the tree; [`NO_LIGHT`] for lights at infinity.
     pub(crate) light: u32,
-    /// The factor of `pdf` that is the probability of this light.
+    /// Probability of choosing this light, a factor of `pdf`.
     pub(crate) pmf: f32,
 }
 
-/// A point that asks for light.
+/// A point that receives light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Receiver {
-    /// World space.
+    /// Position in world space.
     pub(crate) p: Vec3,
-    /// Normal of an opaque surface on the side that is lit; 0 where light counts from everywhere: in a medium, and on a
-    /// surface that lets light through.
+    /// Normal of an opaque surface on the lit side; 0 where light from all directions counts: in a medium, and on a
+    /// surface that transmits light.
     pub(crate) n: Vec3,
 }

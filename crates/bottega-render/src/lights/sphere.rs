@@ -1,4 +1,4 @@
-//! Spheres that shine, sampled by the solid angle under which they are seen.
+//! Emitting spheres, sampled uniformly in the solid angle that they subtend.
 
 use std::f32::consts::PI;
 
@@ -13,7 +13,7 @@ use crate::{
     sampling::{orthonormal_basis, uniform_sphere},
 };
 
-/// What bounds its light, for the choice of a light.
+/// Returns the bounds of the sphere's light, for the light tree.
 pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
     const STEPS: u32 = 8;
     let material = &scene.materials[sphere.material as usize];
@@ -33,22 +33,22 @@ pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
     }
 }
 
-/// The part of the sphere of directions that a sphere covers, seen from outside.
+/// The cone of directions that a sphere covers, seen from outside.
 struct Cone {
     axis: Vec3,
     distance: f32,
-    /// 1 − cos of its half angle, without cancellation.
+    /// 1 − cos of the half-angle, without cancellation.
     one_minus_cos: f32,
 }
 
 impl Cone {
-    /// `None` at or below the surface of the sphere.
+    /// Returns the cone; `None` for a point at or below the sphere's surface.
     fn new(sphere: &Sphere, from: Vec3) -> Option<Self> {
         let to_center = sphere.center - from;
         let distance = to_center.length();
         let sine = sphere.radius / distance;
         let sine_squared = sine * sine;
-        // A hair's breadth above the surface the cone is as good as a half space, and its numbers are not.
+        // Just above the surface, where the cone is almost a half space, single precision fails
         (distance > sphere.radius && sine_squared < 0.9999).then(|| Self {
             axis: to_center / distance,
             distance,
@@ -61,7 +61,7 @@ impl Cone {
     }
 }
 
-/// Draws a place on the sphere for the point `from`.
+/// Samples a point on the sphere for the point `from`.
 pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
     let sphere = &scene.spheres[index as usize];
     let (wi, distance, pdf) = match Cone::new(sphere, from) {
@@ -86,19 +86,19 @@ pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Opti
         return None;
     }
     let radiance = radiance_at(scene, sphere, n);
-    // No ray runs into what is not there.
+    // Rays do not hit surfaces that are absent, so BSDF sampling cannot find this light
     let is_delta = material.alpha_mode == AlphaMode::Absent;
     Some(LightSample { wi, distance, radiance, pdf, is_delta, light: NO_LIGHT, pmf: 1.0 })
 }
 
-/// What it emits where `n` is its outward normal, as far as it is there.
+/// Returns the radiance emitted at outward normal `n`, times the opacity there.
 pub(super) fn radiance_at(scene: &Scene, sphere: &Sphere, n: Vec3) -> Spectrum {
     let radiance = emitted_by_sphere(scene, sphere, n, 0.0);
     let dims = scene.materials[sphere.material as usize].dims_emission();
     if dims { radiance * opacity_of_sphere(scene, sphere, n) } else { radiance }
 }
 
-/// A direction uniform over the cone, and how far the sphere is in it.
+/// Draws a direction, uniform over the cone; returns it with the distance to the sphere.
 fn sample_cone(cone: &Cone, radius: f32, u: [f32; 2]) -> (Vec3, f32) {
     let one_minus_cos = u[0] * cone.one_minus_cos;
     let sine_squared = one_minus_cos * (2.0 - one_minus_cos);
@@ -110,14 +110,14 @@ fn sample_cone(cone: &Cone, radius: f32, u: [f32; 2]) -> (Vec3, f32) {
     (wi, cone.distance * (1.0 - one_minus_cos) - half_chord)
 }
 
-/// Density of a place drawn uniformly by area, as seen along `wi` from `distance` away.
+/// Returns the density per solid angle of a point drawn uniformly by area, seen along `wi` from `distance` away.
 fn area_pdf(sphere: &Sphere, wi: Vec3, distance: f32, n: Vec3) -> Option<f32> {
     let cosine = wi.dot(n).abs();
     let pdf = distance * distance / (cosine * 4.0 * PI * sphere.radius * sphere.radius);
     (cosine > 0.0 && pdf.is_finite()).then_some(pdf)
 }
 
-/// Density per solid angle with which [`sample`] draws the place `p` from `from`.
+/// Returns the density per solid angle with which [`sample`] draws the point `p` from `from`.
 pub(super) fn pdf(scene: &Scene, index: u32, from: Vec3, p: Vec3) -> f32 {
     let sphere = &scene.spheres[index as usize];
     if let Some(cone) = Cone::new(sphere, from) {

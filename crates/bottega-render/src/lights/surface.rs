@@ -1,7 +1,7 @@
-//! Triangles and rectangles that shine.
+//! Emitting triangles and rectangles.
 //!
-//! Two triangles that make a rectangle are one light, for that is what quadrilaterals become in every importer. What shines
-//! by a texture is cut into parts, each of them a light with its own power.
+//! Two triangles that form a rectangle are one light, since importers turn quadrilaterals into such pairs. Textured
+//! lights are cut into parts; each part is a light with its own power.
 
 use bottega_kernels::Aabb;
 use bottega_scene::{AlphaMode, Scene, Sides, Spectrum};
@@ -21,42 +21,45 @@ use crate::{
     surfaces::Surfaces,
 };
 
-/// A light that is seen under a larger solid angle than this is sampled by solid angle, in sr. Below, area sampling is as
-/// good, cheaper and more precise.
+/// Solid angle in sr above which a light is sampled by solid angle. Below, area sampling is as good, cheaper and more
+/// precise.
 pub const SOLID_ANGLE_MIN: f32 = 0.25;
-/// How far from square the corner of a rectangle may be, and its fourth corner from its place, relative to its sides.
+/// Tolerance of a rectangle's right angle and of the position of its fourth corner, relative to its sides.
 const RECTANGLE_TOLERANCE: f32 = 1e-4;
-/// Greatest number of parts along a side of a textured light.
+/// Largest number of parts along a side of a textured light.
 const PARTS_MAX: u32 = 16;
-/// Texels along a side of a part.
+/// Number of texels along a side of a part.
 const TEXELS_PER_PART: f32 = 4.0;
-/// Parts of all textured lights of a mesh together.
+/// Largest number of parts of all textured lights of a mesh.
 const PARTS_PER_MESH: u32 = 1 << 16;
 
-/// A whole triangle, or two that make a rectangle.
+/// A triangle, or two that form a rectangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Panel {
     instance: u32,
-    /// The first triangle; the second one of a rectangle comes after it.
+    /// Index of the first triangle; the second one of a rectangle follows it.
     pub(super) triangle: u32,
-    /// World space. The front is where `x` × `y` points.
+    /// Corner in world space, from which the sides `x` and `y` start. The front is where `x` × `y` points.
     corner: Vec3,
     x: Vec3,
     y: Vec3,
+    /// Shape that the sides span.
     pub(super) shape: PanelShape,
 }
 
-/// What `x` and `y` span.
+/// The shape that `x` and `y` span.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum PanelShape {
-    /// The corner is vertex 0.
+    /// A triangle; the corner is its vertex 0.
     Triangle,
-    /// The corner is that vertex of the first triangle which the second one has not, and `opposite` the other way round.
+    /// A rectangle of two triangles. `corner`: vertex of the first triangle that the second one lacks; `opposite`: vertex
+    /// of the second one that the first one lacks.
     Rectangle { corner: u8, opposite: u8 },
 }
 
 impl PanelShape {
-    /// The place along the sides at barycentric coordinates (of the second and third vertex) of one of its triangles.
+    /// Converts barycentric coordinates (of the second and third vertex) of one of its triangles to coordinates along the
+    /// sides.
     fn place_of(self, is_second: bool, (u, v): (f32, f32)) -> (f32, f32) {
         let Self::Rectangle { corner, opposite } = self else { return (u, v) };
         let weights = [1.0 - u - v, u, v];
@@ -69,12 +72,12 @@ impl PanelShape {
     }
 }
 
-/// A panel, or a part of one, as a light.
+/// A panel or a part of one, as a light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SurfaceLight {
     panel: Panel,
     material: u32,
-    /// The part's corner along the panel's sides, and its size; a negative size turns a triangle about.
+    /// Corner of the part along the panel's sides, and its size; negative for a triangle rotated by half a turn.
     part: PanelPart,
 }
 
@@ -85,13 +88,13 @@ struct PanelPart {
     size: f32,
 }
 
-/// The parts of a panel: a grid of this many cells a side. Rectangles have a light a cell, triangles two in every cell
-/// but the last ones of each row.
+/// The division of a panel into parts: a grid with this many cells per side. Rectangles have one part per cell, triangles
+/// two, except one in the last cell of each row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grid(u32);
 
 impl Panel {
-    /// The panels of an instance's mesh, in the order of its triangles.
+    /// Returns the panels of an instance's mesh, in the order of its triangles.
     pub(super) fn of_instance(scene: &Scene, instance: u32) -> Vec<Self> {
         let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
         let mut panels = Vec::with_capacity(mesh.triangles.len());
@@ -110,7 +113,7 @@ impl Panel {
         Self { instance, triangle, corner: a, x: b - a, y: c - a, shape: PanelShape::Triangle }
     }
 
-    /// The rectangle of a triangle and the next one, if they make one.
+    /// Returns the rectangle that a triangle and the next one form; `None` if they do not.
     fn rectangle(scene: &Scene, instance: u32, triangle: u32) -> Option<Self> {
         let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
         let [first, second] = [triangle, triangle + 1].map(|index| mesh.triangles.get(index as usize));
@@ -132,11 +135,12 @@ impl Panel {
         is_rectangle.then_some(Self { instance, triangle, corner: world[corner], x, y, shape })
     }
 
+    /// Returns the number of its triangles: 1 or 2.
     pub(super) fn triangle_count(&self) -> u32 {
         if self.shape == PanelShape::Triangle { 1 } else { 2 }
     }
 
-    /// The triangle and its barycentric coordinates (of the second and third vertex) at a place along the sides.
+    /// Converts coordinates along the sides to a triangle and barycentric coordinates (of the second and third vertex).
     #[inline(always)]
     fn triangle_at(&self, s: f32, t: f32) -> (u32, (f32, f32)) {
         let PanelShape::Rectangle { corner, opposite } = self.shape else { return (self.triangle, (s, t)) };
@@ -152,7 +156,7 @@ impl Panel {
         (self.triangle + triangle, (weights[1], weights[2]))
     }
 
-    /// How finely to cut it: by its texels, where it shines by a texture.
+    /// Returns the grid of its parts: 1 without an emission texture, else by the number of texels.
     pub(super) fn grid(&self, scene: &Scene, panel_count: usize) -> Grid {
         let mesh = &scene.meshes[scene.instances[self.instance as usize].mesh as usize];
         let Some(map) = &scene.materials[mesh.material as usize].emission.texture else { return Grid(1) };
@@ -171,7 +175,7 @@ impl Panel {
         Grid(wanted.min(affordable).max(1))
     }
 
-    /// Its parts as lights, with what bounds them: as many as `grid` has, also those that are dark.
+    /// Returns its parts as lights with their bounds: one per part of `grid`, including dark ones.
     pub(super) fn lights(&self, scene: &Scene, grid: Grid) -> Vec<(SurfaceLight, LightBounds)> {
         let material = scene.meshes[scene.instances[self.instance as usize].mesh as usize].material;
         let parts = grid.parts(self.shape).into_iter().map(|part| SurfaceLight { panel: *self, material, part });
@@ -180,7 +184,7 @@ impl Panel {
 }
 
 impl PanelShape {
-    /// See [`code::PANEL_TRIANGLE`].
+    /// Returns the shape's code, see [`code::PANEL_TRIANGLE`].
     pub(super) fn code(self) -> u32 {
         match self {
             Self::Triangle => code::PANEL_TRIANGLE,
@@ -192,7 +196,7 @@ impl PanelShape {
 }
 
 impl Grid {
-    /// Parts a side.
+    /// Returns the number of cells per side.
     pub(super) fn side(self) -> u32 {
         self.0
     }
@@ -213,8 +217,8 @@ impl Grid {
         parts
     }
 
-    /// The part at barycentric coordinates (of the second and third vertex) of the first triangle or of the second one, as
-    /// [`Panel::lights`] numbers them.
+    /// Returns the index, in the order of [`Panel::lights`], of the part at barycentric coordinates (of the second and
+    /// third vertex) of the first or second triangle.
     pub(super) fn part_at(self, shape: PanelShape, is_second: bool, barycentric: (f32, f32)) -> u32 {
         let (s, t) = shape.place_of(is_second, barycentric);
         let last = self.0 - 1;
@@ -227,13 +231,13 @@ impl Grid {
         let column = cell(s).min(columns - 1);
         let (x, y) = (s * self.0 as f32 - column as f32, t * self.0 as f32 - row as f32);
         let is_turned = x + y > 1.0 && column + 1 < columns;
-        // Rows above have 2n − 1 parts, n of them shrinking by one a row.
+        // A row of n cells has 2n − 1 parts, and n decreases by one per row
         let above = self.0 * self.0 - columns * columns;
         above + 2 * column + u32::from(is_turned)
     }
 }
 
-/// The corners in world space.
+/// Returns the corners of a triangle in world space.
 fn corners(scene: &Scene, instance: u32, triangle: u32) -> [Vec3; 3] {
     let instance = &scene.instances[instance as usize];
     let mesh = &scene.meshes[instance.mesh as usize];
@@ -241,7 +245,7 @@ fn corners(scene: &Scene, instance: u32, triangle: u32) -> [Vec3; 3] {
         .map(|vertex| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]))
 }
 
-/// The size of a triangle in texture coordinates.
+/// Returns the square root of a triangle's double area in texture coordinates.
 fn mesh_uv_size(scene: &Scene, instance: u32, triangle: u32) -> f32 {
     let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
     let emission = &scene.materials[mesh.material as usize].emission;
@@ -251,16 +255,17 @@ fn mesh_uv_size(scene: &Scene, instance: u32, triangle: u32) -> f32 {
     (b - a).perp_dot(c - a).abs().sqrt()
 }
 
-/// How a light is sampled from a point: a pure function of both, so that `sample` and `pdf` agree.
+/// The sampling strategy for a point: a pure function of light and point, so that `sample` and `pdf` agree.
 enum Strategy {
     Triangle(SphericalTriangle),
     Rectangle(SphericalRectangle),
-    /// By area.
+    /// Uniform by area.
     Area,
 }
 
 impl SurfaceLight {
-    /// Writes it down: instance, triangle, shape, corner and sides of the panel, place and size of the part, material.
+    /// Returns the record of the light: instance, triangle, shape, corner and sides of the panel, position and size of
+    /// the part, material.
     pub(super) fn record(&self) -> SurfaceLightRecord {
         let Panel { instance, triangle, corner, x, y, shape } = self.panel;
         let (shape, part) = (shape.code(), Vec3::new(self.part.s, self.part.t, self.part.size));
@@ -268,23 +273,24 @@ impl SurfaceLight {
         SurfaceLightRecord { kind: code::LIGHT_SURFACE, instance, triangle, shape, corner, x, y, part, material }
     }
 
-    /// Index of the material.
+    /// Returns the index of the material.
     pub(super) fn material(&self) -> u32 {
         self.material
     }
 
-    /// Area times mean emission, as luminance.
+    /// Returns area times mean emitted luminance.
     pub(super) fn flux(&self, scene: &Scene) -> f32 {
         let (_, x, y) = self.extent();
         let grid = Grid((1.0 / self.part.size.abs()).round() as u32);
         self.area(x.cross(y).length()) * luminance(self.mean_emission(scene, grid)).max(0.0)
     }
 
+    /// Returns true if the light is a rectangle, false if it is a triangle.
     pub(super) fn is_rectangle(&self) -> bool {
         self.panel.shape != PanelShape::Triangle
     }
 
-    /// Corner and sides of the part.
+    /// Returns corner and sides of the part.
     #[inline(always)]
     pub(super) fn extent(&self) -> (Vec3, Vec3, Vec3) {
         let (panel, part) = (&self.panel, &self.part);
@@ -294,13 +300,13 @@ impl SurfaceLight {
         (panel.corner + panel.x * part.s + panel.y * part.t, panel.x * part.size, panel.y * part.size)
     }
 
-    /// Where a place in [0, 1]² of the part is along the panel's sides.
+    /// Converts coordinates in [0, 1]² of the part to coordinates along the panel's sides.
     #[inline(always)]
     fn on_panel(&self, [s, t]: [f32; 2]) -> (f32, f32) {
         (self.part.s + s * self.part.size, self.part.t + t * self.part.size)
     }
 
-    /// Its middle and the square of how far it reaches from there.
+    /// Returns the centre and the squared radius of a bounding ball.
     pub(super) fn ball(&self) -> (Vec3, f32) {
         let (corner, x, y) = self.extent();
         let part = if self.is_rectangle() { 0.5 } else { 1.0 / 3.0 };
@@ -329,13 +335,13 @@ impl SurfaceLight {
     }
 
     fn mean_emission(&self, scene: &Scene, grid: Grid) -> Spectrum {
-        /// Lookups along a side.
+        /// Number of lookups along a side.
         const SIDE: u32 = 2;
         let emission = &scene.materials[self.material as usize].emission;
         if emission.texture.is_none() {
             return emission.factor;
         }
-        // As wide as what a lookup stands for, and a little more, so that no bright texel is missed.
+        // Filter a little wider than the distance of lookups, so that no bright texel is missed
         let panel = &self.panel;
         let uv_size = mesh_uv_size(scene, panel.instance, panel.triangle);
         let footprint = 1.5 * uv_size / (SIDE * grid.0) as f32;
@@ -353,7 +359,7 @@ impl SurfaceLight {
 
     #[inline(always)]
     fn strategy(&self, (corner, x, y): (Vec3, Vec3, Vec3), double_area: f32, from: Vec3) -> Strategy {
-        // An upper bound of the solid angle, good enough from afar.
+        // Compare an upper bound of the solid angle, tight from afar
         if self.is_rectangle() {
             let middle = corner + (x + y) * 0.5 - from;
             if double_area > SOLID_ANGLE_MIN * middle.length_squared()
@@ -372,13 +378,13 @@ impl SurfaceLight {
         Strategy::Area
     }
 
-    /// The area, from twice that of the triangle between both sides.
+    /// Returns the area of the light, given that of the parallelogram of both sides.
     #[inline(always)]
     pub(super) fn area(&self, double_area: f32) -> f32 {
         if self.is_rectangle() { double_area } else { 0.5 * double_area }
     }
 
-    /// Draws a place on the light for the point `from`.
+    /// Samples a point on the light for the point `from`.
     #[inline(always)]
     pub(super) fn sample(&self, surfaces: &Surfaces, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let (corner, x, y) = self.extent();
@@ -395,7 +401,7 @@ impl SurfaceLight {
         let to_light = corner + x * place[0] + y * place[1] - from;
         let distance_squared = to_light.length_squared();
         let distance = distance_squared.sqrt();
-        // The projected area times the distance, above 0 where the front is seen.
+        // Projected area times distance; positive on the front side
         let facing = -normal.dot(to_light);
         let scene = &**surfaces.scene();
         let material = &scene.materials[self.material as usize];
@@ -411,14 +417,14 @@ impl SurfaceLight {
             distance,
             radiance,
             pdf,
-            // No ray runs into what is not there.
+            // Rays do not hit surfaces that are absent, so BSDF sampling cannot find this light
             is_delta: material.alpha_mode == AlphaMode::Absent,
             light: NO_LIGHT,
             pmf: 1.0,
         })
     }
 
-    /// What it emits at a place in [0, 1]² of the part, as far as it is there.
+    /// Returns the radiance emitted at coordinates in [0, 1]² of the part, times the opacity there.
     #[inline(always)]
     pub(super) fn radiance_at(&self, scene: &Scene, place: [f32; 2]) -> Spectrum {
         let material = &scene.materials[self.material as usize];
@@ -434,7 +440,7 @@ impl SurfaceLight {
         radiance
     }
 
-    /// Density per solid angle with which [`Self::sample`] draws the place `p` from `from`.
+    /// Returns the density per solid angle with which [`Self::sample`] draws the point `p` from `from`.
     #[inline(always)]
     pub(super) fn pdf(&self, from: Vec3, p: Vec3) -> f32 {
         let (corner, x, y) = self.extent();

@@ -1,4 +1,4 @@
-//! The choice of a light, held to the choice that knows nothing.
+//! Tests of light sampling against uniform choice of a light.
 
 use std::{sync, time::Instant};
 
@@ -9,7 +9,7 @@ use glam::Vec2;
 use super::*;
 use crate::{PrepareOptions, PreparedScene, sampler::PixelSampler, sampling::uniform_sphere};
 
-/// Numbers that look random.
+/// Pseudo-random numbers.
 fn numbers(key: u32) -> impl FnMut() -> f32 {
     let sampler = PixelSampler::new(77, key, 0, 0);
     let mut i = 0;
@@ -28,7 +28,7 @@ fn name(kind: LightKind) -> SceneLight {
     SceneLight { name: String::new(), kind }
 }
 
-/// Adds a mesh with a material of its own.
+/// Adds a mesh with its own material.
 fn add(scene: &mut Scene, mut mesh: Mesh, material: Material) {
     mesh.material = scene.push_material(material);
     scene.push_surface(mesh);
@@ -87,7 +87,7 @@ fn of_all_kinds(count: u32) -> Scene {
                 let mut textured = material;
                 textured.emission.texture = Some(TextureMap::new(ImageId(0)));
                 let mut mesh = rectangle(place, x * size, y * size);
-                // No rectangle any more: two triangles with a texture each.
+                // No longer a rectangle: two triangles with a texture each
                 mesh.positions[2] += x * (0.2 * size * (i % 4) as f32);
                 add(&mut scene, mesh, textured);
             }
@@ -104,13 +104,13 @@ fn receivers() -> impl Iterator<Item = Receiver> {
     })
 }
 
-/// What a light sample adds to the illuminance at a receiver.
+/// Returns the contribution of a light sample to the illuminance at a receiver.
 fn illuminance(receiver: &Receiver, sample: &LightSample) -> f64 {
     let cosine = if receiver.n == Vec3::ZERO { 1.0 } else { receiver.n.dot(sample.wi).max(0.0) };
     f64::from(luminance(sample.radiance) * cosine / sample.pdf)
 }
 
-/// Mean and variance of the mean of independent values.
+/// Returns the mean of independent values, and the variance of that mean.
 fn moments(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (mut count, mut mean, mut squares) = (0.0, 0.0, 0.0);
     for value in values {
@@ -122,7 +122,7 @@ fn moments(values: impl Iterator<Item = f64>) -> (f64, f64) {
     (mean, squares / (count * (count - 1.0)))
 }
 
-/// Illuminance by the choice under test, and by choosing every light as often as any other.
+/// Returns the illuminance by the choice under test, and by uniform choice of a light.
 fn both_ways(prepared: &PreparedScene, receiver: &Receiver, count: u32) -> [(f64, f64); 2] {
     let lights = prepared.lights();
     let chosen = moments((0..count).map(|i| {
@@ -166,7 +166,7 @@ fn all_lights_are_chosen_as_often_as_stated() {
     let prepared = prepare(scene);
     let lights = prepared.lights();
     for receiver in receivers() {
-        // What is missing to 1 leads to groups of lights of which none turns out to matter.
+        // The remaining probability leads to groups of lights that all turn out to be dark
         let near: f32 = (0..lights.lights.len() as u32).map(|light| lights.pmf(&receiver, light)).sum();
         let far_share = lights.far_share(&receiver);
         assert!((0.7..1.0001).contains(&(near + far_share)), "{receiver:?} {near} {far_share}");
@@ -198,14 +198,14 @@ fn who_runs_into_a_light_is_told_the_density_of_its_sample() {
                 continue;
             };
             let hit = prepared.accel().intersect(&Ray::new(receiver.p, sample.wi));
-            // Another light may be before it.
+            // Another light may hide it
             if hit.is_none() || (hit.t - sample.distance).abs() > 1e-3 * sample.distance {
                 continue;
             }
             met += 1;
             let p = receiver.p + sample.wi * hit.t;
             let again = lights.hit_pdf(&prepared, &hit, &receiver, p);
-            // Rounding puts a few beyond the border of their part.
+            // Rounding moves a few points beyond the border of their part
             same += u32::from((again / sample.pdf - 1.0).abs() < 0.02);
         }
     }
@@ -216,7 +216,7 @@ fn who_runs_into_a_light_is_told_the_density_of_its_sample() {
 fn two_triangles_that_make_a_rectangle_are_one_light() {
     let mut scene = Scene::default();
     add(&mut scene, rectangle(Vec3::new(1.0, 2.0, 3.0), Vec3::X * 2.0, Vec3::Z), Material::lamp(Vec3::ONE));
-    // Not quite a right angle, and two that share an edge and lean.
+    // Almost a right angle, and two oblique triangles that share an edge
     add(&mut scene, rectangle(Vec3::ZERO, Vec3::X, Vec3::new(0.1, 1.0, 0.0)), Material::lamp(Vec3::ONE));
     let mut leaning = rectangle(Vec3::ZERO, Vec3::X, Vec3::Y);
     leaning.positions[3].z = 0.2;
@@ -256,7 +256,7 @@ fn distances_are_drawn_by_the_angle_that_a_light_sees() {
     }
 }
 
-/// Nanoseconds that this thread has computed: others may be at work on a machine.
+/// Returns the CPU time of this thread in nanoseconds, since the machine may be shared.
 fn processor_time() -> f64 {
     let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     stat.split_whitespace().next().and_then(|time| time.parse().ok()).unwrap_or(f64::NAN)
@@ -316,12 +316,12 @@ fn time_and_noise_of_a_light_sample() {
     }
 }
 
-/// Groups of lights next to each other, of which every third is seen.
+/// Groups of neighbouring lights, of which every third is visible.
 fn is_seen(light: u32) -> bool {
     (light / 8).is_multiple_of(3)
 }
 
-/// What rays found that asked for light at a place from which some lights are seen.
+/// Returns light samples of a place from which some lights are visible.
 fn asked(prepared: &PreparedScene, receiver: &Receiver, count: u32) -> Vec<RequestedLight> {
     let one = |i: u32| {
         let mut next = numbers(20_000 + i);
@@ -344,7 +344,7 @@ fn a_choice_that_was_learnt_draws_as_often_as_stated_and_finds_what_is_seen() {
         let Some(choice) = lights.learn(&asked(&prepared, &receiver, 2000)) else { continue };
         assert_eq!(Choice::from_numbers(&choice.to_numbers()), Some(choice));
         learnt += 1;
-        // Each light is drawn with the probability that is told, and light from far away with what is left.
+        // Each light is drawn with its stated probability, light from infinity with the remaining one
         let sum: f32 = (0..count).map(|light| lights.pmf_by(&receiver, &choice, light)).sum();
         assert!(sum < 1.0001, "{sum}");
         let (mut drawn, mut far) = (vec![0.0_f64; count as usize], 0.0);
@@ -374,7 +374,7 @@ fn a_choice_that_was_learnt_draws_as_often_as_stated_and_finds_what_is_seen() {
         }
         for (light, &times) in (0..).zip(&drawn) {
             let pmf = f64::from(lights.pmf_by(&receiver, &choice, light));
-            // (A sample of a light that turns out to send nothing is none.)
+            // (A sample of a dark light is `None`.)
             let error = 5.0 * (pmf / f64::from(draws)).sqrt() + 1e-4;
             assert!(times < pmf + error, "{light}: {times} {pmf}");
         }

@@ -1,10 +1,10 @@
-//! Choice of one light among many, by what it can do at a point.
+//! The light tree: choice of one light among many, by its estimated contribution at a point.
 //!
-//! A tree with up to four children a node; a walk from the root takes each child with a probability in proportion to an
-//! estimate of the light that reaches the point from it.
+//! A tree with up to four children per node. Sampling walks down from the root and chooses each child with a probability
+//! proportional to an estimate of its light at the point.
 //!
 //! Source: Conty Estevez and Kulla 2018, *Importance Sampling of Many Lights with Adaptive Tree Splitting*, without the
-//! splitting: one light is drawn at a time.
+//! splitting: each sample draws one light.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -17,75 +17,75 @@ use crate::{
     flat::{TreeNodeRecord, Words, header},
 };
 
-/// Children of a node: as many as a vector unit has lanes everywhere.
+/// Children per node: the lanes of a vector unit.
 const WIDTH: usize = 4;
-/// Buckets along each axis in which splits are tried.
+/// Number of buckets per axis in which splits are tried.
 const BUCKETS: usize = 12;
-/// Depth from which on halves are of equal count, so that no input makes the tree deep.
+/// Depth from which on nodes are halved by count, which bounds the depth for any input.
 const BALANCED_DEPTH: usize = 48;
-/// Least squared distance, so that nothing is infinitely near.
+/// Smallest squared distance, which avoids division by 0.
 pub const DISTANCE_SQUARED_MIN: f32 = 1e-20;
 
-/// One number for each child.
+/// One value per child.
 type Lanes = [f32; WIDTH];
 
-/// A node: what [`LightBounds`] says of each child, ready for use.
+/// A node: the [`LightBounds`] of each child, precomputed for sampling.
 #[derive(Clone, Copy, Debug)]
 struct LightNode {
-    /// Middle of the box.
+    /// Centre of the box.
     center: [Lanes; 3],
-    /// Half of its sides.
+    /// Half-extents of the box.
     half: [Lanes; 3],
-    /// Half of its diagonal.
+    /// Half-diagonal of the box.
     radius: Lanes,
     axis: [Lanes; 3],
     cos_spread: Lanes,
     sin_spread: Lanes,
     cos_emission: Lanes,
-    /// 1 where light goes backwards as well, else −1.
+    /// 1 if light is also emitted backwards, else −1.
     two_sided: Lanes,
-    /// Share of the whole tree's intensity; 0 where there is no child.
+    /// Share of the whole tree's intensity; 0 for a missing child.
     intensity: Lanes,
-    /// Index of a node; of a leaf: [`NO_LIGHT`].
+    /// Index of the child's node; [`NO_LIGHT`] for a leaf.
     child: [u32; WIDTH],
-    /// Where the lights of each child end, and those of the next begin.
+    /// End of each child's range of lights, which is the start of the next child's.
     end: [u32; WIDTH],
 }
 
-/// A tree over lights, which are numbered in the order of its leaves.
+/// A tree over lights; lights are numbered in the order of its leaves.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LightTree {
     nodes: Vec<LightNode>,
     light_count: u32,
-    /// Intensity of all lights together.
+    /// Total intensity of all lights.
     intensity: f32,
 }
 
-/// Says how much each child of a node is worth.
+/// An estimate of the light from each child of a node.
 pub(super) trait Importance {
-    /// 0 only where nothing arrives.
+    /// Returns the estimates; 0 only if no light arrives.
     fn of(&self, children: &Children<'_>) -> Lanes;
 }
 
-/// What an [`Importance`] sees of a node.
+/// The view of a node that an [`Importance`] gets.
 pub(super) struct Children<'a>(&'a LightNode);
 
 impl Importance for Receiver {
     #[inline(always)]
     fn of(&self, children: &Children<'_>) -> Lanes {
         let node = children.0;
-        // One side of an opaque surface is lit: what is below its horizon counts for nothing.
+        // For opaque surfaces, omit light from below the horizon
         if self.n == Vec3::ZERO { facing::<false>(node, self) } else { facing::<true>(node, self) }
     }
 }
 
-/// cos max(0, a − b) for two angles in [0, π].
+/// Returns cos max(0, a − b) for two angles in [0, π].
 #[inline(always)]
 fn cos_difference(cos_a: Vec4, sin_a: Vec4, cos_b: Vec4, sin_b: Vec4) -> Vec4 {
     Vec4::select(cos_a.cmpgt(cos_b), Vec4::ONE, cos_a * cos_b + sin_a * sin_b)
 }
 
-/// sin max(0, a − b).
+/// Returns sin max(0, a − b) for two angles in [0, π].
 #[inline(always)]
 fn sin_difference(cos_a: Vec4, sin_a: Vec4, cos_b: Vec4, sin_b: Vec4) -> Vec4 {
     Vec4::select(cos_a.cmpgt(cos_b), Vec4::ZERO, sin_a * cos_b - cos_a * sin_b)
@@ -96,26 +96,28 @@ fn sqrt(v: Vec4) -> Vec4 {
     Vec4::from_array(v.to_array().map(f32::sqrt))
 }
 
-/// √(1 − x²).
+/// Returns √(1 − x²).
 #[inline(always)]
 fn co(x: Vec4) -> Vec4 {
     sqrt((Vec4::ONE - x * x).max(Vec4::ZERO))
 }
 
-/// Intensity over squared distance with bounds of both cosines (ibid., §4.2 and eq. 3). Without branches, for all children
-/// at once.
+/// Returns intensity over squared distance with bounds of both cosines (ibid., §4.2 and eq. 3), without branches, for all
+/// children at once.
 #[inline(always)]
 fn facing<const ONE_SIDED: bool>(node: &LightNode, receiver: &Receiver) -> Lanes {
     let (p, n) = (receiver.p, receiver.n);
     let lanes = Vec4::from_array;
+    // Squared distance to the centres of the boxes
     let (x, y, z) = (lanes(node.center[0]) - p.x, lanes(node.center[1]) - p.y, lanes(node.center[2]) - p.z);
     let squared = (x * x + y * y + z * z).max(Vec4::splat(DISTANCE_SQUARED_MIN));
     let inverse = Vec4::ONE / sqrt(squared);
     let radius = lanes(node.radius);
-    // The ball around the box, as an angle; the whole sphere from within.
+    // Angle of the box's bounding sphere; everything from within
     let is_inside = (radius * radius).cmpge(squared);
     let sin_box = radius * inverse;
     let cos_box = co(sin_box);
+    // Bound the emission angle: least angle between the cone, widened by the box, and the point
     let [axis_x, axis_y, axis_z] = node.axis.map(lanes);
     let cos_axis = -(x * axis_x + y * axis_y + z * axis_z) * inverse;
     let cos_axis = Vec4::select(lanes(node.two_sided).cmpgt(Vec4::ZERO), cos_axis.abs(), cos_axis);
@@ -130,6 +132,7 @@ fn facing<const ONE_SIDED: bool>(node: &LightNode, receiver: &Receiver) -> Lanes
     if !ONE_SIDED {
         return seen.to_array();
     }
+    // Bound the cosine at the receiver
     let above = x * n.x + y * n.y + z * n.z;
     let [half_x, half_y, half_z] = node.half.map(lanes);
     let reach = half_x * n.x.abs() + half_y * n.y.abs() + half_z * n.z.abs();
@@ -139,20 +142,20 @@ fn facing<const ONE_SIDED: bool>(node: &LightNode, receiver: &Receiver) -> Lanes
     Vec4::select((above + reach).cmpgt(Vec4::ZERO), seen, Vec4::ZERO).to_array()
 }
 
-/// A part of a ray, along which a medium may scatter.
+/// A segment of a ray along which a medium may scatter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Segment {
-    /// World space.
+    /// Start in world space.
     pub(crate) origin: Vec3,
-    /// Unit length.
+    /// Direction, unit length.
     pub(crate) direction: Vec3,
-    /// How far it goes; may be infinite.
+    /// Length; may be infinite.
     pub(crate) length: f32,
 }
 
 impl Importance for Segment {
-    /// The integral of intensity over squared distance along the segment, as if all light came from the middle and went
-    /// everywhere.
+    /// Returns the integral of intensity over squared distance along the segment, as if all light came from the centre
+    /// and in all directions.
     #[inline(always)]
     fn of(&self, children: &Children<'_>) -> Lanes {
         let node = children.0;
@@ -165,27 +168,29 @@ impl Importance for Segment {
     }
 }
 
-/// A segment as it is seen from a place: distances along it, uniform by the angle there.
+/// A segment as seen from a point: equiangular sampling of distances along it.
 ///
 /// Source: Kulla and Fajardo 2012, *Importance Sampling Techniques for Path Tracing in Participating Media*, §4.1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arc {
-    /// Where on the ray it is nearest.
+    /// Distance along the ray to the point nearest to the light.
     nearest: f32,
-    /// How near that is.
+    /// Distance of that point from the light.
     distance: f32,
-    /// The angles of both ends.
+    /// Angle of the segment's start seen from the light, in radians; `end`: of its end.
     start: f32,
     end: f32,
 }
 
 impl Arc {
-    /// - `blur_squared`: added to the squared distance; for a light with extent.
+    /// Creates the view of a segment from `place`.
+    ///
+    /// - `blur_squared`: added to the squared distance, for a light with extent.
     pub(crate) fn new(segment: &Segment, place: Vec3, blur_squared: f32) -> Self {
         let to_place = place - segment.origin;
         let nearest = to_place.dot(segment.direction);
         let offset = to_place - segment.direction * nearest;
-        // On the axis there is no angle: a thousandth of the way there is near enough.
+        // On the axis the angle vanishes: keep a thousandth of the distance
         let least = 1e-6 * to_place.length_squared();
         let distance = (offset.length_squared() + blur_squared).max(least).max(DISTANCE_SQUARED_MIN).sqrt();
         let angle = |along: f32| math::atan2(along - nearest, distance);
@@ -197,12 +202,12 @@ impl Arc {
         (self.end - self.start).max(0.0)
     }
 
-    /// A distance along the segment.
+    /// Draws a distance along the segment.
     pub(crate) fn sample(&self, u: f32) -> f32 {
         (self.nearest + self.distance * math::tan(self.start + u * self.angle())).max(0.0)
     }
 
-    /// The density of a distance, per unit of length; 0 where the segment has no angle.
+    /// Returns the density of a distance, per unit of length; 0 if the segment has no angular extent.
     pub(crate) fn pdf(&self, along: f32) -> f32 {
         let from_nearest = along - self.nearest;
         let angle = self.angle();
@@ -215,7 +220,7 @@ impl Arc {
 }
 
 impl LightTree {
-    /// A tree over these lights, none of them without intensity, and the order in which they are its leaves.
+    /// Builds a tree over lights, all of positive intensity; returns it with the order of the lights in its leaves.
     pub(super) fn new(lights: &[LightBounds]) -> (Self, Vec<u32>) {
         let mut leaves: Vec<(LightBounds, u32)> = lights.iter().copied().zip(0..).collect();
         if leaves.is_empty() {
@@ -235,8 +240,9 @@ impl LightTree {
         size_of_val(&*self.nodes)
     }
 
-    /// Writes it down: center, half, axis (x of all children, y, z), radius, cos and sin of the spread, cos of the emission,
-    /// two-sidedness, intensity, child, end. Four words each, but three times four of the first three.
+    /// Writes the nodes: centre, half-extents, axis (x of all children, y, z), radius, cos and sin of the spread, cos of
+    /// the emission angle, two-sidedness, intensity, child, end. Each field has four words, the first three have three
+    /// times four.
     pub(super) fn write(&self, words: &mut Words) {
         words.head(header::TREE, words.place());
         words.head(header::LIGHT_COUNT, self.light_count);
@@ -246,23 +252,23 @@ impl LightTree {
         }
     }
 
-    /// An estimate of the illuminance that all lights together make, if nothing is between; 0 only where none arrives.
+    /// Estimates the unoccluded illuminance by all lights; 0 only if no light arrives.
     #[inline(always)]
     pub(super) fn total(&self, receiver: &impl Importance) -> f32 {
         self.nodes.first().map_or(0.0, |root| receiver.of(&Children(root)).iter().sum::<f32>() * self.intensity)
     }
 
-    /// A light, by a number in [0, 1), and its probability.
+    /// Samples a light by a number in [0, 1); returns it with its probability.
     #[inline(always)]
     pub(super) fn sample(&self, receiver: &impl Importance, u: f32) -> Option<(u32, f32)> {
         if self.light_count <= 1 {
-            // One light needs no choice.
+            // A single light needs no choice
             return (self.light_count == 1).then_some((0, 1.0));
         }
         self.descend(receiver, &self.nodes[0], 0, u)
     }
 
-    /// A light below a node, by a number in [0, 1); a part without a node is its first light.
+    /// Samples a light below a node by a number in [0, 1); for [`NO_LIGHT`] returns `first`, the part's only light.
     #[inline(always)]
     pub(super) fn sample_below(&self, receiver: &impl Importance, node: u32, first: u32, u: f32) -> Option<u32> {
         if node == NO_LIGHT {
@@ -271,7 +277,7 @@ impl LightTree {
         Some(self.descend(receiver, self.nodes.get(node as usize)?, first, u)?.0)
     }
 
-    /// A light below a node whose first light is given, and its probability there.
+    /// Samples a light below a node whose first light is `first_light`; returns it with its probability there.
     #[inline(always)]
     fn descend<'a>(
         &'a self,
@@ -287,11 +293,12 @@ impl LightTree {
             if !(total > 0.0 && total.is_finite()) {
                 return None;
             }
+            // Choose a child by its importance
             let mut rest = u * total;
             let mut chosen = WIDTH;
             for (i, &part) in importance.iter().enumerate() {
                 if part > 0.0 {
-                    // Rounding may leave a rest beyond the last child: it belongs to that one.
+                    // Rounding may leave a remainder beyond the last child, which then takes it
                     let is_last = importance[i + 1..].iter().all(|&later| later <= 0.0);
                     if rest < part || is_last {
                         chosen = i;
@@ -300,6 +307,7 @@ impl LightTree {
                     rest -= part;
                 }
             }
+            // Reuse the random number
             let part = importance[chosen];
             pmf *= part / total;
             u = (rest / part).min(ONE_MINUS_EPSILON);
@@ -314,7 +322,7 @@ impl LightTree {
         }
     }
 
-    /// The probability with which [`Self::sample`] draws a light.
+    /// Returns the probability with which [`Self::sample`] chooses a light.
     #[inline(always)]
     pub(super) fn pmf(&self, receiver: &impl Importance, light: u32) -> f32 {
         if self.light_count <= 1 {
@@ -341,8 +349,8 @@ impl LightTree {
         }
     }
 
-    /// The probability with which [`Self::sample`] draws a light, and that with which it is drawn below the node `top`, which
-    /// is above it; 1 where there is no such node.
+    /// Returns the probability with which [`Self::sample`] chooses a light, and that of choosing it from node `top`, an
+    /// ancestor; 1 for the latter if `top` is [`NO_LIGHT`].
     #[inline(always)]
     pub(super) fn pmfs(&self, receiver: &impl Importance, light: u32, top: u32) -> (f32, f32) {
         if self.light_count <= 1 {
@@ -371,13 +379,13 @@ impl LightTree {
         }
     }
 
-    /// The node of all lights, and their numbers: the first, and where they end. A light alone has no node.
+    /// Returns the root as (node, first light, end of its lights); the node is [`NO_LIGHT`] for a single light.
     pub(super) fn root(&self) -> Option<(u32, u32, u32)> {
         let node = if self.light_count > 1 { 0 } else { NO_LIGHT };
         (self.light_count > 0).then_some((node, 0, self.light_count))
     }
 
-    /// The same of each child of a node, whose first light is `first`.
+    /// Returns the same for each child of a node, whose first light is `first`.
     pub(super) fn children(&self, node: u32, first: u32) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
         let node = &self.nodes[node as usize];
         let firsts = std::iter::once(first).chain(node.end);
@@ -386,14 +394,14 @@ impl LightTree {
     }
 }
 
-/// A node with two children, or one light.
+/// A node of the binary tree: two children, or one light.
 struct Binary {
     bounds: LightBounds,
-    /// The second child; the first one follows its parent. `None`: a light.
+    /// Index of the second child; the first one follows its parent. `None`: a light.
     second: Option<u32>,
 }
 
-/// Appends the tree over these lights and puts them into the order of its leaves.
+/// Appends the binary tree over these lights, and sorts them into the order of its leaves.
 fn split(leaves: &mut [(LightBounds, u32)], depth: usize, out: &mut Vec<Binary>) {
     let index = out.len();
     if let [(bounds, _)] = leaves {
@@ -409,21 +417,22 @@ fn split(leaves: &mut [(LightBounds, u32)], depth: usize, out: &mut Vec<Binary>)
     split(second, depth + 1, out);
 }
 
-/// The bounds of one light at least.
+/// Returns the bounds of at least one light.
 fn around<'a>(mut lights: impl Iterator<Item = &'a LightBounds>) -> LightBounds {
     let first = *lights.next().expect("a light");
     lights.fold(first, |all, bounds| all.union(bounds))
 }
 
-/// Orders the lights so that those before the place returned make one child, and the others the second.
+/// Partitions the lights into two children; returns the index where the second one starts.
 fn partition(leaves: &mut [(LightBounds, u32)], depth: usize) -> usize {
     let centers = leaves.iter().fold(Aabb::EMPTY, |all, (bounds, _)| all.with(bounds.bounds.center()));
     let extent = centers.max - centers.min;
+    // Find the split of least cost over all axes
     let mut best: Option<(f32, usize, usize)> = None;
     if depth < BALANCED_DEPTH {
         for axis in (0..3).filter(|&axis| extent[axis] > 0.0) {
             for (place, cost) in split_costs(leaves, &centers, axis) {
-                // A long box is not cut along its sides (ibid., K_r).
+                // Penalize cuts along the short sides of a long box (ibid., K_r)
                 let cost = cost * extent.max_element() / extent[axis];
                 if best.is_none_or(|(least, ..)| cost < least) {
                     best = Some((cost, axis, place));
@@ -431,6 +440,7 @@ fn partition(leaves: &mut [(LightBounds, u32)], depth: usize) -> usize {
             }
         }
     }
+    // Without a split: halve by count along the longest axis
     let Some((_, axis, place)) = best else {
         let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
         let middle = leaves.len() / 2;
@@ -440,7 +450,7 @@ fn partition(leaves: &mut [(LightBounds, u32)], depth: usize) -> usize {
         });
         return middle;
     };
-    // Stable, so that the order is that of the input and of nothing else.
+    // Partition stably, so that the order depends on the input alone
     let (first, second): (Vec<_>, Vec<_>) =
         leaves.iter().partition(|(bounds, _)| bucket(&centers, axis, bounds.bounds.center()) < place);
     let middle = first.len();
@@ -454,7 +464,7 @@ fn bucket(centers: &Aabb, axis: usize, center: Vec3) -> usize {
     ((share * BUCKETS as f32) as usize).min(BUCKETS - 1)
 }
 
-/// Costs of the splits before each bucket but the first, where both sides have lights.
+/// Returns the costs of the splits before each bucket but the first, where both sides have lights.
 fn split_costs(leaves: &[(LightBounds, u32)], centers: &Aabb, axis: usize) -> Vec<(usize, f32)> {
     let mut buckets: [Option<LightBounds>; BUCKETS] = [None; BUCKETS];
     for (bounds, _) in leaves {
@@ -480,12 +490,12 @@ fn split_costs(leaves: &[(LightBounds, u32)], centers: &Aabb, axis: usize) -> Ve
     costs
 }
 
-/// Appends a wide node for the binary node `index`, and all below it; returns its index.
+/// Appends a wide node for the binary node `index` and everything below it; returns its index.
 ///
-/// - `first_light`: the number of the first light below it; afterwards: of the first one after.
+/// - `first_light`: number of the first light below the node; afterwards that of the first light after it.
 fn collapse(binary: &[Binary], index: u32, intensity: f32, first_light: &mut u32, nodes: &mut Vec<LightNode>) -> u32 {
     let mut children = vec![index];
-    // Open what spreads most, until there is no room.
+    // Open the child with the highest cost until the node is full
     while children.len() < WIDTH {
         let inner = (0..children.len()).filter(|&i| binary[children[i] as usize].second.is_some());
         let cost = |i: usize| binary[children[i] as usize].bounds.cost();
@@ -553,7 +563,7 @@ impl LightNode {
     };
 
     fn set(&mut self, lane: usize, bounds: &LightBounds, total_intensity: f32) {
-        // A little more than needed, for what rounding takes away.
+        // Margin for rounding errors
         const MARGIN: f32 = 1e-4;
         let center = bounds.bounds.center();
         let half = (bounds.bounds.max - center).max(center - bounds.bounds.min) * (1.0 + MARGIN);

@@ -1,19 +1,19 @@
-//! Triangles seen from a point, as parts of the sphere of directions.
+//! Spherical triangles: uniform sampling of the solid angle of a triangle seen from a point.
 
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
 use glam::Vec3;
 
-/// The projection of a triangle to the unit sphere around a point.
+/// The projection of a triangle onto the unit sphere around a point.
 ///
 /// Source: Arvo 1995, *Stratified Sampling of Spherical Triangles*.
 pub(super) struct SphericalTriangle {
-    /// Corners as directions, unit length.
+    /// Corners as unit directions from the point.
     a: Vec3,
     b: Vec3,
     c: Vec3,
-    /// Cosine and sine of the angle at `a`.
+    /// Cosine of the angle at `a`; `sin_alpha`: its sine.
     cos_alpha: f32,
     sin_alpha: f32,
     /// Solid angle in sr.
@@ -21,13 +21,13 @@ pub(super) struct SphericalTriangle {
 }
 
 impl SphericalTriangle {
-    /// `None` where the triangle is seen edge-on, or so small or so large that single precision fails.
+    /// Projects a triangle; `None` if it is seen edge-on, or too small or too large for single precision.
     pub(super) fn new(corners: &[Vec3; 3], from: Vec3) -> Option<Self> {
         let [a, b, c] = corners.map(|corner| (corner - from).normalize_or_zero());
-        // Normals of the planes through the point and each edge.
+        // Normals of the planes through the point and each edge
         let ab = a.cross(b).try_normalize()?;
         let ca = c.cross(a).try_normalize()?;
-        // Solid angle (Van Oosterom and Strackee 1983, eq. 8): precise where the sum of angles is not.
+        // Solid angle (Van Oosterom and Strackee 1983, eq. 8): accurate where the sum of angles is not
         let volume = a.dot(b.cross(c)).abs();
         let denominator = 1.0 + a.dot(b) + b.dot(c) + c.dot(a);
         let area = 2.0 * math::atan2(volume, denominator);
@@ -39,16 +39,16 @@ impl SphericalTriangle {
         (sin_alpha > 1e-4).then_some(Self { a, b, c, cos_alpha, sin_alpha, area })
     }
 
-    /// Density per solid angle of [`Self::sample`].
+    /// Returns the density per solid angle of [`Self::sample`].
     pub(super) fn pdf(&self) -> f32 {
         1.0 / self.area
     }
 
-    /// Barycentric coordinates (of the second and third corner) of a place whose direction is uniform over the
-    /// projection.
+    /// Draws a point whose direction is uniform over the projection; returns its barycentric coordinates (of the second
+    /// and third corner).
     pub(super) fn sample(&self, corners: &[Vec3; 3], from: Vec3, u: [f32; 2]) -> Option<(f32, f32)> {
         let direction = self.direction(u);
-        // Where the direction meets the plane of the triangle (Möller and Trumbore 1997).
+        // Intersect the direction with the triangle's plane (Möller and Trumbore 1997)
         let [p0, p1, p2] = *corners;
         let (e1, e2) = (p1 - p0, p2 - p0);
         let s1 = direction.cross(e2);
@@ -64,12 +64,12 @@ impl SphericalTriangle {
         (b1.is_finite() && b2.is_finite()).then_some((b1, b2))
     }
 
-    /// A direction uniform over the projection.
+    /// Draws a direction, uniform over the projection.
     fn direction(&self, u: [f32; 2]) -> Vec3 {
-        // The area of the part that the great circle through b and the new corner cuts off.
+        // Area of the part that the great circle through b and the new corner cuts off
         let part = u[0] * self.area + PI;
         let (sin_part, cos_part) = math::sin_cos(part);
-        // Angle sum of that part: sin and cos of (its area − α), area + π taken as above.
+        // Sine and cosine of (area of the part − α)
         let sin_phi = sin_part * self.cos_alpha - cos_part * self.sin_alpha;
         let cos_phi = cos_part * self.cos_alpha + sin_part * self.sin_alpha;
         let cos_c = self.a.dot(self.b);
@@ -80,14 +80,14 @@ impl SphericalTriangle {
         let cos_side = if cos_side.is_nan() { 1.0 } else { cos_side.clamp(-1.0, 1.0) };
         let sin_side = (1.0 - cos_side * cos_side).sqrt();
         let corner = cos_side * self.a + sin_side * orthogonal_part(self.c, self.a);
-        // Uniform by area along the arc from b to the new corner.
+        // Uniform by area along the arc from b to the new corner
         let cos_theta = 1.0 - u[1] * (1.0 - corner.dot(self.b));
         let sin_theta = (1.0 - cos_theta * cos_theta).max(0.0).sqrt();
         (cos_theta * self.b + sin_theta * orthogonal_part(corner, self.b)).normalize_or_zero()
     }
 }
 
-/// The direction of what remains of `v` when its part along the unit vector `axis` is taken away.
+/// Returns the unit direction of the component of `v` orthogonal to the unit vector `axis`.
 fn orthogonal_part(v: Vec3, axis: Vec3) -> Vec3 {
     (v - v.dot(axis) * axis).normalize_or_zero()
 }

@@ -1,23 +1,25 @@
-//! A table of densities over the unit square of which any axis-parallel window can be sampled.
+//! A table of densities over the unit square that can be sampled within any axis-parallel window.
 //!
-//! Sums over all rectangles from the corner make the integral over a window four lookups, and a place in it two searches
-//! (Bitterli, Novák and Jarosz 2015, *Portal-Masked Environment Map Sampling*, §4).
+//! With a summed-area table, the integral over a window takes four lookups, and sampling it two searches (Bitterli, Novák
+//! and Jarosz 2015, *Portal-Masked Environment Map Sampling*, §4).
 
-/// Lower and upper corner of a part of the unit square.
+/// Lower and upper corner of a window of the unit square.
 pub(super) type UnitWindow = [[f64; 2]; 2];
 
-/// Constant in each cell of a grid.
+/// A density that is constant in each cell of a grid.
 #[derive(Clone, Debug)]
 pub(super) struct WindowTable {
     columns: usize,
     rows: usize,
     values: Vec<f32>,
-    /// The integral from the corner to each corner of a cell: (columns + 1) × (rows + 1).
+    /// Integral from the origin to each corner of a cell: (columns + 1) × (rows + 1).
     sums: Vec<f64>,
 }
 
 impl WindowTable {
-    /// - `values`: row by row, none negative.
+    /// Creates the table.
+    ///
+    /// - `values`: row by row, not negative.
     pub(super) fn new(values: Vec<f32>, columns: usize, rows: usize) -> Self {
         let area = 1.0 / (columns * rows) as f64;
         let mut sums = vec![0.0; (columns + 1) * (rows + 1)];
@@ -35,21 +37,21 @@ impl WindowTable {
         size_of_val(&*self.values) + size_of_val(&*self.sums)
     }
 
-    /// The value at a place.
+    /// Returns the value at a point.
     pub(super) fn value(&self, [x, y]: [f64; 2]) -> f32 {
         let column = ((x * self.columns as f64) as usize).min(self.columns - 1);
         let row = ((y * self.rows as f64) as usize).min(self.rows - 1);
         self.values[row * self.columns + column]
     }
 
-    /// The integral over a window.
+    /// Returns the integral over a window.
     pub(super) fn integral(&self, [low, high]: UnitWindow) -> f64 {
         let sum = self.sum(high[0], high[1]) - self.sum(low[0], high[1]) - self.sum(high[0], low[1])
             + self.sum(low[0], low[1]);
         sum.max(0.0)
     }
 
-    /// The integral from the corner to a place: linear in both coordinates within a cell, as the values are constant.
+    /// Returns the integral from the origin to a point: bilinear within a cell, since the values are constant.
     fn sum(&self, x: f64, y: f64) -> f64 {
         let (x, y) = (x * self.columns as f64, y * self.rows as f64);
         let (column, row) = ((x as usize).min(self.columns - 1), (y as usize).min(self.rows - 1));
@@ -60,11 +62,11 @@ impl WindowTable {
         upper * (1.0 - dy) + lower * dy
     }
 
-    /// A place in a window, by the density value ∕ [`integral`](Self::integral). `None`: the window is empty or dark.
+    /// Draws a point in a window with density value ∕ [`integral`](Self::integral). `None`: the window is empty or dark.
     pub(super) fn sample(&self, window: UnitWindow, u: [f32; 2]) -> Option<[f64; 2]> {
         let [low, high] = window;
         let x = invert(self.columns, [low[0], high[0]], u[0], |x| self.integral([low, [x, high[1]]]))?;
-        // Within one column of cells all places have the same density along y.
+        // Within a column of cells, the density along y does not depend on x
         let column = ((x * self.columns as f64) as usize).min(self.columns - 1);
         let strip = [column as f64 / self.columns as f64, (column + 1) as f64 / self.columns as f64];
         let y = invert(self.rows, [low[1], high[1]], u[1], |y| self.integral([[strip[0], low[1]], [strip[1], y]]))?;
@@ -72,15 +74,15 @@ impl WindowTable {
     }
 }
 
-/// The place in a range where a sum that grows from 0, linearly between the borders of `cells` cells, has reached the part
-/// `u` of what it has at the end.
+/// Returns the position in a range where `sum`, which grows from 0 and is linear between the borders of `cells` cells,
+/// reaches the fraction `u` of its final value. `None`: it stays 0.
 fn invert(cells: usize, [low, high]: [f64; 2], u: f32, sum: impl Fn(f64) -> f64) -> Option<f64> {
     let total = sum(high);
     if !(total > 0.0 && high > low) {
         return None;
     }
     let wanted = f64::from(u) * total;
-    // The first border of a cell at which there is more than wanted.
+    // Find the first border of a cell where the sum exceeds the wanted value
     let border = |cell: usize| (cell as f64 / cells as f64).clamp(low, high);
     let (mut below, mut above) = ((low * cells as f64) as usize, ((high * cells as f64).ceil() as usize).min(cells));
     while above - below > 1 {
@@ -124,7 +126,7 @@ mod tests {
         let table = table();
         let window = [[0.13, 0.22], [0.71, 0.9]];
         let integral = table.integral(window);
-        // A test function against both ways to integrate it.
+        // Integrate a test function in both ways
         let f = |[x, y]: [f64; 2]| x * x + 0.5 * y;
         let (mut by_table, mut by_grid) = (0.0, 0.0);
         for i in 0..400u16 {

@@ -1,4 +1,6 @@
-//! Phase functions.
+//! The Henyey-Greenstein phase function.
+//!
+//! Parameter: asymmetry g in (−1, 1). Source: Henyey and Greenstein 1941, *Diffuse Radiation in the Galaxy*.
 
 use std::f32::consts::PI;
 
@@ -7,25 +9,26 @@ use glam::Vec3;
 
 use crate::sampling::orthonormal_basis;
 
-/// Henyey and Greenstein 1941, *Diffuse Radiation in the Galaxy*: where light goes that a medium scatters. It sums up to
-/// 1, and is drawn by itself, so that its value is its density.
+/// The phase function of Henyey and Greenstein 1941, *Diffuse Radiation in the Galaxy*. It is normalized and sampled
+/// exactly, so that its value is also the pdf.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Phase {
-    /// Mean cosine of the angle by which light is turned.
+    /// Asymmetry: mean cosine between the directions before and after scattering, in (−1, 1).
     pub(crate) g: f32,
 }
 
 impl Phase {
-    /// Value in sr⁻¹, and density in sr⁻¹ of [`Self::sample`].
+    /// Returns the value in sr⁻¹, which is also the density of [`Self::sample`].
     ///
-    /// - `cosine`: of the angle between the directions in which light goes before and afterwards.
+    /// - `cosine`: cosine between the directions of travel before and after scattering.
     pub(crate) fn eval(self, cosine: f32) -> f32 {
         let g = self.g;
         let denominator = (1.0 + g * g - 2.0 * g * cosine).max(1e-12);
         (1.0 - g * g) / (4.0 * PI * denominator * denominator.sqrt())
     }
 
-    /// A direction after light that went along `direction` was scattered, or the other way round.
+    /// Samples the direction of travel after scattering of light that travels along `direction`, or the reverse; returns
+    /// it with its pdf.
     pub(crate) fn sample(self, direction: Vec3, u: [f32; 2]) -> (Vec3, f32) {
         let g = self.g;
         let cosine = if g.abs() < 1e-3 {

@@ -1,10 +1,10 @@
-//! Media that vary in space, by tracking: a ray goes on as if the medium were as dense as a bound that holds near by, and
-//! at each collision a number decides whether there was something to collide with.
+//! Media that vary in space, by delta tracking: a ray samples collisions with a medium of constant bounding density, and
+//! a random number decides whether each collision is real.
 //!
 //! Sources: Woodcock et al. 1965, *Techniques used in the GEM code for Monte Carlo neutronics calculations* (delta
 //! tracking); Novák, Selle and Jarosz 2014, *Residual Ratio Tracking for Estimating Attenuation in Participating Media*;
 //! Kutz, Habel, Li and Novák 2017, *Spectral and Decomposition Tracking for Rendering Heterogeneous Volumes*, section 4
-//! (a collision is of a kind by what the path carries in each channel).
+//! (the kind of a collision is chosen by the throughput of all channels).
 
 use bottega_kernels::math;
 use bottega_scene::{Coefficients, Medium, Spectrum, Variation};
@@ -12,60 +12,66 @@ use glam::{Affine3A, Vec3};
 
 use super::Phase;
 
-/// Cells of a grid that share a bound, along an axis.
+/// Number of grid cells per majorant, along an axis.
 const CELLS_A_BOUND: u32 = 8;
-/// Bounds along an axis.
+/// Largest number of majorants along an axis.
 const BOUNDS_MAX: u32 = 64;
-/// Collisions on one segment. Reached only where a bound is far above nearly all that it bounds; light that is still
-/// under way then is lost.
+/// Largest number of collisions on a segment. It is reached only where a majorant is far above most of the medium; the
+/// remaining light is lost.
 const COLLISIONS_MAX: u32 = 1 << 16;
-/// Below this, Russian roulette decides whether a transmittance is worth following on.
+/// Transmittance below which Russian roulette may terminate the estimate.
 const TRANSMITTANCE_MIN: f32 = 0.1;
 
-/// Bounds on the extinction of a medium that varies in space.
+/// A coarse grid of majorants: upper bounds of the extinction of a medium that varies in space.
 #[derive(Clone, Debug)]
 pub(crate) struct Majorants {
+    /// Number of majorants along each axis.
     size: [u32; 3],
-    /// x runs fastest. Per unit of length.
+    /// Majorants per unit of length; x varies fastest.
     values: Vec<f32>,
 }
 
-/// A medium that varies in space, ready for use.
+/// A medium that varies in space, prepared for rendering.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Varying<'a> {
     medium: &'a Medium,
     variation: &'a Variation,
     majorants: &'a Majorants,
-    /// Henyey and Greenstein's.
+    /// Henyey-Greenstein phase function.
     pub(crate) phase: Phase,
 }
 
-/// A segment of a path.
+/// A segment of a path, in world space.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
+    /// Start of the segment.
     pub(crate) origin: Vec3,
-    /// Of unit length.
+    /// Direction, unit length.
     pub(crate) direction: Vec3,
-    /// May be infinite.
+    /// Length; may be infinite.
     pub(crate) length: f32,
 }
 
-/// Where and how light is scattered.
+/// A scattering event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Collision {
+    /// Distance along the segment.
     pub(crate) distance: f32,
-    /// σ_s over σ_a + σ_s there.
+    /// Albedo σ_s / (σ_a + σ_s) at that point.
     pub(crate) albedo: Spectrum,
 }
 
-/// What a path carries through a medium.
+/// Throughput and radiance of a path through a medium.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CarriedLight {
+    /// Throughput of the path per channel.
     pub(crate) throughput: Spectrum,
+    /// Radiance collected so far, per channel.
     pub(crate) radiance: Spectrum,
 }
 
 impl Majorants {
+    /// Computes the majorants over the variation's grid.
     pub(crate) fn new(medium: &Medium, variation: &Variation) -> Self {
         let size = variation.resolution().map(|side| side.div_ceil(CELLS_A_BOUND).clamp(1, BOUNDS_MAX));
         let corner =
@@ -86,14 +92,14 @@ impl Majorants {
         size_of_val(&*self.values)
     }
 
-    /// Goes along a line through the unit cube and calls `visit` with the start and the end of each piece whose bound is
-    /// above 0, and that bound, until it returns false.
+    /// Traverses the cells along a line through the unit cube and calls `visit` with start, end and majorant of each
+    /// piece whose majorant is above 0, until it returns false.
     fn visit(&self, line: &Line, grid_from_world: &Affine3A, mut visit: impl FnMut(f32, f32, f32) -> bool) {
         let size = Vec3::from_array(self.size.map(|side| side as f32));
         let origin = grid_from_world.transform_point3(line.origin) * size;
         let direction = grid_from_world.transform_vector3(line.direction) * size;
         let inverse = 1.0 / direction;
-        // Where an axis is not moved along, the line is between its faces for ever, or never.
+        // Clip the line to the grid; along an axis without movement it is either always or never inside
         let (a, b) = (-origin * inverse, (size - origin) * inverse);
         let (mut start, mut end) = (0.0_f32, line.length);
         for axis in 0..3 {
@@ -112,7 +118,7 @@ impl Majorants {
         let first = origin + direction * start;
         let mut cell = [0, 1, 2].map(|axis| (first[axis].floor() as i32).clamp(0, self.size[axis] as i32 - 1));
         loop {
-            // Where the line leaves the cell, and through which face.
+            // Find where the line leaves the cell, and through which face
             let leave = [0, 1, 2].map(|axis| {
                 let face = cell[axis] + i32::from(direction[axis] > 0.0);
                 if direction[axis] == 0.0 { f32::INFINITY } else { (face as f32 - origin[axis]) * inverse[axis] }
@@ -133,7 +139,7 @@ impl Majorants {
             }
             start = piece_end;
             cell[axis] += if direction[axis] > 0.0 { 1 } else { -1 };
-            // Each step leaves a cell for good, so that there are no more than the grid has along its axes.
+            // Each step leaves a cell for good, which bounds the number of steps
             if leave[axis] >= end || cell[axis] < 0 || cell[axis] >= self.size[axis] as i32 {
                 return;
             }
@@ -146,10 +152,10 @@ impl<'a> Varying<'a> {
         Self { medium, variation, majorants, phase: Phase { g: medium.g } }
     }
 
-    /// Follows a path along a line, to where it is scattered; `None`: it is not. What the medium absorbs and emits is
-    /// taken into account.
+    /// Follows a path along a line to its next scattering event; `None`: there is none. Updates `carried` by absorption
+    /// and emission.
     ///
-    /// - `first`: two uniform numbers for the first collision; `number` gives those for all others.
+    /// - `first`: two random numbers for the first collision; `number` returns those for all others.
     pub(crate) fn track(
         &self,
         line: &Line,
@@ -163,7 +169,9 @@ impl<'a> Varying<'a> {
         let [mut u_kind, u] = next();
         let mut collisions = 0;
         self.for_each_collision(line, u, |distance, bound, here| {
+            // Add emission
             carried.radiance += carried.throughput * here.emission / bound;
+            // Choose a real or null collision by the throughput of all channels
             let nothing = (Spectrum::splat(bound) - here.absorption - here.scattering).max(Spectrum::ZERO);
             let (scatters, passes) = (carried.throughput.dot(here.scattering), carried.throughput.dot(nothing));
             let chance = scatters / (scatters + passes);
@@ -174,6 +182,7 @@ impl<'a> Varying<'a> {
                 scattered = Some(Collision { distance, albedo: here.scattering / extinction });
                 return None;
             }
+            // Stop if all light is absorbed
             if passes <= 0.0 || collisions == COLLISIONS_MAX {
                 carried.throughput = Spectrum::ZERO;
                 return None;
@@ -186,13 +195,14 @@ impl<'a> Varying<'a> {
         scattered
     }
 
-    /// An estimate of the share of light that gets along a line.
+    /// Estimates the transmittance along a line, by ratio tracking.
     pub(crate) fn transmittance(&self, line: &Line, mut number: impl FnMut() -> f32) -> Spectrum {
         let mut left = Spectrum::ONE;
         let mut collisions = 0;
         self.for_each_collision(line, number(), |_, bound, here| {
             left *= (Spectrum::ONE - (here.absorption + here.scattering) / bound).max(Spectrum::ZERO);
             collisions += 1;
+            // Terminate with Russian roulette
             let most = left.max_element();
             if most < TRANSMITTANCE_MIN {
                 let survives = most > 0.0 && number() < 0.5 && collisions < COLLISIONS_MAX;
@@ -207,11 +217,11 @@ impl<'a> Varying<'a> {
         left
     }
 
-    /// Goes along a line from one collision to the next, as if the medium were as dense as its bounds.
+    /// Samples collisions along a line, with the majorants as extinction.
     ///
-    /// - `u`: a uniform number, for the way to the first collision.
-    /// - `collide`: is told how far along the line, the bound and the coefficients there. Returns the uniform number for
-    ///   the way to the next collision; `None`: there is to be none.
+    /// - `u`: random number for the distance to the first collision.
+    /// - `collide`: receives the distance along the line, the majorant and the coefficients there. Returns the random
+    ///   number for the distance to the next collision; `None`: stops.
     #[inline(always)]
     fn for_each_collision(&self, line: &Line, u: f32, mut collide: impl FnMut(f32, f32, &Coefficients) -> Option<f32>) {
         let mut depth = -math::ln(1.0 - u);
@@ -232,7 +242,7 @@ impl<'a> Varying<'a> {
 
     fn at(&self, line: &Line, distance: f32) -> Coefficients {
         let p = self.variation.grid_from_world.transform_point3(line.origin + line.direction * distance);
-        // Rounding must not lead out of the grid.
+        // Keep rounding from leaving the grid
         self.medium.coefficients(self.variation, p.clamp(Vec3::ZERO, Vec3::ONE))
     }
 }
@@ -246,7 +256,7 @@ mod tests {
     use super::*;
     use crate::sampler::PixelSampler;
 
-    /// Denser and denser along x, from 0 to twice the mean, in a box from −1 to 1.
+    /// A density that increases along x, from 0 to twice the mean, in a box from −1 to 1.
     fn wedge() -> Medium {
         let values = (0..20).map(|i| (i % 20) as f32 / 9.5).collect();
         let density = Density::Both(Grid::new([20, 1, 1], values, Blend::Nearest).unwrap());
@@ -262,7 +272,7 @@ mod tests {
 
     fn lines() -> [(Line, f32); 4] {
         let line = |origin: Vec3, direction: Vec3, length| Line { origin, direction, length };
-        // With the integral of the density along each.
+        // Lines with the integral of the density along each
         [
             (line(Vec3::new(-3.0, 0.1, 0.2), Vec3::X, f32::INFINITY), 2.0),
             (line(Vec3::new(3.0, -0.4, 0.2), Vec3::NEG_X, 3.0), 14.5 / 9.5),
@@ -301,7 +311,7 @@ mod tests {
             let exact = Spectrum::from_array(exact);
             assert!((through - exact).abs().max_element() < 0.01, "{line:?}: {through} {exact}");
             assert!((passed - exact).abs().max_element() < 0.02, "{line:?}: {passed} {exact}");
-            // Where a channel does not scatter, the medium sends out all that does not get lost: ∫ j e^(−τ) = j/σ (1 − e^(−τ)).
+            // In a channel without scattering, the emitted radiance is ∫ j e^(−τ) = j/σ (1 − e^(−τ))
             let sent = medium.emission.z / extinction.z * (1.0 - exact.z);
             assert!((emitted.z - sent).abs() < 0.03 * sent.max(0.1), "{line:?}: {emitted} {sent}");
         }

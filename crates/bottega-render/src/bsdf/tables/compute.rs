@@ -1,8 +1,9 @@
-//! All tables from their cells.
+//! Computation of all tables from their cells.
 
 use super::{super::sheen, AlbedoCurve, Cell, INDEX, MU, ROUGHNESS, Tables, node_mu};
 
 impl Tables {
+    /// Integrates all tables, with fixed nodes in a fixed order.
     pub(super) fn compute() -> Self {
         let cells: Vec<[Cell; MU]> = (0..ROUGHNESS)
             .map(|i| {

@@ -1,4 +1,4 @@
-//! Photons from lights with extent.
+//! Emission of photons by lights with extent.
 
 use std::f32::consts::PI;
 
@@ -13,32 +13,36 @@ use crate::{
     sampling::{orthonormal_basis, uniform_sphere, uniform_triangle},
 };
 
-/// Where a photon starts, where it goes, and the power that it stands for.
+/// The start of a photon: origin, direction, and the power that it represents.
 pub(super) struct Start {
+    /// Origin in world space, just off the light.
     pub(super) origin: Vec3,
+    /// Direction of travel, unit length.
     pub(super) direction: Vec3,
+    /// Power that the photon represents, in watts, given its source.
     pub(super) power: Spectrum,
+    /// Density by which the direction was drawn.
     pub(super) spread: Spread,
 }
 
-/// How densely directions are drawn at a place.
+/// The density by which the direction was drawn.
 pub(super) enum Spread {
-    /// All alike.
+    /// Uniform over the sphere.
     Everywhere,
-    /// By the cosine to a normal.
+    /// Proportional to the cosine to this normal.
     Cosine(Vec3),
-    /// So that none else may be taken.
+    /// Not to be replaced by another direction.
     AsDrawn,
 }
 
 impl Start {
-    /// One whose direction may not be changed.
+    /// Creates a start whose direction must be kept.
     pub(super) fn as_drawn(origin: Vec3, direction: Vec3, power: Spectrum) -> Self {
         Self { origin, direction, power, spread: Spread::AsDrawn }
     }
 }
 
-/// Whether a photon leaves by the front, and how many sides there are.
+/// Returns true if the photon leaves from the front, and the number of emitting sides.
 fn side(sides: Sides, u: f32) -> (bool, f32) {
     match sides {
         Sides::Front => (true, 1.0),
@@ -47,7 +51,7 @@ fn side(sides: Sides, u: f32) -> (bool, f32) {
     }
 }
 
-/// By the cosine to `n`.
+/// Draws a direction by the cosine to `n`.
 fn leaving(n: Vec3, u: [f32; 2]) -> Vec3 {
     let local = cosine_hemisphere(u);
     let (s, t) = orthonormal_basis(n);
@@ -55,13 +59,13 @@ fn leaving(n: Vec3, u: [f32; 2]) -> Vec3 {
 }
 
 impl SurfaceLight {
-    /// An estimate of its power, as luminance.
+    /// Estimates the light's power, as luminance.
     pub(in super::super) fn power(&self, scene: &Scene) -> f32 {
         let sides = side(scene.materials[self.material() as usize].emission_sides, 0.0).1;
         self.flux(scene) * PI * sides
     }
 
-    /// A photon: by area and by the cosine. `choice`: the side.
+    /// Samples a photon, uniform by area and by the cosine. `choice`: number that chooses the side.
     pub(super) fn emit(&self, scene: &Scene, choice: f32, place: [f32; 2], towards: [f32; 2]) -> Option<Start> {
         let (corner, x, y) = self.extent();
         let place = if self.is_rectangle() { place } else { uniform_triangle(place).into() };
@@ -78,15 +82,15 @@ impl SurfaceLight {
     }
 }
 
-/// An estimate of the power of a sphere, as luminance.
+/// Estimates the power of a sphere, as luminance.
 pub(super) fn power_of_sphere(scene: &Scene, index: u32) -> f32 {
     let sphere = &scene.spheres[index as usize];
     let sides = side(scene.materials[sphere.material as usize].emission_sides, 0.0).1;
-    // The bounds know the disc times the radiance.
+    // The intensity of the bounds is the disc's area times the radiance
     sphere::bounds(scene, sphere).intensity * 4.0 * PI * sides
 }
 
-/// A photon: by area and by the cosine.
+/// Samples a photon, uniform by area and by the cosine. `choice`: number that chooses the side.
 pub(super) fn emit_from_sphere(
     scene: &Scene,
     index: u32,

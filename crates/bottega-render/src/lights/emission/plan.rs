@@ -1,9 +1,9 @@
-//! The plan of photons: to what a camera sees, and less and less often to what is farther from it.
+//! The plan of photon emission: most photons towards the visible part of a scene, fewer to regions farther from it.
 //!
-//! In a wide scene photons that go everywhere would hardly ever come to what is seen. Parallel light and light of the sky leave
-//! discs around it, each twice as wide as the one before; other sources are chosen also by what can come from them, and
-//! send half of what they emit towards it. Whatever is preferred, all else is left possible, and a photon stands for as much
-//! more as it is rarer: the mean is right.
+//! In a wide scene, photons emitted in all directions rarely reach the visible part. Parallel light and the environment
+//! start on concentric discs around it, each twice as wide as the one before; other sources are also chosen by the light
+//! that may arrive from them, and half of their directions are aimed. All other photons remain possible, and the power of
+//! a photon is divided by its probability, so the mean stays right.
 
 use std::f32::consts::PI;
 
@@ -14,26 +14,27 @@ use crate::{
     sampling::{around, orthonormal_basis, uniform_disk},
 };
 
-/// How much wider each disc is than the one before.
+/// Ratio of the radii of consecutive discs.
 pub(super) const STEP: f32 = 2.0;
-/// The share of the photons that leaves the first disc.
+/// Share of the photons that start on the first disc.
 pub(super) const FIRST: f32 = 0.3;
-/// The share of the sources that is chosen by what can come from them, and of the directions that lead to what is seen.
+/// Share of the sources chosen by the light that may arrive from them; also the share of aimed directions.
 pub(super) const AIMED: f32 = 0.5;
-/// How much farther off than the radius of what is seen a place must be for directions to be aimed.
+/// Smallest distance of a place, in radii of the visible part, from which directions are aimed.
 const FAR: f32 = 2.0;
 
-/// How photons of a scene are sent to what is seen.
+/// The probabilities by which photons are emitted towards the visible part.
 #[derive(Clone, Debug)]
 pub(crate) struct EmissionPlan {
+    /// Visible part of the scene.
     pub(super) extent: Extent,
-    /// Sums of the probabilities of the sources, from 0 to 1.
+    /// Cumulative probabilities of the sources, from 0 to 1.
     pub(super) sums: Vec<f64>,
-    /// Radii of discs around what is seen, and their probabilities; the last one covers the scene.
+    /// Radii and probabilities of discs around the visible part; the last one covers the scene.
     pub(super) discs: Vec<(f32, f32)>,
 }
 
-/// Directions from a place to what is seen.
+/// The cone of directions from a place to the visible part.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aim {
     axis: Vec3,
@@ -41,12 +42,13 @@ pub(crate) struct Aim {
 }
 
 impl EmissionPlan {
-    /// Around what photons are sent.
+    /// Returns the visible part of the scene.
     pub(crate) fn extent(&self) -> &Extent {
         &self.extent
     }
 
-    /// A place before the scene from where light goes in `direction`, and the inverse of its density by area.
+    /// Draws a point outside the scene from which light travels in `direction`; returns it with the inverse of its
+    /// density by area.
     pub(super) fn on_disc(
         &self,
         (center, radius): (Vec3, f32),
@@ -60,6 +62,7 @@ impl EmissionPlan {
         if self.discs.len() == 1 {
             return (center + across(radius) - direction * radius, PI * radius * radius);
         }
+        // Choose a disc
         let mut rest = choice;
         let chosen = self.discs.iter().position(|&(_, probability)| {
             rest -= probability;
@@ -69,7 +72,7 @@ impl EmissionPlan {
         let chosen = chosen.unwrap_or(last);
         let middle = if chosen == last { center } else { self.extent.center };
         let place = middle + across(self.discs[chosen].0);
-        // All start before the whole scene.
+        // Start outside the whole scene
         let origin = place - direction * (direction.dot(place - center) + radius);
         let off = |middle: Vec3| {
             let way = place - middle;
@@ -77,15 +80,17 @@ impl EmissionPlan {
         };
         let covers = |(number, &(radius, probability)): (usize, &(f32, f32))| {
             let middle = if number == last { center } else { self.extent.center };
-            // What was chosen covers its own places, whatever is rounded.
+            // The chosen disc covers its own points, regardless of rounding
             let is_there = number == chosen || off(middle) <= radius * radius;
             if is_there { probability / (PI * radius * radius) } else { 0.0 }
         };
+        // Sum the densities of all discs that cover the point
         let density: f32 = self.discs.iter().enumerate().map(covers).sum();
         (origin, density.recip())
     }
 
-    /// Directions from a far place to what is seen; `None`: from there all directions are as good.
+    /// Returns the cone of directions from a distant place to the visible part; `None` if the place is near or everything
+    /// is visible.
     #[inline(always)]
     pub(crate) fn aim(&self, from: Vec3) -> Option<Aim> {
         if self.extent.is_whole() {
@@ -97,29 +102,30 @@ impl EmissionPlan {
             return None;
         }
         let sine = self.extent.radius / distance;
-        // 1 − cos, without the loss of a difference.
+        // 1 − cos, without cancellation
         let one_minus_cos = sine * sine / (1.0 + (1.0 - sine * sine).sqrt());
         Some(Aim { axis: way / distance, one_minus_cos })
     }
 }
 
 impl Aim {
-    /// The probability with which a direction is aimed.
+    /// Probability of aiming a direction.
     pub(crate) const SHARE: f32 = AIMED;
 
-    /// Draws a direction.
+    /// Draws a direction, uniform over the cone.
     pub(crate) fn sample(&self, u: [f32; 2]) -> Vec3 {
         around(self.axis, self.one_minus_cos * u[0], u[1])
     }
 
-    /// Whether a direction leads to what is seen.
+    /// Returns true if a direction is within the cone.
     pub(crate) fn contains(&self, w: Vec3) -> bool {
         (w - self.axis).length_squared() <= 2.0 * self.one_minus_cos
     }
 
-    /// The density of a direction that is aimed with the probability [`Self::SHARE`], and else drawn with density `pdf`.
+    /// Returns the density of a direction that is aimed with the probability [`Self::SHARE`], and else drawn with density
+    /// `pdf`.
     ///
-    /// - `is_within`: whether it leads to what is seen: of one that was aimed, whatever rounding says.
+    /// - `is_within`: `true` if the direction is within the cone; for an aimed one, regardless of rounding.
     pub(crate) fn mixed(&self, is_within: bool, pdf: f32) -> f32 {
         let own = if is_within { 1.0 / (2.0 * PI * self.one_minus_cos) } else { 0.0 };
         Self::SHARE * own + (1.0 - Self::SHARE) * pdf

@@ -1,4 +1,4 @@
-//! Photons held to what light sampling finds.
+//! Tests of photon emission against light sampling.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::{
     sampler::{DimensionSet, PixelSampler},
 };
 
-/// A sphere in which fluence is measured.
+/// A sphere in which the fluence is measured.
 const MIDDLE: Vec3 = Vec3::new(0.3, -0.2, 0.4);
 const RADIUS: f32 = 0.8;
 
@@ -28,7 +28,7 @@ fn add(scene: &mut Scene, mut mesh: Mesh, material: Material) {
     scene.push_surface(mesh);
 }
 
-/// Two specks of dust, so that the scene has a size and the sphere is well within.
+/// Two small triangles that give the scene a size, with the sphere well inside.
 fn dust() -> Scene {
     let mut scene = Scene::default();
     for place in [Vec3::splat(-3.0), Vec3::splat(3.0)] {
@@ -87,7 +87,7 @@ fn sky(factor: Vec3, image: Option<ImageId>, portals: Vec<Portal>) -> Scene {
     scene
 }
 
-/// Every kind of light.
+/// Lights of every kind.
 fn kinds() -> Vec<(&'static str, Scene)> {
     let position = Vec3::new(1.6, 0.9, -1.1);
     let direction = (MIDDLE - position).normalize();
@@ -137,7 +137,7 @@ fn kinds() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-/// How far a ray goes within the sphere.
+/// Returns the length of a ray's part within the sphere.
 fn chord(emitted: &EmittedPhoton) -> f32 {
     let to_middle = MIDDLE - emitted.origin;
     let along = to_middle.dot(emitted.direction);
@@ -145,7 +145,7 @@ fn chord(emitted: &EmittedPhoton) -> f32 {
     ((along + half).max(0.0) - (along - half).max(0.0)).max(0.0)
 }
 
-/// Mean, and variance of the mean.
+/// Returns the mean, and the variance of the mean.
 fn moments(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (mut count, mut mean, mut squares) = (0.0, 0.0, 0.0);
     for value in values {
@@ -170,7 +170,7 @@ fn photons_bring_as_much_light_as_light_sampling_finds() {
             Extent { center: Vec3::new(-2.4, 2.2, 1.9), radius: 0.4, ..whole },
         ] {
             let plan = emission.plan(&prepared, extent);
-            // What photons go through a volume is its mean fluence.
+            // The path length of photons per volume is its mean fluence
             let by_photons = moments((0..200_000).map(|i| {
                 let (u, v) = quads(i);
                 let emitted = emission.emit(&prepared, &plan, u, v);
@@ -193,7 +193,7 @@ fn photons_bring_as_much_light_as_light_sampling_finds() {
 #[test]
 fn the_mean_power_of_photons_is_that_of_the_lights() {
     let ball = PI * 4.0 * PI * 0.36 * Vec3::new(3.0, 2.0, 1.0);
-    // The ball of the scene's bounds: half the diagonal of what the dust spans.
+    // The scene's bounding sphere: its radius is half the diagonal between the small triangles
     let bounds = prepare(dust()).accel().bounds();
     let disc = 0.25 * PI * (bounds.max - bounds.min).length_squared() * 1.001 * 1.001;
     let intensity = Vec3::new(5.0, 3.0, 1.0);
@@ -237,7 +237,7 @@ fn lights_emit_as_often_as_they_are_strong() {
         assert!((photon.power - Vec3::splat(16.0 * PI)).abs().max_element() < 1e-3, "all photons carry the same");
         counts[usize::from(photon.origin.x > 0.5)] += 1;
     }
-    // Stratified: as near as can be.
+    // Stratified: nearly exact
     assert!((counts[0] - 1024_i32).abs() <= 1, "{counts:?}");
 }
 
@@ -248,7 +248,7 @@ fn without_light_there_are_no_photons() {
         dust(),
         lit(LightKind::Point { position: Vec3::ZERO, intensity: Vec3::ZERO }),
         Scene { environment: Some(Environment::uniform(Vec3::ZERO)), ..dust() },
-        // A sky without anything below it.
+        // An environment without a scene below it
         Scene { environment: Some(Environment::uniform(Vec3::ONE)), ..Scene::default() },
     ];
     for scene in dark {
