@@ -1,22 +1,22 @@
-//! The extent of what a camera sees: it measures lengths of photons and agents, not the whole scene.
+//! The extent of the visible part of a scene, the unit of lengths for photons and agents.
 //!
-//! A room on a terrain, or a ball on a plain, is small beside the scene. Where it is a quarter of the scene or more, the scene
-//! itself is the measure.
+//! A room on a terrain, or a ball on a plain, is small compared with the scene. Where the visible part is a quarter of
+//! the scene or more, the scene itself is the unit.
 
 use glam::Vec3;
 
 use super::lookouts::places_seen;
 use crate::{View, extent::Extent, prepare::PreparedScene};
 
-/// Rays from the camera along a side of the picture.
+/// Camera rays along a side of the picture.
 const SIDE: u32 = 32;
-/// Half of what is seen lies within the radius divided by this.
+/// The radius, relative to the median distance from the center.
 const MARGIN: f32 = 2.0;
-/// How much wider than what is seen a scene must be for it to matter.
+/// Least ratio of the scene's radius to the visible radius for the latter to count.
 const WIDE: f32 = 4.0;
 
 impl Extent {
-    /// Of what a view shows.
+    /// Returns the extent of what a view shows.
     pub(crate) fn of_view(prepared: &PreparedScene, view: View) -> Self {
         let whole = Self::whole(prepared);
         let Some((center, median)) =
@@ -29,7 +29,7 @@ impl Extent {
     }
 }
 
-/// The middle of some places, and how far half of them are from it.
+/// Returns the component-wise median of some points, and the median distance from it.
 fn middle(places: &[Vec3]) -> Option<(Vec3, f32)> {
     let median = |mut values: Vec<f32>| {
         values.sort_by(f32::total_cmp);
