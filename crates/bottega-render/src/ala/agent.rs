@@ -64,12 +64,15 @@ impl Agent {
 
 /// A range of agents to cast.
 pub(crate) struct Casting<'a> {
+    /// Scene.
     pub(crate) prepared: &'a PreparedScene,
     /// Sources that cast the agents.
     pub(crate) sources: &'a Emission,
     /// Region that they are sent to.
     pub(crate) plan: &'a EmissionPlan,
+    /// Seed of the random numbers.
     pub(crate) seed: u64,
+    /// Indices of the agents.
     pub(crate) indices: Range<u32>,
     /// `true`: agents send scouts to surfaces without direct light.
     pub(crate) has_scouts: bool,
@@ -93,6 +96,7 @@ impl Casting<'_> {
     fn cast(&self, index: u32, agents: &mut Vec<Agent>) {
         let sampler = PixelSampler::new(self.seed ^ AGENT_SEED, 0, 0, index);
         let [u, v] = sampler.two_quads(DimensionSet::CAMERA, DimensionSet::light(0));
+        // Emit the agent from a light
         let Some(start) = self.sources.cast(self.prepared, self.plan, u, v) else { return };
         let EmittedPhoton { mut origin, direction, light, .. } = start;
         let (mut distance, mut gap, mut clone) = (0.0, 0.0, 0);
@@ -105,6 +109,7 @@ impl Casting<'_> {
             gap += hit.t;
             let point = Interaction::new(self.prepared, &hit, origin, direction, RayCone::default());
             let normal = if point.front { point.ng } else { -point.ng };
+            // Store it at the surface, unless this is its own light, and send a scout
             let is_own = self.prepared.lights().light_of(self.prepared, &hit) == Some(light);
             if !is_own && point.p.is_finite() && distance.is_finite() {
                 if let Some([is_matte, is_glossy]) = self.spreads(&point, &sampler) {
@@ -118,6 +123,7 @@ impl Casting<'_> {
                 clone += 1;
                 gap = 0.0;
             }
+            // Continue straight on, as a clone
             let next = point.ray_origin(direction);
             if next == origin && hit.t <= 0.0 {
                 return;

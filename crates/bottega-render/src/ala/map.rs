@@ -34,10 +34,15 @@ const REACH_MIN: f32 = 0.6;
 /// Agents after sensing.
 #[derive(Debug)]
 pub(crate) struct Agents {
+    /// Settings of the agents.
     pub(super) settings: AgentSettings,
+    /// Visibility of lights.
     pub(super) visibility: Arc<Visibility>,
+    /// Indirect light.
     pub(super) indirect: Indirect,
+    /// Report of casting and sensing.
     pub(super) report: AgentReport,
+    /// Counts of answers so far.
     pub(super) tallies: Tallies,
 }
 

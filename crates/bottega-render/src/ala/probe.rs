@@ -37,8 +37,11 @@ pub(super) enum SensorKind {
 /// The probe of one agent.
 #[derive(Clone, Copy)]
 pub(super) struct Probe<'a> {
+    /// Scene.
     pub(super) prepared: &'a PreparedScene,
+    /// The agent.
     pub(super) agent: &'a Agent,
+    /// Seed of the random numbers.
     pub(super) seed: u64,
     /// Radius of the agent's neighbourhood.
     pub(super) reach: f32,

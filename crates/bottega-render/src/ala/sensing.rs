@@ -23,6 +23,7 @@ pub(super) type Run<'a> = dyn FnMut(Vec<SensingTask>) -> Result<SensorReadings, 
 /// An agent and the side of its surface where it may measure irradiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Candidate {
+    /// Index of the agent.
     pub(super) index: u32,
     /// `true`: the side that faces away from where the agent came from.
     pub(super) is_back: bool,
@@ -50,11 +51,17 @@ impl SensingTask {
 
 /// A sensing task with all that it needs.
 pub(crate) struct Sensing<'a> {
+    /// Integrator that estimates the light at a sensor.
     pub(crate) integrator: &'a PhotonIntegrator<'a>,
+    /// Photon maps of caustics.
     pub(crate) maps: &'a PhotonMaps,
+    /// All agents.
     pub(crate) swarm: &'a Swarm,
+    /// Proximity network.
     pub(crate) network: &'a Network,
+    /// Seed of the random numbers.
     pub(crate) seed: u64,
+    /// The task.
     pub(crate) errand: SensingTask,
 }
 
@@ -93,10 +100,12 @@ impl SensorReadings {
 }
 
 impl<'a> Sensing<'a> {
+    /// Returns the scene.
     pub(super) fn prepared(&self) -> &'a PreparedScene {
         self.integrator.prepared()
     }
 
+    /// Returns an agent.
     pub(super) fn agent(&self, index: u32) -> &'a Agent {
         &self.swarm.agents[index as usize]
     }

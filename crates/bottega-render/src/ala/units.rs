@@ -38,10 +38,15 @@ pub struct AgentWork {
 pub struct SensorWork {
     /// The scene.
     pub(crate) scene: Arc<PreparedScene>,
+    /// Settings of photons and agents.
     pub(crate) photons: PhotonSettings,
+    /// Seed of the random numbers.
     pub(crate) seed: u64,
+    /// Photon maps of the picture.
     pub(crate) passes: Arc<Passes>,
+    /// All agents.
     pub(crate) swarm: Arc<Swarm>,
+    /// Proximity network.
     pub(crate) network: Arc<Network>,
     /// Agents, and the kind of sensors.
     pub(crate) errand: SensingTask,

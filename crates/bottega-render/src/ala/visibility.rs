@@ -143,12 +143,14 @@ impl Visibility {
         })
     }
 
+    /// Writes positions, radii and links.
     pub(super) fn write(&self, to: &mut Writer) {
         to.map(&self.places);
         self.reach.iter().for_each(|&reach| to.value(reach));
         to.numbers(self.links.as_flattened());
     }
 
+    /// Reads positions, radii and links; `None`: not valid.
     pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let places = from.map()?;
         let reach = (0..places.len()).map(|_| from.value()).collect::<Option<Vec<_>>>()?;

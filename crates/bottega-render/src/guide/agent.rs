@@ -36,7 +36,9 @@ pub(super) const NUMBERS: usize = 3 + CHOICE_NUMBERS;
 /// Light that leaves a vertex of a path, by its greatest channel, and the work of finding it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DepartingLight {
+    /// Greatest channel of the light, relative to the throughput on arrival.
     pub(super) brightness: f32,
+    /// Work of finding it, in vertices.
     pub(super) work: f32,
 }
 
@@ -111,8 +113,11 @@ pub(super) struct EyePath {
 /// Importance of the parts of a picture: 1 ∕ (I √(V ∕ K)), see the [module](self).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct PictureWorth {
+    /// Number of columns.
     pub(super) columns: u32,
+    /// Number of rows.
     pub(super) rows: u32,
+    /// Importance of each part, row-major; empty: unknown.
     pub(super) worth: Vec<f32>,
 }
 

@@ -130,7 +130,7 @@ mod tests {
         #[test]
         fn whatever_the_bytes_a_guide_ends_and_does_not_panic(at in any::<prop::sample::Index>(), byte in any::<u8>(), end in any::<prop::sample::Index>()) {
             let mut bytes = example(Vec3::Y).to_bytes();
-            // Most bytes are weights; what leads is what can go wrong.
+            // Most bytes are weights; errors are likely only in the leading ones.
             let place = at.index(bytes.len().min(400));
             bytes[place] = byte;
             if let Ok(guide) = Guide::from_bytes(&bytes) {

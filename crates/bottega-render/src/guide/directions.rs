@@ -69,6 +69,7 @@ impl Pyramid {
 
     /// Learns a density from samples (cell and weight) and the density `around` of a larger region.
     pub(super) fn learnt(around: &Self, records: impl Iterator<Item = (usize, f32)>) -> Self {
+        // Sum weights and squared weights of all levels
         let (mut mass, mut squares) = ([0.0_f32; SQUARES], [0.0_f32; SQUARES]);
         for (cell, weight) in records {
             let cell = FIRST_CELL + morton(cell);
@@ -76,6 +77,7 @@ impl Pyramid {
             squares[cell] += weight * weight;
         }
         let (seen, squares) = (Self::summed(mass).mass, Self::summed(squares).mass);
+        // Divide each square between its quarters
         let mut out = Self { mass: [0.0; SQUARES] };
         out.mass[0] = 1.0;
         for square in 0..FIRST_CELL {

@@ -30,6 +30,7 @@ const WORK_OF_GUIDE: f64 = 0.2;
 /// A vertex of a learning path on a surface that is not specular.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Vertex {
+    /// Position, in world space.
     pub(super) p: Vec3,
     /// See [`face_of`](super::tree::face_of).
     pub(super) face: u8,
@@ -358,7 +359,7 @@ pub(super) mod tests {
             .collect()
     }
 
-    /// A guide that has learnt from some thousand directions on a floor.
+    /// A guide learned from some thousand directions on a floor.
     pub(in super::super) fn example(to: Vec3) -> Guide {
         learn(&vertices(to), None)
     }

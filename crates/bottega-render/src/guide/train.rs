@@ -143,7 +143,9 @@ impl LearningPath {
 /// Radiance of a path, and its position in the picture, in [0, 1)².
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FoundLight {
+    /// Radiance of the path.
     pub(crate) radiance: Spectrum,
+    /// Position in the picture, in [0, 1)².
     pub(crate) place: [f32; 2],
 }
 

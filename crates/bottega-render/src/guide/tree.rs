@@ -56,10 +56,12 @@ impl GuideNode {
         Self { plane: 0.0, link: LEAF | number as u32 & LINK_MASK }
     }
 
+    /// Returns the byte form.
     pub(super) fn to_numbers(self) -> [u32; 2] {
         [self.plane.to_bits(), self.link]
     }
 
+    /// Reads the byte form.
     pub(super) fn from_numbers([plane, link]: [u32; 2]) -> Self {
         Self { plane: f32::from_bits(plane), link }
     }
@@ -90,6 +92,7 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
+    /// Creates a lattice over a box, with roughly cubic cells.
     pub(super) fn new(low: Vec3, high: Vec3) -> Self {
         let extent = (high - low).max(Vec3::splat(f32::MIN_POSITIVE));
         let size_of = |cell: f32| extent.to_array().map(|extent| (extent / cell).ceil().clamp(1.0, LATTICE_SIDE_MAX));
@@ -124,6 +127,7 @@ impl Lattice {
         if is_wide { Self::new(from, to) } else { Self::new(low, high) }
     }
 
+    /// Returns the byte form.
     pub(super) fn to_numbers(self) -> [u32; 9] {
         let [low, scale] = [self.low, self.scale].map(|it| it.to_array().map(f32::to_bits));
         let numbers = [low, scale, self.size];
@@ -198,6 +202,7 @@ pub(super) struct Tree {
     /// Nodes, the root first; empty where nothing is known. Leaves hold numbers of regions, or of agents in
     /// [lone](Self::lone).
     pub(super) nodes: Vec<GuideNode>,
+    /// Directions of the regions.
     pub(super) regions: Vec<Region>,
     /// Agents of the regions, if agents are learned.
     pub(super) agents: Vec<Agent>,
@@ -214,6 +219,7 @@ pub(super) const LONE: usize = 1 << 29;
 pub(crate) struct Region {
     /// Probability of sampling the guide instead of the BSDF, in [0, 1].
     pub(super) share: f32,
+    /// Density of directions.
     pub(super) directions: Directions,
 }
 

@@ -18,6 +18,7 @@ pub(crate) struct Wanted {
 /// The result of one path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct PathRecord {
+    /// Radiance, and the optional values that are wanted.
     pub(crate) values: SampleValues,
     /// Number of vertices.
     pub(crate) vertex_count: u32,

@@ -18,6 +18,7 @@ const LANES: usize = 8;
 
 /// A list of samples to trace.
 pub(crate) struct Painting<'a> {
+    /// Integrator of the picture; its plan may pick another one per pixel.
     pub(crate) integrator: &'a PathIntegrator<'a>,
     /// Samples as (x, y, sample index).
     pub(crate) samples: &'a [(u32, u32, u32)],

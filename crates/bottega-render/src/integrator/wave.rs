@@ -93,10 +93,12 @@ impl Wave {
         if self.records.is_empty() { self.samples.len() as u64 } else { self.live_count as u64 }
     }
 
+    /// Returns the samples, as (x, y, sample index).
     pub(crate) fn samples(&self) -> &[(u32, u32, u32)] {
         &self.samples
     }
 
+    /// Returns the records of the samples, in their order; final once [`Self::is_over`] is `true`.
     pub(crate) fn records(&self) -> &[PathRecord] {
         &self.records
     }

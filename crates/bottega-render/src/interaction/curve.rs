@@ -30,6 +30,7 @@ pub(super) struct CurveSurface {
     pub(super) normal: Vec3,
     /// Tangent along the curve; unit length.
     pub(super) tangent: Vec3,
+    /// Texture coordinates: along the curve, and across it.
     pub(super) uv: Vec2,
     /// Length per unit of the texture coordinate along the curve.
     pub(super) stretch: f32,

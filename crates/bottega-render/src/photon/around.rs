@@ -8,8 +8,9 @@ use glam::Vec3;
 use super::record::{of_shared_exponent, shared_exponent};
 use crate::sampling::orthonormal_basis;
 
-/// Rings of ray directions, from the normal to the horizon, and sectors per ring.
+/// Rings of ray directions, from the normal to the horizon.
 pub(crate) const RINGS: usize = 10;
+/// Sectors of ray directions per ring.
 pub(crate) const SECTORS: usize = 32;
 /// Rings and sectors of rays per cell: small enough for detail, with enough rays for a mean.
 const RINGS_JOINED: usize = 2;

@@ -97,12 +97,14 @@ impl Arrivals {
         self.places.memory_bytes() + size_of_val(&*self.shares)
     }
 
+    /// Writes the points with their distributions.
     pub(crate) fn write(&self, to: &mut Writer) {
         to.map(&self.places);
         let all = self.shares.iter().flat_map(|it| it.rings.iter().chain(it.sectors.as_flattened()));
         to.numbers(&all.map(|&share| u32::from(share)).collect::<Vec<_>>());
     }
 
+    /// Reads points with their distributions; `None`: not valid.
     pub(crate) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let (places, numbers) = (from.map()?, from.numbers()?);
         let numbers = numbers.into_iter().map(u16::try_from).collect::<Result<Vec<_>, _>>().ok()?;
@@ -269,7 +271,7 @@ mod tests {
         let drawn: Vec<Vec3> = (0..count).map(|i| arrival.sample([at(i, 1), at(i, 6007)])).collect();
         assert!(drawn.iter().all(|w| w.is_normalized() && w.y >= 0.0 && arrival.pdf(*w) > 0.0));
         let near = drawn.iter().filter(|w| cell_of(Vec3::Y, **w) == cell_of(Vec3::Y, side)).count();
-        // Three quarters of the photons, and what is drawn blindly.
+        // Three quarters of the photons, without the blind share.
         let expected = 0.75 * (1.0 - BLIND);
         assert!((near as f32 / count as f32 - expected).abs() < 0.05, "{near}");
         // ∫ p dω = 1.

@@ -170,11 +170,13 @@ impl IrradianceMap {
         self.map.memory_bytes() + size_of_val(&*self.lists)
     }
 
+    /// Writes the points with their lists.
     pub(crate) fn write(&self, to: &mut Writer) {
         to.map(&self.map);
         to.numbers(&self.lists);
     }
 
+    /// Reads points with their lists; `None`: not valid.
     pub(crate) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let (map, lists) = (from.map()?, from.numbers()?);
         let is_sound = map.iter().all(|place| has_list(place.mark().label(), &lists));

@@ -173,6 +173,7 @@ impl IrradianceCache {
         if weights <= 0.0 {
             return None;
         }
+        // Combine the noise of the records with the spread between them
         let irradiance = sum / weights;
         let mean = luminance(irradiance);
         let count = weights * weights / weights_squared;
@@ -405,11 +406,11 @@ mod tests {
     fn nobody_speaks_for_the_other_side_of_a_wall() {
         let dark = |_: Vec3, _: Vec3| GatherSample { radiance: Vec3::ZERO, distance: 5.0 };
         let mut cache = IrradianceCache::new(Vec3::splat(-10.0), 20.0, 0.3);
-        // The inside of a wall of a width of 0.4, at its far side.
+        // Inside a wall 0.4 wide, at its far side.
         cache.add(record(Vec3::ZERO, Vec3::Y, &dark));
         assert!(cache.estimate(Vec3::X * 0.4, Vec3::Y, u32::MAX).is_some());
         assert!(cache.estimate(Vec3::Y * 0.4, Vec3::Y, u32::MAX).is_none());
-        // The outside sees far, however narrow it is inside.
+        // The outside stays known, however narrow the inside is.
         let narrow = |_: Vec3, _: Vec3| GatherSample { radiance: Vec3::ZERO, distance: 0.1 };
         cache.add(record(Vec3::X * 0.4, Vec3::NEG_Y, &narrow));
         assert!(cache.estimate(Vec3::X * 0.8, Vec3::Y, u32::MAX).is_some());
@@ -417,7 +418,7 @@ mod tests {
 
     #[test]
     fn nobody_speaks_for_another_room() {
-        // A wall that is no thicker than paper stands on the floor at x = 0.4, and far away there is much else.
+        // A wall without thickness stands on the floor at x = 0.4; everything else is far away.
         let room = |p: Vec3, w: Vec3| {
             let distance = (0.4 - p.x) / w.x;
             let is_wall = w.x > 0.0 && (p + w * distance).y < 3.0;
@@ -432,7 +433,7 @@ mod tests {
         for w in [Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z] {
             assert!(is_known(w * 0.45), "{w}");
         }
-        // What is told to others knows as much.
+        // The byte form keeps the walls.
         let mut to = Writer::default();
         cache.write(&mut to);
         let told = IrradianceCache::read(0.3, &mut Reader(&to.0)).unwrap();
@@ -458,7 +459,7 @@ mod tests {
         let shares = shares.as_slice();
         assert!((shares[2].x - 0.75).abs() < 1e-4 && (shares[4].x - 0.25).abs() < 1e-4 && shares[3].x.abs() < 1e-4);
         assert!((shares[2].y - 0.5).abs() < 1e-4 && shares.len() == 5, "{shares:?}");
-        // Those of fewer bounces are all there is.
+        // With a limit, the shares below it sum to one.
         let shares = cache.shares(Vec3::ZERO, Vec3::Y, 3);
         let shares = shares.as_slice();
         assert!((shares[2].x - 1.0).abs() < 1e-4 && shares.len() <= 4, "{shares:?}");

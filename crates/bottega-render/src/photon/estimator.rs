@@ -112,6 +112,7 @@ impl Estimator {
         found: &mut Nearest,
         mut take: impl FnMut(&PhotonContribution),
     ) {
+        // Find the nearest photons and the disc that they fill
         map.nearest(p, reach * reach, found);
         let radius_squared = if found.is_full() { found.farthest() } else { reach * reach };
         if found.is_empty() || radius_squared <= 0.0 {
@@ -153,6 +154,7 @@ impl Estimator {
     fn weighed(&self, map: &PhotonMap, index: u32, distance_squared: f32, disc: &Disc) -> Option<PhotonContribution> {
         let Disc { p, normal, radius_squared, share } = *disc;
         let photon = map.photon(index);
+        // Reject photons on other surfaces
         let off_plane = (photon.p - p).dot(normal);
         // Photons on the other side are those of transmitted light: their normal is opposite
         let its_normal = photon.mark().normal();
@@ -161,6 +163,7 @@ impl Estimator {
         if !(is_before || is_behind) || off_plane * off_plane > FLATNESS * FLATNESS * radius_squared {
             return None;
         }
+        // Weight by the filter
         let part = distance_squared / radius_squared;
         let weight = match self.filter {
             PhotonFilter::Epanechnikov => 2.0 * (1.0 - part),

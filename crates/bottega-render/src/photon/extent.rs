@@ -96,12 +96,12 @@ mod tests {
                 (extent.length_at(Vec3::X * 40.0) - 20.0).abs() < 3.0 && extent.length_at(Vec3::X * 1e6) > 0.5 * half
             );
         }
-        // What is seen reaches to the horizon, and most of the picture shows what is near.
+        // The view reaches to the horizon, but most of the picture shows near surfaces.
         let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), 0.3)], ..Scene::default() };
         add(&mut scene, Mesh::quad(Vec3::new(-5e3, 0.0, 5e3), Vec3::X * 1e4, Vec3::NEG_Z * 1e4));
         let extent = Extent::of_view(&prepared(scene), VIEW);
         assert!((2.0..30.0).contains(&extent.radius) && extent.center.length() < 15.0, "{extent:?}");
-        // Nothing is seen.
+        // An empty view.
         let mut scene = Scene { cameras: vec![camera(Vec3::ZERO, 0.0)], ..Scene::default() };
         add(&mut scene, Mesh::quad(Vec3::Z * 5.0, Vec3::X, Vec3::Y));
         assert!(Extent::of_view(&prepared(scene), VIEW).is_whole());
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_room_costs_no_more_in_a_wide_world() {
-        // Photons that are kept, and photons that a place in the picture asks for.
+        // Photons stored, and photons that lookups at visible points read.
         let work = |scene: &PreparedScene| {
             let settings = PhotonSettings { progressive: true, count: 20_000, ..PhotonSettings::default() };
             let plan = Prepass::default().photon_plan(scene, VIEW);

@@ -28,8 +28,11 @@ pub(super) fn irradiance_count(all: &PhotonMap) -> u32 {
 
 /// A range of points whose irradiance is to be computed.
 pub(super) struct IrradianceAt<'a> {
+    /// Scene.
     pub(super) prepared: &'a PreparedScene,
+    /// Density estimator.
     pub(super) estimator: Estimator,
+    /// All photons.
     pub(super) all: &'a PhotonMap,
     /// Indices of the points, below [`irradiance_count`].
     pub(super) points: Range<u32>,
@@ -75,6 +78,7 @@ impl IrradianceAt<'_> {
         let accel = self.prepared.accel();
         let normal = photon.mark().normal();
         let height = FLATNESS * away.length();
+        // Test that the way above the surface is free, then find the surface below its end
         let above = photon.p + normal * height;
         if accel.occluded(&Ray { t_max: 1.0, ..Ray::new(above, away) }) {
             return None;

@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn all_numbers_are_met_and_stand_for_what_they_should() {
-        // Half of all goes into one corner of the directions.
+        // One corner of the directions has half of the probability.
         let count: usize = CELLS.iter().product();
         let mut cells = vec![0.5 / (count - 1) as f32; count];
         cells[13] = 0.5;

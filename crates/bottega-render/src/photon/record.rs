@@ -93,6 +93,7 @@ impl Mark {
         self.label
     }
 
+    /// Returns the label.
     #[inline(always)]
     pub(super) fn label(self) -> u32 {
         self.label

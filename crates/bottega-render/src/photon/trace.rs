@@ -35,10 +35,13 @@ const SHADOWS_MAX: u32 = 16;
 /// The photon tracer of a pass. A photon depends only on the scene, these settings and its index.
 #[derive(Clone, Copy)]
 pub(crate) struct Tracer<'a> {
+    /// Scene.
     pub(crate) prepared: &'a PreparedScene,
+    /// Light sources.
     pub(crate) emission: &'a Emission,
     /// Plan of emission: the region that photons are sent to.
     pub(crate) plan: &'a EmissionPlan,
+    /// Seed of the random numbers.
     pub(crate) seed: u64,
     /// Number of the pass; each pass has its own photons.
     pub(crate) pass: u32,
@@ -91,7 +94,9 @@ impl ByteForm for TracedPhotons {
 
 /// A range of photons to trace.
 pub(crate) struct Tracing<'a> {
+    /// Tracer of the pass.
     pub(crate) tracer: Tracer<'a>,
+    /// Indices of the photons.
     pub(crate) indices: Range<u32>,
 }
 
@@ -166,6 +171,7 @@ impl Tracer<'_> {
             if bsdf.has_non_delta() {
                 let normal = if point.front { point.ng } else { -point.ng };
                 let power = power * (arriving / self.opacity(&ray, &hit));
+                // Store the photon by its kind
                 let photon = Photon::new(point.p, point.wo, normal, power).with_bounces(depth);
                 match (is_direct, is_specular) {
                     (true, _) if self.only_caustics => {}
@@ -224,8 +230,8 @@ impl Tracer<'_> {
         })
     }
 
-    /// Returns the share of photons that a semi-transparent surface stops. Stored photons are divided by it: whoever
-    /// sees the surface does so with the same probability.
+    /// Returns the share of photons that a semi-transparent surface stops. Stored photons are divided by it: camera
+    /// paths hit the surface with the same probability.
     #[inline(always)]
     fn opacity(&self, ray: &Ray, hit: &Hit) -> f32 {
         /// Least opacity, which bounds the factor.

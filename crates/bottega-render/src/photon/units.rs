@@ -38,8 +38,11 @@ pub struct PhotonWork {
 pub struct IrradianceWork {
     /// The scene that the photons are of.
     pub(crate) scene: Arc<PreparedScene>,
+    /// All photons.
     pub(crate) all: Arc<PhotonMap>,
+    /// Density estimator.
     pub(crate) estimator: Estimator,
+    /// Indices of the points.
     pub(crate) points: Range<u32>,
 }
 

@@ -10,8 +10,9 @@ use super::super::{
     visibility::ShadowVerdict,
 };
 
-/// Sensors of an agent in the first round, and in total where neighbours disagree.
+/// Sensors of an agent in the first round.
 pub(super) const FIRST: u32 = 5;
+/// Sensors of an agent in total where neighbours disagree.
 pub(super) const ALL: u32 = 16;
 /// Greatest distance of an agent from a surface edge to be at the edge, as a share of its neighbourhood's radius.
 const NEAR: f32 = 0.72;

@@ -40,6 +40,7 @@ impl Fitted {
     #[inline(always)]
     pub(in crate::ala) fn at(&self, p: Vec3, normal: Vec3, bounces: u32, found: &mut Nearest) -> Option<Spectrum> {
         self.sensors.nearest(p, f32::INFINITY, found);
+        // Keep the nearest sensors on the same surface
         let mut near = [(f32::INFINITY, 0_u32); SENSORS];
         let mut count = 0;
         for (number, distance_squared) in found.iter() {

@@ -13,9 +13,11 @@ const MANY: f32 = -1.0;
 /// Parameters of one kind of sensor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tool {
-    /// Number of sensors up to which they are few, from which they are many, and the greatest number.
+    /// Number of sensors up to which they are few.
     pub(super) few: u32,
+    /// Number of sensors from which they are many.
     pub(super) many: u32,
+    /// Greatest number of sensors.
     pub(super) most: u32,
     /// Distance between successive sensors, in scene units (ε).
     pub(super) step: f32,
@@ -33,6 +35,7 @@ pub(super) struct Miner {
 }
 
 impl Miner {
+    /// Starts digging with initial stimulation.
     pub(super) fn new(tool: Tool) -> Self {
         Self { tool, gamma: GAMMA, sum: 0.0, count: 0 }
     }

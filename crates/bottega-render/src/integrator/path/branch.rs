@@ -8,9 +8,11 @@ use super::{
 };
 use crate::guide::Agent;
 
-/// Least and greatest expected number of branches per vertex, and the range that counts as exactly one.
+/// Least expected number of branches per vertex.
 const SURVIVAL_MIN: f32 = 0.3;
+/// Greatest expected number of branches per vertex.
 const SPLIT_MAX: f32 = 8.0;
+/// Expected numbers that count as exactly one branch.
 const ONE: RangeInclusive<f32> = 0.7..=1.4;
 
 impl Path<'_> {

@@ -29,6 +29,7 @@ pub(super) struct Guidance<'a> {
 }
 
 impl<'a> Guidance<'a> {
+    /// No learned data.
     pub(super) const NONE: Self = Self { region: None, agent: None, leaf: NO_LEAF };
 
     /// Returns `true` if directions are drawn by the guide, too.
@@ -37,11 +38,13 @@ impl<'a> Guidance<'a> {
         self.region.is_some()
     }
 
+    /// Returns the number of the guide's leaf; [`NO_LEAF`]: none.
     #[inline(always)]
     pub(super) fn leaf(&self) -> u32 {
         self.leaf
     }
 
+    /// Returns the agent of the region; `None`: none.
     #[inline(always)]
     pub(super) fn agent(&self) -> Option<&'a Agent> {
         self.agent

@@ -16,11 +16,10 @@ use crate::{
     settings::DirectLight,
 };
 
-/// Factor and lower limit of the probability of a shadow ray. The probability is [`LOOKS`] times the importance of the
-/// light sample to the pixel times √(visible share): the root of the cost of a vertex over that of a shadow ray,
-/// rounded up for caution. With the limit, visible light is weighted by at most four; still fewer shadow rays save no
-/// measurable time.
+/// Factor of the probability of a shadow ray, next to the importance of the light sample to the pixel and √(visible
+/// share): √(cost of a vertex ∕ cost of a shadow ray), rounded up for caution.
 const LOOKS: f32 = 3.0;
+/// Least probability of a shadow ray: visible light is weighted by at most four. A lower limit saves no measurable time.
 const LOOKS_MIN: f32 = 0.25;
 
 impl Path<'_> {

@@ -16,16 +16,23 @@ use crate::{
 
 /// The path tracer of one picture. Cheap to create: one per block of work.
 pub struct PathIntegrator<'a> {
+    /// Scene.
     pub(super) prepared: &'a PreparedScene,
+    /// Settings of the picture.
     pub(super) settings: &'a PathSettings,
+    /// Camera of the view.
     pub(super) camera: CameraRays,
     /// Size of the picture, in pixels.
     pub(super) size: Vec2,
+    /// Medium that contains the camera; `None`: vacuum.
     pub(super) camera_medium: Option<MediumId>,
     /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
+    /// Sampler of the pixel filter.
     pub(super) filter: FilterSampler,
+    /// Optional values of each sample.
     pub(super) wanted: Wanted,
+    /// Guide of all pixels; `None`: not guided, or guided by `plan`.
     pub(super) guide: Option<Arc<Guide>>,
     /// Guide whose plan picks the rendering way of each pixel; `None`: all pixels are rendered in one way.
     pub(super) plan: Option<Arc<Guide>>,
@@ -101,14 +108,17 @@ impl<'a> PathIntegrator<'a> {
         Self { wanted, ..self }
     }
 
+    /// Returns the scene.
     pub(in crate::integrator) fn prepared(&self) -> &'a PreparedScene {
         self.prepared
     }
 
+    /// Returns the settings.
     pub(in crate::integrator) fn settings(&self) -> &'a PathSettings {
         self.settings
     }
 
+    /// Returns which optional values are requested.
     pub(in crate::integrator) fn wanted(&self) -> Wanted {
         self.wanted
     }
@@ -151,6 +161,7 @@ impl<'a> PathIntegrator<'a> {
         self.settings.agents.any() && self.guide.is_some()
     }
 
+    /// Returns the guide; `None`: not guided.
     #[inline(always)]
     pub(in crate::integrator) fn guide(&self) -> Option<&Guide> {
         self.guide.as_deref()

@@ -28,12 +28,17 @@ pub(super) struct Previous {
 
 /// A path being traced.
 pub(in crate::integrator) struct Path<'a> {
+    /// Integrator of the pixel.
     pub(super) integrator: &'a PathIntegrator<'a>,
+    /// Random numbers of the sample and branch.
     pub(super) sampler: PixelSampler,
+    /// Guide for directions and agents; `None`: not guided.
     pub(super) guide: Option<&'a Guide>,
     /// Receives the path's vertices for learning; `None` while rendering.
     pub(super) trail: Option<&'a mut Trail>,
+    /// Throughput β.
     pub(super) throughput: Spectrum,
+    /// Radiance found so far, by all branches.
     pub(super) radiance: Spectrum,
     /// Absorption coefficient of the solid that the path is in, per length.
     pub(super) absorption: Spectrum,
@@ -41,20 +46,27 @@ pub(in crate::integrator) struct Path<'a> {
     /// compressed on entering a denser solid, or because the path was guided to where more light comes from. Russian
     /// roulette multiplies by it.
     pub(super) roulette_scale: f32,
+    /// Number of scattering events so far.
     pub(super) depth: u32,
+    /// Start of the next ray.
     pub(super) origin: Vec3,
+    /// Direction of the next ray; unit length.
     pub(super) direction: Vec3,
+    /// Ray cone, for texture filtering.
     pub(super) cone: RayCone,
     /// Start of the camera ray and its length; see [`CameraRay`].
     pub(super) start: f32,
     pub(super) reach: f32,
+    /// Previous vertex.
     pub(super) previous: Previous,
     /// Importance of a unit of radiance to the pixel; 0: unknown. See [`Agent::worth`](crate::guide::Agent::worth).
     pub(super) worth: f32,
     /// Fraction of the next shadow ray that has accumulated, below 1, over all branches; `None`: no shadow ray has been
     /// skipped yet. See `is_due`.
     pub(super) due: Option<f32>,
+    /// `true`: the albedo is wanted and not recorded yet.
     pub(super) wants_albedo: bool,
+    /// Record of the path, over all branches.
     pub(super) record: PathRecord,
 }
 
@@ -75,6 +87,7 @@ pub(in crate::integrator) struct Branch {
 
 impl Branch {
     #[inline(always)]
+    /// Returns the random numbers of the branch.
     pub(super) fn sampler(&self) -> &PixelSampler {
         &self.sampler
     }

@@ -27,27 +27,29 @@ use crate::{
 pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// Samples of the whole picture per sample of the first trial (which decides whether to learn on) and of the last one.
 const SAMPLES_PER_TRIED: [u64; 2] = [256, 40];
-/// Least and greatest number of pixels in a trial. Fewer are not conclusive.
+/// Least number of pixels in a trial. Fewer are not conclusive.
 const PIXELS_MIN: u64 = 64;
+/// Greatest number of pixels in a trial.
 const PIXELS_MAX: u64 = 4096;
 /// Greatest number of samples per pixel: enough for stratification to show.
 const SAMPLES_MAX: u32 = 16;
 /// Pixels that one thread renders in a row.
 const PIXELS_PER_CHUNK: usize = 16;
-/// Number of pixels from which machines share a trial, and the number of parts: smaller parts take less time than their
-/// messages.
+/// Number of pixels from which machines share a trial: smaller ones take less time than their messages.
 const SHARED_MIN: usize = 512;
+/// Number of parts of a shared trial.
 const PARTS: usize = 16;
 /// Share of the pixels, those with the greatest errors, that do not count.
 const TRIM: f64 = 0.005;
-/// Factor by which error times work must fall (geometric mean of both measures), and the factor up to which it may rise
-/// by one of them.
+/// Factor by which error times work must fall, by the geometric mean of both measures.
 const GAIN_MIN: f64 = 1.05;
+/// Greatest factor by which error times work may rise by one of both measures.
 const LOSS_MAX: f64 = 1.25;
-/// Pixels tried per zone of the plan, greatest number of zones along a side, and the weight of the result of all pixels
-/// in each zone, in pixels.
+/// Pixels tried per zone of the plan.
 const PIXELS_PER_ZONE: f64 = 64.0;
+/// Greatest number of zones along a side of the plan.
 const ZONES_MAX: f64 = 8.0;
+/// Weight of the result of all pixels in each zone, in pixels.
 const COMMON_PIXELS: f64 = 32.0;
 /// Factor by which another way must be better in a zone than the way of most of the picture: a zone has few pixels.
 const ZONE_GAIN_MIN: f64 = 1.25;

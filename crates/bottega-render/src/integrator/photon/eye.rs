@@ -114,6 +114,7 @@ pub(super) struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
+    /// Creates the path of one sample, with empty sums.
     #[inline(always)]
     pub(super) fn new(
         integrator: &'a PhotonIntegrator<'a>,
@@ -153,7 +154,9 @@ impl<'a> Eye<'a> {
         let t_max = std::mem::replace(&mut walk.reach, f32::INFINITY);
         let ray = Ray { t_max, ..Ray::new(walk.origin, walk.direction) };
         let hides_emitters = walk.vertex == 0 && self.integrator.base.hides_emitters();
+        // Intersect the ray with the scene
         let hit = if hides_emitters { self.intersect_unlit(&ray) } else { self.intersect(&ray, walk.vertex) };
+        // Add the environment if the ray left the scene
         if hit.is_none() && hides_emitters {
             return false;
         }

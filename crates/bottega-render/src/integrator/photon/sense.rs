@@ -29,6 +29,7 @@ const RAYS_IN_THE_DARK: u32 = 48;
 
 /// A place where an agent measures irradiance by the error oracle.
 pub(crate) struct SensorPlace {
+    /// Surface point.
     pub(crate) point: Interaction,
     /// Width of the surroundings that the sensor represents, as a length.
     pub(crate) width: f32,
@@ -73,6 +74,7 @@ impl<'a> PhotonIntegrator<'a> {
         Ok(Self { base, photons, passes, cache: None, view })
     }
 
+    /// Returns the scene.
     pub(crate) fn prepared(&self) -> &'a PreparedScene {
         self.base.prepared()
     }

@@ -26,6 +26,7 @@ pub(super) struct Previous {
 /// A point on a segment through a homogeneous medium.
 #[derive(Clone, Copy)]
 pub(super) struct SegmentPoint {
+    /// The segment, from its start to the next surface.
     pub(super) segment: Segment,
     /// Distance from the start of the segment.
     pub(super) distance: f32,
@@ -35,16 +36,22 @@ pub(super) struct SegmentPoint {
 
 /// A path through media being traced.
 pub(super) struct Path<'a> {
+    /// Scene.
     pub(super) prepared: &'a PreparedScene,
+    /// Settings of the picture.
     pub(super) settings: &'a PathSettings,
+    /// Random numbers of the sample.
     pub(super) sampler: PixelSampler,
+    /// Throughput β.
     pub(super) throughput: Spectrum,
+    /// Radiance found so far.
     pub(super) radiance: Spectrum,
     /// Medium that the path is in; `None`: vacuum.
     pub(super) medium: Option<MediumId>,
     /// Factor by which radiance was compressed on entering denser solids; it does not count as loss in Russian
     /// roulette.
     pub(super) eta_scale: f32,
+    /// Number of scattering events so far.
     pub(super) depth: u32,
     /// Number of segments so far; more than `depth` where boundaries were crossed.
     pub(super) segment: u32,
@@ -56,12 +63,20 @@ pub(super) struct Path<'a> {
     pub(super) reach: f32,
     /// Number of random numbers that tracking has drawn.
     pub(super) numbers_drawn: u64,
+    /// Start of the next ray.
     pub(super) origin: Vec3,
+    /// Direction of the next ray; unit length.
     pub(super) direction: Vec3,
+    /// Ray cone, for texture filtering.
     pub(super) cone: RayCone,
+    /// Previous vertex.
     pub(super) previous: Previous,
+    /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
+    /// `true`: the albedo is wanted and not recorded yet.
     pub(super) wants_albedo: bool,
+    /// `true`: costs are wanted.
     pub(super) wants_cost: bool,
+    /// Record of the path.
     pub(super) record: PathRecord,
 }

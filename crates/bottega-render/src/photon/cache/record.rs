@@ -22,7 +22,9 @@ pub(crate) const EFFORT_MAX: u32 = 16;
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(crate) struct IrradianceRecord {
+    /// Position, in world space.
     pub(super) p: Vec3,
+    /// Shading normal; unit length.
     pub(super) n: Vec3,
     /// Harmonic mean distance to other surfaces.
     pub(super) radius: f32,
@@ -32,9 +34,11 @@ pub(crate) struct IrradianceRecord {
     pub(super) effort: u32,
     /// Expected relative variance, shared by a neighbourhood; see [`super::noise`].
     pub(super) noise: f32,
+    /// Indirect irradiance.
     pub(super) irradiance: Spectrum,
-    /// Rotational and translational gradient: one vector for each of red, green and blue.
+    /// Rotational gradient, per channel.
     pub(super) turning: [Vec3; 3],
+    /// Translational gradient, per channel.
     pub(super) moving: [Vec3; 3],
     /// Variance of the luminance of the irradiance, estimated from the record's own rays.
     pub(super) variance: f32,
@@ -52,6 +56,7 @@ const OFF_PLANE: f32 = 0.1;
 pub(super) struct Reach {
     p: Vec3,
     n: Vec3,
+    /// Radius of the ball.
     pub(super) radius: f32,
     /// Distance of the planes from the surface.
     height: f32,
@@ -155,6 +160,7 @@ impl IrradianceRecord {
         let looks = found.cells();
         let look = |ring: usize, sector: usize| &looks[ring * SECTORS + sector % SECTORS];
         let cell = PI / looks.len() as f32;
+        // Sum irradiance and harmonic mean distance
         let irradiance = looks.iter().map(|look| look.radiance).sum::<Spectrum>() * cell;
         let inverse: f32 = looks.iter().map(GatherSample::inverse_distance).sum::<f32>() / looks.len() as f32;
         let radius = if inverse > 0.0 { 1.0 / inverse } else { f32::INFINITY };
@@ -163,6 +169,7 @@ impl IrradianceRecord {
             let (sin, cos) = math::sin_cos_of_turns(turns);
             s * cos + t * sin
         };
+        // Sum the gradients over the cells
         let (mut turning, mut moving) = ([Vec3::ZERO; 3], [Vec3::ZERO; 3]);
         let add = |to: &mut [Vec3; 3], along: Vec3, by: Spectrum| {
             for channel in 0..3 {

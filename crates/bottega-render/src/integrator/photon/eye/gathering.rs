@@ -19,12 +19,14 @@ pub(super) struct Gathering<'a> {
     pub(super) unknown: f32,
     /// `true`: light in the broad lobes of the surface is already added.
     pub(super) is_known: bool,
+    /// Distribution of incident light that directions are drawn from; `None`: the bsdf alone draws them.
     pub(super) aiming: Option<Aiming<'a>>,
 }
 
 /// Importance sampling of gathering rays by the incident light.
 #[derive(Clone, Copy)]
 pub(super) struct Aiming<'a> {
+    /// Distribution of incident light.
     pub(super) arrival: LightDirections<'a>,
     /// `true`: the incident light alone draws directions; the bsdf does not.
     pub(super) is_matte: bool,

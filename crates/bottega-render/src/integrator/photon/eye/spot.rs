@@ -26,18 +26,22 @@ pub(in crate::integrator) struct Spot {
 }
 
 impl Spot {
+    /// Creates a spot with the width of its ray cone or of the surroundings that it represents.
     pub(in crate::integrator) fn new(point: Interaction, width: f32) -> Self {
         Self { point, width }
     }
 
+    /// Returns the position.
     pub(in crate::integrator) fn p(&self) -> Vec3 {
         self.point.p
     }
 
+    /// Returns the shading normal.
     pub(in crate::integrator) fn n(&self) -> Vec3 {
         self.point.frame[2]
     }
 
+    /// Returns the width of the ray cone.
     pub(in crate::integrator) fn width(&self) -> f32 {
         self.width
     }

@@ -32,12 +32,16 @@ pub(super) enum ArrivalKind {
 /// The state of a path.
 #[derive(Clone, Copy)]
 pub(super) struct Walk {
+    /// Start of the next ray.
     pub(super) origin: Vec3,
+    /// Direction of the next ray; unit length.
     pub(super) direction: Vec3,
+    /// Ray cone, for texture filtering.
     pub(super) cone: RayCone,
     /// Distance of the ray's start from the camera, and the length of the next ray.
     pub(super) start: f32,
     pub(super) reach: f32,
+    /// Throughput β.
     pub(super) throughput: Spectrum,
     /// Absorption coefficient of the solid that the path is in, per length.
     pub(super) absorption: Spectrum,
@@ -47,6 +51,7 @@ pub(super) struct Walk {
     pub(super) depth: u32,
     /// Index of the random numbers of the current vertex; distinct for every path of a sample.
     pub(super) vertex: u32,
+    /// Origin of the current segment.
     pub(super) comes: ArrivalKind,
     /// `true`: look only for emission at the next surface, and end there.
     pub(super) is_short: bool,
@@ -97,9 +102,13 @@ pub(super) enum LightShare {
 
 /// A surface point with its bsdf.
 pub(super) struct Place<'b> {
+    /// The interaction at the point.
     pub(super) point: &'b Interaction,
+    /// Its bsdf, for `wo`.
     pub(super) bsdf: &'b BsdfAt<'b>,
+    /// The point as light sampling sees it.
     pub(super) receiver: Receiver,
+    /// Direction towards the previous vertex, in the shading frame.
     pub(super) wo: Vec3,
 }
 
