@@ -64,7 +64,7 @@ impl Agent {
 
 /// A range of agents to cast.
 pub(crate) struct Casting<'a> {
-    /// Scene.
+    /// The prepared scene.
     pub(crate) prepared: &'a PreparedScene,
     /// Sources that cast the agents.
     pub(crate) sources: &'a Emission,

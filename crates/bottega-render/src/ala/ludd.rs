@@ -28,7 +28,7 @@ const REACH: f32 = 0.05;
 /// A property by which samples differ: k of equation 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Criterion {
-    /// Geometric normal.
+    /// Geometric normal of the surface.
     Normal,
     /// Power: the luminance of a photon; for an agent, the visibility of its light.
     Power,
@@ -102,7 +102,7 @@ pub enum SampleSet {
 }
 
 impl Criterion {
-    /// All criteria.
+    /// All criteria, for iteration.
     pub const ALL: [Self; 5] = [Self::Normal, Self::Power, Self::Direction, Self::Irradiance, Self::Importance];
 
     /// Returns the name in options and reports.

@@ -38,7 +38,7 @@ pub(crate) struct Agents {
     pub(super) settings: AgentSettings,
     /// Visibility of lights.
     pub(super) visibility: Arc<Visibility>,
-    /// Indirect light.
+    /// Indirect light by the oracle.
     pub(super) indirect: Indirect,
     /// Report of casting and sensing.
     pub(super) report: AgentReport,
@@ -49,7 +49,7 @@ pub(crate) struct Agents {
 /// Irradiance at a point, interpolated between agents.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct KnownIrradiance {
-    /// Irradiance.
+    /// Interpolated indirect irradiance.
     pub(crate) irradiance: Spectrum,
     /// Share of it to use, in (0, 1]: the rest is to be computed.
     pub(crate) share: f32,

@@ -37,9 +37,9 @@ pub(super) enum SensorKind {
 /// The probe of one agent.
 #[derive(Clone, Copy)]
 pub(super) struct Probe<'a> {
-    /// Scene.
+    /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,
-    /// The agent.
+    /// The agent whose sensors are placed.
     pub(super) agent: &'a Agent,
     /// Seed of the random numbers.
     pub(super) seed: u64,

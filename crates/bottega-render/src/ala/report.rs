@@ -53,7 +53,7 @@ pub struct Tally {
 pub(super) struct Tallies([AtomicU64; 4]);
 
 impl Tallies {
-    /// Adds counts.
+    /// Adds the counts of a tally.
     pub(super) fn add(&self, tally: &Tally) {
         let Tally { shadow_traced, shadow_spared, irradiance_computed, irradiance_interpolated } = *tally;
         let parts = [shadow_traced, shadow_spared, irradiance_computed, irradiance_interpolated];

@@ -55,13 +55,13 @@ pub(crate) struct Sensing<'a> {
     pub(crate) integrator: &'a PhotonIntegrator<'a>,
     /// Photon maps of caustics.
     pub(crate) maps: &'a PhotonMaps,
-    /// All agents.
+    /// The agents of the picture.
     pub(crate) swarm: &'a Swarm,
-    /// Proximity network.
+    /// Links between neighbouring agents.
     pub(crate) network: &'a Network,
     /// Seed of the random numbers.
     pub(crate) seed: u64,
-    /// The task.
+    /// The task to run.
     pub(crate) errand: SensingTask,
 }
 

@@ -19,7 +19,7 @@ use crate::{
 /// A range of agents to cast.
 #[derive(Clone)]
 pub struct AgentWork {
-    /// The scene.
+    /// The scene to trace in.
     pub scene: Arc<PreparedScene>,
     /// Prepass of the scene.
     pub prepass: Arc<Prepass>,
@@ -36,7 +36,7 @@ pub struct AgentWork {
 /// A sensing task of some agents.
 #[derive(Clone)]
 pub struct SensorWork {
-    /// The scene.
+    /// The scene to trace in.
     pub(crate) scene: Arc<PreparedScene>,
     /// Settings of photons and agents.
     pub(crate) photons: PhotonSettings,
@@ -44,9 +44,9 @@ pub struct SensorWork {
     pub(crate) seed: u64,
     /// Photon maps of the picture.
     pub(crate) passes: Arc<Passes>,
-    /// All agents.
+    /// The agents of the picture.
     pub(crate) swarm: Arc<Swarm>,
-    /// Proximity network.
+    /// Links between neighbouring agents.
     pub(crate) network: Arc<Network>,
     /// Agents, and the kind of sensors.
     pub(crate) errand: SensingTask,

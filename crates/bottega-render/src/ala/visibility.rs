@@ -17,7 +17,7 @@ use crate::photon::{
 /// An agent's answer to "should I trace a shadow ray?".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ShadowVerdict {
-    /// Yes.
+    /// Yes: the agent does not know.
     Trace,
     /// No: the light is visible.
     Lit,

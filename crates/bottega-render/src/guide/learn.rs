@@ -32,7 +32,7 @@ const WORK_OF_GUIDE: f64 = 0.2;
 pub(super) struct Vertex {
     /// Position, in world space.
     pub(super) p: Vec3,
-    /// See [`face_of`](super::tree::face_of).
+    /// Facing of the surface; see [`face_of`](super::tree::face_of).
     pub(super) face: u8,
     /// `true`: the next vertex of the list continues the path.
     pub(super) has_next: bool,

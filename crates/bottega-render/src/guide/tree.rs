@@ -83,7 +83,7 @@ impl GuideNode {
 /// A grid on whose planes trees prefer to split.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lattice {
-    /// Low corner.
+    /// Low corner, in world space.
     low: Vec3,
     /// Cells per unit of length.
     scale: Vec3,

@@ -121,11 +121,12 @@ impl Path<'_> {
         // Compute the interaction at the hit
         let point = self.arrive(hit);
         let (material, known) = self.integrator.prepared.material(point.material);
-        // Add emission
+        // Add the color of an unlit surface and stop
         if let Surface::Unlit(color) = &material.surface {
             self.add_unlit(&point, color);
             return false;
         }
+        // Add emission
         if known.shines && material.emission_sides.has(point.front) {
             self.add_emission::<AGENTS>(&point);
         }

@@ -33,7 +33,7 @@ pub(crate) struct PathRecord {
 /// Work of a path other than traversal steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PathCounts {
-    /// Shadow rays.
+    /// Number of shadow rays.
     pub(crate) shadow_rays: u32,
     /// Vertices on surfaces with several lobes, which are slower to evaluate.
     pub(crate) layered: u32,

@@ -33,7 +33,7 @@ struct PathLane<'a> {
     sample: usize,
     factor: f32,
     hit: Hit,
-    /// Branches that wait.
+    /// Branches that wait to be traced.
     branches: Vec<Branch>,
 }
 

@@ -51,7 +51,7 @@ struct WavePath {
     /// Index of its sample, and the factor of that sample.
     sample: u32,
     factor: f32,
-    /// Branches that wait.
+    /// Branches that wait to be traced.
     branches: Vec<Branch>,
     stage: PathStage,
 }

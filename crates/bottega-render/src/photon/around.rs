@@ -25,7 +25,7 @@ pub(crate) const CELLS: usize = CELL_RINGS * CELL_SECTORS;
 /// The result of a gathering ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct GatherSample {
-    /// Incident radiance.
+    /// Radiance that the ray found.
     pub(crate) radiance: Spectrum,
     /// Distance to the hit; infinite: nothing hit.
     pub(crate) distance: f32,

@@ -28,11 +28,11 @@ pub(super) fn irradiance_count(all: &PhotonMap) -> u32 {
 
 /// A range of points whose irradiance is to be computed.
 pub(super) struct IrradianceAt<'a> {
-    /// Scene.
+    /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,
-    /// Density estimator.
+    /// Density estimator of the picture.
     pub(super) estimator: Estimator,
-    /// All photons.
+    /// All photons of the picture.
     pub(super) all: &'a PhotonMap,
     /// Indices of the points, below [`irradiance_count`].
     pub(super) points: Range<u32>,

@@ -48,7 +48,7 @@ pub(crate) struct PhotonMaps {
     pub(crate) arrivals: Arrivals,
     /// Shadow photons: points where light arrives directly, and points in shadow.
     pub(crate) visibility: PhotonMap,
-    /// Density estimator.
+    /// Density estimator of the picture.
     pub(crate) estimator: Estimator,
     reach: Reach,
 }

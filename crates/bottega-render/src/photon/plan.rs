@@ -12,7 +12,7 @@ use crate::{
 
 /// The emission plan of a view.
 pub(crate) struct PhotonPlan {
-    /// The view.
+    /// The view of the plan.
     pub(super) view: View,
     /// Light sources of the scene.
     pub(crate) sources: Arc<Emission>,

@@ -30,7 +30,7 @@ pub(crate) struct Passes {
 pub struct MapBytes {
     /// Caustic photons; without final gathering, also the indirect photons.
     pub seen: usize,
-    /// Irradiance places.
+    /// Places with precomputed irradiance.
     pub irradiance: usize,
     /// Direct photons, if [`PhotonSettings::separate_maps`] is set.
     pub direct: usize,
@@ -38,7 +38,7 @@ pub struct MapBytes {
     pub indirect: usize,
     /// Distributions of indirect light.
     pub arrivals: usize,
-    /// Shadow photons.
+    /// Shadow photons, lit and shaded.
     pub shadow: usize,
     /// The irradiance cache.
     pub cache: usize,

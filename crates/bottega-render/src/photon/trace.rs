@@ -35,9 +35,9 @@ const SHADOWS_MAX: u32 = 16;
 /// The photon tracer of a pass. A photon depends only on the scene, these settings and its index.
 #[derive(Clone, Copy)]
 pub(crate) struct Tracer<'a> {
-    /// Scene.
+    /// The prepared scene.
     pub(crate) prepared: &'a PreparedScene,
-    /// Light sources.
+    /// Light sources of the scene.
     pub(crate) emission: &'a Emission,
     /// Plan of emission: the region that photons are sent to.
     pub(crate) plan: &'a EmissionPlan,
@@ -207,7 +207,7 @@ impl Tracer<'_> {
             if !is_reflection && known.parts_media {
                 absorption = known.absorption[usize::from(point.front)];
             }
-            // Move on
+            // Spawn the next ray
             is_specular &= sample.is_delta();
             if self.only_caustics && !is_specular {
                 return;

@@ -17,11 +17,11 @@ use crate::{PhotonSettings, PreparedScene, Prepass, View};
 /// A range of photons to trace.
 #[derive(Clone)]
 pub struct PhotonWork {
-    /// The scene.
+    /// The scene to trace in.
     pub scene: Arc<PreparedScene>,
     /// Prepass of the scene.
     pub prepass: Arc<Prepass>,
-    /// Photon settings.
+    /// Settings of the photons.
     pub settings: PhotonSettings,
     /// Picture that the photons are traced for: they are sent to what it shows.
     pub view: View,
@@ -38,9 +38,9 @@ pub struct PhotonWork {
 pub struct IrradianceWork {
     /// The scene that the photons are of.
     pub(crate) scene: Arc<PreparedScene>,
-    /// All photons.
+    /// All photons of the picture.
     pub(crate) all: Arc<PhotonMap>,
-    /// Density estimator.
+    /// Density estimator of the picture.
     pub(crate) estimator: Estimator,
     /// Indices of the points.
     pub(crate) points: Range<u32>,

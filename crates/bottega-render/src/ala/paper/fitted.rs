@@ -24,7 +24,7 @@ const FLATNESS: f32 = 0.35;
 /// Irradiance sensors of a swarm.
 #[derive(Clone, Debug)]
 pub(in crate::ala) struct Fitted {
-    /// Indirect irradiance.
+    /// Sensors with their indirect irradiance.
     pub(in crate::ala) sensors: IrradianceMap,
     /// σ of the irradiance sensors: the mean distance between objects.
     pub(in crate::ala) object_distance: f32,

@@ -16,7 +16,7 @@ use crate::{
 
 /// The path tracer of one picture. Cheap to create: one per block of work.
 pub struct PathIntegrator<'a> {
-    /// Scene.
+    /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,
     /// Settings of the picture.
     pub(super) settings: &'a PathSettings,

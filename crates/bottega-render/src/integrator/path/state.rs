@@ -36,7 +36,7 @@ pub(in crate::integrator) struct Path<'a> {
     pub(super) guide: Option<&'a Guide>,
     /// Receives the path's vertices for learning; `None` while rendering.
     pub(super) trail: Option<&'a mut Trail>,
-    /// Throughput β.
+    /// Throughput of the path, β.
     pub(super) throughput: Spectrum,
     /// Radiance found so far, by all branches.
     pub(super) radiance: Spectrum,
@@ -57,7 +57,7 @@ pub(in crate::integrator) struct Path<'a> {
     /// Start of the camera ray and its length; see [`CameraRay`].
     pub(super) start: f32,
     pub(super) reach: f32,
-    /// Previous vertex.
+    /// The previous vertex, for MIS.
     pub(super) previous: Previous,
     /// Importance of a unit of radiance to the pixel; 0: unknown. See [`Agent::worth`](crate::guide::Agent::worth).
     pub(super) worth: f32,

@@ -84,7 +84,7 @@ impl ByteForm for AllTrials {
     }
 }
 
-/// A trial to run.
+/// A trial that has not run yet.
 pub(super) struct Trial<'a> {
     /// The integrator without a guide.
     integrator: &'a PathIntegrator<'a>,

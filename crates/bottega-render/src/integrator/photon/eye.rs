@@ -51,9 +51,9 @@ const SHADOW_STEPS: f32 = 8.0;
 /// The light that was computed before the picture.
 #[derive(Clone, Copy)]
 pub(crate) struct KnownLight<'a> {
-    /// Photon maps.
+    /// Photon maps of the pass.
     pub(crate) maps: &'a PhotonMaps,
-    /// Irradiance cache.
+    /// Irradiance cache; `None`: not used.
     pub(crate) cache: Option<&'a IrradianceCache>,
     /// Lighting agents; `None`: the picture has none, or they are still being cast.
     pub(crate) agents: Option<&'a Agents>,
@@ -180,7 +180,7 @@ impl<'a> Eye<'a> {
         if walk.vertex == 0 {
             self.record.record_first(walk.start + hit.t, point.frame[2]);
         }
-        // Add emission
+        // Add the color of an unlit surface and stop
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
             let color = point.unlit(prepared.scene(), color);
@@ -188,6 +188,7 @@ impl<'a> Eye<'a> {
             self.record.record_albedo(&mut self.wants_albedo, color);
             return false;
         }
+        // Add emission
         if known.shines && material.emission_sides.has(point.front) {
             self.add_emission(walk, &point);
         }
@@ -275,7 +276,7 @@ impl<'a> Eye<'a> {
             false => f32::from(u8::from(!is_matte(bsdf))),
         };
         let is_interpolated = unknown == 0.0;
-        // With all indirect light known, nothing is left that paths can hit
+        // End the path if light sampling finds all that is left
         let is_end = is_interpolated && self.prepared.lights().are_all_found();
         let share = if is_end { LightShare::All } else { LightShare::Mis };
         // Sample direct illumination

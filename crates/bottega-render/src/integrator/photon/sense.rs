@@ -29,7 +29,7 @@ const RAYS_IN_THE_DARK: u32 = 48;
 
 /// A place where an agent measures irradiance by the error oracle.
 pub(crate) struct SensorPlace {
-    /// Surface point.
+    /// Surface point, with its frame.
     pub(crate) point: Interaction,
     /// Width of the surroundings that the sensor represents, as a length.
     pub(crate) width: f32,

@@ -36,13 +36,13 @@ pub(super) struct SegmentPoint {
 
 /// A path through media being traced.
 pub(super) struct Path<'a> {
-    /// Scene.
+    /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,
     /// Settings of the picture.
     pub(super) settings: &'a PathSettings,
     /// Random numbers of the sample.
     pub(super) sampler: PixelSampler,
-    /// Throughput β.
+    /// Throughput of the path, β.
     pub(super) throughput: Spectrum,
     /// Radiance found so far.
     pub(super) radiance: Spectrum,
@@ -69,7 +69,7 @@ pub(super) struct Path<'a> {
     pub(super) direction: Vec3,
     /// Ray cone, for texture filtering.
     pub(super) cone: RayCone,
-    /// Previous vertex.
+    /// The previous vertex, for MIS.
     pub(super) previous: Previous,
     /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,

@@ -34,7 +34,7 @@ pub(crate) struct IrradianceRecord {
     pub(super) effort: u32,
     /// Expected relative variance, shared by a neighbourhood; see [`super::noise`].
     pub(super) noise: f32,
-    /// Indirect irradiance.
+    /// Indirect irradiance at the point.
     pub(super) irradiance: Spectrum,
     /// Rotational gradient, per channel.
     pub(super) turning: [Vec3; 3],

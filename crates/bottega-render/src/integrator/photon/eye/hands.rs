@@ -10,7 +10,7 @@ use crate::{
 
 /// Reusable buffers of a thread, kept from sample to sample.
 pub(crate) struct Hands {
-    /// Photons found.
+    /// Photons that the last lookup found.
     pub(super) found: Nearest,
     /// Irradiance sensors found.
     pub(super) sensors: Nearest,

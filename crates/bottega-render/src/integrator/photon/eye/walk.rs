@@ -41,7 +41,7 @@ pub(super) struct Walk {
     /// Distance of the ray's start from the camera, and the length of the next ray.
     pub(super) start: f32,
     pub(super) reach: f32,
-    /// Throughput β.
+    /// Throughput of the path, β.
     pub(super) throughput: Spectrum,
     /// Absorption coefficient of the solid that the path is in, per length.
     pub(super) absorption: Spectrum,
@@ -85,9 +85,9 @@ impl Walk {
 pub(super) enum Remainder {
     /// None: the path ends.
     Nothing,
-    /// Emission only.
+    /// Only the emission of the surface.
     Lamps,
-    /// All light.
+    /// All light that arrives there.
     Light,
 }
 
@@ -147,7 +147,7 @@ pub(super) fn scatter(
         let (receiver, pdf) = (place.receiver, sample.pdf);
         walk.comes = ArrivalKind::Spread { receiver, pdf, is_sharp: is_sharp(prepared, pdf) };
     }
-    // Move on
+    // Spawn the next ray
     (walk.origin, walk.direction) = (point.ray_origin(wi), wi);
     walk.depth += 1;
     walk.vertex += 1;
