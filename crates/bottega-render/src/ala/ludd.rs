@@ -142,6 +142,7 @@ struct Moments {
 }
 
 impl Moments {
+    /// Adds a value.
     fn add(&mut self, value: Vec3) {
         let value = value.as_dvec3();
         self.count += 1;
@@ -150,6 +151,7 @@ impl Moments {
         self.lengths += value.length();
     }
 
+    /// Returns δ_k; `None`: fewer than two values.
     fn density(&self) -> Option<f32> {
         if self.count < 2 {
             return None;

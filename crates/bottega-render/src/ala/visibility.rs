@@ -62,6 +62,7 @@ impl Visibility {
         Self::of(swarm.tree.clone().retagged(tag), reach, links)
     }
 
+    /// Builds the list of answered lights from the agents' tags.
     fn of(places: PhotonMap, reach: Vec<f32>, links: Vec<[u32; LINKS]>) -> Self {
         let mut farthest: BTreeMap<u32, f32> = BTreeMap::new();
         for (photon, &reach) in places.iter().zip(&reach) {

@@ -51,6 +51,7 @@ impl Guide {
     }
 }
 
+/// Reads a guide; `None`: not valid.
 fn read(bytes: &[u8]) -> Option<Guide> {
     let mut rest = bytes;
     let mut number = || {

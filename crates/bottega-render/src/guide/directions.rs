@@ -111,6 +111,7 @@ pub(super) fn place_of(w: Vec3) -> (u16, f32) {
     (cell_at(place) as u16, s * s * s)
 }
 
+/// Returns the cell of a position in [−1, 1]².
 #[inline(always)]
 fn cell_at(place: Vec2) -> usize {
     let along = |x: f32| (((x + 1.0) * (0.5 * SIDE as f32)) as usize).min(SIDE - 1);

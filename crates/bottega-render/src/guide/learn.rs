@@ -147,6 +147,7 @@ impl RegionTree {
         self.ranges.push(range);
     }
 
+    /// Splits a node recursively, near the median of its longest axis.
     fn split(&mut self, at: usize, range: Range<usize>, scratch: &mut Vec<VertexPlace>) {
         /// Number of vertices that the median is estimated from.
         const MEDIAN_OF: usize = 511;
@@ -257,6 +258,7 @@ impl Filling {
     }
 }
 
+/// Returns the bounds of some positions.
 fn bounds(places: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     places.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
@@ -268,10 +270,12 @@ struct LearntRegion {
 }
 
 impl LearntRegion {
+    /// Returns the uniform densities, the prior of a tree's root.
     fn nothing() -> Self {
         Self { whole: Pyramid::uniform(), halves: [Pyramid::uniform(), Pyramid::uniform()] }
     }
 
+    /// Learns a part of this region from its samples, with this region as prior.
     fn within(&self, samples: &[Sample]) -> Self {
         let of_half = |which: usize| Pyramid::learnt(&self.halves[which], weights(half(samples, which)));
         Self { whole: Pyramid::learnt(&self.whole, weights(samples.iter())), halves: [of_half(0), of_half(1)] }

@@ -26,6 +26,7 @@ pub(crate) struct Trail {
     steps: Vec<TrailStep>,
 }
 
+/// A recorded vertex.
 #[derive(Clone, Copy, Debug)]
 struct TrailStep {
     p: Vec3,

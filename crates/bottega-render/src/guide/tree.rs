@@ -143,6 +143,7 @@ impl Lattice {
         (is_sized && lattice.low.is_finite() && lattice.scale.cmpge(Vec3::ZERO).all()).then_some(lattice)
     }
 
+    /// Returns the position of plane `i` along an axis.
     fn plane(&self, axis: usize, i: f32) -> f32 {
         self.low[axis] + i / self.scale[axis]
     }

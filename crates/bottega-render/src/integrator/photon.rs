@@ -79,6 +79,7 @@ impl<'a> PhotonIntegrator<'a> {
         &self.base
     }
 
+    /// Returns the medium that contains the camera; `None`: vacuum.
     fn camera_medium(&self) -> Option<MediumId> {
         self.base.camera_medium()
     }

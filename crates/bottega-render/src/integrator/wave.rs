@@ -45,6 +45,7 @@ pub struct WaveAnswers {
     pub occluded: Vec<bool>,
 }
 
+/// A path of a wave.
 #[derive(Clone)]
 struct WavePath {
     path: SuspendedPath,
@@ -115,6 +116,7 @@ impl fmt::Debug for Wave {
     }
 }
 
+/// One step of a wave, compiled for the vector unit.
 struct WaveStep<'a> {
     wave: &'a mut Wave,
     integrator: &'a PathIntegrator<'a>,
@@ -138,6 +140,7 @@ impl Task for WaveStep<'_> {
 }
 
 impl Wave {
+    /// Takes the results of the rays, and collects the next rays.
     #[inline(always)]
     fn advance<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>, answers: &WaveAnswers) {
         if self.records.is_empty() {
@@ -151,6 +154,7 @@ impl Wave {
         self.rays = Arc::new(rays);
     }
 
+    /// Starts all paths at their camera rays.
     #[inline(always)]
     fn begin<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>) {
         self.records = vec![PathRecord::default(); self.samples.len()];

@@ -61,6 +61,7 @@ pub(crate) struct IrradianceCache {
     list_bytes: usize,
 }
 
+/// A node of the octree; inner nodes hold records, too.
 #[derive(Clone, Debug, Default)]
 struct CacheNode {
     first_child: u32,

@@ -237,6 +237,7 @@ impl PhotonMap {
     }
 }
 
+/// Returns the squared distances of a bucket's photons to a point.
 #[inline(always)]
 fn distances([x, y, z]: &[[f32; BUCKET]; 3], p: Vec3) -> [f32; BUCKET] {
     std::array::from_fn(|i| {
@@ -262,6 +263,7 @@ fn left_leaves(leaves: usize) -> usize {
     full / 2 + (leaves - full).min(full / 2)
 }
 
+/// The photons of a node, and its number of leaves.
 type PhotonRun<'a> = (&'a mut [Photon], usize);
 
 /// Splits a node's photons across their longest extent.

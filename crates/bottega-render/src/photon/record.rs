@@ -147,6 +147,7 @@ fn packed(w: Vec3, steps: u32, bits: u32) -> u32 {
     place.x as u32 | (place.y as u32) << bits
 }
 
+/// Unpacks a direction; see [`packed`].
 #[inline(always)]
 fn unpacked(code: u32, steps: u32, bits: u32) -> Vec3 {
     let mask = steps - 1;

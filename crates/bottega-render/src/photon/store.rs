@@ -199,6 +199,7 @@ impl Passes {
         place
     }
 
+    /// Returns the memory of the irradiance caches, in bytes.
     fn cache_bytes(&self) -> usize {
         let caches = self.caches.lock().unwrap_or_else(PoisonError::into_inner);
         caches.iter().filter_map(|(_, place)| place.get()).map(IrradianceCache::memory_bytes).sum()

@@ -119,6 +119,7 @@ pub(super) fn visibility_tag(light: u32, is_lit: bool) -> u32 {
 }
 
 impl Tracer<'_> {
+    /// Returns the random numbers of a photon.
     fn sampler(&self, index: u32) -> PixelSampler {
         let sent = if self.projection.is_some() { SENT_SEED } else { 0 };
         PixelSampler::new(self.seed ^ PHOTON_SEED ^ sent, self.pass, 0, index)

@@ -107,6 +107,7 @@ struct Spread {
 }
 
 impl Spread {
+    /// Adds a value.
     fn add(&mut self, value: f32) {
         self.count += 1;
         let from_mean = value - self.mean;

@@ -61,6 +61,7 @@ impl Discovery {
         self.lost += other.lost;
     }
 
+    /// Returns `true` if both lit and shaded sensors were counted.
     fn is_mixed(self) -> bool {
         self.lit > 0 && self.shaded > 0
     }

@@ -192,6 +192,7 @@ impl<'a> Trial<'a> {
     }
 }
 
+/// Returns mean radiance and total work of one pixel's samples.
 fn pixel(samples: &[PathRecord], is_guided: bool) -> PixelTrial {
     samples.iter().fold(PixelTrial::default(), |sum, record| PixelTrial {
         radiance: sum.radiance + Spectrum::from(record.values.radiance) / samples.len() as f32,

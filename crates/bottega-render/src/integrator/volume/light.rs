@@ -80,6 +80,7 @@ impl Path<'_> {
         }
     }
 
+    /// Returns the number of light samples per vertex, at least 1.
     fn light_samples(&self) -> u32 {
         self.settings.light_samples.max(1)
     }

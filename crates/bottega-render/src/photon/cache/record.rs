@@ -125,6 +125,7 @@ impl GatherSample {
         Self { radiance: looks.iter().map(|look| look.radiance).sum::<Spectrum>() / count, distance }
     }
 
+    /// Returns 1 over the distance, bounded.
     fn inverse_distance(&self) -> f32 {
         1.0 / self.distance.max(1e-9)
     }

@@ -32,6 +32,7 @@ impl Hands {
         Self::gathering(integrator.photons.gather.min(GATHERED)).telling_bounces()
     }
 
+    /// Creates buffers for lookups of `count` photons.
     fn gathering(count: u32) -> Self {
         let found = Nearest::new(count as usize);
         Self { found, sensors: Nearest::new(Agents::SENSORS), tally: Tally::default(), by_bounces: None }

@@ -28,6 +28,7 @@ impl Eye<'_> {
         }
     }
 
+    /// Returns the number of light samples per vertex, at least 1.
     fn light_samples(&self) -> u32 {
         self.integrator.base.settings().light_samples.max(1)
     }
