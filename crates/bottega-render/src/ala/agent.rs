@@ -20,7 +20,7 @@ use crate::{
 const AGENT_SEED: u64 = 0x6167_656e_7473_2121;
 /// Greatest number of surfaces at which an agent and its clones are stored.
 const SURFACES_MAX: u32 = 32;
-/// Greatest number of surfaces that they pass, including the light's own and those without a broad bsdf.
+/// Greatest number of surfaces that they pass, including the light's own and those without a broad BSDF.
 const CROSSINGS_MAX: u32 = 64;
 /// Key of the random numbers of scouts.
 const SCOUT_SEED: u64 = 0x7363_6f75_7473_2121;

@@ -33,7 +33,7 @@ struct TrailStep {
     normal: Vec3,
     /// Throughput on arrival.
     throughput: Spectrum,
-    /// Radiance that the path had gathered on arrival.
+    /// Radiance gathered so far on arrival.
     radiance: Spectrum,
     /// Direction taken; `None`: the path ended here.
     went: Option<ScatterChoice>,
@@ -47,7 +47,7 @@ struct ScatterChoice {
     wi: Vec3,
     bsdf_pdf: f32,
     pdf: f32,
-    /// Radiance that the path had gathered when it left.
+    /// Radiance gathered so far when it left.
     radiance: Spectrum,
 }
 

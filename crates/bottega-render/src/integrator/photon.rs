@@ -1,8 +1,8 @@
 //! Photon mapping with final gathering.
 //!
-//! A camera path follows mirrors and glass to the first surface with a bsdf that is not specular. Direct light there is
+//! A camera path follows mirrors and glass to the first surface with a BSDF that is not specular. Direct light there is
 //! sampled as in path tracing. Caustics, light that arrives over mirrors and glass, are the density of the caustic
-//! photons. All other indirect light is gathered by rays drawn from the bsdf; the photon map gives the radiance where
+//! photons. All other indirect light is gathered by rays drawn from the BSDF; the photon map gives the radiance where
 //! they end (Jensen 1996, *Global Illumination using Photon Maps*; Christensen 1999). Without final gathering, and in
 //! progressive pictures, the photon density at the surface itself gives all indirect light.
 //!

@@ -186,7 +186,7 @@ impl Wave {
     /// branch.
     #[inline(always)]
     fn meet<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>, hits: &[Hit]) {
-        // Missing hits would render black without an error; the caller has already checked their number
+        // Missing hits render black without an error; the caller has already checked their number
         assert_eq!(hits.len(), self.rays.len(), "a hit for every ray");
         let mut hits = hits.iter();
         let (mut shadow_rays, mut deferred, mut lights) = (Vec::new(), Vec::new(), Vec::<DeferredLight>::new());

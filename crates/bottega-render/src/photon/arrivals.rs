@@ -193,7 +193,7 @@ fn part_of<const N: usize>(shares: &[u16; N], part: usize) -> (f32, f32) {
 }
 
 impl LightDirections<'_> {
-    /// Share of the directions that this distribution draws at surfaces that are not matte; the bsdf draws the others.
+    /// Share of the directions that this distribution draws at surfaces that are not matte; the BSDF draws the others.
     pub(crate) const SHARE: f32 = 0.5;
 
     /// Samples a unit direction; preserves stratification.
@@ -222,9 +222,9 @@ impl LightDirections<'_> {
         share / (WHOLE * WHOLE) * (CELLS as f32 / PI) * z
     }
 
-    /// Returns the density of a direction drawn by this distribution or by the bsdf.
+    /// Returns the density of a direction drawn by this distribution or by the BSDF.
     ///
-    /// - `own`: density by the bsdf.
+    /// - `own`: density by the BSDF.
     /// - `is_matte`: `true`: all directions are drawn by this distribution.
     #[inline(always)]
     pub(crate) fn mixed(&self, w: Vec3, own: f32, is_matte: bool) -> f32 {

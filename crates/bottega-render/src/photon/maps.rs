@@ -42,7 +42,7 @@ pub(crate) struct PhotonMaps {
     /// Direct photons. This map and the next one replace the irradiance map if [`PhotonSettings::separate_maps`] is
     /// set.
     pub(crate) direct: PhotonMap,
-    /// Indirect photons: scattered at least once by a bsdf that is not specular.
+    /// Indirect photons: scattered at least once by a BSDF that is not specular.
     pub(crate) indirect: PhotonMap,
     /// Directions that indirect light comes from.
     pub(crate) arrivals: Arrivals,

@@ -49,7 +49,7 @@ pub(crate) struct Tracer<'a> {
     pub(crate) bounces: u32,
     /// `true`: also store shadow photons.
     pub(crate) with_shadows: bool,
-    /// `true`: store only caustic photons, and end paths at the first bsdf that is not specular.
+    /// `true`: store only caustic photons, and end paths at the first BSDF that is not specular.
     pub(crate) only_caustics: bool,
     /// Factor of the power.
     pub(crate) strength: f32,
@@ -64,7 +64,7 @@ pub struct TracedPhotons {
     pub direct: Vec<Photon>,
     /// Photons that arrived over mirrors and glass only.
     pub caustic: Vec<Photon>,
-    /// Photons that scattered at least once at a bsdf that is not specular.
+    /// Photons that scattered at least once at a BSDF that is not specular.
     pub indirect: Vec<Photon>,
     /// Shadow photons, on the first surface along a photon's ray and on those behind. The tag is twice the number of
     /// the light, plus 1 where it is lit.

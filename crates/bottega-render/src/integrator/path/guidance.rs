@@ -77,7 +77,7 @@ impl<'a> Guidance<'a> {
 }
 
 impl<'a> Path<'a> {
-    /// Returns the learned data at a point with a bsdf that is not specular.
+    /// Returns the learned data at a point with a BSDF that is not specular.
     #[inline(always)]
     pub(super) fn guidance<const AGENTS: bool>(&self, point: &Interaction, known: &PreparedMaterial) -> Guidance<'a> {
         let mut guidance = Guidance::NONE;

@@ -9,7 +9,7 @@ pub(super) struct PathVertex<'a> {
     pub(super) point: &'a Interaction,
     /// The point as light sampling sees it.
     pub(super) receiver: Receiver,
-    /// Its bsdf, for `wo` and the path's throughput.
+    /// Its BSDF, for `wo` and the path's throughput.
     pub(super) bsdf: &'a BsdfAt<'a>,
     /// `true`: light sampling cannot find anything here, as all lobes are specular.
     pub(super) is_delta_only: bool,

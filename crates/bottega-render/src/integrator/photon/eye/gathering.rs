@@ -19,7 +19,7 @@ pub(super) struct Gathering<'a> {
     pub(super) unknown: f32,
     /// `true`: light in the broad lobes of the surface is already added.
     pub(super) is_known: bool,
-    /// Distribution of incident light that directions are drawn from; `None`: the bsdf alone draws them.
+    /// Distribution of incident light that directions are drawn from; `None`: the BSDF alone draws them.
     pub(super) aiming: Option<Aiming<'a>>,
 }
 
@@ -28,14 +28,14 @@ pub(super) struct Gathering<'a> {
 pub(super) struct Aiming<'a> {
     /// Distribution of incident light.
     pub(super) arrival: LightDirections<'a>,
-    /// `true`: the incident light alone draws directions; the bsdf does not.
+    /// `true`: the incident light alone draws directions; the BSDF does not.
     pub(super) is_matte: bool,
 }
 
 impl Aiming<'_> {
     /// Returns the density of a unit direction, in sr⁻¹.
     ///
-    /// - `own`: its density by the bsdf.
+    /// - `own`: its density by the BSDF.
     #[inline(always)]
     pub(super) fn pdf(&self, w: Vec3, own: f32) -> f32 {
         self.arrival.mixed(w, own, self.is_matte)
@@ -43,7 +43,7 @@ impl Aiming<'_> {
 }
 
 impl Gathering<'_> {
-    /// Draws a direction. Returns it with its density by the bsdf, and the density that it was drawn with, in sr⁻¹.
+    /// Draws a direction. Returns it with its density by the BSDF, and the density that it was drawn with, in sr⁻¹.
     #[inline(always)]
     pub(super) fn drawn(&self, place: &Place<'_>, u: Quad) -> Option<(BsdfSample, f32)> {
         let Some(aiming) = self.aiming else {
@@ -64,7 +64,7 @@ impl Gathering<'_> {
 
 impl Walk {
     /// Corrects throughput and MIS density of a path that has just scattered: its direction was drawn with `density`,
-    /// not with the bsdf's density `own`.
+    /// not with the BSDF's density `own`.
     #[inline(always)]
     pub(super) fn redraw(&mut self, own: f32, density: f32) {
         if let ArrivalKind::Spread { pdf, .. } = &mut self.comes {

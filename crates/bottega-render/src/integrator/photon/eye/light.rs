@@ -17,7 +17,7 @@ use crate::{
 impl Eye<'_> {
     /// Returns the MIS weight of light that the path hit; 0 where photons account for it.
     ///
-    /// - `light_pdf`: returns the density with which light sampling finds it from the last bsdf that was not specular.
+    /// - `light_pdf`: returns the density with which light sampling finds it from the last BSDF that was not specular.
     fn found(&self, walk: &Walk, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         match &walk.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { sharply: true } => 1.0,
@@ -60,7 +60,7 @@ impl Eye<'_> {
     /// Samples lights at a surface (next-event estimation).
     ///
     /// - `share`: all light, or the share by MIS.
-    /// - `aiming`: distribution that gathering rays are drawn from in addition to the bsdf.
+    /// - `aiming`: distribution that gathering rays are drawn from in addition to the BSDF.
     pub(super) fn add_direct_light(
         &mut self,
         walk: &Walk,

@@ -17,7 +17,7 @@ use crate::{
 pub(super) enum ArrivalKind {
     /// From the camera, over mirrors and glass at most: emission counts fully.
     Camera,
-    /// From a bsdf that is not specular: lights were sampled there, too, so emission counts by MIS.
+    /// From a BSDF that is not specular: lights were sampled there, too, so emission counts by MIS.
     Spread {
         receiver: Receiver,
         /// Density that the direction was drawn with, in sr⁻¹.
@@ -25,7 +25,7 @@ pub(super) enum ArrivalKind {
         /// `true`: drawn from a sharp lobe; see [`is_sharp`].
         is_sharp: bool,
     },
-    /// From such a bsdf over mirrors and glass: photons account for emission, unless the lobe was sharp.
+    /// From such a BSDF over mirrors and glass: photons account for emission, unless the lobe was sharp.
     Mirrored { sharply: bool },
 }
 
@@ -100,11 +100,11 @@ pub(super) enum LightShare {
     Mis,
 }
 
-/// A surface point with its bsdf.
+/// A surface point with its BSDF.
 pub(super) struct Place<'b> {
     /// The interaction at the point.
     pub(super) point: &'b Interaction,
-    /// Its bsdf, for `wo`.
+    /// Its BSDF, for `wo`.
     pub(super) bsdf: &'b BsdfAt<'b>,
     /// The point as light sampling sees it.
     pub(super) receiver: Receiver,
@@ -170,7 +170,7 @@ pub(super) fn survives(walk: &mut Walk, worth: f32, u: f32) -> bool {
 /// Returns `true` if light in a lobe over mirrors and glass is found by tracing the path on and not by photons: too few
 /// photons fall into so narrow a lobe. Each direction uses one of the two.
 ///
-/// - `pdf`: density of the direction by the bsdf, in sr⁻¹.
+/// - `pdf`: density of the direction by the BSDF, in sr⁻¹.
 #[inline(always)]
 pub(super) fn is_sharp(prepared: &PreparedScene, pdf: f32) -> bool {
     /// Density of a lobe that covers a sixtieth of the hemisphere: less than one of fifty photons.
