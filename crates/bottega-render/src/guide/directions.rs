@@ -34,7 +34,7 @@ fn not_above(ends: &[u16; SIDE], target: u16) -> usize {
 /// A quadtree density over the square, in Morton order.
 ///
 /// A region has few samples; the larger region around it has more. The share of each quarter in its square is that of
-/// the samples, mixed with that of the larger region like [`PRIOR_COUNT`] samples. So a square hit by a single
+/// the samples, mixed with that of the larger region, weighted as [`PRIOR_COUNT`] samples. So a square hit by a single
 /// heavy sample is not trusted, and one hit often is.
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid {

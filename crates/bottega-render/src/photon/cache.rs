@@ -37,7 +37,7 @@ pub(crate) struct Estimate {
     pub(crate) irradiance: Spectrum,
     /// Expected relative error, by the noise of the records and by their differences.
     pub(crate) error: f32,
-    /// Effective number of records, counting equal weights as one each.
+    /// Effective number of records, (Σw)² ∕ Σw² of their weights.
     pub(crate) count: f32,
     /// Sum of the squared nearness of the records: 1 for a single one at the point, falling to 0 where it ends.
     pub(crate) presence: f32,
