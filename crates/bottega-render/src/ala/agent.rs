@@ -1,4 +1,4 @@
-//! Agents on their way: from the lights to all sides, straight through all that they meet (§4.2).
+//! The casting of agents: from the lights in all directions, straight through all surfaces (§4.2).
 
 use std::ops::Range;
 
@@ -16,61 +16,65 @@ use crate::{
     shading::{BLEND, bsdf_at, is_broad, is_matte},
 };
 
-/// Sets the numbers of agents apart from those of pixels and photons.
+/// Key of the random numbers of agents, distinct from pixels and photons.
 const AGENT_SEED: u64 = 0x6167_656e_7473_2121;
-/// Surfaces at which an agent and its clones are stored.
+/// Greatest number of surfaces at which an agent and its clones are stored.
 const SURFACES_MAX: u32 = 32;
-/// Surfaces that they go through in all, their own light and those that spread no light among them.
+/// Greatest number of surfaces that they pass, including the light's own and those without a broad BSDF.
 const CROSSINGS_MAX: u32 = 64;
-/// Sets the numbers of scouts apart from those of agents.
+/// Key of the random numbers of scouts.
 const SCOUT_SEED: u64 = 0x7363_6f75_7473_2121;
-/// The share of the agents that send a scout, and the number of the first of a cast.
+/// Share of the agents that send a scout, and clone number of the first scout.
 const SCOUTS: f32 = 0.125;
 const FIRST_SCOUT: u32 = 64;
-/// How opaque a surface must be to be there for an agent.
+/// Least opacity of a surface that stops agents and sensors.
 const OPAQUE: f32 = 0.5;
 
-/// One of the swarm.
+/// A lighting agent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agent {
-    /// Where it is, in world space, on a surface.
+    /// Position on a surface, in world space.
     pub p: Vec3,
-    /// Of the surface, on the side that it came from; unit length.
+    /// Geometric normal on the side that it came from; unit length.
     pub normal: Vec3,
-    /// Back along the way that it came; unit length.
+    /// Direction against its flight; unit length.
     pub to_light: Vec3,
-    /// Number of the light that cast it in the tree of lights; `u32::MAX` for light from infinitely far away.
+    /// Number of its light in the light tree; `u32::MAX`: a light at infinity.
     pub light: u32,
-    /// How far it is from the place that it was cast from.
+    /// Distance from the point that it was cast from.
     pub distance: f32,
-    /// How far the surface before it is, or the light.
+    /// Distance from the previous surface or from the light.
     pub gap: f32,
-    /// The cast that it belongs to, and how many surfaces lie before it: both together are its identity.
+    /// Number of the cast; identifies the agent together with `clone`.
     pub cast: u32,
-    /// 0 for the agent itself, more for its clones, and more again for the scouts that they sent.
+    /// Number of surfaces before it: 0 for the agent itself, more for its clones; scouts have numbers above all clones.
     pub clone: u32,
-    /// Whether its surface sends light back to all sides alike, so that irradiance is all there is to know.
+    /// `true`: the surface is matte, so irradiance is all that matters.
     pub is_matte: bool,
-    /// Whether it is not, but sends back so much of it broadly that it is worth knowing what comes from where.
+    /// `true`: the surface is not matte, but scatters so much light broadly that directions of the light matter.
     pub is_glossy: bool,
 }
 
 impl Agent {
-    /// Whether it was sent on by another.
+    /// Returns `true` if another agent sent it on.
     pub(super) fn is_scout(&self) -> bool {
         self.clone >= FIRST_SCOUT
     }
 }
 
-/// Agents to cast.
+/// A range of agents to cast.
 pub(crate) struct Casting<'a> {
+    /// The prepared scene.
     pub(crate) prepared: &'a PreparedScene,
-    /// What casts them, and where they are sent.
+    /// Sources that cast the agents.
     pub(crate) sources: &'a Emission,
+    /// Region that they are sent to.
     pub(crate) plan: &'a EmissionPlan,
+    /// Seed of the random numbers.
     pub(crate) seed: u64,
+    /// Indices of the agents.
     pub(crate) indices: Range<u32>,
-    /// Whether they send scouts to what no light shines at straight.
+    /// `true`: agents send scouts to surfaces without direct light.
     pub(crate) has_scouts: bool,
 }
 
@@ -88,10 +92,11 @@ impl Task for Casting<'_> {
 }
 
 impl Casting<'_> {
-    /// Sends out one agent, which is stored at the first surface and goes on, as clones, to those behind.
+    /// Casts one agent: stores it at the first surface, and its clones at those behind.
     fn cast(&self, index: u32, agents: &mut Vec<Agent>) {
         let sampler = PixelSampler::new(self.seed ^ AGENT_SEED, 0, 0, index);
         let [u, v] = sampler.two_quads(DimensionSet::CAMERA, DimensionSet::light(0));
+        // Emit the agent from a light
         let Some(start) = self.sources.cast(self.prepared, self.plan, u, v) else { return };
         let EmittedPhoton { mut origin, direction, light, .. } = start;
         let (mut distance, mut gap, mut clone) = (0.0, 0.0, 0);
@@ -104,6 +109,7 @@ impl Casting<'_> {
             gap += hit.t;
             let point = Interaction::new(self.prepared, &hit, origin, direction, RayCone::default());
             let normal = if point.front { point.ng } else { -point.ng };
+            // Store it at the surface, unless this is its own light, and send a scout
             let is_own = self.prepared.lights().light_of(self.prepared, &hit) == Some(light);
             if !is_own && point.p.is_finite() && distance.is_finite() {
                 if let Some([is_matte, is_glossy]) = self.spreads(&point, &sampler) {
@@ -117,6 +123,7 @@ impl Casting<'_> {
                 clone += 1;
                 gap = 0.0;
             }
+            // Continue straight on, as a clone
             let next = point.ray_origin(direction);
             if next == origin && hit.t <= 0.0 {
                 return;
@@ -125,8 +132,8 @@ impl Casting<'_> {
         }
     }
 
-    /// Sends one of a few agents on to where its surface scatters light: a scout of no light, for what no light shines at straight, as a
-    /// ceiling around its lamp.
+    /// Sends a scout from some of the agents: one diffuse bounce to surfaces without direct light, such as the ceiling
+    /// around a lamp. A scout belongs to no light.
     fn send_scout(&self, from: &Agent, point: &Interaction, agents: &mut Vec<Agent>) {
         let sampler = PixelSampler::new(self.seed ^ SCOUT_SEED, from.clone, 0, from.cast);
         let [chance, u, v, _] = sampler.quad(DimensionSet::CAMERA);
@@ -163,8 +170,8 @@ impl Casting<'_> {
         }
     }
 
-    /// Whether a surface spreads light, and if so whether it is matte or glossy. At mirrors and clear glass nobody asks for
-    /// anything.
+    /// Returns `true` for matte and for glossy surfaces, in this order. `None`: mirrors and clear glass, where agents
+    /// are not needed.
     fn spreads(&self, point: &Interaction, sampler: &PixelSampler) -> Option<[bool; 2]> {
         let mut place = None;
         let chance = || sampler.hashed(BLEND ^ u64::from(point.material));
@@ -173,7 +180,7 @@ impl Casting<'_> {
     }
 }
 
-/// What an agent or a sensor meets: surfaces that are more than half there.
+/// Returns the closest hit of an agent or a sensor; surfaces that are less than half opaque do not count.
 pub(super) fn meets(prepared: &PreparedScene, ray: &Ray) -> Hit {
     if prepared.has_opacity() {
         prepared.accel().intersect_filtered(ray, |hit| is_there(prepared, ray, hit, SurfaceQuery::Path, |_| OPAQUE))

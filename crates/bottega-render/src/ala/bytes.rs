@@ -1,4 +1,4 @@
-//! Agents as bytes, for others who paint the same picture of the same scene.
+//! The byte form of agents, for other machines that render the same picture.
 
 use std::{sync::Arc, time::Duration};
 
@@ -25,7 +25,7 @@ impl ByteForm for Vec<Agent> {
         to.number(self.len() as u32);
         for Agent { p, normal, to_light, light, distance, gap, cast, clone, is_matte, is_glossy } in self {
             [p, normal, to_light].into_iter().for_each(|&vector| to.vector(vector));
-            // Lights may be infinitely far away.
+            // Write bits: lights may be infinitely far away
             [*light, distance.to_bits(), gap.to_bits(), *cast, *clone].into_iter().for_each(|number| to.number(number));
             to.number(u32::from(*is_matte) | u32::from(*is_glossy) << 1);
         }
@@ -71,6 +71,7 @@ impl ByteForm for SensorReadings {
 }
 
 impl Agents {
+    /// Writes the agents with their report.
     pub(crate) fn write(&self, to: &mut Writer) {
         self.visibility.write(to);
         match &self.indirect {
@@ -92,7 +93,7 @@ impl Agents {
         counts.chain(nanoseconds).for_each(|number| to.long(number));
     }
 
-    /// - `settings`, `extent`: of the picture.
+    /// Reads the agents of a picture with these settings and this extent; `None`: not valid.
     pub(crate) fn read(settings: AgentSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
         let visibility = Arc::new(Visibility::read(from)?);
         let length = from.value()?;

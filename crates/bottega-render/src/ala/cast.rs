@@ -1,4 +1,4 @@
-//! The agents of a picture, cast and looking around by whatever the allocator has.
+//! Parallel casting and sensing of agents by the allocator.
 
 use std::{sync::Arc, time::Instant};
 
@@ -15,7 +15,7 @@ use crate::{
     sharing::Hands,
 };
 
-/// The agents of a picture whose caustics are known.
+/// Casts the agents of a picture and runs their sensing tasks as units of work. The caustic photons must exist.
 pub(crate) fn cast_agents(
     scene: &Arc<PreparedScene>,
     prepass: &Arc<Prepass>,

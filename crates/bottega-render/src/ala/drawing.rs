@@ -1,4 +1,4 @@
-//! The proximity network as it lies over what a camera sees.
+//! A drawing of the proximity network over a view.
 
 use rayon::prelude::*;
 
@@ -8,16 +8,17 @@ use crate::{
     integrator::{PathIntegrator, PhotonIntegrator},
 };
 
-/// Half the width of a link, as a share of the radius of what is seen.
+/// Half the width of a link, as a share of the visible radius.
 const WIDTH: f32 = 0.0015;
 
-/// The agents of a picture and the links between them, drawn through the middle of each pixel: the value of a dot is 1 where the network
-/// answers that a light is seen, a quarter where it is not, and something between where a shadow ray is traced.
+/// Draws the agents of a picture and their links, at what the camera sees in the middle of each pixel. Row-major; the
+/// value of a dot is 1 where the network answers "lit", 0.25 "shaded", 0.6 "trace a shadow ray".
 ///
-/// - `settings`: of the agents.
+/// - `settings`: with the settings of photons and agents.
 ///
 /// # Errors
-/// There is no such picture, or the scene has media.
+/// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`], or an error that says that the scene lacks the
+/// view's camera.
 pub fn network_dots(
     scene: &PreparedScene,
     prepass: &Prepass,

@@ -1,6 +1,6 @@
-//! Local useful data density: how much what is known differs around a place (§3, equations 1 and 2).
+//! Local useful data density: the variation of samples around a point (§3, equations 1 and 2).
 //!
-//! Where all samples say the same, one of them would do: their density of useful data is 0.
+//! Where all samples are alike, one is enough: their density of useful data is 0.
 
 use std::{fmt, str::FromStr};
 
@@ -18,92 +18,94 @@ use crate::{
     sampler::PixelSampler,
 };
 
-/// Places seen by the camera from which the importance of a place is estimated.
+/// Number of visible points that the importance of a point is estimated from.
 const SEEN: usize = 8;
-/// Photons from which the irradiance at a photon is estimated, and how far away they are at most, as a share of the radius
-/// of what is seen.
+/// Number of photons that the irradiance at a photon is estimated from, and their greatest distance as a share of the
+/// visible radius.
 const GATHERED: usize = 60;
 const REACH: f32 = 0.05;
 
-/// A criterion by which samples differ: k of equation 1.
+/// A property by which samples differ: k of equation 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Criterion {
-    /// Normal of the surface.
+    /// Geometric normal of the surface.
     Normal,
-    /// Power: a photon's, as luminance; of an agent, whether its light arrives.
+    /// Power: the luminance of a photon; for an agent, the visibility of its light.
     Power,
     /// Direction that the light comes from.
     Direction,
-    /// Irradiance: at a photon, as luminance, from the density of photons; of agents, what their sensors measured.
+    /// Irradiance, as luminance: at a photon, the estimate by photon density; for agents, the readings of their
+    /// sensors.
     Irradiance,
-    /// How densely the camera sees the place.
+    /// Density of the points that the camera sees.
     Importance,
 }
 
-/// There is no such criterion.
+/// The error of an unknown criterion's name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no criterion; there are normal, power, direction, irradiance and importance")]
 pub struct UnknownCriterion(String);
 
-/// Samples of one map that are compared by some criteria.
+/// Samples of one map with the values of some criteria.
 #[derive(Debug)]
 struct MapSamples {
     map: PhotonMap,
-    /// By number in the map. Scalars stand in the first coordinate.
+    /// Values by number in the map; scalars are in the first coordinate.
     values: Vec<(Criterion, Vec<Vec3>)>,
 }
 
-/// The local sphere of a place.
+/// The local sphere around a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LocalSphere {
-    /// One of this radius, as a share of the radius of what is seen: what the light does over a distance.
+    /// Sphere of this radius, as a share of the visible radius: measures the light's variation over a distance.
     Radius(f32),
-    /// One that holds so many samples, at most [`NEAREST_MAX`](crate::photon::NEAREST_MAX): the N of equation 1.
+    /// Sphere that contains this many samples, at most [`NEAREST_MAX`](crate::photon::NEAREST_MAX): the N of equation
+    /// 1.
     Count(usize),
 }
 
-/// Samples whose density of useful data is asked for.
+/// Samples of a picture, to compute densities from.
 #[derive(Debug)]
 pub struct Samples {
     layers: Vec<MapSamples>,
-    /// Radius of what is seen.
+    /// Visible radius, in scene units.
     extent: f32,
 }
 
-/// δ at a place.
+/// Density of useful data δ at a point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Density {
-    /// Of each criterion, δ_k; `None` where fewer than two samples are near.
+    /// δ_k of each criterion; `None`: fewer than two samples in the sphere.
     pub by_criterion: Vec<(Criterion, Option<f32>)>,
-    /// Samples in the local sphere, of the criterion that has most.
+    /// Number of samples in the sphere, by the criterion that has the most.
     pub sample_count: u32,
 }
 
-/// δ all over a picture.
+/// Density of useful data δ of all pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Ludd {
-    /// Row-major; `None` where the camera sees nothing.
+    /// Densities, row-major; `None`: the camera sees nothing there.
     pub pixels: Vec<Option<Density>>,
-    /// How many samples there are in all.
+    /// Number of all samples.
     pub sample_count: u64,
 }
 
 /// A set of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SampleSet {
-    /// All photons.
+    /// All photons of a picture.
     Photons,
-    /// Photons that were scattered at least once.
+    /// Photons that scattered at least once.
     IndirectPhotons,
-    /// Lighting agents, and for irradiance their sensors.
+    /// Lighting agents; for irradiance, their sensors.
     Agents,
 }
 
 impl Criterion {
-    /// All of them.
+    /// All criteria, for iteration.
     pub const ALL: [Self; 5] = [Self::Normal, Self::Power, Self::Direction, Self::Irradiance, Self::Importance];
 
-    /// As users write it.
+    /// Returns the name in options and reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Normal => "normal",
@@ -130,7 +132,7 @@ impl FromStr for Criterion {
     }
 }
 
-/// Sums from which δ_k follows.
+/// Running sums for δ_k.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moments {
     count: u32,
@@ -140,6 +142,7 @@ struct Moments {
 }
 
 impl Moments {
+    /// Adds a value.
     fn add(&mut self, value: Vec3) {
         let value = value.as_dvec3();
         self.count += 1;
@@ -148,21 +151,22 @@ impl Moments {
         self.lengths += value.length();
     }
 
+    /// Returns δ_k; `None`: fewer than two values.
     fn density(&self) -> Option<f32> {
         if self.count < 2 {
             return None;
         }
         let count = f64::from(self.count);
         let variance = (self.squares - self.sum.length_squared() / count).max(0.0) / (count - 1.0);
-        // What is lost to rounding is no difference.
+        // Treat rounding errors as no difference
         let variance = if variance < 1e-12 * self.squares / count { 0.0 } else { variance };
         let mean = self.lengths / count;
         Some(if mean > 0.0 { (variance.sqrt() / mean) as f32 } else { 0.0 })
     }
 }
 
-/// δ_k of equation 1 for samples in one local sphere: their standard deviation over the mean of their lengths, which for
-/// what is never negative is the mean. `None`: fewer than two samples.
+/// Returns δ_k of equation 1 for the samples in one local sphere: their standard deviation divided by the mean of their
+/// lengths, which is the mean for nonnegative values. `None`: fewer than two samples.
 pub fn useful_data_density(values: &[Vec3]) -> Option<f32> {
     let mut moments = Moments::default();
     values.iter().for_each(|&value| moments.add(value));
@@ -170,7 +174,7 @@ pub fn useful_data_density(values: &[Vec3]) -> Option<f32> {
 }
 
 impl Density {
-    /// δ of equation 2, over the criteria that are known; `None` where none is.
+    /// Returns δ of equation 2, the mean over the known criteria; `None`: none is known.
     pub fn all(&self) -> Option<f32> {
         let known: Vec<f32> = self.by_criterion.iter().filter_map(|&(_, density)| density).collect();
         (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32)
@@ -178,12 +182,13 @@ impl Density {
 }
 
 impl Samples {
-    /// Samples of a picture's scene, made as for the picture.
+    /// Makes samples of a picture's scene in the way that the picture makes them.
     ///
-    /// - `settings`: of the photons, and of the agents.
+    /// - `settings`: with the settings of photons and agents.
     ///
     /// # Errors
-    /// There is no such picture, or the scene has media.
+    /// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`], or an error that says that the scene lacks the
+    /// view's camera.
     pub fn new(
         scene: &PreparedScene,
         prepass: &Prepass,
@@ -229,17 +234,17 @@ impl Samples {
         Ok(Self { layers, extent: plan.extent().radius })
     }
 
-    /// How many there are.
+    /// Returns the number of samples.
     pub fn len(&self) -> usize {
         self.layers.iter().map(|layer| layer.map.len()).sum()
     }
 
-    /// Whether there are none.
+    /// Returns `true` if there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// δ in the local sphere around a place.
+    /// Returns δ in the local sphere around a point.
     pub fn density_at(&self, p: Vec3, sphere: LocalSphere) -> Density {
         let mut density = Density::default();
         for layer in &self.layers {
@@ -267,12 +272,13 @@ impl Samples {
         density
     }
 
-    /// The samples themselves, as dots at what the camera sees through the middle of each pixel (the maps of figure 1).
+    /// Draws the samples as dots, at what the camera sees in the middle of each pixel (the maps of figure 1).
+    /// Row-major.
     ///
-    /// - `radius`: of a dot, as a share of the radius of what is seen.
+    /// - `radius`: radius of a dot, as a share of the visible radius.
     ///
     /// # Errors
-    /// There is no such picture.
+    /// [`RenderError::EmptyPicture`], or an error that says that the scene lacks the view's camera.
     pub fn dots(&self, scene: &PreparedScene, view: View, radius: f32) -> Result<Vec<Dot>, RenderError> {
         let settings = PathSettings::default();
         let camera = PathIntegrator::unguided(scene, view, &settings)?;
@@ -289,10 +295,10 @@ impl Samples {
         Ok(scene.on_threads(|| all.into_par_iter().map(dot).collect()))
     }
 
-    /// δ at what the camera sees through the middle of each pixel.
+    /// Returns δ at what the camera sees in the middle of each pixel.
     ///
     /// # Errors
-    /// There is no such picture.
+    /// [`RenderError::EmptyPicture`], or an error that says that the scene lacks the view's camera.
     pub fn over(&self, scene: &PreparedScene, view: View, sphere: LocalSphere) -> Result<Ludd, RenderError> {
         let settings = PathSettings::default();
         let camera = PathIntegrator::unguided(scene, view, &settings)?;
@@ -306,25 +312,25 @@ impl Samples {
     }
 }
 
-/// A sample as it is seen in a pixel.
+/// A pixel of a drawing of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Dot {
     /// The camera sees nothing.
     Nothing,
-    /// There is no sample.
+    /// No sample is near.
     Free,
-    /// The length of what it says by the last criterion.
+    /// A sample; the length of its value by the last criterion.
     Sample(f32),
 }
 
-/// What a camera ray of a pixel meets first.
+/// Returns the first hit of a camera ray.
 pub(super) fn first_place(scene: &PreparedScene, camera: &PathIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
     let (ray, _) = camera.camera_ray(&PixelSampler::new(0, x, y, 0), x, y);
     let hit = scene.accel().intersect(&Ray { t_max: ray.reach, ..Ray::new(ray.origin, ray.direction) });
     hit.is_some().then(|| ray.origin + ray.direction * hit.t)
 }
 
-/// Places that a camera sees.
+/// Returns the points that a camera sees.
 fn seen(scene: &PreparedScene, camera: &PathIntegrator<'_>, view: View) -> PhotonMap {
     let all = 0..view.width * view.height;
     let place = |index: u32| first_place(scene, camera, index % view.width, index / view.width);
@@ -332,13 +338,13 @@ fn seen(scene: &PreparedScene, camera: &PathIntegrator<'_>, view: View) -> Photo
     PhotonMap::new(places.into_iter().map(|p| Photon::new(p, Vec3::Z, Vec3::Z, Spectrum::ZERO)).collect())
 }
 
-/// How densely the camera sees a place: the density of the places next to it that it sees.
+/// Returns the density of visible points around a point, up to a constant factor.
 fn importance_at(seen: &PhotonMap, p: Vec3, found: &mut Nearest) -> f32 {
     seen.nearest(p, f32::INFINITY, found);
     if found.is_full() { found.len() as f32 / found.farthest().max(f32::MIN_POSITIVE) } else { 0.0 }
 }
 
-/// Samples of a map with what they say by each criterion.
+/// Computes the values of a map's samples by each criterion.
 fn layer(
     map: PhotonMap,
     criteria: &[Criterion],
@@ -369,6 +375,7 @@ fn layer(
     MapSamples { map, values }
 }
 
+/// Computes the values of agents and of their sensors.
 fn of_agents(agents: &Agents, criteria: &[Criterion], seen: Option<&PhotonMap>) -> Vec<MapSamples> {
     let (by_sensors, by_agents): (Vec<_>, Vec<_>) =
         criteria.iter().copied().partition(|&criterion| criterion == Criterion::Irradiance);

@@ -1,4 +1,4 @@
-//! The map of a swarm, and the oracle that is asked while the picture is painted (§4.4).
+//! Agents after sensing: the oracle that integrators ask (§4.4).
 
 use std::sync::Arc;
 
@@ -20,49 +20,55 @@ use crate::{
     prepare::PreparedScene,
 };
 
-/// Greatest radius of a record, in radii of what is seen.
+/// Greatest radius of a record, as a share of the visible radius.
 const SHARE_MAX: f32 = 0.5;
-/// How much greater than the error that is borne that of a few gathering rays is: where records are no worse they are taken.
+/// Relative error of a few gathering rays, in units of the tolerated error: records that are no worse are used.
 const GATHERED: f32 = 3.0;
-/// How great it may be, beside the one that is borne, where the edge of what a record says is not seen.
+/// Relative error, in units of the tolerated one, up to which a record's edge is invisible.
 const SURE: f32 = 0.5;
-/// How many records must speak for a place, so that none measures there.
+/// Least effective number of records at a point; where there are fewer, a record is measured.
 const RECORDS_MIN: f32 = 1.5;
-/// How much farther than an agent looks around its word goes, at least.
+/// Least radius of a record, as a share of the radius of its agent's neighbourhood.
 const REACH_MIN: f32 = 0.6;
 
-/// Agents after they have looked around.
+/// Agents after sensing.
 #[derive(Debug)]
 pub(crate) struct Agents {
+    /// Settings of the agents.
     pub(super) settings: AgentSettings,
+    /// Visibility of lights.
     pub(super) visibility: Arc<Visibility>,
+    /// Indirect light by the oracle.
     pub(super) indirect: Indirect,
+    /// Report of casting and sensing.
     pub(super) report: AgentReport,
+    /// Counts of answers so far.
     pub(super) tallies: Tallies,
 }
 
-/// What agents say of the irradiance at a place.
+/// Irradiance at a point, interpolated between agents.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct KnownIrradiance {
+    /// Interpolated indirect irradiance.
     pub(crate) irradiance: Spectrum,
-    /// How much of it is to be taken, in (0, 1]: the rest is to be computed.
+    /// Share of it to use, in (0, 1]: the rest is to be computed.
     pub(crate) share: f32,
 }
 
-/// What is known of the indirect light.
+/// Indirect light by the oracle that is set.
 #[derive(Clone, Debug)]
 pub(super) enum Indirect {
-    /// As in the paper.
+    /// Sensors of the paper's oracle.
     Fitted(paper::Fitted),
-    /// By our own rules.
+    /// Records of the error oracle.
     Records(IrradianceCache, Extent),
 }
 
 impl Agents {
-    /// Irradiance sensors that are looked for.
+    /// Number of irradiance sensors to find.
     pub(crate) const SENSORS: usize = paper::Fitted::SENSORS;
 
-    /// By our own rules, before any has measured indirect light.
+    /// Creates agents of the error oracle, before any has measured indirect light.
     pub(super) fn without_light(
         prepared: &PreparedScene,
         extent: Extent,
@@ -78,6 +84,7 @@ impl Agents {
         Self::of(settings, visibility, indirect, answers)
     }
 
+    /// Creates agents with their visibility and indirect light.
     pub(super) fn of(
         settings: AgentSettings,
         visibility: Arc<Visibility>,
@@ -90,7 +97,7 @@ impl Agents {
         Self { settings, visibility, indirect, report, tallies: Tallies::default() }
     }
 
-    /// The same with what was measured since, in its order, as far as there is room.
+    /// Returns these agents with further records, in order, until the memory limit.
     pub(super) fn with_records(&self, mut records: Vec<IrradianceRecord>) -> Self {
         let mut more = self.with_light(self.indirect.clone());
         if let Indirect::Records(cache, _) = &mut more.indirect {
@@ -107,7 +114,7 @@ impl Agents {
         more
     }
 
-    /// The same to be asked, and not to be added to; see [`IrradianceCache::settled`]. So whoever is told of them finds them.
+    /// Returns read-only agents; see [`IrradianceCache::settled`]. Agents read from bytes are equal to them.
     pub(super) fn settled(&self) -> Self {
         self.with_light(match &self.indirect {
             Indirect::Records(cache, extent) => Indirect::Records(cache.settled(), *extent),
@@ -115,19 +122,20 @@ impl Agents {
         })
     }
 
+    /// Returns these agents with other indirect light.
     fn with_light(&self, indirect: Indirect) -> Self {
         let visibility = Arc::clone(&self.visibility);
         Self { settings: self.settings, visibility, indirect, report: self.report, tallies: Tallies::default() }
     }
 
-    /// Whether there is memory for what is measured next.
+    /// Returns `true` if there is memory for further records.
     pub(super) fn has_room(&self) -> bool {
         self.memory_bytes() as u64 <= self.settings.memory_bytes
     }
 
-    /// Least and greatest radius of a record at a place.
+    /// Returns the least and greatest radius of a record at a point.
     ///
-    /// - `around`: how far its agent looks around: others will measure no farther off.
+    /// - `around`: radius of its agent's neighbourhood: other agents measure at least that near.
     pub(super) fn reach_of_records(&self, p: Vec3, around: f32) -> [f32; 2] {
         let most = match &self.indirect {
             Indirect::Records(_, extent) => SHARE_MAX * extent.length_at(p),
@@ -136,7 +144,7 @@ impl Agents {
         [REACH_MIN * around / self.settings.tolerance(), most]
     }
 
-    /// Bytes held.
+    /// Returns the memory, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         let indirect = match &self.indirect {
             Indirect::Fitted(fitted) => fitted.sensors.memory_bytes(),
@@ -145,28 +153,28 @@ impl Agents {
         self.visibility.memory_bytes() + indirect
     }
 
-    /// What there is to tell, with all that was asked so far.
+    /// Returns the report, with all answers so far.
     pub(crate) fn report(&self) -> AgentReport {
         AgentReport { tally: self.tallies.sum(), ..self.report }
     }
 
-    /// Adds what was asked.
+    /// Adds counts of answers.
     pub(crate) fn count(&self, tally: &Tally) {
         self.tallies.add(tally);
     }
 
-    /// "Should I trace a shadow ray?" `None`: yes; else whether the light is seen.
+    /// Answers "should I trace a shadow ray?". `None`: yes; else no, and `true` if the light is visible.
     ///
-    /// - `normal`: of the surface, on the side that is asked for.
+    /// - `normal`: geometric normal, on the side that faces the light.
     #[inline(always)]
     pub(crate) fn visibility_at(&self, p: Vec3, normal: Vec3, light: u32) -> Option<bool> {
         if self.settings.decides_shadows { self.visibility.at(p, normal, light) } else { None }
     }
 
-    /// "Should I compute incoming irradiance?" `None`: yes; else what is known of it.
+    /// Answers "should I compute incoming irradiance?". `None`: yes; else no, with the known irradiance.
     ///
-    /// - `normals`: of the real surface, and the one that it is shaded with; on the side that is asked for.
-    /// - `bounces`: of the light, the one at the place among them; at most.
+    /// - `normals`: geometric and shading normal, on the side that the light arrives at.
+    /// - `bounces`: greatest number of bounces of the light, including the one at the point.
     #[inline(always)]
     pub(crate) fn irradiance_at(
         &self,
@@ -189,11 +197,11 @@ impl Agents {
         }
     }
 
-    /// How far a picture takes what records say, in (0, 1]; `None`: not at all. Where they are unsure and hardly reach, little: the edge of what one
-    /// says would be seen.
+    /// Returns the share of a record's light to use, in (0, 1]; `None`: do not use it. Small where records are
+    /// uncertain and barely reach, to hide their edges.
     #[inline(always)]
     fn share_taken(&self, estimate: &Estimate) -> Option<f32> {
-        // What one has found dark may be dim.
+        // A single record that found no light is not certain
         let is_sure = estimate.irradiance != Spectrum::ZERO || estimate.count >= RECORDS_MIN;
         let error = estimate.error / self.settings.error;
         if !is_sure || error > GATHERED {
@@ -203,11 +211,11 @@ impl Agents {
         Some((estimate.presence / needed).min(1.0))
     }
 
-    /// "What comes from where?" `None`: nobody knows.
+    /// Answers "which light comes from where?". `None`: unknown.
     ///
-    /// - `normal`: that the surface is shaded with, on the side that is asked for.
-    /// - `bounces`: of the light, the one at the place among them; at most.
-    /// - `u`: a number in [0, 1): what is known in part is known where it is small.
+    /// - `normal`: shading normal, on the side that the light arrives at.
+    /// - `bounces`: greatest number of bounces of the light, including the one at the point.
+    /// - `u`: number in [0, 1); partly known light counts as known where `u` is below its share.
     #[inline(always)]
     pub(crate) fn surroundings_at(&self, p: Vec3, normal: Vec3, bounces: u32, u: f32) -> Option<Surroundings<'_>> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
@@ -218,9 +226,10 @@ impl Agents {
         self.share_taken(&estimate).filter(|&share| u < share).map(|_| surroundings)
     }
 
-    /// About how much indirect irradiance comes to a place, however unsure; `None`: nobody tells, or nobody is to be asked.
+    /// Returns the approximate indirect irradiance at a point, however uncertain; `None`: unknown, or not used by the
+    /// settings.
     ///
-    /// - `normal`: that the surface is shaded with, on the side that is asked for.
+    /// - `normal`: shading normal, on the side that the light arrives at.
     #[inline(always)]
     pub(crate) fn rough_irradiance_at(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
@@ -230,21 +239,21 @@ impl Agents {
         cache.estimate(p, normal, u32::MAX).map(|estimate| estimate.irradiance)
     }
 
-    /// What the network answers at a place where an agent or a link of it lies; see [`super::network_dots`].
+    /// Returns the network's answer at a point on an agent or a link; see [`super::network_dots`].
     pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
         self.visibility.network_at(p, width)
     }
 
-    /// What share of the indirect light that is known of a place has been scattered how often; `None`: nobody tells.
+    /// Returns how the known indirect light at a point divides by number of bounces; `None`: unknown.
     ///
-    /// - `normal`: that the surface is shaded with, on the side that is asked for.
-    /// - `bounces`: of the light, the one at the place among them; at most.
+    /// - `normal`: shading normal, on the side that the light arrives at.
+    /// - `bounces`: greatest number of bounces of the light, including the one at the point.
     pub(crate) fn shares_at(&self, p: Vec3, normal: Vec3, bounces: u32) -> Option<BounceShares> {
         let Indirect::Records(cache, _) = &self.indirect else { return None };
         Some(cache.shares(p, normal, bounces))
     }
 
-    /// How many rays to a cell of the hemisphere a record takes, by what our own records know of the noise at a place.
+    /// Returns the number of rays per cell for a record at a point, by the noise of earlier records.
     pub(super) fn effort_at(&self, p: Vec3, normal: Vec3) -> u32 {
         match &self.indirect {
             Indirect::Fitted(_) => 1,
@@ -252,9 +261,9 @@ impl Agents {
         }
     }
 
-    /// Whether our own records know a place so well that none needs to be measured there.
+    /// Returns `true` if records know a point well enough that no other is needed there.
     ///
-    /// - `is_directed`: whether it is to be known from where light comes.
+    /// - `is_directed`: `true`: the directions of the light must be known, too.
     pub(super) fn knows(&self, p: Vec3, normal: Vec3, is_directed: bool) -> bool {
         let Indirect::Records(cache, _) = &self.indirect else { return false };
         let is_enough = |it: Estimate| it.count >= RECORDS_MIN && it.error <= self.settings.error;
@@ -266,13 +275,13 @@ impl Agents {
         estimate.is_some_and(is_enough)
     }
 
-    /// How much of its light arrives at an agent of the first map, as it answers: 1 where it is lit, 0 where it is shaded, and a
-    /// half in between.
+    /// Returns the share of its light that arrives at an agent of the first map, by its answer: 1 lit, 0 shaded, 0.5 in
+    /// between.
     pub(super) fn lit_share(agent: &Photon) -> f32 {
         Visibility::lit_share(agent)
     }
 
-    /// Where the agents are, and their irradiance sensors.
+    /// Returns the agents' positions, and their irradiance sensors.
     pub(crate) fn maps(&self) -> [PhotonMap; 2] {
         let sensors = match &self.indirect {
             Indirect::Fitted(fitted) => fitted.sensors.places().clone(),

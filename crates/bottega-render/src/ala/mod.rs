@@ -1,8 +1,10 @@
-//! Autonomous Lighting Agents: a few agents that find out what a scene is like, and answer while the picture is painted.
+//! Autonomous Lighting Agents: a few agents explore a scene's light, and answer questions while the picture is
+//! rendered.
 //!
-//! Source: Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*. Where its formulas leave a choice,
-//! `docs/ala.md` says how they are read here. An agent depends on the scene, the settings, the seed and its index alone; what
-//! it senses, on these and on where all agents are.
+//! Source: Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*; sections, equations and
+//! tables without another source are its. `docs/ala.md` says how its formulas are read where they leave a choice. An
+//! agent depends only on the scene, the settings, the seed and its index; its readings depend on these and on the
+//! positions of all agents.
 
 mod agent;
 mod bytes;

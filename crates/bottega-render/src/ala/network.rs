@@ -1,24 +1,23 @@
-//! The proximity network: a graph in which each agent is linked to those nearest to it (§4.3).
+//! The proximity network: a graph that links each agent to its nearest neighbours (§4.3).
 
 use rayon::prelude::*;
 
 use super::swarm::{NEAREST, Swarm};
 use crate::photon::Nearest;
 
-/// Neighbors that an agent is linked to.
+/// Number of neighbours that an agent is linked to.
 pub(super) const LINKS: usize = 6;
 
-/// Who is next to whom, by index of the agent; the nearest first.
+/// Links by agent index; the nearest neighbour first.
 #[derive(Debug, Default)]
 pub(crate) struct Network {
     links: Vec<[Option<u32>; LINKS]>,
-    /// How far each looks around.
+    /// Radius of each agent's neighbourhood.
     reach: Vec<f32>,
 }
 
 impl Network {
-    /// Links each agent to its nearest neighbors of the same light whose surfaces face the same way, on the threads of the
-    /// present pool.
+    /// Links each agent to its nearest neighbours with the same light and a similar normal, on the current thread pool.
     pub(super) fn new(swarm: &Swarm) -> Self {
         let links = |found: &mut Nearest, index: u32| {
             let near = swarm.neighbors(index, found);
@@ -30,17 +29,17 @@ impl Network {
         Self { links, reach }
     }
 
-    /// Those next to an agent.
+    /// Returns the neighbours of an agent.
     pub(super) fn neighbors(&self, index: u32) -> impl Iterator<Item = u32> + '_ {
         self.links[index as usize].iter().flatten().copied()
     }
 
-    /// How far an agent looks around.
+    /// Returns the radius of an agent's neighbourhood.
     pub(super) fn reach(&self, index: u32) -> f32 {
         self.reach[index as usize]
     }
 
-    /// Links in all.
+    /// Returns the number of links.
     pub(super) fn link_count(&self) -> u64 {
         self.links.iter().flatten().flatten().count() as u64
     }

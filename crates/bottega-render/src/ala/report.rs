@@ -1,58 +1,59 @@
-//! The figures of agents.
+//! Figures of lighting agents.
 
 use std::{
     sync::atomic::{AtomicU64, Ordering},
     time::Duration,
 };
 
-/// The report of a swarm: its properties, its cost, and the questions it was asked.
+/// The report of a swarm: its size, its cost, and the answers it gave.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AgentReport {
-    /// Agents that were sent out.
+    /// Agents that were cast.
     pub cast: u32,
-    /// Agents that are stored, clones and scouts among them.
+    /// Agents that are stored, including clones and scouts.
     pub agents: u64,
-    /// Clones: those behind the first surface.
+    /// Clones: agents behind the first surface.
     pub clones: u64,
-    /// Sensors of geometry, proximity, penumbra and irradiance.
+    /// Sensors by kind: geometry, proximity, penumbra, irradiance.
     pub sensors: [u64; 4],
     /// Links of the proximity network.
     pub links: u64,
-    /// Agents that answer "lit", "shaded" and "trace a ray".
+    /// Number of agents that answer "lit", "shaded" and "trace a shadow ray".
     pub answers: [u64; 3],
-    /// Mean distance between objects.
+    /// Mean distance between objects, in scene units.
     pub object_distance: f32,
-    /// Bytes of the maps that are kept.
+    /// Memory of the agents' maps, in bytes.
     pub map_bytes: u64,
-    /// Of the photons that come to mirrors and glass, the share whose light the camera sees: sent without asking lookouts, and sent by
-    /// them. `None`: nobody was asked, or none comes there.
+    /// Share of the caustic photons that the camera sees: sent without the importance of lookouts, and with it; in [0,
+    /// 1]. `None`: lookouts are not used, or there are no caustics.
     pub caustics_seen: Option<[f64; 2]>,
-    /// How long casting took.
+    /// Duration of casting.
     pub casting: Duration,
-    /// How long sensing took.
+    /// Duration of sensing.
     pub sensing: Duration,
-    /// What was asked so far.
+    /// Answers given so far.
     pub tally: Tally,
 }
 
-/// The tally of the oracle's questions and answers.
+/// Counts of the oracle's answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Shadow rays that were traced, and that were not.
+    /// Shadow rays that were traced.
     pub shadow_traced: u64,
-    /// See above.
+    /// Shadow rays that agents made unnecessary.
     pub shadow_spared: u64,
-    /// Places whose indirect light was gathered, and whose it was interpolated.
+    /// Points whose indirect light was gathered.
     pub irradiance_computed: u64,
-    /// See above.
+    /// Points whose indirect light was interpolated between agents.
     pub irradiance_interpolated: u64,
 }
 
-/// Sums that many threads add to.
+/// A [`Tally`] that many threads add to.
 #[derive(Debug, Default)]
 pub(super) struct Tallies([AtomicU64; 4]);
 
 impl Tallies {
+    /// Adds the counts of a tally.
     pub(super) fn add(&self, tally: &Tally) {
         let Tally { shadow_traced, shadow_spared, irradiance_computed, irradiance_interpolated } = *tally;
         let parts = [shadow_traced, shadow_spared, irradiance_computed, irradiance_interpolated];
@@ -61,6 +62,7 @@ impl Tallies {
         }
     }
 
+    /// Returns the sums.
     pub(super) fn sum(&self) -> Tally {
         let [shadow_traced, shadow_spared, irradiance_computed, irradiance_interpolated] =
             [0, 1, 2, 3].map(|i| self.0[i].load(Ordering::Relaxed));

@@ -1,4 +1,4 @@
-//! Agents that are cast and look around: by the rules of the paper, or by our own.
+//! Casting and sensing of agents, by the paper's oracle or by the error oracle.
 
 use std::{
     ops::Range,
@@ -42,7 +42,7 @@ impl Task for Sensing<'_> {
     }
 }
 
-/// Casts agents on the threads of the present pool.
+/// Casts agents on the current thread pool.
 fn cast(prepared: &PreparedScene, plan: &PhotonPlan, settings: AgentSettings, seed: u64) -> Vec<Agent> {
     let works: Vec<_> = parts(settings.cast, AGENTS).collect();
     let (sources, plan) = (&*plan.sources, &plan.emission);
@@ -53,13 +53,13 @@ fn cast(prepared: &PreparedScene, plan: &PhotonPlan, settings: AgentSettings, se
 }
 
 impl Agents {
-    /// Casts agents and lets them look around, on the threads of the present pool.
+    /// Casts agents and runs their sensing tasks, on the current thread pool.
     ///
-    /// - `integrator`: follows the light that comes to a sensor.
-    /// - `maps`: know the caustics.
+    /// - `integrator`: estimates the light that arrives at a sensor.
+    /// - `maps`: the photon maps of caustics.
     ///
     /// # Errors
-    /// None here: errands that are run at once are run.
+    /// None in practice: tasks on this machine always run.
     pub(crate) fn new(
         prepared: &PreparedScene,
         settings: AgentSettings,
@@ -81,14 +81,14 @@ impl Agents {
         Self::sense(prepared, *plan.extent(), settings, &swarm, &network, run, [casting, Duration::ZERO])
     }
 
-    /// Lets the agents of a swarm look around.
+    /// Runs the sensing tasks of a swarm.
     ///
-    /// - `extent`: of what is seen.
-    /// - `run`: does errands.
-    /// - `times`: what casting took, and what sensing has taken so far.
+    /// - `extent`: extent of the visible part of the scene.
+    /// - `run`: runs tasks.
+    /// - `times`: duration of casting, and of sensing so far.
     ///
     /// # Errors
-    /// The errands were not run.
+    /// A sensing task was not run.
     pub(super) fn sense(
         prepared: &PreparedScene,
         extent: Extent,
@@ -119,7 +119,7 @@ impl Agents {
         Ok(agents)
     }
 
-    /// By the rules of the paper.
+    /// Runs the sensing tasks of the paper's oracle.
     fn dig(
         settings: AgentSettings,
         swarm: &Swarm,
@@ -135,7 +135,7 @@ impl Agents {
     }
 }
 
-/// Joins parts in their order.
+/// Joins parts in order.
 pub(super) fn joined(parts: Vec<SensorReadings>) -> SensorReadings {
     parts.into_iter().fold(SensorReadings::default(), |mut all, part| {
         all.append(part);

@@ -1,4 +1,4 @@
-//! The sensing of agents: what they are sent out to find, and what they bring back.
+//! Sensing tasks of agents, and their readings.
 
 use std::{ops::Range, sync::Arc};
 
@@ -10,37 +10,38 @@ use crate::{
     prepare::PreparedScene,
 };
 
-/// Agents that one unit of work casts: some milliseconds.
+/// Agents cast per unit of work: some milliseconds.
 pub(super) const AGENTS: u32 = 4096;
-/// Agents that look around in one unit of work.
+/// Agents that deploy sensors per unit of work.
 pub(super) const SENSING: u32 = 512;
-/// Those that measure indirect light by our own rules: fewer, since each that must follows hundreds of paths.
+/// Candidates per unit of work of measurements; fewer, since each traces hundreds of paths.
 pub(super) const MEASURING: u32 = 16;
 
-/// Does errands, and joins what was found in their order.
+/// Runs sensing tasks, and joins their readings in order.
 pub(super) type Run<'a> = dyn FnMut(Vec<SensingTask>) -> Result<SensorReadings, RenderError> + 'a;
 
-/// An agent, and the side of its surface that it would measure.
+/// An agent and the side of its surface where it may measure irradiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Candidate {
+    /// Index of the agent.
     pub(super) index: u32,
-    /// Whether it is the side that the agent did not come from.
+    /// `true`: the side that faces away from where the agent came from.
     pub(super) is_back: bool,
 }
 
-/// What some agents are to do.
+/// A sensing task.
 #[derive(Clone)]
 pub(crate) enum SensingTask {
-    /// To dig as the gold miners of the paper: all four kinds of sensors.
+    /// Run the gold miners of the paper with all four kinds of sensors; range of agent indices.
     Dig(Range<u32>),
-    /// To look for the light: agents from a list, each by the sensors with these numbers.
+    /// Test the visibility of lights, by agents of a list, with the sensors of these numbers.
     Look { who: Arc<[u32]>, part: Range<u32>, numbers: Range<u32> },
-    /// To measure the indirect light wherever the others do not know it well enough.
+    /// Measure indirect light at the candidates where the other records do not know it well enough.
     Measure { who: Arc<[Candidate]>, part: Range<u32>, others: Arc<Agents> },
 }
 
 impl SensingTask {
-    /// Which of its agents go.
+    /// Returns the range of its agents or candidates.
     pub(super) fn agents(&self) -> Range<u32> {
         match self {
             Self::Dig(part) | Self::Look { part, .. } | Self::Measure { part, .. } => part.clone(),
@@ -48,41 +49,48 @@ impl SensingTask {
     }
 }
 
-/// Agents on an errand.
+/// A sensing task with all that it needs.
 pub(crate) struct Sensing<'a> {
+    /// Integrator that estimates the light at a sensor.
     pub(crate) integrator: &'a PhotonIntegrator<'a>,
+    /// Photon maps of caustics.
     pub(crate) maps: &'a PhotonMaps,
+    /// The agents of the picture.
     pub(crate) swarm: &'a Swarm,
+    /// Links between neighbouring agents.
     pub(crate) network: &'a Network,
+    /// Seed of the random numbers.
     pub(crate) seed: u64,
+    /// The task to run.
     pub(crate) errand: SensingTask,
 }
 
-/// The readings of agents, in the order of the task.
+/// Readings of agents, in the order of the task.
 #[derive(Clone, Debug, Default)]
 pub struct SensorReadings {
-    /// Of each agent.
+    /// Readings of each agent about its light.
     pub(super) discoveries: Vec<Discovery>,
-    /// Irradiance sensors of the paper: the indirect irradiance.
+    /// Indirect irradiance at the sensors of the paper's oracle.
     pub(super) irradiance: IrradiancePlaces,
-    /// Our own irradiance sensors.
+    /// Irradiance records of the error oracle.
     pub(super) records: Vec<IrradianceRecord>,
-    /// Sensors by kind: geometry, proximity, penumbra, irradiance.
+    /// Number of sensors by kind: geometry, proximity, penumbra, irradiance.
     pub(super) sensors: [u64; 4],
 }
 
-/// What an agent knows of its light.
+/// An agent's readings about its light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Discovery {
-    /// Penumbra sensors that see it, and that do not.
+    /// Number of penumbra sensors that see the light.
     pub(super) lit: u32,
+    /// Number of penumbra sensors that do not see the light.
     pub(super) shaded: u32,
-    /// Those that found no surface to stand on, by our own rules.
+    /// Number of sensors that found no surface; only by the error oracle.
     pub(super) lost: u32,
 }
 
 impl SensorReadings {
-    /// Adds what the agents that follow found out.
+    /// Appends the readings of the agents that follow.
     pub(super) fn append(&mut self, mut later: Self) {
         self.discoveries.append(&mut later.discoveries);
         self.irradiance.append(later.irradiance);
@@ -92,15 +100,17 @@ impl SensorReadings {
 }
 
 impl<'a> Sensing<'a> {
+    /// Returns the scene.
     pub(super) fn prepared(&self) -> &'a PreparedScene {
         self.integrator.prepared()
     }
 
+    /// Returns an agent.
     pub(super) fn agent(&self, index: u32) -> &'a Agent {
         &self.swarm.agents[index as usize]
     }
 
-    /// Where the sensors of an agent go.
+    /// Returns the probe of an agent.
     pub(super) fn probe(&self, index: u32) -> Probe<'a> {
         Probe { prepared: self.prepared(), agent: self.agent(index), seed: self.seed, reach: self.network.reach(index) }
     }

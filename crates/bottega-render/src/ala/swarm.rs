@@ -1,4 +1,4 @@
-//! All agents of a picture, before they look around.
+//! The swarm: all agents of a picture, before they deploy sensors.
 
 use super::agent::Agent;
 use crate::{
@@ -8,31 +8,30 @@ use crate::{
     photon::{Nearest, Photon, PhotonMap, is_alike},
 };
 
-/// Agents from which the density around a place is estimated.
+/// Number of agents that the local density is estimated from.
 pub(super) const NEAREST: usize = 16;
-/// Of so many agents of its own kind next to it an agent looks after the space between.
+/// An agent's neighbourhood reaches to this many agents of its kind.
 const NEIGHBORHOOD: usize = 8;
 
-/// The agents, found by place.
+/// Agents in a tree.
 #[derive(Debug, Default)]
 pub(crate) struct Swarm {
-    /// In the order of their identities: by cast, then by clone.
+    /// Agents in the order of their identities: by cast, then by clone.
     pub(super) agents: Vec<Agent>,
-    /// Where they are; in place of a power the index.
+    /// Positions; the tag is the index.
     pub(super) tree: PhotonMap,
-    /// Mean distance between objects: from the light to the first surface, and from one surface to the next. Greater than 0.
+    /// Mean distance between objects: from the light to the first surface, and from surface to surface. Greater than 0.
     pub(super) object_distance: f32,
-    /// Agents cast by each light, without clones.
+    /// Number of agents cast per light, without clones.
     pub(super) cast_by_light: f32,
 }
 
 impl Swarm {
-    /// Builds the tree on the threads of the present pool.
+    /// Builds the tree on the current thread pool.
     ///
-    /// - `source_count`: how many sources cast them.
-    /// - `extent`: of what is seen.
-    /// - `agents`: in the order of their identities.
-    ///   Those for whom there is no memory are left out.
+    /// - `source_count`: number of sources that cast agents.
+    /// - `extent`: extent of the visible part of the scene.
+    /// - `agents`: in the order of their identities. Those beyond the memory limit are dropped.
     pub(crate) fn new(source_count: usize, extent: &Extent, mut agents: Vec<Agent>, settings: &AgentSettings) -> Self {
         agents.truncate(settings.agents_max());
         let object_distance = object_distance(extent, &agents);
@@ -42,21 +41,21 @@ impl Swarm {
         Self { agents, tree, object_distance, cast_by_light }
     }
 
-    /// How many there are, clones among them.
+    /// Returns the number of agents, including clones.
     pub(crate) fn len(&self) -> usize {
         self.agents.len()
     }
 
-    /// An agent by its number in the tree.
+    /// Returns index and data of an agent by its number in the tree.
     pub(super) fn by_number(&self, number: u32) -> (u32, &Agent) {
         let index = self.tree.mark(number).tag();
         (index, &self.agents[index as usize])
     }
 
-    /// The agents nearest to one, of the same light on a surface that faces the same way, the nearest first; it is not
-    /// among them.
+    /// Returns distance and index of the nearest agents with the same light and a similar normal, in ascending order,
+    /// without the agent itself.
     ///
-    /// - `found`: holds [`NEAREST`] agents or more.
+    /// - `found`: buffer for at least [`NEAREST`] agents.
     pub(super) fn neighbors(&self, index: u32, found: &mut Nearest) -> Vec<(f32, u32)> {
         let agent = &self.agents[index as usize];
         self.tree.nearest(agent.p, f32::INFINITY, found);
@@ -71,19 +70,20 @@ impl Swarm {
         near
     }
 
-    /// How far an agent looks around for shadows: to its neighbors.
+    /// Returns the radius of an agent's neighbourhood, given its neighbours.
     pub(super) fn reach(&self, near: &[(f32, u32)]) -> f32 {
-        /// Without neighbors, as a share of the mean distance between objects.
+        /// Radius without neighbours, as a share of the mean distance between objects.
         const ALONE: f32 = 0.05;
         let farthest = near.get(NEIGHBORHOOD - 1).or(near.last()).map(|&(distance, _)| distance);
         farthest.filter(|&distance| distance > 0.0).unwrap_or(ALONE * self.object_distance)
     }
 }
 
-/// Mean distance between objects, as agents on what is seen tell it: what lies far off would make it far too great.
+/// Returns the mean distance between objects, from agents on the visible part of the scene: distant ones make it far
+/// too large.
 fn object_distance(extent: &Extent, agents: &[Agent]) -> f32 {
     let is_near = |agent: &&Agent| extent.is_whole() || agent.p.distance(extent.center) <= extent.radius;
-    // Light from infinitely far away begins at the edge of the scene.
+    // Light from infinity starts at the edge of the scene
     let most = if extent.is_whole() { f32::INFINITY } else { 2.0 * extent.radius };
     let (mut sum, mut count) = (0.0, 0.0_f64);
     for agent in agents.iter().filter(is_near) {
@@ -94,7 +94,7 @@ fn object_distance(extent: &Extent, agents: &[Agent]) -> f32 {
     if mean > 0.0 && mean.is_finite() { mean } else { f32::MIN_POSITIVE }
 }
 
-/// Whether a light is one that agents can tell from others.
+/// Returns `true` if a light has its own number, so agents can answer for it.
 pub(super) fn is_told(light: u32) -> bool {
     light != NO_LIGHT
 }

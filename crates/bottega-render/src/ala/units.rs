@@ -1,4 +1,4 @@
-//! Work on agents, as the allocator hands it out.
+//! Units of agent work for the allocator.
 
 use std::{ops::Range, sync::Arc};
 
@@ -16,39 +16,44 @@ use crate::{
     photon::Passes,
 };
 
-/// Agents to be cast.
+/// A range of agents to cast.
 #[derive(Clone)]
 pub struct AgentWork {
-    /// The scene.
+    /// The scene to trace in.
     pub scene: Arc<PreparedScene>,
-    /// What is known of it.
+    /// Prepass of the scene.
     pub prepass: Arc<Prepass>,
-    /// The picture: agents are sent to what it shows.
+    /// Picture that the agents are cast for: they are sent to what it shows.
     pub view: View,
-    /// Another seed gives other agents.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Which of them.
+    /// Indices of the agents.
     pub indices: Range<u32>,
-    /// Whether they send scouts to what no light shines at straight.
+    /// `true`: agents send scouts to surfaces without direct light.
     pub(crate) has_scouts: bool,
 }
 
-/// Sensors to be deployed.
+/// A sensing task of some agents.
 #[derive(Clone)]
 pub struct SensorWork {
-    /// The scene.
+    /// The scene to trace in.
     pub(crate) scene: Arc<PreparedScene>,
+    /// Settings of photons and agents.
     pub(crate) photons: PhotonSettings,
+    /// Seed of the random numbers.
     pub(crate) seed: u64,
+    /// Photon maps of the picture.
     pub(crate) passes: Arc<Passes>,
+    /// The agents of the picture.
     pub(crate) swarm: Arc<Swarm>,
+    /// Links between neighbouring agents.
     pub(crate) network: Arc<Network>,
-    /// By whom, and what for.
+    /// Agents, and the kind of sensors.
     pub(crate) errand: SensingTask,
 }
 
 impl AgentWork {
-    /// Casts them on the calling thread.
+    /// Casts the agents on the calling thread.
     pub fn perform(self) -> Vec<Agent> {
         let Self { scene, prepass, view, seed, indices, has_scouts } = self;
         let plan = prepass.photon_plan(&scene, view);
@@ -64,15 +69,15 @@ impl AgentWork {
 }
 
 impl SensorWork {
-    /// Agents on the errand.
+    /// Returns the number of agents of the task.
     pub(crate) fn agent_count(&self) -> u64 {
         self.errand.agents().len() as u64
     }
 
-    /// Deploys them on the calling thread.
+    /// Runs the task on the calling thread.
     ///
     /// # Errors
-    /// The scene has no camera, or media.
+    /// [`RenderError::PhotonsInMedia`], or the scene has no camera.
     pub fn perform(self) -> Result<SensorReadings, RenderError> {
         let Self { scene, photons, seed, passes, swarm, network, errand } = self;
         let settings = sensing_settings(&photons, seed);

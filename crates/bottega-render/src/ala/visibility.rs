@@ -1,4 +1,4 @@
-//! The visibility of lights as agents answer it: the shadow half of the oracle (§4.4).
+//! The visibility of lights, as agents answer it: the shadow half of the oracle (§4.4).
 
 use std::collections::BTreeMap;
 
@@ -14,40 +14,40 @@ use crate::photon::{
     is_alike,
 };
 
-/// What an agent answers who is asked whether a shadow ray is to be traced.
+/// An agent's answer to "should I trace a shadow ray?".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ShadowVerdict {
-    /// Yes.
+    /// Yes: the agent does not know.
     Trace,
-    /// No: its light is seen.
+    /// No: the light is visible.
     Lit,
-    /// No: its light is hidden.
+    /// No: the light is hidden.
     Shaded,
 }
 
-/// The bits of an answer below those of a light.
+/// Bit mask of the answer in a tag; the bits above are the light.
 const ANSWER: u32 = 3;
 
 /// Agents with their answers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Visibility {
-    /// Where they are; in place of a power light and answer.
+    /// Positions; the tag holds light and answer.
     places: PhotonMap,
-    /// How far each one's word goes, by number in the map.
+    /// Radius in which each agent's answer counts, by number in the map.
     reach: Vec<f32>,
-    /// The lights of which somebody answers something else than "trace", in the order of their numbers, and how far such words go
-    /// at most. Where a light is not among them nobody needs to be looked for.
+    /// Lights for which some agent answers other than "trace", in ascending order, with the greatest radius of such an
+    /// answer. For other lights no agent is looked up.
     answered: Vec<(u32, f32)>,
-    /// The proximity network, where it is asked: the neighbors of each by number in the map; [`NOBODY`] where there are fewer.
+    /// Proximity network, if it is asked: neighbours by number in the map; [`NOBODY`] where there are fewer.
     links: Vec<[u32; LINKS]>,
 }
 
-/// Nobody's number.
+/// Stands for no agent.
 const NOBODY: u32 = u32::MAX;
 
 impl Visibility {
-    /// - `answers`: by index of the agent.
-    /// - `keeps_network`: whether neighbors are asked, too.
+    /// - `answers`: by agent index.
+    /// - `keeps_network`: `true`: the answer at a point is the median of the nearest agent and its neighbours.
     pub(super) fn new(swarm: &Swarm, network: &Network, answers: &[ShadowVerdict], keeps_network: bool) -> Self {
         let indices: Vec<u32> = (0..swarm.len() as u32).map(|number| swarm.by_number(number).0).collect();
         let reach: Vec<f32> = indices.iter().map(|&index| network.reach(index)).collect();
@@ -62,6 +62,7 @@ impl Visibility {
         Self::of(swarm.tree.clone().retagged(tag), reach, links)
     }
 
+    /// Builds the list of answered lights from the agents' tags.
     fn of(places: PhotonMap, reach: Vec<f32>, links: Vec<[u32; LINKS]>) -> Self {
         let mut farthest: BTreeMap<u32, f32> = BTreeMap::new();
         for (photon, &reach) in places.iter().zip(&reach) {
@@ -74,9 +75,9 @@ impl Visibility {
         Self { places, reach, answered: farthest.into_iter().collect(), links }
     }
 
-    /// Whether a light is seen; `None`: nobody knows.
+    /// Returns `true` or `false` if the agent near a point knows the visibility of a light; `None`: unknown.
     ///
-    /// - `normal`: of the surface, on the side that is asked for.
+    /// - `normal`: geometric normal, on the side that faces the light.
     #[inline(always)]
     pub(super) fn at(&self, p: Vec3, normal: Vec3, light: u32) -> Option<bool> {
         let place = self.answered.binary_search_by_key(&light, |&(light, _)| light).ok()?;
@@ -96,6 +97,7 @@ impl Visibility {
         }
     }
 
+    /// Returns the answer of one agent; `None`: "trace".
     #[inline(always)]
     fn answer(&self, number: u32) -> Option<bool> {
         match self.places.mark(number).tag() & ANSWER {
@@ -105,7 +107,7 @@ impl Visibility {
         }
     }
 
-    /// What lies in the middle of the answers of an agent and its neighbors, "trace" between the other two.
+    /// Returns the median answer of an agent and its neighbours, with "trace" between lit and shaded.
     #[inline(always)]
     fn median(&self, number: u32, links: &[u32; LINKS]) -> Option<bool> {
         let (mut lit, mut shaded, mut count) = (0, 0, 0);
@@ -122,8 +124,8 @@ impl Visibility {
         }
     }
 
-    /// What the nearest agent and its neighbors answer where it or a link of it is nearer than so much: 1 lit, a quarter shaded, and
-    /// something between where a ray is traced.
+    /// Returns the median answer of the nearest agent, if it or one of its links passes within `width` of the point: 1
+    /// lit, 0.25 shaded, 0.6 "trace".
     pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
         let number = self.places.nearest_where(p, f32::INFINITY, |_| true)?;
         let links = self.links.get(number as usize)?;
@@ -142,12 +144,14 @@ impl Visibility {
         })
     }
 
+    /// Writes positions, radii and links.
     pub(super) fn write(&self, to: &mut Writer) {
         to.map(&self.places);
         self.reach.iter().for_each(|&reach| to.value(reach));
         to.numbers(self.links.as_flattened());
     }
 
+    /// Reads positions, radii and links; `None`: not valid.
     pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let places = from.map()?;
         let reach = (0..places.len()).map(|_| from.value()).collect::<Option<Vec<_>>>()?;
@@ -159,11 +163,12 @@ impl Visibility {
         is_sound.then(|| Self::of(places, reach, links.to_vec()))
     }
 
-    /// Where the agents are.
+    /// Returns the positions of the agents.
     pub(super) fn places(&self) -> &PhotonMap {
         &self.places
     }
 
+    /// Returns the memory, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         self.places.memory_bytes()
             + size_of_val(&*self.reach)
@@ -171,8 +176,8 @@ impl Visibility {
             + size_of_val(&*self.links)
     }
 
-    /// How much of its light arrives at one of [`places`](Self::places), as it answers: 1 where it is lit, 0 where it is shaded,
-    /// and a half in between.
+    /// Returns the share of its light that arrives at an agent of [`places`](Self::places), by its answer: 1 lit, 0
+    /// shaded, 0.5 in between.
     pub(super) fn lit_share(agent: &Photon) -> f32 {
         match agent.mark().tag() & ANSWER {
             tag if tag == ShadowVerdict::Lit as u32 => 1.0,

@@ -1,74 +1,76 @@
-//! The budget of learning: how many paths a picture is worth learning from.
+//! The budget of learning: the number of paths that a picture is learned from.
 //!
-//! Learning begins with few paths, which cost less than a hundredth of the picture and tell how noisy it is: the variance of one path
-//! relative to what its part of the picture shows. That decides how far learning may go. Where light is rare, a guide of few paths is
-//! of no use and one of many saves most of the work; where paths agree, more of them teach little that the picture would gain from.
+//! Learning begins with few paths, which cost less than a hundredth of the picture and measure its noise: the variance
+//! of one path relative to the brightness of its part of the picture. The noise decides how long learning goes on.
+//! Where light is rare, a guide from few paths is useless and one from many saves most of the work; where paths agree,
+//! more of them gain little.
 
-/// Samples of the picture for each path of the first pass; each further pass has twice as many as the one before.
+/// Samples of the picture per path of the first pass; each further pass has twice as many paths as the one before.
 const SAMPLES_PER_PATH: u64 = 512;
-/// Paths of a pass, at least and at most.
+/// Least and greatest number of paths of a pass.
 const PATHS_MIN: u64 = 512;
 const PATHS_MAX: u64 = 1 << 18;
-/// Passes whose paths go as if nothing had been learnt, and tell the noise.
+/// Number of passes without a guide, which measure the noise.
 const PLAIN_PASSES: u32 = 2;
-/// Noise from which on a picture is noisy, and from which on its light is rare.
+/// Noise from which a picture counts as noisy, and from which its light counts as rare.
 const NOISY: f64 = 1.0;
 const RARE: f64 = 5.0;
-/// Error times work over that of plain paths, by what a display shows, below which the first trial promises enough to learn on: of a
-/// picture that is not noisy and of one that is. There few paths teach little, and few pixels may miss where the noise is: of a mesh
-/// light and of glass, where all passes brought it to two thirds, they told 1.14 to 1.40.
+/// Greatest error times work in the first trial, relative to plain paths and as a display shows it, for learning to go
+/// on: for calm and for noisy pictures. In noisy ones, few paths teach little and few pixels may miss the noise: for a
+/// mesh light and for glass, where the full training reached two thirds, the first trial showed 1.14 to 1.40.
 const PROMISE_CALM: f64 = 1.05;
 const PROMISE_NOISY: f64 = 1.45;
-/// All passes of a picture that is not noisy, and of one that is: some 1 and 6 paths for each 100 samples.
+/// Number of passes of calm and of noisy pictures: some 1 and 6 paths per 100 samples.
 const PASSES_CALM: u32 = 3;
 const PASSES_NOISY: u32 = 5;
-/// Where light is rare, there are more, up to 25 paths for each 100 samples, until they are so many together: what fewer teach is not
-/// worth having.
+/// Greatest number of passes where light is rare, up to 25 paths per 100 samples, and greatest number of paths with
+/// more than [`PASSES_NOISY`]: fewer are not worth it.
 const PASSES_RARE: u32 = 7;
 const PATHS_RARE: u64 = 160_000;
-/// Samples below which only rare light is worth more than the first passes: too few paths could be spared to find out whether more pay.
+/// Number of samples below which only rare light justifies more than the first passes: the trial costs too much.
 const SAMPLES_MIN: u64 = 1 << 20;
 
-/// How far learning goes for a picture.
+/// The budget of learning of a picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LearningBudget {
     samples: u64,
 }
 
 impl LearningBudget {
-    /// - `samples`: of the picture, all pixels together.
+    /// - `samples`: number of samples of the whole picture.
     pub(crate) fn new(samples: u64) -> Self {
         Self { samples }
     }
 
-    /// Passes with which learning begins: their paths go as if nothing had been learnt, and tell the noise.
+    /// Returns the number of passes without a guide, which measure the noise.
     pub(crate) fn plain_passes(self) -> u32 {
         PLAIN_PASSES
     }
 
-    /// Whether more may be worth learning than what the first passes tell.
+    /// Returns `true` if more passes than the first ones may pay off.
     pub(crate) fn goes_on(self, noise: f64) -> bool {
         noise >= RARE || self.samples >= SAMPLES_MIN
     }
 
-    /// Passes after which it is tried whether more of them may pay; `None`: where light is rare, few cannot know, and it is not.
+    /// Returns the number of passes before the first trial; `None`: no first trial, because few passes are not
+    /// conclusive where light is rare.
     pub(crate) fn passes_before_trial(self, noise: f64) -> Option<u32> {
         match noise {
             noise if noise >= RARE => None,
             noise if noise >= NOISY => Some(PLAIN_PASSES + 1),
-            // (What is no number is as good as no noise.)
+            // NaN counts as no noise
             _ => Some(PLAIN_PASSES),
         }
     }
 
-    /// Whether more learning may pay.
+    /// Returns `true` if more learning may pay off.
     ///
-    /// - `ratio`: error times work of what the first trial tried, over that of plain paths, by what a display shows.
+    /// - `ratio`: error times work in the first trial, relative to plain paths, as a display shows it.
     pub(crate) fn is_promising(self, noise: f64, ratio: f64) -> bool {
         ratio < if noise >= NOISY { PROMISE_NOISY } else { PROMISE_CALM }
     }
 
-    /// All passes of a picture with such noise that goes on.
+    /// Returns the total number of passes of a picture with this noise.
     pub(crate) fn passes(self, noise: f64) -> u32 {
         match noise {
             noise if noise >= RARE => {
@@ -80,17 +82,17 @@ impl LearningBudget {
         }
     }
 
-    /// Paths of a pass.
+    /// Returns the number of paths of a pass.
     pub(crate) fn paths(self, pass: u32) -> u32 {
         ((self.samples / SAMPLES_PER_PATH) << pass).clamp(PATHS_MIN, PATHS_MAX) as u32
     }
 }
 
-/// Variance of one path from pictures of the same pixels, painted twice with `samples` each.
+/// Returns the variance of one path, estimated from pixels rendered twice with `samples` each.
 ///
-/// - `squares`: squared difference of each pair, relative to what is shown there.
+/// - `squares`: squared difference of each pair, relative to the brightness there.
 pub(super) fn noise(mut squares: Vec<f64>, samples: u32) -> f64 {
-    /// Share of the pixels, the worst ones, that do not count.
+    /// Share of the pixels, those with the greatest differences, that do not count.
     const TRIM: f64 = 0.005;
     squares.sort_unstable_by(f64::total_cmp);
     let kept = squares.len() - (squares.len() as f64 * TRIM).ceil() as usize;

@@ -1,22 +1,23 @@
-//! A guide as bytes, for others who paint the same view of the same scene.
+//! The byte form of a guide, for other machines that render the same view of the same scene.
 //!
-//! Numbers of four bytes, the low one first: the lattice (its low corner, its cells per unit of length, its cells along each
-//! axis: three each); how many nodes, regions and agents there are; columns and rows of the parts of the picture, and how many
-//! of these are known; columns and rows of the zones of the plan, and the way of each; of each node its plane and its link; of each region its share; of each agent what it knows; what each
-//! part of the picture is worth. Then, of each region, the cumulative weights of its cells, two bytes each.
+//! Four-byte numbers, little-endian: the lattice (low corner, cells per unit of length, cells along each axis: three
+//! each); the numbers of nodes, regions and agents; columns and rows of the picture's parts, and the number of parts
+//! that are known; columns and rows of the plan's zones, and the way of each zone; plane and link of each node; share
+//! of each region; data of each agent; importance of each part. Then, for each region, the cumulative weights of its
+//! cells, two bytes each.
 
 use super::agent::{Agent, NUMBERS, PictureWorth};
 use super::directions::{CELLS, Directions};
 use super::plan::{PaintPlan, PaintingWay};
 use super::tree::{Guide, GuideNode, Lattice, Region};
 
-/// Bytes that are no guide.
+/// The error of bytes that are not a valid guide.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("these bytes are nothing that was learnt of a scene")]
 pub struct UnreadGuide;
 
 impl Guide {
-    /// As bytes.
+    /// Returns the guide as bytes.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let (lattice, nodes, regions, agents) = self.parts();
         let (columns, rows, worth) = self.expected().parts();
@@ -41,15 +42,16 @@ impl Guide {
         bytes
     }
 
-    /// From bytes, which somebody else may have made.
+    /// Reads a guide from untrusted bytes.
     ///
     /// # Errors
-    /// They are no guide.
+    /// They are not a valid guide.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, UnreadGuide> {
         read(bytes).ok_or(UnreadGuide)
     }
 }
 
+/// Reads a guide; `None`: not valid.
 fn read(bytes: &[u8]) -> Option<Guide> {
     let mut rest = bytes;
     let mut number = || {
@@ -66,7 +68,7 @@ fn read(bytes: &[u8]) -> Option<Guide> {
     let (columns, rows, parts) = (number()?, number()?, number()? as usize);
     let zones = [number()?, number()?];
     let zone_count = zones[0].checked_mul(zones[1])? as usize;
-    // No more is set aside than there is.
+    // Check the sizes before allocating
     let sizes = [(nodes, 8), (regions, 4 + 2 * (CELLS + 1)), (agents, 4 * NUMBERS), (parts, 4), (zone_count, 4)];
     let all = sizes.iter().try_fold(4 * 17_usize, |all, &(count, size)| all.checked_add(count.checked_mul(size)?))?;
     if all != bytes.len() {
@@ -129,7 +131,7 @@ mod tests {
         #[test]
         fn whatever_the_bytes_a_guide_ends_and_does_not_panic(at in any::<prop::sample::Index>(), byte in any::<u8>(), end in any::<prop::sample::Index>()) {
             let mut bytes = example(Vec3::Y).to_bytes();
-            // Most bytes are weights; what leads is what can go wrong.
+            // Most bytes are weights; errors are likely only in the leading ones.
             let place = at.index(bytes.len().min(400));
             bytes[place] = byte;
             if let Ok(guide) = Guide::from_bytes(&bytes) {

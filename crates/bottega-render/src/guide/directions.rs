@@ -8,49 +8,49 @@ use super::octahedron::{direction_from_square, square_from_direction};
 pub(super) const SIDE: usize = 32;
 /// Cells of the square.
 pub(super) const CELLS: usize = SIDE * SIDE;
-/// What the weights of all cells add up to.
+/// Sum of the weights of all cells.
 const TOTAL: u16 = u16::MAX;
 /// Area of a cell within [−1, 1]².
 const CELL_AREA: f32 = 4.0 / CELLS as f32;
 
-/// A piecewise constant density over the square, in whole numbers so that sums are exact.
+/// A piecewise constant density over the square, in integers so that sums are exact.
 ///
-/// A search counts how many of [`SIDE`] numbers in a row are not above another: a few loads and comparisons for a vector unit.
+/// A search counts how many of [`SIDE`] adjacent numbers are at most a target: a few loads and comparisons of vectors.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Directions {
-    /// Weights of all cells up to the end of each row.
+    /// Cumulative weight at the end of each row.
     rows: [u16; SIDE],
-    /// Weights of all cells before, row by row.
+    /// Cumulative weight before each cell, row by row.
     cumulative: [u16; CELLS + 1],
 }
 
-/// How many of the numbers, which ascend, are not above another; all but the last at most.
+/// Returns how many of the ascending numbers are at most `target`, at most [`SIDE`] − 1.
 #[inline(always)]
 fn not_above(ends: &[u16; SIDE], target: u16) -> usize {
     usize::from(ends.iter().map(|&end| u16::from(end <= target)).sum::<u16>()).min(SIDE - 1)
 }
 
-/// A density over the square that is refined level by level: each square in four, in the order of Morton.
+/// A quadtree density over the square, in Morton order.
 ///
-/// What a region has seen is little; what lies around it, more. A quarter's share of its square is the one that was seen
-/// mixed with that of a region around, as if that had been seen [`PRIOR_COUNT`] times. So a square that has been met by
-/// one heavy record is not trusted, and one that has been met often is.
+/// A region has few samples; the larger region around it has more. The share of each quarter in its square is that of
+/// the samples, mixed with that of the larger region, weighted as [`PRIOR_COUNT`] samples. So a square hit by a single
+/// heavy sample is not trusted, and one hit often is.
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid {
-    /// The squares of all levels, the whole first; each level adds up to 1.
+    /// Probability of the squares of all levels, the whole first; each level sums to 1.
     mass: [f32; SQUARES],
 }
 
-/// Squares of all levels.
+/// Number of squares of all levels.
 const SQUARES: usize = (4 * CELLS - 1) / 3;
-/// Where the cells begin among them.
+/// Index of the first cell.
 const FIRST_CELL: usize = SQUARES - CELLS;
-/// See [`Pyramid`].
+/// Weight of the larger region, in samples; see [`Pyramid`].
 const PRIOR_COUNT: f32 = 4.0;
 
 impl Pyramid {
-    /// Uniform over the sphere.
+    /// Returns the uniform density over the sphere.
     pub(super) fn uniform() -> Self {
         let mut mass = [0.0; SQUARES];
         for cell in 0..CELLS {
@@ -59,6 +59,7 @@ impl Pyramid {
         Self::summed(mass)
     }
 
+    /// Fills the upper levels with the sums of the lower ones.
     fn summed(mut mass: [f32; SQUARES]) -> Self {
         for square in (0..FIRST_CELL).rev() {
             mass[square] = mass[4 * square + 1..4 * square + 5].iter().sum();
@@ -66,8 +67,9 @@ impl Pyramid {
         Self { mass }
     }
 
-    /// What the records (cell and weight) tell, where `around` is known of a greater region.
+    /// Learns a density from samples (cell and weight) and the density `around` of a larger region.
     pub(super) fn learnt(around: &Self, records: impl Iterator<Item = (usize, f32)>) -> Self {
+        // Sum weights and squared weights of all levels
         let (mut mass, mut squares) = ([0.0_f32; SQUARES], [0.0_f32; SQUARES]);
         for (cell, weight) in records {
             let cell = FIRST_CELL + morton(cell);
@@ -75,10 +77,11 @@ impl Pyramid {
             squares[cell] += weight * weight;
         }
         let (seen, squares) = (Self::summed(mass).mass, Self::summed(squares).mass);
+        // Divide each square between its quarters
         let mut out = Self { mass: [0.0; SQUARES] };
         out.mass[0] = 1.0;
         for square in 0..FIRST_CELL {
-            // As many records of equal weight would be as reliable.
+            // Effective number of samples: as many with equal weights are equally reliable
             let count = if squares[square] > 0.0 { seen[square] * (seen[square] / squares[square]) } else { 0.0 };
             for part in 4 * square + 1..4 * square + 5 {
                 let prior = around.mass[part] / around.mass[square].max(f32::MIN_POSITIVE);
@@ -89,32 +92,33 @@ impl Pyramid {
         out
     }
 
-    /// The part of the whole that a cell has.
+    /// Returns the probability of a cell.
     pub(super) fn cell(&self, cell: usize) -> f32 {
         self.mass[FIRST_CELL + morton(cell)]
     }
 }
 
-/// The place of a cell in Morton's order: the bits of its row and column interleaved.
+/// Returns the position of a cell in Morton order: the interleaved bits of its row and column.
 fn morton(cell: usize) -> usize {
     let (x, y) = (cell % SIDE, cell / SIDE);
     (0..SIDE.ilog2()).fold(0, |place, bit| place | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
 }
 
-/// The cell that a unit direction falls into, and what a density over the square is to be divided by there for one per
-/// solid angle.
+/// Returns the cell of a unit direction, and the factor by which a density over the square is divided for one per solid
+/// angle.
 pub(super) fn place_of(w: Vec3) -> (u16, f32) {
     let (place, s) = square_from_direction(w);
     (cell_at(place) as u16, s * s * s)
 }
 
+/// Returns the cell of a position in [−1, 1]².
 #[inline(always)]
 fn cell_at(place: Vec2) -> usize {
     let along = |x: f32| (((x + 1.0) * (0.5 * SIDE as f32)) as usize).min(SIDE - 1);
     along(place.y) * SIDE + along(place.x)
 }
 
-/// Solid angle of a cell in sr, by its middle.
+/// Returns the solid angle of a cell in sr, by its center.
 pub(super) fn solid_angle(cell: usize) -> f32 {
     let along = |i: usize| (2 * i + 1) as f32 / SIDE as f32 - 1.0;
     let (_, s) = direction_from_square(Vec2::new(along(cell % SIDE), along(cell / SIDE)));
@@ -122,7 +126,7 @@ pub(super) fn solid_angle(cell: usize) -> f32 {
 }
 
 impl Directions {
-    /// The density with these weights, none of them negative; `None` where they are all 0 or not finite.
+    /// Creates a density from nonnegative weights; `None`: all are 0, or not finite.
     pub(super) fn new(weights: &[f32; CELLS]) -> Option<Self> {
         let sum: f64 = weights.iter().map(|&weight| f64::from(weight)).sum();
         if !(sum > 0.0 && sum.is_finite()) {
@@ -138,18 +142,18 @@ impl Directions {
         Self::from_cumulative(cumulative)
     }
 
-    /// Weights of all cells up to each, row by row; the first is 0.
+    /// Returns the cumulative weights of the cells, row by row; the first is 0.
     pub(super) fn cumulative(&self) -> [u16; CELLS + 1] {
         self.cumulative
     }
 
-    /// The other way round. `None`: they are none.
+    /// Creates a density from cumulative weights. `None`: not valid.
     pub(super) fn from_cumulative(cumulative: [u16; CELLS + 1]) -> Option<Self> {
         let is_sound = cumulative[0] == 0 && cumulative[CELLS] == TOTAL && cumulative.is_sorted();
         is_sound.then(|| Self { rows: std::array::from_fn(|row| cumulative[(row + 1) * SIDE]), cumulative })
     }
 
-    /// Density per solid angle of a unit direction.
+    /// Returns the density of a unit direction, in sr⁻¹.
     #[inline(always)]
     pub(super) fn pdf(&self, w: Vec3) -> f32 {
         let (place, s) = square_from_direction(w);
@@ -157,21 +161,23 @@ impl Directions {
         self.weight(cell) / (s * s * s)
     }
 
-    /// The probability of a cell per area of the square.
+    /// Returns the density of a cell, per area of the square.
     #[inline(always)]
     pub(super) fn weight(&self, cell: usize) -> f32 {
         f32::from(self.cumulative[cell + 1] - self.cumulative[cell]) * (1.0 / (TOTAL as f32 * CELL_AREA))
     }
 
-    /// Draws a direction, and tells its density. Strata of `u` stay together: the first number picks the row and the
-    /// place in it, the second the column.
+    /// Samples a direction, and returns it with its density in sr⁻¹. Preserves stratification: the first number selects
+    /// the row and the position in it, the second the column.
     #[inline(always)]
     pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
-        // A target below the total is below the end of some cell that is not empty.
+        // A target below the total lies in a cell that is not empty
+        // Select the row
         let target = (u[0] * f32::from(TOTAL)).min(f32::from(TOTAL) - 0.01);
         let row = not_above(&self.rows, target as u16);
         let (low, high) = (f32::from(self.cumulative[row * SIDE]), f32::from(self.cumulative[(row + 1) * SIDE]));
         let y = (target - low) / (high - low);
+        // Select the column
         let target = (low + u[1] * (high - low)).min(high - 0.01);
         let (before, ends) = self.cumulative[row * SIDE..].split_at(1);
         let ends: &[u16; SIDE] = ends.first_chunk().unwrap_or(&self.rows);
@@ -180,6 +186,7 @@ impl Directions {
         let low = f32::from(if column == 0 { before[0] } else { ends[column - 1] });
         let high = f32::from(ends[column]);
         let x = (target - low) / (high - low);
+        // Map the position to a direction
         let along = |i: usize, part: f32| (i as f32 + part) * (2.0 / SIDE as f32) - 1.0;
         let (w, s) = direction_from_square(Vec2::new(along(cell % SIDE, x), along(row, y)));
         (w, self.weight(cell) / (s * s * s))

@@ -1,31 +1,32 @@
-//! The worth of the parts of a picture to a viewer, from paths all over it.
+//! The brightness and the importance of the parts of a picture, from paths all over it.
 
 use super::{
     agent::{EyePath, PictureWorth},
     tree::Guide,
 };
 
-/// Paths in a part of the picture, as far as there are enough.
+/// Number of paths per part.
 const PATHS_PER_PART: usize = 64;
 /// Least side of a part, in pixels.
 const SIDE_MIN: f64 = 4.0;
-/// What a part shows counts as no less than this share of what the picture does.
+/// Least brightness of a part, as a share of the mean of the picture.
 const DARKEST: f32 = 0.3;
-/// A path whose first region is so many times as noisy as its part of the picture is bright counts as no noisier.
+/// Greatest noise of a path's first region, relative to the brightness of its part of the picture; greater noise is
+/// clamped to it.
 const NOISE_MAX: f32 = 20.0;
-/// A light that differs from the mean of those next to it by more than this factor is taken for noise.
+/// Greatest ratio between a part's brightness and the median around it; more is clamped as noise.
 const BRIGHTEST: f32 = 4.0;
 
-/// What the parts of a picture show.
+/// The brightness of the parts of a picture.
 pub(super) struct PictureParts {
-    /// Without what they are worth.
+    /// The parts, without their importance.
     grid: PictureWorth,
-    /// The greatest channel of each part. None where all is dark.
+    /// Brightness of each part, by the greatest channel; empty where the whole picture is dark.
     shown: Vec<f32>,
 }
 
 impl PictureParts {
-    /// From paths all over a picture of this size in pixels.
+    /// Computes the brightness from paths all over a picture of this size in pixels.
     pub(super) fn new(size: [u32; 2], paths: &[EyePath]) -> Self {
         let [width, height] = size.map(f64::from);
         let parts = (paths.len() / PATHS_PER_PART).max(1) as f64;
@@ -53,17 +54,17 @@ impl PictureParts {
         Self { grid, shown }
     }
 
-    /// One over what a place in the picture shows; 0 where nobody knows.
+    /// Returns 1 over the brightness at a position in the picture; 0: unknown.
     pub(super) fn weight(&self, place: [f32; 2]) -> f32 {
         self.shown.get(self.grid.part(place)).map_or(0.0, |shown| 1.0 / shown)
     }
 }
 
 impl PictureWorth {
-    /// From paths all over a picture, what its parts show, and what was learnt from them.
+    /// Computes the importance from paths all over a picture, the brightness of its parts, and what was learned.
     pub(super) fn new(parts: PictureParts, paths: &[EyePath], guide: &Guide) -> Self {
         let PictureParts { grid, shown } = parts;
-        // In units of this, paths go on as one on the average where they first can.
+        // The unit of importance: with it, paths continue as one on average at their first vertex
         let mut sum = 0.0_f64;
         for path in paths {
             let Some((p, normal, throughput)) = path.first else { continue };
@@ -73,7 +74,7 @@ impl PictureWorth {
             sum += f64::from((noise / shown).min(NOISE_MAX));
         }
         let unit = (sum / paths.len().max(1) as f64) as f32;
-        // Where there are no agents, the unit is of no use.
+        // Without agents, the unit does not matter
         let unit = if unit > 0.0 { unit } else { 1.0 };
         let worth = |shown: &f32| {
             let worth = 1.0 / (shown * unit);
@@ -83,7 +84,7 @@ impl PictureWorth {
         if worth.is_empty() { Self::default() } else { Self { worth, ..grid } }
     }
 
-    /// What a part shows, if that is about what is around it.
+    /// Returns the brightness of a part, clamped to a range around the median of its neighbours.
     fn calmed(&self, means: &[f32], part: usize) -> f32 {
         let (columns, rows) = (self.columns as usize, self.rows as usize);
         let (x, y) = (part % columns, part / columns);

@@ -10,97 +10,99 @@ use super::directions::{Directions, Pyramid, solid_angle};
 use super::tree::{FACES, Guide, GuideNode, LONE, Lattice, Region, Tree};
 use crate::lights::{Lights, RequestedLight};
 
-/// Vertices from which one region learns, at most.
+/// Greatest number of vertices per region.
 const VERTICES_PER_REGION: usize = 3000;
-/// Directions from which a region learns, at least.
+/// Least number of directions that a region learns from.
 const SAMPLES_MIN: usize = 64;
-/// Shares of the guide that a region may choose between. Half at most: light from where it has seen nothing is then at most
-/// twice as bright as by the BSDF alone; with 0.8 rare samples five times as bright made the variance several times as large
+/// Candidate shares of the guide in a region. At most one half: unseen light is then weighted at most twice as much as
+/// by the BSDF alone. With 0.8, rare samples five times as bright multiplied the variance
 /// (`bench/runs/2026-11-21-transport.txt`).
 const SHARES: [f32; 4] = [0.0, 0.2, 0.35, 0.5];
-/// By what factor mean square times work must fall for the guide to be worth its while.
+/// Least factor by which mean square times work must fall for a region to be guided.
 const GAIN_MIN: f64 = 1.1;
-/// Work of a path in vertices: up to a vertex of it, on average; from the next one on; of a ray that meets none; and what
-/// asking the guide adds.
+/// Work of a path in vertices: before a vertex, on average; from the next one on; of a ray that misses the scene; and
+/// of a guide lookup.
 const WORK_BEFORE: f64 = 1.5;
 const WORK_AFTER: f64 = 2.0;
 const WORK_OF_MISS: f64 = 0.4;
 const WORK_OF_GUIDE: f64 = 0.2;
 
-/// A vertex of a path where it could have gone elsewhere.
+/// A vertex of a learning path on a surface that is not specular.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Vertex {
+    /// Position, in world space.
     pub(super) p: Vec3,
-    /// See [`face_of`](super::tree::face_of).
+    /// Facing of the surface; see [`face_of`](super::tree::face_of).
     pub(super) face: u8,
-    /// Whether the path went on from here to the next vertex of the list.
+    /// `true`: the next vertex of the list continues the path.
     pub(super) has_next: bool,
-    /// Radiance found to leave towards where the path came from.
+    /// Radiance that leaves towards the previous vertex, as this path found it.
     pub(super) leaving: f32,
-    /// What a unit of radiance from the next vertex counts for here: f cos over the density.
+    /// Factor of radiance from the next vertex: f cos over the density.
     pub(super) weight: f32,
-    /// What was found in that direction before the next vertex, times the same.
+    /// Light found in the direction taken, before the next vertex, times the same factor.
     pub(super) emitted: f32,
-    /// The direction taken; `None`: the path ended.
+    /// Direction taken; `None`: the path ended.
     pub(super) taken: Option<DirectionSample>,
-    /// The greatest channel of what leaves for each unit of what the path carried there.
+    /// Greatest channel of the light that leaves, relative to the throughput on arrival.
     pub(super) brightness: f32,
-    /// Vertices from here to the end of the path, this one among them.
+    /// Number of vertices from here to the end of the path, including this one.
     pub(super) work: f32,
-    /// The light that was asked for, if any.
+    /// The light that was sampled here; `None`: none was.
     pub(super) asked: Option<RequestedLight>,
 }
 
 /// A direction taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct DirectionSample {
-    /// Where on the square of directions it is.
+    /// Cell of the octahedral square.
     pub(super) cell: u16,
-    /// What a density over the square is to be divided by for one per solid angle.
+    /// Factor by which a density over the square is divided for one per solid angle.
     pub(super) cube: f32,
-    /// Density with which it was drawn.
+    /// Density that it was drawn with, in sr⁻¹.
     pub(super) pdf: f32,
-    /// Density with which the BSDF alone draws it.
+    /// Density by the BSDF alone, in sr⁻¹.
     pub(super) bsdf_pdf: f32,
 }
 
-/// A direction taken, and what it was worth: the mean square that it stands for, per solid angle.
+/// A direction taken, with the mean square of incident light that it represents, per solid angle.
 #[derive(Clone, Copy)]
 struct Sample {
     taken: DirectionSample,
     square: f32,
-    /// Whether it led to another vertex.
+    /// `true`: it led to another vertex.
     has_next: bool,
 }
 
-/// A vertex where it is.
+/// A vertex with its position.
 #[derive(Clone, Copy)]
 struct VertexPlace {
     p: Vec3,
     vertex: u32,
 }
 
-/// Space cut into regions.
+/// A tree over the vertices of one facing.
 struct RegionTree {
     nodes: Vec<GuideNode>,
-    /// Where the places of each node are among all of them.
+    /// Range of each node in `places`.
     ranges: Vec<Range<usize>>,
-    /// Region by region; within one in the order of the paths.
+    /// Vertices, region by region; within a region in the order of the paths.
     places: Vec<VertexPlace>,
     lattice: Lattice,
 }
 
-/// Learns from the vertices of paths, each path's in its order.
+/// Learns a guide from the vertices of paths, in the order of each path.
 ///
-/// - `lights`: of the scene, if agents are wanted.
+/// - `lights`: lights of the scene, if agents are learned, too.
 pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
     let mut of_face: [Vec<VertexPlace>; FACES] = Default::default();
     for (vertex, index) in vertices.iter().zip(0..) {
         of_face[usize::from(vertex.face)].push(VertexPlace { p: vertex.p, vertex: index });
     }
+    // Grow a tree for each facing
     let lattice = Lattice::over(&vertices.iter().map(|vertex| vertex.p).collect::<Vec<_>>());
     let grown: Vec<RegionTree> = of_face.into_par_iter().map(|places| RegionTree::new(places, lattice)).collect();
-    // What leaves a vertex is known from one path, and badly; what leaves its region, from many, but blurred.
+    // Average radiance over each region: a single path's value is noisy, the mean of a region blurred
     let mut leaving = vec![0.0; vertices.len()];
     for region in grown.iter().flat_map(RegionTree::regions) {
         let own = |place: &VertexPlace| vertices[place.vertex as usize].leaving;
@@ -109,6 +111,7 @@ pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
             leaving[place.vertex as usize] = 0.5 * (mean as f32 + own(place));
         }
     }
+    // Fill the leaves with directions and agents
     let sample = |place: &VertexPlace| {
         let index = place.vertex as usize;
         let vertex = &vertices[index];
@@ -128,7 +131,7 @@ pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
 }
 
 impl RegionTree {
-    /// Cuts space until each part has few vertices.
+    /// Splits space until each part has few vertices.
     fn new(places: Vec<VertexPlace>, lattice: Lattice) -> Self {
         let mut grown = Self { nodes: Vec::new(), ranges: Vec::new(), places, lattice };
         if !grown.places.is_empty() {
@@ -144,24 +147,25 @@ impl RegionTree {
         self.ranges.push(range);
     }
 
+    /// Splits a node recursively, near the median of its longest axis.
     fn split(&mut self, at: usize, range: Range<usize>, scratch: &mut Vec<VertexPlace>) {
-        /// Of so many the middle one is taken for that of all.
+        /// Number of vertices that the median is estimated from.
         const MEDIAN_OF: usize = 511;
         let part = &mut self.places[range.clone()];
         let (low, high) = bounds(part.iter().map(|place| place.p));
         let axis = (high - low).max_position();
-        // The second condition: not a number, or all in one place.
+        // The second condition: NaN, or all at one position
         if part.len() <= VERTICES_PER_REGION || low[axis].partial_cmp(&high[axis]) != Some(Ordering::Less) {
             return;
         }
         let mut some: Vec<f32> = part.iter().step_by(part.len() / MEDIAN_OF + 1).map(|place| place.p[axis]).collect();
         let middle = some.len() / 2;
         let (_, &mut median, _) = some.select_nth_unstable_by(middle, f32::total_cmp);
-        // Where half of them lie in one plane, it is the others that are cut off.
+        // Where half of the vertices lie in one plane, split off the others
         let plane = if median > low[axis] { median } else { 0.5 * (low[axis] + high[axis]) };
         let snapped = self.lattice.nearest(axis, plane);
         let plane = if snapped > low[axis] && snapped <= high[axis] { snapped } else { plane };
-        // The order is kept, so that sums do not depend on how a part was found.
+        // Keep the order: sums must not depend on how the parts were found
         scratch.clear();
         let mut before = 0;
         for i in 0..part.len() {
@@ -181,13 +185,13 @@ impl RegionTree {
         self.split(first + 1, middle..range.end, scratch);
     }
 
-    /// The places of each leaf.
+    /// Returns the vertices of each leaf.
     fn regions(&self) -> impl Iterator<Item = &[VertexPlace]> {
         let leaves = self.nodes.iter().zip(&self.ranges).filter(|(node, _)| node.as_split().is_none());
         leaves.map(|(_, range)| &self.places[range.clone()]).filter(|places| !places.is_empty())
     }
 
-    /// Makes the regions, each from its own samples and from what is known around it.
+    /// Learns the regions of all leaves, each from its own samples and from the regions around it.
     fn filled(
         mut self,
         sample: impl Fn(&VertexPlace) -> Option<Sample>,
@@ -200,7 +204,7 @@ impl RegionTree {
         let agents = leaves
             .map(|(node, range)| if node.as_split().is_none() { agent(&self.places[range.clone()]) } else { None })
             .collect();
-        // How many samples there are up to each place.
+        // Count the samples up to each vertex
         let (mut samples, mut counts) = (Vec::with_capacity(self.places.len()), vec![0]);
         for place in &self.places {
             samples.extend(sample(place));
@@ -214,10 +218,10 @@ impl RegionTree {
         Tree { nodes: self.nodes, ..filling.tree }
     }
 
-    /// `ranges` are those of the samples by now.
+    /// Learns the leaves below a node; `ranges` are those of the samples now.
     fn fill(&mut self, at: usize, samples: &[Sample], around: &LearntRegion, filling: &mut Filling) {
         let seen = &samples[self.ranges[at].clone()];
-        // In the heap: trees may be deep.
+        // On the heap: trees may be deep
         let here = Box::new(around.within(seen));
         if let Some((_, _, first)) = self.nodes[at].as_split() {
             self.fill(first, samples, &here, filling);
@@ -228,15 +232,15 @@ impl RegionTree {
     }
 }
 
-/// A tree whose leaves are made.
+/// A tree whose leaves are being learned.
 struct Filling {
-    /// By node.
+    /// Agents by node.
     agents: Vec<Option<Agent>>,
     tree: Tree,
 }
 
 impl Filling {
-    /// What stands for a node that is a leaf.
+    /// Stores region and agent of a leaf, and returns its node.
     fn leaf(&mut self, at: usize, region: Option<Region>) -> GuideNode {
         let (agent, tree) = (self.agents[at], &mut self.tree);
         match (region, agent) {
@@ -254,48 +258,52 @@ impl Filling {
     }
 }
 
+/// Returns the bounds of some positions.
 fn bounds(places: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     places.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
-/// What is known of a region from all samples, and from each half of them.
+/// Densities of a region from all samples, and from each half of them.
 struct LearntRegion {
     whole: Pyramid,
     halves: [Pyramid; 2],
 }
 
 impl LearntRegion {
+    /// Returns the uniform densities, the prior of a tree's root.
     fn nothing() -> Self {
         Self { whole: Pyramid::uniform(), halves: [Pyramid::uniform(), Pyramid::uniform()] }
     }
 
+    /// Learns a part of this region from its samples, with this region as prior.
     fn within(&self, samples: &[Sample]) -> Self {
         let of_half = |which: usize| Pyramid::learnt(&self.halves[which], weights(half(samples, which)));
         Self { whole: Pyramid::learnt(&self.whole, weights(samples.iter())), halves: [of_half(0), of_half(1)] }
     }
 }
 
-/// Every other sample.
+/// Returns every other sample.
 fn half(samples: &[Sample], which: usize) -> impl Iterator<Item = &Sample> {
     samples.iter().skip(which).step_by(2)
 }
 
-/// What a [`Pyramid`] is made of.
+/// Returns cells and weights for a [`Pyramid`].
 fn weights<'a>(samples: impl Iterator<Item = &'a Sample>) -> impl Iterator<Item = (usize, f32)> {
     samples.map(|sample| (usize::from(sample.taken.cell), sample.square))
 }
 
-/// The density that serves best where mean squares are as in `learnt`: it goes with their root.
+/// Returns the density that is proportional to the root of the learned mean squares, which minimizes variance.
 fn directions(learnt: &Pyramid) -> Option<Directions> {
     Directions::new(&std::array::from_fn(|cell| (learnt.cell(cell) * solid_angle(cell)).sqrt()))
 }
 
-/// `None` where the BSDF is as good a guide.
+/// Learns the share and the directions of a region; `None`: the BSDF alone is as good.
 fn region(learnt: &LearntRegion, samples: &[Sample]) -> Option<Region> {
     if samples.len() < SAMPLES_MIN {
         return None;
     }
-    // What one half has learnt is tried on the other. A guide that keeps paths from leaving the scene makes them longer.
+    // Cross-validate: test the density of each half on the other. A guide that keeps paths in the scene makes them
+    // longer
     let (mut squares, mut work) = ([0.0_f64; SHARES.len()], [0.0_f64; SHARES.len()]);
     for which in 0..2 {
         let learnt = directions(&learnt.halves[which])?;
@@ -309,6 +317,7 @@ fn region(learnt: &LearntRegion, samples: &[Sample]) -> Option<Region> {
             }
         }
     }
+    // Choose the share with the least mean square times work
     let product = |choice: usize| {
         let of_guide = if choice > 0 { WORK_OF_GUIDE } else { 0.0 };
         squares[choice] * (WORK_BEFORE + of_guide + work[choice] / samples.len() as f64)
@@ -354,7 +363,7 @@ pub(super) mod tests {
             .collect()
     }
 
-    /// A guide that has learnt from some thousand directions on a floor.
+    /// A guide learned from some thousand directions on a floor.
     pub(in super::super) fn example(to: Vec3) -> Guide {
         learn(&vertices(to), None)
     }

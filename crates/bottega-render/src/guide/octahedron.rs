@@ -1,12 +1,12 @@
-//! Directions as places on a square: the octahedral map, without a transcendental function either way.
+//! The octahedral map of directions to a square, without transcendental functions in either direction.
 //!
-//! A direction is projected from the middle onto the octahedron |x| + |y| + |z| = 1, whose lower half is folded out
-//! around the upper one (Meyer et al. 2010, *On Floating-Point Normal Vectors*). Areas are not kept, but their ratio is a
-//! cube: with s = |x| + |y| + |z| of the unit direction, dω = s³ dA for the square [−1, 1]².
+//! A direction is projected from the center onto the octahedron |x| + |y| + |z| = 1, whose lower half is folded out
+//! around the upper one (Meyer et al. 2010, *On Floating-Point Normal Vectors*). Areas are not preserved, but their
+//! ratio is a cube: with s = |x| + |y| + |z| of the unit direction, dω = s³ dA for the square [−1, 1]².
 
 use glam::{Vec2, Vec3};
 
-/// The place of a unit direction in [−1, 1]², and s of the module's head.
+/// Returns the position of a unit direction in [−1, 1]², and s (see the [module](self)).
 #[inline(always)]
 pub(crate) fn square_from_direction(w: Vec3) -> (Vec2, f32) {
     let sum = w.x.abs() + w.y.abs() + w.z.abs();
@@ -16,7 +16,7 @@ pub(crate) fn square_from_direction(w: Vec3) -> (Vec2, f32) {
     (if w.z < 0.0 { folded } else { upper }, sum)
 }
 
-/// The unit direction at a place of [−1, 1]², and its s.
+/// Returns the unit direction at a position in [−1, 1]², and its s.
 #[inline(always)]
 pub(crate) fn direction_from_square(place: Vec2) -> (Vec3, f32) {
     let z = 1.0 - place.x.abs() - place.y.abs();

@@ -1,30 +1,30 @@
-//! The plan of a picture: which way of painting pays, and where.
+//! The plan of a picture: the way of rendering that pays off in each zone.
 
-/// A way to paint a pixel. All have the same mean.
+/// A way to render a pixel. All ways have the same mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum PaintingWay {
-    /// As if nothing had been learnt.
+    /// Without the guide.
     #[default]
     Plain,
-    /// Directions are guided, and lights are chosen by agents.
+    /// With guided directions, and lights chosen by agents.
     Guided,
-    /// Beside that, paths are ended and split, and shadow rays left out, by what agents say they are worth.
+    /// In addition, with roulette, splitting and skipped shadow rays by the agents' importance.
     ByWorth,
 }
 
 impl PaintingWay {
-    /// All ways, each at the place of its number.
+    /// All ways, indexed by their numbers.
     pub(crate) const ALL: [Self; 3] = [Self::Plain, Self::Guided, Self::ByWorth];
 
-    /// Its place among all.
+    /// Returns the index in [`Self::ALL`].
     #[inline(always)]
     pub(crate) fn number(self) -> usize {
         self as usize
     }
 }
 
-/// Ways by zones of the picture, which lie in columns and rows. Whatever it says, the mean of each pixel is the same: it was made
-/// of samples that the picture does not have.
+/// Ways of rendering in a grid of zones. No plan changes the mean of a pixel: it is made from samples that the picture
+/// does not use.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PaintPlan {
     columns: u32,
@@ -33,32 +33,32 @@ pub(crate) struct PaintPlan {
 }
 
 impl PaintPlan {
-    /// `None`: they are not as many as columns times rows.
+    /// Creates a plan; `None`: the number of ways is not columns times rows.
     pub(crate) fn new(columns: u32, rows: u32, ways: Vec<PaintingWay>) -> Option<Self> {
         let count = u64::from(columns) * u64::from(rows);
         (count == ways.len() as u64).then_some(Self { columns, rows, ways })
     }
 
-    /// The number of the zone of a place in the picture, in [0, 1)², where the picture is cut into so many.
+    /// Returns the index of the zone of a position in the picture, in [0, 1)², in a grid of columns and rows.
     #[inline(always)]
     pub(crate) fn zone([columns, rows]: [u32; 2], [x, y]: [f32; 2]) -> usize {
         let along = |place: f32, count: u32| ((place * count as f32) as u32).min(count.saturating_sub(1));
         (along(y, rows) * columns + along(x, columns)) as usize
     }
 
-    /// The way at a place in the picture, in [0, 1)².
+    /// Returns the way at a position in the picture, in [0, 1)².
     #[inline(always)]
     pub(crate) fn at(&self, place: [f32; 2]) -> PaintingWay {
         self.ways.get(Self::zone([self.columns, self.rows], place)).copied().unwrap_or_default()
     }
 
-    /// The way of the whole picture; `None`: zones differ.
+    /// Returns the way of the whole picture; `None`: zones differ.
     pub(crate) fn only_way(&self) -> Option<PaintingWay> {
         let first = self.ways.first().copied().unwrap_or_default();
         self.ways.iter().all(|&way| way == first).then_some(first)
     }
 
-    /// Columns, rows, and the way of each zone.
+    /// Returns columns, rows, and the way of each zone.
     pub(super) fn parts(&self) -> (u32, u32, &[PaintingWay]) {
         (self.columns, self.rows, &self.ways)
     }

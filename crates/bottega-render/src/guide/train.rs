@@ -1,4 +1,4 @@
-//! Tracing the paths that are learnt from, pass by pass.
+//! The training of a guide: traces paths pass by pass.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -15,54 +15,58 @@ use crate::{
     luminance,
 };
 
-/// Vertices of a path that are learnt from.
+/// Greatest number of vertices per path that are learned from.
 const VERTICES_MAX: usize = 32;
-/// Paths that one processor traces in a row.
+/// Paths that one thread traces in a row.
 const PATHS_PER_CHUNK: u32 = 512;
 
-/// The vertices of one path at which it could have gone elsewhere.
+/// The vertices of one path on surfaces that are not specular.
 #[derive(Debug, Default)]
 pub(crate) struct Trail {
     steps: Vec<TrailStep>,
 }
 
+/// A recorded vertex.
 #[derive(Clone, Copy, Debug)]
 struct TrailStep {
     p: Vec3,
     normal: Vec3,
-    /// What the path carried when it came, and had gathered.
+    /// Throughput on arrival.
     throughput: Spectrum,
+    /// Radiance gathered so far on arrival.
     radiance: Spectrum,
+    /// Direction taken; `None`: the path ended here.
     went: Option<ScatterChoice>,
+    /// The light that was sampled here.
     asked: Option<RequestedLight>,
 }
 
-/// Where a path went on.
+/// The direction that a path took at a vertex.
 #[derive(Clone, Copy, Debug)]
 struct ScatterChoice {
     wi: Vec3,
     bsdf_pdf: f32,
     pdf: f32,
-    /// What the path had gathered when it left.
+    /// Radiance gathered so far when it left.
     radiance: Spectrum,
 }
 
 impl Trail {
-    /// A path comes to a point with a normal, carries `throughput` and has gathered `radiance`.
+    /// Records a vertex, with the throughput and the gathered radiance on arrival.
     pub(crate) fn come(&mut self, p: Vec3, normal: Vec3, throughput: Spectrum, radiance: Spectrum) {
         if self.steps.len() < VERTICES_MAX {
             self.steps.push(TrailStep { p, normal, throughput, radiance, went: None, asked: None });
         }
     }
 
-    /// It asks for light at the point where it came last.
+    /// Records the first light sample at the last vertex.
     pub(crate) fn ask(&mut self, asked: RequestedLight) {
         if let Some(step) = self.steps.last_mut() {
             step.asked.get_or_insert(asked);
         }
     }
 
-    /// It leaves the point where it came last in direction `wi`, and has gathered `radiance`.
+    /// Records the direction from the last vertex, with its densities and the radiance gathered so far.
     pub(crate) fn go(&mut self, wi: Vec3, bsdf_pdf: f32, pdf: f32, radiance: Spectrum) {
         if let Some(step) = self.steps.last_mut()
             && step.went.is_none()
@@ -71,7 +75,7 @@ impl Trail {
         }
     }
 
-    /// The path has ended with `radiance`.
+    /// Converts the recorded vertices of a path that ended with `radiance`, and clears the trail.
     fn finish(&mut self, radiance: Spectrum, vertices: &mut Vec<Vertex>) {
         for (index, step) in self.steps.iter().enumerate() {
             let carried = luminance(step.throughput);
@@ -101,7 +105,7 @@ impl Trail {
     }
 }
 
-/// What is not a number teaches nothing.
+/// Returns the value, or 0 if it is not finite.
 fn finite(value: f32) -> f32 {
     if value.is_finite() { value } else { 0.0 }
 }
@@ -109,23 +113,23 @@ fn finite(value: f32) -> f32 {
 /// A path to learn from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum LearningPath {
-    /// One of all paths over the picture, by its number.
+    /// One path anywhere in the picture, by its number.
     Single(u32),
-    /// One of the few of a pixel, which show how noisy it is.
+    /// One of some paths of a pixel, which measure its noise.
     OfPixel {
-        /// The number of the pixel.
+        /// Number of the pixel.
         number: u32,
-        /// Which picture of the pixel it is a sample of: 0 or 1.
+        /// Repetition of the pixel: 0 or 1.
         picture: u32,
-        /// Which sample of that.
+        /// Sample within the repetition.
         sample: u32,
     },
 }
 
 impl LearningPath {
-    /// Samples of each picture of a pixel.
+    /// Samples per repetition of a pixel.
     const SAMPLES: u32 = 2;
-    /// Paths of a pixel: of two pictures, whose difference is noise.
+    /// Paths per pixel: of two repetitions, whose difference is noise.
     const OF_PIXEL: u32 = 2 * Self::SAMPLES;
 
     fn new(index: u32, are_of_pixels: bool) -> Self {
@@ -137,37 +141,39 @@ impl LearningPath {
     }
 }
 
-/// What a path found, and where in the picture, in [0, 1)².
+/// Radiance of a path, and its position in the picture, in [0, 1)².
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FoundLight {
+    /// Radiance of the path.
     pub(crate) radiance: Spectrum,
+    /// Position in the picture, in [0, 1)².
     pub(crate) place: [f32; 2],
 }
 
-/// A guide while it is learnt, pass by pass, by tracing.
+/// A guide in training.
 pub(crate) struct Training<'a> {
-    /// Of the picture, in pixels.
+    /// Size of the picture, in pixels.
     size: [u32; 2],
-    /// Of the scene, if agents are wanted beside directions.
+    /// Lights of the scene, if agents are learned in addition to directions.
     lights: Option<&'a Lights>,
     vertices: Vec<Vertex>,
     seen: Vec<EyePath>,
-    /// Paths that were of pixels: the first ones.
+    /// Number of leading paths that belong to pixels.
     of_pixels: usize,
 }
 
 impl<'a> Training<'a> {
-    /// One that has learnt nothing so far.
+    /// Creates a training without paths.
     ///
-    /// - `size`: of the picture, in pixels.
-    /// - `lights`: of the scene, if agents are wanted beside directions.
+    /// - `size`: size of the picture, in pixels.
+    /// - `lights`: lights of the scene, if agents are learned in addition to directions.
     pub(crate) fn new(size: [u32; 2], lights: Option<&'a Lights>) -> Self {
         Self { size, lights, vertices: Vec::new(), seen: Vec::new(), of_pixels: 0 }
     }
 
-    /// Traces a pass of about `count` paths, some for each of some pixels: before all others.
+    /// Traces a pass of about `count` paths, some for each of several pixels. Must precede [`Self::pass`].
     ///
-    /// - `trace`: takes a path, and the trail to leave.
+    /// - `trace`: traces a path and records its trail.
     pub(crate) fn pass_of_pixels(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
         self.trace(count.next_multiple_of(LearningPath::OF_PIXEL), true, trace);
         self.of_pixels = self.seen.len();
@@ -175,7 +181,7 @@ impl<'a> Training<'a> {
 
     /// Traces a pass of `count` paths all over the picture.
     ///
-    /// - `trace`: takes a path, and the trail to leave.
+    /// - `trace`: traces a path and records its trail.
     pub(crate) fn pass(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
         self.trace(count, false, trace);
     }
@@ -194,7 +200,7 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// Variance of one path, relative to what its part of the picture shows.
+    /// Returns the variance of one path, relative to the brightness of its part of the picture.
     pub(crate) fn noise(&self) -> f64 {
         let samples = LearningPath::SAMPLES as usize;
         let parts = PictureParts::new(self.size, &self.seen);
@@ -210,12 +216,12 @@ impl<'a> Training<'a> {
         )
     }
 
-    /// A guide by which to trace the next pass: directions alone.
+    /// Returns a guide of directions only, to trace the next pass with.
     pub(crate) fn directions(&self) -> Guide {
         learn(&self.vertices, None)
     }
 
-    /// All that was learnt.
+    /// Returns the guide with all that was learned.
     pub(crate) fn guide(&self) -> Guide {
         let guide = learn(&self.vertices, self.lights);
         let expected = PictureWorth::new(PictureParts::new(self.size, &self.seen), &self.seen, &guide);
@@ -223,7 +229,7 @@ impl<'a> Training<'a> {
     }
 }
 
-/// The vertices of a range of paths, in their order, and what each path saw.
+/// Returns the vertices of a range of paths, in order, and the result of each path.
 fn traced(
     paths: std::ops::Range<u32>,
     trace: &(impl Fn(u32, &mut Trail) -> FoundLight + Sync),

@@ -1,4 +1,4 @@
-//! Regions of surfaces: a binary tree over space for each of six ways that a surface may face.
+//! Regions of surfaces: a binary tree over space for each of six facings.
 
 use bottega_kernels::prefetch;
 use glam::Vec3;
@@ -9,13 +9,13 @@ use super::{
     plan::PaintPlan,
 };
 
-/// Ways that a surface may face.
+/// Number of facings: the signed axes.
 pub(super) const FACES: usize = 6;
-/// Cells of a [`Lattice`] along a side, and of all of it, at most.
+/// Greatest number of cells of a [`Lattice`] along a side, and in total.
 const LATTICE_SIDE_MAX: f32 = 64.0;
 const LATTICE_CELLS_MAX: f32 = 32768.0;
 
-/// Which of the six axes a normal is nearest to.
+/// Returns the facing of a normal: the signed axis nearest to it.
 #[inline(always)]
 pub(super) fn face_of(normal: Vec3) -> usize {
     let size = normal.abs();
@@ -29,58 +29,61 @@ pub(super) fn face_of(normal: Vec3) -> usize {
     2 * axis + usize::from(normal[axis] < 0.0)
 }
 
-/// A place in a [`Tree`]: where to go on, or where one has come.
+/// A node of a [`Tree`]: a split or a leaf.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GuideNode {
     plane: f32,
-    /// The axis in the two high bits, below them the first child; [`LEAF`] there, and the region.
+    /// Axis in the two high bits and index of the first child below; for a leaf [`LEAF`] and the number of the region.
     link: u32,
 }
 
-/// In place of an axis.
+/// Link bits of a leaf, in place of an axis.
 const LEAF: u32 = 3 << LINK_BITS;
 const LINK_BITS: u32 = 30;
 const LINK_MASK: u32 = (1 << LINK_BITS) - 1;
 
 impl GuideNode {
-    /// A region where the BSDF is as good a guide.
+    /// A leaf without directions.
     pub(super) const UNGUIDED: Self = Self { plane: 0.0, link: LEAF | LINK_MASK };
 
-    /// Before and after a plane; the second child follows the first.
+    /// Returns a split by a plane; the second child follows the first.
     pub(super) fn split(axis: usize, plane: f32, first: usize) -> Self {
         Self { plane, link: (axis as u32) << LINK_BITS | first as u32 & LINK_MASK }
     }
 
-    /// The region of this number.
+    /// Returns the leaf of a region.
     pub(super) fn region(number: usize) -> Self {
         Self { plane: 0.0, link: LEAF | number as u32 & LINK_MASK }
     }
 
+    /// Returns the byte form.
     pub(super) fn to_numbers(self) -> [u32; 2] {
         [self.plane.to_bits(), self.link]
     }
 
+    /// Reads the byte form.
     pub(super) fn from_numbers([plane, link]: [u32; 2]) -> Self {
         Self { plane: f32::from_bits(plane), link }
     }
 
-    /// Axis, plane and first child; `None`: a leaf.
+    /// Returns axis, plane and first child; `None`: a leaf.
     #[inline(always)]
     pub(super) fn as_split(self) -> Option<(usize, f32, usize)> {
         let axis = self.link >> LINK_BITS;
         (axis < 3).then_some((axis as usize, self.plane, (self.link & LINK_MASK) as usize))
     }
 
-    /// The number of the region; beyond all where there is none.
+    /// Returns the number of the leaf; beyond all regions and agents if it has none.
     #[inline(always)]
     fn number(self) -> usize {
         (self.link & LINK_MASK) as usize
     }
 }
 
-/// A grid over bounds, on whose planes trees prefer to be cut.
+/// A grid on whose planes trees prefer to split.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lattice {
+    /// Low corner, in world space.
     low: Vec3,
     /// Cells per unit of length.
     scale: Vec3,
@@ -89,6 +92,7 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
+    /// Creates a lattice over a box, with roughly cubic cells.
     pub(super) fn new(low: Vec3, high: Vec3) -> Self {
         let extent = (high - low).max(Vec3::splat(f32::MIN_POSITIVE));
         let size_of = |cell: f32| extent.to_array().map(|extent| (extent / cell).ceil().clamp(1.0, LATTICE_SIDE_MAX));
@@ -100,16 +104,17 @@ impl Lattice {
         Self { low, scale: Vec3::from_array(size) / extent, size: size.map(|size| size as u32) }
     }
 
-    /// Over places: all of them, or, where a few are far off, over most. Beyond its edges a place counts as in the cell next to it.
+    /// Creates a lattice over positions: over all of them, or over most where a few are far away. Positions outside
+    /// count as in the nearest cell.
     pub(super) fn over(places: &[Vec3]) -> Self {
-        /// How many times as wide all must be as most are.
+        /// Ratio of the extent of all positions to that of most from which only most count.
         const WIDE: f32 = 8.0;
-        /// Places from which it is told where most are.
+        /// Number of positions that the extent of most is estimated from.
         const SOME: usize = 4095;
         let grow = |(low, high): (Vec3, Vec3), &p: &Vec3| (low.min(p), high.max(p));
         let (low, high) = places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), grow);
         let some: Vec<Vec3> = places.iter().step_by(places.len() / SOME + 1).copied().collect();
-        // A fiftieth on each side is left out.
+        // Leave out a fiftieth on each side
         let most = |axis: usize| {
             let mut along: Vec<f32> = some.iter().map(|p| p[axis]).collect();
             along.sort_by(f32::total_cmp);
@@ -122,13 +127,14 @@ impl Lattice {
         if is_wide { Self::new(from, to) } else { Self::new(low, high) }
     }
 
+    /// Returns the byte form.
     pub(super) fn to_numbers(self) -> [u32; 9] {
         let [low, scale] = [self.low, self.scale].map(|it| it.to_array().map(f32::to_bits));
         let numbers = [low, scale, self.size];
         std::array::from_fn(|i| numbers[i / 3][i % 3])
     }
 
-    /// The other way round. `None`: they are none.
+    /// Reads the byte form. `None`: not valid.
     pub(super) fn from_numbers(numbers: [u32; 9]) -> Option<Self> {
         let vector = |i: usize| Vec3::from_array(std::array::from_fn(|axis| f32::from_bits(numbers[i + axis])));
         let lattice = Self { low: vector(0), scale: vector(3), size: [numbers[6], numbers[7], numbers[8]] };
@@ -137,16 +143,17 @@ impl Lattice {
         (is_sized && lattice.low.is_finite() && lattice.scale.cmpge(Vec3::ZERO).all()).then_some(lattice)
     }
 
+    /// Returns the position of plane `i` along an axis.
     fn plane(&self, axis: usize, i: f32) -> f32 {
         self.low[axis] + i / self.scale[axis]
     }
 
-    /// The plane of the grid that is nearest to a place.
+    /// Returns the plane of the grid nearest to a coordinate.
     pub(super) fn nearest(&self, axis: usize, place: f32) -> f32 {
         self.plane(axis, ((place - self.low[axis]) * self.scale[axis]).round())
     }
 
-    /// The cell of a place; of one outside, that next to it.
+    /// Returns the cell of a position, or the nearest one if outside.
     #[inline(always)]
     fn cell(&self, p: Vec3) -> usize {
         let place = (p - self.low) * self.scale;
@@ -154,8 +161,8 @@ impl Lattice {
         ((along(2) * self.size[1] + along(1)) * self.size[0] + along(0)) as usize
     }
 
-    /// For each cell and each of some trees the deepest node of which all of the cell is: of those with numbers that an
-    /// [`LatticeEntry`] can hold. The root of a tree is the node of its number.
+    /// Returns for each cell and tree the deepest node that contains the whole cell, among those whose index fits into
+    /// a [`LatticeEntry`]. The root of a tree is the node with the index of its facing.
     fn entries(&self, nodes: &[GuideNode]) -> Vec<LatticeEntry> {
         let edge = |axis: usize, i: u32| match i {
             0 => f32::NEG_INFINITY,
@@ -185,79 +192,82 @@ impl Lattice {
     }
 }
 
-/// Where to enter the trees from a cell of the lattice: numbers of nodes, one for each way that a surface may face.
+/// Entry points of a cell into the trees: indices of nodes, one per facing.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 struct LatticeEntry([u16; 8]);
 
-/// All surfaces that face one way.
+/// The regions of all surfaces with one facing.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
-    /// The root first; none where nothing is known. Leaves are regions by their number, or [lone](Self::lone).
+    /// Nodes, the root first; empty where nothing is known. Leaves hold numbers of regions, or of agents in
+    /// [lone](Self::lone).
     pub(super) nodes: Vec<GuideNode>,
+    /// Directions of the regions.
     pub(super) regions: Vec<Region>,
-    /// Of the regions, if agents are wanted.
+    /// Agents of the regions, if agents are learned.
     pub(super) agents: Vec<Agent>,
-    /// Where the BSDF is as good a guide; a leaf is such by its number beyond [`LONE`].
+    /// Agents of leaves without directions; their leaf numbers start at [`LONE`].
     pub(super) lone: Vec<Agent>,
 }
 
-/// Numbers of leaves without directions that have an agent begin here.
+/// First leaf number of agents without directions.
 pub(super) const LONE: usize = 1 << 29;
 
-/// The directions of one region. What is asked first lies in one line of the cache.
+/// The directions of one region, laid out so that a lookup starts in one cache line.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Region {
-    /// With which probability the guide is followed, not the BSDF.
+    /// Probability of sampling the guide instead of the BSDF, in [0, 1].
     pub(super) share: f32,
+    /// Density of directions.
     pub(super) directions: Directions,
 }
 
 impl Region {
-    /// With which probability the guide is to be followed.
+    /// Returns the probability of sampling the guide instead of the BSDF, in [0, 1].
     #[inline(always)]
     pub(crate) fn share(&self) -> f32 {
         self.share
     }
 
-    /// Density per solid angle with which a direction in world space is drawn by the guide.
+    /// Returns the guide's density of a world-space direction, in sr⁻¹.
     #[inline(always)]
     pub(crate) fn pdf(&self, w: Vec3) -> f32 {
         self.directions.pdf(w)
     }
 
-    /// Draws a direction, with its density.
+    /// Samples a direction, and returns it with its density in sr⁻¹.
     #[inline(always)]
     pub(crate) fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
         self.directions.sample(u)
     }
 }
 
-/// What has been learnt about a view of a scene.
+/// All that was learned about a view of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Guide {
     lattice: Lattice,
     entries: Vec<LatticeEntry>,
-    /// Of all trees: the roots first.
+    /// Nodes of all trees; the roots first.
     nodes: Vec<GuideNode>,
     regions: Vec<Region>,
-    /// Of the regions; then of leaves that have no directions. None if only directions were learnt.
+    /// Agents of the regions, then of leaves without directions. Empty if only directions were learned.
     agents: Vec<Agent>,
     expected: PictureWorth,
-    /// Where it pays to go by it, and how far.
+    /// The way of rendering in each zone of the picture.
     plan: PaintPlan,
 }
 
 impl Guide {
-    /// The trees of all ways to face in one; they are cut on the planes of the lattice where they can be.
+    /// Joins the trees of all facings.
     pub(super) fn new(lattice: Lattice, trees: Vec<Tree>) -> Self {
         let mut nodes = vec![GuideNode::UNGUIDED; FACES];
         let mut regions = Vec::new();
         let region_count: usize = trees.iter().map(|tree| tree.regions.len()).sum();
         let (mut agents, mut lone) = (Vec::new(), Vec::new());
         for (root, tree) in trees.into_iter().enumerate() {
-            // Only a root moves: all others keep their order, behind those of the trees before.
+            // Only a root moves; all others keep their order, behind those of earlier trees
             let moved = |node: GuideNode| match node.as_split() {
                 Some((axis, plane, first)) => GuideNode::split(axis, plane, first + nodes.len() - 1),
                 None if node.number() < tree.regions.len() => GuideNode::region(node.number() + regions.len()),
@@ -279,32 +289,32 @@ impl Guide {
         Self { entries: lattice.entries(&nodes), lattice, nodes, regions, agents, ..Self::default() }
     }
 
-    /// With what the parts of the picture are worth.
+    /// Returns this guide with the importance of the picture's parts.
     pub(super) fn expecting(self, expected: PictureWorth) -> Self {
         Self { expected, ..self }
     }
 
-    /// With where it pays to go by it, and how far.
+    /// Returns this guide with a plan.
     pub(crate) fn planned(self, plan: PaintPlan) -> Self {
         Self { plan, ..self }
     }
 
-    /// Where it pays to go by it, and how far.
+    /// Returns the plan.
     pub(crate) fn plan(&self) -> &PaintPlan {
         &self.plan
     }
 
-    /// What it is made of.
+    /// Returns lattice, nodes, regions and agents.
     pub(super) fn parts(&self) -> (Lattice, &[GuideNode], &[Region], &[Agent]) {
         (self.lattice, &self.nodes, &self.regions, &self.agents)
     }
 
-    /// What the parts of the picture are worth.
+    /// Returns the importance of the picture's parts.
     pub(crate) fn expected(&self) -> &PictureWorth {
         &self.expected
     }
 
-    /// The other way round. `None`: ways through the nodes would not end, or lead nowhere.
+    /// Joins the parts of a guide. `None`: a path through the nodes does not end, or leaves them.
     pub(super) fn from_parts(
         lattice: Lattice,
         nodes: Vec<GuideNode>,
@@ -327,20 +337,21 @@ impl Guide {
         })
     }
 
-    /// Asks memory for what [`Guide::at`] begins with.
+    /// Prefetches what [`Guide::at`] reads first.
     #[inline(always)]
     pub(crate) fn request(&self, p: Vec3) {
         prefetch(&self.entries, self.lattice.cell(p));
     }
 
-    /// The region of a point on a surface whose normal, on the side from which it is seen, is `normal`. `None`: follow the
-    /// BSDF.
+    /// Returns the region of a point on a surface; `None`: the BSDF alone samples directions there.
+    ///
+    /// - `normal`: shading normal on the side of `wo`.
     #[inline(always)]
     pub(crate) fn at(&self, p: Vec3, normal: Vec3) -> Option<&Region> {
         self.region(self.leaf(p, normal)?)
     }
 
-    /// The number of the leaf of such a point.
+    /// Returns the number of the leaf of such a point.
     #[inline(always)]
     pub(crate) fn leaf(&self, p: Vec3, normal: Vec3) -> Option<usize> {
         let LatticeEntry(roots) = self.entries.get(self.lattice.cell(p))?;
@@ -351,19 +362,19 @@ impl Guide {
         Some(node.number())
     }
 
-    /// The region of a leaf. `None`: follow the BSDF.
+    /// Returns the region of a leaf; `None`: the BSDF alone samples directions there.
     #[inline(always)]
     pub(crate) fn region(&self, leaf: usize) -> Option<&Region> {
         self.regions.get(leaf)
     }
 
-    /// The agent of a leaf.
+    /// Returns the agent of a leaf.
     #[inline(always)]
     pub(crate) fn agent(&self, leaf: usize) -> Option<&Agent> {
         self.agents.get(leaf)
     }
 
-    /// Bytes held.
+    /// Returns the memory, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.entries)
             + size_of_val(&*self.nodes)

@@ -1,4 +1,4 @@
-//! Integrators: from a pixel's sample to radiance.
+//! Integrators: they estimate the radiance of a pixel's samples.
 
 mod path;
 mod photon;
@@ -22,13 +22,14 @@ use bottega_kernels::compiled;
 
 use crate::{PathSettings, PreparedScene, Prepass, RenderError, View};
 
-/// Whichever integrator the settings ask for.
+/// The integrator that the settings ask for.
 pub(crate) enum Integrator<'a> {
     Paths(PathIntegrator<'a>),
     Photons(PhotonIntegrator<'a>),
 }
 
 impl<'a> Integrator<'a> {
+    /// Creates the integrator of `settings` for the picture `view`. `wanted`: optional values of each sample.
     pub(crate) fn new(
         prepared: &'a PreparedScene,
         prepass: &Prepass,
@@ -44,7 +45,8 @@ impl<'a> Integrator<'a> {
         })
     }
 
-    /// Paints samples: pixels, each with the index of a sample. What comes of them is put into `records`, in their order.
+    /// Traces samples, given as (x, y, sample index). Replaces the contents of `records` with their records, in the
+    /// same order.
     pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
         match self {
             Self::Paths(integrator) => compiled::run(Painting { integrator, samples, records }),

@@ -38,12 +38,16 @@ pub(super) use state::{BRANCHES_MAX, Branch, Path};
 pub(super) use suspended::{DeferredLight, SuspendedPath};
 use vertex::PathVertex;
 
-/// Cost of a vertex, in traversal steps.
+/// Cost of a path vertex in [`SampleValues::cost`](bottega_image::SampleValues::cost), in traversal steps.
 const VERTEX_STEPS: f32 = 8.0;
-/// Cost of a shadow ray in traversal steps, where they are not counted.
+/// Cost of a shadow ray whose traversal steps are not counted, in traversal steps.
 const SHADOW_STEPS: f32 = 8.0;
 
 impl PathIntegrator<'_> {
+    /// Traces one path from the camera to its end, without agents.
+    ///
+    /// - `guide`: guides the directions; `None`: the BSDF alone draws them.
+    /// - `trail`: records the vertices for learning.
     #[inline(always)]
     pub(super) fn follow(
         &self,
@@ -61,6 +65,7 @@ impl PathIntegrator<'_> {
         }
     }
 
+    /// Starts a path at the camera ray `ray`; see [`Self::follow`] for `guide` and `trail`.
     #[inline(always)]
     pub(super) fn begin<'b>(
         &'b self,
@@ -94,10 +99,13 @@ impl PathIntegrator<'_> {
 }
 
 impl Path<'_> {
-    /// Comes to the next surface and scatters there. False when the path is at its end.
+    /// Shades the next vertex of the path and draws the direction that leaves it. Returns `false` when the path ends.
     ///
-    /// - `AGENTS`: whether agents are asked; paths may then go on as several, of which all but one wait in `branches`.
-    /// - `DEFERS`: whether light that may be hidden is put into `deferred` for others to look, and not looked for at once.
+    /// - `hit`: the result of [`Self::intersect`].
+    /// - `AGENTS`: use what agents learned; the path may then split, and all branches but the current one go to
+    ///   `branches`.
+    /// - `DEFERS`: put light samples into `deferred` for the caller to test for occlusion, instead of tracing shadow
+    ///   rays here.
     #[inline(always)]
     pub(super) fn meet<const AGENTS: bool, const DEFERS: bool>(
         &mut self,
@@ -105,34 +113,42 @@ impl Path<'_> {
         branches: &mut Vec<Branch>,
         deferred: &mut Vec<DeferredLight>,
     ) -> bool {
+        // Add the environment if the ray left the scene
         if hit.is_none() {
             self.add_environment::<AGENTS>();
             return false;
         }
+        // Compute the interaction at the hit
         let point = self.arrive(hit);
         let (material, known) = self.integrator.prepared.material(point.material);
+        // Add the color of an unlit surface and stop
         if let Surface::Unlit(color) = &material.surface {
             self.add_unlit(&point, color);
             return false;
         }
+        // Add emission
         if known.shines && material.emission_sides.has(point.front) {
             self.add_emission::<AGENTS>(&point);
         }
         self.mark_direct();
+        // Stop at the maximum depth
         let is_last = self.depth >= self.integrator.settings.max_depth;
         if is_last && !self.wants_albedo {
             return false;
         }
+        // Evaluate the BSDF's parameters
         let mut place = None;
         let bsdf = self.bsdf(&point, known, &mut place);
         let wo = point.to_local(point.wo);
         let is_delta_only = bsdf.is_delta_only();
+        // Record the albedo of the first surface that is not a perfect mirror
         if self.wants_albedo && (is_last || !is_delta_only) {
             self.record.record_albedo(&mut self.wants_albedo, bsdf.albedo(wo));
         }
         if is_last {
             return false;
         }
+        // Look up guidance and decide on the number of branches
         let [u_light, u_scattering] = self.numbers();
         let guidance = if is_delta_only { Guidance::NONE } else { self.guidance::<AGENTS>(&point, known) };
         let count =
@@ -140,6 +156,7 @@ impl Path<'_> {
         if count == 0 {
             return false;
         }
+        // Sample direct illumination and the next direction, once per branch
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
         let bsdf = &bsdf.at_carrying(wo, self.throughput);
@@ -150,7 +167,8 @@ impl Path<'_> {
         self.leave::<AGENTS, DEFERS>(&vertex, [u_light, u_scattering], count, branches, deferred)
     }
 
-    /// Comes to the point that was hit: through the solid that the path is in, with a beam that grew on the way.
+    /// Moves the path to a hit: applies absorption along the segment and widens the ray cone. Returns the interaction
+    /// there.
     #[inline(always)]
     fn arrive(&mut self, hit: &Hit) -> Interaction {
         self.record.vertex_count += 1;
@@ -165,7 +183,7 @@ impl Path<'_> {
         point
     }
 
-    /// Adds what a surface shows that takes no part in light transport.
+    /// Adds the color of an unlit surface, which takes no part in light transport.
     #[inline(always)]
     fn add_unlit(&mut self, point: &Interaction, color: &ColorParam) {
         let color = point.unlit(self.integrator.prepared.scene(), color);
@@ -173,7 +191,7 @@ impl Path<'_> {
         self.record.record_albedo(&mut self.wants_albedo, color);
     }
 
-    /// Notes what was found before light could come over more than one scattering.
+    /// Records the radiance found so far as direct light, at the second vertex, if costs are wanted.
     #[inline(always)]
     fn mark_direct(&mut self) {
         if self.depth == 1 && self.integrator.wanted.cost {
@@ -181,7 +199,7 @@ impl Path<'_> {
         }
     }
 
-    /// How the surface scatters, put into `place` if it was not known before.
+    /// Returns the BSDF at a point: a shared constant one, or one evaluated from textures and stored in `place`.
     #[inline(always)]
     fn bsdf<'b>(&mut self, point: &Interaction, known: &PreparedMaterial, place: &'b mut Option<Bsdf>) -> &'b Bsdf
     where
@@ -195,13 +213,14 @@ impl Path<'_> {
         bsdf
     }
 
-    /// The numbers of this vertex: for its light and for its scattering.
+    /// Returns the random numbers of this vertex: for light sampling and for scattering.
     #[inline(always)]
     fn numbers(&self) -> [Quad; 2] {
         self.sampler.two_quads(DimensionSet::light(self.depth), DimensionSet::scattering(self.depth))
     }
 
-    /// Looks for lights and goes on, `count` times. False when the path ends here.
+    /// Samples direct illumination and scatters, `count` times; see [`Self::meet`]. Returns `false` when no branch
+    /// continues here.
     #[inline(always)]
     fn leave<const AGENTS: bool, const DEFERS: bool>(
         &mut self,
@@ -214,14 +233,17 @@ impl Path<'_> {
         let here = self.branch();
         let mut branch = 0;
         loop {
+            // Sample direct illumination
             if !vertex.is_delta_only {
                 self.add_direct_light::<AGENTS, DEFERS>(vertex, u_light, deferred);
             }
+            // Sample the next direction
             let goes_on = self.scatter::<AGENTS>(vertex, u_scattering);
             branch += 1;
             if !AGENTS || branch >= count {
                 return goes_on;
             }
+            // Store this branch and start the next one from the same vertex
             if goes_on {
                 branches.push(self.branch());
             }
@@ -231,7 +253,7 @@ impl Path<'_> {
         }
     }
 
-    /// Asks memory for what the guide knows of a hit.
+    /// Prefetches the guide's data at a hit.
     #[inline(always)]
     pub(super) fn request_guide(&self, hit: &Hit) {
         if let Some(guide) = self.guide {
@@ -239,11 +261,13 @@ impl Path<'_> {
         }
     }
 
+    /// Traces the path's next ray; counts its traversal steps if costs are wanted. Returns the closest hit.
     #[inline(always)]
     pub(super) fn intersect(&mut self) -> Hit {
         let prepared = self.integrator.prepared;
         let t_max = if self.depth == 0 { self.reach } else { f32::INFINITY };
         let ray = Ray { t_max, ..Ray::new(self.origin, self.direction) };
+        // Count traversal steps
         if self.integrator.wanted.cost {
             let mut steps = 0;
             let hit = prepared.accel().intersect_counted(&ray, &mut steps);
@@ -252,6 +276,7 @@ impl Path<'_> {
                 return hit;
             }
         }
+        // Filter hits on emitters hidden from the camera and on transparent parts of surfaces
         if self.depth == 0 && self.integrator.hides_emitters {
             let is_seen = |hit: &Hit| !shines(prepared, hit) && self.is_there(&ray, hit, SurfaceQuery::Path);
             prepared.accel().intersect_filtered(&ray, is_seen)
@@ -262,8 +287,8 @@ impl Path<'_> {
         }
     }
 
-    /// Whether a candidate hit is to be taken. It depends on the segment of the path and on the surface alone, so all
-    /// candidates of one ray may be asked in any order and more than once.
+    /// Returns `true` if a candidate hit counts, by opacity and visibility. The result depends only on the path's
+    /// segment and the surface, so one ray may test its candidates in any order and more than once.
     #[inline(always)]
     fn is_there(&self, ray: &Ray, hit: &Hit, asks: SurfaceQuery) -> bool {
         let asks = asks.of_vertex(self.depth);
@@ -272,6 +297,7 @@ impl Path<'_> {
         })
     }
 
+    /// Traces a shadow ray. Returns `true` if something opaque is hit.
     #[inline(always)]
     fn is_occluded(&mut self, ray: &Ray) -> bool {
         let prepared = self.integrator.prepared;
@@ -290,6 +316,7 @@ impl Path<'_> {
         }
     }
 
+    /// Returns the record of a path that has ended.
     #[inline(always)]
     pub(super) fn finish(&mut self) -> PathRecord {
         self.record.keep(self.radiance, self.integrator.settings.sample_max);

@@ -1,13 +1,14 @@
-//! Photon mapping: what a camera sees by the light of photons.
+//! Photon mapping with final gathering.
 //!
-//! A path from the camera goes over mirrors and through glass to the first surface that spreads light. Light that comes
-//! there straight is found as path tracing finds it. Light that was brought together by mirrors and glass is the density of
-//! its photons. All other light is gathered by rays that are drawn by how the surface scatters; the map says what leaves the
-//! place where one ends (Jensen 1996, *Global Illumination using Photon Maps*; Christensen 1999). Where rays are not
-//! gathered, and in progressive pictures, the density of photons at the surface itself stands for all light but the direct.
+//! A camera path follows mirrors and glass to the first surface with a BSDF that is not specular. Direct light there is
+//! sampled as in path tracing. Caustics, light that arrives over mirrors and glass, are the density of the caustic
+//! photons. All other indirect light is gathered by rays drawn from the BSDF; the photon map gives the radiance where
+//! they end (Jensen 1996, *Global Illumination using Photon Maps*; Christensen 1999). Without final gathering, and in
+//! progressive pictures, the photon density at the surface itself gives all indirect light.
 //!
-//! With Autonomous Lighting Agents there are photons for caustics alone. Agents are asked which shadow rays must be traced, and
-//! what indirect light comes to matte surfaces; where they do not know, rays are gathered that end where they do.
+//! With Autonomous Lighting Agents, only caustic photons are traced. Agents decide which shadow rays are needed, and
+//! give the indirect light on matte surfaces. Where they do not know, gathering rays are traced that end where agents
+//! know.
 
 mod eye;
 mod paint;
@@ -26,27 +27,28 @@ use crate::{
 pub(crate) use eye::Hands;
 pub(crate) use sense::{SensorPlace, sensing_settings};
 
-/// What the maps of all passes of a progressive picture may take. Samples beyond those that have passes of their own take
-/// the passes again from the first.
+/// Greatest total size of the maps of a progressive picture, in bytes. Samples beyond the affordable number of passes
+/// reuse the passes from the first one.
 const PASSES_BYTES: u64 = 1 << 30;
-/// What a photon takes on its way over some surfaces.
+/// Memory of a photon with its hits on some surfaces, in bytes.
 const PHOTON_BYTES: u64 = 48;
 
-/// Paints samples of one picture. Cheap to make once the maps are there: one for each block of work.
+/// The photon mapping integrator of one picture. Cheap to create once the maps exist: one per block of work.
 pub struct PhotonIntegrator<'a> {
     base: PathIntegrator<'a>,
     photons: PhotonSettings,
     passes: Arc<Passes>,
-    /// Where irradiance is kept, if it is.
+    /// Irradiance cache; `None`: not used.
     cache: Option<Arc<OnceLock<IrradianceCache>>>,
     view: View,
 }
 
 impl<'a> PhotonIntegrator<'a> {
-    /// An integrator for the picture `view`; the settings say that it is one of photons.
+    /// Creates an integrator for the picture `view`; the settings ask for photons.
     ///
     /// # Errors
-    /// There is no such picture, or the scene has media that photons know nothing of.
+    /// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`], or an error that says that the scene lacks the
+    /// view's camera.
     pub fn new(
         prepared: &'a PreparedScene,
         prepass: &Prepass,
@@ -67,15 +69,17 @@ impl<'a> PhotonIntegrator<'a> {
         Ok(Self { base, photons, passes, cache, view })
     }
 
+    /// Returns this integrator with other optional values requested.
     pub(crate) fn with_wanted(self, wanted: Wanted) -> Self {
         Self { base: self.base.with_wanted(wanted), ..self }
     }
 
-    /// What its paths from the camera go by.
+    /// Returns the path integrator whose camera and settings this one uses.
     pub(crate) fn base(&self) -> &PathIntegrator<'a> {
         &self.base
     }
 
+    /// Returns the medium that contains the camera; `None`: vacuum.
     fn camera_medium(&self) -> Option<MediumId> {
         self.base.camera_medium()
     }

@@ -1,17 +1,17 @@
-//! Samples of a picture whose zones are painted in different ways.
+//! The choice of integrators for samples in zones that are rendered in different ways.
 
 use super::path::{PathIntegrator, PlannedWays};
 
-/// Who paints some samples.
+/// The integrators of some samples.
 pub(super) enum SampleIntegrators<'a, 'b> {
-    /// The same for all.
+    /// One for all samples.
     One(&'a PathIntegrator<'b>),
-    /// Another one in each zone.
+    /// One per zone.
     ByPixel(&'a PlannedWays<'b>),
 }
 
 impl<'a, 'b> SampleIntegrators<'a, 'b> {
-    /// - `ways`: of the picture, where its zones are painted in different ways.
+    /// - `ways`: integrators of a picture whose zones are rendered in different ways.
     pub(super) fn new(
         integrator: &'a PathIntegrator<'b>,
         ways: Option<&'a PlannedWays<'b>>,
@@ -23,7 +23,7 @@ impl<'a, 'b> SampleIntegrators<'a, 'b> {
         }
     }
 
-    /// Who paints a pixel.
+    /// Returns the integrator of a pixel.
     #[inline(always)]
     pub(super) fn of_pixel(&self, x: u32, y: u32) -> &'a PathIntegrator<'b> {
         match self {
@@ -32,7 +32,7 @@ impl<'a, 'b> SampleIntegrators<'a, 'b> {
         }
     }
 
-    /// Whether agents are asked for more than directions. Whoever knows none has the same bits either way.
+    /// Returns `true` if agents are used for more than directions. Samples without agents are bit-identical either way.
     pub(super) fn ask_agents(&self) -> bool {
         match self {
             Self::One(integrator) => integrator.asks_agents(),

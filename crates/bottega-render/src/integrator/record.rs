@@ -1,4 +1,4 @@
-//! The result of a sample: its values, and what it took.
+//! The record of a traced sample: its values, and the work that it took.
 
 use bottega_image::SampleValues;
 use bottega_scene::Spectrum;
@@ -6,38 +6,40 @@ use glam::Vec3;
 
 use crate::{bsdf::Bsdf, luminance, surfaces::PreparedMaterial};
 
-/// Which values beside radiance a sample is asked for.
+/// Optional values of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Wanted {
+    /// First visible reflectance.
     pub(crate) albedo: bool,
+    /// Traversal steps and work counts.
     pub(crate) cost: bool,
 }
 
-/// What came of one path.
+/// The result of one path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct PathRecord {
+    /// Radiance, and the optional values that are wanted.
     pub(crate) values: SampleValues,
-    /// Surfaces that it met.
+    /// Number of vertices.
     pub(crate) vertex_count: u32,
-    /// What else it took, if that was asked for.
+    /// Further work counts, if costs are wanted.
     pub(crate) counts: PathCounts,
-    /// Luminance found before light could come over more than one scattering; `None` when the path ended there, or when what
-    /// it took was not asked for.
+    /// Luminance of the light found up to the first bounce; `None`: the path ended there, or costs are not wanted.
     direct: Option<f32>,
-    /// Whether its radiance was not finite, and counts as 0.
+    /// `true`: the radiance was not finite, and counts as 0.
     pub(crate) is_dropped: bool,
 }
 
-/// What a path takes beside its traversal steps.
+/// Work of a path other than traversal steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PathCounts {
-    /// Rays towards lights.
+    /// Number of shadow rays.
     pub(crate) shadow_rays: u32,
-    /// Vertices at surfaces of several lobes, which are dearer to evaluate than a single one.
+    /// Vertices on surfaces with several lobes, which are slower to evaluate.
     pub(crate) layered: u32,
-    /// Textures of the surfaces at its vertices.
+    /// Texture lookups at the path's vertices.
     pub(crate) lookups: u32,
-    /// Segments of it that lie in media.
+    /// Segments inside media.
     pub(crate) media: u32,
 }
 
@@ -51,7 +53,7 @@ impl PathCounts {
 }
 
 impl PathRecord {
-    /// With `factor` times the radiance.
+    /// Returns the record with its radiance multiplied by `factor`.
     #[inline(always)]
     pub(super) fn scaled(mut self, factor: f32) -> Self {
         self.values.radiance = self.values.radiance.map(|value| value * factor);
@@ -59,11 +61,11 @@ impl PathRecord {
         self
     }
 
-    /// What it took, in vertices. Counted, not timed: so it is the same everywhere.
+    /// Returns the work of the path, in vertices. Counted, not timed, so it is the same on every machine.
     ///
-    /// - `is_guided`: whether it asked a guide at its vertices.
+    /// - `is_guided`: `true` if the path looked up a guide at its vertices.
     pub(crate) fn work(&self, is_guided: bool) -> f64 {
-        /// A ray towards a light; a path beside its vertices; a question to a guide.
+        /// Work of a shadow ray, of the start of a path, and of a guide lookup, in vertices.
         const SHADOW_RAY: f64 = 0.5;
         const PATH: f64 = 0.5;
         const GUIDE: f64 = 0.45;
@@ -71,9 +73,9 @@ impl PathRecord {
         PATH + vertex * f64::from(self.vertex_count) + SHADOW_RAY * f64::from(self.counts.shadow_rays)
     }
 
-    /// Takes in what the path found, when it is at its end.
+    /// Stores the radiance of a path that has ended; drops it if it is not finite.
     ///
-    /// - `most`: see [`PathSettings::sample_max`](crate::PathSettings::sample_max).
+    /// - `most`: greatest channel; see [`PathSettings::sample_max`](crate::PathSettings::sample_max).
     #[inline(always)]
     pub(super) fn keep(&mut self, radiance: Spectrum, most: f32) {
         self.is_dropped = !radiance.is_finite();
@@ -85,7 +87,7 @@ impl PathRecord {
         self.values.radiance = radiance.to_array();
     }
 
-    /// Takes in the first surface that is seen: how far it is, and its normal.
+    /// Records the distance and the normal of the first visible surface.
     #[inline(always)]
     pub(super) fn record_first(&mut self, distance: f32, normal: Vec3) {
         self.values.alpha = 1.0;
@@ -93,7 +95,7 @@ impl PathRecord {
         self.values.normal = normal.to_array();
     }
 
-    /// Takes in the reflectance of the first surface that has one, if it is wanted still.
+    /// Records the reflectance of the first surface that has one, if it is still wanted.
     #[inline(always)]
     pub(super) fn record_albedo(&mut self, is_wanted: &mut bool, albedo: Spectrum) {
         if *is_wanted {
@@ -102,13 +104,13 @@ impl PathRecord {
         }
     }
 
-    /// Marks all that was found so far as direct light; only the first mark counts.
+    /// Records the radiance found so far as direct light; later calls do nothing.
     #[inline(always)]
     pub(super) fn mark_direct(&mut self, radiance: Spectrum) {
         self.direct.get_or_insert(luminance(radiance));
     }
 
-    /// Luminance that came over more than one scattering.
+    /// Returns the luminance of light that scattered more than once.
     pub(crate) fn indirect(&self) -> f32 {
         let found = luminance(self.values.radiance.into());
         self.direct.map_or(0.0, |direct| (found - direct).max(0.0))

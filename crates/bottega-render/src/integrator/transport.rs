@@ -1,4 +1,4 @@
-//! The terms that all integrators share: weights of light that is found in several ways, and the search for lights.
+//! Terms that all integrators share: MIS weights, Russian roulette, shadow rays.
 
 use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
@@ -9,18 +9,20 @@ use crate::{
     surfaces::Surfaces,
 };
 
-/// Greatest probability with which a path survives Russian roulette.
+/// Greatest survival probability of Russian roulette.
 pub const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
-/// How far from its target a shadow ray ends, as a share of its length.
+/// Gap between a shadow ray's end and its target, as a share of its length.
 pub const SHADOW_MARGIN: f32 = 1e-4;
-/// Growth of the beam after a scattering that spreads over one steradian.
+/// Growth of the ray cone after scattering into one steradian, as a ratio of width to distance.
 pub const SCATTERED_SPREAD: f32 = 0.05;
 
-/// Russian roulette: a path goes on with the square root of what it still carries as its probability, and carries as much
-/// more. With that part itself, error times vertices is up to an eighth larger (`bench/runs/2026-11-21-paths.txt`).
+/// Applies Russian roulette: the path survives with the square root of the light that it still carries, and its
+/// throughput is divided by that. With the carried light itself as probability, error times vertices is up to an eighth
+/// larger (`bench/runs/2026-11-21-paths.txt`). Returns `true` if the path survives.
 ///
-/// - `scale`: by how much the throughput is smaller than what surfaces left of the light.
-/// - `is_sure`: whether only paths end that carry nothing.
+/// - `scale`: factor by which the throughput is smaller than the light that surfaces passed on.
+/// - `is_sure`: `true`: only paths that carry nothing end.
+/// - `u`: uniform random number.
 #[inline(always)]
 pub(super) fn survives(throughput: &mut Spectrum, scale: f32, is_sure: bool, u: f32) -> bool {
     let carried = throughput.max_element() * scale;
@@ -35,7 +37,7 @@ pub(super) fn survives(throughput: &mut Spectrum, scale: f32, is_sure: bool, u: 
     u < survival
 }
 
-/// What the surface that was hit emits at a point, on whichever side.
+/// Returns the emission of the surface at a point, on the side that was hit.
 #[inline(always)]
 pub(super) fn emitted_at(surfaces: &Surfaces, point: &Interaction) -> Spectrum {
     let (scene, hit) = (&**surfaces.scene(), &point.hit);
@@ -45,22 +47,23 @@ pub(super) fn emitted_at(surfaces: &Surfaces, point: &Interaction) -> Spectrum {
     }
 }
 
-/// The ray that asks whether a light is seen.
+/// Returns the shadow ray from a point to a light sample.
 #[inline(always)]
 pub(crate) fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
     let origin = point.ray_origin(light.wi);
     if light.distance.is_infinite() {
         return Ray::new(origin, light.wi);
     }
-    // Aim at the light's point itself: from the shifted origin it lies in a slightly different direction.
+    // Aim at the sampled point itself: its direction from the shifted origin differs slightly
     let target = point.p_outside + light.wi * light.distance;
     Ray { origin, t_min: 0.0, direction: target - origin, t_max: 1.0 - SHADOW_MARGIN }
 }
 
-/// Weight of the strategy with density `chosen` against the one with density `other` (Veach 1997, eq. 9.13, β = 2).
+/// Returns the MIS weight of the strategy with density `chosen` against one with density `other` (Veach 1997, eq. 9.13,
+/// β = 2).
 #[inline(always)]
 pub(in crate::integrator) fn power_heuristic(chosen: f32, other: f32) -> f32 {
-    // By the ratio, so that squares of large densities do not overflow.
+    // Use the ratio: squares of large densities overflow
     let ratio = other / chosen;
     1.0 / (1.0 + ratio * ratio)
 }

@@ -1,4 +1,4 @@
-//! Paths of several samples, followed in turn: what one waits for of memory is under way while others are worked on.
+//! Path tracing of several samples in turn: while one path waits for memory, others are shaded.
 
 use bottega_image::SampleValues;
 use bottega_kernels::{
@@ -13,26 +13,27 @@ use super::{
 };
 use crate::{interaction, sampler::PixelSampler};
 
-/// Paths under way at a time.
+/// Number of paths in flight.
 const LANES: usize = 8;
 
-/// Samples to paint.
+/// A list of samples to trace.
 pub(crate) struct Painting<'a> {
+    /// Integrator of the picture; its plan may pick another one per pixel.
     pub(crate) integrator: &'a PathIntegrator<'a>,
-    /// Pixels, each with the index of a sample.
+    /// Samples as (x, y, sample index).
     pub(crate) samples: &'a [(u32, u32, u32)],
-    /// What comes of them, in their order.
+    /// Receives the records, in the order of `samples`.
     pub(crate) records: &'a mut Vec<PathRecord>,
 }
 
-/// A path under way.
+/// A path in flight.
 struct PathLane<'a> {
     path: Path<'a>,
-    /// Which of the samples it is, and the factor with which it counts.
+    /// Index of its sample, and the factor of that sample.
     sample: usize,
     factor: f32,
     hit: Hit,
-    /// Parts of it that wait.
+    /// Branches that wait to be traced.
     branches: Vec<Branch>,
 }
 
@@ -58,7 +59,7 @@ impl Task for Painting<'_> {
 }
 
 impl PathIntegrator<'_> {
-    /// One sample of the pixel (x, y). Radiance that is not finite counts as 0.
+    /// Traces sample `sample_index` of the pixel (x, y). Radiance that is not finite counts as 0.
     pub fn sample(&self, x: u32, y: u32, sample_index: u32) -> SampleValues {
         let mut records = Vec::new();
         compiled::run(Painting { integrator: self, samples: &[(x, y, sample_index)], records: &mut records });
@@ -66,7 +67,7 @@ impl PathIntegrator<'_> {
     }
 }
 
-/// Follows the paths of all samples.
+/// Traces all samples, [`LANES`] paths at a time.
 #[inline(always)]
 fn in_turn<const AGENTS: bool>(
     integrators: &SampleIntegrators<'_, '_>,
@@ -76,6 +77,7 @@ fn in_turn<const AGENTS: bool>(
     let Some(&(x, y, _)) = samples.first() else { return };
     let prepared = integrators.of_pixel(x, y).prepared();
     records.resize(samples.len(), PathRecord::default());
+    // Generate the camera rays lazily, one per sample
     let mut waiting = samples.iter().zip(0..).map(|(&(x, y, index), sample)| {
         let integrator = integrators.of_pixel(x, y);
         let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
@@ -92,6 +94,7 @@ fn in_turn<const AGENTS: bool>(
         lanes.push(PathLane { path, sample, factor, hit: Hit::NONE, branches });
     }
     while !lanes.is_empty() {
+        // Intersect all rays, prefetching first triangles, then vertices and the guide
         for lane in &mut lanes {
             lane.hit = lane.path.intersect();
             interaction::request_triangle(prepared, &lane.hit);
@@ -100,6 +103,7 @@ fn in_turn<const AGENTS: bool>(
             interaction::request_vertices(prepared, &lane.hit);
             lane.path.request_guide(&lane.hit);
         }
+        // Shade all hits
         let mut i = 0;
         while i < lanes.len() {
             let lane = &mut lanes[i];
@@ -107,11 +111,13 @@ fn in_turn<const AGENTS: bool>(
                 i += 1;
                 continue;
             }
+            // Continue with a waiting branch
             if AGENTS && let Some(branch) = lane.branches.pop() {
                 lane.path.go_back(&branch);
                 i += 1;
                 continue;
             }
+            // Store the record, and start the next sample in this lane
             records[lane.sample] = lane.path.finish().scaled(lane.factor);
             if let Some((path, sample, factor)) = waiting.next() {
                 (lane.path, lane.sample, lane.factor) = (path, sample, factor);

@@ -1,10 +1,10 @@
 //! Path tracing through participating media.
 //!
-//! Light that is scattered on a segment of a path through a homogeneous medium is found in three ways, which are combined by the power heuristic: at a
-//! distance drawn by extinction, by sampling a light from there (1) or by the phase function (2); and at a distance drawn
-//! for a light, uniform by the angle as it sees the segment (3). What shines at the end of a segment is always counted,
-//! weakened by the medium, wherever the path goes on. Through a medium that varies in space a path is tracked, and only the
-//! first two ways are there.
+//! Light scattered on a path segment through a homogeneous medium is found in three ways, combined by the power
+//! heuristic. Two of them scatter at a distance drawn by extinction: (1) sampling a light from there, and (2) sampling
+//! the phase function. (3) scatters at a distance drawn for one light, uniform in the angle under which that light sees
+//! the segment. Emission at the end of a segment is always added, attenuated by the medium, wherever the path
+//! continues. In heterogeneous media, paths are tracked by null collisions and only (1) and (2) are used.
 //!
 //! Sources: Kulla and Fajardo 2012, *Importance Sampling Techniques for Path Tracing in Participating Media*; Veach 1997,
 //! *Robust Monte Carlo Methods for Light Transport Simulation*, chapter 9.
@@ -37,12 +37,12 @@ use crate::{
 use passage::{BOUNDARIES_MAX, STEPS, numbers};
 use state::{Path, Previous, SegmentPoint};
 
-/// Cost of a number that tracking takes, with the look at the grid that it is for, in traversal steps.
+/// Cost of one random number of tracking with its grid lookup, in traversal steps.
 const TRACKING_STEPS: f32 = 2.0;
-/// Sets the numbers that panes take apart from those that other decisions take.
+/// Key of the random numbers of panes, distinct from all other decisions.
 const PANE: u64 = 0x7061_6e65_7061_6e65;
 impl PathIntegrator<'_> {
-    /// One sample in which media take part.
+    /// Traces one sample of a scene with media.
     pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
         let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
         let (ray, factor) = self.camera_ray(&sampler, x, y);
@@ -50,7 +50,7 @@ impl PathIntegrator<'_> {
     }
 }
 
-/// Follows one path. The integrator gives the camera and the settings.
+/// Traces one path. The integrator gives the camera and the settings.
 fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {
     let (prepared, settings) = (integrator.prepared(), integrator.settings());
     let mut path = Path {
@@ -81,21 +81,24 @@ fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay
 }
 
 impl Path<'_> {
-    /// Goes to where the path is scattered next, or to the next boundary. False when it is at its end.
+    /// Moves the path to its next scattering event or boundary. Returns `false` when the path ends.
     fn advance(&mut self) -> bool {
         let prepared = self.prepared;
         let reach = std::mem::replace(&mut self.reach, f32::INFINITY);
         let ray = Ray { t_max: reach, ..Ray::new(self.origin, self.direction) };
+        // Intersect the ray with the scene
         let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Path));
         self.record.values.cost += STEPS;
         self.record.counts.media += u32::from(self.medium.is_some());
         self.segment += 1;
         let cone = self.cone.at(hit.t);
         let point = hit.is_some().then(|| Interaction::new(prepared, &hit, self.origin, self.direction, cone));
+        // Compute the emission at the end of the segment
         let arriving = match &point {
             Some(point) => self.emission(point),
             None => self.environment(),
         };
+        // Pass through the medium: add light along the segment, and scatter or continue
         let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t.min(reach) };
         match self.medium.map(|medium| prepared.medium(medium)) {
             None => self.radiance += self.throughput * arriving,
@@ -110,10 +113,12 @@ impl Path<'_> {
                 }
             }
         }
+        // Count the light found so far as direct
         if self.depth == 1 && self.wants_cost {
             self.record.mark_direct(self.radiance);
         }
         let Some(point) = point else { return false };
+        // Continue at the surface, or through a boundary without one
         self.cone = cone;
         if self.throughput.max_element() <= 0.0 {
             return false;
@@ -131,10 +136,12 @@ impl Path<'_> {
         self.meet(&point)
     }
 
-    /// Goes through a homogeneous medium. Returns whether the path goes on if it was scattered, and `None` if not.
+    /// Passes through a homogeneous medium. Returns `None` if the path reaches the end of the segment unscattered; else
+    /// `Some`, with `true` if it continues.
     ///
-    /// - `arriving`: what comes from the end of the segment.
+    /// - `arriving`: emission at the end of the segment.
     fn pass(&mut self, medium: &Homogeneous, segment: Segment, arriving: Spectrum) -> Option<bool> {
+        // Add the medium's emission, and the light from the end of the segment
         self.radiance += self.throughput * medium.emitted(segment.length);
         let transmittance = medium.transmittance(segment.length);
         self.radiance += self.throughput * transmittance * arriving;
@@ -142,8 +149,10 @@ impl Path<'_> {
             self.throughput *= transmittance;
             return None;
         }
+        // Sample a light and a distance for it
         self.add_light_along(medium, &segment);
         let [u_channel, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
+        // Sample a distance by extinction in a random color channel
         let channels = channel_probabilities(self.throughput);
         let distance = medium.sample_distance(channels, u_channel, u);
         if distance < segment.length {
@@ -156,11 +165,12 @@ impl Path<'_> {
         None
     }
 
-    /// Goes through a medium that varies in space; see [`Self::pass`].
+    /// Passes through a heterogeneous medium; see [`Self::pass`].
     fn pass_varying(&mut self, medium: &Varying<'_>, segment: Segment, arriving: Spectrum) -> Option<bool> {
         let [u_kind, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
         let line = Line { origin: segment.origin, direction: segment.direction, length: segment.length };
         let mut carried = CarriedLight { throughput: self.throughput, radiance: self.radiance };
+        // Track the path to a real collision or to the end of the segment
         let collision = medium.track(&line, &mut carried, [u_kind, u], numbers(self.sampler, &mut self.numbers_drawn));
         CarriedLight { throughput: self.throughput, radiance: self.radiance } = carried;
         let Some(collision) = collision else {
@@ -173,9 +183,9 @@ impl Path<'_> {
         Some(self.scatter_within(medium.phase, collision.albedo, &segment, collision.distance, None))
     }
 
-    /// Scatters at a distance in a medium. False when the path is at its end.
+    /// Scatters at a distance along a segment through a medium. Returns `false` when the path ends.
     ///
-    /// - `along`: how the distance was drawn, where there are several ways to find light there.
+    /// - `along`: density of the distance, if light there is found in several ways.
     fn scatter_within(
         &mut self,
         phase: Phase,
@@ -190,14 +200,16 @@ impl Path<'_> {
         self.record.vertex_count += 1;
         self.record_first(distance, Vec3::ZERO);
         self.record.record_albedo(&mut self.wants_albedo, albedo);
+        // Sample lights from there
         self.add_light_at(phase, segment.direction, &receiver, along.as_ref());
         let u = self.sampler.quad(DimensionSet::scattering(self.depth));
+        // Sample the phase function
         let (wi, pdf) = phase.sample(segment.direction, [u[1], u[2]]);
         self.previous = Previous { receiver, pdf: Some(pdf), along };
         self.go_on(p, wi, pdf, u[3])
     }
 
-    /// Meets a surface that is more than a boundary. False when the path is at its end.
+    /// Scatters at a surface that is more than a boundary of media. Returns `false` when the path ends.
     fn meet(&mut self, point: &Interaction) -> bool {
         let prepared = self.prepared;
         let is_last = self.depth >= self.settings.max_depth;
@@ -209,12 +221,14 @@ impl Path<'_> {
             }
         }
         let mut place = None;
+        // Evaluate the BSDF's parameters
         let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << DEPTH_SHIFT ^ u64::from(point.material));
         let bsdf = bsdf_at(prepared, point, chance, &mut place);
         if self.wants_cost {
             self.record.counts.meet(bsdf, prepared.material(point.material).1);
         }
         let wo = point.to_local(point.wo);
+        // Treat panes of glass without refraction separately
         if known.is_pane && bsdf.straight(wo) != Spectrum::ZERO {
             return self.meet_pane(point, &bsdf.at_carrying(wo, self.throughput), is_last);
         }
@@ -230,9 +244,11 @@ impl Path<'_> {
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
         if !is_delta_only && self.samples_lights() {
+            // Sample direct illumination
             self.add_direct_light(point, &bsdf, &receiver);
         }
         let u = self.sampler.quad(DimensionSet::scattering(self.depth));
+        // Sample the BSDF
         let Some(sample) = bsdf.sample(u[0], [u[1], u[2]]) else { return false };
         let wi = point.to_world(sample.wi);
         let is_reflection = point.is_reflection(wi);
@@ -249,7 +265,7 @@ impl Path<'_> {
         self.go_on(point.ray_origin(wi), wi, pdf.unwrap_or(f32::INFINITY), u[3])
     }
 
-    /// Meets a pane, which mirrors, or lets the path go on as if nothing was there. False when the path is at its end.
+    /// Scatters at a pane: mirrors the path, or passes it straight through. Returns `false` when the path ends.
     fn meet_pane(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, is_last: bool) -> bool {
         let [u_lobe, u_roulette] =
             [0, 1].map(|number| self.sampler.hashed(PANE ^ u64::from(self.segment) << 1 ^ number));
@@ -272,7 +288,7 @@ impl Path<'_> {
         self.go_on(point.ray_origin(wi), wi, f32::INFINITY, u_roulette)
     }
 
-    /// Goes straight on behind a surface. False when there are too many of them.
+    /// Continues straight on behind a surface. Returns `false` after too many boundaries.
     fn pass_boundary(&mut self, point: &Interaction) -> bool {
         self.medium = self.medium_towards(point, self.direction);
         self.origin = point.ray_origin(self.direction);
@@ -281,7 +297,7 @@ impl Path<'_> {
         self.boundaries < BOUNDARIES_MAX
     }
 
-    /// Goes on along `wi`. False when the path ends here, by Russian roulette.
+    /// Continues along `wi`, which was drawn with density `pdf`. Returns `false` when Russian roulette ends the path.
     fn go_on(&mut self, origin: Vec3, wi: Vec3, pdf: f32, u: f32) -> bool {
         self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / pdf.sqrt());
         self.origin = origin;
@@ -291,12 +307,14 @@ impl Path<'_> {
         survives(&mut self.throughput, self.eta_scale, self.depth <= self.settings.roulette_depth, u)
     }
 
+    /// Records the first visible surface or scattering event.
     fn record_first(&mut self, distance: f32, normal: Vec3) {
         if self.depth == 0 && self.record.values.alpha == 0.0 {
             self.record.record_first(self.travelled + distance, normal);
         }
     }
 
+    /// Returns the record of the path.
     fn finish(mut self) -> PathRecord {
         self.record.values.cost += self.numbers_drawn as f32 * TRACKING_STEPS;
         self.record.keep(self.radiance, self.settings.sample_max);

@@ -1,9 +1,9 @@
-//! Waves of paths: all of them come to their next surface together. What their rays meet is asked of whoever follows rays;
-//! shading is what remains. The loop above asks for the one and then for the other.
+//! Waves of paths: all paths of a wave advance to their next vertex together. The caller traces their rays; a wave only
+//! shades.
 //!
-//! Source: Pereira et al., *Efficient use of Multiple Hardware Components for Image Synthesis*, section 3.3.1: rays are a
-//! low-level primitive, shading a high-level one, and the recursion is the caller's. The bits of a picture are those of
-//! paths that are followed one by one: what is added to a path is added in the same order.
+//! Source: Pereira et al., *Efficient use of Multiple Hardware Components for Image Synthesis*, section 3.3.1: rays are
+//! a low-level primitive, shading a high-level one, and the caller drives the recursion. Pictures are bit-identical to
+//! those of paths traced one by one: light is added to each path in the same order.
 
 use std::{fmt, sync::Arc};
 
@@ -20,88 +20,91 @@ use super::{
 };
 use crate::sampler::PixelSampler;
 
-/// Paths that are followed together, one for each of some samples.
+/// A wave of paths, one per sample.
 #[derive(Clone, Default)]
 pub struct Wave {
-    /// Pixels, each with the index of a sample.
+    /// Samples as (x, y, sample index).
     samples: Vec<(u32, u32, u32)>,
     paths: Vec<WavePath>,
-    /// Paths that have not ended.
+    /// Number of paths that have not ended.
     live_count: usize,
-    /// Light that waits for its ray, and which path it is for.
+    /// Light samples that wait for their shadow rays, with the indices of their paths.
     deferred: Vec<(u32, Spectrum)>,
-    /// What came of the samples, in their order.
+    /// Records of the samples, in their order.
     records: Vec<PathRecord>,
     rays: Arc<Vec<Ray>>,
     shadow_rays: Arc<Vec<Ray>>,
 }
 
-/// The answers to the rays of a wave.
+/// Results of a wave's rays.
 #[derive(Clone, Debug, Default)]
 pub struct WaveAnswers {
-    /// For each of [`Wave::rays`].
+    /// Closest hits of [`Wave::rays`].
     pub hits: Vec<Hit>,
-    /// For each of [`Wave::shadow_rays`].
+    /// For each of [`Wave::shadow_rays`]: `true` if it hits anything.
     pub occluded: Vec<bool>,
 }
 
+/// A path of a wave.
 #[derive(Clone)]
 struct WavePath {
     path: SuspendedPath,
-    /// Which of the samples it is, and the factor with which it counts.
+    /// Index of its sample, and the factor of that sample.
     sample: u32,
     factor: f32,
-    /// Parts of it that wait.
+    /// Branches that wait to be traced.
     branches: Vec<Branch>,
     stage: PathStage,
 }
 
-/// How far a path is.
+/// Stage of a path.
 #[derive(Clone, Copy, PartialEq)]
 enum PathStage {
-    /// Its ray is asked for.
+    /// It waits for the hit of its ray.
     Ray,
-    /// It goes no further, and waits for light alone.
+    /// It scatters no further, and waits only for shadow rays.
     Light,
-    /// Its record is there. It stays in its place, for to move the others costs more than to pass it by.
+    /// Its record is stored. It keeps its slot: skipping it is cheaper than moving the others.
     Ended,
 }
 
 impl Wave {
-    /// Paths that are to begin.
+    /// Creates a wave of paths that have not started.
     pub(crate) fn new(samples: Vec<(u32, u32, u32)>) -> Self {
         Self { samples, ..Self::default() }
     }
 
-    /// Rays whose closest hits are wanted.
+    /// Returns the rays to find closest hits for.
     pub fn rays(&self) -> &Arc<Vec<Ray>> {
         &self.rays
     }
 
-    /// Rays of which is wanted whether they hit anything.
+    /// Returns the shadow rays to test for occlusion.
     pub fn shadow_rays(&self) -> &Arc<Vec<Ray>> {
         &self.shadow_rays
     }
 
-    /// Whether all paths are at their end.
+    /// Returns `true` if all paths have ended.
     pub fn is_over(&self) -> bool {
         !self.samples.is_empty() && self.live_count == 0 && self.records.len() == self.samples.len()
     }
 
-    /// Paths that are to be shaded next: the size of that work.
+    /// Returns the number of paths to shade next, a measure of the step's work.
     pub(crate) fn path_count(&self) -> u64 {
         if self.records.is_empty() { self.samples.len() as u64 } else { self.live_count as u64 }
     }
 
+    /// Returns the samples, as (x, y, sample index).
     pub(crate) fn samples(&self) -> &[(u32, u32, u32)] {
         &self.samples
     }
 
+    /// Returns the records of the samples, in their order; final once [`Self::is_over`] is `true`.
     pub(crate) fn records(&self) -> &[PathRecord] {
         &self.records
     }
 
-    /// Takes in what rays found, and goes on to the next ones.
+    /// Takes the results of the rays, and shades until the next rays.
     pub(crate) fn step(&mut self, integrator: &PathIntegrator<'_>, answers: &WaveAnswers) {
         compiled::run(WaveStep { wave: self, integrator, answers });
     }
@@ -113,6 +116,7 @@ impl fmt::Debug for Wave {
     }
 }
 
+/// One step of a wave, compiled for the vector unit.
 struct WaveStep<'a> {
     wave: &'a mut Wave,
     integrator: &'a PathIntegrator<'a>,
@@ -136,6 +140,7 @@ impl Task for WaveStep<'_> {
 }
 
 impl Wave {
+    /// Takes the results of the rays, and collects the next rays.
     #[inline(always)]
     fn advance<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>, answers: &WaveAnswers) {
         if self.records.is_empty() {
@@ -149,6 +154,7 @@ impl Wave {
         self.rays = Arc::new(rays);
     }
 
+    /// Starts all paths at their camera rays.
     #[inline(always)]
     fn begin<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>) {
         self.records = vec![PathRecord::default(); self.samples.len()];
@@ -166,7 +172,7 @@ impl Wave {
         self.live_count = self.paths.len();
     }
 
-    /// Adds the light that nothing is in front of.
+    /// Adds the deferred light samples that are not occluded.
     fn take_light(&mut self, occluded: &[bool]) {
         for (&(path, light), &is_occluded) in self.deferred.iter().zip(occluded) {
             if !is_occluded {
@@ -176,14 +182,15 @@ impl Wave {
         self.deferred.clear();
     }
 
-    /// Brings every path to the surface that its ray met. Those that were over end, or go on as a part that waited.
+    /// Shades every path at the hit of its ray. Paths that ended store their records, or continue with a waiting
+    /// branch.
     #[inline(always)]
     fn meet<const AGENTS: bool>(&mut self, integrators: &SampleIntegrators<'_, '_>, hits: &[Hit]) {
-        // The allocator has checked that there are as many; less would be black, and nobody would know.
+        // Missing hits render black without an error; the caller has already checked their number
         assert_eq!(hits.len(), self.rays.len(), "a hit for every ray");
         let mut hits = hits.iter();
         let (mut shadow_rays, mut deferred, mut lights) = (Vec::new(), Vec::new(), Vec::<DeferredLight>::new());
-        // Most of those that ended are let go of at once, and seldom.
+        // Remove ended paths only when they are more than half
         if 2 * self.live_count < self.paths.len() {
             self.paths.retain(|it| it.stage != PathStage::Ended);
         }
@@ -193,6 +200,7 @@ impl Wave {
             }
             let (x, y, _) = self.samples[it.sample as usize];
             let integrator = integrators.of_pixel(x, y);
+            // Shade the hit
             if it.stage == PathStage::Ray {
                 let Some(hit) = hits.next() else { return };
                 let mut path = integrator.resume(&it.path);
@@ -201,11 +209,13 @@ impl Wave {
                 }
                 it.path = path.suspend();
             }
+            // Collect deferred light samples
             let waits = !lights.is_empty();
             for DeferredLight { ray, light } in lights.drain(..) {
                 shadow_rays.push(ray);
                 deferred.push((at, light));
             }
+            // Continue with a waiting branch, or store the record
             if it.stage == PathStage::Light && !waits {
                 if let Some(branch) = it.branches.pop() {
                     it.path.go_back(branch);

@@ -1,15 +1,15 @@
-//! Points of curves that face each ray.
+//! Hits on curves that face each ray.
 
 use bottega_kernels::Hit;
 use bottega_scene::{CurveLook, CurveMeeting, FacingCurves, Scene, ray_in_object};
 use glam::{Vec2, Vec3};
 
-/// How far a ray must start off a round curve so that it does not meet it again, as a share of the radius.
+/// Clearance of new rays from a round curve, as a share of its radius.
 const ROUND_CLEARANCE: f32 = 1e-3;
 
-/// Where a ray meets a curve, having run into its hull; `None`: it passes by.
+/// Returns the hit on a curve, given the hit on its hull; `None`: the ray passes by.
 ///
-/// - `t_max`: how far the ray goes, in lengths of its direction.
+/// - `t_max`: length of the ray, in lengths of its direction.
 pub(super) fn meeting(
     scene: &Scene,
     curves: &FacingCurves,
@@ -22,22 +22,25 @@ pub(super) fn meeting(
     curves.meet(hit.primitive as usize, origin, direction, [hit.t, t_max])
 }
 
-/// The surface of a curve where a ray met it, world space.
+/// The surface of a curve at a hit, in world space.
 pub(super) struct CurveSurface {
+    /// Position on the curve.
     pub(super) p: Vec3,
-    /// Towards the origin of the ray, unit length.
+    /// Normal towards the origin of the ray; unit length.
     pub(super) normal: Vec3,
-    /// Along the curve, unit length.
+    /// Tangent along the curve; unit length.
     pub(super) tangent: Vec3,
+    /// Texture coordinates: along the curve, and across it.
     pub(super) uv: Vec2,
-    /// Length for each unit of the texture coordinate along the curve.
+    /// Length per unit of the texture coordinate along the curve.
     pub(super) stretch: f32,
-    /// How far a ray must start off it that leaves.
+    /// Distance that new rays keep from the surface.
     pub(super) clearance: f32,
 }
 
 impl CurveSurface {
-    /// Reconstructs it. The hit must have passed `opacity_of`, which tests whether the curve is met.
+    /// Reconstructs the surface at a hit. `opacity_of` must have accepted the hit: it tests whether the curve itself is
+    /// hit.
     pub(super) fn new(scene: &Scene, curves: &FacingCurves, hit: &Hit, (origin, direction): (Vec3, Vec3)) -> Self {
         let met = meeting(scene, curves, hit, (origin, direction), f32::INFINITY).unwrap_or(CurveMeeting {
             t: hit.t,
@@ -49,7 +52,7 @@ impl CurveSurface {
         });
         let world_from_object = &scene.instances[hit.instance as usize].world_from_object;
         let (_, looking) = ray_in_object(world_from_object, origin, direction);
-        // In object space: to the edge where `across` is 1, and towards the origin of the ray.
+        // In object space: `side` to the edge where `across` is 1, `towards` to the origin of the ray
         let side = looking.cross(met.tangent).normalize_or_zero();
         let towards = side.cross(met.tangent);
         let (across, up) = match curves.look {

@@ -1,4 +1,4 @@
-//! The point of a triangle, as its mesh describes it.
+//! The surface at a point of a triangle: positions, texture coordinates and tangents.
 
 use bottega_kernels::{Hit, prefetch};
 use bottega_scene::Mesh;
@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use crate::surfaces::Surfaces;
 
-/// Asks memory for the triangle that was hit.
+/// Prefetches the triangle that was hit.
 #[inline(always)]
 pub(crate) fn request_triangle(surfaces: &Surfaces, hit: &Hit) {
     if !hit.is_none() && hit.sphere().is_none() {
@@ -14,7 +14,7 @@ pub(crate) fn request_triangle(surfaces: &Surfaces, hit: &Hit) {
     }
 }
 
-/// Asks memory for the vertices of the triangle that was hit.
+/// Prefetches the vertices of the triangle that was hit.
 #[inline(always)]
 pub(crate) fn request_vertices(surfaces: &Surfaces, hit: &Hit) {
     if hit.is_none() || hit.sphere().is_some() {
@@ -28,7 +28,8 @@ pub(crate) fn request_vertices(surfaces: &Surfaces, hit: &Hit) {
     }
 }
 
-/// How far a point of a facet lies below the curved surface that its vertex normals tell of, as an offset.
+/// Returns the offset from a point of a facet to the curved surface that the vertex normals describe; zero if it lies
+/// above.
 ///
 /// Source: Hanika 2021, *Hacking the Shadow Terminator*, Ray Tracing Gems II, chapter 4.
 #[inline(always)]
@@ -48,7 +49,7 @@ pub(super) fn lift_off_facets(
     lift
 }
 
-/// A value per vertex at barycentric coordinates; `None` where the mesh has none.
+/// Interpolates values of the vertices at barycentric coordinates; `None`: the mesh has none.
 #[inline(always)]
 pub(super) fn interpolate<T>(values: &[T], triangle: [u32; 3], u: f32, v: f32) -> Option<T>
 where
@@ -61,13 +62,14 @@ where
     Some(a * (1.0 - u - v) + b * u + c * v)
 }
 
+/// Returns both sets of texture coordinates; the second falls back to the first, and the first to 0.
 #[inline(always)]
 pub(super) fn uvs_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32) -> [Vec2; 2] {
     let first = interpolate(&mesh.uvs[0], triangle, u, v).unwrap_or_default();
     [first, interpolate(&mesh.uvs[1], triangle, u, v).unwrap_or(first)]
 }
 
-/// Width of a beam in texture coordinates. Between the long and the short axis of its oblique cut: the geometric mean.
+/// Returns the width of a ray cone in texture coordinates: the geometric mean of the axes of its elliptical footprint.
 pub(super) fn footprint(mesh: &Mesh, triangle: [u32; 3], double_area: f32, width: f32, cosine: f32) -> f32 {
     if mesh.uvs[0].is_empty() || double_area <= 0.0 {
         return 0.0;
@@ -77,10 +79,10 @@ pub(super) fn footprint(mesh: &Mesh, triangle: [u32; 3], double_area: f32, width
     width * (double_uv_area / (double_area * cosine.abs().max(0.01))).sqrt()
 }
 
-/// The tangent of increasing u in object space, and the sign of the bitangent.
+/// Returns the tangent of increasing u in object space, and the sign of the bitangent.
 pub(super) fn tangent_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32, uv_set: u8) -> (Vec3, f32) {
     if let Some(tangent) = interpolate(&mesh.tangents, triangle, u, v) {
-        // The sign is that of one vertex: all three agree in a sound mesh.
+        // One vertex is enough: all three have the same sign in a valid mesh
         return (tangent.truncate(), mesh.tangents[triangle[0] as usize].w);
     }
     let uvs = &mesh.uvs[usize::from(uv_set & 1)];
@@ -92,12 +94,13 @@ pub(super) fn tangent_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32, uv_set
     let (d1, d2) = (b - a, c - a);
     let determinant = d1.perp_dot(d2);
     let tangent = ((p1 - p0) * d2.y - (p2 - p0) * d1.y) * determinant.signum();
-    // v grows downwards, so texture coordinates that are not mirrored have a negative determinant; n × t then points
-    // up the picture, as normal maps want it.
+    // v grows downwards, so texture coordinates that are not mirrored have a negative determinant; n × t then points up
+    // in the texture, as normal maps expect.
     (tangent, -determinant.signum())
 }
 
-/// How a point of a triangle moves with u and with v, in object space; `None` where these do not span the triangle.
+/// Returns the derivatives of the position by u and v in object space; `None`: texture coordinates are missing or
+/// degenerate.
 pub(super) fn derivatives(mesh: &Mesh, triangle: [u32; 3], uv_set: u8) -> Option<[Vec3; 2]> {
     let uvs = &mesh.uvs[usize::from(uv_set & 1)];
     if uvs.is_empty() {

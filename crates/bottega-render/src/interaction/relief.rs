@@ -1,14 +1,14 @@
-//! Normals by maps of normals and of heights.
+//! Shading normals from normal maps and height maps.
 
 use bottega_scene::{ScalarParam, Scene, TextureMap, Uvs};
 use glam::Vec3;
 
 use crate::mapping::{TexturePlace, gradients};
 
-/// The normal of the surface lifted by `height` along `ns`. Outward like `ns`.
+/// Returns the normal of the surface displaced by `height` along `ns`, on the side of `ns`.
 ///
-/// Source: Blinn 1978, Simulation of Wrinkled Surfaces, eq. 3, without the term of the surface's own curvature (as Mitsuba
-/// has it). Between texels heights are what the picture interpolates, seen as wide as `footprint`.
+/// Source: Blinn 1978, Simulation of Wrinkled Surfaces, eq. 3, without the term of the surface's own curvature (as in
+/// Mitsuba). Heights between texels are interpolated by the texture and filtered over `footprint`.
 pub(super) fn bumped_normal(
     scene: &Scene,
     height: &ScalarParam,
@@ -31,7 +31,7 @@ pub(super) fn bumped_normal(
     if normal.dot(ns) < 0.0 { -normal } else { normal }
 }
 
-/// The normal that a normal map, seen as wide as `footprint`, tells of. Outward like `ns`.
+/// Returns the normal of a normal map filtered over `footprint`, on the side of `ns`.
 pub(super) fn mapped_normal(
     scene: &Scene,
     (map, scale): (&TextureMap, f32),

@@ -1,4 +1,4 @@
-//! The indirect light that comes to a place from all sides: what directions a record of irradiance has seen it from.
+//! Indirect light at a point by direction, in cells of the hemisphere.
 
 use std::f32::consts::TAU;
 
@@ -8,31 +8,35 @@ use glam::Vec3;
 use super::record::{of_shared_exponent, shared_exponent};
 use crate::sampling::orthonormal_basis;
 
-/// Rings of directions, from the normal to the horizon, and directions in each.
+/// Rings of ray directions, from the normal to the horizon.
 pub(crate) const RINGS: usize = 10;
+/// Sectors of ray directions per ring.
 pub(crate) const SECTORS: usize = 32;
-/// Rings and sectors of directions that make a cell: few enough for detail, rays enough for a mean.
+/// Rings and sectors of rays per cell: small enough for detail, with enough rays for a mean.
 const RINGS_JOINED: usize = 2;
 const SECTORS_JOINED: usize = 4;
+/// Rings of cells.
 pub(crate) const CELL_RINGS: usize = RINGS / RINGS_JOINED;
+/// Sectors of cells per ring.
 pub(crate) const CELL_SECTORS: usize = SECTORS / SECTORS_JOINED;
-/// Cells of the hemisphere, which all weigh alike by the cosine.
+/// Cells of the hemisphere, which have equal cosine-weighted solid angles.
 pub(crate) const CELLS: usize = CELL_RINGS * CELL_SECTORS;
 
-/// What a ray found.
+/// The result of a gathering ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct GatherSample {
+    /// Radiance that the ray found.
     pub(crate) radiance: Spectrum,
-    /// Infinite where it met nothing.
+    /// Distance to the hit; infinite: nothing hit.
     pub(crate) distance: f32,
 }
 
-/// Mean radiance from each cell of the hemisphere above a place.
+/// Mean radiance from each cell of the hemisphere above a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CellsAround([u32; CELLS]);
 
 impl CellsAround {
-    /// From what the rays of a record found.
+    /// Averages the samples of a record's rays, in the order of [`direction`](super::cache::direction).
     pub(crate) fn new(looks: &[GatherSample]) -> Self {
         let mean = |cell: usize| {
             let (ring, sector) = (cell / CELL_SECTORS * RINGS_JOINED, cell % CELL_SECTORS * SECTORS_JOINED);
@@ -44,7 +48,7 @@ impl CellsAround {
         Self(std::array::from_fn(|cell| shared_exponent(mean(cell))))
     }
 
-    /// Mean radiance about a unit direction; from below the horizon what comes from just above it.
+    /// Returns the mean radiance around a unit direction; below the horizon that of just above it.
     ///
     /// - `n`: normal of the record.
     #[inline(always)]
@@ -52,22 +56,24 @@ impl CellsAround {
         of_shared_exponent(self.0[cell_of(n, w)])
     }
 
-    /// Irradiance by all cells together.
+    /// Returns the irradiance by all cells.
     #[cfg(test)]
     fn irradiance(&self) -> Spectrum {
         self.0.iter().map(|&cell| of_shared_exponent(cell)).sum::<Spectrum>() * (std::f32::consts::PI / CELLS as f32)
     }
 
+    /// Returns the packed form.
     pub(crate) fn to_numbers(self) -> [u32; CELLS] {
         self.0
     }
 
+    /// Returns the cells of a packed form.
     pub(crate) fn from_numbers(numbers: [u32; CELLS]) -> Self {
         Self(numbers)
     }
 }
 
-/// The cell that a unit direction falls into.
+/// Returns the cell of a unit direction.
 #[inline(always)]
 pub(crate) fn cell_of(n: Vec3, w: Vec3) -> usize {
     let (s, t) = orthonormal_basis(n);

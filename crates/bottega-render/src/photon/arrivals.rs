@@ -1,8 +1,8 @@
-//! Directions from which indirect light comes: those of the photons near places all over the surfaces (Jensen 1995, *Importance
-//! Driven Path Tracing Using the Photon Map*).
+//! Directions that indirect light comes from: those of the photons near points all over the surfaces (Jensen 1995,
+//! *Importance Driven Path Tracing Using the Photon Map*).
 //!
-//! Jensen looks for photons wherever a path is scattered. Here that is done beforehand at places beside photons, as with the
-//! irradiance there, so that a path has but one place to find, and a place more photons to go by.
+//! Jensen looks up photons wherever a path scatters. Here the directions are precomputed at points near photons, as
+//! with the irradiance. So a path looks up only one point, and a point can use more photons.
 
 use std::f32::consts::{PI, TAU};
 
@@ -19,37 +19,36 @@ use super::{
 };
 use crate::sampling::orthonormal_basis;
 
-/// For so many indirect photons there is one place.
+/// Indirect photons per point.
 const STEP: u32 = 64;
-/// Photons by which a place knows where light comes from.
+/// Photons that the distribution of a point is computed from.
 const GATHERED: usize = 240;
-/// Photons below which a place knows nothing.
+/// Least number of photons; points with fewer have no distribution.
 const GATHERED_MIN: f32 = 24.0;
-/// The share of all directions that are drawn by the cosine alone, so that nothing is lost of what photons do not tell.
+/// Share of the directions that are drawn by the cosine alone, so that no light is missed.
 const BLIND: f32 = 0.4;
-/// How uneven light from the cells of a hemisphere must be on the average, as the square of its relative deviation, for it to pay to
-/// find out about it.
+/// Least mean unevenness of the light over the cells of the hemisphere, as relative variance. Below it, guiding does
+/// not pay off.
 const UNEVEN: f32 = 0.3;
-/// Sum of all parts of a whole.
+/// Value of the last entry of a cumulative distribution.
 const WHOLE: f32 = 65535.0;
 
-/// How directions are drawn at a place: the share of each ring with those before it, and in each ring the share of each sector with
-/// those before it.
+/// The distribution at a point: cumulative shares of the rings, and of the sectors within each ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shares {
     rings: [u16; CELL_RINGS],
     sectors: [[u16; CELL_SECTORS]; CELL_RINGS],
 }
 
-/// Places where it is known where indirect light comes from.
+/// Points with distributions of indirect light.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Arrivals {
-    /// The label is the number in `shares`.
+    /// Points; the label is the index into `shares`.
     places: PhotonMap,
     shares: Vec<Shares>,
 }
 
-/// Directions from which light comes to a place: as probable as there is light from there, weighed by the cosine.
+/// The distribution of indirect light at a point, proportional to radiance times cosine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightDirections<'a> {
     frame: [Vec3; 3],
@@ -57,9 +56,10 @@ pub(crate) struct LightDirections<'a> {
 }
 
 impl Arrivals {
-    /// Nothing, where light comes from all sides so evenly that it does not pay.
+    /// Computes distributions on the current thread pool. Returns no points where light comes so evenly from all sides
+    /// that guiding does not pay off.
     ///
-    /// - `indirect`: photons that were scattered before; on the threads of the present pool.
+    /// - `indirect`: photons that have scattered.
     pub(super) fn new(indirect: &PhotonMap, estimator: &Estimator) -> Self {
         let count = (indirect.len() as u32).div_ceil(STEP);
         let told = |found: &mut Nearest, number: u32| {
@@ -77,31 +77,34 @@ impl Arrivals {
         Self { places: PhotonMap::new(places), shares: found.iter().map(|(_, light)| Shares::new(light)).collect() }
     }
 
-    /// Where light comes from at the nearest place on the surface; `None`: nothing is known there.
+    /// Returns the distribution of the nearest point on the surface; `None`: none near enough.
     ///
-    /// - `normal`: of the surface, on the side that is asked for.
-    /// - `shading`: the one that it is shaded with.
+    /// - `normal`: geometric normal, on the side that the light arrives at.
+    /// - `shading`: shading normal.
     #[inline(always)]
     pub(crate) fn at(&self, p: Vec3, [normal, shading]: [Vec3; 2], reach: f32) -> Option<LightDirections<'_>> {
         let accept = |index: u32| is_on_surface(&self.places.photon(index), p, normal, reach);
         let mark = self.places.mark(self.places.nearest_where(p, reach * reach, accept)?);
-        // The sectors begin where they began at the place, as nearly as the surface lets them.
+        // Turn the sectors to the surface, by the smallest angle
         let (s, _) = orthonormal_basis(mark.normal());
         let s = (s - shading * s.dot(shading)).try_normalize()?;
         let frame = [s, shading.cross(s), shading];
         Some(LightDirections { frame, shares: &self.shares[mark.label() as usize] })
     }
 
+    /// Returns the memory, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.places.memory_bytes() + size_of_val(&*self.shares)
     }
 
+    /// Writes the points with their distributions.
     pub(crate) fn write(&self, to: &mut Writer) {
         to.map(&self.places);
         let all = self.shares.iter().flat_map(|it| it.rings.iter().chain(it.sectors.as_flattened()));
         to.numbers(&all.map(|&share| u32::from(share)).collect::<Vec<_>>());
     }
 
+    /// Reads points with their distributions; `None`: not valid.
     pub(crate) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let (places, numbers) = (from.map()?, from.numbers()?);
         let numbers = numbers.into_iter().map(u16::try_from).collect::<Result<Vec<_>, _>>().ok()?;
@@ -122,12 +125,12 @@ impl Arrivals {
     }
 }
 
-/// Whether each part is something, and all together are the whole.
+/// Returns `true` if the entries are a cumulative distribution without empty parts.
 fn is_distribution(shares: &[u16]) -> bool {
     shares[0] > 0 && shares.is_sorted_by(|a, b| a < b) && shares.last().is_some_and(|&all| f32::from(all) == WHOLE)
 }
 
-/// The light that comes to a place from each cell, if enough photons arrive there.
+/// Returns the share of light from each cell of the hemisphere; `None`: too few photons.
 fn light_of_cells(indirect: &PhotonMap, p: Vec3, n: Vec3, reach: f32, found: &mut Nearest) -> Option<[f32; CELLS]> {
     indirect.nearest(p, reach * reach, found);
     let flatness = FLATNESS * FLATNESS * found.farthest();
@@ -144,13 +147,13 @@ fn light_of_cells(indirect: &PhotonMap, p: Vec3, n: Vec3, reach: f32, found: &mu
     (count >= GATHERED_MIN && all > 0.0 && all.is_finite()).then(|| light.map(|light| light / all))
 }
 
-/// The square of the relative deviation of the light of cells.
+/// Returns the relative variance of the light over the cells.
 fn unevenness(light: &[f32; CELLS]) -> f32 {
     light.iter().map(|light| light * light).sum::<f32>() * CELLS as f32 - 1.0
 }
 
 impl Shares {
-    /// - `light`: of each cell, as a share of all.
+    /// - `light`: share of the light from each cell.
     fn new(light: &[f32; CELLS]) -> Self {
         let wanted = light.map(|light| BLIND / CELLS as f32 + (1.0 - BLIND) * light);
         let rings: [f32; CELL_RINGS] =
@@ -162,7 +165,7 @@ impl Shares {
     }
 }
 
-/// Each part with those before it.
+/// Returns the cumulative sums.
 fn summed<const N: usize>(parts: [f32; N]) -> [u16; N] {
     let mut sum = 0.0;
     let mut summed = parts.map(|part| {
@@ -173,7 +176,7 @@ fn summed<const N: usize>(parts: [f32; N]) -> [u16; N] {
     summed
 }
 
-/// Which part a number in [0, 1) falls into, and where in it.
+/// Returns the entry that a number in [0, 1) falls into, and its position there, in [0, 1).
 #[inline(always)]
 fn chosen<const N: usize>(shares: &[u16; N], u: f32) -> (usize, f32) {
     let at = u * WHOLE;
@@ -182,7 +185,7 @@ fn chosen<const N: usize>(shares: &[u16; N], u: f32) -> (usize, f32) {
     (part, ((at - below) / share).clamp(0.0, 1.0 - f32::EPSILON))
 }
 
-/// All parts before one, and its own.
+/// Returns the sum of all entries before one, and its own share.
 #[inline(always)]
 fn part_of<const N: usize>(shares: &[u16; N], part: usize) -> (f32, f32) {
     let below = if part == 0 { 0 } else { shares[part - 1] };
@@ -190,10 +193,10 @@ fn part_of<const N: usize>(shares: &[u16; N], part: usize) -> (f32, f32) {
 }
 
 impl LightDirections<'_> {
-    /// Share of the directions that are drawn by where light comes from at surfaces that are not matte; others are drawn by the surface.
+    /// Share of the directions that this distribution draws at surfaces that are not matte; the BSDF draws the others.
     pub(crate) const SHARE: f32 = 0.5;
 
-    /// Draws a unit direction. What is spread evenly in the square is spread evenly by the density.
+    /// Samples a unit direction; preserves stratification.
     #[inline(always)]
     pub(crate) fn sample(&self, [u, v]: [f32; 2]) -> Vec3 {
         let (ring, u) = chosen(&self.shares.rings, u);
@@ -205,7 +208,7 @@ impl LightDirections<'_> {
         s * (cos * sine) + t * (sin * sine) + n * (1.0 - sine_squared).max(0.0).sqrt()
     }
 
-    /// Density with which a unit direction is drawn, in sr⁻¹.
+    /// Returns the density of a unit direction, in sr⁻¹.
     #[inline(always)]
     pub(crate) fn pdf(&self, w: Vec3) -> f32 {
         let [x, y, z] = self.frame.map(|axis| axis.dot(w));
@@ -219,10 +222,10 @@ impl LightDirections<'_> {
         share / (WHOLE * WHOLE) * (CELLS as f32 / PI) * z
     }
 
-    /// Density of a direction that is drawn by this or by the surface.
+    /// Returns the density of a direction drawn by this distribution or by the BSDF.
     ///
-    /// - `own`: with which the surface draws it.
-    /// - `is_matte`: then all directions are drawn by this.
+    /// - `own`: density by the BSDF.
+    /// - `is_matte`: `true`: all directions are drawn by this distribution.
     #[inline(always)]
     pub(crate) fn mixed(&self, w: Vec3, own: f32, is_matte: bool) -> f32 {
         if is_matte { self.pdf(w) } else { Self::SHARE * self.pdf(w) + (1.0 - Self::SHARE) * own }
@@ -268,7 +271,7 @@ mod tests {
         let drawn: Vec<Vec3> = (0..count).map(|i| arrival.sample([at(i, 1), at(i, 6007)])).collect();
         assert!(drawn.iter().all(|w| w.is_normalized() && w.y >= 0.0 && arrival.pdf(*w) > 0.0));
         let near = drawn.iter().filter(|w| cell_of(Vec3::Y, **w) == cell_of(Vec3::Y, side)).count();
-        // Three quarters of the photons, and what is drawn blindly.
+        // Three quarters of the photons, without the blind share.
         let expected = 0.75 * (1.0 - BLIND);
         assert!((near as f32 / count as f32 - expected).abs() < 0.05, "{near}");
         // ∫ p dω = 1.

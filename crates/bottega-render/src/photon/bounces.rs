@@ -1,4 +1,4 @@
-//! Light at a place, told apart by how often it was scattered: so a path takes no more of it than its bounces allow.
+//! Light at a point by number of bounces, so that a path takes only as much of it as its depth allows.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -9,13 +9,13 @@ use super::{
     record::{Photon, of_shared_exponent, shared_exponent},
 };
 
-/// Numbers of bounces that are told apart; the last one stands for all above.
+/// Number of bounce counts that are distinguished; the last one stands for all above.
 pub(crate) const BOUNCES_KEPT: usize = 32;
 
-/// Sums of light by number of bounces.
+/// Light by number of bounces.
 pub(crate) type ByBounces = [Spectrum; BOUNCES_KEPT];
 
-/// Which share of the light at a place has been scattered how often: for each of red, green and blue, up to the most bounces that it has.
+/// Shares of the light at a point by number of bounces, for each of red, green and blue.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BounceShares {
     parts: ByBounces,
@@ -29,45 +29,45 @@ impl Default for BounceShares {
 }
 
 impl BounceShares {
-    /// Adds light of so many bounces.
+    /// Adds light with this number of bounces.
     #[inline(always)]
     pub(crate) fn add(&mut self, bounces: usize, light: Spectrum) {
         self.parts[bounces] += light;
         self.count = self.count.max(bounces + 1);
     }
 
-    /// Multiplies all of it.
+    /// Multiplies all shares.
     pub(crate) fn scale(&mut self, by: Spectrum) {
         self.parts[..self.count].iter_mut().for_each(|part| *part *= by);
     }
 
-    /// Of 0, 1, 2 … bounces.
+    /// Returns the shares of 0, 1, 2 … bounces.
     pub(crate) fn as_slice(&self) -> &[Spectrum] {
         &self.parts[..self.count]
     }
 }
 
-/// Where light of so many bounces is in [`ByBounces`].
+/// Returns the index of a number of bounces in [`ByBounces`].
 #[inline(always)]
 pub(crate) fn kept(bounces: u32) -> usize {
     (bounces as usize).min(BOUNCES_KEPT - 1)
 }
 
-/// Bits of a label that say how long the list is.
+/// Bits of a label that hold the length of the list.
 const COUNT_BITS: u32 = 6;
-/// Numbers in the lists of one map at most. What is known beyond them is not told apart.
+/// Greatest number of entries in all lists of a map. Light of further places is not divided by bounces.
 const NUMBERS_MAX: usize = 1 << (u32::BITS - COUNT_BITS);
 
-/// Places with the irradiance there.
+/// Points with precomputed irradiance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IrradiancePlaces {
-    /// In place of a power the irradiance by all light; the label says where the list begins, and how long it is.
+    /// Points, with the irradiance by all light as power; the label holds start and length of the list.
     places: Vec<Photon>,
-    /// Irradiance by light of no more than 0, 1, 2 … bounces; what all light together brings is left out.
+    /// Irradiance by light with at most 0, 1, 2 … bounces, as shared-exponent colors; the total is left out.
     lists: Vec<u32>,
 }
 
-/// The same, found by place.
+/// Points with precomputed irradiance in a tree.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct IrradianceMap {
     map: PhotonMap,
@@ -75,17 +75,17 @@ pub(crate) struct IrradianceMap {
 }
 
 impl IrradiancePlaces {
-    /// How many there are.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.places.len()
     }
 
-    /// Whether there are none.
+    /// Returns `true` if there are none.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
 
-    /// Adds a place.
+    /// Adds a point.
     ///
     /// - `irradiance`: by number of bounces.
     pub(crate) fn push(&mut self, place: Photon, irradiance: &ByBounces) {
@@ -102,7 +102,7 @@ impl IrradiancePlaces {
         self.places.push(place.with_power(sum).with_label(label));
     }
 
-    /// Adds the places that follow.
+    /// Appends the points that follow.
     pub(crate) fn append(&mut self, later: Self) {
         let first = self.lists.len();
         if first + later.lists.len() < NUMBERS_MAX {
@@ -129,17 +129,17 @@ impl ByteForm for IrradiancePlaces {
 }
 
 impl IrradianceMap {
-    /// Builds the tree on the threads of the present pool.
+    /// Builds the tree on the current thread pool.
     pub(crate) fn new(known: IrradiancePlaces) -> Self {
         Self { map: PhotonMap::new(known.places), lists: known.lists }
     }
 
-    /// Where the places are; in place of a power the irradiance by all light.
+    /// Returns the points; their power is the irradiance by all light.
     pub(crate) fn places(&self) -> &PhotonMap {
         &self.map
     }
 
-    /// Irradiance at a place by its number, by light of no more than so many bounces.
+    /// Returns the irradiance at a point by its number, by light with at most `bounces` bounces.
     #[inline(always)]
     pub(crate) fn irradiance(&self, number: u32, bounces: u32) -> Spectrum {
         let mark = self.map.mark(number);
@@ -150,7 +150,7 @@ impl IrradianceMap {
         of_shared_exponent(self.lists[first as usize + bounces as usize])
     }
 
-    /// Irradiance at a place by number of bounces.
+    /// Returns the irradiance at a point by its number, by number of bounces.
     pub(crate) fn by_bounces(&self, number: u32) -> ByBounces {
         let mut below = Spectrum::ZERO;
         std::array::from_fn(|bounces| {
@@ -159,21 +159,24 @@ impl IrradianceMap {
         })
     }
 
-    /// The nearest places; see [`PhotonMap::nearest`].
+    /// Finds the nearest points; see [`PhotonMap::nearest`].
     #[inline(always)]
     pub(crate) fn nearest(&self, p: Vec3, radius_squared: f32, found: &mut Nearest) {
         self.map.nearest(p, radius_squared, found);
     }
 
+    /// Returns the memory, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.map.memory_bytes() + size_of_val(&*self.lists)
     }
 
+    /// Writes the points with their lists.
     pub(crate) fn write(&self, to: &mut Writer) {
         to.map(&self.map);
         to.numbers(&self.lists);
     }
 
+    /// Reads points with their lists; `None`: not valid.
     pub(crate) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let (map, lists) = (from.map()?, from.numbers()?);
         let is_sound = map.iter().all(|place| has_list(place.mark().label(), &lists));
@@ -181,7 +184,7 @@ impl IrradianceMap {
     }
 }
 
-/// Whether a label names a list that exists.
+/// Returns `true` if the list of a label exists.
 fn has_list(label: u32, lists: &[u32]) -> bool {
     let (first, count) = (label >> COUNT_BITS, label & ((1 << COUNT_BITS) - 1));
     count as usize <= BOUNCES_KEPT && first as usize + (count as usize).saturating_sub(1) <= lists.len()

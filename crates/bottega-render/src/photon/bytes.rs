@@ -1,4 +1,4 @@
-//! Maps as bytes, for others who paint the same picture of the same scene: numbers of four bytes, the low one first.
+//! The byte form of photon maps, for other machines that render the same picture: four-byte numbers, little-endian.
 
 use glam::Vec3;
 
@@ -7,40 +7,45 @@ use super::{
     record::{Mark, Photon},
 };
 
-/// Bytes that are written.
+/// Bytes being written.
 #[derive(Debug, Default)]
 pub(crate) struct Writer(pub(crate) Vec<u8>);
 
-/// Bytes that are read, which somebody else may have made.
+/// Bytes being read, from an untrusted source.
 #[derive(Debug)]
 pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
 
-/// What can be told to others.
+/// A value that can be sent to other machines.
 pub(crate) trait ByteForm: Sized {
+    /// Appends the value to `to`.
     fn write(&self, to: &mut Writer);
 
-    /// `None`: it is nothing of the kind.
+    /// Reads a value from `from`; `None`: the bytes are not a valid one.
     fn read(from: &mut Reader<'_>) -> Option<Self>;
 }
 
 impl Writer {
+    /// Writes a number.
     pub(crate) fn number(&mut self, number: u32) {
         self.0.extend(number.to_le_bytes());
     }
 
+    /// Writes an eight-byte number.
     pub(crate) fn long(&mut self, number: u64) {
         self.0.extend(number.to_le_bytes());
     }
 
+    /// Writes a floating-point number by its bits.
     pub(crate) fn value(&mut self, value: f32) {
         self.number(value.to_bits());
     }
 
+    /// Writes a vector: x, y, z.
     pub(crate) fn vector(&mut self, vector: Vec3) {
         vector.to_array().into_iter().for_each(|value| self.value(value));
     }
 
-    /// How many photons there are, the planes between them, and all of them in the order of their numbers.
+    /// Writes a map: the number of photons, the planes of the tree, and the photons in the order of their numbers.
     pub(crate) fn map(&mut self, map: &PhotonMap) {
         self.number(map.len() as u32);
         for (plane, axis) in map.planes() {
@@ -55,47 +60,50 @@ impl Writer {
         photon.mark().to_numbers().into_iter().for_each(|number| self.number(number));
     }
 
-    /// How many there are, and all of them.
+    /// Writes the count of the numbers, and the numbers.
     pub(crate) fn numbers(&mut self, numbers: &[u32]) {
         self.number(numbers.len() as u32);
         numbers.iter().for_each(|&number| self.number(number));
     }
 
-    /// How many there are, and all of them.
+    /// Writes the count of the photons, and the photons.
     pub(crate) fn photons(&mut self, photons: &[Photon]) {
         self.number(photons.len() as u32);
         photons.iter().for_each(|photon| self.photon(photon));
     }
 }
 
-/// Bytes of a photon.
+/// Size of a photon, in bytes.
 const PHOTON_BYTES: usize = 24;
 
 impl Reader<'_> {
+    /// Reads a number; `None`: no bytes left.
     pub(crate) fn number(&mut self) -> Option<u32> {
         let (first, rest) = self.0.split_first_chunk::<4>()?;
         self.0 = rest;
         Some(u32::from_le_bytes(*first))
     }
 
+    /// Reads an eight-byte number; `None`: no bytes left.
     pub(crate) fn long(&mut self) -> Option<u64> {
         let (first, rest) = self.0.split_first_chunk::<8>()?;
         self.0 = rest;
         Some(u64::from_le_bytes(*first))
     }
 
-    /// A finite one.
+    /// Reads a floating-point number; `None`: not finite.
     pub(crate) fn value(&mut self) -> Option<f32> {
         self.number().map(f32::from_bits).filter(|value| value.is_finite())
     }
 
+    /// Reads a vector; `None`: not finite.
     pub(crate) fn vector(&mut self) -> Option<Vec3> {
         Some(Vec3::new(self.value()?, self.value()?, self.value()?))
     }
 
-    /// How many of something follow: no more than there are bytes for.
+    /// Reads the count of a list; `None`: not enough bytes left for it.
     ///
-    /// - `size`: of each.
+    /// - `size`: least bytes per element.
     pub(crate) fn count(&mut self, size: usize) -> Option<usize> {
         let count = self.number()? as usize;
         (count.checked_mul(size)? <= self.0.len()).then_some(count)
@@ -105,16 +113,19 @@ impl Reader<'_> {
         Some((self.vector()?, [self.number()?, self.number()?, self.number()?]))
     }
 
+    /// Reads a list of numbers.
     pub(crate) fn numbers(&mut self) -> Option<Vec<u32>> {
         let count = self.count(size_of::<u32>())?;
         (0..count).map(|_| self.number()).collect()
     }
 
+    /// Reads a list of photons.
     pub(crate) fn photons(&mut self) -> Option<Vec<Photon>> {
         let count = self.count(PHOTON_BYTES)?;
         (0..count).map(|_| self.photon().map(|(p, numbers)| Photon::of(p, Mark::from_numbers(numbers)))).collect()
     }
 
+    /// Reads a map.
     pub(crate) fn map(&mut self) -> Option<PhotonMap> {
         let count = self.count(PHOTON_BYTES)?;
         let planes =

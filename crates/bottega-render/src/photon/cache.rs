@@ -1,4 +1,4 @@
-//! Indirect irradiance at a few places, and between them by how it changes.
+//! The irradiance cache: indirect irradiance at sparse points, interpolated by gradients.
 //!
 //! Ward, Rubinstein and Clear 1988, *A Ray Tracing Solution for Diffuse Interreflection*; Ward and Heckbert 1992, *Irradiance
 //! Gradients*; Křivánek et al. 2006, *Making Radiance and Irradiance Caching Practical* (neighbour clamping).
@@ -22,43 +22,46 @@ pub(crate) use record::{IrradianceRecord, Measurement, RAYS, direction};
 use surroundings::Speakers;
 pub(crate) use surroundings::Surroundings;
 
-/// Standard errors by which records may differ beyond the error that is borne.
+/// Number of standard errors by which records may differ in addition to the tolerated error.
 const NOISE: f32 = 2.0;
-/// Side of the nodes that hold a record, in its reach: in smaller ones fewer that are too far off are asked, and each takes
-/// more places.
+/// Greatest side of the nodes that hold a record, relative to its radius. In smaller nodes lookups test fewer records
+/// that are too far away, but each record is stored in more nodes.
 const SIDE_MAX: f32 = 2.0;
-/// Levels of the tree below its root.
+/// Greatest depth of the octree.
 const LEVELS_MAX: u32 = 20;
 
-/// What records say of a place.
+/// An interpolated irradiance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Estimate {
+    /// Irradiance at the point.
     pub(crate) irradiance: Spectrum,
-    /// Expected relative error: by how noisy they are, and by how much they differ.
+    /// Expected relative error, by the noise of the records and by their differences.
     pub(crate) error: f32,
-    /// How many say so, as far as they count alike.
+    /// Effective number of records, (Σw)² ∕ Σw² of their weights.
     pub(crate) count: f32,
-    /// How near they are, all together: 1 for one that was measured there, 0 for one that just reaches the place.
+    /// Sum of the squared nearness of the records: 1 for a single one at the point, falling to 0 where it ends.
     pub(crate) presence: f32,
 }
 
-/// Records, found by place.
+/// Irradiance records in an octree.
 #[derive(Clone, Debug)]
 pub(crate) struct IrradianceCache {
     records: Vec<IrradianceRecord>,
-    /// Each with eight children, which follow one another; 0: none.
+    /// Nodes; the eight children of a node follow one another; 0: no children.
     nodes: Vec<CacheNode>,
+    /// Least corner of the root's cube.
     low: Vec3,
     side: f32,
     /// Greatest error, as a share (Ward's a).
     tolerance: f32,
-    /// Sum of the luminances of all records.
+    /// Sum of the luminance of the irradiance of all records.
     brightness: f32,
-    /// Places in all nodes that records are put to, and bytes of the lists of records.
+    /// Number of entries of records in all nodes, and memory of the records' lists, in bytes.
     listed: usize,
     list_bytes: usize,
 }
 
+/// A node of the octree; inner nodes hold records, too.
 #[derive(Clone, Debug, Default)]
 struct CacheNode {
     first_child: u32,
@@ -66,7 +69,7 @@ struct CacheNode {
 }
 
 impl IrradianceCache {
-    /// Without records.
+    /// Creates an empty cache.
     ///
     /// - `low`, `side`: a cube around the scene.
     pub(crate) fn new(low: Vec3, side: f32, tolerance: f32) -> Self {
@@ -87,12 +90,13 @@ impl IrradianceCache {
         self.records.len()
     }
 
+    /// Returns the memory, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         let lists = self.listed * size_of::<u32>() + self.list_bytes;
         size_of_val(&*self.records) + size_of_val(&*self.nodes) + lists
     }
 
-    /// The irradiance at a place by light of no more than so many bounces; `None`: no record is near enough.
+    /// Returns the irradiance at a point by light with at most `bounces` bounces; `None`: no record is near enough.
     pub(crate) fn at(&self, p: Vec3, n: Vec3, bounces: u32) -> Option<Spectrum> {
         let (mut sum, mut weights) = (Spectrum::ZERO, 0.0);
         self.visit(p, |record| {
@@ -105,14 +109,14 @@ impl IrradianceCache {
         (weights > 0.0).then(|| sum / weights)
     }
 
-    /// The irradiance at a place by light of no more than so many bounces, and how far those who say so differ; `None`: no
+    /// Returns the irradiance at a point by light with at most `bounces` bounces, with its expected error; `None`: no
     /// record is near enough.
     #[inline(always)]
     pub(crate) fn estimate(&self, p: Vec3, n: Vec3, bounces: u32) -> Option<Estimate> {
         self.estimate_by(p, n, bounces, |_, _| true)
     }
 
-    /// What share of the irradiance at a place by light of no more than so many bounces has been scattered how often.
+    /// Returns how the irradiance at a point by light with at most `bounces` bounces divides by number of bounces.
     pub(crate) fn shares(&self, p: Vec3, n: Vec3, bounces: u32) -> BounceShares {
         let mut shares = BounceShares::default();
         let mut all = Spectrum::ZERO;
@@ -129,7 +133,7 @@ impl IrradianceCache {
         shares
     }
 
-    /// The same by those alone who know where light comes from, and what they know of it.
+    /// Returns the same as [`Self::estimate`], and the light by direction, from records that have directions.
     #[inline(always)]
     pub(crate) fn surroundings(&self, p: Vec3, n: Vec3, bounces: u32) -> Option<(Estimate, Surroundings<'_>)> {
         let mut speakers = Speakers::default();
@@ -142,7 +146,7 @@ impl IrradianceCache {
         Some((estimate, speakers.told(estimate.irradiance)))
     }
 
-    /// By those whom `is_asked`, given each record and how much it counts.
+    /// Interpolates between the records for which `is_asked` returns `true`, given each record and its weight.
     #[inline(always)]
     fn estimate_by<'a>(
         &'a self,
@@ -154,7 +158,7 @@ impl IrradianceCache {
         let (mut sum, mut weights, mut squares) = (Spectrum::ZERO, 0.0, 0.0);
         let (mut weights_squared, mut noise, mut presence) = (0.0, 0.0, 0.0);
         self.visit(p, |record| {
-            // Smoother than Ward's, whose weight has a peak at every record.
+            // Smoother than Ward's weight, which peaks at every record
             let nearness = record.nearness(p, n, self.tolerance);
             let weight = nearness * nearness * record.effort as f32;
             if weight > 0.0 && is_asked(record, weight) {
@@ -170,6 +174,7 @@ impl IrradianceCache {
         if weights <= 0.0 {
             return None;
         }
+        // Combine the noise of the records with the spread between them
         let irradiance = sum / weights;
         let mean = luminance(irradiance);
         let count = weights * weights / weights_squared;
@@ -179,16 +184,16 @@ impl IrradianceCache {
         Some(Estimate { irradiance, error, count, presence })
     }
 
-    /// Irradiance of which nobody sees the difference, beside what there is on the mean.
+    /// Returns an irradiance relative to which differences are invisible.
     fn faint(&self) -> f32 {
         const FAINT: f32 = 0.05;
         FAINT * self.brightness / self.records.len().max(1) as f32
     }
 
-    /// Adds a record; it and those that say otherwise of its place than it has found lose so much of their radius that they
-    /// say nothing of each other.
+    /// Adds a record. If it and others contradict each other beyond noise, both shrink until they do not reach each
+    /// other.
     ///
-    /// - `error`: greatest relative difference that is borne.
+    /// - `error`: greatest relative difference that is tolerated.
     pub(crate) fn add_within(&mut self, mut record: IrradianceRecord, error: f32) {
         let mut near = Vec::new();
         self.visit_numbers(record.p, |number| near.push(number));
@@ -199,7 +204,7 @@ impl IrradianceCache {
                 continue;
             }
             let (here, said) = (luminance(record.irradiance), luminance(other.at(record.p, record.n)));
-            // Of noise alone nothing is learnt.
+            // Differences within noise are not significant
             let most = here.max(said).max(faint);
             let noise = NOISE * (record.noise + other.noise).sqrt() * most;
             if (here - said).abs() > noise + 2.0 * error * most {
@@ -212,14 +217,15 @@ impl IrradianceCache {
         self.add(record);
     }
 
-    /// Where light was measured, and how much.
+    /// Returns the records with light as photons: their positions, normals and irradiance.
     pub(crate) fn as_photons(&self) -> impl Iterator<Item = Photon> + '_ {
         let lit = self.records.iter().filter(|record| record.irradiance != Spectrum::ZERO);
         lit.map(|record| Photon::new(record.p, record.n, record.n, record.irradiance))
     }
 
-    /// Adds a record. No radius may be greater than that of a neighbour and the way to it: what is near to something is not
-    /// far from it a little farther on. Who looks to the other side of a wall says nothing of that.
+    /// Adds a record. No radius is greater than that of a neighbour plus the distance to it (neighbour clamping): a
+    /// point close to an object is close to it a little farther on, too. Records on the other side of a wall do not
+    /// clamp.
     pub(crate) fn add(&mut self, mut record: IrradianceRecord) {
         let mut near = Vec::new();
         self.visit_numbers(record.p, |number| near.push(number));
@@ -235,14 +241,15 @@ impl IrradianceCache {
         self.put(record);
     }
 
-    /// The same, to be asked and not to be added to: each record only where it reaches by the radius that is left of it, near its own surface.
+    /// Returns a read-only copy with smaller node lists: each record only where its final radius reaches, near its own
+    /// surface.
     pub(crate) fn settled(&self) -> Self {
         let mut settled = Self::new(self.low, self.side, self.tolerance);
         self.records.iter().for_each(|record| settled.settle(record.clone()));
         settled
     }
 
-    /// Where the cube is, how many records there are, and what each of them knows.
+    /// Writes the root's cube and the records.
     pub(crate) fn write(&self, to: &mut Writer) {
         to.vector(self.low);
         to.value(self.side);
@@ -250,7 +257,7 @@ impl IrradianceCache {
         self.records.iter().for_each(|record| record.write(to));
     }
 
-    /// One that is [settled](Self::settled).
+    /// Reads a cache in the form that [`Self::settled`] returns.
     pub(crate) fn read(tolerance: f32, from: &mut Reader<'_>) -> Option<Self> {
         let (low, side) = (from.vector()?, from.value()?);
         let count = from.count(IrradianceRecord::BYTES_MIN)?;
@@ -261,18 +268,19 @@ impl IrradianceCache {
         Some(cache)
     }
 
-    /// Puts a record all around, where it says something and where others that come later may be near it.
+    /// Inserts a record wherever it or a later neighbour may look for it.
     fn put(&mut self, record: IrradianceRecord) {
         let reach = record.reach_around(self.tolerance);
         self.hold(record, &reach);
     }
 
-    /// Puts a record where it says something.
+    /// Inserts a record only where it counts.
     fn settle(&mut self, record: IrradianceRecord) {
         let reach = record.reach(self.tolerance);
         self.hold(record, &reach);
     }
 
+    /// Inserts a record into the nodes that meet `reach`.
     fn hold(&mut self, record: IrradianceRecord, reach: &Reach) {
         let number = self.records.len() as u32;
         self.brightness += luminance(record.irradiance);
@@ -281,7 +289,7 @@ impl IrradianceCache {
         self.insert(0, self.low, self.side, 0, (number, reach));
     }
 
-    /// Puts the number of a record into all nodes that it reaches, of about its own size.
+    /// Inserts the index of a record into all nodes of about its size that it reaches.
     fn insert(&mut self, node: usize, low: Vec3, side: f32, level: u32, record: (u32, &Reach)) {
         let (number, reach) = record;
         if !reach.meets(low, side) {
@@ -304,11 +312,12 @@ impl IrradianceCache {
         }
     }
 
+    /// Calls `look` with every record that may count at a point.
     fn visit<'a>(&'a self, p: Vec3, mut look: impl FnMut(&'a IrradianceRecord)) {
         self.visit_numbers(p, |number| look(&self.records[number as usize]));
     }
 
-    /// Goes from the root to the smallest node that holds a place.
+    /// Calls `look` with the records of all nodes from the root to the leaf that contains a point.
     fn visit_numbers(&self, p: Vec3, mut look: impl FnMut(u32)) {
         let (mut node, mut low, mut half) = (0, self.low, 0.5 * self.side);
         loop {
@@ -398,11 +407,11 @@ mod tests {
     fn nobody_speaks_for_the_other_side_of_a_wall() {
         let dark = |_: Vec3, _: Vec3| GatherSample { radiance: Vec3::ZERO, distance: 5.0 };
         let mut cache = IrradianceCache::new(Vec3::splat(-10.0), 20.0, 0.3);
-        // The inside of a wall of a width of 0.4, at its far side.
+        // Inside a wall 0.4 wide, at its far side.
         cache.add(record(Vec3::ZERO, Vec3::Y, &dark));
         assert!(cache.estimate(Vec3::X * 0.4, Vec3::Y, u32::MAX).is_some());
         assert!(cache.estimate(Vec3::Y * 0.4, Vec3::Y, u32::MAX).is_none());
-        // The outside sees far, however narrow it is inside.
+        // The outside stays known, however narrow the inside is.
         let narrow = |_: Vec3, _: Vec3| GatherSample { radiance: Vec3::ZERO, distance: 0.1 };
         cache.add(record(Vec3::X * 0.4, Vec3::NEG_Y, &narrow));
         assert!(cache.estimate(Vec3::X * 0.8, Vec3::Y, u32::MAX).is_some());
@@ -410,7 +419,7 @@ mod tests {
 
     #[test]
     fn nobody_speaks_for_another_room() {
-        // A wall that is no thicker than paper stands on the floor at x = 0.4, and far away there is much else.
+        // A wall without thickness stands on the floor at x = 0.4; everything else is far away.
         let room = |p: Vec3, w: Vec3| {
             let distance = (0.4 - p.x) / w.x;
             let is_wall = w.x > 0.0 && (p + w * distance).y < 3.0;
@@ -425,7 +434,7 @@ mod tests {
         for w in [Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z] {
             assert!(is_known(w * 0.45), "{w}");
         }
-        // What is told to others knows as much.
+        // The byte form keeps the walls.
         let mut to = Writer::default();
         cache.write(&mut to);
         let told = IrradianceCache::read(0.3, &mut Reader(&to.0)).unwrap();
@@ -451,7 +460,7 @@ mod tests {
         let shares = shares.as_slice();
         assert!((shares[2].x - 0.75).abs() < 1e-4 && (shares[4].x - 0.25).abs() < 1e-4 && shares[3].x.abs() < 1e-4);
         assert!((shares[2].y - 0.5).abs() < 1e-4 && shares.len() == 5, "{shares:?}");
-        // Those of fewer bounces are all there is.
+        // With a limit, the shares below it sum to one.
         let shares = cache.shares(Vec3::ZERO, Vec3::Y, 3);
         let shares = shares.as_slice();
         assert!((shares[2].x - 1.0).abs() < 1e-4 && shares.len() <= 4, "{shares:?}");

@@ -1,4 +1,4 @@
-//! The maps of a picture, made by whatever the allocator has.
+//! Parallel construction of a picture's photon maps and agents by the allocator.
 
 use std::sync::Arc;
 
@@ -19,17 +19,17 @@ use crate::{
     sharing::{Hands, Sharing},
 };
 
-/// Photons of one unit of work: some milliseconds.
+/// Photons per unit of work: some milliseconds.
 const PHOTONS: u32 = 8192;
-/// Points of one unit of work.
+/// Points per unit of work.
 const POINTS: u32 = 4096;
 
-/// Makes the maps of a picture by photons, if nobody has made them yet: the photons and what is computed from them are units
-/// of work, which others may do as well. A progressive picture makes the maps of each pass when a sample needs them. Does
-/// nothing for other pictures.
+/// Builds the maps, and casts the agents, of a picture with photons, unless they exist. Photons and irradiance are
+/// computed as units of work, on all devices and, with `others`, on other machines. A progressive picture builds the
+/// maps of each pass when a sample needs them. Does nothing for other pictures.
 ///
 /// # Errors
-/// The scene has media, the allocator did not do the work, or it was left before its end.
+/// [`RenderError::PhotonsInMedia`], the allocator could not do the work, or the picture was abandoned before its end.
 pub fn cast_photons(
     scene: &Arc<PreparedScene>,
     prepass: &Arc<Prepass>,
@@ -55,7 +55,7 @@ pub fn cast_photons(
     Ok(())
 }
 
-/// The maps of one pass.
+/// Builds the maps of one pass.
 fn maps(
     scene: &Arc<PreparedScene>,
     prepass: &Arc<Prepass>,

@@ -1,4 +1,4 @@
-//! The estimator of light that photons bring to a point near them.
+//! The density estimator of photons.
 
 use std::f32::consts::PI;
 
@@ -12,13 +12,13 @@ use super::{
 };
 use crate::{PhotonSettings, extent::Extent, settings::PhotonFilter};
 
-/// How far off the plane of a surface photons count that lie on it, as a share of how far they may be in all.
+/// Greatest distance of a photon off the plane of the surface, as a share of the search radius.
 pub(super) const FLATNESS: f32 = 0.25;
 
-/// Whether a place that is known lies on the surface of a point, and not beside it, such as the floor below a shelf.
+/// Returns `true` if a known place lies on the surface of a point, and not off it, such as on the floor below a shelf.
 ///
-/// - `normal`: of the surface, on the side that is asked for.
-/// - `reach`: how far such places may be.
+/// - `normal`: geometric normal at the point, on the lit side.
+/// - `reach`: search radius of places.
 #[inline(always)]
 pub(super) fn is_on_surface(place: &Photon, p: Vec3, normal: Vec3, reach: f32) -> bool {
     let away = place.p - p;
@@ -27,62 +27,62 @@ pub(super) fn is_on_surface(place: &Photon, p: Vec3, normal: Vec3, reach: f32) -
     is_flat && is_alike(place.mark().normal(), normal)
 }
 
-/// What a photon brings to a point near it.
+/// The contribution of a photon to a point near it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PhotonContribution {
-    /// Back along the way that it came.
+    /// Direction against its flight.
     pub(crate) to_light: Vec3,
-    /// Whether it arrived on the side of the normal.
+    /// `true` if it arrived on the side of the normal.
     pub(crate) is_before: bool,
-    /// How often it was scattered before.
+    /// Number of scatterings before it arrived.
     pub(crate) bounces: u32,
-    /// Its share of the irradiance.
+    /// Its part of the irradiance.
     pub(crate) light: Spectrum,
 }
 
-/// Where photons count.
+/// The disc that photons are counted in.
 #[derive(Clone, Copy)]
 struct Disc {
     p: Vec3,
     normal: Vec3,
     radius_squared: f32,
-    /// What a photon's power counts in its middle.
+    /// Factor of a photon's power in its center, before the filter.
     share: f32,
 }
 
-/// How the density of photons is estimated.
+/// Settings of density estimation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Estimator {
-    /// What a photon's power counts.
+    /// Factor of a photon's power.
     scale: f32,
     filter: PhotonFilter,
-    /// How many photons are looked for, and how far, as a share of the length that counts there.
+    /// Number of photons to find, and search radius as a share of the extent's length at the point.
     gather: u32,
     reach: f32,
     extent: Extent,
 }
 
 impl Estimator {
-    /// - `extent`: of what is seen.
+    /// - `extent`: extent of the visible part of the scene.
     pub(crate) fn new(settings: &PhotonSettings, extent: Extent) -> Self {
         let scale = 1.0 / settings.count.max(1) as f32;
         let reach = settings.radius.clamp(0.0, 2.0);
         Self { scale, filter: settings.filter, gather: settings.gather, reach, extent }
     }
 
-    /// How far photons may be from a place.
+    /// Returns the search radius at a point, in scene units.
     #[inline(always)]
     pub(super) fn reach_at(&self, p: Vec3) -> f32 {
         self.reach * self.extent.length_at(p)
     }
 
-    /// How many photons are looked for.
+    /// Returns the number of photons to find.
     pub(super) fn gathered(&self) -> usize {
         self.gather as usize
     }
 
-    /// Irradiance on the side of a surface where a photon arrived, by those near it: `add` takes it apart, with the number of
-    /// bounces.
+    /// Estimates the irradiance at a photon, on the side where it arrived. Calls `add` with each contribution and its
+    /// number of bounces.
     pub(crate) fn irradiance(
         &self,
         map: &PhotonMap,
@@ -96,10 +96,12 @@ impl Estimator {
         self.gather(map, photon.p, photon.mark().normal(), self.reach_at(photon.p), found, on_this_side);
     }
 
-    /// Looks for the photons near a point, and tells `take` what each brings to it: all of it together is the irradiance.
+    /// Finds the photons nearest to a point, and calls `take` with the contribution of each; their sum is the
+    /// irradiance.
     ///
-    /// - `map`: where to look; `found` says for how many of them.
-    /// - `normal`: of the surface, on the side that is lit if light cannot go through.
+    /// - `found`: buffer; its size is the number of photons to find.
+    /// - `normal`: geometric normal, on the lit side of opaque surfaces.
+    /// - `reach`: search radius.
     #[inline(always)]
     pub(crate) fn gather(
         &self,
@@ -110,13 +112,14 @@ impl Estimator {
         found: &mut Nearest,
         mut take: impl FnMut(&PhotonContribution),
     ) {
+        // Find the nearest photons and the disc that they fill
         map.nearest(p, reach * reach, found);
         let radius_squared = if found.is_full() { found.farthest() } else { reach * reach };
         if found.is_empty() || radius_squared <= 0.0 {
             return;
         }
         let disc = Disc { p, normal, radius_squared, share: self.scale / (PI * radius_squared) };
-        // The farthest only says how large the disc is: counted, it would make all a little too bright.
+        // The farthest photon only defines the radius: counting it biases the density upwards
         for (index, distance_squared) in found.iter().filter(|&(_, distance)| distance < radius_squared) {
             if let Some(arrived) = self.weighed(map, index, distance_squared, &disc) {
                 take(&arrived);
@@ -124,7 +127,7 @@ impl Estimator {
         }
     }
 
-    /// The same for all photons within a radius, however many.
+    /// Finds all photons within a radius, and calls `take` with the contribution of each.
     #[inline(always)]
     pub(crate) fn gather_within(
         &self,
@@ -146,18 +149,21 @@ impl Estimator {
         });
     }
 
+    /// Returns the contribution of a photon by the filter; `None`: it is not on the surface.
     #[inline(always)]
     fn weighed(&self, map: &PhotonMap, index: u32, distance_squared: f32, disc: &Disc) -> Option<PhotonContribution> {
         let Disc { p, normal, radius_squared, share } = *disc;
         let photon = map.photon(index);
+        // Reject photons on other surfaces
         let off_plane = (photon.p - p).dot(normal);
-        // Photons on the other side of the surface are those of light that goes through: their normal is the opposite.
+        // Photons on the other side are those of transmitted light: their normal is opposite
         let its_normal = photon.mark().normal();
         let is_before = is_alike(its_normal, normal);
         let is_behind = is_alike(-its_normal, normal);
         if !(is_before || is_behind) || off_plane * off_plane > FLATNESS * FLATNESS * radius_squared {
             return None;
         }
+        // Weight by the filter
         let part = distance_squared / radius_squared;
         let weight = match self.filter {
             PhotonFilter::Epanechnikov => 2.0 * (1.0 - part),
@@ -173,5 +179,5 @@ impl Estimator {
     }
 }
 
-/// k of the cone filter.
+/// Parameter k of the cone filter.
 const CONE: f32 = 1.1;

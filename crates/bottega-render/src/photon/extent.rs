@@ -1,22 +1,22 @@
-//! The extent of what a camera sees: it measures lengths of photons and agents, not the whole scene.
+//! The extent of the visible part of a scene, the unit of lengths for photons and agents.
 //!
-//! A room on a terrain, or a ball on a plain, is small beside the scene. Where it is a quarter of the scene or more, the scene
-//! itself is the measure.
+//! A room on a terrain, or a ball on a plain, is small compared with the scene. Where the visible part is a quarter of
+//! the scene or more, the scene itself is the unit.
 
 use glam::Vec3;
 
 use super::lookouts::places_seen;
 use crate::{View, extent::Extent, prepare::PreparedScene};
 
-/// Rays from the camera along a side of the picture.
+/// Camera rays along a side of the picture.
 const SIDE: u32 = 32;
-/// Half of what is seen lies within the radius divided by this.
+/// The radius, relative to the median distance from the center.
 const MARGIN: f32 = 2.0;
-/// How much wider than what is seen a scene must be for it to matter.
+/// Least ratio of the scene's radius to the visible radius for the latter to count.
 const WIDE: f32 = 4.0;
 
 impl Extent {
-    /// Of what a view shows.
+    /// Returns the extent of what a view shows.
     pub(crate) fn of_view(prepared: &PreparedScene, view: View) -> Self {
         let whole = Self::whole(prepared);
         let Some((center, median)) =
@@ -29,7 +29,7 @@ impl Extent {
     }
 }
 
-/// The middle of some places, and how far half of them are from it.
+/// Returns the component-wise median of some points, and the median distance from it.
 fn middle(places: &[Vec3]) -> Option<(Vec3, f32)> {
     let median = |mut values: Vec<f32>| {
         values.sort_by(f32::total_cmp);
@@ -96,12 +96,12 @@ mod tests {
                 (extent.length_at(Vec3::X * 40.0) - 20.0).abs() < 3.0 && extent.length_at(Vec3::X * 1e6) > 0.5 * half
             );
         }
-        // What is seen reaches to the horizon, and most of the picture shows what is near.
+        // The view reaches to the horizon, but most of the picture shows near surfaces.
         let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), 0.3)], ..Scene::default() };
         add(&mut scene, Mesh::quad(Vec3::new(-5e3, 0.0, 5e3), Vec3::X * 1e4, Vec3::NEG_Z * 1e4));
         let extent = Extent::of_view(&prepared(scene), VIEW);
         assert!((2.0..30.0).contains(&extent.radius) && extent.center.length() < 15.0, "{extent:?}");
-        // Nothing is seen.
+        // An empty view.
         let mut scene = Scene { cameras: vec![camera(Vec3::ZERO, 0.0)], ..Scene::default() };
         add(&mut scene, Mesh::quad(Vec3::Z * 5.0, Vec3::X, Vec3::Y));
         assert!(Extent::of_view(&prepared(scene), VIEW).is_whole());
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_room_costs_no_more_in_a_wide_world() {
-        // Photons that are kept, and photons that a place in the picture asks for.
+        // Photons stored, and photons that lookups at visible points read.
         let work = |scene: &PreparedScene| {
             let settings = PhotonSettings { progressive: true, count: 20_000, ..PhotonSettings::default() };
             let plan = Prepass::default().photon_plan(scene, VIEW);

@@ -1,5 +1,5 @@
-//! Irradiance at places all over the surfaces, as many where photons are dense, from those near them (Christensen 1999,
-//! *Faster Photon Map Global Illumination*).
+//! Precomputed irradiance at points all over the surfaces, denser where photons are (Christensen 1999, *Faster Photon
+//! Map Global Illumination*).
 
 use std::{f32::consts::TAU, ops::Range};
 
@@ -16,22 +16,25 @@ use super::{
 };
 use crate::{camera::RayCone, interaction::Interaction, prepare::PreparedScene, sampling::orthonormal_basis};
 
-/// For so many photons there is one place (Christensen 1999: one for four makes no visible difference).
+/// Photons per point (Christensen 1999: one point per four photons makes no visible difference).
 const STEP: u32 = 4;
-/// How far on in the tree another photon near by is.
+/// Offset in the tree's order to another photon nearby.
 const NEIGHBOUR: u32 = 8;
 
-/// At how many places the irradiance is computed from so many photons.
+/// Returns the number of points for a map of photons.
 pub(super) fn irradiance_count(all: &PhotonMap) -> u32 {
     (all.len() as u32).div_ceil(STEP)
 }
 
-/// Irradiance to be computed at places beside some photons.
+/// A range of points whose irradiance is to be computed.
 pub(super) struct IrradianceAt<'a> {
+    /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,
+    /// Density estimator of the picture.
     pub(super) estimator: Estimator,
+    /// All photons of the picture.
     pub(super) all: &'a PhotonMap,
-    /// Which of the places: below [`irradiance_count`].
+    /// Indices of the points, below [`irradiance_count`].
     pub(super) points: Range<u32>,
 }
 
@@ -43,7 +46,7 @@ impl Task for IrradianceAt<'_> {
         let mut found = Nearest::new(self.estimator.gathered());
         let mut known = IrradiancePlaces::default();
         for point in self.points.clone() {
-            // Numbers in the tree go from place to place, so that each step takes one photon of a neighbourhood.
+            // Photons are numbered by position, so a stride of [`STEP`] takes one per neighbourhood
             let place = self.beside(point * STEP);
             let mut sums = [Spectrum::ZERO; BOUNCES_KEPT];
             self.estimator.irradiance(self.all, &place, &mut found, |bounces, light| sums[kept(bounces)] += light);
@@ -54,12 +57,12 @@ impl Task for IrradianceAt<'_> {
 }
 
 impl IrradianceAt<'_> {
-    /// A place on the surface beside a photon, about as far from it as those that tell of the place are.
+    /// Returns a point on the surface beside a photon, about as far away as the photons that are gathered there.
     ///
-    /// At the photon itself the density is that of the others and one more, which is too much where photons lie by chance: by a
-    /// twenty-fifth of fifty photons. Without it it is too little where they are spread evenly.
+    /// At the photon itself the density counts one photon too many where photons are random: a twenty-fifth of fifty
+    /// photons. Leaving it out counts too few where they are stratified.
     fn beside(&self, index: u32) -> Photon {
-        /// Turn from one place to the next: the golden section of a whole one, in 2⁻³² of it.
+        /// Turn from one point to the next: the golden ratio of a whole turn, in units of 2⁻³².
         const TURN: u32 = 0x9e37_79b9;
         let photon = self.all.photon(index);
         let neighbour = self.all.photon((index ^ NEIGHBOUR).min(self.all.len() as u32 - 1));
@@ -70,11 +73,12 @@ impl IrradianceAt<'_> {
         [away, -away].into_iter().find_map(|away| self.moved(&photon, away)).unwrap_or(photon)
     }
 
-    /// A photon moved along its surface, if that goes on so far with nothing between.
+    /// Returns the photon moved along its surface; `None`: the surface ends before, or something is in between.
     fn moved(&self, photon: &Photon, away: Vec3) -> Option<Photon> {
         let accel = self.prepared.accel();
         let normal = photon.mark().normal();
         let height = FLATNESS * away.length();
+        // Test that the way above the surface is free, then find the surface below its end
         let above = photon.p + normal * height;
         if accel.occluded(&Ray { t_max: 1.0, ..Ray::new(above, away) }) {
             return None;

@@ -1,7 +1,7 @@
-//! Lookouts: agents that the camera casts, who tell where it matters what photons bring.
+//! Lookouts: agents that the camera casts, which say where photons matter.
 //!
-//! Herubel, Biri and Deverly 2009, §6: agents "could also force photon casting in importance direction"; importance from the camera
-//! as Peter and Pietrek 1998, *Importance driven construction of photon maps*.
+//! Sources: Herubel, Biri and Deverly 2009, §6: agents "could also force photon casting in importance direction";
+//! importance from the camera as in Peter and Pietrek 1998, *Importance driven construction of photon maps*.
 
 use bottega_kernels::Ray;
 use glam::Vec3;
@@ -21,34 +21,34 @@ use crate::{
     shading::{BLEND, bsdf_at},
 };
 
-/// Rays from the camera along a side of the picture.
+/// Camera rays along a side of the picture.
 const SIDE: u32 = 64;
-/// Mirrors and panes on the way of one.
+/// Greatest number of mirrors and panes along a camera ray.
 const MIRRORS_MAX: u32 = 8;
-/// A lookout sees as far as to so many others, and so many times that.
+/// Number of neighbours that a lookout's radius is measured by, and the factor on their distance.
 const NEIGHBORS: usize = 4;
 const REACH: f32 = 2.0;
 
-/// A place that the camera sees, over mirrors and through glass, where light is spread.
+/// A point that the camera sees, over mirrors and through glass, on a surface that is not specular.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lookout {
-    /// World space.
+    /// Position, in world space.
     pub(super) p: Vec3,
-    /// Of the surface, on the side that is seen; unit length.
+    /// Geometric normal on the visible side; unit length.
     normal: Vec3,
 }
 
 /// The lookouts of a view.
 #[derive(Debug)]
 pub(super) struct Lookouts {
-    /// Where they are; in place of a power how far they see, as bits.
+    /// Positions; the tag holds the bits of the radius.
     tree: PhotonMap,
     reach_max: f32,
     reach_median: f32,
 }
 
 impl Lookouts {
-    /// Casts them. The pool of the present thread builds the tree.
+    /// Casts the lookouts of a view, and builds the tree on the current thread pool.
     pub(super) fn of_view(prepared: &PreparedScene, view: View) -> Self {
         let seen = places_seen(prepared, view, SIDE);
         let tagged = |(it, index): (&Lookout, u32)| Photon::tagged(it.p, it.normal, it.normal, index);
@@ -65,8 +65,8 @@ impl Lookouts {
         Self { tree, reach_max: reaches.last().copied().unwrap_or_default(), reach_median }
     }
 
-    /// How much of what a photon brings is seen, from 0 to 1: 1 where lookouts are as close together as most of them are, or where
-    /// there are none at all.
+    /// Returns the visible importance of a photon, in [0, 1]: 1 where lookouts are at least as dense as their median,
+    /// or where there are none at all.
     pub(super) fn importance(&self, photon: &Photon) -> f64 {
         let normal = photon.mark().normal();
         let reach_of = |number| f32::from_bits(self.tree.mark(number).tag());
@@ -82,7 +82,7 @@ impl Lookouts {
     }
 }
 
-/// What camera rays come to first that spreads light, over mirrors and through glass.
+/// Returns the first points along camera rays on surfaces that are not specular, over mirrors and through glass.
 ///
 /// - `side`: rays along a side of the picture.
 pub(super) fn places_seen(prepared: &PreparedScene, view: View, side: u32) -> Vec<Lookout> {
@@ -98,6 +98,7 @@ pub(super) fn places_seen(prepared: &PreparedScene, view: View, side: u32) -> Ve
     seen.filter(|it| it.p.is_finite()).collect()
 }
 
+/// Returns the first such point along one ray.
 fn place_seen(
     prepared: &PreparedScene,
     sampler: &PixelSampler,

@@ -1,6 +1,6 @@
-//! Photons in a kd-tree without pointers: balanced, its leaves buckets of sixteen that are searched at once.
+//! The photon map: a balanced kd-tree without pointers. Its leaves are buckets of sixteen photons, tested at once.
 //!
-//! Bentley 1975, *Multidimensional binary search trees*; buckets and the distance to a cell, summed over the axes, as Arya
+//! Sources: Bentley 1975, *Multidimensional binary search trees*; buckets and incremental distances to cells as in Arya
 //! and Mount 1993, *Algorithms for fast vector quantization*.
 
 use glam::Vec3;
@@ -8,26 +8,27 @@ use rayon::prelude::*;
 
 use super::record::{Mark, Photon};
 
-/// Photons in a leaf.
+/// Photons per leaf.
 const BUCKET: usize = 16;
-/// Cells that wait while a tree is searched: no tree is deeper.
+/// Size of the traversal stack: greater than the depth of any tree.
 const DEPTH_MAX: usize = 40;
-/// Most photons that [`Nearest`] can hold.
+/// Greatest number of photons that [`Nearest`] holds.
 pub const NEAREST_MAX: usize = 512;
 
-/// Photons, found by place. The tree depends on them and their order alone, not on who builds it.
+/// Photons in a kd-tree. The tree depends only on the photons and their order, not on the number of threads.
 #[derive(Clone, Debug, Default)]
 pub struct PhotonMap {
-    /// Inner nodes, the first one being number 1; the children of node i are 2i and 2i + 1.
+    /// Inner nodes, starting at index 1; the children of node i are 2i and 2i + 1.
     nodes: Vec<PhotonPlane>,
-    /// Where photons are: x, y and z of each bucket; the empty places of the last one lie at infinity.
+    /// Positions: x, y and z of each bucket; unused entries of the last bucket are infinite.
     places: Vec<[[f32; BUCKET]; 3]>,
+    /// Data of the photons, in the order of their numbers.
     marks: Vec<Mark>,
-    /// Number of the first node of the deepest level.
+    /// Index of the first node of the deepest level.
     deepest: usize,
 }
 
-/// A plane across an axis.
+/// A splitting plane.
 #[derive(Clone, Copy, Debug, Default)]
 struct PhotonPlane {
     plane: f32,
@@ -35,7 +36,7 @@ struct PhotonPlane {
 }
 
 impl PhotonMap {
-    /// Builds the tree on the threads of the present pool. Photons whose place is not finite are left out.
+    /// Builds the tree on the current thread pool. Drops photons whose position is not finite.
     pub fn new(mut photons: Vec<Photon>) -> Self {
         photons.retain(|photon| photon.p.is_finite());
         let leaves = photons.len().div_ceil(BUCKET);
@@ -43,7 +44,7 @@ impl PhotonMap {
             return Self::default();
         }
         let mut nodes = vec![PhotonPlane::default()];
-        // One level after the other, from left to right: that is the order of the nodes' numbers.
+        // Split level by level, from left to right: the order of the node indices
         let mut level = vec![(photons.as_mut_slice(), leaves)];
         while level.iter().any(|&(_, leaves)| leaves > 1) {
             let cut = level.into_par_iter().map(split).collect::<Vec<_>>();
@@ -57,17 +58,17 @@ impl PhotonMap {
         Self::laid_out(nodes, &at, photons.iter().map(Photon::mark).collect())
     }
 
-    /// The planes and axes of all inner nodes, in the order of their numbers.
+    /// Returns plane position and axis of all inner nodes, in the order of their indices.
     pub(crate) fn planes(&self) -> impl Iterator<Item = (f32, u32)> + '_ {
         self.nodes.iter().skip(1).map(|node| (node.plane, node.axis))
     }
 
-    /// How many planes there are between so many photons.
+    /// Returns the number of planes for a number of photons.
     pub(crate) fn plane_count(photons: usize) -> usize {
         photons.div_ceil(BUCKET).saturating_sub(1)
     }
 
-    /// From planes and photons in the order of a map; `None`: they are none.
+    /// Builds a map from planes and photons in its order; `None`: not valid.
     pub(crate) fn from_parts(planes: Vec<(f32, u32)>, photons: Vec<(Vec3, [u32; 3])>) -> Option<Self> {
         let is_sound = planes.iter().all(|&(_, axis)| axis < 3) && planes.len() == Self::plane_count(photons.len());
         if !is_sound || photons.is_empty() {
@@ -80,7 +81,7 @@ impl PhotonMap {
         Some(Self::laid_out(nodes, &at, marks))
     }
 
-    /// - `at`: where each is, in the order of their numbers; one at least.
+    /// - `at`: positions in the order of the photons' numbers; at least one.
     fn laid_out(nodes: Vec<PhotonPlane>, at: &[Vec3], marks: Vec<Mark>) -> Self {
         let leaves = at.len().div_ceil(BUCKET);
         let mut places = vec![[[f32::INFINITY; BUCKET]; 3]; leaves];
@@ -92,49 +93,49 @@ impl PhotonMap {
         Self { nodes, places, marks, deepest: 1 << (2 * leaves - 1).ilog2() }
     }
 
-    /// How many there are.
+    /// Returns the number of photons.
     pub fn len(&self) -> usize {
         self.marks.len()
     }
 
-    /// Whether there are none.
+    /// Returns `true` if there are none.
     pub fn is_empty(&self) -> bool {
         self.marks.is_empty()
     }
 
-    /// Bytes held.
+    /// Returns the memory, in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.nodes) + size_of_val(&*self.places) + size_of_val(&*self.marks)
     }
 
-    /// A photon by its number.
+    /// Returns a photon by its number.
     #[inline(always)]
     pub fn photon(&self, index: u32) -> Photon {
         let (bucket, lane) = (index as usize / BUCKET, index as usize % BUCKET);
         Photon::of(Vec3::from_array(self.places[bucket].map(|along| along[lane])), self.marks[index as usize])
     }
 
-    /// What is known of a photon beside its place.
+    /// Returns the data of a photon by its number, without the position.
     #[inline(always)]
     pub fn mark(&self, index: u32) -> Mark {
         self.marks[index as usize]
     }
 
-    /// The same places with other tags.
+    /// Returns this map with other tags.
     #[must_use]
     pub(crate) fn retagged(mut self, tag: impl Fn(u32) -> u32) -> Self {
         self.marks.iter_mut().for_each(|mark| *mark = mark.with_tag(tag(mark.tag())));
         self
     }
 
-    /// All photons, in the order of their numbers.
+    /// Returns all photons, in the order of their numbers.
     pub fn iter(&self) -> impl Iterator<Item = Photon> + '_ {
         (0..self.len() as u32).map(|index| self.photon(index))
     }
 
-    /// The photons nearest to a point within a distance: as many as `found` holds.
+    /// Finds the photons nearest to a point within a radius, as many as `found` holds.
     ///
-    /// - `radius_squared`: of those that count; the least distance that does not.
+    /// - `radius_squared`: squared radius; photons at exactly this distance do not count.
     #[inline(always)]
     pub fn nearest(&self, p: Vec3, radius_squared: f32, found: &mut Nearest) {
         found.clear();
@@ -156,7 +157,7 @@ impl PhotonMap {
         });
     }
 
-    /// Calls `take` with the number of each photon within a distance and the square of how far it is.
+    /// Calls `take` with the number and the squared distance of each photon within a radius.
     #[inline(always)]
     pub fn within(&self, p: Vec3, radius_squared: f32, mut take: impl FnMut(u32, f32)) {
         self.visit(p, radius_squared, |first, distances, bound| {
@@ -170,7 +171,7 @@ impl PhotonMap {
         });
     }
 
-    /// The nearest photon that `accept`s, within a distance.
+    /// Returns the nearest photon within a radius for which `accept` returns `true`.
     #[inline(always)]
     pub fn nearest_where(&self, p: Vec3, radius_squared: f32, mut accept: impl FnMut(u32) -> bool) -> Option<u32> {
         let mut best = None;
@@ -190,8 +191,8 @@ impl PhotonMap {
         best
     }
 
-    /// Goes to the buckets within reach, the nearest side first. `look` is given the number of a bucket's first photon, the
-    /// squared distances and the squared reach, and says what is within reach from then on.
+    /// Visits the buckets within a radius, nearer sides first. `look` receives the number of a bucket's first photon,
+    /// the squared distances and the squared radius, and returns the squared radius from then on.
     #[inline(always)]
     fn visit(&self, p: Vec3, radius_squared: f32, mut look: impl FnMut(u32, &[f32; BUCKET], f32) -> f32) {
         let leaves = self.places.len();
@@ -203,6 +204,7 @@ impl PhotonMap {
         let mut waiting_count = 0;
         let (mut number, mut off) = (1_usize, [0.0_f32; 3]);
         loop {
+            // Descend to the nearer leaf; push far children within the radius
             while number < leaves {
                 let PhotonPlane { plane, axis } = self.nodes[number];
                 let axis = axis as usize;
@@ -216,10 +218,11 @@ impl PhotonMap {
                 }
                 number = near;
             }
-            // The deepest leaves are the first ones from the left.
+            // Test the bucket; leaves of the deepest level come first from the left
             let order = if number >= self.deepest { number - self.deepest } else { number + leaves - self.deepest };
             bound = look((order * BUCKET) as u32, &distances(&self.places[order], p), bound);
             loop {
+                // Pop the next node that is still within the radius
                 if waiting_count == 0 {
                     return;
                 }
@@ -234,6 +237,7 @@ impl PhotonMap {
     }
 }
 
+/// Returns the squared distances of a bucket's photons to a point.
 #[inline(always)]
 fn distances([x, y, z]: &[[f32; BUCKET]; 3], p: Vec3) -> [f32; BUCKET] {
     std::array::from_fn(|i| {
@@ -242,15 +246,15 @@ fn distances([x, y, z]: &[[f32; BUCKET]; 3], p: Vec3) -> [f32; BUCKET] {
     })
 }
 
-/// A bit for each distance that is below a bound.
+/// Returns a bit mask of the distances below a bound.
 #[inline(always)]
 fn below(distances: &[f32; BUCKET], bound: f32) -> u32 {
     let bits: [u32; BUCKET] = std::array::from_fn(|i| u32::from(distances[i] < bound) << i);
     bits.iter().fold(0, |all, bit| all | bit)
 }
 
-/// Leaves to the left of a node with so many of them below it: all levels are full but the deepest, which is filled from
-/// the left.
+/// Returns the number of leaves in the left subtree of a node with `leaves` leaves. All levels are full but the
+/// deepest, which is filled from the left.
 fn left_leaves(leaves: usize) -> usize {
     if leaves <= 2 {
         return 1;
@@ -259,9 +263,10 @@ fn left_leaves(leaves: usize) -> usize {
     full / 2 + (leaves - full).min(full / 2)
 }
 
+/// The photons of a node, and its number of leaves.
 type PhotonRun<'a> = (&'a mut [Photon], usize);
 
-/// Cuts a node's photons across their longest side.
+/// Splits a node's photons across their longest extent.
 fn split((photons, leaves): PhotonRun<'_>) -> (Option<PhotonPlane>, Vec<PhotonRun<'_>>) {
     if leaves <= 1 {
         return (None, Vec::new());
@@ -277,17 +282,17 @@ fn split((photons, leaves): PhotonRun<'_>) -> (Option<PhotonPlane>, Vec<PhotonRu
     (Some(node), vec![(first, left), (second, leaves - left)])
 }
 
-/// The nearest photons found so far: a heap of a fixed size, the farthest on top.
+/// The nearest photons found so far, in a max-heap of fixed size.
 #[derive(Clone, Debug)]
 pub struct Nearest {
-    /// The bits of a squared distance, which grow as it does, above the number of the photon.
+    /// Keys: the bits of the squared distance, which order as it does, then the number of the photon.
     heap: [u64; NEAREST_MAX],
     count: usize,
     limit: usize,
 }
 
 impl Nearest {
-    /// Holds `limit` photons, or [`NEAREST_MAX`] if that is less.
+    /// Creates a buffer for `limit` photons, at most [`NEAREST_MAX`].
     pub fn new(limit: usize) -> Self {
         Self { heap: [0; NEAREST_MAX], count: 0, limit: limit.min(NEAREST_MAX) }
     }
@@ -296,33 +301,33 @@ impl Nearest {
         self.count = 0;
     }
 
-    /// How many were found.
+    /// Returns the number of photons found.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Whether none was found.
+    /// Returns `true` if none was found.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Whether there may be more within reach.
+    /// Returns `true` if the buffer is full; there may be more photons within the radius.
     pub fn is_full(&self) -> bool {
         self.count == self.limit
     }
 
-    /// Numbers and squared distances, in no order to rely on but the same for the same question.
+    /// Returns numbers and squared distances, unordered but deterministic.
     #[inline(always)]
     pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
         self.heap[..self.count].iter().map(|&key| (key as u32, f32::from_bits((key >> 32) as u32)))
     }
 
-    /// The square of how far the farthest is; 0 without any.
+    /// Returns the squared distance of the farthest photon; 0: none.
     pub fn farthest(&self) -> f32 {
         self.iter().fold(0.0, |farthest, (_, distance)| distance.max(farthest))
     }
 
-    /// Takes a photon; returns the distance that the next one must be below.
+    /// Adds a photon. Returns the bound that the next squared distance must be below.
     #[inline(always)]
     fn push(&mut self, index: u32, distance: f32, bound: f32) -> f32 {
         let key = u64::from(distance.to_bits()) << 32 | u64::from(index);
@@ -342,7 +347,7 @@ impl Nearest {
         f32::from_bits((self.heap[0] >> 32) as u32)
     }
 
-    /// Puts a key where the place `i` is free, or below.
+    /// Moves the free place `i` down the heap until the key fits, and puts it there.
     #[inline(always)]
     fn sink(&mut self, mut i: usize, key: u64) {
         let heap = &mut self.heap[..self.limit];

@@ -1,4 +1,4 @@
-//! The maps of a picture: made once, on all processors, the same whoever makes them.
+//! The photon maps of a picture: built once, in parallel, identical on every machine.
 
 use bottega_kernels::compiled;
 use glam::Vec3;
@@ -18,50 +18,52 @@ use super::{
 };
 use crate::{PhotonSettings, extent::Extent, prepare::PreparedScene};
 
-/// Photons that one processor traces in a row.
+/// Photons that one thread traces in a row.
 const BATCH: u32 = 4096;
-/// Points at which one processor computes irradiance in a row.
+/// Points at which one thread computes irradiance in a row.
 const POINTS: usize = 1024;
-/// How far photons that mirrors and glass brought together may be, as a share of how far others may.
+/// Search radius of caustic photons, as a share of that of other photons.
 const CAUSTIC_REACH: f32 = 0.5;
-/// How far photons may be that tell whether a light is seen, as a share of how far others may, and how many must agree.
+/// Search radius of shadow photons, as a share of that of other photons, and the number of them that must agree.
 const VISIBILITY_REACH: f32 = 0.5;
 const VISIBILITY_COUNT: u32 = 12;
-/// Radius of the first pass of a progressive picture, as a share of how far photons may be where they are counted.
+/// Radius of the first pass of a progressive picture, as a share of the search radius of photons.
 const FIRST_RADIUS: f32 = 0.2;
-/// How the radius shrinks from pass to pass (Hachisuka et al. 2008, eq. 9): 0 not at all, 1 never to be seen.
+/// α of the radius reduction per pass (Hachisuka et al. 2008, eq. 9): 1 keeps the radius, 0 shrinks it fastest.
 const SHRINKING: f32 = 2.0 / 3.0;
 
-/// What a picture is painted with.
+/// The photon maps of one pass.
 #[derive(Debug)]
 pub(crate) struct PhotonMaps {
-    /// Of light over mirrors and through glass; with the indirect light, where no rays are gathered.
+    /// Caustic photons; without final gathering, also the indirect photons.
     pub(crate) seen: PhotonMap,
-    /// The irradiance by all light.
+    /// Irradiance by all light.
     pub(crate) irradiance: IrradianceMap,
-    /// Straight from the lights, and scattered before otherwise than by mirrors and glass alone; where these maps are kept apart
-    /// they stand for the irradiance.
+    /// Direct photons. This map and the next one replace the irradiance map if [`PhotonSettings::separate_maps`] is
+    /// set.
     pub(crate) direct: PhotonMap,
+    /// Indirect photons: scattered at least once by a BSDF that is not specular.
     pub(crate) indirect: PhotonMap,
-    /// Where indirect light comes from.
+    /// Directions that indirect light comes from.
     pub(crate) arrivals: Arrivals,
-    /// Where light arrives straight, and where not.
+    /// Shadow photons: points where light arrives directly, and points in shadow.
     pub(crate) visibility: PhotonMap,
+    /// Density estimator of the picture.
     pub(crate) estimator: Estimator,
     reach: Reach,
 }
 
-/// How far photons of [`PhotonMaps::seen`] may be from a place.
+/// Search radius of photons in [`PhotonMaps::seen`].
 #[derive(Clone, Copy, Debug)]
 enum Reach {
-    /// As a share of how far those of the irradiance may.
+    /// Share of the radius of the irradiance photons.
     Share(f32),
-    /// In scene units.
+    /// Length in scene units.
     Length(f32),
 }
 
 impl Reach {
-    /// - `value`: the length where `settings` ask for one in scene units, else the share.
+    /// - `value`: the length if `settings` give the radius in scene units, else the share.
     fn new(settings: &PhotonSettings, value: f32) -> Self {
         let is_length = settings.progressive && settings.first_radius.is_some();
         if is_length { Self::Length(value) } else { Self::Share(value) }
@@ -73,7 +75,7 @@ impl Reach {
     }
 }
 
-/// Joins parts in their order.
+/// Joins parts in order.
 pub(super) fn joined(parts: Vec<IrradiancePlaces>) -> IrradiancePlaces {
     parts.into_iter().fold(IrradiancePlaces::default(), |mut all, part| {
         all.append(part);
@@ -81,7 +83,7 @@ pub(super) fn joined(parts: Vec<IrradiancePlaces>) -> IrradiancePlaces {
     })
 }
 
-/// What photons of a pass are traced by.
+/// Returns the tracer of all photons of a pass.
 pub(crate) fn tracer<'a>(
     prepared: &'a PreparedScene,
     plan: &'a PhotonPlan,
@@ -104,7 +106,7 @@ pub(crate) fn tracer<'a>(
     }
 }
 
-/// What photons are traced by that are sent to mirrors and glass alone.
+/// Returns the tracer of caustic photons, which are sent only to mirrors and glass.
 pub(crate) fn caustic_tracer<'a>(
     prepared: &'a PreparedScene,
     plan: &'a PhotonPlan,
@@ -112,13 +114,13 @@ pub(crate) fn caustic_tracer<'a>(
     seed: u64,
 ) -> Tracer<'a> {
     let projection = Some(plan.projection(prepared, settings.lookouts));
-    // An estimate divides by the number of all photons, whoever they are.
+    // The estimator divides by the number of all photons: scale up to it
     let strength = settings.count as f32 / settings.count.div_ceil(SHARE).max(1) as f32;
     let all = tracer(prepared, plan, settings, seed, 0);
     Tracer { with_shadows: false, only_caustics: true, strength, projection, ..all }
 }
 
-/// How many photons of all light a pass has, and how many are sent to mirrors and glass.
+/// Returns the number of photons of a pass, and the number of additional caustic photons.
 pub(crate) fn photon_counts(prepared: &PreparedScene, plan: &PhotonPlan, settings: &PhotonSettings) -> [u32; 2] {
     let is_gathered = settings.final_rays > 0 && !settings.progressive;
     let is_wanted = (settings.agents.is_some() || is_gathered) && settings.count > 0;
@@ -131,7 +133,7 @@ pub(crate) fn photon_counts(prepared: &PreparedScene, plan: &PhotonPlan, setting
     [if settings.agents.is_some() || !are_kept { 0 } else { settings.count }, sent]
 }
 
-/// All photons of a pass, traced on the threads of the present pool.
+/// Traces all photons of a pass, on the current thread pool.
 pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> TracedPhotons {
     let batch = |number: u32| {
         let first = number * BATCH;
@@ -145,7 +147,7 @@ pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> TracedPhotons {
 }
 
 impl PhotonMaps {
-    /// The maps of one pass. The pool of the present thread does the work.
+    /// Builds the maps of one pass, on the current thread pool.
     pub(crate) fn new(
         prepared: &PreparedScene,
         plan: &PhotonPlan,
@@ -153,13 +155,16 @@ impl PhotonMaps {
         seed: u64,
         pass: u32,
     ) -> Self {
+        // Trace photons
         let [count, sent] = photon_counts(prepared, plan, settings);
         let all_light = traced(tracer(prepared, plan, settings, seed, pass), count);
         let caustics = match sent {
             0 => Vec::new(),
             sent => traced(caustic_tracer(prepared, plan, settings, seed), sent).caustic,
         };
+        // Build the trees
         let (mut maps, all) = Self::begun(*plan.extent(), settings, pass, all_light, caustics);
+        // Precompute irradiance
         if let Some(all) = all {
             let points: Vec<u32> = (0..irradiance_count(&all)).collect();
             let known = points.par_chunks(POINTS).map(|points| {
@@ -171,7 +176,8 @@ impl PhotonMaps {
         maps
     }
 
-    /// All but the irradiance, and the photons from which that is to be computed, if it is wanted.
+    /// Builds all maps but the irradiance map. Also returns the photons to compute the irradiance from, if it is
+    /// wanted.
     pub(crate) fn begun(
         extent: Extent,
         settings: &PhotonSettings,
@@ -224,6 +230,7 @@ impl PhotonMaps {
         (maps, all)
     }
 
+    /// Writes all maps.
     pub(crate) fn write(&self, to: &mut Writer) {
         to.value(self.reach.value());
         to.map(&self.seen);
@@ -232,7 +239,7 @@ impl PhotonMaps {
         self.arrivals.write(to);
     }
 
-    /// - `settings`, `extent`: of the picture.
+    /// Reads maps of a picture with these settings and this extent.
     pub(crate) fn read(settings: &PhotonSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
         let reach = Reach::new(settings, from.value()?);
         let (seen, irradiance) = (from.map()?, IrradianceMap::read(from)?);
@@ -241,7 +248,7 @@ impl PhotonMaps {
         Some(Self { seen, irradiance, direct, indirect, arrivals, visibility, estimator, reach })
     }
 
-    /// Bytes held.
+    /// Returns the memory of the maps, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         let maps = [&self.seen, &self.direct, &self.indirect, &self.visibility];
         maps.map(PhotonMap::memory_bytes).into_iter().sum::<usize>()
@@ -249,7 +256,7 @@ impl PhotonMaps {
             + self.arrivals.memory_bytes()
     }
 
-    /// How far photons of `seen` may be from a place.
+    /// Returns the search radius of photons in `seen`, in scene units.
     #[inline(always)]
     pub(crate) fn reach_at(&self, p: Vec3) -> f32 {
         match self.reach {
@@ -258,14 +265,14 @@ impl PhotonMaps {
         }
     }
 
-    /// How far places of the irradiance may be.
+    /// Returns the search radius of irradiance places, in scene units.
     #[inline(always)]
     pub(crate) fn irradiance_reach_at(&self, p: Vec3) -> f32 {
         self.estimator.reach_at(p)
     }
 
-    /// Where the irradiance on a surface near a point is known; `None`: nothing is known there. What lies beside the plane of the surface belongs to
-    /// another one, such as the floor below a shelf. The number is that of the place in [`Self::irradiance`].
+    /// Returns the number in [`Self::irradiance`] of the nearest place on the surface of a point; `None`: none near
+    /// enough. Places off the plane of the surface belong to another one, such as the floor below a shelf.
     #[inline(always)]
     pub(crate) fn irradiance_near(&self, p: Vec3, normal: Vec3) -> Option<u32> {
         let reach = self.irradiance_reach_at(p);
@@ -274,15 +281,16 @@ impl PhotonMaps {
         places.nearest_where(p, reach * reach, accept)
     }
 
-    /// Where indirect light comes from to a place on a surface; `None`: nothing is known there.
+    /// Returns the directions that indirect light comes from at a point; `None`: unknown there.
     ///
-    /// - `normals`: of the real surface, and the one that it is shaded with; on the side that is asked for.
+    /// - `normals`: geometric and shading normal, on the side that the light arrives at.
     #[inline(always)]
     pub(crate) fn arrival_at(&self, p: Vec3, normals: [Vec3; 2]) -> Option<LightDirections<'_>> {
         self.arrivals.at(p, normals, self.irradiance_reach_at(p))
     }
 
-    /// Tells `take` what each photon near a place brings to one side of its surface, where maps are kept apart. False: there are none.
+    /// Calls `take` with each photon near a point that arrives on one side, for separate maps. Returns `false` if there
+    /// are none.
     ///
     /// - `normal`: of that side.
     #[inline(always)]
@@ -306,8 +314,8 @@ impl PhotonMaps {
         is_known
     }
 
-    /// Whether a light is seen from a point, if all of enough photons near it say the same (Jensen and Christensen 1995,
-    /// *Efficiently Rendering Shadows Using the Photon Map*).
+    /// Returns `true` or `false` if enough shadow photons near a point agree that a light is visible or not; `None`:
+    /// trace a shadow ray (Jensen and Christensen 1995, *Efficiently Rendering Shadows Using the Photon Map*).
     pub(crate) fn visibility_at(&self, p: Vec3, normal: Vec3, light: u32, found: &mut Nearest) -> Option<bool> {
         let reach = VISIBILITY_REACH * self.irradiance_reach_at(p);
         self.visibility.nearest(p, reach * reach, found);
@@ -328,8 +336,8 @@ impl PhotonMaps {
     }
 }
 
-/// What the radius of a pass is to that of the first one: r²ᵢ₊₁ ∕ r²ᵢ = (i + α) ∕ (i + 1) with i from 1 (Knaus and Zwicker
-/// 2011, *Progressive Photon Mapping: A Probabilistic Approach*, eq. 15).
+/// Returns the radius of a pass relative to that of the first one: r²ᵢ₊₁ ∕ r²ᵢ = (i + α) ∕ (i + 1) with i from 1 (Knaus
+/// and Zwicker 2011, *Progressive Photon Mapping: A Probabilistic Approach*, eq. 15).
 fn shrunk(pass: u32) -> f32 {
     let squared: f64 = (1..=pass).map(|i| (f64::from(i) + f64::from(SHRINKING)) / (f64::from(i) + 1.0)).product();
     squared.sqrt() as f32

@@ -1,4 +1,4 @@
-//! Photon maps: light that was sent out from the lights and found again by place.
+//! Photon maps: photons traced from the lights, stored where they hit surfaces, and found by position.
 //!
 //! Sources: Jensen 2001, *Realistic Image Synthesis Using Photon Mapping*; Christensen 1999, *Faster Photon Map Global
 //! Illumination*.

@@ -1,4 +1,4 @@
-//! The plan of a picture's photons and agents, and the lengths that measure them.
+//! The emission plan of a picture's photons and agents, and its unit of length.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -10,12 +10,13 @@ use crate::{
     prepare::PreparedScene,
 };
 
-/// What photons of a view go by.
+/// The emission plan of a view.
 pub(crate) struct PhotonPlan {
+    /// The view of the plan.
     pub(super) view: View,
-    /// What emits photons in the scene.
+    /// Light sources of the scene.
     pub(crate) sources: Arc<Emission>,
-    /// Where photons are sent; views of which each shows the whole scene share one.
+    /// Region that photons are sent to; shared by views that show the whole scene.
     pub(crate) emission: Arc<EmissionPlan>,
     projection: OnceLock<Projection>,
     projection_of_lookouts: OnceLock<Projection>,
@@ -26,20 +27,20 @@ impl PhotonPlan {
         Self { view, sources, emission, projection: OnceLock::new(), projection_of_lookouts: OnceLock::new() }
     }
 
-    /// Where what is seen is, and how wide.
+    /// Returns center and size of the visible part of the scene.
     pub(crate) fn extent(&self) -> &Extent {
         self.emission.extent()
     }
 
-    /// Of the photons that come to mirrors and glass, the share whose light the camera sees: sent without asking lookouts, and sent by
-    /// them; once somebody has sent some.
+    /// Returns the share of caustic photons that the camera sees: sent without the importance of lookouts, and with it;
+    /// `None`: none have been sent yet.
     pub(crate) fn shares_seen(&self) -> Option<[f64; 2]> {
         self.projection_of_lookouts.get()?.shares_seen()
     }
 
-    /// Where photons must leave the lights to come to mirrors and glass; the first who asks tries it out.
+    /// Returns the projection map to mirrors and glass; the first caller traces its trial photons.
     ///
-    /// - `by_lookouts`: only those count much that the camera sees where they come to then.
+    /// - `by_lookouts`: `true`: photons that the camera sees count more.
     pub(crate) fn projection(&self, prepared: &PreparedScene, by_lookouts: bool) -> &Projection {
         let place = if by_lookouts { &self.projection_of_lookouts } else { &self.projection };
         place.get_or_init(|| {
@@ -57,9 +58,9 @@ pub(crate) struct PhotonPlans {
 }
 
 impl PhotonPlans {
-    /// The plan of a view; the first who asks looks at it, while others wait.
+    /// Returns the plan of a view; the first caller makes it, while others wait.
     pub(crate) fn of_view(&self, prepared: &PreparedScene, view: View) -> Arc<PhotonPlan> {
-        /// Views whose plans are kept.
+        /// Number of views whose plans are kept.
         const VIEWS_MAX: usize = 8;
         let mut plans = self.views.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, plan)) = plans.iter().find(|(known, _)| *known == view) {

@@ -1,37 +1,37 @@
-//! Projection maps: directions in which photons must leave the lights to come to mirrors and glass (Jensen 2001, §5.2).
+//! Projection maps: directions in which photons must leave the lights to hit mirrors and glass (Jensen 2001, §5.2).
 //!
-//! Jensen's map tells of directions from a point. Here it tells of the numbers that a photon is emitted by: its source, its place
-//! on it, and its direction. So it serves sources of every kind. Cells in which trials found nothing are tried, too, less
-//! often: whatever the map says, the mean is right.
+//! Jensen's map covers directions from a point. This one covers the random numbers that a photon is emitted by: source,
+//! position on it, and direction. So it works for all kinds of sources. Cells in which trial photons found nothing are
+//! sampled less, but never omitted: the estimate stays unbiased.
 
 use crate::sampler::Quad;
 
-/// Cells along each number, in the order in which they are chosen: source, place (2), direction (2).
+/// Cells along each number, in the order in which they are chosen: source, position (2), direction (2).
 pub(super) const CELLS: [usize; 5] = [4, 4, 4, 8, 8];
-/// How much what was found in the cells next to one counts for it.
+/// Weight of what was found in neighbouring cells.
 const NEIGHBOR: f64 = 0.1;
-/// The share of photons that leave as they would without a map.
+/// Share of the photons that are emitted as without a map.
 const BLIND: f64 = 0.2;
-/// Of as many photons as there are of all light so many are sent to mirrors and glass.
+/// One caustic photon is sent per this many photons of all light.
 pub(super) const SHARE: u32 = 4;
 
-/// How probable each cell is, and all those above it in a tree.
+/// Probabilities of the cells, as a tree.
 #[derive(Debug)]
 pub(crate) struct Projection {
-    /// Probabilities, by number of cells chosen so far: the last are those of single cells. Empty: nothing comes to mirrors or
+    /// Probabilities, by number of choices made: the last level has single cells. Empty: no photon hits mirrors or
     /// glass.
     levels: Vec<Vec<f32>>,
-    /// Of what comes to mirrors and glass, the shares whose light the camera's lookouts see: sent without asking them, and sent so.
+    /// Share of the caustic photons that lookouts see: if emitted without their importance, and with it.
     shares_seen: Option<[f64; 2]>,
 }
 
 impl Projection {
-    /// From how much was found in each cell.
+    /// Builds a map from the trial photons found per cell.
     pub(super) fn new(found: &[f64]) -> Self {
         if found.iter().all(|&found| found == 0.0) {
             return Self { levels: Vec::new(), shares_seen: None };
         }
-        // What is met with probability p has a mean square of p: its root makes the least noise.
+        // A hit probability p has the mean square p: its root minimizes the variance
         let wanted: Vec<f64> = spread(found).into_iter().map(f64::sqrt).collect();
         let (all, blind) = (wanted.iter().sum::<f64>(), BLIND / found.len() as f64);
         let mut level: Vec<f32> = wanted.iter().map(|wanted| (blind + (1.0 - BLIND) * wanted / all) as f32).collect();
@@ -44,9 +44,9 @@ impl Projection {
         Self { levels, shares_seen: None }
     }
 
-    /// The share that is seen of what comes to mirrors and glass.
+    /// Returns the share of caustic photons that lookouts see.
     ///
-    /// - `counts`: how many of those that left without a map came there from each cell, unseen and seen.
+    /// - `counts`: number of trial photons of each cell that are unseen, and seen.
     pub(super) fn share_seen(&self, counts: &[[f64; 2]]) -> f64 {
         let Some(probabilities) = self.levels.last() else { return 0.0 };
         let sums = probabilities.iter().zip(counts).fold([0.0; 2], |[all, seen], (&probability, count)| {
@@ -56,23 +56,23 @@ impl Projection {
         sums[1] / sums[0].max(f64::MIN_POSITIVE)
     }
 
-    /// The same with the shares of what is seen, sent without asking lookouts and sent by them.
+    /// Returns this map with the shares that lookouts see: without and with their importance.
     #[must_use]
     pub(super) fn with_shares_seen(self, shares: [f64; 2]) -> Self {
         Self { shares_seen: Some(shares).filter(|_| !self.is_empty()), ..self }
     }
 
-    /// The shares that are seen, sent without asking lookouts and sent by them, where they were asked.
+    /// Returns the shares that lookouts see, without and with their importance; `None`: none were used.
     pub(super) fn shares_seen(&self) -> Option<[f64; 2]> {
         self.shares_seen
     }
 
-    /// Whether no photon comes to mirrors or glass.
+    /// Returns `true` if no photon hits mirrors or glass.
     pub(crate) fn is_empty(&self) -> bool {
         self.levels.is_empty()
     }
 
-    /// The numbers of a photon that is sent where it is wanted, and how much more it stands for than one that is not.
+    /// Warps the random numbers of a photon. Returns them with the weight of the photon: 1 over its relative density.
     #[inline(always)]
     pub(super) fn sent(&self, mut u: Quad, mut v: Quad) -> (Quad, Quad, f32) {
         let (mut cell, mut weight) = (0, 1.0);
@@ -95,7 +95,7 @@ impl Projection {
     }
 }
 
-/// What was found, and a little of it in the cells next to it along each number.
+/// Adds a little of each cell to its neighbours.
 fn spread(found: &[f64]) -> Vec<f64> {
     let mut all = found.to_vec();
     let mut step = found.len();
@@ -114,11 +114,12 @@ fn spread(found: &[f64]) -> Vec<f64> {
     all
 }
 
-/// The numbers of which cells are told.
+/// Returns the random numbers that select a cell, in the order of [`CELLS`].
 pub(super) fn ordered(u: Quad, v: Quad) -> [f32; 5] {
     [u[0], u[2], u[3], v[0], v[1]]
 }
 
+/// Returns the cell of a number in [0, 1), of `count`.
 pub(super) fn cell_of(u: f32, count: usize) -> usize {
     ((u * count as f32) as usize).min(count - 1)
 }
@@ -131,7 +132,7 @@ mod tests {
 
     #[test]
     fn all_numbers_are_met_and_stand_for_what_they_should() {
-        // Half of all goes into one corner of the directions.
+        // One corner of the directions has half of the probability.
         let count: usize = CELLS.iter().product();
         let mut cells = vec![0.5 / (count - 1) as f32; count];
         cells[13] = 0.5;

@@ -1,146 +1,153 @@
-//! A photon in twenty-four bytes.
+//! The photon, packed into twenty-four bytes.
 
 use bottega_scene::Spectrum;
 use glam::{Vec2, Vec3};
 
 use crate::guide::octahedron::{direction_from_square, square_from_direction};
 
-/// Steps along a side of the square of directions, and of that of normals.
+/// Quantization steps along a side of the octahedral map, for directions and for normals.
 const DIRECTION_STEPS: u32 = 1 << 10;
 const NORMAL_STEPS: u32 = 1 << 6;
-/// Exponent that is stored as 0: powers from 2⁻¹²⁸ to 2¹²⁷.
+/// Exponent bias: powers range from 2⁻¹²⁸ to 2¹²⁷.
 const EXPONENT_BIAS: i32 = 128;
 
-/// Light that arrived at a surface, or something else that is known of a place there.
+/// A photon, or other data at a surface point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Photon {
-    /// World space.
+    /// Position, in world space.
     pub p: Vec3,
     mark: Mark,
 }
 
-/// The marks of a photon beside its place.
+/// The data of a photon without its position, packed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark {
-    /// 10 bits each: where the direction is on the octahedron; 6 bits each: where the normal is.
+    /// Octahedral coordinates: 10 bits each for the direction, 6 bits each for the normal.
     directions: u32,
-    /// Red, green and blue as shares of a power of two, and its exponent (Ward 1991, *Real Pixels*).
+    /// Red, green and blue with a shared exponent (Ward 1991, *Real Pixels*), or a tag.
     power: u32,
-    /// How often its light has been scattered; of a place in an [`IrradianceMap`](super::IrradianceMap), where its list is.
+    /// Number of bounces; for places in an [`IrradianceMap`](super::IrradianceMap), the position of the list.
     label: u32,
 }
 
 impl Photon {
-    /// - `to_light`: back along the way that it came; unit length.
-    /// - `normal`: of the surface, on the side where it arrived; unit length.
-    /// - `power`: at least 0 and finite.
+    /// Packs a photon.
+    ///
+    /// - `to_light`: direction against its flight; unit length.
+    /// - `normal`: geometric normal, on the side where it arrived; unit length.
+    /// - `power`: finite and at least 0.
     pub fn new(p: Vec3, to_light: Vec3, normal: Vec3, power: Spectrum) -> Self {
         let directions = packed(to_light, DIRECTION_STEPS, 10) | packed(normal, NORMAL_STEPS, 6) << 20;
         Self { p, mark: Mark { directions, power: shared_exponent(power), label: 0 } }
     }
 
-    /// A place with a number in place of a power.
+    /// Packs a point with a tag in place of the power.
     pub(crate) fn tagged(p: Vec3, to_light: Vec3, normal: Vec3, tag: u32) -> Self {
         let mark = Self::new(p, to_light, normal, Spectrum::ZERO).mark;
         Self { p, mark: Mark { power: tag, ..mark } }
     }
 
-    /// What is known beside the place.
+    /// Returns the packed data without the position.
     pub fn mark(&self) -> Mark {
         self.mark
     }
 
-    /// The same with another power.
+    /// Returns this photon with another power.
     #[must_use]
     pub fn with_power(self, power: Spectrum) -> Self {
         Self { mark: Mark { power: shared_exponent(power), ..self.mark }, ..self }
     }
 
-    /// The same with its light scattered so often before it arrived.
+    /// Returns this photon with `bounces` scatterings before it arrived.
     #[must_use]
     pub fn with_bounces(self, bounces: u32) -> Self {
         self.with_label(bounces)
     }
 
-    /// The same with another label.
+    /// Returns this photon with another label.
     #[must_use]
     pub(super) fn with_label(self, label: u32) -> Self {
         Self { mark: Mark { label, ..self.mark }, ..self }
     }
 
+    /// Returns a photon of packed data.
     pub(super) fn of(p: Vec3, mark: Mark) -> Self {
         Self { p, mark }
     }
 }
 
 impl Mark {
+    /// Returns the packed form.
     pub(crate) fn to_numbers(self) -> [u32; 3] {
         [self.directions, self.power, self.label]
     }
 
+    /// Returns the data of a packed form.
     pub(crate) fn from_numbers([directions, power, label]: [u32; 3]) -> Self {
         Self { directions, power, label }
     }
 
-    /// How often the light was scattered before it arrived.
+    /// Returns how often the light was scattered before it arrived.
     #[inline(always)]
     pub fn bounces(self) -> u32 {
         self.label
     }
 
+    /// Returns the label.
     #[inline(always)]
     pub(super) fn label(self) -> u32 {
         self.label
     }
 
-    /// Where the light came from: unit length, within a quarter of a degree.
+    /// Returns the direction that the light came from: unit length, within a quarter of a degree.
     #[inline(always)]
     pub fn to_light(self) -> Vec3 {
         unpacked(self.directions, DIRECTION_STEPS, 10)
     }
 
-    /// The normal of the surface on the side where it arrived: unit length, within four degrees.
+    /// Returns the geometric normal on the side where it arrived: unit length, within four degrees.
     #[inline(always)]
     pub fn normal(self) -> Vec3 {
         unpacked(self.directions >> 20, NORMAL_STEPS, 6)
     }
 
-    /// The same with something else in place of the power.
+    /// Returns this mark with a tag in place of the power.
     #[must_use]
     pub(crate) fn with_tag(self, tag: u32) -> Self {
         Self { power: tag, ..self }
     }
 
-    /// What stands in place of the power.
+    /// Returns the tag in place of the power.
     #[inline(always)]
     pub(crate) fn tag(self) -> u32 {
         self.power
     }
 
-    /// Within half a percent of its largest part.
+    /// Returns the power, within half a percent of its greatest channel.
     #[inline(always)]
     pub fn power(self) -> Spectrum {
         of_shared_exponent(self.power)
     }
 }
 
-/// Red, green and blue of a number that [`shared_exponent`] made.
+/// Unpacks red, green and blue with a shared exponent.
 #[inline(always)]
 pub(super) fn of_shared_exponent(number: u32) -> Spectrum {
     let [r, g, b, exponent] = number.to_le_bytes();
-    // 2^(e − bias − 8): made from its bits, for it is a normal number wherever the mantissas are not 0.
+    // Build 2^(e − bias − 8) from its bits: it is normal wherever a mantissa is not 0
     let scale = f64::from_bits(((i64::from(exponent) - i64::from(EXPONENT_BIAS) - 8 + 1023) as u64) << 52) as f32;
     Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * scale
 }
 
-/// A direction as two whole numbers of so many bits.
+/// Packs a direction as two octahedral coordinates of `bits` bits.
 fn packed(w: Vec3, steps: u32, bits: u32) -> u32 {
-    // An even number of steps between the ends puts the poles and the axes on the grid.
+    // An even number of intervals puts the poles and the axes on the grid
     let last = (steps - 2) as f32;
     let place = (square_from_direction(w).0 * 0.5 + 0.5).clamp(Vec2::ZERO, Vec2::ONE) * last + 0.5;
     place.x as u32 | (place.y as u32) << bits
 }
 
+/// Unpacks a direction; see [`packed`].
 #[inline(always)]
 fn unpacked(code: u32, steps: u32, bits: u32) -> Vec3 {
     let mask = steps - 1;
@@ -148,15 +155,15 @@ fn unpacked(code: u32, steps: u32, bits: u32) -> Vec3 {
     direction_from_square(place * (2.0 / (steps - 2) as f32) - 1.0).0
 }
 
-/// Red, green and blue as shares of a power of two, and its exponent, in four bytes.
+/// Packs red, green and blue with a shared exponent into four bytes; NaN becomes 0.
 pub(super) fn shared_exponent(power: Spectrum) -> u32 {
     let largest = power.max_element();
-    // Not a number is no light, either.
+    // NaN counts as no light
     if largest.is_nan() || largest < f32::MIN_POSITIVE {
         return 0;
     }
     let largest = largest.min(f32::MAX);
-    // The least power of two above the largest part.
+    // Find the least power of two above the greatest channel
     let mut exponent = ((largest.to_bits() >> 23) as i32 - 127) + 1;
     let scale_of = |exponent: i32| 2.0_f64.powi(8 - exponent);
     if f64::from(largest) * scale_of(exponent) >= 255.5 {

@@ -1,4 +1,4 @@
-//! The store of maps, for all who paint the same.
+//! The store of photon maps, shared by all work on the same picture.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -10,13 +10,13 @@ use super::{
 };
 use crate::{PhotonSettings, View, ala::Agents, prepare::PreparedScene};
 
-/// Pictures whose maps are kept.
+/// Number of pictures whose maps are kept.
 const PICTURES_MAX: usize = 2;
 
-/// What maps depend on beside the scene and the extent of what is seen: settings, seed, and how many passes there are.
+/// Key of a picture's maps, in addition to the visible extent: settings, seed and number of passes.
 type Of = (PhotonSettings, u64, u32);
 
-/// The maps of each pass, each made by the first who needs it, while others wait.
+/// The maps of all passes of a picture, each built by the first thread that needs it, while others wait.
 pub(crate) struct Passes {
     of: Of,
     plan: Arc<PhotonPlan>,
@@ -28,25 +28,25 @@ pub(crate) struct Passes {
 /// The memory of a picture's maps, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MapBytes {
-    /// Photons of light that was brought together by mirrors and glass; with the indirect ones, where no rays are gathered.
+    /// Caustic photons; without final gathering, also the indirect photons.
     pub seen: usize,
-    /// Places where the irradiance is known.
+    /// Places with precomputed irradiance.
     pub irradiance: usize,
-    /// Photons straight from the lights, and photons that were scattered before; where these maps are kept apart.
+    /// Direct photons, if [`PhotonSettings::separate_maps`] is set.
     pub direct: usize,
-    /// See [`Self::direct`].
+    /// Indirect photons, if [`PhotonSettings::separate_maps`] is set.
     pub indirect: usize,
-    /// Places where it is known where indirect light comes from.
+    /// Distributions of indirect light.
     pub arrivals: usize,
-    /// Shadow photons.
+    /// Shadow photons, lit and shaded.
     pub shadow: usize,
     /// The irradiance cache.
     pub cache: usize,
-    /// Lighting agents with all that they know.
+    /// Lighting agents with all their data.
     pub agents: usize,
 }
 
-/// Where a cache is put by the first who needs it, while others wait.
+/// Place of a cache that the first thread that needs it builds, while others wait.
 type CachePlace = Arc<OnceLock<IrradianceCache>>;
 
 /// The maps of some pictures of a scene.
@@ -54,7 +54,7 @@ type CachePlace = Arc<OnceLock<IrradianceCache>>;
 pub(crate) struct PhotonStore(Mutex<Vec<Arc<Passes>>>);
 
 impl PhotonStore {
-    /// The passes of a picture.
+    /// Returns the maps of a picture; creates their places if it is new, and drops the oldest picture.
     pub(crate) fn passes(
         &self,
         plan: Arc<PhotonPlan>,
@@ -65,7 +65,7 @@ impl PhotonStore {
         let of = (settings, seed, pass_count);
         let mut pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let is_alike = |other: &PhotonPlan| {
-            // Lookouts are those of one view.
+            // Lookouts depend on the view
             other.extent() == plan.extent() && (!settings.lookouts || settings.progressive || other.view == plan.view)
         };
         let is_it = |passes: &&Arc<Passes>| passes.of == of && is_alike(&passes.plan);
@@ -86,7 +86,7 @@ impl PhotonStore {
         passes
     }
 
-    /// Bytes held.
+    /// Returns the memory of all maps, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         let pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let maps = pictures.iter().flat_map(|passes| passes.maps.iter().filter_map(OnceLock::get));
@@ -98,7 +98,7 @@ impl PhotonStore {
 }
 
 impl Passes {
-    /// What is there so far.
+    /// Returns the memory of the maps built so far.
     pub(crate) fn bytes(&self) -> MapBytes {
         let maps = || self.maps.iter().filter_map(OnceLock::get);
         MapBytes {
@@ -113,8 +113,8 @@ impl Passes {
         }
     }
 
-    /// The maps and the agents, once they are there, for others who paint the same. Those of progressive pictures are too many to
-    /// be told.
+    /// Returns the bytes of maps and agents for other machines; `None`: not built yet, or a progressive picture, which
+    /// has too many.
     pub(crate) fn to_bytes(&self) -> Option<Vec<u8>> {
         let (settings, ..) = &self.of;
         let maps = self.maps.first()?.get().filter(|_| !settings.progressive)?;
@@ -126,7 +126,8 @@ impl Passes {
         Some(to.0)
     }
 
-    /// Takes what somebody else has told. Whoever has it already keeps that. False: it is nothing of the kind.
+    /// Takes over maps and agents from another machine; those already built are kept. Returns `false` if the bytes are
+    /// invalid.
     pub(crate) fn take_bytes(&self, bytes: &[u8]) -> bool {
         let (settings, ..) = &self.of;
         let mut from = Reader(bytes);
@@ -149,7 +150,7 @@ impl Passes {
         true
     }
 
-    /// The maps that belong to a sample.
+    /// Returns the maps of the pass that a sample belongs to; builds them first if needed.
     pub(crate) fn of_sample(&self, prepared: &PreparedScene, sample: u32) -> &PhotonMaps {
         let pass = sample % self.maps.len() as u32;
         let (settings, seed, _) = &self.of;
@@ -157,34 +158,34 @@ impl Passes {
             .get_or_init(|| prepared.on_threads(|| PhotonMaps::new(prepared, &self.plan, settings, *seed, pass)))
     }
 
-    /// Where photons and agents are sent.
+    /// Returns the plan of photon and agent emission.
     pub(crate) fn plan(&self) -> &Arc<PhotonPlan> {
         &self.plan
     }
 
-    /// The agents of the picture; the first who asks has them made.
+    /// Returns the agents of the picture; calls `make` first if there are none.
     pub(crate) fn agents(&self, make: impl FnOnce() -> Agents) -> &Agents {
         self.agents.get_or_init(make)
     }
 
-    /// Whether the agents are there.
+    /// Returns `true` if the agents exist.
     pub(crate) fn has_agents(&self) -> bool {
         self.agents.get().is_some()
     }
 
-    /// The agents, if they are there.
+    /// Returns the agents; `None`: not cast yet.
     pub(crate) fn known_agents(&self) -> Option<&Agents> {
         self.agents.get()
     }
 
-    /// Takes agents that were made as [`Self::agents`] would make them.
+    /// Stores agents that equal what [`Self::agents`] makes.
     pub(crate) fn put_agents(&self, agents: Agents) {
         self.agents.get_or_init(|| agents);
     }
 
-    /// Where the irradiance of a view is kept.
+    /// Returns the place of a view's irradiance cache.
     pub(crate) fn cache(&self, view: View) -> Arc<OnceLock<IrradianceCache>> {
-        /// Views whose irradiance is kept.
+        /// Number of views whose cache is kept.
         const VIEWS_MAX: usize = 2;
         let mut caches = self.caches.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, place)) = caches.iter().find(|(known, _)| *known == view) {
@@ -198,17 +199,18 @@ impl Passes {
         place
     }
 
+    /// Returns the memory of the irradiance caches, in bytes.
     fn cache_bytes(&self) -> usize {
         let caches = self.caches.lock().unwrap_or_else(PoisonError::into_inner);
         caches.iter().filter_map(|(_, place)| place.get()).map(IrradianceCache::memory_bytes).sum()
     }
 
-    /// Whether the maps of the first pass are there.
+    /// Returns `true` if the maps of the first pass exist.
     pub(crate) fn is_made(&self) -> bool {
         self.maps[0].get().is_some()
     }
 
-    /// Takes the maps of the first pass, made as this would make them.
+    /// Stores the maps of the first pass, if there are none yet.
     pub(crate) fn put(&self, maps: PhotonMaps) {
         self.maps[0].get_or_init(|| maps);
     }

@@ -1,4 +1,4 @@
-//! Photons on their way: from the lights over mirrors, through glass, and from one surface to the next.
+//! Tracing of photons: from the lights over mirrors, through glass, and from surface to surface.
 
 use std::ops::Range;
 
@@ -21,56 +21,58 @@ use crate::{
     shading::{BLEND, bsdf_at, exp},
 };
 
-/// Sets the numbers of photons apart from those of pixels.
+/// Key of the random numbers of photons, distinct from pixels.
 const PHOTON_SEED: u64 = 0x7068_6f74_6f6e_7321;
-/// The same for those that are sent to mirrors and glass.
+/// Key of the random numbers of caustic photons that are sent to mirrors and glass.
 const SENT_SEED: u64 = 0x6361_7573_7469_6373;
-/// Sets the numbers that decide where photons are aimed apart from others.
+/// Key of the random numbers that decide whether a photon is aimed.
 const AIMING: u64 = 0x6169_6d65_6421_2121;
-/// By how much the two normals of a surface may make a photon stronger.
+/// Greatest factor by which the shading normal makes a photon stronger.
 const NORMALS_RATIO_MAX: f32 = 8.0;
-/// Surfaces behind the first one at which a photon leaves its shadow.
+/// Greatest number of shadow photons per photon, one per surface behind the first.
 const SHADOWS_MAX: u32 = 16;
 
-/// What photons are traced by. A photon depends on the scene, these and its index alone.
+/// The photon tracer of a pass. A photon depends only on the scene, these settings and its index.
 #[derive(Clone, Copy)]
 pub(crate) struct Tracer<'a> {
+    /// The prepared scene.
     pub(crate) prepared: &'a PreparedScene,
+    /// Light sources of the scene.
     pub(crate) emission: &'a Emission,
-    /// Where photons are sent.
+    /// Plan of emission: the region that photons are sent to.
     pub(crate) plan: &'a EmissionPlan,
+    /// Seed of the random numbers.
     pub(crate) seed: u64,
-    /// Passes have photons of their own.
+    /// Number of the pass; each pass has its own photons.
     pub(crate) pass: u32,
-    /// Surfaces that a photon may come to.
+    /// Greatest number of surfaces that a photon hits.
     pub(crate) bounces: u32,
-    /// Whether it is kept where light arrives and where it does not.
+    /// `true`: also store shadow photons.
     pub(crate) with_shadows: bool,
-    /// Whether it ends where light is spread, and is kept only if it came there over mirrors or through glass.
+    /// `true`: store only caustic photons, and end paths at the first BSDF that is not specular.
     pub(crate) only_caustics: bool,
-    /// What it stands for, if it is not one of all photons.
+    /// Factor of the power.
     pub(crate) strength: f32,
-    /// Where it is sent to, if not everywhere: to mirrors and glass.
+    /// Projection map that sends photons to mirrors and glass; `None`: they are sent everywhere.
     pub(crate) projection: Option<&'a Projection>,
 }
 
-/// Photons where they arrived, in the order of their indices. Each carries what it stands for if it is the only one: divide
-/// by how many were emitted.
+/// Stored photons, in the order of their indices. Each carries the power of all light: divide by the number emitted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TracedPhotons {
-    /// Straight from a light.
+    /// Photons that arrived directly from a light.
     pub direct: Vec<Photon>,
-    /// From a light over mirrors and through glass alone.
+    /// Photons that arrived over mirrors and glass only.
     pub caustic: Vec<Photon>,
-    /// Scattered at least once otherwise.
+    /// Photons that scattered at least once at a BSDF that is not specular.
     pub indirect: Vec<Photon>,
-    /// Where a ray from a light came to its first surface and to those behind: in place of a power the number of the light,
-    /// doubled, and 1 more where it is lit.
+    /// Shadow photons, on the first surface along a photon's ray and on those behind. The tag is twice the number of
+    /// the light, plus 1 where it is lit.
     pub(crate) visibility: Vec<Photon>,
 }
 
 impl TracedPhotons {
-    /// Adds the photons of the indices that follow.
+    /// Appends the photons of the following indices.
     pub fn append(&mut self, mut later: Self) {
         self.direct.append(&mut later.direct);
         self.caustic.append(&mut later.caustic);
@@ -90,9 +92,11 @@ impl ByteForm for TracedPhotons {
     }
 }
 
-/// Photons to trace.
+/// A range of photons to trace.
 pub(crate) struct Tracing<'a> {
+    /// Tracer of the pass.
     pub(crate) tracer: Tracer<'a>,
+    /// Indices of the photons.
     pub(crate) indices: Range<u32>,
 }
 
@@ -109,26 +113,29 @@ impl Task for Tracing<'_> {
     }
 }
 
-/// The number of a light in a record of visibility.
+/// Returns the tag of a shadow photon.
 pub(super) fn visibility_tag(light: u32, is_lit: bool) -> u32 {
     light.wrapping_mul(2) | u32::from(is_lit)
 }
 
 impl Tracer<'_> {
+    /// Returns the random numbers of a photon.
     fn sampler(&self, index: u32) -> PixelSampler {
         let sent = if self.projection.is_some() { SENT_SEED } else { 0 };
         PixelSampler::new(self.seed ^ PHOTON_SEED ^ sent, self.pass, 0, index)
     }
 
-    /// The numbers that a photon is emitted by.
+    /// Returns the random numbers of a photon's emission.
     pub(super) fn numbers(&self, index: u32) -> [Quad; 2] {
         self.sampler(index).two_quads(DimensionSet::CAMERA, DimensionSet::light(0))
     }
 
+    /// Traces one photon and appends what it stores to `traced`.
     #[inline(always)]
     pub(super) fn trace(&self, index: u32, traced: &mut TracedPhotons) {
         let sampler = self.sampler(index);
         let [u, v] = self.numbers(index);
+        // Emit the photon, aimed by the projection map if there is one
         let (u, v, weight) = self.projection.map_or((u, v, 1.0), |projection| projection.sent(u, v));
         let Some(emitted) = self.emission.emit(self.prepared, self.plan, u, v) else { return };
         if self.with_shadows {
@@ -140,6 +147,7 @@ impl Tracer<'_> {
         let (mut is_specular, mut is_direct) = (true, true);
         for depth in 0..self.bounces {
             let ray = Ray::new(origin, direction);
+            // Intersect, and attenuate inside solids
             let hit = self.intersect(&ray, &sampler, depth);
             if hit.is_none() {
                 return;
@@ -152,17 +160,19 @@ impl Tracer<'_> {
             if matches!(material.surface, Surface::Unlit(_)) {
                 return;
             }
-            // What a relief takes from the light it takes by the direction that light comes from.
+            // Keep the relief's shadowing apart: it depends on the direction of the light
             let lifted = point.lifted.take();
             let mut place = None;
+            // Evaluate the BSDF's parameters
             let chance = || sampler.hashed(BLEND ^ u64::from(depth) << 56 ^ u64::from(point.material));
             let bsdf = bsdf_at(self.prepared, &point, chance, &mut place).with_mode(TransportMode::Importance);
             let wo = point.to_local(point.wo);
-            // Photons are as dense as light falls on the real surface, and scatter by its shading normal.
+            // Photon density follows the geometric normal; scattering follows the shading normal
             let arriving = (wo.z / point.wo.dot(point.ng).abs()).min(NORMALS_RATIO_MAX);
             if bsdf.has_non_delta() {
                 let normal = if point.front { point.ng } else { -point.ng };
                 let power = power * (arriving / self.opacity(&ray, &hit));
+                // Store the photon by its kind
                 let photon = Photon::new(point.p, point.wo, normal, power).with_bounces(depth);
                 match (is_direct, is_specular) {
                     (true, _) if self.only_caustics => {}
@@ -171,6 +181,7 @@ impl Tracer<'_> {
                     (false, false) => traced.indirect.push(photon),
                 }
             }
+            // Sample the BSDF, or aim at the visible region
             let u = sampler.quad(DimensionSet::scattering(depth));
             let aim = if bsdf.has_non_delta() { self.plan.aim(point.p) } else { None };
             let bsdf = bsdf.at_carrying(wo, power);
@@ -180,14 +191,15 @@ impl Tracer<'_> {
             if (sample.wi.z > 0.0) != is_reflection {
                 return;
             }
-            // Veach 1997, eq. 5.19: the adjoint of scattering by a shading normal.
+            // Correct for the shading normal: the adjoint BSDF (Veach 1997, eq. 5.19)
             let leaving = wi.dot(point.ng).abs() / sample.wi.z.abs();
             let mut next = power * sample.weight() * (arriving * leaving);
             if let Some(lifted) = lifted {
                 let seen = if lifted.factor(sample.wi) > 0.0 { lifted.factor(wo) } else { 0.0 };
                 next *= seen;
             }
-            // Russian roulette by what is left: photons stay as strong as they were, unless they go where others are weaker.
+            // Terminate with Russian roulette by the remaining power, which keeps photons equally strong; aimed photons
+            // survive, as they are weaker
             let survival = if is_aimed { 1.0 } else { (next.max_element() / power.max_element()).min(1.0) };
             if !(survival > 0.0 && u[3] < survival && next.is_finite()) {
                 return;
@@ -196,6 +208,7 @@ impl Tracer<'_> {
             if !is_reflection && known.parts_media {
                 absorption = known.absorption[usize::from(point.front)];
             }
+            // Spawn the next ray
             is_specular &= sample.is_delta();
             if self.only_caustics && !is_specular {
                 return;
@@ -205,6 +218,7 @@ impl Tracer<'_> {
         }
     }
 
+    /// Returns the closest hit of a photon's ray.
     #[inline(always)]
     fn intersect(&self, ray: &Ray, sampler: &PixelSampler, depth: u32) -> Hit {
         if !self.prepared.has_opacity() {
@@ -217,16 +231,16 @@ impl Tracer<'_> {
         })
     }
 
-    /// The share of all photons that do not pass through a surface where one was stopped: those that are kept there stand for all,
-    /// for who sees the surface has not passed through it either.
+    /// Returns the share of photons that a semi-transparent surface stops. Stored photons are divided by it: camera
+    /// paths hit the surface with the same probability.
     #[inline(always)]
     fn opacity(&self, ray: &Ray, hit: &Hit) -> f32 {
-        /// What is nearly nothing is seldom seen: no photon becomes stronger for it without bounds.
+        /// Least opacity, which bounds the factor.
         const OPACITY_MIN: f32 = 1.0 / 64.0;
         if self.prepared.has_opacity() { opacity_of(self.prepared, ray, hit).0.max(OPACITY_MIN) } else { 1.0 }
     }
 
-    /// Goes straight through all surfaces, and tells of each whether it is the first.
+    /// Stores shadow photons at all surfaces along the photon's ray, and marks the first one as lit.
     fn leave_shadows(&self, emitted: &EmittedPhoton, traced: &mut TracedPhotons) {
         let mut origin = emitted.origin;
         for number in 0..SHADOWS_MAX {
@@ -246,8 +260,8 @@ impl Tracer<'_> {
     }
 }
 
-/// Where a photon goes on, and whether that is to what is seen: from far away, half of all photons go to what is seen. Those stand for
-/// as much less as they are more.
+/// Samples a photon's next direction. Returns `true` with it if it points to the visible region: from far away, half of
+/// the photons are aimed there, with accordingly less power.
 fn scattered(
     bsdf: &BsdfAt<'_>,
     aim: Option<Aim>,
@@ -271,10 +285,10 @@ fn scattered(
     (value.max_element() > 0.0).then_some((BsdfSample { wi, value, pdf, lobe: LobeFlags::DIFFUSE, eta: 1.0 }, true))
 }
 
-/// Whether a normal may belong to the same surface as another one.
+/// Returns `true` if two normals may belong to the same surface.
 #[inline(always)]
 pub(crate) fn is_alike(a: Vec3, b: Vec3) -> bool {
-    /// Cosine of the angle within which they do.
+    /// Least cosine of the angle between them.
     const COSINE_MIN: f32 = 0.6;
     a.dot(b) > COSINE_MIN
 }

@@ -1,4 +1,4 @@
-//! Photons that find out where others must leave the lights to come to mirrors and glass.
+//! Trial photons that find the emission directions of caustic photons.
 
 use std::ops::Range;
 
@@ -16,19 +16,19 @@ use crate::{
     prepare::PreparedScene,
 };
 
-/// Photons that try it out.
+/// Number of trial photons.
 const TRIALS: u32 = 1 << 17;
-/// Surfaces that these may come to.
+/// Greatest number of surfaces that a trial photon hits.
 const TRIAL_BOUNCES: u32 = 6;
 
-/// How much a caustic matters that no lookout sees: what lies between them is narrow.
+/// Importance of caustics that no lookout sees; the gaps between lookouts are narrow.
 const UNSEEN: f64 = 0.05;
-/// Photons that one processor tries out in a row.
+/// Trial photons that one thread traces in a row.
 const BATCH: u32 = 4096;
 
-/// Tries out a scene on the threads that are meant for what is made once.
+/// Traces trial photons and builds the projection map, on the scene's threads.
 ///
-/// - `lookouts`: what they see matters; without them all that comes to mirrors or glass does.
+/// - `lookouts`: weigh photons by what they see; `None`: all caustic photons count.
 pub(super) fn try_out(
     prepared: &PreparedScene,
     emission: &Emission,
@@ -66,7 +66,7 @@ pub(super) fn try_out(
     sent.with_shares_seen(seen)
 }
 
-/// Some of the photons that try it out.
+/// A range of trial photons.
 struct Trial<'a> {
     tracer: Tracer<'a>,
     lookouts: Option<&'a Lookouts>,
@@ -74,7 +74,7 @@ struct Trial<'a> {
 }
 
 impl Task for Trial<'_> {
-    /// The cells of those that came to mirrors or glass, and how much is seen of what they brought.
+    /// Cells of the photons that hit mirrors or glass, with the greatest importance of what each stored.
     type Output = Vec<(usize, f64)>;
 
     #[inline(always)]

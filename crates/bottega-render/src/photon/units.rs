@@ -1,4 +1,4 @@
-//! Work on photons, as the allocator hands it out.
+//! Units of photon work for the allocator.
 
 use std::{ops::Range, sync::Arc};
 
@@ -14,37 +14,40 @@ use super::{
 };
 use crate::{PhotonSettings, PreparedScene, Prepass, View};
 
-/// Photons to be traced.
+/// A range of photons to trace.
 #[derive(Clone)]
 pub struct PhotonWork {
-    /// The scene.
+    /// The scene to trace in.
     pub scene: Arc<PreparedScene>,
-    /// What is known of it.
+    /// Prepass of the scene.
     pub prepass: Arc<Prepass>,
-    /// How.
+    /// Settings of the photons.
     pub settings: PhotonSettings,
-    /// The picture: photons are sent to what it shows.
+    /// Picture that the photons are traced for: they are sent to what it shows.
     pub view: View,
-    /// Whether they are sent to mirrors and glass alone.
+    /// `true`: trace only caustic photons, sent to mirrors and glass.
     pub only_caustics: bool,
-    /// Another seed gives other photons.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Which photons.
+    /// Indices of the photons.
     pub indices: Range<u32>,
 }
 
-/// Irradiance to be computed from photons at the places of some of them.
+/// A range of points whose irradiance is to be computed from photons.
 #[derive(Clone)]
 pub struct IrradianceWork {
     /// The scene that the photons are of.
     pub(crate) scene: Arc<PreparedScene>,
+    /// All photons of the picture.
     pub(crate) all: Arc<PhotonMap>,
+    /// Density estimator of the picture.
     pub(crate) estimator: Estimator,
+    /// Indices of the points.
     pub(crate) points: Range<u32>,
 }
 
 impl PhotonWork {
-    /// Traces them on the calling thread.
+    /// Traces the photons on the calling thread.
     pub fn perform(self) -> TracedPhotons {
         let Self { scene, prepass, settings, view, only_caustics, seed, indices } = self;
         let plan = prepass.photon_plan(&scene, view);
@@ -58,7 +61,7 @@ impl PhotonWork {
 }
 
 impl IrradianceWork {
-    /// Computes it on the calling thread.
+    /// Computes the irradiance on the calling thread.
     pub fn perform(self) -> IrradiancePlaces {
         let (prepared, all) = (&*self.scene, &*self.all);
         compiled::run(IrradianceAt { prepared, estimator: self.estimator, all, points: self.points })

@@ -2,14 +2,14 @@
 //!
 //! Direction numbers: Joe and Kuo 2008, *Constructing Sobol sequences with better two-dimensional projections*.
 
-/// The degree s, the coefficients a and the initial numbers m of the primitive polynomials of dimensions 2 to 4.
+/// Degree s, coefficients a and initial numbers m of the primitive polynomials of dimensions 2 to 4.
 const POLYNOMIALS: [(usize, u32, [u32; 3]); 3] = [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1])];
 
-/// For each group of four bits of the **reversed** index and each value of it, what it contributes to the four numbers.
+/// Contribution of each group of four bits of the **reversed** index, for each value of the group, to the four numbers.
 pub(super) static NIBBLES: [[[u32; 4]; 16]; 8] = nibble_tables();
 
-/// A point of the sequence as four 32-bit fractions; these and its index **with their bits reversed** (the lowest bit of
-/// a fraction is the half).
+/// Returns a point of the sequence as four 32-bit fractions. Fractions and index have **their bits reversed**: the
+/// lowest bit of a fraction is the half.
 #[inline(always)]
 pub(super) fn reversed_point(reversed_index: u32) -> [u32; 4] {
     let mut point = [0; 4];
@@ -22,6 +22,7 @@ pub(super) fn reversed_point(reversed_index: u32) -> [u32; 4] {
     point
 }
 
+/// Returns the direction numbers of a dimension.
 const fn direction_numbers(dimension: usize) -> [u32; 32] {
     let mut v = [0_u32; 32];
     if dimension == 0 {

@@ -1,4 +1,4 @@
-//! A glimpse of a picture: its colors, by a path or two a pixel, for who looks around in a scene.
+//! A glimpse of a picture: its colors from one or two paths per pixel, for navigation in a scene.
 
 use std::sync::Arc;
 
@@ -8,27 +8,27 @@ use bottega_image::{Picture, Rect};
 use super::{SurveyPixel, probe_settings, take_in};
 use crate::{PreparedScene, ProbeWork, RenderError, RenderOutput, RenderWork, View};
 
-/// Side of a block, in pixels: some milliseconds at most, for it may be ended between two of them.
+/// Side of a block, in pixels: at most some milliseconds, as a glimpse can be canceled only between blocks.
 const BLOCK_SIDE: u32 = 8;
 
-/// The size and the cost of a glimpse.
+/// Depth and sample count of a glimpse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GlimpseOptions {
-    /// Bounces of the paths that the picture will be painted with.
+    /// Greatest number of bounces of the final picture.
     pub max_depth: u32,
-    /// Paths of each pixel.
+    /// Paths per pixel.
     pub samples: u32,
 }
 
-/// Paints the whole picture `view`, which should be small, unless it is ended before: `None`.
+/// Renders a glimpse of the picture `view`, which should be small. Returns `None` if it is canceled.
 ///
-/// All heavy work goes through `client`, which nobody else may use meanwhile. What comes of it depends on the scene, the
-/// view and the options alone.
+/// All work goes through `client`, which must not be used otherwise meanwhile. The result depends only on the scene,
+/// the view and the options.
 ///
-/// - `is_ended`: asked after each block.
+/// - `is_ended`: called after each block; `true` cancels.
 ///
 /// # Errors
-/// The scene has no such camera, or the allocator has failed.
+/// The scene lacks the view's camera, or the allocator failed.
 pub fn glimpse(
     scene: &Arc<PreparedScene>,
     view: View,
@@ -47,7 +47,7 @@ pub fn glimpse(
     client.submit_group(blocks.iter().zip(0..).map(unit).collect())?;
     let mut pixels = vec![SurveyPixel::default(); whole.area() as usize];
     let (mut failure, mut is_over) = (None, false);
-    // All answers are taken even after a failure: none may be left for the client's next user.
+    // Take all answers even after a failure: none may be left for the client's next user
     while let Some(completed) = client.take() {
         match completed.output {
             Ok(RenderOutput::Probe(seen)) => take_in(&mut pixels, whole, blocks[completed.ticket as usize], &seen),

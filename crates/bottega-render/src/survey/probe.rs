@@ -10,12 +10,12 @@ use crate::{
     luminance,
 };
 
-/// The findings of the fast pass in one pixel; means over its samples.
+/// Result of the survey for one pixel; means over its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurveyPixel {
-    /// Levels of recursion in mirror and transparent surfaces (the paper's importance function).
+    /// Levels of recursion in mirrors and transparent surfaces (the paper's importance function).
     pub recursion_levels: f32,
-    /// Traversal steps (nodes and leaves visited) that one path took.
+    /// Traversal steps (nodes and leaves visited) per path.
     pub steps: f32,
     /// Mean radiance, linear RGB.
     pub color: [f32; 3],
@@ -23,25 +23,25 @@ pub struct SurveyPixel {
     pub noise: f32,
     /// Reflectance of the first surface.
     pub albedo: [f32; 3],
-    /// Distance to the first surface; 0 where there is none.
+    /// Distance to the first surface; 0: none.
     pub depth: f32,
-    /// Vertices of one path.
+    /// Vertices per path.
     pub path_length: f32,
-    /// Rays towards lights of one path.
+    /// Shadow rays per path.
     pub shadow_rays: f32,
-    /// Vertices of one path at surfaces of several lobes, which are dearer to evaluate than a single one.
+    /// Vertices per path on surfaces with several lobes, which are slower to evaluate.
     pub layered: f32,
-    /// Textures of the surfaces that one path meets.
+    /// Texture lookups per path.
     pub lookups: f32,
-    /// Segments of one path that lie in media.
+    /// Segments inside media per path.
     pub media: f32,
-    /// Share of the luminance that came over more than one scattering, 0..=1.
+    /// Share of the luminance that scattered more than once, in [0, 1].
     pub indirect: f32,
     /// Standard deviation of the luminance of [`albedo`](Self::albedo) over the samples.
     pub detail: f32,
 }
 
-/// Looks at a block of pixels by a few paths. Everything but the recursion levels, row-major.
+/// Probes a block of pixels by a few paths. Returns all but the recursion levels, row-major.
 pub(crate) fn probe(
     scene: &PreparedScene,
     view: View,
@@ -62,7 +62,7 @@ pub(crate) fn probe(
     Ok(pixels)
 }
 
-/// What the samples of one pixel saw.
+/// Averages the samples of one pixel.
 fn seen_by(samples: &[PathRecord]) -> SurveyPixel {
     let sample_count = samples.len() as u32;
     let share = 1.0 / sample_count as f32;
@@ -97,8 +97,8 @@ fn seen_by(samples: &[PathRecord]) -> SurveyPixel {
     pixel
 }
 
-/// Mean and standard deviation of numbers that come one by one, without cancellation between large sums. Source: Welford
-/// 1962, *Note on a Method for Calculating Corrected Sums of Squares and Products*.
+/// Running mean and standard deviation, without cancellation between large sums. Source: Welford 1962, *Note on a
+/// Method for Calculating Corrected Sums of Squares and Products*.
 #[derive(Clone, Copy, Default)]
 struct Spread {
     count: u32,
@@ -107,6 +107,7 @@ struct Spread {
 }
 
 impl Spread {
+    /// Adds a value.
     fn add(&mut self, value: f32) {
         self.count += 1;
         let from_mean = value - self.mean;
@@ -114,7 +115,7 @@ impl Spread {
         self.squares += from_mean * (value - self.mean);
     }
 
-    /// Of one number; 0 for fewer than two.
+    /// Returns the sample standard deviation; 0 for fewer than two values.
     fn deviation(&self) -> f32 {
         (self.squares / self.count.saturating_sub(1).max(1) as f32).sqrt()
     }

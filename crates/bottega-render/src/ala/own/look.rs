@@ -1,4 +1,4 @@
-//! The verdict whether a light is seen: by all that an agent and those next to it have seen, with the doubt that is left.
+//! The visibility of lights by pooled readings with an error bound.
 
 use std::ops::Range;
 
@@ -10,18 +10,19 @@ use super::super::{
     visibility::ShadowVerdict,
 };
 
-/// Sensors of an agent in the first round, and all of them where it has doubtful neighbors.
+/// Sensors of an agent in the first round.
 pub(super) const FIRST: u32 = 5;
+/// Sensors of an agent in total where neighbours disagree.
 pub(super) const ALL: u32 = 16;
-/// How near to an agent a surface must end for it to be at an edge, as a share of how far it looks around.
+/// Greatest distance of an agent from a surface edge to be at the edge, as a share of its neighbourhood's radius.
 const NEAR: f32 = 0.72;
-/// Greatest share of a neighborhood that may be otherwise than all its sensors say, on the mean of Jeffreys' posterior: with
-/// the half count of his prior, twenty-four that agree are enough.
+/// Greatest tolerated share of a neighbourhood that contradicts its sensors, by the mean of Jeffreys' posterior: with
+/// the half count of the prior, twenty-four agreeing sensors are enough.
 const DOUBT: f32 = 0.02;
 
-/// Agents look for their lights from places around them.
+/// Lets agents test the visibility of their lights from points around them.
 ///
-/// - `numbers`: of the sensors, which lie on a disc as far as the agent looks around.
+/// - `numbers`: numbers of the sensors, which lie on a disc of the neighbourhood's radius.
 pub(in crate::ala) fn look(sensing: &Sensing<'_>, who: &[u32], numbers: Range<u32>) -> SensorReadings {
     let mut sensed = SensorReadings::default();
     let count = numbers.len() as f32;
@@ -47,46 +48,49 @@ pub(in crate::ala) fn look(sensing: &Sensing<'_>, who: &[u32], numbers: Range<u3
 }
 
 impl Discovery {
+    /// Counts one reading.
     pub(super) fn add(&mut self, is_lit: bool) {
         let count = if is_lit { &mut self.lit } else { &mut self.shaded };
         *count += 1;
     }
 
+    /// Adds the counts of another.
     pub(super) fn join(&mut self, other: Self) {
         self.lit += other.lit;
         self.shaded += other.shaded;
         self.lost += other.lost;
     }
 
+    /// Returns `true` if both lit and shaded sensors were counted.
     fn is_mixed(self) -> bool {
         self.lit > 0 && self.shaded > 0
     }
 }
 
-/// Whether an agent can be asked for its light.
+/// Returns `true` if an agent can answer for its light.
 pub(super) fn is_asked(swarm: &Swarm, index: u32) -> bool {
     is_told(swarm.agents[index as usize].light)
 }
 
-/// What each agent has found out on its way: it came straight from its light, or through something.
+/// Returns the readings of the agents' own flights: lit if it came directly from its light, else shaded.
 pub(super) fn arrivals(swarm: &Swarm) -> Vec<Discovery> {
     let arrival = |clone: u32| Discovery { lit: u32::from(clone == 0), shaded: u32::from(clone > 0), lost: 0 };
     swarm.agents.iter().map(|agent| arrival(agent.clone)).collect()
 }
 
-/// Who sees light and shade near by: those next to an edge of a shadow, and those next to them.
+/// Returns the agents near a shadow edge: those with a neighbour whose pooled readings are mixed.
 pub(super) fn doubtful(network: &Network, discoveries: &[Discovery]) -> Vec<u32> {
     let pooled = pooled(network, discoveries);
     let is_near = |&index: &u32| network.neighbors(index).any(|other| pooled[other as usize].is_mixed());
     (0..discoveries.len() as u32).filter(is_near).collect()
 }
 
-/// What each answers: what all sensors of it, of its neighbors and of theirs agree on, if they are enough. Where a light is
-/// nearly hidden, most sensors do not see it: a ring of neighbors more keeps away from there.
+/// Returns each agent's answer: that of its own sensors and those of two rings of neighbours, if they agree and are
+/// enough. Where a light is nearly hidden, most sensors do not see it: the second ring keeps answers away from there.
 pub(super) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<ShadowVerdict> {
     let pooled = pooled(network, discoveries);
     let answer = |(own, index): (&Discovery, u32)| {
-        // At an edge, shade may be narrower than what was looked at.
+        // At surface edges, shadows may be narrower than the tested disc
         let is_edge = discoveries[index as usize].lost > 0;
         let doubt = 0.5 / (own.lit + own.shaded + 1) as f32;
         let around = || network.neighbors(index).map(|other| pooled[other as usize]);
@@ -100,7 +104,7 @@ pub(super) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<Shado
     pooled.iter().zip(0..).map(answer).collect()
 }
 
-/// What each agent and its neighbors know together.
+/// Returns the pooled readings of each agent and its neighbours.
 fn pooled(network: &Network, discoveries: &[Discovery]) -> Vec<Discovery> {
     let join = |(own, index): (&Discovery, u32)| {
         let mut all = *own;

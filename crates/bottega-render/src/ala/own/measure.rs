@@ -1,4 +1,4 @@
-//! Indirect light: measured where those who have measured before cannot tell.
+//! Measurement of indirect light where earlier records are not certain enough.
 
 use super::super::{
     map::Agents,
@@ -7,10 +7,10 @@ use super::super::{
 };
 use crate::integrator::{Hands, SensorPlace as Place};
 
-/// Least radius of a record on the back of a surface, in least radii of others.
+/// Least radius of a record on the back of a surface, relative to that on the front.
 const BACK_REACH: f32 = 0.05;
 
-/// Some of the candidates measure what the others do not know.
+/// Measures irradiance at those candidates whose light the other records do not know.
 pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> SensorReadings {
     let mut sensed = SensorReadings::default();
     let mut hands = Hands::of_sensor(sensing.integrator);
@@ -24,7 +24,7 @@ pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: 
         let Some(point) = probe.place(SensorKind::Irradiance, 0, 0.0, normal) else { continue };
         let sampler = probe.sampler(u32::from(is_back), 1);
         let [least, most] = others.reach_of_records(probe.agent.p, probe.reach);
-        // A back may be the inside of a thin wall, whose other side must not believe it.
+        // A back may be inside a thin wall: its record must not count on the other side
         let reach = [if is_back { BACK_REACH * least } else { least }, most];
         let effort = others.effort_at(probe.agent.p, normal);
         let place = Place { point, width: probe.reach, reach, effort, is_directed };

@@ -1,4 +1,4 @@
-//! Our own rules: agents decide by the error that is to be expected of them, and go where it is great.
+//! The error oracle: agents answer by their expected error, and measure where it is large.
 
 mod look;
 mod measure;

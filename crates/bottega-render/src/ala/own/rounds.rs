@@ -1,4 +1,4 @@
-//! The rounds in which agents look around: each knows what was found in those before.
+//! The rounds of sensing: each uses the readings of the earlier ones.
 
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use super::{
 };
 use crate::{AgentSettings, RenderError, extent::Extent, parts::parts, prepare::PreparedScene};
 
-/// Agents that measure in the first round, if they must; each round has twice as many.
+/// Number of candidates in the first round of measurements; each round has twice as many.
 const FIRST_ROUND: usize = 128;
 
-/// Sends agents of a swarm out, round after round.
+/// Runs the rounds of sensing of a swarm. Returns the agents, and the number of sensors by kind.
 ///
 /// # Errors
-/// The errands were not run.
+/// A sensing task was not run.
 pub(in crate::ala) fn sense(
     prepared: &PreparedScene,
     extent: Extent,
@@ -31,6 +31,7 @@ pub(in crate::ala) fn sense(
     run: &mut Run<'_>,
 ) -> Result<(Agents, [u64; 4]), RenderError> {
     let mut sensors = [0; 4];
+    // Test the visibility of lights
     let answers = if settings.decides_shadows && !prepared.has_opacity() {
         look_for_lights(swarm, network, &mut sensors, run)?
     } else {
@@ -39,6 +40,7 @@ pub(in crate::ala) fn sense(
     let visibility = Visibility::new(swarm, network, &answers, settings.asks_network);
     let mut agents = Arc::new(Agents::without_light(prepared, extent, settings, Arc::new(visibility), &answers));
     if settings.decides_irradiance {
+        // Measure indirect light, round by round, each with the records of the earlier ones
         let all = candidates(swarm, settings);
         let (mut first, mut count) = (0, FIRST_ROUND);
         while first < all.len() && agents.has_room() {
@@ -56,7 +58,7 @@ pub(in crate::ala) fn sense(
     Ok((agents.settled(), sensors))
 }
 
-/// Whether lights are seen, as each agent answers: some sensors everywhere, more next to edges of shadows.
+/// Returns each agent's answer about its light: a few sensors everywhere, more near shadow edges.
 fn look_for_lights(
     swarm: &Swarm,
     network: &Network,
@@ -77,10 +79,11 @@ fn look_for_lights(
     Ok(look::answers(network, &discoveries))
 }
 
-/// Who may measure, in the order of their identities: each first agents of a stratified sequence lie all over the scene.
+/// Returns the candidates for measurements, in the order of their identities. Any first part of that stratified
+/// sequence covers the whole scene.
 fn candidates(swarm: &Swarm, settings: AgentSettings) -> Vec<Candidate> {
     let is_asked = |agent: &Agent| agent.is_matte || (agent.is_glossy && settings.decides_radiance);
-    // Scouts are sent to sides that face the light of others; what is behind is for those who went through.
+    // Scouts are sent to fronts; agents behind a surface cover its back
     let sides = |agent: &Agent| if agent.is_scout() { &[false][..] } else { &[false, true] };
     let asked = swarm.agents.iter().zip(0..).filter(|(agent, _)| is_asked(agent));
     asked.flat_map(|(agent, index)| sides(agent).iter().map(move |&is_back| Candidate { index, is_back })).collect()

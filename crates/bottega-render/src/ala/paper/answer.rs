@@ -1,19 +1,19 @@
-//! "Should I trace a shadow ray?" (§4.4).
+//! The paper's answer to "should I trace a shadow ray?" (§4.4).
 
 use super::super::{network::Network, sensing::Discovery, visibility::ShadowVerdict};
 
-/// Least number of penumbra sensors whose agreement counts.
+/// Least number of agreeing penumbra sensors.
 const PENUMBRA_MIN: u32 = 4;
 
 impl Discovery {
-    /// Share of its penumbra sensors that do not see the light; `None` without any.
+    /// Returns the share of its penumbra sensors that do not see the light; `None`: it has none.
     fn shaded_share(&self) -> Option<f32> {
         let count = self.lit + self.shaded;
         (count > 0).then(|| self.shaded as f32 / count as f32)
     }
 }
 
-/// What each agent answers: what its own sensors and the median of its neighbors' agree on.
+/// Returns each agent's answer: "trace" unless its own sensors and the median of its neighbours agree.
 pub(in crate::ala) fn answers(network: &Network, discoveries: &[Discovery]) -> Vec<ShadowVerdict> {
     let answer = |(own, index): (&Discovery, u32)| {
         let share = |other: u32| discoveries[other as usize].shaded_share();

@@ -1,6 +1,6 @@
 //! The four sensors of table 1, and the agents that deploy them (§4.3).
 //!
-//! Lengths are measured in mean distances between objects, so that a scene's unit of length does not matter.
+//! Lengths are in mean distances between objects, so the scene's unit does not matter.
 
 use std::ops::Range;
 
@@ -25,28 +25,28 @@ use crate::{
     sampling::uniform_sphere,
 };
 
-/// Median values of table 1: of the geometry gradient, and of the penumbra.
+/// Medians of table 1: geometry gradient and penumbra.
 const GEOMETRY_MEDIAN: f32 = 2.0 / 3.0;
 const PENUMBRA_MEDIAN: f32 = 1.0;
-/// Median of the proximity, as a share of the agents that one light casts; and the radius of the disc, as a share of the
-/// distance to the light, that so many agents meet when it faces the light: 1 % of all directions.
+/// Median of the proximity, as a share of the agents that one light casts; and radius of the disc that this share hits
+/// if it faces the light, relative to the distance to the light: 1 % of all directions.
 const PROXIMITY_MEDIAN: f32 = 0.01;
 const PROXIMITY_DISC: f32 = 0.2;
-/// What every sensor takes from an agent's stimulation.
+/// Stimulation that each sensor costs.
 const TOIL: f32 = -0.25;
-/// Interest in a place where a sensor finds no surface: an edge.
+/// Interest of a sensor that finds no surface: an edge.
 const EDGE: f32 = 0.5;
-/// Nearest distance that the geometry gradient tells from 0, in mean distances between objects.
+/// Least distance in the geometry gradient, in mean distances between objects.
 const NEAR: f32 = 1e-3;
-/// An agent measures irradiance when none with a lower number lies so near, in local distances between objects; and the
-/// bounds of that, in reaches and in mean distances between objects.
+/// Radius in which only the agent with the lowest index measures irradiance, in local distances between objects; and
+/// its bounds, the lower in neighbourhood radii, the upper in mean distances between objects.
 const IRRADIANCE_SPACING: f32 = 0.05;
 const SPACING_BOUNDS: [f32; 2] = [0.5, 0.2];
-/// Cosine between normals of agents of which one measures irradiance for both.
+/// Least cosine between the normals of agents that measure irradiance for each other.
 const SAME_WAY: f32 = 0.9;
-/// Relative difference between irradiances that is interesting.
+/// Relative difference of irradiance with zero interest.
 const IRRADIANCE_GRADIENT: f32 = 0.12;
-/// Agents dig for gold, one after the other.
+/// Lets agents dig for gold, one after the other.
 pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> SensorReadings {
     let mut sensed = SensorReadings::default();
     let (mut found, mut hands) = (Nearest::new(2 * NEAREST), Hands::new(sensing.integrator).telling_bounces());
@@ -59,7 +59,7 @@ pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> SensorR
     sensed
 }
 
-/// An agent that looks around.
+/// An agent that deploys sensors.
 struct Scout<'a, 'b> {
     sensing: &'a Sensing<'a>,
     probe: Probe<'a>,
@@ -70,10 +70,11 @@ struct Scout<'a, 'b> {
 }
 
 impl Scout<'_, '_> {
+    /// Deploys all kinds of sensors.
     fn look_around(&mut self) -> Discovery {
         let gradient = self.sense_geometry();
         let crowd = self.sense_proximity();
-        // Planarity discourages, and so does a place where all is as everywhere.
+        // Discourage where surfaces are planar and where everything is as usual
         let excitement = TOIL + 0.25 * (gradient - GEOMETRY_MEDIAN).clamp(-1.0, 1.0) + 0.25 * crowd.max(0.0);
         let [lit, shaded] = self.sense_penumbra(excitement);
         if self.probe.agent.is_matte {
@@ -83,8 +84,8 @@ impl Scout<'_, '_> {
         Discovery { lit, shaded, lost: 0 }
     }
 
-    /// Lets the miner dig: `deploy` is given the number of a sensor and how far from the agent it goes, and returns its
-    /// coefficient of interest.
+    /// Runs the gold miner with one kind of sensor. `deploy` receives the number of a sensor and its distance from the
+    /// agent, and returns its coefficient of interest.
     fn dig(&mut self, kind: SensorKind, tool: Tool, mut deploy: impl FnMut(&mut Self, u32, f32) -> f32) {
         let mut miner = Miner::new(tool);
         while let Some((number, distance)) = miner.next() {
@@ -94,7 +95,7 @@ impl Scout<'_, '_> {
         self.sensed.sensors[kind as usize] += u64::from(miner.count());
     }
 
-    /// Mean geometry gradient: 1 where things are as far as they are on the mean.
+    /// Returns the mean geometry gradient: 1 where objects are as far away as on average.
     fn sense_geometry(&mut self) -> f32 {
         let tool = Tool { few: 2, many: 6, most: 8, step: self.probe.reach / 8.0, excitement: TOIL };
         let (mut sum, mut count) = (0.0, 0.0_f32);
@@ -111,7 +112,7 @@ impl Scout<'_, '_> {
         if count > 0.0 { sum / count } else { GEOMETRY_MEDIAN }
     }
 
-    /// (1/3) Σ 1/d over three directions.
+    /// Returns the geometry gradient of one sensor: (1/3) Σ 1/d over three directions.
     fn geometry_at(&self, point: &Interaction, number: u32) -> f32 {
         let n = side(point);
         let inverse = |part: u32| {
@@ -124,7 +125,7 @@ impl Scout<'_, '_> {
         (0..3).map(inverse).sum::<f32>() / 3.0
     }
 
-    /// How unusual the density of agents is: below 0 where it is usual.
+    /// Returns the mean coefficient of interest of the agent density, in [−1, 1]: below 0 where it is usual.
     fn sense_proximity(&mut self) -> f32 {
         let tool = Tool { few: 1, many: 3, most: 4, step: self.probe.reach / 4.0, excitement: TOIL };
         let (mut sum, mut count) = (0.0, 0.0);
@@ -144,7 +145,7 @@ impl Scout<'_, '_> {
         if count > 0.0 { sum / count } else { 0.0 }
     }
 
-    /// Agents of the same light on a disc that 1 % of them would meet if it faced it.
+    /// Returns the number of agents of the same light on the disc that 1 % of them hit if it faces the light.
     fn proximity_at(&mut self, p: Vec3) -> f32 {
         let swarm = self.sensing.swarm;
         swarm.tree.nearest(p, f32::INFINITY, self.found);
@@ -158,7 +159,7 @@ impl Scout<'_, '_> {
         count as f32 * radius * radius / self.found.farthest().max(f32::MIN_POSITIVE)
     }
 
-    /// How many sensors see the light and how many do not.
+    /// Returns the number of penumbra sensors that see the light, and that do not.
     fn sense_penumbra(&mut self, excitement: f32) -> [u32; 2] {
         let mut counts = [0; 2];
         if !is_told(self.probe.agent.light) || self.probe.prepared.has_opacity() {
@@ -177,17 +178,18 @@ impl Scout<'_, '_> {
         counts
     }
 
-    /// Surfaces between a sensor and a place on the light, that of the light among them, over the distance; and whether
-    /// there is none but the light. `None`: the light does not shine there at all.
+    /// Returns the penumbra value of one sensor: the number of surfaces up to a point on the light, including the
+    /// light's own, divided by the distance; and `true` if only the light is hit. `None`: the light does not shine
+    /// there at all.
     fn penumbra_at(&self, point: &Interaction, number: u32) -> Option<(f32, bool)> {
         let (count, distance) = self.probe.surfaces_to_light(point, number, SURFACES_MAX)?;
         let distance = distance / self.probe.agent.distance.max(f32::MIN_POSITIVE);
         Some((count as f32 / distance.max(NEAR), count == 1))
     }
 
-    /// Measures indirect irradiance on both sides of the surface, unless another agent near by does so.
+    /// Measures indirect irradiance on both sides of the surface, unless another agent nearby does so.
     ///
-    /// - `local`: distance to other things, on the harmonic mean.
+    /// - `local`: harmonic mean distance to other objects.
     fn sense_irradiance(&mut self, excitement: f32, local: f32) {
         let swarm = self.sensing.swarm;
         let [least, most] = [SPACING_BOUNDS[0] * self.probe.reach, SPACING_BOUNDS[1] * swarm.object_distance];
@@ -217,13 +219,13 @@ impl Scout<'_, '_> {
         }
     }
 
-    /// Keeps the irradiance at a sensor, and returns its luminance.
+    /// Stores the irradiance at a sensor, and returns its luminance.
     fn irradiance_at(&mut self, point: Interaction, number: u32, width: f32) -> f32 {
         let (p, n) = (point.p, side(&point));
         let side_number = u32::from(n.dot(self.probe.agent.normal) < 0.0);
         let sampler = self.probe.sampler(2 * number + side_number, 1);
         let irradiance = self.sensing.integrator.irradiance(self.sensing.maps, point, width, sampler, self.hands);
-        // Behind a wall where nobody ever comes there is no light, and nothing to be kept.
+        // Skip dark backs: nobody looks behind a wall
         if side_number == 0 || irradiance != Spectrum::ZERO {
             self.sensed.irradiance.push(Photon::new(p, n, n, irradiance), self.hands.bounces());
         }

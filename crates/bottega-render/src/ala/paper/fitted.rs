@@ -1,4 +1,4 @@
-//! "Should I compute incoming irradiance?" (§4.4): a plane through what sensors near by have measured.
+//! The paper's answer to "should I compute incoming irradiance?" (§4.4): a plane fitted to nearby sensors.
 
 use bottega_scene::Spectrum;
 use glam::{Mat3, Vec3};
@@ -8,38 +8,39 @@ use crate::{
     sampling::orthonormal_basis,
 };
 
-/// Irradiance sensors that are looked for, and how many of them must be on the same surface.
+/// Number of irradiance sensors to find, and least number of them on the same surface.
 const SENSORS: usize = 32;
 const SENSORS_MIN: usize = 3;
-/// Of those on the same surface so many are taken.
+/// Greatest number of sensors on the same surface that are used.
 const TAKEN: usize = 12;
-/// Cosine between normals with which a sensor counts nothing, and what each counts at least.
+/// Cosine between normals at which a sensor's weight is zero, and least weight of a sensor.
 const COSINE_MIN: f32 = 0.6;
 const WEIGHT_MIN: f32 = 1e-3;
-/// How reluctant the plane through sensors is to be steep.
+/// Ridge regularization of the plane's slope.
 const SLOPE_RIDGE: f32 = 0.02;
-/// How far off the plane of a surface sensors may be, as a share of how far off they are.
+/// Greatest distance of sensors off the plane of the surface, relative to their distance.
 const FLATNESS: f32 = 0.35;
 
-/// The irradiance sensors of a swarm.
+/// Irradiance sensors of a swarm.
 #[derive(Clone, Debug)]
 pub(in crate::ala) struct Fitted {
-    /// The indirect irradiance.
+    /// Sensors with their indirect irradiance.
     pub(in crate::ala) sensors: IrradianceMap,
-    /// σ of the irradiance sensors: mean distance between objects.
+    /// σ of the irradiance sensors: the mean distance between objects.
     pub(in crate::ala) object_distance: f32,
 }
 
 impl Fitted {
-    /// Irradiance sensors that are looked for.
+    /// Number of irradiance sensors to find.
     pub(in crate::ala) const SENSORS: usize = SENSORS;
 
-    /// `None`: it should be computed; else what the sensors near by say of it.
+    /// Returns the irradiance fitted to nearby sensors; `None`: it must be computed.
     ///
-    /// - `bounces`: of the light, at most.
+    /// - `bounces`: greatest number of bounces of the light.
     #[inline(always)]
     pub(in crate::ala) fn at(&self, p: Vec3, normal: Vec3, bounces: u32, found: &mut Nearest) -> Option<Spectrum> {
         self.sensors.nearest(p, f32::INFINITY, found);
+        // Keep the nearest sensors on the same surface
         let mut near = [(f32::INFINITY, 0_u32); SENSORS];
         let mut count = 0;
         for (number, distance_squared) in found.iter() {
@@ -55,17 +56,17 @@ impl Fitted {
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let near = &near[..count.min(TAKEN)];
         let distance: f32 = near.iter().map(|(squared, _)| squared.sqrt()).sum::<f32>() / near.len() as f32;
-        // (Σ |x_j − x|) ∕ n − σ > 0: yes.
+        // Compute where (Σ |x_j − x|) ∕ n − σ > 0
         if near.len() < SENSORS_MIN || distance > self.object_distance {
             return None;
         }
         Some(self.fitted(p, normal, bounces, near))
     }
 
-    /// The irradiance at a place by a plane through that of sensors near it, which those next to it count most for; no brighter
-    /// and no darker than they are.
+    /// Returns the irradiance at a point from a weighted least-squares plane through nearby sensors, clamped to their
+    /// range.
     ///
-    /// - `near`: squared distances and numbers, ascending; one at least.
+    /// - `near`: squared distances and numbers, ascending; at least one.
     fn fitted(&self, p: Vec3, normal: Vec3, bounces: u32, near: &[(f32, u32)]) -> Spectrum {
         let radius_squared = near[near.len() - 1].0 * 1.1 + f32::MIN_POSITIVE;
         let scale = 1.0 / radius_squared.sqrt();
@@ -84,12 +85,12 @@ impl Fitted {
             }
             (low, high) = (low.min(power), high.max(power));
         }
-        // Where sensors do not tell of a slope there is none.
+        // Prefer no slope where sensors do not determine it
         let ridge = SLOPE_RIDGE * matrix.x_axis.x;
         matrix.y_axis.y += ridge;
         matrix.z_axis.z += ridge;
         let inverse = matrix.inverse();
-        // Only the height of the plane is asked for.
+        // Solve for the plane's height only
         let height = Vec3::new(inverse.x_axis.x, inverse.y_axis.x, inverse.z_axis.x);
         let fitted = Vec3::from_array(sums.map(|sum| sum.dot(height)));
         if fitted.is_finite() { fitted.clamp(low, high) } else { low }

@@ -1,25 +1,27 @@
-//! The gold miner: how an agent decides how many sensors it deploys, and how far (§4.3, algorithm 1).
+//! The gold miner: how many sensors an agent deploys, and at which distances (§4.3, algorithm 1).
 
-/// γ at the beginning. The paper prints 0, with which nobody would ever dig.
+/// Initial γ. The paper prints 0, with which no agent ever digs.
 const GAMMA: f32 = 1.0;
-/// What all that was found takes from the wish to find more (the paper's Σσ ∕ 10).
+/// Factor of the sum of σ that lowers γ (the paper's Σσ ∕ 10).
 const SATIETY: f32 = 0.1;
-/// The coefficient of interest of a sensor lies between minus and plus this.
+/// Greatest absolute coefficient of interest.
 const SIGMA_MAX: f32 = 1.0;
-/// Stimulation while there are few sensors, discouragement when there are many.
+/// Change of γ while there are few sensors, and once there are many.
 const FEW: f32 = 0.5;
 const MANY: f32 = -1.0;
 
-/// The kind of sensor that an agent digs with.
+/// Parameters of one kind of sensor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tool {
-    /// Sensors that are few, that are many, and that are the most.
+    /// Number of sensors up to which they are few.
     pub(super) few: u32,
+    /// Number of sensors from which they are many.
     pub(super) many: u32,
+    /// Greatest number of sensors.
     pub(super) most: u32,
-    /// How much farther from the agent each sensor is than the one before (ε).
+    /// Distance between successive sensors, in scene units (ε).
     pub(super) step: f32,
-    /// What the agent knows of its place before it digs: above 0 stimulates, below discourages.
+    /// Excitement of the agent by its earlier sensors: positive stimulates, negative discourages.
     pub(super) excitement: f32,
 }
 
@@ -33,27 +35,29 @@ pub(super) struct Miner {
 }
 
 impl Miner {
+    /// Starts digging with initial stimulation.
     pub(super) fn new(tool: Tool) -> Self {
         Self { tool, gamma: GAMMA, sum: 0.0, count: 0 }
     }
 
-    /// The number of the next sensor and how far from the agent it goes; `None`: no more.
+    /// Returns the number of the next sensor and its distance from the agent; `None`: stop digging.
     pub(super) fn next(&self) -> Option<(u32, f32)> {
         let digs_on = self.gamma > 0.0 && self.count < self.tool.most;
         digs_on.then_some((self.count, self.count as f32 * self.tool.step))
     }
 
-    /// Takes the coefficient of interest σ of the sensor that was deployed.
+    /// Updates γ by the coefficient of interest σ of the deployed sensor.
     pub(super) fn take(&mut self, sigma: f32) {
         let sigma = if sigma.is_nan() { 0.0 } else { sigma.clamp(-SIGMA_MAX, SIGMA_MAX) };
         self.count += 1;
         self.gamma += sigma - SATIETY * self.sum + self.tool.excitement;
         self.gamma += if self.count <= self.tool.few { FEW } else { 0.0 };
         self.gamma += if self.count >= self.tool.many { MANY } else { 0.0 };
-        // What bores does not make hungry.
+        // Only interesting sensors satiate
         self.sum += sigma.max(0.0);
     }
 
+    /// Returns the number of sensors deployed.
     pub(super) fn count(&self) -> u32 {
         self.count
     }

@@ -1,4 +1,4 @@
-//! The rules of Herubel, Biri and Deverly 2009: four kinds of sensors with their medians, gold miners, medians of neighbors.
+//! The paper's oracle: four kinds of sensors with their medians, gold miners, and medians of neighbours.
 
 mod answer;
 mod dig;

@@ -1,4 +1,4 @@
-//! Branches: a path goes on as several, or as none.
+//! Branches: splitting of paths and adjoint-driven Russian roulette.
 
 use std::ops::RangeInclusive;
 
@@ -8,13 +8,15 @@ use super::{
 };
 use crate::guide::Agent;
 
-/// Least and greatest number of paths that one goes on as on the average, and numbers that count as one.
+/// Least expected number of branches per vertex.
 const SURVIVAL_MIN: f32 = 0.3;
+/// Greatest expected number of branches per vertex.
 const SPLIT_MAX: f32 = 8.0;
+/// Expected numbers that count as exactly one branch.
 const ONE: RangeInclusive<f32> = 0.7..=1.4;
 
 impl Path<'_> {
-    /// The path as it is.
+    /// Returns the current state as a branch.
     #[inline(always)]
     pub(super) fn branch(&self) -> Branch {
         Branch {
@@ -30,7 +32,7 @@ impl Path<'_> {
         }
     }
 
-    /// Goes on as a branch does, with what all have found.
+    /// Continues with a branch; radiance and record stay, as all branches share them.
     #[inline(always)]
     pub(in crate::integrator) fn go_back(&mut self, branch: &Branch) {
         self.sampler = branch.sampler;
@@ -44,7 +46,7 @@ impl Path<'_> {
         self.previous = branch.previous;
     }
 
-    /// Looks up what light is worth to the pixel at `place` in the picture, in [0, 1)².
+    /// Looks up the importance of light to the pixel at `place` in the picture, in [0, 1)².
     #[inline(always)]
     pub(in crate::integrator) fn expect(&mut self, place: [f32; 2]) {
         if let Some(guide) = self.guide {
@@ -52,23 +54,29 @@ impl Path<'_> {
         }
     }
 
-    /// Decides as how many paths this one goes on, each of which carries its part; `room`: one more at most.
+    /// Returns the number of branches that continue, 0 if the path ends, and divides the throughput by the expected
+    /// number.
+    ///
+    /// - `agent`: of the region; `None`: ordinary Russian roulette.
+    /// - `u`: uniform random number.
+    /// - `room`: how many branches more may wait.
     #[inline(always)]
     pub(super) fn split(&mut self, agent: Option<&Agent>, u: f32, room: usize) -> u32 {
         let settings = self.integrator.settings;
         if !self.integrator.splits {
             return 1;
         }
-        // As paths do who know no agents.
+        // Compute the survival probability of ordinary Russian roulette
         let usual = if self.depth <= settings.roulette_depth {
             1.0
         } else {
             (self.throughput.max_element() * self.roulette_scale).sqrt().min(ROULETTE_SURVIVAL_MAX)
         };
         let many = match agent {
+            // Compute the expected number of branches from what the agent learned
             Some(agent) if self.worth > 0.0 => {
                 let worth = agent.worth(self.throughput.max_element() * self.worth);
-                // About one is one: there is little to be won, and what is decided by chance is noise.
+                // Keep one branch where about one is expected: little to gain, and each random decision adds noise
                 if ONE.contains(&worth) || worth < 1.0 && self.depth == 0 {
                     1.0
                 } else {
@@ -77,10 +85,11 @@ impl Path<'_> {
             }
             _ => usual,
         };
-        // (Nothing is carried, or what is no number.)
+        // End paths that carry nothing or NaN
         if many <= 0.0 || many.is_nan() {
             return 0;
         }
+        // Round the expected number up or down at random
         self.throughput /= many;
         self.roulette_scale *= many.max(1.0);
         let whole = many.floor();

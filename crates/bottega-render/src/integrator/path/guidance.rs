@@ -1,4 +1,4 @@
-//! Guidance: what a guide and its agents say of a point where a path is scattered.
+//! Guidance of a path at a vertex by a guide and its agents.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -13,46 +13,50 @@ use crate::{
     surfaces::PreparedMaterial,
 };
 
-/// No leaf of a guide.
+/// The leaf number that stands for no leaf of a guide.
 pub(super) const NO_LEAF: u32 = u32::MAX;
 
-/// What is known of the light at a point. [`Guidance::NONE`] changes nothing: paths go where the BSDF sends them, and lights
-/// are drawn by the tree.
+/// The learned data at a vertex. [`Guidance::NONE`] changes nothing: the BSDF draws directions, and the light tree
+/// draws lights.
 #[derive(Clone, Copy)]
 pub(super) struct Guidance<'a> {
-    /// Where light comes from.
+    /// Distribution of incident light; `None`: not guided.
     region: Option<&'a Region>,
-    /// What agents know beside.
+    /// Learned choice of lights, and data for roulette and splitting.
     agent: Option<&'a Agent>,
-    /// The leaf of both.
+    /// Number of the leaf of both; [`NO_LEAF`]: none.
     leaf: u32,
 }
 
 impl<'a> Guidance<'a> {
+    /// No learned data.
     pub(super) const NONE: Self = Self { region: None, agent: None, leaf: NO_LEAF };
 
+    /// Returns `true` if directions are drawn by the guide, too.
     #[inline(always)]
     pub(super) fn is_guided(&self) -> bool {
         self.region.is_some()
     }
 
+    /// Returns the number of the guide's leaf; [`NO_LEAF`]: none.
     #[inline(always)]
     pub(super) fn leaf(&self) -> u32 {
         self.leaf
     }
 
+    /// Returns the agent of the region; `None`: none.
     #[inline(always)]
     pub(super) fn agent(&self) -> Option<&'a Agent> {
         self.agent
     }
 
-    /// Which lights matter.
+    /// Returns the learned choice of lights.
     #[inline(always)]
     pub(super) fn lights(&self) -> Option<&'a Choice> {
         self.agent?.lights()
     }
 
-    /// Density of a direction that the BSDF alone draws with `bsdf_pdf`.
+    /// Returns the density of a direction, in sr⁻¹, given the BSDF's density of it.
     #[inline(always)]
     pub(super) fn pdf(&self, wi: Vec3, bsdf_pdf: f32) -> f32 {
         match self.region {
@@ -61,7 +65,8 @@ impl<'a> Guidance<'a> {
         }
     }
 
-    /// Draws where the path goes on. Tells the density of the BSDF alone as well.
+    /// Samples a direction by the guide and the BSDF. Returns the sample with the density of the mixture, and the
+    /// density of the BSDF alone.
     #[inline(always)]
     pub(super) fn sample(&self, point: &Interaction, bsdf: &BsdfAt<'_>, u: Quad) -> Option<(BsdfSample, f32)> {
         match self.region {
@@ -72,11 +77,11 @@ impl<'a> Guidance<'a> {
 }
 
 impl<'a> Path<'a> {
-    /// What is known of the light at a point that spreads some.
+    /// Returns the learned data at a point with a BSDF that is not specular.
     #[inline(always)]
     pub(super) fn guidance<const AGENTS: bool>(&self, point: &Interaction, known: &PreparedMaterial) -> Guidance<'a> {
         let mut guidance = Guidance::NONE;
-        // (Closures are not compiled for the vector unit: there are none where it is busy.)
+        // No closures here: they are compiled without the vector unit's instructions
         let Some(guide) = self.guide else { return guidance };
         if !AGENTS {
             if !known.transmits {
@@ -92,17 +97,19 @@ impl<'a> Path<'a> {
         guidance
     }
 
-    /// What is known of the lights where the path comes from.
+    /// Returns the learned choice of lights at the previous vertex.
     #[inline(always)]
     pub(super) fn previous_choice(&self) -> Option<&Choice> {
         self.guide?.agent(self.previous.leaf as usize)?.lights()
     }
 }
 
-/// Draws a direction by the guide or the BSDF, with the density of both together, and tells that of the BSDF as well.
+/// Samples the mixture of guide and BSDF. Returns the sample with the density of the mixture, and the density of the
+/// BSDF alone.
 #[inline(always)]
 fn guided_sample(point: &Interaction, bsdf: &BsdfAt<'_>, region: &Region, u: Quad) -> Option<(BsdfSample, f32)> {
     let share = region.share();
+    // Sample the guide
     if u[0] < share {
         let (wi, guide_pdf) = region.sample([u[1], u[2]]);
         let wi = point.to_local(wi);
@@ -111,13 +118,14 @@ fn guided_sample(point: &Interaction, bsdf: &BsdfAt<'_>, region: &Region, u: Qua
         let lobe = LobeFlags::REFLECTION.union(LobeFlags::DIFFUSE);
         return (value != Spectrum::ZERO).then_some((BsdfSample { wi, value, pdf, lobe, eta: 1.0 }, bsdf_pdf));
     }
+    // Sample the BSDF
     let rest = ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON);
     let sample = bsdf.sample(rest, [u[1], u[2]])?;
     let guide_pdf = if sample.is_delta() { 0.0 } else { region.pdf(point.to_world(sample.wi)) };
     Some((BsdfSample { pdf: mixed(share, guide_pdf, sample.pdf), ..sample }, sample.pdf))
 }
 
-/// Density of a choice between the guide and the BSDF.
+/// Returns the density of the mixture of guide and BSDF.
 #[inline(always)]
 fn mixed(share: f32, guide_pdf: f32, bsdf_pdf: f32) -> f32 {
     share * guide_pdf + (1.0 - share) * bsdf_pdf

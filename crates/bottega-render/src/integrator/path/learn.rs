@@ -1,4 +1,4 @@
-//! Paths from which a picture learns where light comes from, before any of it is painted.
+//! Learning of a picture's guide from paths that are traced before rendering.
 
 use std::{convert::Infallible, ops::Range, sync::Arc};
 
@@ -17,11 +17,15 @@ use crate::{
     sampler::{DimensionSet, PixelSampler},
 };
 
-/// Bounces of the paths that the guide learns from.
+/// Greatest number of bounces of the paths that the guide learns from.
 const LEARNING_DEPTH: u32 = 24;
 
 impl<'a> PathIntegrator<'a> {
-    /// An integrator for the picture `view`.
+    /// Creates the path tracer of the picture `view`, and learns its guide if the settings ask for one and `prepass`
+    /// has none.
+    ///
+    /// # Errors
+    /// [`RenderError::EmptyPicture`], or an error that says that the scene lacks the view's camera.
     pub fn new(
         prepared: &'a PreparedScene,
         prepass: &Prepass,
@@ -37,14 +41,15 @@ impl<'a> PathIntegrator<'a> {
         Ok(integrator)
     }
 
+    /// Returns `true` if the picture needs a guide and the scene can learn one.
     fn is_to_learn(&self, view: View) -> bool {
         let PathSettings { guiding, agents, planned_samples, .. } = *self.settings;
         (guiding || agents.any()) && self.prepared.can_learn(view, planned_samples)
     }
 
-    /// Learns as far as it pays, and where it does.
+    /// Learns a guide, for as many passes as pay off, and plans where the picture uses it.
     ///
-    /// - `paint`: paints what is tried with it; the second number is that of the trial.
+    /// - `paint`: renders the pixels of a trial; the second argument is the number of the trial, 0 or 1.
     fn learn<E>(&self, view: View, paint: impl Fn(&Trial<'_>, u32) -> Result<Vec<AllTrials>, E>) -> Result<Guide, E> {
         let PathSettings { agents, guiding, filter, planned_samples, .. } = *self.settings;
         let max_depth = LEARNING_DEPTH;
@@ -72,14 +77,17 @@ impl<'a> PathIntegrator<'a> {
                 }
             }
         };
+        // Trace the passes before a guide exists, and measure the noise of their light
         let noise = self.prepared.on_threads(|| {
             follow(&mut training, 0..budget.plain_passes());
             training.noise()
         });
+        // Stop where learning cannot pay off
         if !budget.goes_on(noise) {
             return Ok(Guide::default());
         }
         let mut taken = budget.plain_passes();
+        // Long trainings: run a small trial first
         if let Some(before) = budget.passes_before_trial(noise) {
             let guide = self.prepared.on_threads(|| {
                 follow(&mut training, taken..before);
@@ -92,18 +100,20 @@ impl<'a> PathIntegrator<'a> {
             taken = before;
         }
         let guide = self.prepared.on_threads(|| {
+            // Trace the remaining passes
             follow(&mut training, taken..budget.passes(noise));
             Arc::new(training.guide())
         });
+        // Run the trial that decides which way each zone takes
         let trial = Trial::last(&integrator, samples, &guide);
         let plan = trial.findings(&paint(&trial, 1)?).plan();
         Ok(settled(guide, plan))
     }
 
-    /// Follows one path to learn from.
+    /// Traces one path to learn from.
     fn learning_path(&self, guide: Option<&Guide>, path: LearningPath, trail: &mut Trail) -> FoundLight {
         let place = |number| {
-            // One sequence of samples for the whole picture.
+            // One sample sequence for the whole picture
             let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, number);
             (sampler, sampler.quad(DimensionSet::CAMERA))
         };
@@ -115,7 +125,7 @@ impl<'a> PathIntegrator<'a> {
             LearningPath::OfPixel { number, picture, sample } => {
                 let [x, y, ..] = place(number).1;
                 let (x, y) = ((x * self.size.x) as u32, (y * self.size.y) as u32);
-                // Two may be of the same pixel.
+                // Distinct seeds: two paths may be of the same pixel
                 let seed = LEARNING_SEED ^ (u64::from(number) << 1 | u64::from(picture)) << 32;
                 let sampler = PixelSampler::new(seed, x, y, sample);
                 (sampler, self.camera_ray(&sampler, x, y).0, self.place(x, y))
@@ -126,7 +136,7 @@ impl<'a> PathIntegrator<'a> {
     }
 }
 
-/// What is kept of a guide: nothing, if no zone goes by it.
+/// Returns the guide with its plan, or an empty guide if no zone uses it.
 fn settled(guide: Arc<Guide>, plan: PaintPlan) -> Guide {
     match plan.only_way() {
         Some(PaintingWay::Plain) => Guide::default(),
@@ -134,11 +144,11 @@ fn settled(guide: Arc<Guide>, plan: PaintPlan) -> Guide {
     }
 }
 
-/// Learns what guides the paths of a picture, if nobody has yet, with others who paint it. Does nothing for pictures that
-/// learn nothing.
+/// Learns the guide of a picture together with other machines that render it, if `prepass` has none. Does nothing for
+/// pictures without guiding.
 ///
 /// # Errors
-/// There is no such picture, or it was left before its end.
+/// The view does not fit the scene, or the picture was abandoned before its end.
 pub fn learn_together(
     prepared: &PreparedScene,
     prepass: &Prepass,
@@ -154,7 +164,7 @@ pub fn learn_together(
     Ok(())
 }
 
-/// A path that leaves a trail.
+/// A path that records its vertices into a trail.
 struct FollowedPath<'a> {
     integrator: &'a PathIntegrator<'a>,
     sampler: PixelSampler,

@@ -1,4 +1,4 @@
-//! The light that a path finds: by looking for lights, and by running into them.
+//! The light that a path finds: by sampling lights, and by hitting emitters.
 
 use bottega_scene::Spectrum;
 
@@ -16,13 +16,14 @@ use crate::{
     settings::DirectLight,
 };
 
-/// How often to look whether a light is seen, for what it is worth to the pixel and the root of the share that is seen: the
-/// root of what a vertex takes over what looking takes, and some caution. Least probability of it: light that is seen counts
-/// four times at most, and looking less often spares no time that can be measured.
+/// Factor of the probability of a shadow ray, next to the importance of the light sample to the pixel and √(visible
+/// share): √(cost of a vertex ∕ cost of a shadow ray), rounded up for caution.
 const LOOKS: f32 = 3.0;
+/// Least probability of a shadow ray: visible light is weighted by at most four. A lower limit saves no measurable time.
 const LOOKS_MIN: f32 = 0.25;
 
 impl Path<'_> {
+    /// Adds the environment's light in the path's direction, weighted by MIS.
     #[inline(always)]
     pub(super) fn add_environment<const AGENTS: bool>(&mut self) {
         if self.depth == 0 && self.integrator.hides_emitters {
@@ -41,7 +42,7 @@ impl Path<'_> {
         }
     }
 
-    /// Adds what a surface emits towards the path.
+    /// Adds the emission of a surface towards the path, weighted by MIS.
     #[inline(always)]
     pub(super) fn add_emission<const AGENTS: bool>(&mut self, point: &Interaction) {
         let prepared = self.integrator.prepared;
@@ -56,8 +57,9 @@ impl Path<'_> {
         self.radiance += self.throughput * radiance * weight;
     }
 
-    /// The weight of light that the path ran into; `light_pdf` tells with which density light sampling would have
-    /// found it from the point before.
+    /// Returns the MIS weight of light that the path hit.
+    ///
+    /// - `light_pdf`: returns the density with which light sampling finds it from the previous vertex, in sr⁻¹.
     #[inline(always)]
     fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         let settings = self.integrator.settings;
@@ -71,7 +73,10 @@ impl Path<'_> {
         }
     }
 
-    /// Next-event estimation; `first`: the numbers of the light sample, if it is the only one.
+    /// Samples lights at a vertex (next-event estimation).
+    ///
+    /// - `first`: the random numbers of the light sample if there is only one.
+    /// - `deferred`: with `DEFERS`, receives the shadow rays instead of tracing them.
     #[inline(always)]
     pub(super) fn add_direct_light<const AGENTS: bool, const DEFERS: bool>(
         &mut self,
@@ -86,6 +91,7 @@ impl Path<'_> {
         }
         let count = settings.light_samples.max(1);
         for part in 0..count {
+            // Sample a light, by the agent's choice or by the light tree
             let set = DimensionSet::light(self.depth);
             let u = if count == 1 { first } else { self.sampler.split_quad(set, part, count) };
             let choice = if AGENTS { vertex.guidance.lights() } else { None };
@@ -95,6 +101,7 @@ impl Path<'_> {
                 None => prepared.lights().sample(prepared, &vertex.receiver, u),
             };
             let Some(light) = drawn else { continue };
+            // Compute the contribution if it is visible
             let contribution = self.light_contribution(vertex, &light, count as f32);
             if self.trail.is_some() {
                 self.add_asked(vertex.point, &light, contribution);
@@ -103,11 +110,13 @@ impl Path<'_> {
             if contribution == Spectrum::ZERO {
                 continue;
             }
+            // Choose whether to trace a shadow ray, by the importance of the contribution
             let seen = choice.filter(|_| looks_rarely).map_or(1.0, |choice| choice.seen(light.light));
             let share = if looks_rarely { self.share_of_looks(contribution, seen) } else { 1.0 };
             if !self.is_due(share, u[3]) {
                 continue;
             }
+            // Add the light if it is visible, or defer the test
             let ray = shadow_ray(vertex.point, &light);
             if DEFERS {
                 self.record.counts.shadow_rays += 1;
@@ -118,7 +127,9 @@ impl Path<'_> {
         }
     }
 
-    /// With which probability to look whether light is seen, of which `seen` is as far as is known.
+    /// Returns the probability of tracing a shadow ray for a contribution.
+    ///
+    /// - `seen`: share of that light that is visible, as far as is known, in [0, 1].
     #[inline(always)]
     fn share_of_looks(&self, contribution: Spectrum, seen: f32) -> f32 {
         if self.worth <= 0.0 {
@@ -128,14 +139,16 @@ impl Path<'_> {
         (LOOKS * worth * seen.sqrt()).clamp(LOOKS_MIN, 1.0)
     }
 
-    /// Whether it is this time that is looked, of all times with such probabilities on the path: whenever their sum has grown
-    /// by one. So a path of many faint lights finds nearly the same of them each time, and no light is ever taken back. It
-    /// holds only while the probabilities depend on nothing that looking has shown.
+    /// Decides by systematic Russian roulette whether to trace a shadow ray: one is due each time the running sum of
+    /// the path's probabilities crosses an integer. So paths of many faint lights find nearly the same number of them
+    /// each time, and no light is ever subtracted. Unbiased only while the probabilities do not depend on the results
+    /// of shadow rays.
     ///
-    /// - `u`: a uniform number, for where the sum begins.
+    /// - `share`: probability of this shadow ray, in [0, 1].
+    /// - `u`: uniform random number, the start of the sum.
     #[inline(always)]
     fn is_due(&mut self, share: f32, u: f32) -> bool {
-        // (What is no number is looked at, and counts as nothing in the end.)
+        // NaN: trace it; the sample's radiance is dropped in the end.
         if share >= 1.0 || share.is_nan() {
             return true;
         }
@@ -145,7 +158,7 @@ impl Path<'_> {
         is_due
     }
 
-    /// Adds light, and writes down what came of asking for it.
+    /// Adds a light sample if it is visible, and records the result for learning.
     fn add_asked(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum) {
         let is_seen = contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, light));
         if is_seen {
@@ -156,12 +169,12 @@ impl Path<'_> {
         }
     }
 
-    /// What one of `count` light samples adds if nothing is between.
+    /// Returns what one of `count` light samples adds if it is visible, weighted by MIS, without the throughput.
     #[inline(always)]
     fn light_contribution(&self, vertex: &PathVertex<'_>, light: &LightSample, count: f32) -> Spectrum {
         let point = vertex.point;
         let wi = point.to_local(light.wi);
-        // A shading normal must not let light through the real surface.
+        // Prevent light leaks by the shading normal
         if (wi.z > 0.0) != point.is_reflection(light.wi) {
             return Spectrum::ZERO;
         }
@@ -169,6 +182,7 @@ impl Path<'_> {
         if value == Spectrum::ZERO {
             return Spectrum::ZERO;
         }
+        // Weight by MIS
         let expected = count * light.pdf;
         let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
         let weight = if is_shared { power_heuristic(expected, vertex.guidance.pdf(light.wi, bsdf_pdf)) } else { 1.0 };

@@ -9,22 +9,26 @@ use super::{
 use crate::sampler::Quad;
 
 impl Path<'_> {
-    /// Chooses where the path goes on. False when it ends here.
+    /// Samples the next direction, moves the path on, and applies Russian roulette. Returns `false` when the path ends.
     #[inline(always)]
     pub(super) fn scatter<const AGENTS: bool>(&mut self, vertex: &PathVertex<'_>, u: Quad) -> bool {
         let PathVertex { point, receiver, guidance, .. } = *vertex;
+        // Sample the guide or the BSDF
         let Some((sample, bsdf_pdf)) = guidance.sample(point, vertex.bsdf, u) else { return false };
         let wi = point.to_world(sample.wi);
+        // Reject directions on which shading normal and surface disagree
         let is_reflection = point.is_reflection(wi);
         if (sample.wi.z > 0.0) != is_reflection {
             return false;
         }
+        // Record the direction for learning
         let is_delta = sample.is_delta();
         if let Some(trail) = &mut self.trail
             && !is_delta
         {
             trail.go(wi, bsdf_pdf, sample.pdf, self.radiance);
         }
+        // Update throughput, absorption and roulette scale
         self.throughput *= sample.weight();
         if !is_reflection {
             let known = self.integrator.prepared.material(point.material).1;
@@ -34,25 +38,28 @@ impl Path<'_> {
             }
             self.roulette_scale *= sample.eta * sample.eta;
         }
+        // Widen the ray cone by the spread of the sampled lobe
         if !is_delta {
             self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
             if guidance.is_guided() {
                 self.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
             }
         }
+        // Remember this vertex for multiple importance sampling, and move on
         let leaf = if AGENTS && self.integrator.settings.agents.lights { guidance.leaf() } else { NO_LEAF };
         self.previous = Previous { receiver, pdf: (!is_delta).then_some(sample.pdf), leaf };
         self.origin = point.ray_origin(wi);
         self.direction = wi;
         self.depth += 1;
-        // Where agents say what a path is worth, it is they who end it, at its next vertex.
+        // Leave Russian roulette to the agents where they decide: at the next vertex
         if AGENTS && self.integrator.splits {
             return self.throughput.max_element() > 0.0;
         }
+        // Terminate with Russian roulette
         self.survives(u[3])
     }
 
-    /// Whether the path goes on by Russian roulette.
+    /// Applies Russian roulette. Returns `true` if the path survives.
     #[inline(always)]
     fn survives(&mut self, u: f32) -> bool {
         let is_sure = self.depth <= self.integrator.settings.roulette_depth;

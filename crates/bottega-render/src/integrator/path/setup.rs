@@ -14,29 +14,39 @@ use crate::{
     sampler::{DimensionSet, PixelSampler},
 };
 
-/// Paints samples of one picture. Cheap to make: one for each block of work.
+/// The path tracer of one picture. Cheap to create: one per block of work.
 pub struct PathIntegrator<'a> {
+    /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,
+    /// Settings of the picture.
     pub(super) settings: &'a PathSettings,
+    /// Camera of the view.
     pub(super) camera: CameraRays,
-    /// Of the picture, in pixels.
+    /// Size of the picture, in pixels.
     pub(super) size: Vec2,
+    /// Medium that contains the camera; `None`: vacuum.
     pub(super) camera_medium: Option<MediumId>,
-    /// Whether the camera does not see what shines.
+    /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
+    /// Sampler of the pixel filter.
     pub(super) filter: FilterSampler,
+    /// Optional values of each sample.
     pub(super) wanted: Wanted,
+    /// Guide of all pixels; `None`: not guided, or guided by `plan`.
     pub(super) guide: Option<Arc<Guide>>,
-    /// What says how each pixel is painted, where zones of the picture differ.
+    /// Guide whose plan picks the rendering way of each pixel; `None`: all pixels are rendered in one way.
     pub(super) plan: Option<Arc<Guide>>,
-    /// Whether agents decide where paths end, and where they go on as several.
+    /// `true`: agents decide where paths end and where they split.
     pub(super) splits: bool,
-    /// Whether agents decide how often to look whether a light is seen.
+    /// `true`: agents decide how often shadow rays are traced.
     pub(super) looks_rarely: bool,
 }
 
 impl<'a> PathIntegrator<'a> {
-    /// One whose paths learn nothing.
+    /// Creates an integrator without a guide.
+    ///
+    /// # Errors
+    /// [`RenderError::EmptyPicture`], or an error that says that the scene lacks the view's camera.
     pub(crate) fn unguided(
         prepared: &'a PreparedScene,
         view: View,
@@ -62,7 +72,7 @@ impl<'a> PathIntegrator<'a> {
         })
     }
 
-    /// Goes by what was learnt where the plan of the picture says so, and as far.
+    /// Takes over a learned guide: for the whole picture if its plan has one way, else zone by zone.
     pub(super) fn take_plan(&mut self, guide: Arc<Guide>) {
         match guide.plan().only_way() {
             Some(PaintingWay::Plain) => {}
@@ -71,7 +81,7 @@ impl<'a> PathIntegrator<'a> {
         }
     }
 
-    /// One that paints in a given way, by a guide that is there.
+    /// Returns a copy of this integrator that renders in the given way, with the given guide.
     pub(super) fn in_way(&self, way: PaintingWay, guide: &Arc<Guide>) -> Self {
         let agents = self.settings.agents;
         let by_worth = way == PaintingWay::ByWorth;
@@ -86,41 +96,46 @@ impl<'a> PathIntegrator<'a> {
         }
     }
 
-    /// Those who paint in each way, at the places of their numbers. `None`: all pixels are painted by this one.
+    /// Returns integrators for all ways, indexed by [`PaintingWay::number`]; `None`: this one renders all pixels.
     pub(in crate::integrator) fn ways(&self) -> Option<PlannedWays<'a>> {
         let guide = self.plan.as_ref()?;
         Some(PlannedWays { by_way: PaintingWay::ALL.map(|way| self.in_way(way, guide)), guide: Arc::clone(guide) })
     }
 
+    /// Returns this integrator with other optional values requested.
     #[must_use]
     pub(crate) fn with_wanted(self, wanted: Wanted) -> Self {
         Self { wanted, ..self }
     }
 
+    /// Returns the scene.
     pub(in crate::integrator) fn prepared(&self) -> &'a PreparedScene {
         self.prepared
     }
 
+    /// Returns the settings.
     pub(in crate::integrator) fn settings(&self) -> &'a PathSettings {
         self.settings
     }
 
+    /// Returns which optional values are requested.
     pub(in crate::integrator) fn wanted(&self) -> Wanted {
         self.wanted
     }
 
-    /// What the camera stands in.
+    /// Returns the medium that contains the camera.
     pub(in crate::integrator) fn camera_medium(&self) -> Option<MediumId> {
         self.camera_medium
     }
 
-    /// Whether the camera does not see what shines.
+    /// Returns `true` if the camera does not see emitters.
     #[inline(always)]
     pub(in crate::integrator) fn hides_emitters(&self) -> bool {
         self.hides_emitters
     }
 
-    /// Where a sample's path begins, and the factor with which the sample counts.
+    /// Samples the camera ray of a pixel, by the pixel filter and the lens. Returns the ray and the factor of the
+    /// sample.
     #[inline(always)]
     pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> (CameraRay, f32) {
         let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
@@ -128,38 +143,39 @@ impl<'a> PathIntegrator<'a> {
         (self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v]), factor)
     }
 
-    /// Where the middle of a pixel is in the picture, in [0, 1)².
+    /// Returns the centre of a pixel in the picture, in [0, 1)².
     #[inline(always)]
     pub(in crate::integrator) fn place(&self, x: u32, y: u32) -> [f32; 2] {
         [(x as f32 + 0.5) / self.size.x, (y as f32 + 0.5) / self.size.y]
     }
 
-    /// Whether paths cannot be followed in turn: those through media and panes are followed to their end in one go.
+    /// Returns `true` if paths must be traced one by one to their end: those through media and panes.
     #[inline(always)]
     pub(in crate::integrator) fn goes_alone(&self) -> bool {
         self.prepared.needs_volume() || self.prepared.has_panes()
     }
 
-    /// Whether agents are asked for more than directions.
+    /// Returns `true` if agents are used for more than directions.
     #[inline(always)]
     pub(in crate::integrator) fn asks_agents(&self) -> bool {
         self.settings.agents.any() && self.guide.is_some()
     }
 
+    /// Returns the guide; `None`: not guided.
     #[inline(always)]
     pub(in crate::integrator) fn guide(&self) -> Option<&Guide> {
         self.guide.as_deref()
     }
 }
 
-/// Integrators for a picture whose zones are painted in different ways.
+/// Integrators of a picture whose zones are rendered in different ways.
 pub(in crate::integrator) struct PlannedWays<'a> {
     by_way: [PathIntegrator<'a>; PaintingWay::ALL.len()],
     guide: Arc<Guide>,
 }
 
 impl<'a> PlannedWays<'a> {
-    /// The one for a pixel.
+    /// Returns the integrator of a pixel.
     #[inline(always)]
     pub(in crate::integrator) fn of_pixel(&self, x: u32, y: u32) -> &PathIntegrator<'a> {
         let plain = &self.by_way[0];
@@ -167,7 +183,7 @@ impl<'a> PlannedWays<'a> {
         &self.by_way[way.number()]
     }
 
-    /// The one for all samples; `None`: they differ.
+    /// Returns the integrator of all the samples; `None`: they use different ones.
     pub(in crate::integrator) fn of_all(&self, samples: &[(u32, u32, u32)]) -> Option<&PathIntegrator<'a>> {
         let way = |&(x, y, _): &(u32, u32, u32)| self.guide.plan().at(self.by_way[0].place(x, y));
         let first = way(samples.first()?);

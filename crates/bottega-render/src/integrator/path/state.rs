@@ -1,4 +1,4 @@
-//! A path under way.
+//! The state of a path.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -11,52 +11,67 @@ use crate::{
     sampler::PixelSampler,
 };
 
-/// Branches of a path that wait, at most.
+/// Greatest number of branches of one path that wait at a time.
 pub(in crate::integrator) const BRANCHES_MAX: usize = 32;
 
-/// Where the path comes from, as far as multiple importance sampling must know.
+/// The previous vertex, as multiple importance sampling needs it.
 #[derive(Clone, Copy)]
 pub(super) struct Previous {
-    /// The point for which lights were sampled.
+    /// The point that lights were sampled for.
     pub(super) receiver: Receiver,
-    /// Density per solid angle of the direction taken; `None`: light sampling could not have found what comes.
+    /// Density of the direction taken from there, in sr⁻¹; `None`: light sampling could not have found light in that
+    /// direction (the camera, or a perfectly specular lobe).
     pub(super) pdf: Option<f32>,
-    /// The leaf of the guide whose agent chose among lights there; [`NO_LEAF`](super::guidance::NO_LEAF): none did.
+    /// Guide leaf whose agent sampled the lights there; [`NO_LEAF`](super::guidance::NO_LEAF): no agent did.
     pub(super) leaf: u32,
 }
 
-/// A path under way.
+/// A path being traced.
 pub(in crate::integrator) struct Path<'a> {
+    /// Integrator of the pixel.
     pub(super) integrator: &'a PathIntegrator<'a>,
+    /// Random numbers of the sample and branch.
     pub(super) sampler: PixelSampler,
+    /// Guide for directions and agents; `None`: not guided.
     pub(super) guide: Option<&'a Guide>,
-    /// Where it is to be written down, to learn from it.
+    /// Receives the path's vertices for learning; `None` while rendering.
     pub(super) trail: Option<&'a mut Trail>,
+    /// Throughput of the path, β.
     pub(super) throughput: Spectrum,
+    /// Radiance found so far, by all branches.
     pub(super) radiance: Spectrum,
-    /// Of the solid that the path is in.
+    /// Absorption coefficient of the solid that the path is in, per length.
     pub(super) absorption: Spectrum,
-    /// By how much the throughput is smaller than what the surfaces left of the light: because radiance was squeezed into
-    /// a denser solid, or because the path was guided to where more light comes from than elsewhere.
+    /// Factor by which the throughput is smaller than the light that the surfaces passed on: because radiance was
+    /// compressed on entering a denser solid, or because the path was guided to where more light comes from. Russian
+    /// roulette multiplies by it.
     pub(super) roulette_scale: f32,
+    /// Number of scattering events so far.
     pub(super) depth: u32,
+    /// Start of the next ray.
     pub(super) origin: Vec3,
+    /// Direction of the next ray; unit length.
     pub(super) direction: Vec3,
+    /// Ray cone, for texture filtering.
     pub(super) cone: RayCone,
-    /// Where the camera's ray starts and how far it reaches, see [`CameraRay`].
+    /// Start of the camera ray and its length; see [`CameraRay`].
     pub(super) start: f32,
     pub(super) reach: f32,
+    /// The previous vertex, for MIS.
     pub(super) previous: Previous,
-    /// What a unit of light is worth to the pixel; 0: nobody knows.
+    /// Importance of a unit of radiance to the pixel; 0: unknown. See [`Agent::worth`](crate::guide::Agent::worth).
     pub(super) worth: f32,
-    /// How much of one look at lights is due, below 1, on all branches together; `None`: no light was left out so far.
+    /// Fraction of the next shadow ray that has accumulated, below 1, over all branches; `None`: no shadow ray has been
+    /// skipped yet. See `is_due`.
     pub(super) due: Option<f32>,
+    /// `true`: the albedo is wanted and not recorded yet.
     pub(super) wants_albedo: bool,
+    /// Record of the path, over all branches.
     pub(super) record: PathRecord,
 }
 
-/// A path that waits to be followed from where it scattered. Its fields are those of [`Path`] once more: with this structure
-/// in that one paths take a twentieth longer.
+/// A branch that waits to be traced from the vertex it left. It repeats fields of [`Path`] because paths that contain
+/// this structure trace a twentieth slower.
 #[derive(Clone, Copy)]
 pub(in crate::integrator) struct Branch {
     pub(super) sampler: PixelSampler,
@@ -72,6 +87,7 @@ pub(in crate::integrator) struct Branch {
 
 impl Branch {
     #[inline(always)]
+    /// Returns the random numbers of the branch.
     pub(super) fn sampler(&self) -> &PixelSampler {
         &self.sampler
     }

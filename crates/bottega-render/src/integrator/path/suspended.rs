@@ -1,4 +1,4 @@
-//! A path that waits while others follow its rays.
+//! A path that waits for the results of its rays.
 
 use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
@@ -9,16 +9,16 @@ use super::{
 };
 use crate::integrator::PathIntegrator;
 
-/// Light that reaches a path, unless something is in between.
+/// A light sample whose visibility is not known yet.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::integrator) struct DeferredLight {
-    /// From the path to the light.
+    /// Shadow ray from the path to the light.
     pub(in crate::integrator) ray: Ray,
-    /// What it adds to the path's radiance.
+    /// Radiance added to the path if the ray hits nothing.
     pub(in crate::integrator) light: Spectrum,
 }
 
-/// What a path is between two of its vertices.
+/// The state of a path between two of its vertices.
 #[derive(Clone)]
 pub(in crate::integrator) struct SuspendedPath {
     at: Branch,
@@ -32,25 +32,25 @@ pub(in crate::integrator) struct SuspendedPath {
 }
 
 impl SuspendedPath {
-    /// The ray that it waits for.
+    /// Returns the ray that the path waits for.
     pub(in crate::integrator) fn ray(&self) -> Ray {
         let t_max = if self.at.depth == 0 { self.reach } else { f32::INFINITY };
         Ray { t_max, ..Ray::new(self.at.origin, self.at.direction) }
     }
 
-    /// Adds light that nothing was in front of.
+    /// Adds light that is not occluded.
     pub(in crate::integrator) fn add(&mut self, light: Spectrum) {
         self.radiance += light;
     }
 
-    /// Goes on as a branch does.
+    /// Continues with a branch.
     pub(in crate::integrator) fn go_back(&mut self, branch: Branch) {
         self.at = branch;
     }
 }
 
 impl<'a> PathIntegrator<'a> {
-    /// Takes up a path that waited.
+    /// Returns a suspended path as a [`Path`] that can be traced on.
     pub(in crate::integrator) fn resume<'b>(&'b self, path: &SuspendedPath) -> Path<'b> {
         let SuspendedPath { at, radiance, start, reach, worth, due, wants_albedo, record } = path;
         Path {
@@ -78,7 +78,7 @@ impl<'a> PathIntegrator<'a> {
 }
 
 impl Path<'_> {
-    /// What is needed to take it up later.
+    /// Returns the state that is needed to resume the path later.
     pub(in crate::integrator) fn suspend(&self) -> SuspendedPath {
         SuspendedPath {
             at: self.branch(),

@@ -1,9 +1,10 @@
-//! The trial of what was learnt: on a few pixels beforehand, which are painted in all ways.
+//! The trial of a learned guide: some pixels are rendered in all ways before the picture.
 //!
-//! What a guide and its agents say is about independent paths. Those of a pixel are spread evenly, and where light is smooth that is
-//! worth more than better directions, or than to end paths here and to split them there. So some pixels are painted in all ways, twice
-//! each, and each zone of the picture takes the way with the least error times work. Both measures of error count: that relative to
-//! what a pixel shows, and that of what a display shows of it. Work is counted, not timed: the answer is the same everywhere.
+//! A guide and its agents reduce the variance of independent paths. The samples of a pixel are stratified, and where
+//! light is smooth that helps more than better directions, roulette or splitting. So some pixels are rendered in all
+//! ways, twice each, and each zone of the picture takes the way with the least error times work. Two measures of error
+//! count: relative to the pixel's brightness, and as a display shows it. Work is counted, not timed, so the decision is
+//! the same on every machine.
 
 use std::{ops::Range, sync::Arc};
 
@@ -21,46 +22,49 @@ use crate::{
     sharing::in_parts,
 };
 
-/// Seed of the paths that the guide learns from and is tried by, which no picture shares: what is learnt must not know the picture's
-/// samples.
+/// Seed of the paths that the guide learns from and of the trials. No picture uses it: what is learned must not depend
+/// on the picture's samples.
 pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
-/// Samples of the whole picture for each that is tried first, when nobody knows yet whether it pays to learn, and at last.
+/// Samples of the whole picture per sample of the first trial (which decides whether to learn on) and of the last one.
 const SAMPLES_PER_TRIED: [u64; 2] = [256, 40];
-/// Pixels that are tried, at least and at most: fewer tell nothing.
+/// Least number of pixels in a trial. Fewer are not conclusive.
 const PIXELS_MIN: u64 = 64;
+/// Greatest number of pixels in a trial.
 const PIXELS_MAX: u64 = 4096;
-/// Samples of each pixel, if the picture has as many: enough that their being spread evenly counts.
+/// Greatest number of samples per pixel: enough for stratification to show.
 const SAMPLES_MAX: u32 = 16;
-/// Pixels that one processor tries in a row.
+/// Pixels that one thread renders in a row.
 const PIXELS_PER_CHUNK: usize = 16;
-/// Pixels from which on machines share the trial, and in how many parts: each takes more than to tell of it.
+/// Number of pixels from which machines share a trial: smaller ones take less time than their messages.
 const SHARED_MIN: usize = 512;
+/// Number of parts of a shared trial.
 const PARTS: usize = 16;
-/// Share of the pixels, the worst ones, that do not count.
+/// Share of the pixels, those with the greatest errors, that do not count.
 const TRIM: f64 = 0.005;
-/// By what factor error times work must fall, in the mean of both measures by their logarithms; up to what it may seem to rise by one
-/// of them.
+/// Factor by which error times work must fall, by the geometric mean of both measures.
 const GAIN_MIN: f64 = 1.05;
+/// Greatest factor by which error times work may rise by one of both measures.
 const LOSS_MAX: f64 = 1.25;
-/// Pixels tried for each zone that the picture is cut into, and zones along a side at most. What all pixels say counts in each zone
-/// as much as so many of its own.
+/// Pixels tried per zone of the plan.
 const PIXELS_PER_ZONE: f64 = 64.0;
+/// Greatest number of zones along a side of the plan.
 const ZONES_MAX: f64 = 8.0;
+/// Weight of the result of all pixels in each zone, in pixels.
 const COMMON_PIXELS: f64 = 32.0;
-/// By what factor the same must be less in a zone for it to take another way than most of the picture: few pixels tell less.
+/// Factor by which another way must be better in a zone than the way of most of the picture: a zone has few pixels.
 const ZONE_GAIN_MIN: f64 = 1.25;
 
-/// All ways, each of which may be tried, and then twice.
+/// Number of ways; each of them may be tried, twice.
 const WAYS: usize = PaintingWay::ALL.len();
 
-/// What one pixel showed, and what that took.
+/// The mean radiance of one pixel in a trial, and the work that it took, in vertices.
 #[derive(Clone, Copy, Default)]
 pub(super) struct PixelTrial {
     radiance: Spectrum,
     work: f64,
 }
 
-/// A pixel painted in all ways that are tried, twice each; every way has its place.
+/// One pixel rendered in all ways that are tried, twice each: entries 2 w and 2 w + 1 are of the way with number w.
 pub(super) type AllTrials = [PixelTrial; 2 * WAYS];
 
 impl ByteForm for AllTrials {
@@ -80,34 +84,34 @@ impl ByteForm for AllTrials {
     }
 }
 
-/// A trial that is to be made.
+/// A trial that has not run yet.
 pub(super) struct Trial<'a> {
-    /// As it paints without a guide.
+    /// The integrator without a guide.
     integrator: &'a PathIntegrator<'a>,
     guide: &'a Arc<Guide>,
     ways: Vec<PaintingWay>,
     pixels: Vec<(u32, u32)>,
-    /// Of each pixel, in each way and each time.
+    /// Samples per pixel, per way and repetition.
     samples: u32,
 }
 
 impl<'a> Trial<'a> {
-    /// What shows whether it pays to learn more: a small one, of the way that goes furthest.
+    /// Creates the small trial that decides whether to learn on, of the way that uses most of what is learned.
     ///
-    /// - `samples`: of the whole picture.
+    /// - `samples`: number of samples of the whole picture.
     pub(super) fn first(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Self {
         let furthest = Self::ways(integrator).last().copied().unwrap_or_default();
         Self::new(integrator, samples, 0, guide, vec![PaintingWay::Plain, furthest])
     }
 
-    /// What decides.
+    /// Creates the trial that decides the plan.
     ///
-    /// - `samples`: of the whole picture.
+    /// - `samples`: number of samples of the whole picture.
     pub(super) fn last(integrator: &'a PathIntegrator<'a>, samples: u64, guide: &'a Arc<Guide>) -> Self {
         Self::new(integrator, samples, 1, guide, Self::ways(integrator))
     }
 
-    /// Ways that differ by what agents are asked for.
+    /// Returns the ways that differ under the integrator's settings.
     fn ways(integrator: &PathIntegrator<'_>) -> Vec<PaintingWay> {
         let agents = integrator.settings.agents;
         let by_worth = agents.roulette || agents.shadows;
@@ -134,14 +138,14 @@ impl<'a> Trial<'a> {
         Self { integrator, guide, ways, pixels, samples }
     }
 
-    /// Paints all pixels.
+    /// Renders all pixels on this machine.
     pub(super) fn alone(&self) -> Vec<AllTrials> {
         self.integrator.prepared.on_threads(|| self.tried(&self.pixels))
     }
 
-    /// Paints all pixels with others.
+    /// Renders all pixels together with other machines.
     ///
-    /// - `stage`: the number of the trial.
+    /// - `stage`: the number of the trial, 0 or 1.
     ///
     /// # Errors
     /// As [`Sharing::share`].
@@ -153,7 +157,7 @@ impl<'a> Trial<'a> {
         in_parts(others, stage, self.pixels.len(), PARTS, here)
     }
 
-    /// What came of it.
+    /// Compares the ways by the rendered pixels.
     pub(super) fn findings(&self, painted: &[AllTrials]) -> Findings {
         let Self { integrator, guide, pixels, .. } = self;
         let tally = |(&(x, y), tried): (&(u32, u32), &AllTrials)| {
@@ -165,7 +169,7 @@ impl<'a> Trial<'a> {
         Findings { ways: self.ways.clone(), tallies, common }
     }
 
-    /// Paints some pixels.
+    /// Renders some pixels.
     fn tried(&self, pixels: &[(u32, u32)]) -> Vec<AllTrials> {
         let Self { integrator: plain, guide, samples: count, .. } = *self;
         let settings = [1, 2].map(|seed| crate::PathSettings { seed: LEARNING_SEED + seed, ..*plain.settings });
@@ -188,6 +192,7 @@ impl<'a> Trial<'a> {
     }
 }
 
+/// Returns mean radiance and total work of one pixel's samples.
 fn pixel(samples: &[PathRecord], is_guided: bool) -> PixelTrial {
     samples.iter().fold(PixelTrial::default(), |sum, record| PixelTrial {
         radiance: sum.radiance + Spectrum::from(record.values.radiance) / samples.len() as f32,
@@ -195,18 +200,19 @@ fn pixel(samples: &[PathRecord], is_guided: bool) -> PixelTrial {
     })
 }
 
-/// Of one pixel in each way.
+/// Squared errors and work of one pixel in each way.
 #[derive(Clone, Copy)]
 struct PixelTally {
-    /// By relative error, and by what a display shows.
+    /// Squared difference of the two repetitions: relative, and as a display shows it.
     errors: [[f64; 2]; WAYS],
+    /// Work of both repetitions, in vertices.
     work: [f64; WAYS],
 }
 
 impl PixelTally {
-    /// - `worth`: what light is worth to the pixel.
+    /// - `worth`: importance of light to the pixel.
     fn new(tried: &AllTrials, worth: f32) -> Self {
-        // The root stands for the curve of a display: it has the same bits everywhere.
+        // The square root stands for a display's curve: it is bit-identical on every machine.
         let shown = |light: Spectrum| {
             let [r, g, b] = light.to_array().map(|value| value.clamp(0.0, 1.0).sqrt());
             Spectrum::new(r, g, b)
@@ -222,32 +228,32 @@ impl PixelTally {
     }
 }
 
-/// The mean of errors without the worst.
+/// Returns the mean of the errors without the greatest ones.
 fn trimmed(mut errors: Vec<f64>) -> f64 {
     let kept = errors.len() - (errors.len() as f64 * TRIM) as usize;
     errors.sort_unstable_by(f64::total_cmp);
     errors[..kept].iter().sum::<f64>() / kept.max(1) as f64
 }
 
-/// What came of a trial.
+/// The results of a trial.
 pub(super) struct Findings {
     ways: Vec<PaintingWay>,
-    /// Of each pixel, with its place in the picture.
+    /// Tally of each pixel, with its position in the picture, in [0, 1)².
     tallies: Vec<([f32; 2], PixelTally)>,
-    /// What all pixels say; `None`: nothing.
+    /// Scores over all pixels; `None`: not conclusive.
     common: Option<Scores>,
 }
 
 impl Findings {
-    /// Error times work of the best way over that of the plain one, by what a display shows: relative errors have rare great ones, which
-    /// few pixels do not meet.
+    /// Returns the least error times work of any way, relative to the plain one, as a display shows it. Relative errors
+    /// have rare outliers, which few pixels miss.
     pub(super) fn shown_ratio(&self) -> f64 {
         let tried = self.ways.iter().filter(|&&way| way != PaintingWay::Plain);
         let ratios = self.common.iter().flat_map(|Scores(scores)| tried.clone().map(|&way| scores[way.number()][1]));
         ratios.fold(f64::INFINITY, f64::min)
     }
 
-    /// Which way pays in each zone.
+    /// Returns the plan: the way that pays off in each zone.
     pub(super) fn plan(&self) -> PaintPlan {
         let Some(common) = self.common else { return PaintPlan::default() };
         let side = (self.tallies.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
@@ -265,14 +271,14 @@ impl Findings {
     }
 }
 
-/// Error times work of each way over that of the plain one, by both measures of error.
+/// Error times work of each way relative to the plain one, by both measures of error.
 #[derive(Clone, Copy)]
 struct Scores([[f64; 2]; WAYS]);
 
 impl Scores {
-    /// Of some pixels. `None`: they tell nothing.
+    /// Computes the scores of some pixels. `None`: not conclusive.
     ///
-    /// - `common`: what all pixels say.
+    /// - `common`: the scores of all pixels, blended in where there are few.
     fn new(tallies: &[&PixelTally], ways: &[PaintingWay], common: Option<&Self>) -> Option<Self> {
         let count = tallies.len() as f64;
         let product = |way: usize, measure: usize| {
@@ -287,18 +293,18 @@ impl Scores {
             }
         };
         let ratios = std::array::from_fn(|way| std::array::from_fn(|measure| ratio(way, measure)));
-        // (Nothing shines there, or what shines is no number.)
+        // Not finite: a black zone, or radiance that is NaN
         let is_known = |way: &PaintingWay| ratios[way.number()].iter().all(|ratio: &f64| ratio.is_finite());
         ways.iter().all(is_known).then_some(Self(ratios))
     }
 
-    /// Of both measures, by their logarithms.
+    /// Returns the geometric mean of both measures.
     fn mean(&self, way: PaintingWay) -> f64 {
         let [relative, seen] = self.0[way.number()];
         (relative * seen).sqrt()
     }
 
-    /// The way that pays best by the mean of both measures. One by which it may lose is known no better than this.
+    /// Returns the best way by the mean of both measures. Ways that are much worse by one measure are left out.
     fn best(&self, ways: &[PaintingWay]) -> PaintingWay {
         let is_sound = |way: PaintingWay| self.0[way.number()].iter().all(|&ratio| ratio <= LOSS_MAX);
         let sound = ways.iter().copied().filter(|&way| is_sound(way));

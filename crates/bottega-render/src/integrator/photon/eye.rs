@@ -1,4 +1,4 @@
-//! One path from the camera, and those that it sends out to gather light.
+//! A camera path of photon mapping, and the final gathering rays that it sends out.
 
 mod gathering;
 mod hands;
@@ -38,27 +38,29 @@ pub(crate) use hands::Hands;
 pub(super) use spot::Spot;
 use walk::{ArrivalKind, LightShare, Place, Remainder, Walk, scatter, survives};
 
-/// Bounces of a path that have numbers of their own before those of a gathering ray begin.
+/// Number of vertices of a camera path with their own random numbers; those of gathering rays follow.
 const VERTICES: u32 = 64;
-/// A gathering ray that ends nearer than this, as a share of the reach of the map, goes on: the map is too coarse for what is
-/// so near.
+/// Least length of a gathering ray, as a share of the map's radius. Shorter rays continue: the map is too coarse for
+/// what is so near.
 const NEAR: f32 = 0.35;
 
-/// Cost of a surface that a path comes to, and of a shadow ray, in traversal steps.
+/// Cost of a vertex and of a shadow ray, in traversal steps.
 const VERTEX_STEPS: f32 = 16.0;
 const SHADOW_STEPS: f32 = 8.0;
 
-/// What is known of the light in the scene.
+/// The light that was computed before the picture.
 #[derive(Clone, Copy)]
 pub(crate) struct KnownLight<'a> {
+    /// Photon maps of the pass.
     pub(crate) maps: &'a PhotonMaps,
+    /// Irradiance cache; `None`: not used.
     pub(crate) cache: Option<&'a IrradianceCache>,
-    /// Who is asked, if the picture is one of agents; nobody while these are still looking around.
+    /// Lighting agents; `None`: the picture has none, or they are still being cast.
     pub(crate) agents: Option<&'a Agents>,
 }
 
 impl Eye<'_> {
-    /// Adds light that was scattered so often.
+    /// Adds light that scattered `bounces` times.
     #[inline(always)]
     pub(super) fn add(&mut self, light: Spectrum, bounces: u32) {
         self.radiance += light;
@@ -67,9 +69,9 @@ impl Eye<'_> {
         }
     }
 
-    /// Adds light that comes to a place with so many bounces behind it.
+    /// Adds light that scattered at least `behind` times.
     ///
-    /// - `shares`: says how often the light has been scattered; asked where that is wanted.
+    /// - `shares`: returns how the light divides by number of bounces; called only if that is wanted.
     #[inline(always)]
     fn add_shared(&mut self, light: Spectrum, behind: u32, shares: impl FnOnce(&Self) -> Option<BounceShares>) {
         self.radiance += light;
@@ -90,14 +92,14 @@ impl Eye<'_> {
         }
     }
 
-    /// How often light may have been scattered that a path finds at a surface, the scattering there among it.
+    /// Returns how often light that arrives at a surface may have scattered, including the scattering there.
     #[inline(always)]
     fn bounces_left(&self, walk: &Walk) -> u32 {
         self.integrator.base.settings().max_depth.saturating_sub(walk.depth)
     }
 }
 
-/// Who looks: one sample of a pixel.
+/// A camera path: one sample of a pixel.
 pub(super) struct Eye<'a> {
     integrator: &'a PhotonIntegrator<'a>,
     prepared: &'a PreparedScene,
@@ -112,6 +114,7 @@ pub(super) struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
+    /// Creates the path of one sample, with empty sums.
     #[inline(always)]
     pub(super) fn new(
         integrator: &'a PhotonIntegrator<'a>,
@@ -134,6 +137,7 @@ impl<'a> Eye<'a> {
         }
     }
 
+    /// Traces the sample of a camera ray, with all its gathering rays.
     #[inline(always)]
     pub(super) fn look(mut self, ray: &CameraRay) -> PathRecord {
         debug_assert!(self.integrator.camera_medium().is_none());
@@ -145,12 +149,14 @@ impl<'a> Eye<'a> {
         self.record
     }
 
-    /// Goes to the next surface. False when the path is at its end.
+    /// Traces the next ray of a path. Returns `false` when the path ends.
     fn step(&mut self, walk: &mut Walk) -> bool {
         let t_max = std::mem::replace(&mut walk.reach, f32::INFINITY);
         let ray = Ray { t_max, ..Ray::new(walk.origin, walk.direction) };
         let hides_emitters = walk.vertex == 0 && self.integrator.base.hides_emitters();
+        // Intersect the ray with the scene
         let hit = if hides_emitters { self.intersect_unlit(&ray) } else { self.intersect(&ray, walk.vertex) };
+        // Add the environment if the ray left the scene
         if hit.is_none() && hides_emitters {
             return false;
         }
@@ -161,9 +167,10 @@ impl<'a> Eye<'a> {
         self.arrive(walk, hit)
     }
 
-    /// Comes to a surface. False when the path is at its end.
+    /// Shades the surface that was hit, and scatters the path. Returns `false` when the path ends.
     fn arrive(&mut self, walk: &mut Walk, hit: Hit) -> bool {
         self.record.vertex_count += 1;
+        // Attenuate, and compute the interaction at the hit
         if walk.absorption != Spectrum::ZERO {
             walk.throughput *= exp(-walk.absorption * hit.t);
         }
@@ -173,6 +180,7 @@ impl<'a> Eye<'a> {
         if walk.vertex == 0 {
             self.record.record_first(walk.start + hit.t, point.frame[2]);
         }
+        // Add the color of an unlit surface and stop
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
             let color = point.unlit(prepared.scene(), color);
@@ -180,14 +188,17 @@ impl<'a> Eye<'a> {
             self.record.record_albedo(&mut self.wants_albedo, color);
             return false;
         }
+        // Add emission
         if known.shines && material.emission_sides.has(point.front) {
             self.add_emission(walk, &point);
         }
         walk.throughput *= std::mem::replace(&mut walk.unknown, 1.0);
+        // Stop at the maximum depth, or where only emission was looked for
         let is_last = walk.depth >= self.integrator.base.settings().max_depth || walk.is_short;
         if is_last && !self.wants_albedo {
             return false;
         }
+        // Evaluate the BSDF's parameters
         let mut place = None;
         let chance = || self.sampler.hashed(BLEND ^ u64::from(walk.vertex) << 56 ^ u64::from(point.material));
         let bsdf = bsdf_at(prepared, &point, chance, &mut place);
@@ -199,6 +210,7 @@ impl<'a> Eye<'a> {
         if is_last {
             return false;
         }
+        // Add direct, cached and gathered light at surfaces that are not specular
         let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
         let receiver = Receiver { p: point.p_outside, n };
         let place = Place { point: &point, bsdf: &bsdf.at_carrying(wo, walk.throughput), receiver, wo };
@@ -216,8 +228,9 @@ impl<'a> Eye<'a> {
         {
             return self.go_both_ways(walk, &place, ways);
         }
+        // Sample the BSDF and continue, if Russian roulette lets the path survive
         let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
-        // What is left for a path that comes to a surface from the camera is to go on over its mirrors.
+        // Camera paths continue only over the mirrors of a surface: the rest was gathered
         let only_mirrors = bsdf.has_non_delta() && matches!(walk.comes, ArrivalKind::Camera);
         match place.bsdf.sample(u[0], [u[1], u[2]]) {
             Some(sample) if !only_mirrors || sample.is_delta() => {
@@ -232,9 +245,11 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Adds the light that a surface spreads. What there is more to be had by going on.
+    /// Adds direct and cached light at a surface that is not specular. Returns the light that the rest of the path
+    /// still has to find.
     ///
-    /// - `surroundings`: take what is known of light from all sides, for the path to go on with.
+    /// - `distance`: length of the ray to the surface.
+    /// - `surroundings`: receives the directional light that agents know, for the path's next direction.
     fn meet(
         &mut self,
         walk: &Walk,
@@ -244,6 +259,7 @@ impl<'a> Eye<'a> {
         surroundings: &mut Option<Surroundings<'a>>,
     ) -> Remainder {
         let photons = &self.integrator.photons;
+        // End a gathering ray at the photon map
         let is_first = matches!(walk.comes, ArrivalKind::Camera);
         let (is_gathered, has_agents) = (self.is_gathered(), photons.agents.is_some());
         if !is_first && !has_agents {
@@ -252,6 +268,7 @@ impl<'a> Eye<'a> {
                 return Remainder::Nothing;
             }
         }
+        // Interpolate indirect light between agents or cache records
         let known = if has_agents && photons.indirect { self.surroundings(walk, place, bsdf) } else { None };
         let unknown = match photons.indirect {
             true if (is_first || has_agents) && known.is_none() => 1.0 - self.add_interpolated(walk, place, bsdf),
@@ -259,15 +276,18 @@ impl<'a> Eye<'a> {
             false => f32::from(u8::from(!is_matte(bsdf))),
         };
         let is_interpolated = unknown == 0.0;
-        // Where all indirect light is known nothing is left that might run into lights.
+        // End the path if light sampling finds all that is left
         let is_end = is_interpolated && self.prepared.lights().are_all_found();
         let share = if is_end { LightShare::All } else { LightShare::Mis };
+        // Sample direct illumination
         let aiming = if is_first && !is_interpolated { self.aim(place, bsdf) } else { None };
         self.add_direct_light(walk, place, share, aiming);
+        // Add caustic photons
         if self.bounces_left(walk) >= 2 {
             self.add_photons(walk, place, is_gathered);
         }
         if !is_first {
+            // Return what is left for a path that was scattered before
             *surroundings = known;
             return match (is_end, is_interpolated) {
                 (true, _) => Remainder::Nothing,
@@ -275,30 +295,34 @@ impl<'a> Eye<'a> {
                 (false, false) => Remainder::Light,
             };
         }
+        // Add directional light from agents
         if let Some(known) = &known {
             self.add_surroundings(walk, place, known);
         }
         if !is_end {
+            // Gather the rest
             let is_short = is_interpolated || !is_gathered || !photons.indirect;
-            // As many as what is left is worth.
+            // Trace rays in proportion to the unknown share
             let count = if is_short { 1 } else { (photons.final_rays as f32 * unknown).ceil().max(1.0) as u32 };
             self.gather(walk, place, &Gathering { count, is_short, unknown, is_known: known.is_some(), aiming });
         }
-        // A matte surface has no mirrors for the path to go on over.
+        // Matte surfaces have no mirrors to continue over
         if is_matte(bsdf) { Remainder::Nothing } else { Remainder::Light }
     }
 
-    /// Sends out rays that look for light, each of them to its end.
+    /// Traces final gathering rays from a surface, each to its end.
     fn gather(&mut self, walk: &Walk, place: &Place<'_>, how: &Gathering<'_>) {
         let Gathering { count, is_known, .. } = *how;
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::scattering(VERTICES + walk.vertex), part, count);
+            // Draw a direction; perfect mirrors are followed by the path itself
             let Some((sample, density)) = how.drawn(place, u) else { continue };
             if sample.is_delta() {
                 continue;
             }
             let is_short = how.is_short || (is_known && is_broad_sample(&sample));
             let unknown = if is_known && is_short { 0.0 } else { how.unknown };
+            // Trace the ray to its end
             let mut ray = Walk { vertex: VERTICES * (2 + walk.depth * count + part), is_short, unknown, ..*walk };
             if scatter(self.prepared, &mut ray, place, &sample, 1.0 / count as f32) {
                 ray.redraw(sample.pdf, density);
@@ -307,6 +331,7 @@ impl<'a> Eye<'a> {
         }
     }
 
+    /// Returns the closest hit of a ray.
     fn intersect(&self, ray: &Ray, vertex: u32) -> Hit {
         if self.prepared.has_opacity() {
             self.prepared.accel().intersect_filtered(ray, |hit| self.is_there(ray, hit, vertex, SurfaceQuery::Path))
@@ -315,12 +340,13 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// What a camera sees that does not see what shines.
+    /// Returns the closest hit of a camera ray that does not see emitters.
     fn intersect_unlit(&self, ray: &Ray) -> Hit {
         let is_seen = |hit: &Hit| !shines(self.prepared, hit) && self.is_there(ray, hit, 0, SurfaceQuery::Path);
         self.prepared.accel().intersect_filtered(ray, is_seen)
     }
 
+    /// Returns `true` if a candidate hit counts, by opacity and visibility.
     fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32, asks: SurfaceQuery) -> bool {
         let asks = asks.of_vertex(vertex);
         is_there(self.prepared, ray, hit, asks, |surface| {
@@ -328,6 +354,7 @@ impl<'a> Eye<'a> {
         })
     }
 
+    /// Traces a shadow ray. Returns `true` if something opaque is hit.
     fn is_occluded(&mut self, ray: &Ray, vertex: u32) -> bool {
         self.record.counts.shadow_rays += 1;
         if self.prepared.has_opacity() {
@@ -337,10 +364,10 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// The chance with which a path is worth going on at a surface, as far as agents can tell: what it can bring from there, over a part of
-    /// what has been found so far. Whatever they say, those that go on stand for those that do not.
+    /// Returns the probability of continuing a path at a surface, by the agents' estimate of its contribution relative
+    /// to a part of the radiance found so far. Unbiased whatever they estimate: survivors are weighted by its inverse.
     fn worth(&self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> f32 {
-        /// What is worth a path of its own, as a share of what has been found.
+        /// Contribution that is always worth tracing, as a share of the radiance found so far.
         const PART: f32 = 0.05;
         const WORTH_MIN: f32 = 0.1;
         let ask = |agents: &Agents| agents.rough_irradiance_at(place.point.p, place.point.frame[2]);
@@ -352,10 +379,10 @@ impl<'a> Eye<'a> {
         if light < found { (light / found).max(WORTH_MIN) } else { 1.0 }
     }
 
-    /// Where indirect light comes from to a surface that rays gather light for, if that is known and wanted.
+    /// Returns the distribution of indirect light at a gathering surface, if it is wanted and the photons give one.
     fn aim(&self, place: &Place<'_>, bsdf: &Bsdf) -> Option<Aiming<'a>> {
         let photons = &self.integrator.photons;
-        // A lobe as narrow as that of a polished surface tells more than some hundred photons.
+        // A lobe as narrow as that of a polished surface guides better than some hundred photons
         const ROUGHNESS_MIN: f32 = 0.3;
         let is_wanted =
             photons.gather_directions && photons.indirect && self.is_gathered() && bsdf.roughness() >= ROUGHNESS_MIN;
@@ -367,7 +394,7 @@ impl<'a> Eye<'a> {
         Some(Aiming { arrival, is_matte: is_matte(bsdf) })
     }
 
-    /// Whether light is gathered by rays.
+    /// Returns `true` if indirect light is gathered by rays.
     fn is_gathered(&self) -> bool {
         let photons = &self.integrator.photons;
         (photons.final_rays > 0 && !photons.progressive) || photons.agents.is_some()

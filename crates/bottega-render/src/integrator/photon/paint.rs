@@ -1,4 +1,4 @@
-//! Pictures by photons: what they need is made first.
+//! Rendering of samples with photons, and the preparation of maps, cache and agents.
 
 use std::ops::Range;
 
@@ -13,8 +13,8 @@ use super::{
 use crate::{ala::Agents, camera::CameraRay, photon::cache::IrradianceCache, sampler::PixelSampler};
 
 impl PhotonIntegrator<'_> {
-    /// Makes the maps that a range of samples needs, if they are not there: on all processors that the scene was prepared
-    /// with.
+    /// Traces the photons that a range of samples needs, and builds cache and agents, if they do not exist. Uses all
+    /// threads that the scene was prepared with.
     pub fn cast(&self, samples: Range<u32>) {
         for sample in samples {
             self.passes.of_sample(self.base.prepared(), sample);
@@ -26,14 +26,14 @@ impl PhotonIntegrator<'_> {
         self.agents();
     }
 
-    /// The irradiance at some places; the first who asks has it made.
+    /// Returns the irradiance cache, if one is used; the first caller has it built.
     fn cache(&self) -> Option<&IrradianceCache> {
         let prepared = self.base.prepared();
         let make = || prepared.on_threads(|| place::records(self, self.passes.of_sample(prepared, 0)));
         self.cache.as_ref().map(|cache| cache.get_or_init(make))
     }
 
-    /// The agents that are asked, if they are wanted; the first who asks has them made.
+    /// Returns the lighting agents, if any are used; the first caller has them cast.
     fn agents(&self) -> Option<&Agents> {
         let settings = self.photons.agents?;
         let prepared = self.base.prepared();
@@ -47,7 +47,8 @@ impl PhotonIntegrator<'_> {
         Some(self.passes.agents(make))
     }
 
-    /// Paints samples of pixels, one after the other.
+    /// Traces samples, given as (x, y, sample index). Replaces the contents of `records` with their records, in the
+    /// same order.
     pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
         records.clear();
         let mut hands = Hands::new(self);
@@ -66,7 +67,7 @@ impl PhotonIntegrator<'_> {
     }
 }
 
-/// One sample of a pixel.
+/// One sample of a pixel to trace.
 struct Sample<'a> {
     integrator: &'a PhotonIntegrator<'a>,
     known: KnownLight<'a>,

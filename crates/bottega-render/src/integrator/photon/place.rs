@@ -1,7 +1,7 @@
-//! The placement of irradiance records: the first of two passes over the picture.
+//! Placement of the irradiance cache's records: the first of two passes over the picture.
 //!
-//! The order in which places are looked at depends on the picture alone, coarse before fine, and each batch knows only what
-//! the batches before have kept: so the records are the same however many threads compute them.
+//! The order of the pixels depends only on the picture, coarse before fine, and each batch sees only the records of
+//! earlier batches. So the records do not depend on the number of threads.
 
 use bottega_kernels::{
     compiled::{self, Task},
@@ -23,18 +23,18 @@ use crate::{
     sampler::{DimensionSet, PixelSampler},
 };
 
-/// Pixels from one place that is looked at to the next: in the first round and in the last one.
+/// Pixel spacing of the first and of the last round.
 const STEP_FIRST: u32 = 32;
 const STEP_LAST: u32 = 2;
-/// Places that are looked at before any of them is kept.
+/// Number of pixels that are searched before their records are added.
 const BATCH: usize = 64;
-/// Radii of records in pixels and in radii of what is seen: the least and the greatest.
+/// Least radius of a record in pixels, and greatest radius as a share of the visible extent.
 const PIXELS_MIN: f32 = 8.0;
 const SHARE_MAX: f32 = 0.5;
-/// Sets the numbers of records apart from those of pixels.
+/// Seed of the records' random numbers, distinct from those of pixels.
 const RECORD_SEED: u64 = 0x6972_7261_6469_616e;
 
-/// The irradiance of all that is seen, as far as it is matte.
+/// Builds the irradiance cache of all matte surfaces that the camera sees.
 pub(super) fn records(integrator: &PhotonIntegrator<'_>, maps: &PhotonMaps) -> IrradianceCache {
     let bounds = integrator.base.prepared().accel().bounds();
     let size = bounds.max - bounds.min;
@@ -43,6 +43,7 @@ pub(super) fn records(integrator: &PhotonIntegrator<'_>, maps: &PhotonMaps) -> I
     if !(bounds.min.is_finite() && size.is_finite()) {
         return cache;
     }
+    // Search the pixels of each round, coarse to fine, and add records batch by batch
     let mut step = STEP_FIRST;
     while step >= STEP_LAST {
         for batch in pixels(integrator, step).chunks(BATCH) {
@@ -57,7 +58,7 @@ pub(super) fn records(integrator: &PhotonIntegrator<'_>, maps: &PhotonMaps) -> I
     cache.settled()
 }
 
-/// The pixels of a round, neighbours far from one another.
+/// Returns the pixels of a round, shuffled so that neighbours are far apart.
 fn pixels(integrator: &PhotonIntegrator<'_>, step: u32) -> Vec<(u32, u32)> {
     let (width, height) = (integrator.view.width, integrator.view.height);
     let is_new = |x: u32, y: u32| step == STEP_FIRST || !x.is_multiple_of(2 * step) || !y.is_multiple_of(2 * step);
@@ -69,7 +70,7 @@ fn pixels(integrator: &PhotonIntegrator<'_>, step: u32) -> Vec<(u32, u32)> {
     pixels
 }
 
-/// Looks through a pixel for a place where too little is known.
+/// Searches a pixel for a matte point where the cache has no record.
 struct Search<'a> {
     integrator: &'a PhotonIntegrator<'a>,
     maps: &'a PhotonMaps,

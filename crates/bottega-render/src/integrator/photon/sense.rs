@@ -1,4 +1,4 @@
-//! The irradiance sensor of an agent.
+//! The irradiance sensor of a lighting agent.
 
 use std::{f32::consts::PI, sync::Arc};
 
@@ -23,24 +23,25 @@ use crate::{
     sampling::orthonormal_basis,
 };
 
-/// Rays by which the irradiance at a sensor is found, and those after which it is dark if none found any.
+/// Number of rays of an irradiance sensor, and the number after which it counts as dark if none found light.
 const RAYS: u32 = 256;
 const RAYS_IN_THE_DARK: u32 = 48;
 
-/// Where a sensor that goes by our own rules measures.
+/// A place where an agent measures irradiance by the error oracle.
 pub(crate) struct SensorPlace {
+    /// Surface point, with its frame.
     pub(crate) point: Interaction,
-    /// Of the surroundings that it stands for.
+    /// Width of the surroundings that the sensor represents, as a length.
     pub(crate) width: f32,
-    /// Least and greatest radius within which it may count.
+    /// Least and greatest radius of the record, as lengths.
     pub(crate) reach: [f32; 2],
-    /// Rays to a cell of the hemisphere.
+    /// Rays per cell of the hemisphere.
     pub(crate) effort: u32,
-    /// Whether it is to be known where the light comes from.
+    /// `true`: also record the directions that the light comes from.
     pub(crate) is_directed: bool,
 }
 
-/// The settings of the paths that sensors follow: those of the whole picture, whatever a zone of it is painted with.
+/// Returns the settings of the paths that sensors trace: those of the whole picture, even where a zone has others.
 pub(crate) fn sensing_settings(photons: &PhotonSettings, seed: u64) -> PathSettings {
     PathSettings {
         seed,
@@ -52,9 +53,12 @@ pub(crate) fn sensing_settings(photons: &PhotonSettings, seed: u64) -> PathSetti
 }
 
 impl<'a> PhotonIntegrator<'a> {
-    /// One that sensors follow paths with.
+    /// Creates an integrator that traces the paths of sensors.
     ///
-    /// - `settings`: by [`sensing_settings`].
+    /// - `settings`: from [`sensing_settings`].
+    ///
+    /// # Errors
+    /// [`RenderError::PhotonsInMedia`].
     pub(crate) fn sensing(
         prepared: &'a PreparedScene,
         settings: &'a PathSettings,
@@ -64,24 +68,26 @@ impl<'a> PhotonIntegrator<'a> {
         if prepared.needs_volume() {
             return Err(RenderError::PhotonsInMedia);
         }
-        // Sensors are no one's view.
+        // Sensors belong to no view
         let view = View { camera: 0, width: 1, height: 1 };
         let base = PathIntegrator::unguided(prepared, view, settings)?;
         Ok(Self { base, photons, passes, cache: None, view })
     }
 
+    /// Returns the scene.
     pub(crate) fn prepared(&self) -> &'a PreparedScene {
         self.base.prepared()
     }
 
-    /// Where photons and agents are sent.
+    /// Returns the plan of photon and agent emission.
     pub(crate) fn plan(&self) -> &PhotonPlan {
         self.passes.plan()
     }
 
-    /// Indirect irradiance at a point, on the side that it was looked at from: light that shines there straight is left out,
-    /// and so is light over mirrors and glass alone, which photons bring.
+    /// Estimates the indirect irradiance at a point, on the side that faces its `wo`. Direct light is left out, and so
+    /// is light over mirrors and glass alone, which photons give.
     ///
+    /// - `width`: width of the surroundings that the sensor represents.
     /// - `width`: of the surroundings that the sensor stands for.
     pub(crate) fn irradiance(
         &self,
@@ -99,10 +105,12 @@ impl<'a> PhotonIntegrator<'a> {
         let mut eye = Eye::new(self, known, sampler, &mut *hands);
         let mut sum = Spectrum::ZERO;
         for index in 0..RAYS {
+            // Stop early in the dark
             if index == RAYS_IN_THE_DARK && sum == Spectrum::ZERO {
                 return Spectrum::ZERO;
             }
             let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, RAYS);
+            // Sample a cosine-weighted direction and trace it
             let local = cosine_hemisphere([u, v]);
             sum += eye.look_from(&spot, s * local.x + t * local.y + n * local.z, index).radiance;
         }
@@ -110,9 +118,9 @@ impl<'a> PhotonIntegrator<'a> {
         sum * (PI / RAYS as f32)
     }
 
-    /// What a sensor that goes by our own rules measures: the same, with how it changes around.
+    /// Measures the indirect irradiance with its gradients, by the error oracle.
     ///
-    /// - `others`: stand for the light of all surfaces that they know.
+    /// - `others`: agents that stand for the light of all surfaces that they know.
     pub(crate) fn record(
         &self,
         maps: &PhotonMaps,
@@ -131,7 +139,7 @@ impl<'a> PhotonIntegrator<'a> {
             let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, cache::RAYS * effort);
             eye.look_from(&spot, cache::direction(n, index / effort, [u, v]), index)
         };
-        // Who stopped where the first rays found nothing would take dim corners for dark ones.
+        // Trace all rays: stopping after dark ones takes dim corners for dark
         let looks: Vec<GatherSample> = (0..cache::RAYS * effort).map(look).collect();
         let found = Measurement::new(looks, effort);
         let record = IrradianceRecord::new(spot.p(), n, &found, reach).with_bounces(hands.bounces());

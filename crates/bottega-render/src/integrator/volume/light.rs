@@ -1,4 +1,4 @@
-//! The light that a path through media finds: by looking for lights, and by running into them.
+//! The light that a path through media finds: by sampling lights, and by hitting emitters.
 
 use bottega_scene::{Spectrum, Surface};
 use glam::Vec3;
@@ -17,7 +17,7 @@ use crate::{
 };
 
 impl Path<'_> {
-    /// What comes from where there is no surface, with its weight.
+    /// Returns the environment's radiance along the ray, weighted by MIS.
     pub(super) fn environment(&self) -> Spectrum {
         if self.depth == 0 && self.hides_emitters {
             return Spectrum::ZERO;
@@ -31,7 +31,7 @@ impl Path<'_> {
         radiance * self.found_by_direction(|from| (lights.environment_pdf(from, self.direction), 0.0))
     }
 
-    /// What a surface emits towards the path, with its weight.
+    /// Returns the emission of a surface towards the path, weighted by MIS.
     pub(super) fn emission(&self, point: &Interaction) -> Spectrum {
         let prepared = self.prepared;
         let scene = &**prepared.scene();
@@ -56,16 +56,18 @@ impl Path<'_> {
             })
     }
 
-    /// The density with which a distance is drawn for a light, times the probability of that light, over the density with
-    /// which the distance is drawn by extinction.
+    /// Returns the density of drawing this distance for a light, times that light's probability, divided by the density
+    /// of drawing it by extinction.
     fn pdf_ratio(&self, along: &SegmentPoint, light: u32) -> f32 {
         let lights = self.prepared.lights();
         let arc = lights.arc(self.prepared.scene(), &along.segment, light);
         lights.pmf_along(&along.segment, light) * arc.pdf(along.distance) / along.pdf
     }
 
-    /// The weight of light that the path ran into; `pdfs` tells the densities of both other ways to find it from the
-    /// point before.
+    /// Returns the MIS weight of light that the path hit.
+    ///
+    /// - `pdfs`: returns the densities of both other ways to find it from the previous vertex: by a light sample there,
+    ///   and by a distance drawn for the light.
     fn found_by_direction(&self, pdfs: impl FnOnce(&Receiver) -> (f32, f32)) -> f32 {
         let Some(pdf) = self.previous.pdf else { return 1.0 };
         match self.settings.direct_light {
@@ -78,26 +80,29 @@ impl Path<'_> {
         }
     }
 
+    /// Returns the number of light samples per vertex, at least 1.
     fn light_samples(&self) -> u32 {
         self.settings.light_samples.max(1)
     }
 
+    /// Returns `true` if direct light is sampled at all.
     pub(super) fn samples_lights(&self) -> bool {
         self.settings.direct_light != DirectLight::BsdfSampling && !self.prepared.lights().is_empty()
     }
 
-    /// The density of a direction as far as it is another way to find a light sample.
+    /// Returns `pdf`, the density of a direction by scattering, if scattering can find the light sample, too; else 0.
     fn shared(&self, light: &LightSample, pdf: f32) -> f32 {
         if light.is_delta || self.settings.direct_light != DirectLight::Combined { 0.0 } else { pdf }
     }
 
-    /// Light that is scattered at a distance drawn for one light.
+    /// Adds light scattered at a distance that is drawn for one light.
     pub(super) fn add_light_along(&mut self, medium: &Homogeneous, segment: &Segment) {
         if !self.samples_lights() {
             return;
         }
         let (prepared, lights) = (self.prepared, self.prepared.lights());
         let [u_light, u_distance, u, v] = self.sampler.quad(DimensionSet::along(self.segment));
+        // Sample a light for the segment, and a distance uniform in its angle
         let Some((light, pmf)) = lights.sample_along(segment, u_light) else { return };
         let arc = lights.arc(prepared.scene(), segment, light);
         let distance = arc.sample(u_distance);
@@ -106,8 +111,10 @@ impl Path<'_> {
             return;
         }
         let p = segment.origin + segment.direction * distance;
+        // Sample a point on the light
         let Some(sample) = lights.sample_place(prepared, light, p, [u, v]) else { return };
         let phase = medium.phase.eval(segment.direction.dot(sample.wi));
+        // Weight against both ways that draw the distance by extinction
         let by_extinction = medium.distance_pdf(channel_probabilities(self.throughput), distance) / pdf;
         let pmf_there = lights.pmf(&Receiver { p, n: Vec3::ZERO }, light);
         let others = [
@@ -120,9 +127,9 @@ impl Path<'_> {
         self.add_if_seen(contribution, p, p, &sample, self.medium);
     }
 
-    /// Light that is scattered at a point in a medium, by looking for lights from there.
+    /// Adds light scattered at a point in a medium, by sampling lights from there.
     ///
-    /// - `along`: how the point was drawn, where there are several ways to find light there.
+    /// - `along`: density of the point on its segment, if light there is found in several ways.
     pub(super) fn add_light_at(
         &mut self,
         phase: Phase,
@@ -139,6 +146,7 @@ impl Path<'_> {
             let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
             let value = phase.eval(direction.dot(light.wi));
             let expected = count as f32 * light.pdf;
+            // Weight against the distance drawn for this light, and against the phase function
             let by_arc = match along {
                 Some(along) if light.light != NO_LIGHT => self.pdf_ratio(along, light.light) * (light.pdf / light.pmf),
                 _ => 0.0,
@@ -149,14 +157,14 @@ impl Path<'_> {
         }
     }
 
-    /// Next-event estimation at a surface.
+    /// Samples lights at a surface (next-event estimation).
     pub(super) fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, receiver: &Receiver) {
         let count = self.light_samples();
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
             let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
             let wi = point.to_local(light.wi);
-            // A shading normal must not let light through the real surface.
+            // Prevent light leaks by the shading normal
             if (wi.z > 0.0) != point.is_reflection(light.wi) {
                 continue;
             }
@@ -170,9 +178,9 @@ impl Path<'_> {
     }
 }
 
-/// Weight of the strategy with density `chosen` against two others (Veach 1997, eq. 9.13, β = 2).
+/// Returns the MIS weight of the strategy with density `chosen` against two others (Veach 1997, eq. 9.13, β = 2).
 fn power_heuristic(chosen: f32, others: [f32; 2]) -> f32 {
-    // By the ratios, so that squares of large densities do not overflow.
+    // Use the ratios: squares of large densities overflow
     let ratios = others.map(|other| other / chosen);
     1.0 / (1.0 + ratios[0] * ratios[0] + ratios[1] * ratios[1])
 }

@@ -1,4 +1,4 @@
-//! The passage between two points: boundaries of media, panes, and the media themselves.
+//! The passage of light between two points: through boundaries of media, panes, and media.
 
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{MediumId, Spectrum};
@@ -14,15 +14,15 @@ use crate::{
     shading::{DEPTH_SHIFT, bsdf_at},
 };
 
-/// Boundaries of media that a path or a shadow ray may cross without being scattered.
+/// Greatest number of boundaries that a path or a shadow ray crosses without scattering.
 pub(super) const BOUNDARIES_MAX: u32 = 256;
-/// Cost of a vertex, and of a shadow ray, in traversal steps.
+/// Cost of a vertex, and of a shadow ray's segment, in traversal steps.
 pub(super) const STEPS: f32 = 8.0;
-/// Sets the numbers of tracking apart from those that other decisions take.
+/// Key of the random numbers of tracking, distinct from all other decisions.
 const TRACKING: u64 = 0x7472_6163_6b69_6e67;
 
 impl Path<'_> {
-    /// Whether a candidate hit is to be taken: see [`is_there`]. Boundaries that part media are.
+    /// Returns `true` if a candidate hit counts; see [`is_there`]. Boundaries between two media always count.
     pub(super) fn is_there(&self, ray: &Ray, hit: &Hit, asks: SurfaceQuery) -> bool {
         let known = self.prepared.material(material_of(self.prepared, hit)).1;
         if known.shines && asks == SurfaceQuery::Path && self.depth == 0 && self.hides_emitters {
@@ -35,20 +35,23 @@ impl Path<'_> {
             })
     }
 
-    /// What fills the space on the side of `wi`.
+    /// Returns the medium on the side of `wi`; `None`: vacuum.
     pub(super) fn medium_towards(&self, point: &Interaction, wi: Vec3) -> Option<MediumId> {
         self.medium_behind(point, wi, self.medium)
     }
 
-    /// The same for light that came through `medium`.
+    /// Returns the medium on the side of `wi` for light that arrived through `medium`.
     fn medium_behind(&self, point: &Interaction, wi: Vec3, medium: Option<MediumId>) -> Option<MediumId> {
         let known = self.prepared.material(point.material).1;
         if point.is_reflection(wi) || !known.parts_media { medium } else { known.media[usize::from(point.front)] }
     }
 
-    /// Adds what a light sample gives, as far as media and surfaces let it through.
+    /// Adds a light sample, attenuated by the media and surfaces on the way.
     ///
-    /// - `p`: where the light was sampled for; `origin`: where the ray to it starts.
+    /// - `contribution`: radiance that an unoccluded light adds.
+    /// - `p`: the point that the light was sampled for.
+    /// - `origin`: the start of the shadow ray.
+    /// - `medium`: the medium at `origin`.
     pub(super) fn add_if_seen(
         &mut self,
         contribution: Spectrum,
@@ -62,7 +65,7 @@ impl Path<'_> {
         }
         let prepared = self.prepared;
         let is_far = light.distance.is_infinite();
-        // Aim at the light's point itself: from another origin it lies in a slightly different direction.
+        // Aim at the sampled point itself: its direction from another origin differs slightly
         let target = p + light.wi * light.distance;
         let mut transmittance = Spectrum::ONE;
         self.record.counts.shadow_rays += 1;
@@ -76,6 +79,7 @@ impl Path<'_> {
                 (to_light / length, length)
             };
             let ray = Ray { origin, t_min: 0.0, direction, t_max: length * (1.0 - SHADOW_MARGIN) };
+            // Find the next surface, or only test for occlusion
             let hit = if prepared.has_boundaries() {
                 prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Shadow))
             } else if prepared.accel().occluded_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Shadow)) {
@@ -83,6 +87,7 @@ impl Path<'_> {
             } else {
                 Hit::NONE
             };
+            // Attenuate by the medium of this segment
             let length = hit.t.min(length);
             match medium.map(|medium| prepared.medium(medium)) {
                 None => {}
@@ -96,6 +101,7 @@ impl Path<'_> {
                 self.radiance += contribution * transmittance;
                 return;
             }
+            // Pass through a boundary or a pane, and continue behind it
             let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
             transmittance *= self.let_through(&point);
             if transmittance == Spectrum::ZERO {
@@ -106,7 +112,7 @@ impl Path<'_> {
         }
     }
 
-    /// The share of the light of a lamp that a surface lets straight through.
+    /// Returns the share of light that a surface lets straight through: 1 at boundaries without a surface, 0 if opaque.
     fn let_through(&mut self, point: &Interaction) -> Spectrum {
         let known = self.prepared.material(point.material).1;
         if known.is_null || !known.is_pane {
@@ -120,7 +126,7 @@ impl Path<'_> {
     }
 }
 
-/// The numbers that tracking takes, one after the other.
+/// Returns the sequence of random numbers of tracking; `drawn`: count of those already taken.
 pub(super) fn numbers(sampler: PixelSampler, drawn: &mut u64) -> impl FnMut() -> f32 {
     move || {
         *drawn += 1;

@@ -1,4 +1,4 @@
-//! A path through media, under way.
+//! The state of a path through media.
 
 use bottega_scene::{MediumId, Spectrum};
 use glam::Vec3;
@@ -11,53 +11,72 @@ use crate::{
     sampler::PixelSampler,
 };
 
-/// Where the path comes from, as far as multiple importance sampling must know.
+/// The previous vertex, as multiple importance sampling needs it.
 #[derive(Clone, Copy)]
 pub(super) struct Previous {
-    /// The point for which lights were sampled.
+    /// The point that lights were sampled for.
     pub(super) receiver: Receiver,
-    /// Density per solid angle of the direction taken; `None`: light sampling could not have found what comes.
+    /// Density of the direction taken from there, in sr⁻¹; `None`: light sampling could not have found light in that
+    /// direction.
     pub(super) pdf: Option<f32>,
-    /// Where that point is on a segment through a medium, if it is in one.
+    /// Position of that point on its segment, if it is inside a homogeneous medium.
     pub(super) along: Option<SegmentPoint>,
 }
 
-/// A point of a segment through a medium.
+/// A point on a segment through a homogeneous medium.
 #[derive(Clone, Copy)]
 pub(super) struct SegmentPoint {
+    /// The segment, from its start to the next surface.
     pub(super) segment: Segment,
+    /// Distance from the start of the segment.
     pub(super) distance: f32,
-    /// Density of the distance as drawn by extinction.
+    /// Density of drawing the distance by extinction, per length.
     pub(super) pdf: f32,
 }
 
-/// A path under way.
+/// A path through media being traced.
 pub(super) struct Path<'a> {
+    /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,
+    /// Settings of the picture.
     pub(super) settings: &'a PathSettings,
+    /// Random numbers of the sample.
     pub(super) sampler: PixelSampler,
+    /// Throughput of the path, β.
     pub(super) throughput: Spectrum,
+    /// Radiance found so far.
     pub(super) radiance: Spectrum,
-    /// What the path is in; `None`: vacuum.
+    /// Medium that the path is in; `None`: vacuum.
     pub(super) medium: Option<MediumId>,
-    /// What the throughput owes to radiance that was squeezed into a denser solid, not to losses.
+    /// Factor by which radiance was compressed on entering denser solids; it does not count as loss in Russian
+    /// roulette.
     pub(super) eta_scale: f32,
+    /// Number of scattering events so far.
     pub(super) depth: u32,
-    /// Segments so far; more than `depth` where boundaries of media were crossed.
+    /// Number of segments so far; more than `depth` where boundaries were crossed.
     pub(super) segment: u32,
+    /// Number of boundaries crossed so far.
     pub(super) boundaries: u32,
-    /// How far the path came since it was scattered last.
+    /// Distance since the last scattering event.
     pub(super) travelled: f32,
-    /// How far the next ray sees surfaces.
+    /// Length of the next ray.
     pub(super) reach: f32,
-    /// Numbers that tracking took so far.
+    /// Number of random numbers that tracking has drawn.
     pub(super) numbers_drawn: u64,
+    /// Start of the next ray.
     pub(super) origin: Vec3,
+    /// Direction of the next ray; unit length.
     pub(super) direction: Vec3,
+    /// Ray cone, for texture filtering.
     pub(super) cone: RayCone,
+    /// The previous vertex, for MIS.
     pub(super) previous: Previous,
+    /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
+    /// `true`: the albedo is wanted and not recorded yet.
     pub(super) wants_albedo: bool,
+    /// `true`: costs are wanted.
     pub(super) wants_cost: bool,
+    /// Record of the path.
     pub(super) record: PathRecord,
 }

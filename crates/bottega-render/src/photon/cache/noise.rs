@@ -1,8 +1,8 @@
-//! The noise to expect in records.
+//! Smoothed noise estimates of irradiance records.
 //!
-//! Where light comes from a small bright place, a record whose rays missed it looks sure and is too dark, and one whose rays
-//! found it looks noisy and is too bright. Who went by the noise that each record has found itself would take the dark ones and
-//! leave the bright ones. So those around a place tell together how noisy each of them is.
+//! Where light comes from a small bright source, a record whose rays missed it seems certain and is too dark, and a
+//! record whose rays hit it seems noisy and is too bright. Trusting each record's own variance prefers the dark ones.
+//! So the records in a neighbourhood share one estimate.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -13,15 +13,15 @@ use crate::{
     photon::{Nearest, Photon, PhotonMap, is_alike},
 };
 
-/// Records that tell together.
+/// Records in a neighbourhood.
 const TOGETHER: usize = 64;
-/// So many of them with no wall between are asked alone: what is behind a wall is lit otherwise.
+/// Least number of them without a wall between; then only those count, as light differs behind walls.
 const CLEAR_MIN: f32 = 16.0;
 
 impl IrradianceCache {
-    /// Lets each record be told by those nearest to it how noisy it is, on the threads of the present pool.
+    /// Estimates the noise of each record from its neighbours, on the current thread pool.
     ///
-    /// - `new`: records that are not kept yet.
+    /// - `new`: records that are not in the cache yet.
     pub(crate) fn tell_noise(&mut self, new: &mut [IrradianceRecord]) {
         let all: Vec<&IrradianceRecord> = self.records.iter().chain(&*new).collect();
         let place = |(record, index): (&IrradianceRecord, u32)| Photon::tagged(record.p, record.n, record.n, index);
@@ -51,7 +51,7 @@ impl IrradianceCache {
         self.records.iter_mut().chain(new).zip(told).for_each(|(record, noise)| record.noise = noise);
     }
 
-    /// How many rays to a cell bring the noise at a place below an error, as far as is known of it.
+    /// Returns the number of rays per cell that brings the noise at a point below `error`, by the records near it.
     pub(crate) fn effort_for(&self, p: Vec3, n: Vec3, error: f32) -> u32 {
         let (mut noise, mut count) = (0.0, 0.0);
         self.visit(p, |record| {

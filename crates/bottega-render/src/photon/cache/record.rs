@@ -1,4 +1,4 @@
-//! The record of one place: irradiance, how it changes, and how sure it is.
+//! The irradiance record: irradiance at a point, its gradients and its noise.
 
 use std::{f32::consts::PI, sync::Arc};
 
@@ -13,52 +13,57 @@ use super::super::{
 };
 use crate::{luminance, sampling::orthonormal_basis};
 
-/// Cells of the hemisphere, which all weigh alike by the cosine, and least rays by which the irradiance at one place is found.
+/// Cells of the hemisphere, which have equal cosine-weighted solid angles, and the least number of rays per record.
 pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;
-/// Most rays to a cell.
+/// Greatest number of rays per cell.
 pub(crate) const EFFORT_MAX: u32 = 16;
 
-/// What is known at one place. What is asked of each record near a place fills its first 64 bytes, what it says there the rest.
+/// An irradiance record. The first 64 bytes hold what every lookup near the record reads.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(crate) struct IrradianceRecord {
+    /// Position, in world space.
     pub(super) p: Vec3,
+    /// Shading normal; unit length.
     pub(super) n: Vec3,
-    /// Distance to other surfaces, on the harmonic mean.
+    /// Harmonic mean distance to other surfaces.
     pub(super) radius: f32,
-    /// How far its surface is free of walls, to each side; see [`clearance`].
+    /// Distance to walls along the surface, per side; see [`clearance`].
     pub(super) clearance: Clearance,
-    /// Rays to a cell.
+    /// Rays per cell.
     pub(super) effort: u32,
-    /// Relative variance that is to be expected of it, as it and those around it tell together: see [`super::noise`].
+    /// Expected relative variance, shared by a neighbourhood; see [`super::noise`].
     pub(super) noise: f32,
+    /// Indirect irradiance at the point.
     pub(super) irradiance: Spectrum,
-    /// How it changes as the surface turns and as the place moves: one vector for each of red, green and blue.
+    /// Rotational gradient, per channel.
     pub(super) turning: [Vec3; 3],
+    /// Translational gradient, per channel.
     pub(super) moving: [Vec3; 3],
-    /// Variance of the luminance of the irradiance, by how much its own rays differ.
+    /// Variance of the luminance of the irradiance, estimated from the record's own rays.
     pub(super) variance: f32,
-    /// Which share of it comes by no more than 0, 1, 2 … bounces; beyond the list, all of it.
+    /// Cumulative share of the light with at most 0, 1, 2 … bounces; beyond the list, 1.
     pub(super) shares: Box<[Share]>,
-    /// Where the light comes from; on surfaces that do not send it to all sides alike.
+    /// Light by direction; only on surfaces that are not matte.
     pub(super) around: Option<Arc<CellsAround>>,
 }
 
-/// How far off its surface a place may lie that it speaks for, in its radius, along the sum of both normals.
+/// Greatest distance off the surface of a point that a record counts for, along the sum of both normals, in radii.
 const OFF_PLANE: f32 = 0.1;
 
-/// Where a record may count: a ball around it, between two planes along its surface.
+/// The region where a record may count: a ball around it, between two planes parallel to its surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
     p: Vec3,
     n: Vec3,
+    /// Radius of the ball.
     pub(super) radius: f32,
-    /// Of the planes over the surface and below it.
+    /// Distance of the planes from the surface.
     height: f32,
 }
 
 impl Reach {
-    /// Whether a part of a cube lies within.
+    /// Returns `true` if a part of the cube lies within the region.
     pub(super) fn meets(&self, low: Vec3, side: f32) -> bool {
         let half = 0.5 * side;
         let is_near = self.p.distance_squared(self.p.clamp(low, low + side)) <= self.radius * self.radius;
@@ -66,31 +71,31 @@ impl Reach {
     }
 }
 
-/// Sides to which it is known how far a surface is free of walls.
+/// Number of sides with known clearance.
 pub(super) const SIDES: usize = 8;
 
-/// Distances to eight sides, in the upper half of the bits of an `f32`.
+/// Distances to eight sides, as the upper 16 bits of an `f32`.
 pub(super) type Clearance = [u16; SIDES];
 
-/// A share of red, green and blue, each in 65535ths.
+/// A share of red, green and blue, each in units of 1 ∕ 65535.
 pub(super) type Share = [u16; 3];
 
-/// What the rays of one place found, by cell of the hemisphere.
+/// The radiance and distance that a record's rays found, per cell of the hemisphere.
 #[derive(Clone, Debug)]
 pub(crate) struct Measurement {
     cells: Vec<GatherSample>,
     effort: u32,
-    /// Of the luminance of the irradiance.
+    /// Variance of the luminance of the irradiance.
     variance: f32,
 }
 
 impl Measurement {
-    /// - `rays`: in the directions of [`direction`], cell by cell.
-    /// - `effort`: rays to a cell: 1 or an even number.
+    /// - `rays`: samples in the directions of [`direction`], cell by cell.
+    /// - `effort`: rays per cell: 1 or an even number.
     pub(crate) fn new(rays: Vec<GatherSample>, effort: u32) -> Self {
         let cell = PI / RAYS as f32;
         if effort == 1 {
-            // What cells next to each other differ by is noise, or too fine to be told from it.
+            // Take differences between neighbouring cells for noise
             let next = |i: usize| i / SECTORS * SECTORS + (i + 1) % SECTORS;
             let difference = |i: usize| luminance(rays[i].radiance) - luminance(rays[next(i)].radiance);
             let squares = (0..rays.len()).map(|i| 0.5 * difference(i) * difference(i)).sum::<f32>();
@@ -105,14 +110,14 @@ impl Measurement {
         Self { cells: cells().map(GatherSample::mean).collect(), effort, variance: squares * cell * cell }
     }
 
-    /// One for each cell.
+    /// Returns the mean sample of each cell.
     pub(crate) fn cells(&self) -> &[GatherSample] {
         &self.cells
     }
 }
 
 impl GatherSample {
-    /// What some rays found together: the harmonic mean of their distances.
+    /// Returns the mean radiance and the harmonic mean distance of some samples.
     fn mean(looks: &[GatherSample]) -> Self {
         let count = looks.len() as f32;
         let inverse: f32 = looks.iter().map(GatherSample::inverse_distance).sum();
@@ -120,13 +125,14 @@ impl GatherSample {
         Self { radiance: looks.iter().map(|look| look.radiance).sum::<Spectrum>() / count, distance }
     }
 
+    /// Returns 1 over the distance, bounded.
     fn inverse_distance(&self) -> f32 {
         1.0 / self.distance.max(1e-9)
     }
 }
 
-/// How far a surface is free of walls to each side: as far as the nearest thing that rays have met that left it at some twenty degrees.
-/// Lower ones meet a hollow surface itself.
+/// Returns the distance along the surface to the nearest wall on each side: that of the nearest hit of rays at some
+/// twenty degrees above it. Lower rays hit a concave surface itself.
 fn clearance(looks: &[GatherSample]) -> Clearance {
     const RING: usize = RINGS - 2;
     let sine = ((RING as f32 + 0.5) / RINGS as f32).sqrt();
@@ -138,7 +144,8 @@ fn clearance(looks: &[GatherSample]) -> Clearance {
     })
 }
 
-/// A direction in cell `index` of [`RAYS`]: by the cosine, stratified. `u`: where in its cell.
+/// Returns a cosine-distributed, stratified direction in cell `index` of [`RAYS`]; `u`: position in the cell, in [0,
+/// 1)².
 pub(crate) fn direction(n: Vec3, index: u32, u: [f32; 2]) -> Vec3 {
     let (ring, sector) = (index as usize / SECTORS, index as usize % SECTORS);
     let sine_squared = (ring as f32 + u[0]) / RINGS as f32;
@@ -149,11 +156,12 @@ pub(crate) fn direction(n: Vec3, index: u32, u: [f32; 2]) -> Vec3 {
 }
 
 impl IrradianceRecord {
-    /// - `reach`: least and greatest radius within which it may count.
+    /// - `reach`: least and greatest radius.
     pub(crate) fn new(p: Vec3, n: Vec3, found: &Measurement, reach: [f32; 2]) -> Self {
         let looks = found.cells();
         let look = |ring: usize, sector: usize| &looks[ring * SECTORS + sector % SECTORS];
         let cell = PI / looks.len() as f32;
+        // Sum irradiance and harmonic mean distance
         let irradiance = looks.iter().map(|look| look.radiance).sum::<Spectrum>() * cell;
         let inverse: f32 = looks.iter().map(GatherSample::inverse_distance).sum::<f32>() / looks.len() as f32;
         let radius = if inverse > 0.0 { 1.0 / inverse } else { f32::INFINITY };
@@ -162,6 +170,7 @@ impl IrradianceRecord {
             let (sin, cos) = math::sin_cos_of_turns(turns);
             s * cos + t * sin
         };
+        // Sum the gradients over the cells
         let (mut turning, mut moving) = ([Vec3::ZERO; 3], [Vec3::ZERO; 3]);
         let add = |to: &mut [Vec3; 3], along: Vec3, by: Spectrum| {
             for channel in 0..3 {
@@ -175,11 +184,11 @@ impl IrradianceRecord {
             let edge_across = around(sector as f32 / SECTORS as f32 + 0.25);
             for ring in 0..RINGS {
                 let here = look(ring, sector);
-                // Ward and Heckbert 1992, eq. 1; the sign is that of a turn from n to where the light is.
+                // Rotational gradient (Ward and Heckbert 1992, eq. 1), positive for a turn from n towards the light
                 let middle_squared = (ring as f32 + 0.5) / RINGS as f32;
                 let tangent = (middle_squared / (1.0 - middle_squared)).sqrt();
                 add(&mut turning, across, here.radiance * (tangent * cell));
-                // Ibid., eq. 2: across the borders of cells between rings, and between sectors.
+                // Translational gradient (ibid., eq. 2), across cell borders between rings and between sectors
                 if ring > 0 {
                     let below = look(ring - 1, sector);
                     let sine = sine(ring);
@@ -210,16 +219,16 @@ impl IrradianceRecord {
         }
     }
 
-    /// The same with where the light comes from.
+    /// Returns this record with its light by direction.
     pub(crate) fn with_directions(self, found: &Measurement) -> Self {
         Self { around: Some(Arc::new(CellsAround::new(found.cells()))), ..self }
     }
 
-    /// The same with how often its light has been scattered.
+    /// Returns this record with its light by number of bounces.
     ///
     /// - `light`: by number of bounces, in any unit.
     pub(crate) fn with_bounces(self, light: &ByBounces) -> Self {
-        /// What is left of the light where the list ends.
+        /// Share of the light at which the list ends.
         const REST: f32 = 1.0 / 2048.0;
         let total: Spectrum = light.iter().sum();
         if !total.is_finite() {
@@ -239,7 +248,7 @@ impl IrradianceRecord {
         Self { shares: shares.into(), ..self }
     }
 
-    /// The share of its light that comes by no more than so many bounces.
+    /// Returns the share of its light with at most `bounces` bounces.
     #[inline(always)]
     pub(super) fn share(&self, bounces: u32) -> Spectrum {
         match self.shares.get(kept(bounces)) {
@@ -248,7 +257,7 @@ impl IrradianceRecord {
         }
     }
 
-    /// Hands out which share of its light comes by 0, 1, 2 … bounces, of no more than so many.
+    /// Calls `take` with the share of its light with exactly 0, 1, 2 … bounces, up to `bounces`.
     #[inline(always)]
     pub(super) fn parts(&self, bounces: u32, mut take: impl FnMut(usize, Spectrum)) {
         let last = kept(bounces).min(self.shares.len());
@@ -261,14 +270,15 @@ impl IrradianceRecord {
         take(last, (self.share(bounces) - below).max(Spectrum::ZERO));
     }
 
-    /// Bytes of its lists.
+    /// Returns the memory of its lists, in bytes.
     pub(super) fn list_bytes(&self) -> usize {
         size_of_val(&*self.shares) + if self.around.is_some() { size_of::<CellsAround>() } else { 0 }
     }
 
-    /// Bytes of one that knows no directions.
+    /// Size of a record without directions, in bytes.
     pub(crate) const BYTES_MIN: usize = 4 * (33 + SIDES);
 
+    /// Writes the record.
     pub(crate) fn write(&self, to: &mut Writer) {
         let Self { p, n, irradiance, shares, turning, moving, radius, clearance, effort, variance, noise, around } =
             self;
@@ -284,6 +294,7 @@ impl IrradianceRecord {
         shares.iter().flatten().for_each(|&share| to.number(u32::from(share)));
     }
 
+    /// Reads a record; `None`: not a valid one.
     pub(crate) fn read(from: &mut Reader<'_>) -> Option<Self> {
         let mut vector = || from.vector();
         let [p, n, irradiance] = [vector()?, vector()?, vector()?];
@@ -315,11 +326,11 @@ impl IrradianceRecord {
         Some(Self { p, n, irradiance, shares, turning, moving, radius, clearance, effort, variance, noise, around })
     }
 
-    /// Where it may count: see [`Self::nearness`].
+    /// Returns the region where it may count; see [`Self::nearness`].
     ///
-    /// A place d away whose normal differs by 1 − cos = e² counts where d ∕ R + e < a (the tolerance), if the way there, along the mean of both
-    /// normals, is within 0.1 R. So along its own normal the way is at most R (0.1 ∕ (2 − e²) + (a − e) e ∕ √(2 − e²)): no more than with
-    /// (a − e) e = a² ∕ 4, and e = a below.
+    /// A point at distance d whose normal differs by 1 − cos = e² counts where d ∕ R + e < a (the tolerance), if its
+    /// offset along the mean of both normals is within 0.1 R. So its offset along the record's normal is at most R (0.1
+    /// ∕ (2 − e²) + (a − e) e ∕ √(2 − e²)). The bound takes (a − e) e = a² ∕ 4, and e = a in the denominators.
     pub(super) fn reach(&self, tolerance: f32) -> Reach {
         let (squared, rounding) = (tolerance * tolerance, 1.01);
         let below = (2.0 - squared).max(0.0);
@@ -327,12 +338,12 @@ impl IrradianceRecord {
         Reach { height: height * self.radius, ..self.reach_around(tolerance) }
     }
 
-    /// All around it, as far as it may count.
+    /// Returns the ball where it may count, without the planes.
     pub(super) fn reach_around(&self, tolerance: f32) -> Reach {
         Reach { p: self.p, n: self.n, radius: tolerance * self.radius, height: f32::INFINITY }
     }
 
-    /// How much it counts at another place; nothing where it is too far off, before that place or behind it.
+    /// Returns Ward's weight at another point; 0 where it does not count.
     pub(super) fn weight(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
         match self.nearness(p, n, tolerance) {
             0.0 => 0.0,
@@ -340,28 +351,28 @@ impl IrradianceRecord {
         }
     }
 
-    /// 1 where it was measured, 0 where it counts nothing.
+    /// Returns 1 at the record itself, falling to 0 where it does not count.
     #[inline(always)]
     pub(super) fn nearness(&self, p: Vec3, n: Vec3, tolerance: f32) -> f32 {
         let way = p - self.p;
         let (distance_squared, reach) = (way.length_squared(), tolerance * self.radius);
-        // Most of those that are asked are too far off: no roots for them. On a smooth surface the way is across both normals alike;
-        // what lies before a place is on another surface, and what lies behind it may be the inside of a thin wall.
+        // Reject most records early, without square roots. On a smooth surface the offset is perpendicular to both
+        // normals; points above it are on another surface, and points below it may be inside a thin wall
         if distance_squared >= reach * reach || way.dot(n + self.n).abs() > OFF_PLANE * self.radius {
             return 0.0;
         }
         let error = distance_squared.sqrt() / self.radius + (1.0 - n.dot(self.n)).max(0.0).sqrt();
         let nearness = 1.0 - error / tolerance;
-        // Walls are looked for only where it counts.
+        // Test for walls only where it counts
         if nearness > 0.0 && self.is_clear(way) { nearness } else { 0.0 }
     }
 
-    /// Whether no wall stands between it and a place on its surface: behind a wall is another room, however thin the wall is.
+    /// Returns `true` if no wall stands between the record and a point on its surface, however thin.
     #[inline(always)]
     pub(super) fn is_clear(&self, way: Vec3) -> bool {
         let (s, t) = orthonormal_basis(self.n);
         let (x, y) = (way.dot(s), way.dot(t));
-        // Sides go around as sectors do: each is an eighth of a turn.
+        // The sides are octants, in the order of the sectors
         let (is_below, is_left, is_steep) = (y < 0.0, x < 0.0, y.abs() > x.abs());
         let side = match (is_below, is_left, is_steep) {
             (false, false, false) => 0,
@@ -377,7 +388,7 @@ impl IrradianceRecord {
         x * x + y * y <= distance * distance
     }
 
-    /// What it says of another place.
+    /// Returns the irradiance extrapolated to another point by the gradients.
     pub(super) fn at(&self, p: Vec3, n: Vec3) -> Spectrum {
         let (turned, moved) = (self.n.cross(n), p - self.p);
         let change = |channel: usize| self.turning[channel].dot(turned) + self.moving[channel].dot(moved);

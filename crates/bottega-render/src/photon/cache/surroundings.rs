@@ -1,28 +1,28 @@
-//! Indirect light at a place by direction, as the records around it tell it.
+//! Indirect light at a point by direction, interpolated between irradiance records.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::IrradianceRecord;
 
-/// Most records that are asked where light comes from.
+/// Greatest number of records that are interpolated.
 const SPEAKERS: usize = 6;
-/// Most by which the light of their directions is brought to the irradiance between them.
+/// Greatest factor by which their light is scaled to the interpolated irradiance.
 const SCALE_MAX: f32 = 4.0;
-/// Records that are heard about a place: those that count most.
+/// The records with the greatest weights at a point.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Speakers<'a>([Option<(&'a IrradianceRecord, f32)>; SPEAKERS]);
 
-/// Records that speak for a place, by how much they count: indirect light there by direction.
+/// Indirect light at a point by direction, interpolated between records with their weights.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surroundings<'a> {
     records: [Option<(&'a IrradianceRecord, f32)>; SPEAKERS],
-    /// By how much their light is brought to the irradiance at the place.
+    /// Factor that scales the records' light to the irradiance at the point.
     scale: Spectrum,
 }
 
 impl<'a> Speakers<'a> {
-    /// Keeps a record if it counts more than one of those that are kept, in its place.
+    /// Keeps a record if it has a greater weight than one of those kept, in place of the lightest.
     pub(super) fn hear(&mut self, record: &'a IrradianceRecord, weight: f32) {
         let heaviness = |it: &Option<(&IrradianceRecord, f32)>| it.map_or(-1.0, |(_, weight)| weight);
         let lightest = self.0.iter_mut().min_by(|a, b| heaviness(a).total_cmp(&heaviness(b)));
@@ -31,9 +31,9 @@ impl<'a> Speakers<'a> {
         }
     }
 
-    /// What they tell together.
+    /// Returns the interpolated light.
     ///
-    /// - `irradiance`: at the place.
+    /// - `irradiance`: at the point.
     pub(super) fn told(self, irradiance: Spectrum) -> Surroundings<'a> {
         let mut records = self.0;
         let weights: f32 = records.iter().flatten().map(|&(_, weight)| weight).sum();
@@ -45,7 +45,7 @@ impl<'a> Speakers<'a> {
 }
 
 impl Surroundings<'_> {
-    /// Indirect radiance from about a unit direction.
+    /// Returns the indirect radiance from a unit direction, averaged over a cell.
     #[inline(always)]
     pub(crate) fn radiance(&self, w: Vec3) -> Spectrum {
         let from = |&(record, weight): &(&IrradianceRecord, f32)| match &record.around {

@@ -1,4 +1,4 @@
-//! The directions of rays that gather light.
+//! The directions of final gathering rays.
 
 use glam::Vec3;
 
@@ -9,31 +9,33 @@ use crate::{
     sampler::Quad,
 };
 
-/// How light is gathered at a surface.
+/// Settings of the final gathering at a surface.
 pub(super) struct Gathering<'a> {
-    /// How many rays.
+    /// Number of rays.
     pub(super) count: u32,
-    /// Whether they look for what shines alone.
+    /// `true`: the rays look only for emitters.
     pub(super) is_short: bool,
-    /// How much counts of what does not shine: the rest is known.
+    /// Weight of reflected light, in [0, 1]: the rest is already interpolated.
     pub(super) unknown: f32,
-    /// Whether light from directions that the surface scatters to broadly has been added.
+    /// `true`: light in the broad lobes of the surface is already added.
     pub(super) is_known: bool,
+    /// Distribution of incident light that directions are drawn from; `None`: the BSDF alone draws them.
     pub(super) aiming: Option<Aiming<'a>>,
 }
 
-/// Where gathering rays go that are sent where light comes from.
+/// Importance sampling of gathering rays by the incident light.
 #[derive(Clone, Copy)]
 pub(super) struct Aiming<'a> {
+    /// Distribution of incident light.
     pub(super) arrival: LightDirections<'a>,
-    /// Then the surface has no say in it.
+    /// `true`: the incident light alone draws directions; the BSDF does not.
     pub(super) is_matte: bool,
 }
 
 impl Aiming<'_> {
-    /// Density of a unit direction, in sr⁻¹.
+    /// Returns the density of a unit direction, in sr⁻¹.
     ///
-    /// - `own`: with which the surface alone would draw it.
+    /// - `own`: its density by the BSDF.
     #[inline(always)]
     pub(super) fn pdf(&self, w: Vec3, own: f32) -> f32 {
         self.arrival.mixed(w, own, self.is_matte)
@@ -41,7 +43,7 @@ impl Aiming<'_> {
 }
 
 impl Gathering<'_> {
-    /// A direction, with the density that the surface would draw it with, and the one that it was drawn with.
+    /// Draws a direction. Returns it with its density by the BSDF, and the density that it was drawn with, in sr⁻¹.
     #[inline(always)]
     pub(super) fn drawn(&self, place: &Place<'_>, u: Quad) -> Option<(BsdfSample, f32)> {
         let Some(aiming) = self.aiming else {
@@ -61,7 +63,8 @@ impl Gathering<'_> {
 }
 
 impl Walk {
-    /// Tells a path that has just been scattered that its direction was drawn with another density than the surface has for it.
+    /// Corrects throughput and MIS density of a path that has just scattered: its direction was drawn with `density`,
+    /// not with the BSDF's density `own`.
     #[inline(always)]
     pub(super) fn redraw(&mut self, own: f32, density: f32) {
         if let ArrivalKind::Spread { pdf, .. } = &mut self.comes {

@@ -1,4 +1,4 @@
-//! The light that a path from the camera finds straight: by looking for lights, and by running into them.
+//! The light that a camera path finds directly: by sampling lights, and by hitting emitters.
 
 use bottega_scene::Spectrum;
 
@@ -15,7 +15,9 @@ use crate::{
 };
 
 impl Eye<'_> {
-    /// The weight of light that the path ran into.
+    /// Returns the MIS weight of light that the path hit; 0 where photons account for it.
+    ///
+    /// - `light_pdf`: returns the density with which light sampling finds it from the last BSDF that was not specular.
     fn found(&self, walk: &Walk, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         match &walk.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { sharply: true } => 1.0,
@@ -26,10 +28,12 @@ impl Eye<'_> {
         }
     }
 
+    /// Returns the number of light samples per vertex, at least 1.
     fn light_samples(&self) -> u32 {
         self.integrator.base.settings().light_samples.max(1)
     }
 
+    /// Adds the environment's radiance along the ray, weighted by MIS.
     pub(super) fn add_environment(&mut self, walk: &Walk) {
         let from = match &walk.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { .. } => walk.origin,
@@ -43,6 +47,7 @@ impl Eye<'_> {
         }
     }
 
+    /// Adds the emission of a surface towards the path, weighted by MIS.
     pub(super) fn add_emission(&mut self, walk: &Walk, point: &Interaction) {
         let prepared = self.prepared;
         let radiance = emitted_at(prepared, point);
@@ -52,9 +57,10 @@ impl Eye<'_> {
         }
     }
 
-    /// Next-event estimation.
+    /// Samples lights at a surface (next-event estimation).
     ///
-    /// - `aiming`: by what gathering rays are drawn beside the surface itself.
+    /// - `share`: all light, or the share by MIS.
+    /// - `aiming`: distribution that gathering rays are drawn from in addition to the BSDF.
     pub(super) fn add_direct_light(
         &mut self,
         walk: &Walk,
@@ -68,6 +74,7 @@ impl Eye<'_> {
         }
         let count = self.light_samples();
         for part in 0..count {
+            // Sample a light
             let u: Quad = self.sampler.split_quad(DimensionSet::light(walk.vertex), part, count);
             let Some(light) = prepared.lights().sample(prepared, &place.receiver, u) else { continue };
             let wi = place.point.to_local(light.wi);
@@ -75,6 +82,7 @@ impl Eye<'_> {
                 continue;
             }
             let (value, own_pdf) = place.bsdf.eval_pdf(wi);
+            // Weight by MIS, against the density that gathering rays are drawn with
             let bsdf_pdf = aiming.map_or(own_pdf, |aiming| aiming.pdf(light.wi, own_pdf));
             let expected = count as f32 * light.pdf;
             let is_whole = light.is_delta || share == LightShare::All;
@@ -83,6 +91,7 @@ impl Eye<'_> {
             if contribution == Spectrum::ZERO {
                 continue;
             }
+            // Look up the visibility, or trace a shadow ray
             let known = self.known_visibility(place.point, light.light);
             self.hands.tally.shadow_spared += u64::from(known.is_some());
             self.hands.tally.shadow_traced += u64::from(known.is_none());
@@ -96,9 +105,10 @@ impl Eye<'_> {
         }
     }
 
-    /// Whether a light is seen, where agents or shadow photons leave no doubt.
+    /// Returns `true` or `false` where agents or shadow photons know the visibility of a light; `None`: trace a shadow
+    /// ray.
     fn known_visibility(&mut self, point: &Interaction, light: u32) -> Option<bool> {
-        // Half-transparent surfaces leave half a shadow, and lights far away are not told apart.
+        // Unknown: semi-transparent surfaces cast partial shadows, and the environment has no light number
         let is_told = light != NO_LIGHT && !self.prepared.has_opacity();
         let normal = if point.front { point.ng } else { -point.ng };
         match self.agents {

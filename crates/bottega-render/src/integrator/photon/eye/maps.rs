@@ -1,4 +1,4 @@
-//! The indirect light that maps, the cache and agents know of a place.
+//! Indirect light from photon maps, the irradiance cache and agents.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -17,8 +17,8 @@ use crate::{
 };
 
 impl Eye<'_> {
-    /// Adds what a matte surface sends back of the indirect light that is known of places near it. The share of it that is known, in [0, 1]: a part
-    /// where the camera looks alone, so that what agents say has no edges.
+    /// Adds the reflection of interpolated indirect light at a matte surface. Returns the share of it that is known, in
+    /// [0, 1]: fractional only where the camera sees the surface, so that the agents' regions have no visible edges.
     pub(super) fn add_interpolated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> f32 {
         let Some(agents) = self.agents else { return f32::from(u8::from(self.add_cached(walk, place, bsdf))) };
         let point = place.point;
@@ -40,7 +40,7 @@ impl Eye<'_> {
         share
     }
 
-    /// Adds what the photons at the place bring.
+    /// Adds the light of the photons at the place.
     pub(super) fn add_photons(&mut self, walk: &Walk, place: &Place<'_>, is_gathered: bool) {
         let Place { point, bsdf, .. } = place;
         let normal = if point.front { point.ng } else { -point.ng };
@@ -48,12 +48,12 @@ impl Eye<'_> {
         let Hands { found, by_bounces, .. } = &mut *self.hands;
         let mut sum = Spectrum::ZERO;
         let take = |photon: &PhotonContribution| {
-            // It is scattered here once more.
+            // Count the scattering here
             if photon.bounces >= most {
                 return;
             }
             let wi = point.to_local(photon.to_light);
-            // A photon that grazes the surface may seem to come from its other side.
+            // Reject photons that graze the surface and seem to arrive from its other side
             let is_sound = (wi.z > 0.0) == photon.is_before && photon.is_before == point.is_reflection(photon.to_light);
             let (f, pdf) = if is_sound { bsdf.eval_pdf(wi) } else { (Spectrum::ZERO, 0.0) };
             if is_gathered && is_sharp(prepared, pdf) {
@@ -69,14 +69,14 @@ impl Eye<'_> {
         if self.integrator.photons.progressive {
             maps.estimator.gather_within(&maps.seen, point.p, normal, maps.reach_at(point.p), take);
         } else {
-            // What is brought together by glass is sharper than what is spread all over.
+            // Caustics are sharper than diffuse light: use the smaller radius
             let reach = if is_gathered { maps.reach_at(point.p) } else { maps.irradiance_reach_at(point.p) };
             maps.estimator.gather(&maps.seen, point.p, normal, reach, found, take);
         }
         self.radiance += sum;
     }
 
-    /// Adds what a matte surface sends back of all the light that the map knows there, if it knows any.
+    /// Adds the reflection of all light that the map has for a matte surface. Returns `false` if it has none there.
     pub(super) fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
         let point = place.point;
         let normal = if point.front { point.ng } else { -point.ng };
@@ -85,7 +85,7 @@ impl Eye<'_> {
         }
         let Some(number) = self.maps.irradiance_near(point.p, normal) else { return false };
         let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
-        // It is scattered here once more.
+        // Count the scattering here
         let most = self.bounces_left(walk).saturating_sub(1);
         let known = &self.maps.irradiance;
         self.radiance += reflected * known.irradiance(number, most);
@@ -97,14 +97,14 @@ impl Eye<'_> {
         true
     }
 
-    /// The same from maps that are kept apart: the photons near the place are counted anew.
+    /// The same from separate maps: estimates the density of the photons near the place.
     fn add_estimated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf, normal: Vec3) -> bool {
         let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
         let most = self.bounces_left(walk);
         let Hands { found, by_bounces, .. } = &mut *self.hands;
         let mut sum = Spectrum::ZERO;
         let is_known = self.maps.all_light_at(place.point.p, normal, found, |photon| {
-            // It is scattered here once more.
+            // Count the scattering here
             if photon.bounces < most {
                 sum += reflected * photon.light;
                 if let Some(sums) = by_bounces {
@@ -116,7 +116,7 @@ impl Eye<'_> {
         is_known
     }
 
-    /// Adds what a matte surface sends back of the indirect light that is kept for places near it, if there is any.
+    /// Adds the reflection of cached indirect light at a matte surface. Returns `false` if the cache has none there.
     pub(super) fn add_cached(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
         let Some(cache) = self.cache.filter(|_| is_matte(bsdf)) else { return false };
         let bounces = self.bounces_left(walk);

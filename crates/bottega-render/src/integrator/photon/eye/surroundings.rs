@@ -1,4 +1,4 @@
-//! Light that agents know by direction, on surfaces that are not matte.
+//! Directional light from agents, on surfaces that are not matte.
 
 use super::{
     Eye, VERTICES,
@@ -11,11 +11,11 @@ use crate::{
     shading::{is_broad_sample, is_matte},
 };
 
-/// Directions in which a surface that the camera sees is told what comes from there: no ray is traced for them.
+/// Number of directions in which agents give the light to a surface that the camera sees. No rays are traced for them.
 const LOOKS: u32 = 16;
 
 impl<'a> Eye<'a> {
-    /// What agents know of the light that comes from all sides to a surface that is not matte.
+    /// Returns the directional light that agents know at a surface that is not matte.
     pub(super) fn surroundings(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> Option<Surroundings<'a>> {
         let bounces = self.bounces_left(walk);
         if is_matte(bsdf) || bsdf.is_transmissive() {
@@ -26,10 +26,10 @@ impl<'a> Eye<'a> {
         known
     }
 
-    /// How near agents must be at a place to be asked of its light, in [0, 1): a number by chance where the camera sees it, so that what they
-    /// say has no edges.
+    /// Returns how near agents must be to count, in [0, 1). Random where the camera sees the surface, so that the
+    /// agents' regions have no visible edges.
     pub(super) fn fade(&self, walk: &Walk) -> f32 {
-        /// No other number of a sample is drawn by it.
+        /// Key of this random number, distinct from all others.
         const KEY: u64 = 0x6661_6465;
         if matches!(walk.comes, ArrivalKind::Camera) {
             self.sampler.hashed(KEY ^ u64::from(walk.vertex) << 32)
@@ -38,7 +38,7 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Adds what a surface sends back of the light around it, in all directions that it scatters to broadly.
+    /// Adds the reflection of the surrounding light in the broad lobes of a surface.
     pub(super) fn add_surroundings(&mut self, walk: &Walk, place: &Place<'_>, known: &Surroundings<'_>) {
         for part in 0..LOOKS {
             let u = self.sampler.split_quad(DimensionSet::scattering(2 * VERTICES + walk.vertex), part, LOOKS);
@@ -48,7 +48,7 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Adds what a surface sends back of the light from one direction.
+    /// Adds the reflection of the surrounding light from one direction.
     pub(super) fn add_from(
         &mut self,
         walk: &Walk,

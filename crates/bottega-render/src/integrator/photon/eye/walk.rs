@@ -1,4 +1,4 @@
-//! A path under way: where it is, what it carries, and how it goes on.
+//! The state of a camera path in photon mapping, and its scattering.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;
@@ -12,49 +12,55 @@ use crate::{
     lights::Receiver,
 };
 
-/// What is known of the light that a path may run into.
+/// The origin of a path segment, which decides how emission at its end counts.
 #[derive(Clone, Copy)]
 pub(super) enum ArrivalKind {
-    /// From the camera, over mirrors and glass at most: all that shines is seen.
+    /// From the camera, over mirrors and glass at most: emission counts fully.
     Camera,
-    /// From a point that spreads light: lights were sampled there, too.
+    /// From a BSDF that is not specular: lights were sampled there, too, so emission counts by MIS.
     Spread {
         receiver: Receiver,
-        /// Density with which the direction was drawn.
+        /// Density that the direction was drawn with, in sr⁻¹.
         pdf: f32,
-        /// Whether the surface scatters there sharply.
+        /// `true`: drawn from a sharp lobe; see [`is_sharp`].
         is_sharp: bool,
     },
-    /// From such a point over mirrors and glass: photons stand for what shines, unless the point scattered sharply.
+    /// From such a BSDF over mirrors and glass: photons account for emission, unless the lobe was sharp.
     Mirrored { sharply: bool },
 }
 
-/// A path under way.
+/// The state of a path.
 #[derive(Clone, Copy)]
 pub(super) struct Walk {
+    /// Start of the next ray.
     pub(super) origin: Vec3,
+    /// Direction of the next ray; unit length.
     pub(super) direction: Vec3,
+    /// Ray cone, for texture filtering.
     pub(super) cone: RayCone,
-    /// How far from the camera it starts, and how far its next ray sees surfaces.
+    /// Distance of the ray's start from the camera, and the length of the next ray.
     pub(super) start: f32,
     pub(super) reach: f32,
+    /// Throughput of the path, β.
     pub(super) throughput: Spectrum,
-    /// Of the solid that it is in.
+    /// Absorption coefficient of the solid that the path is in, per length.
     pub(super) absorption: Spectrum,
-    /// By how much radiance was squeezed into denser solids.
+    /// Factor by which radiance was compressed on entering denser solids.
     pub(super) squeezed: f32,
-    /// Surfaces that it has left.
+    /// Number of surfaces left.
     pub(super) depth: u32,
-    /// Which numbers it takes: beyond all those of the path that it split from.
+    /// Index of the random numbers of the current vertex; distinct for every path of a sample.
     pub(super) vertex: u32,
+    /// Origin of the current segment.
     pub(super) comes: ArrivalKind,
-    /// Whether only what shines is looked for, at the next surface.
+    /// `true`: look only for emission at the next surface, and end there.
     pub(super) is_short: bool,
-    /// How much counts of all that does not shine straight at the next surface: the rest is known.
+    /// Weight of reflected light at the next surface, in [0, 1]: the rest is already interpolated.
     pub(super) unknown: f32,
 }
 
 impl Walk {
+    /// Starts a path at a camera ray.
     pub(super) fn of_camera(ray: &CameraRay) -> Self {
         Self {
             origin: ray.origin,
@@ -74,34 +80,41 @@ impl Walk {
     }
 }
 
-/// What a path that comes to a surface has left to find.
+/// The light that a path still has to find at its next surface.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Remainder {
+    /// None: the path ends.
     Nothing,
-    /// What shines straight at the surface.
+    /// Only the emission of the surface.
     Lamps,
-    /// All the rest.
+    /// All light that arrives there.
     Light,
 }
 
-/// How much of the light of lamps is found by looking for them.
+/// The share of direct light that light sampling adds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LightShare {
-    /// All of it: the path ends here.
+    /// All of it: no path continues to hit emitters.
     All,
-    /// The share that is left by those paths that go on and run into them.
+    /// The share by MIS; paths that continue and hit emitters add the rest.
     Mis,
 }
 
-/// What goes on at a surface.
+/// A surface point with its BSDF.
 pub(super) struct Place<'b> {
+    /// The interaction at the point.
     pub(super) point: &'b Interaction,
+    /// Its BSDF, for `wo`.
     pub(super) bsdf: &'b BsdfAt<'b>,
+    /// The point as light sampling sees it.
     pub(super) receiver: Receiver,
+    /// Direction towards the previous vertex, in the shading frame.
     pub(super) wo: Vec3,
 }
 
-/// Goes on in a direction that was drawn. False where that leads nowhere.
+/// Moves the path on along a sampled direction. Returns `false` where shading normal and surface disagree on its side.
+///
+/// - `part`: factor of the throughput.
 pub(super) fn scatter(
     prepared: &PreparedScene,
     walk: &mut Walk,
@@ -115,6 +128,7 @@ pub(super) fn scatter(
     if (sample.wi.z > 0.0) != is_reflection {
         return false;
     }
+    // Update throughput and medium
     walk.throughput *= sample.weight() * part;
     if !is_reflection {
         let known = prepared.material(point.material).1;
@@ -123,6 +137,7 @@ pub(super) fn scatter(
         }
         walk.squeezed *= sample.eta * sample.eta;
     }
+    // Remember the lobe, for the weight of emission at the next surface
     if sample.is_delta() {
         if let ArrivalKind::Spread { is_sharp, .. } = walk.comes {
             walk.comes = ArrivalKind::Mirrored { sharply: is_sharp };
@@ -132,17 +147,18 @@ pub(super) fn scatter(
         let (receiver, pdf) = (place.receiver, sample.pdf);
         walk.comes = ArrivalKind::Spread { receiver, pdf, is_sharp: is_sharp(prepared, pdf) };
     }
+    // Spawn the next ray
     (walk.origin, walk.direction) = (point.ray_origin(wi), wi);
     walk.depth += 1;
     walk.vertex += 1;
     true
 }
 
-/// Russian roulette, as paths have it.
+/// Applies Russian roulette, as in path tracing. Returns `true` if the path survives.
 ///
-/// - `worth`: with what chance the path is worth going on beside that.
+/// - `worth`: further probability of survival, in (0, 1], from the path's importance.
 pub(super) fn survives(walk: &mut Walk, worth: f32, u: f32) -> bool {
-    /// Bounces before it.
+    /// Number of bounces before Russian roulette starts.
     const SURE: u32 = 3;
     if u >= worth {
         return false;
@@ -151,14 +167,14 @@ pub(super) fn survives(walk: &mut Walk, worth: f32, u: f32) -> bool {
     transport::survives(&mut walk.throughput, walk.squeezed, walk.depth <= SURE, u / worth)
 }
 
-/// Whether light from a direction over mirrors and glass is found by going there and not by photons, of which too few come within
-/// so narrow a lobe: each direction by one of the two.
+/// Returns `true` if light in a lobe over mirrors and glass is found by tracing the path on and not by photons: too few
+/// photons fall into so narrow a lobe. Each direction uses one of the two.
 ///
-/// - `pdf`: of the direction in sr⁻¹, as the surface draws it.
+/// - `pdf`: density of the direction by the BSDF, in sr⁻¹.
 #[inline(always)]
 pub(super) fn is_sharp(prepared: &PreparedScene, pdf: f32) -> bool {
-    /// A lobe that covers a sixtieth of the hemisphere: of fifty photons, less than one.
+    /// Density of a lobe that covers a sixtieth of the hemisphere: less than one of fifty photons.
     const SHARP: f32 = 10.0;
-    // Nobody runs into a light that is a point.
+    // Paths never hit point lights
     pdf >= SHARP && prepared.scene().lights.is_empty()
 }

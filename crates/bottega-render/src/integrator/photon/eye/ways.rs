@@ -1,4 +1,4 @@
-//! The two ways that light takes at glass: a path from the camera goes both.
+//! Reflection and refraction at glass: a camera path follows both.
 
 use super::{
     Eye,
@@ -6,13 +6,13 @@ use super::{
 };
 use crate::{bsdf::BsdfSample, sampler::DimensionSet};
 
-/// What the weaker way must carry of what the pixel shows, or one of the two is drawn by chance.
+/// Least throughput of the weaker path; below it, one of the two is drawn at random.
 const CARRIED_MIN: f32 = 0.01;
-/// Surfaces after which one of the two is drawn all the same: ways lie on the stack.
+/// Depth from which one of the two is always drawn at random: the recursion uses the stack.
 const DEPTH_MAX: u32 = 16;
 
 impl Eye<'_> {
-    /// What is reflected and what goes through, the stronger one first, where both are worth a path of their own.
+    /// Returns reflection and refraction, the stronger one first, where both carry enough to be traced.
     pub(super) fn ways_worth_going(&self, walk: &Walk, place: &Place<'_>) -> Option<[BsdfSample; 2]> {
         let carried = walk.throughput.max_element() * walk.squeezed;
         let is_early = walk.depth < DEPTH_MAX && carried >= CARRIED_MIN;
@@ -20,9 +20,10 @@ impl Eye<'_> {
         ways.filter(|[_, weaker]| carried * weaker.pdf >= CARRIED_MIN)
     }
 
-    /// Goes the stronger way to its end, and then on along the weaker one, with numbers of its own. False where that leads nowhere.
+    /// Traces the stronger path to its end, and continues along the weaker one with its own random numbers. Returns
+    /// `false` when the path ends.
     ///
-    /// Drawn by chance, a lamp that a ball of glass reflects by a twentieth would be a speck in one sample of twenty.
+    /// Drawn at random, a lamp that a glass ball reflects by a twentieth is a speck in one sample of twenty.
     pub(super) fn go_both_ways(&mut self, walk: &mut Walk, place: &Place<'_>, ways: [BsdfSample; 2]) -> bool {
         let [stronger, weaker] = ways;
         let sampler = self.sampler;
@@ -35,7 +36,7 @@ impl Eye<'_> {
         self.go(walk, place, &weaker)
     }
 
-    /// Goes one of both ways, which carries its part.
+    /// Scatters along one of both directions, weighted by its share.
     fn go(&self, walk: &mut Walk, place: &Place<'_>, way: &BsdfSample) -> bool {
         let u = self.sampler.quad(DimensionSet::scattering(walk.vertex))[3];
         scatter(self.prepared, walk, place, way, way.pdf) && survives(walk, 1.0, u)
