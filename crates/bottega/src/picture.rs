@@ -149,9 +149,9 @@ pub(crate) fn wrong_brightness(request: &Request, file: &Path, film: &Film) -> O
     if is_for_screens { told_brightness(film, request.output.exposure) } else { None }
 }
 
-/// Samples of all pixels. Where cells stop by their error only the film knows them.
+/// Samples of all pixels. Where cells stop by their error, or the time cuts a pass, only the film knows them.
 fn samples_taken(report: &JobReport, settings: &JobSettings) -> u64 {
-    if matches!(settings.goal, Goal::Error(_)) {
+    if settings.goal != Goal::Samples {
         let film = &report.film;
         return film.rect().pixels().map(|(x, y)| film.aov(Aov::SampleCount, x, y)[0] as u64).sum();
     }
@@ -193,6 +193,15 @@ fn png_options(request: &Request, alpha: bool) -> PngOptions {
         alpha: output.alpha || alpha,
         ..PngOptions::default()
     }
+}
+
+/// Whether the output of a request is there, whole, and a picture of this very request: then nothing is left to paint.
+pub fn is_done(request: &Request) -> bool {
+    let Some(file) = request.output.file.as_deref().filter(|file| file.is_file()) else { return false };
+    let Ok(picture) = bottega_image::read_image(file, ReadLimits { max_pixels: PIXELS_MAX }) else { return false };
+    let is_whole = picture.metadata.get("complete").is_some_and(|complete| complete == "true");
+    let held = picture.metadata.get(REQUEST_KEY).and_then(|line| Request::from_json(line.as_bytes()).ok());
+    is_whole && held.as_ref() == Some(request)
 }
 
 /// The request that a picture holds in its metadata.
