@@ -13,7 +13,7 @@
 //! | `-h`; groups of commands; what an unknown option means | `src/short_help.rs`; `src/command_groups.rs`; `src/suggestions.rs` |
 //! | the configuration file, variables of the environment | `src/config/`, `src/variables.rs` |
 //! | prices, watts | `src/energy_values.rs` |
-//! | Ctrl-C | `src/signals.rs` |
+//! | Ctrl-C; when the process began | `src/signals.rs`; `src/process_start.rs` |
 //! | `--on`: who is told of ends and stalls | `src/notifications/` |
 //! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
@@ -47,6 +47,7 @@ mod info;
 mod manual;
 mod notifications;
 mod platform;
+mod process_start;
 mod render;
 mod request;
 mod rules;
@@ -56,7 +57,7 @@ mod simulate;
 mod suggestions;
 mod variables;
 
-use std::{process::ExitCode, sync::OnceLock, time::Instant};
+use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches};
 use cli::{Cli, Command};
@@ -67,16 +68,8 @@ use tracing_subscriber::{filter::Targets, layer::SubscriberExt, util::Subscriber
 /// What is written to the log where nobody asks for more: who cannot link up with a server tells that himself.
 const LOGGED: &str = "warn,async_nats=off";
 
-/// When this process began, as far as it can tell.
-static STARTED: OnceLock<Instant> = OnceLock::new();
-
-/// When this process began.
-fn started() -> Instant {
-    *STARTED.get_or_init(Instant::now)
-}
-
 fn main() -> ExitCode {
-    started();
+    process_start::process_start();
     start_log();
     let command = match command_line() {
         Ok(Ok(cli)) => cli.command,

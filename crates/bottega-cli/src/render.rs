@@ -24,8 +24,8 @@ use crate::{
     console_watcher::{ConsoleWatcher, OutputForm},
     error::CliError,
     notifications::PictureWatch,
+    process_start::process_start,
     signals::{EndAtOnce, interrupted, stop_on_signal},
-    started,
 };
 
 /// How often is looked what devices are at while a scene is prepared.
@@ -64,7 +64,7 @@ fn paint(
     }
     if request.frames.is_none() {
         // Each frame of an animation has the time for itself.
-        return one(request, SessionOptions { begun: Some(started()), ..options(args) }, voice, stop);
+        return one(request, SessionOptions { begun: Some(process_start()), ..options(args) }, voice, stop);
     }
     for frame in request.missing_frames(args.resume)? {
         let request = request.at_frame(frame)?;

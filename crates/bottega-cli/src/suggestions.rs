@@ -104,7 +104,8 @@ pub(crate) fn by_meaning(mut error: clap::Error, program: &Command, words: &[OsS
         _ => None,
     };
     if let Some(meant) = meant {
-        for alike in [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand] {
+        // The usage speaks of what is spelled alike, too.
+        for alike in [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand, ContextKind::Usage] {
             error.remove(alike);
         }
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(meant)]));
@@ -145,7 +146,7 @@ mod tests {
         ] {
             let told = told(line);
             assert!(told.contains(&format!("the option for that is '{option}'")), "{told}");
-            assert!(!told.contains("similar"), "{told}");
+            assert!(!told.contains("similar") && !told.contains("--frames"), "{told}");
         }
         // What nobody knows by its meaning is suggested by its letters.
         assert!(told("bottega render a.glb -o a.png --theads 2").contains("'--threads'"));

@@ -1,4 +1,4 @@
-//! What the program says while it paints, and that it ends when it is told to.
+//! The lines that the program prints while it paints, and its end by a signal.
 
 use std::{fs, process::Output};
 #[cfg(unix)]

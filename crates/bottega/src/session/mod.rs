@@ -34,11 +34,11 @@ use crate::{
     experience::{self, measured},
     journal::PictureJournal,
     loaded_scene::LoadedScene,
-    picture::Picture,
+    picture::{Picture, finishing},
     preview::{LivePreview, PreviewView, check_preview},
     request::Request,
     rules::{engine_choice, experts},
-    settings::{finishing, goal, job_settings, shared_goal, tone},
+    settings::{goal, job_settings, shared_goal, tone},
     tev::TevMirror,
 };
 
@@ -364,7 +364,7 @@ impl Session {
         let tev = self.show(&reporter, kept.as_ref())?;
         reporter.watch(self.painter.counter());
         if self.settings.goal != shared_goal(&self.request) {
-            let finishing = finishing(&self.settings, self.denoiser.is_some());
+            let finishing = finishing(&self.request, &self.settings, self.denoiser.is_some());
             self.settings.goal = goal(&self.request, self.begun, finishing)?;
         }
         let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =

@@ -126,18 +126,6 @@ pub fn shared_goal(request: &Request) -> Goal {
     request.goal.error.map_or(Goal::Samples, Goal::Error)
 }
 
-/// How long it takes to make a file of what is painted: a first guess, for what the clock cannot tell before.
-pub(crate) fn finishing(settings: &JobSettings, denoises: bool) -> Duration {
-    /// Of a pixel: to take it out of the film, compress and write it; and to denoise it on one processor.
-    const WRITING: Duration = Duration::from_nanos(150);
-    const DENOISING: Duration = Duration::from_nanos(4_000);
-    /// Of each picture: threads end, files are opened.
-    const LEAST: Duration = Duration::from_millis(40);
-    let pixels = settings.crop.area().min(u64::from(u32::MAX)) as u32;
-    let denoising = if denoises { DENOISING / settings.processors.max(1) as u32 } else { Duration::ZERO };
-    LEAST + (WRITING + denoising) * pixels
-}
-
 /// When a zone is finished. Loading, since `begun`, is a part of the time that was asked for, and so is `finishing`.
 pub(crate) fn goal(request: &Request, begun: Instant, finishing: Duration) -> Result<Goal, Error> {
     match (request.goal.error, request.goal.time) {
