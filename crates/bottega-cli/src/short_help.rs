@@ -31,7 +31,6 @@ const OPTIONS: &[ShownOptions] = &[
             ("frames", "Frames of an animation, such as 1..24"),
             ("resume", ""),
             ("preview", "Show the picture in this file while it is painted"),
-            ("json", "Print JSON objects instead of text for people"),
             ("verbose", "Also say how the work was shared out"),
         ],
     ),
