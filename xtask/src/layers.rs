@@ -9,7 +9,10 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("bottega-kernels", &[]),
     ("bottega-hra", &["bottega-kernels"]),
     ("bottega-render", &["bottega-scene", "bottega-kernels", "bottega-hra", "bottega-image"]),
-    ("bottega-gpu", &["bottega-kernels", "bottega-hra", "bottega-scene", "bottega-image", "bottega-render"]),
+    (
+        "bottega-gpu",
+        &["bottega-kernels", "bottega-hra", "bottega-scene", "bottega-image", "bottega-render", "bottega-platform"],
+    ),
     ("bottega-board", &["bottega-kernels", "bottega-hra", "bottega-render"]),
     ("bottega-agents", &[]),
     ("bottega-build", &[]),

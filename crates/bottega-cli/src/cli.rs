@@ -39,8 +39,7 @@ use crate::{
 #[derive(Debug, Parser)]
 #[command(
     name = "bottega",
-    version = build().description(),
-    after_help = "Start with:\n  bottega render scene.glb -o picture.png\n  bottega render --help"
+    version = build().description()
 )]
 pub(crate) struct Cli {
     /// Add the options of this profile: see `bottega config`.
@@ -56,13 +55,13 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Print, check and read requests: pictures asked for as JSON.
     Request(RequestCommandArgs),
-    /// Show what the Analyst thinks of a scene: importance map, zones and predicted cost.
+    /// Draw the importance map, zones and predicted cost of a scene.
     Analyze(AnalyzeArgs),
-    /// Compare two pictures: RMSE, relMSE, FLIP, and where they differ; or look for seams between zones.
+    /// Compare two pictures by RMSE, relMSE and FLIP, or look for seams.
     Diff(DiffArgs),
     /// Say what is in a scene file.
     Info(InfoArgs),
-    /// Say what other agents would have made of a work that was recorded, or of a synthetic one.
+    /// Replay a recorded or a synthetic work with other agents.
     Simulate(Box<SimulateArgs>),
     /// Start a farm on this machine: many machines paint one picture.
     Up(UpArgs),
@@ -70,9 +69,9 @@ pub(crate) enum Command {
     Web(WebCommandArgs),
     /// Offer this machine to a farm.
     Join(JoinArgs),
-    /// See and steer what a farm is asked for.
+    /// See and steer the pictures that a farm is asked for.
     Jobs(JobsArgs),
-    /// See the Blackboard of a farm's job: its zones and agents, row by row.
+    /// Show the zones and agents of a farm's job, row by row.
     Blackboard(BlackboardArgs),
     /// See and steer the machines of a farm.
     Machines(MachinesArgs),
@@ -88,7 +87,7 @@ pub(crate) enum Command {
     Board(BoardArgs),
     /// Say where the configuration file is, and what it says.
     Config(ConfigArgs),
-    /// Write man pages, or print the reference of commands and requests.
+    /// Write man pages, or print the reference of all commands.
     Manual(ManualArgs),
     /// Print completions for a shell.
     #[command(

@@ -27,18 +27,27 @@ use crate::{error::CliError, signals::say_if_ended_at_once};
 
 /// Steps of the progress bar.
 const BAR_STEPS: u64 = 1000;
-/// How often is said how much of a scene is sent, where no progress bar is seen.
+/// How often is said what goes on, where no progress bar is seen.
 const SAY_EVERY: Duration = Duration::from_secs(5);
 
 /// In which form people or programs are told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OutputForm {
-    /// A progress bar and lines of text on standard error.
+    /// A progress bar and lines of text on standard error: the scene, warnings, the file and the time that it took.
     Text,
+    /// The same, and how the work was shared out: first preview, auction, expected times, processors and devices.
+    Verbose,
     /// One JSON object a line on standard output.
     Json,
     /// Errors only.
     Quiet,
+}
+
+impl OutputForm {
+    /// Whether people read it.
+    fn is_text(self) -> bool {
+        matches!(self, Self::Text | Self::Verbose)
+    }
 }
 
 /// Tells everybody who wants to know.
@@ -63,7 +72,7 @@ impl ConsoleWatcher {
         trace: Option<&Path>,
         is_detached: bool,
     ) -> Result<Self, CliError> {
-        let bar = if form == OutputForm::Text { ProgressBar::new(BAR_STEPS) } else { ProgressBar::hidden() };
+        let bar = if form.is_text() { ProgressBar::new(BAR_STEPS) } else { ProgressBar::hidden() };
         if let Ok(style) = ProgressStyle::with_template("{bar:40.cyan/dim} {percent:>3}% {msg}") {
             bar.set_style(style);
         }
@@ -81,7 +90,7 @@ impl ConsoleWatcher {
 
     /// Says something to people only.
     fn say(&self, text: &str) {
-        if self.form == OutputForm::Text {
+        if self.form.is_text() {
             self.bar.suspend(|| eprintln!("{text}"));
         }
     }
@@ -94,11 +103,15 @@ impl ConsoleWatcher {
                 self.show_sending(*bytes_sent, *bytes, *seconds_left);
             }
             Event::Step { name, share } => self.show_share(*share, name),
+            Event::Compiling { device, seconds } => self.show_compiling(device, *seconds),
             _ => {
                 if matches!(event, Event::Asked { .. } | Event::Denoised { .. }) {
                     self.bar.finish_and_clear();
                 }
                 lines(event, self.is_detached).iter().for_each(|line| self.say(line));
+                if self.form == OutputForm::Verbose {
+                    details(event).iter().for_each(|line| self.say(line));
+                }
             }
         }
     }
@@ -123,6 +136,24 @@ impl ConsoleWatcher {
         self.show_share(progress.share, &message);
     }
 
+    /// Says what a device is at that paints nothing yet: beside the progress of others, where there is any.
+    fn show_compiling(&self, device: &str, seconds: f64) {
+        let text = format!("{device} compiles its kernels for this scene, {} so far", length(seconds));
+        self.say_now_and_then(&text);
+        if self.bar.position() == 0 {
+            self.show_share(0.0, &text);
+        }
+    }
+
+    /// Says something that goes on, where no progress bar is seen.
+    fn say_now_and_then(&self, text: &str) {
+        let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.bar.is_hidden() && said.is_none_or(|said| said.elapsed() > SAY_EVERY) {
+            *said = Some(Instant::now());
+            self.say(text);
+        }
+    }
+
     fn show_sending(&self, sent: u64, bytes: u64, seconds_left: Option<f64>) {
         let share = sent as f64 / bytes.max(1) as f64;
         let text = format!(
@@ -132,11 +163,7 @@ impl ConsoleWatcher {
             100.0 * share,
             seconds_left.map_or("–".to_owned(), length)
         );
-        let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
-        if self.bar.is_hidden() && said.is_none_or(|said| said.elapsed() > SAY_EVERY) {
-            *said = Some(Instant::now());
-            self.say(&text);
-        }
+        self.say_now_and_then(&text);
         self.show_share(share, &text);
     }
 }
@@ -144,7 +171,7 @@ impl ConsoleWatcher {
 impl Watcher for ConsoleWatcher {
     fn told(&self, event: Event) {
         match self.form {
-            OutputForm::Text => self.show(&event),
+            OutputForm::Text | OutputForm::Verbose => self.show(&event),
             OutputForm::Json => println!("{}", event.to_json()),
             OutputForm::Quiet => {}
         }
@@ -205,7 +232,7 @@ impl Drop for ConsoleWatcher {
     }
 }
 
-/// What an event means to people.
+/// The lines that an event is to people.
 fn lines(event: &Event, is_detached: bool) -> Vec<String> {
     match event {
         Event::Started { .. } => vec![started(event)],
@@ -213,21 +240,10 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
         Event::Warning { message } => vec![format!("warning: {message}")],
         Event::Asked { job, last_job } => vec![asked(*job, *last_job, is_detached)],
         Event::Frame { output, done, all } => vec![format!("{output} ({done} of {all})")],
-        Event::Preview { number: 1, seconds } => vec![format!("first preview {} after loading", length(*seconds))],
-        Event::LightingAgents(agents) => lighting_agents(agents),
-        Event::Mixed { engines, seams_z, seams_p } => {
-            let zones: Vec<String> =
-                engines.iter().map(|share| format!("{} by {}", share.zones, share.engine)).collect();
-            vec![format!("passes of zones: {}; seams z = {seams_z:.2}, p = {seams_p:.3}", zones.join(", "))]
-        }
         Event::Recorded { file } => vec![recorded(file)],
-        Event::Resources { .. } => vec![at_work(event)],
         Event::Timeline { file } => vec![format!("timeline of processors and devices: {file}")],
         Event::Fetched { output } => vec![format!("{output}: led to its end by another machine")],
-        Event::Denoised { by, seconds } => vec![format!("denoised in {} by {by}", length(*seconds))],
-        Event::Auction(auction) => vec![told_auction(auction)],
-        Event::Forecast(forecast) => vec![told_forecast(forecast)],
-        Event::Finished { .. } => finished(event),
+        Event::Finished { output, seconds, .. } => vec![format!("{output} in {}", length(*seconds))],
         Event::Interrupted { output, .. } => {
             vec![format!("stopped; {output} holds what is painted. Go on with the same command and --resume.")]
         }
@@ -236,29 +252,67 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
         | Event::Agent(_)
         | Event::Round(_)
         | Event::Theft(_)
+        | Event::Auction(_)
+        | Event::Forecast(_)
         | Event::Progress(_)
         | Event::Preview { .. }
+        | Event::LightingAgents(_)
         | Event::Sending { .. }
-        | Event::Step { .. } => Vec::new(),
+        | Event::Compiling { .. }
+        | Event::Step { .. }
+        | Event::Mixed { .. }
+        | Event::Resources { .. }
+        | Event::Denoised { .. } => Vec::new(),
     }
 }
 
+/// The lines that `--verbose` adds: how the work was shared out, and what each part of it took.
+fn details(event: &Event) -> Vec<String> {
+    match event {
+        Event::Started { agents, .. } => {
+            let plural = if *agents == 1 { "" } else { "s" };
+            vec![format!("{agents} Render Agent{plural}")]
+        }
+        Event::Preview { number: 1, seconds } => {
+            vec![format!("survey: the first preview came {} after loading", length(*seconds))]
+        }
+        Event::LightingAgents(agents) => lighting_agents(agents),
+        Event::Mixed { engines, seams_z, seams_p } => {
+            let zones: Vec<String> =
+                engines.iter().map(|share| format!("{} by {}", share.zones, share.engine)).collect();
+            vec![format!("passes of zones: {}; seams z = {seams_z:.2}, p = {seams_p:.3}", zones.join(", "))]
+        }
+        Event::Resources { .. } => vec![at_work(event)],
+        Event::Denoised { by, seconds } => vec![format!("denoised in {} by {by}", length(*seconds))],
+        Event::Auction(auction) => vec![told_auction(auction)],
+        Event::Forecast(forecast) => vec![told_forecast(forecast)],
+        Event::Finished { .. } => painted(event),
+        _ => Vec::new(),
+    }
+}
+
+/// What is painted: the scene, the size of the picture, when it is finished, and who paints.
 fn started(event: &Event) -> String {
-    let Event::Started {
-        scene, crop: [x0, y0, x1, y1], samples_per_pixel, agents, triangles, method, painters, ..
-    } = event
-    else {
+    let Event::Started { scene, crop: [x0, y0, x1, y1], triangles, method, painters, .. } = event else {
         return String::new();
     };
-    let (width, height) = (x1 - x0, y1 - y0);
-    let Some(triangles) = triangles else {
-        return format!("{scene}: {width}x{height} pixels, {samples_per_pixel} samples each, by {painters}");
-    };
-    let plural = if *agents == 1 { "" } else { "s" };
-    format!(
-        "{scene}: {triangles} triangles; {width}x{height} pixels, {samples_per_pixel} samples each by {method}, \
-         {agents} agent{plural} on {painters}"
-    )
+    let (width, height, goal) = (x1 - x0, y1 - y0, goal(event));
+    match triangles {
+        Some(triangles) => {
+            format!("{scene}: {triangles} triangles; {width}x{height} pixels, {goal} by {method} on {painters}")
+        }
+        None => format!("{scene}: {width}x{height} pixels, {goal} by {painters}"),
+    }
+}
+
+/// When the picture is finished. With an error or a time, the samples are a bound that few pixels reach.
+fn goal(event: &Event) -> String {
+    match event {
+        Event::Started { error: Some(error), .. } => format!("to an estimated error of {error}"),
+        Event::Started { time: Some(time), .. } => format!("the best in {}", length(*time)),
+        Event::Started { samples_per_pixel, .. } => format!("{samples_per_pixel} samples each"),
+        _ => String::new(),
+    }
 }
 
 fn asked(job: u32, last: Option<u32>, is_detached: bool) -> String {
@@ -311,7 +365,10 @@ fn told_forecast(forecast: &ForecastEvent) -> String {
         1 => "learnt in 1 job".to_owned(),
         jobs => format!("learnt in {jobs} jobs"),
     };
-    format!("expected before painting, {from}: {zones} zones, median error {:.0} %{ranks}", 100.0 * median_error)
+    format!(
+        "times of zones, expected before painting, {from}: {zones} zones, off by {:.0} % in the median{ranks}",
+        100.0 * median_error
+    )
 }
 
 /// Who was at work for how much of the time, in one line.
@@ -359,8 +416,9 @@ fn told_cable(cable: &CableTraffic) -> String {
     )
 }
 
-fn finished(event: &Event) -> Vec<String> {
-    let Event::Finished { output, seconds, samples, utilization, bands, composition, .. } = event else {
+/// How fast a picture was painted, and what bands and composition took of it.
+fn painted(event: &Event) -> Vec<String> {
+    let Event::Finished { seconds, samples, utilization, bands, composition, .. } = event else {
         return Vec::new();
     };
     let bands = (*bands > 0.0).then(|| {
@@ -370,13 +428,12 @@ fn finished(event: &Event) -> Vec<String> {
             100.0 * composition,
         )
     });
-    let all = format!(
-        "{output} in {}: {:.2} M samples/s, {:.1} % of the processors' time spent painting",
-        length(*seconds),
+    let speed = format!(
+        "{:.2} M samples/s, {:.1} % of the processors' time spent painting",
         *samples as f64 / seconds / 1e6,
         100.0 * utilization,
     );
-    bands.into_iter().chain([all]).collect()
+    bands.into_iter().chain([speed]).collect()
 }
 
 /// What a swarm was like, what it cost and what it spared.

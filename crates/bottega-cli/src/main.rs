@@ -10,9 +10,10 @@
 //! | the progress bar, lines of text and JSON, the trace | `src/console_watcher.rs` |
 //! | standard output and standard error | `src/output.rs` |
 //! | errors as people read them | `src/error.rs` |
-//! | `-h`; the configuration file, variables of the environment | `src/short_help.rs`; `src/config/`, `src/variables.rs` |
+//! | `-h`; groups of commands; what an unknown option means | `src/short_help.rs`; `src/command_groups.rs`; `src/suggestions.rs` |
+//! | the configuration file, variables of the environment | `src/config/`, `src/variables.rs` |
 //! | prices, watts | `src/energy_values.rs` |
-//! | Ctrl-C | `src/signals.rs` |
+//! | Ctrl-C; when the process began | `src/signals.rs`; `src/process_start.rs` |
 //! | `--on`: who is told of ends and stalls | `src/notifications/` |
 //! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
@@ -33,6 +34,7 @@ mod output;
 mod analyze;
 mod board;
 mod cli;
+mod command_groups;
 mod config;
 mod console_watcher;
 mod devices;
@@ -45,12 +47,14 @@ mod info;
 mod manual;
 mod notifications;
 mod platform;
+mod process_start;
 mod render;
 mod request;
 mod rules;
 mod short_help;
 mod signals;
 mod simulate;
+mod suggestions;
 mod variables;
 
 use std::process::ExitCode;
@@ -65,6 +69,7 @@ use tracing_subscriber::{filter::Targets, layer::SubscriberExt, util::Subscriber
 const LOGGED: &str = "warn,async_nats=off";
 
 fn main() -> ExitCode {
+    process_start::process_start();
     start_log();
     let command = match command_line() {
         Ok(Ok(cli)) => cli.command,
@@ -97,7 +102,9 @@ fn start_log() {
 fn command_line() -> Result<Result<Cli, clap::Error>, CliError> {
     let program = variables::with_variables(short_help::fitting(Cli::command()));
     let words = config::with_config(std::env::args_os().collect(), &program)?;
-    Ok(program.try_get_matches_from(words).and_then(|matches| Cli::from_arg_matches(&matches)))
+    let matches = program.clone().try_get_matches_from(&words);
+    let matches = matches.map_err(|error| suggestions::by_meaning(error, &program, &words));
+    Ok(matches.and_then(|matches| Cli::from_arg_matches(&matches)))
 }
 
 /// What standard output is for.

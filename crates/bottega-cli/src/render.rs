@@ -1,8 +1,16 @@
 //! `bottega render`: options in, a picture out.
 
-use std::{process::ExitCode, sync::Arc};
+use std::{
+    process::ExitCode,
+    sync::{Arc, mpsc},
+    thread,
+    time::Duration,
+};
 
-use bottega::{Request, Session, SessionOptions, StopSwitch, Watcher, journal::journal_of, text::shown};
+use bottega::{
+    Request, Session, SessionOptions, StopSwitch, Watcher, devices::compiling, events::Event, journal::journal_of,
+    picture::is_done, text::shown,
+};
 use bottega_cluster::{
     FarmAddress, JobBoard,
     animation::{render_frames, submit_frames},
@@ -16,8 +24,12 @@ use crate::{
     console_watcher::{ConsoleWatcher, OutputForm},
     error::CliError,
     notifications::PictureWatch,
-    signals::{interrupted, stop_on_signal},
+    process_start::process_start,
+    signals::{EndAtOnce, interrupted, stop_on_signal},
 };
+
+/// How often is looked what devices are at while a scene is prepared.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     let request = args.to_request()?;
@@ -51,7 +63,8 @@ fn paint(
         return in_farm(args, request, voice, stop);
     }
     if request.frames.is_none() {
-        return one(request, options(args), voice, stop);
+        // Each frame of an animation has the time for itself.
+        return one(request, SessionOptions { begun: Some(process_start()), ..options(args) }, voice, stop);
     }
     for frame in request.missing_frames(args.resume)? {
         let request = request.at_frame(frame)?;
@@ -73,9 +86,34 @@ fn one(
     voice: &Arc<dyn Watcher>,
     stop: &StopSwitch,
 ) -> Result<ExitCode, CliError> {
-    let session = Session::open_with(request, options)?;
+    let is_begun = request.output.file.as_deref().is_some_and(|file| journal_of(file).is_file());
+    if options.resume && !is_begun && is_done(request) {
+        let file = request.output.file.as_deref().map(shown).unwrap_or_default();
+        voice.told(Event::Note { message: format!("{file} is whole: nothing is left to paint") });
+        return Ok(ExitCode::SUCCESS);
+    }
+    let session = opened(request, options, voice)?;
     let picture = session.render(Arc::clone(voice), stop)?;
     Ok(if picture.is_whole() { ExitCode::SUCCESS } else { interrupted() })
+}
+
+/// Reads and prepares a scene. Nothing of that is worth keeping: a signal ends the process at once. Devices that compile meanwhile are
+/// told of.
+fn opened(request: &Request, options: SessionOptions, voice: &Arc<dyn Watcher>) -> Result<Session, CliError> {
+    let _at_once = EndAtOnce::begin();
+    let (done, is_done) = mpsc::channel::<()>();
+    thread::scope(|scope| {
+        scope.spawn(move || {
+            while is_done.recv_timeout(LOOK_EVERY) == Err(mpsc::RecvTimeoutError::Timeout) {
+                for (device, time) in compiling() {
+                    voice.told(Event::Compiling { device, seconds: time.as_secs_f64() });
+                }
+            }
+        });
+        let session = Session::open_with(request, options);
+        drop(done);
+        Ok(session?)
+    })
 }
 
 /// The farm that an option names.
@@ -120,9 +158,10 @@ fn options(args: &RenderArgs) -> SessionOptions {
 
 /// Who is told: people or programs, the dashboard, the trace.
 fn voice(args: &RenderArgs, request: &Request, stop: &StopSwitch) -> Result<ConsoleWatcher, CliError> {
-    let form = match (args.scene.json, args.quiet) {
-        (true, _) => OutputForm::Json,
-        (_, true) => OutputForm::Quiet,
+    let form = match (args.scene.json, args.quiet, args.verbose) {
+        (true, ..) => OutputForm::Json,
+        (_, true, _) => OutputForm::Quiet,
+        (.., true) => OutputForm::Verbose,
         _ => OutputForm::Text,
     };
     let dashboard = args.dashboard.map(|address| Dashboard::serve(address, stop)).transpose()?;

@@ -2,8 +2,7 @@
 
 use clap::{Arg, Command, builder::StyledStr};
 
-/// Commands that `bottega -h` describes, the most used first. The others it names.
-const COMMANDS: &[&str] = &["render", "info", "diff", "analyze", "up", "join", "jobs", "machines", "engines", "rules"];
+use crate::command_groups::grouped;
 
 /// A command and its options that `-h` describes, the most used first, where all of them fill more than a screen. An empty text
 /// stands for the first sentence of the long one.
@@ -32,7 +31,7 @@ const OPTIONS: &[ShownOptions] = &[
             ("frames", "Frames of an animation, such as 1..24"),
             ("resume", ""),
             ("preview", "Show the picture in this file while it is painted"),
-            ("json", "Print JSON objects instead of text for people"),
+            ("verbose", "Also say how the work was shared out"),
         ],
     ),
     (
@@ -65,31 +64,16 @@ const OPTIONS: &[ShownOptions] = &[
     ),
 ];
 
-/// The program as this command line wants it: with short help if that is asked for.
+/// The program as this command line wants it: with short help if that is asked for, or nothing is.
 pub(crate) fn fitting(program: Command) -> Command {
-    let is_short = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "-h");
+    let mut words = std::env::args_os().skip(1).take_while(|word| word != "--").peekable();
+    let is_short = words.peek().is_none() || words.any(|word| word == "-h");
+    let program = grouped(program, is_short);
     if is_short { shortened(program) } else { program }
 }
 
-/// The program with short help.
-fn shortened(program: Command) -> Command {
-    let others: Vec<String> = program
-        .get_subcommands()
-        .map(|command| command.get_name().to_owned())
-        .filter(|name| !COMMANDS.contains(&name.as_str()))
-        .collect();
-    let more = format!(
-        "More: {}\n`bottega --help` describes all, `bottega COMMAND -h` the options of one.\n\n\
-         Start with:\n  bottega render scene.glb -o picture.png",
-        others.join(", ")
-    );
-    let mut program = program.after_help(more);
-    for (order, name) in COMMANDS.iter().enumerate() {
-        program = program.mut_subcommand(name, |command| command.display_order(order));
-    }
-    for name in others {
-        program = program.mut_subcommand(name, |command| command.hide(true));
-    }
+/// The program with short help of its commands.
+fn shortened(mut program: Command) -> Command {
     for (name, options) in OPTIONS {
         program = program.mut_subcommand(name, |command| {
             let more = format!("All options, in sections: bottega {name} --help");
@@ -126,13 +110,8 @@ mod tests {
     const SCREEN: usize = 32;
 
     #[test]
-    fn the_short_help_fits_a_screen_and_names_what_exists() {
+    fn the_short_help_of_a_command_fits_a_screen_and_names_what_exists() {
         let mut program = shortened(Cli::command()).term_width(100);
-        let text = program.render_help().to_string();
-        assert!(text.lines().count() <= SCREEN, "{text}");
-        for command in Cli::command().get_subcommands() {
-            assert!(text.contains(command.get_name()), "{}: {text}", command.get_name());
-        }
         program.build();
         for (name, options) in OPTIONS {
             let command = program.find_subcommand_mut(name).expect("it exists");

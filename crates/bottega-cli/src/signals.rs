@@ -2,7 +2,10 @@
 
 use std::{
     process::ExitCode,
-    sync::{Mutex, PoisonError},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
 };
 
 use bottega::StopSwitch;
@@ -15,11 +18,30 @@ const INTERRUPTED: u8 = 130;
 /// What is said when the user ends the process at once, by a second Ctrl-C: nothing else can be done then.
 static PARTING: Mutex<Option<String>> = Mutex::new(None);
 
+/// Whether the first signal ends the process at once, for there is nothing to keep.
+static AT_ONCE: AtomicBool = AtomicBool::new(false);
+
+/// A time in which the first signal ends the process at once, until this is dropped.
+pub(crate) struct EndAtOnce(());
+
+impl EndAtOnce {
+    pub(crate) fn begin() -> Self {
+        AT_ONCE.store(true, Ordering::SeqCst);
+        Self(())
+    }
+}
+
+impl Drop for EndAtOnce {
+    fn drop(&mut self) {
+        AT_ONCE.store(false, Ordering::SeqCst);
+    }
+}
+
 /// Ctrl-C and SIGTERM stop the work and keep it; a second one ends the process at once.
 pub(crate) fn stop_on_signal(stop: &StopSwitch) -> Result<(), CliError> {
     let stop = stop.clone();
     ctrlc::set_handler(move || {
-        if stop.is_requested() {
+        if stop.is_requested() || AT_ONCE.load(Ordering::SeqCst) {
             // Whoever holds it would hold up the end.
             if let Some(words) = PARTING.try_lock().ok().and_then(|mut words| words.take()) {
                 eprintln!("{words}");

@@ -136,21 +136,27 @@ pub fn lead(
         None => (None, Default::default()),
     };
     let easel = Composer::new(settings, tiles, store);
-    let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, link));
+    // The work ends by the user or by the time, which a farm's Master keeps elsewhere.
+    let limit = if let (Goal::Time(limit), None) = (settings.goal, &link) { Some(limit) } else { None };
+    let ended = StopSwitch::new();
+    let shared = Arc::new(Shared::new(settings, easel, engine, observer, &ended, link));
     let uplink = shared.uplink()?;
     let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let master = populate(&platform, settings, work, kept, &shared)?;
     let asked = master.clone();
     shared.observer.leads(&MasterHandle { ask: Arc::new(move |completion| asked.complete(completion)) });
     let on_stop = Arc::downgrade(&shared);
-    stop.when_requested(move || {
+    ended.when_requested(move || {
         if let Some(shared) = on_stop.upgrade() {
             master.complete(FarmCompletion::Stop);
             shared.cancel_orders();
         }
     });
-    let end = shared.wait();
+    let by_user = ended.clone();
+    stop.when_requested(move || by_user.request());
+    let end = shared.wait(|| limit.map(|limit| limit.saturating_sub(platform.now().elapsed())));
     stop.forget();
+    ended.forget();
     let total = platform.now().elapsed();
     platform.stop();
     if let Some(uplink) = uplink {
@@ -160,10 +166,11 @@ pub fn lead(
         // The last words of the Master let the others go.
         link.transport.flush();
     }
-    report(&shared, end, total)
+    report(&shared, end, total, stop.is_requested())
 }
 
-fn report(shared: &Shared, end: Option<End>, total: Duration) -> Result<JobReport, JobError> {
+/// - `by_user`: whether the user has stopped the work.
+fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> Result<JobReport, JobError> {
     let (survey, preparation, messages) = {
         let state = shared.state();
         (state.survey, state.preparing, state.messages)
@@ -179,6 +186,10 @@ fn report(shared: &Shared, end: Option<End>, total: Duration) -> Result<JobRepor
     if stopped {
         easel.compose_unfinished();
     }
+    // What the time has ended is whole: where nothing is painted yet, what the survey has seen is shown.
+    let look = shared.state().look.clone();
+    let is_whole = stopped && !by_user && easel.fill(look.as_deref());
+    let stopped = stopped && !is_whole;
     let times = Times { total, survey, preparation, ..easel.times() };
     let learner = shared.learner();
     let (forecast, lessons) = (learner.forecast(), learner.lessons(easel.samples_wanted()));

@@ -161,7 +161,9 @@ impl Choice {
     pub fn profile_samples(&self, goal: &Goal) -> u32 {
         let wanted = match goal {
             Goal::Samples => (f64::from(self.samples) * PROFILE_SHARE).round() as u32,
-            Goal::Error(_) | Goal::Time(_) => Goal::FIRST_SAMPLES,
+            Goal::Error(_) => Goal::FIRST_SAMPLES,
+            // The whole picture is there as early as can be: nobody knows how many more the time allows.
+            Goal::Time(_) => 1,
         };
         wanted.clamp(1, self.samples.max(1))
     }
@@ -187,6 +189,6 @@ mod tests {
         assert_eq!(choice(16).profile_samples(&Goal::Samples), 1);
         assert_eq!(choice(1000).profile_samples(&Goal::Samples), 50);
         assert_eq!(choice(1000).profile_samples(&Goal::Error(0.1)), 8);
-        assert_eq!(choice(4).profile_samples(&Goal::Time(Duration::from_secs(1))), 4);
+        assert_eq!(choice(4).profile_samples(&Goal::Time(Duration::from_secs(1))), 1);
     }
 }

@@ -147,9 +147,24 @@ fn a_time_is_filled_with_passes_over_all_zones() {
     let goal = Goal::Time(std::time::Duration::from_millis(400));
     let report = paint(&JobSettings { goal, samples: 1 << 20, ..settings() });
     assert!(!report.stopped && report.failed.is_empty());
-    // However slow the machine: all have a first pass, and what they have was noted.
-    assert!(report.rows.iter().all(|row| row.state == ZoneState::Done && row.samples_done() >= 8));
-    assert!(report.rows.iter().all(|row| report.film.is_painted(row.rect.x0, row.rect.y0)));
+    // However slow the machine, each pixel shows something.
+    assert!(report.film.rect().pixels().all(|(x, y)| report.film.is_painted(x, y)));
+}
+
+#[test]
+fn a_picture_is_whole_when_its_time_is_up_amid_a_pass_and_stopped_when_the_user_says_so() {
+    let goal = Goal::Time(std::time::Duration::from_millis(100));
+    let settings = JobSettings { goal, samples: 1 << 20, zones: Some(6), ..settings() };
+    // Half of the first pass is painted, and nothing more until somebody ends it.
+    let half = || Arc::new(FakeEngine::new(2, 0).hold_from(97 * 61 / 2));
+    let report = run(&settings, half(), Arc::new(()), &StopSwitch::new(), None, None).unwrap();
+    assert!(!report.stopped && report.failed.is_empty());
+    assert!(report.film.rect().pixels().all(|(x, y)| report.film.is_painted(x, y)));
+
+    let (stop, hour) = (StopSwitch::new(), Goal::Time(std::time::Duration::from_secs(3600)));
+    let observer = Arc::new(StopAtSamples(1, stop.clone()));
+    let report = run(&JobSettings { goal: hour, ..settings }, half(), observer, &stop, None, None).unwrap();
+    assert!(report.stopped);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use bottega_platform::standard_error::capture;
 use wgpu::{Adapter, Backend, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
 use crate::error::GpuError;
@@ -94,9 +95,11 @@ static INSTANCE: LazyLock<Instance> = LazyLock::new(|| {
     })
 });
 
-/// All devices. Where several interfaces lead to one, by Vulkan: it is the one that is tested.
+/// All devices. Where several interfaces lead to one, by Vulkan: it is the one that is tested. What drivers print while they are
+/// asked, such as Mesa where there is no display, goes to the log.
 fn enumerate() -> Vec<Adapter> {
-    let found = pollster::block_on(INSTANCE.enumerate_adapters(BACKENDS));
+    let (found, said) = capture(|| pollster::block_on(INSTANCE.enumerate_adapters(BACKENDS)));
+    said.lines().for_each(|line| tracing::debug!("a driver says: {line}"));
     let (by_vulkan, others): (Vec<_>, Vec<_>) =
         found.into_iter().partition(|adapter| adapter.get_info().backend == Backend::Vulkan);
     let known: Vec<String> = by_vulkan.iter().map(|adapter| adapter.get_info().name).collect();

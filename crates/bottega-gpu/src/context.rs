@@ -1,5 +1,6 @@
 //! A device that is open: what all that runs on it shares.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -35,6 +36,8 @@ pub(crate) struct Context {
     pub(crate) queue: wgpu::Queue,
     faults: Arc<DriverMessages>,
     timeout: Duration,
+    /// Whether the device may take as long as it likes.
+    is_patient: AtomicBool,
 }
 
 /// Most bytes that the adapter lets a shader see in one array.
@@ -72,7 +75,7 @@ impl Context {
         let (refusals, losses) = (Arc::clone(&faults), Arc::clone(&faults));
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&refusals.refused, error.to_string())));
         device.set_device_lost_callback(move |reason, message| note(&losses.lost, format!("{reason:?}: {message}")));
-        Ok(Self { device, queue, faults, timeout })
+        Ok(Self { device, queue, faults, timeout, is_patient: AtomicBool::new(false) })
     }
 
     /// The first thing that went wrong so far.
@@ -104,15 +107,23 @@ impl Context {
         MemoryScope(self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory))
     }
 
+    /// From now on the device may take as long as it likes, or not any more.
+    pub(crate) fn set_patient(&self, is_patient: bool) {
+        self.is_patient.store(is_patient, Ordering::SeqCst);
+    }
+
     /// Waits for a submission.
     pub(crate) fn wait(&self, submission: SubmissionIndex) -> Result<(), GpuError> {
-        let wait = PollType::Wait { submission_index: Some(submission), timeout: Some(self.timeout) };
-        let polled = self.device.poll(wait);
-        self.check()?;
-        match polled {
-            Ok(_) => Ok(()),
-            Err(PollError::Timeout) => Err(GpuError::Timeout(self.timeout)),
-            Err(error) => Err(GpuError::Refused(error.to_string())),
+        loop {
+            let wait = PollType::Wait { submission_index: Some(submission.clone()), timeout: Some(self.timeout) };
+            let polled = self.device.poll(wait);
+            self.check()?;
+            match polled {
+                Ok(_) => return Ok(()),
+                Err(PollError::Timeout) if self.is_patient.load(Ordering::SeqCst) => {}
+                Err(PollError::Timeout) => return Err(GpuError::Timeout(self.timeout)),
+                Err(error) => return Err(GpuError::Refused(error.to_string())),
+            }
         }
     }
 

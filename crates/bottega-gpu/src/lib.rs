@@ -25,10 +25,11 @@
 //! | paths on a device; which kernel comes after which | `src/paths.rs`, `src/paths/`, `src/wgsl/plan.wgsl` |
 //! | scattering on a device, and the records that it reads | `src/wgsl/bsdf/`, `src/material/` |
 //! | what shaders and Rust share: constants, codes, places in records | `src/shared/` |
-//! | compiled kernels, kept between runs | `src/pipeline_cache.rs` |
+//! | compiled kernels, kept between runs; which device compiles just now | `src/pipeline_cache.rs`; `src/compiling.rs` |
 
 mod adapter;
 mod bvh;
+mod compiling;
 mod context;
 mod device;
 mod error;
@@ -42,6 +43,7 @@ mod shared;
 mod traversal;
 
 pub use adapter::{AdapterInfo, AdapterKind, adapters};
+pub use compiling::compiling;
 pub use error::GpuError;
 pub use memory::AdapterMemory;
 pub use paths::{EncodedScene, GpuAdapter, GpuPaths, GpuScenes, PathOptions};

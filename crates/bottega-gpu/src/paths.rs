@@ -75,8 +75,9 @@ impl GpuAdapter {
 ///
 /// What it paints is the processor's picture but for rounding: the same samples of the same pixels take the same numbers, so
 /// most paths are the same to some 10⁻⁵, and where one takes another way (a ray that grazes an edge) the means are the same.
-/// Paths are not guided. A scene is sent with the first work on it, and stays until the allocator throws it out.
-/// Dropped, it waits for what is under way; what is queued behind that and was given up is not begun.
+/// Paths are not guided. A scene is sent with the first work on it, or with the pixel that its kernels are tried on, and stays until the
+/// allocator throws it out. Dropped, it waits for what is under way, unless that is compiling; what is queued behind that and was given
+/// up is not begun.
 pub struct GpuPaths {
     adapter: GpuAdapter,
     memory_bytes: Option<u64>,
@@ -92,17 +93,32 @@ pub struct GpuScenes {
 }
 
 impl GpuScenes {
-    /// From now on the device paints this scene, too. Its kernels are compiled now, so that no work waits for that; the
-    /// scene itself is sent with the first work on it.
+    /// From now on the device paints this scene, too. Its kernels are compiled now, and have painted a pixel when this returns, so that
+    /// no work waits for that.
     ///
     /// # Errors
     /// The kernels cannot be compiled, or the device is gone.
     pub fn admit(&self, encoded: &EncodedScene) -> Result<(), GpuError> {
-        self.shelf.put(encoded);
         let gone = || GpuError::Lost("its thread ended".to_owned());
         let (tell, answer) = channel();
-        self.messages.send(Message::Compile(encoded.flat.variant(), tell)).map_err(|_| gone())?;
+        self.compile(encoded, Some(tell))?;
         answer.recv().map_err(|_| gone())?
+    }
+
+    /// The same without waiting: until the kernels are compiled the device gives all work back, as one that is
+    /// [not ready](bottega_hra::Reply::not_ready).
+    ///
+    /// # Errors
+    /// The device is gone.
+    pub fn admit_later(&self, encoded: &EncodedScene) -> Result<(), GpuError> {
+        self.compile(encoded, None)
+    }
+
+    fn compile(&self, encoded: &EncodedScene, tell: Option<Sender<Result<(), GpuError>>>) -> Result<(), GpuError> {
+        self.shelf.put(encoded);
+        self.shelf.begin_compiling();
+        let message = Message::Compile(encoded.clone(), tell);
+        self.messages.send(message).map_err(|_| GpuError::Lost("its thread ended".to_owned()))
     }
 
     /// Bytes of scenes that were sent to the device so far.
@@ -141,7 +157,7 @@ impl GpuPaths {
             move || Tracer::new(&adapter.adapter, &adapter.info, &options)
         };
         let shelf = Arc::new(SceneShelf::default());
-        let worker = PathWorker::new(Arc::clone(&shelf), Box::new(make))?;
+        let worker = PathWorker::new(Arc::clone(&shelf), adapter.info.name.clone(), Box::new(make))?;
         let (messages, inbox) = channel();
         let name = format!("gpu {}", adapter.info.name.replace('\0', " "));
         let spawned = thread::Builder::new().name(name).spawn(move || worker.run(&inbox));
@@ -197,6 +213,9 @@ impl WindowedResource<RenderWork> for GpuPaths {
     }
 
     fn send(&mut self, packet: Packet<RenderWork>) {
+        if self.scenes.shelf.is_compiling() {
+            return packet.reply.not_ready(packet.works);
+        }
         // A worker that is gone drops the reply, which says that the packet is lost.
         let _ = self.scenes.messages.send(Message::Paint(packet.works, packet.reply));
     }
@@ -221,7 +240,9 @@ impl WindowedResource<RenderWork> for GpuPaths {
 impl Drop for GpuPaths {
     fn drop(&mut self) {
         let _ = self.scenes.messages.send(Message::End);
-        if let Some(worker) = self.worker.take() {
+        // A driver that compiles cannot be called back; its thread ends after that.
+        let worker = self.worker.take().filter(|_| !self.scenes.shelf.is_compiling());
+        if let Some(worker) = worker {
             let _ = worker.join();
         }
     }

@@ -61,7 +61,7 @@ fn paint(path: &Path, options: &PathOptions) -> Result<Pair, GpuError> {
         samples: 0..SAMPLES,
     };
     let gpu = GpuPaths::new(&scene, options)?;
-    let window = Window { packets: 2, units_per_packet: 64, patience: options.timeout };
+    let window = Window { packets: 2, units_per_packet: 64, patience: options.timeout, ..Window::default() };
     let hra = Hra::with_lanes(HraConfig::default(), vec![Lane::Windowed(Box::new(gpu), window)]);
     let client = hra.client();
     let blocks =

@@ -83,11 +83,13 @@ pub struct Window {
     /// it is known how long it should take, or when it is the last that is waited for and others could have done it long
     /// since. Also the longest time that shutting down waits for it.
     pub patience: Duration,
+    /// Whether data stays in the resource's memory when it has given no answer for long and answers again: then it is not sent twice.
+    pub keeps_data: bool,
 }
 
 impl Default for Window {
     fn default() -> Self {
-        Self { packets: 256, units_per_packet: 1024, patience: Duration::from_secs(10) }
+        Self { packets: 256, units_per_packet: 1024, patience: Duration::from_secs(10), keeps_data: false }
     }
 }
 

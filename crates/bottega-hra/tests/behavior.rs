@@ -436,7 +436,8 @@ impl WindowedResource<Job> for Leaky {
 #[test]
 fn packets_without_an_answer_are_done_again() {
     within_reason(|| {
-        let window = Window { packets: 3, units_per_packet: 2, patience: Duration::from_millis(3) };
+        let window =
+            Window { packets: 3, units_per_packet: 2, patience: Duration::from_millis(3), ..Window::default() };
         let lanes = vec![
             Lane::Windowed(Box::new(Leaky { swallowed: Vec::new() }), window),
             Lane::Direct(custom("good", PrimitiveSet::ALL, |job| {

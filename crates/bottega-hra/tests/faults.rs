@@ -133,6 +133,61 @@ fn nobody_waits_for_a_device_that_hangs_for_ever_neither_for_the_last_units_nor_
     }
 }
 
+/// A far device that has to make itself ready before its first packet.
+struct UnreadyResource {
+    is_ready: bool,
+    gate: Gate,
+    given_back: Arc<AtomicU64>,
+}
+
+impl WindowedResource<crate::support::Job> for UnreadyResource {
+    fn descriptor(&self) -> ResourceDescriptor {
+        let link = Link { latency: Duration::from_micros(10), bandwidth: 1e9 };
+        ResourceDescriptor { name: "unready".into(), primitives: PrimitiveSet::ALL, memory_bytes: None, link }
+    }
+    fn send(&mut self, packet: Packet<crate::support::Job>) {
+        if !self.is_ready {
+            self.given_back.fetch_add(1, Ordering::SeqCst);
+            return packet.reply.not_ready(packet.works);
+        }
+        packet.reply.send(packet.works.into_iter().map(|job| Ok(double(job))).collect());
+    }
+    fn recover(&mut self) -> Result<(), String> {
+        self.gate.pass();
+        self.is_ready = true;
+        Ok(())
+    }
+}
+
+#[test]
+fn a_device_that_makes_itself_ready_is_not_to_blame_and_is_waited_for_as_long_as_it_takes() {
+    within_reason(|| {
+        let (gate, given_back) = (Gate::default(), Arc::new(AtomicU64::new(0)));
+        let unready = UnreadyResource { is_ready: false, gate: gate.clone(), given_back: Arc::clone(&given_back) };
+        // Longer than it may take for a packet.
+        let window = Window { patience: Duration::from_millis(5), ..Window::default() };
+        let config = HraConfig { hang_min: Duration::from_millis(1), hang_max: Duration::from_millis(5), ..quick() };
+        let hra = Hra::with_lanes(config, vec![Lane::Windowed(Box::new(unready), window)]);
+        let client = hra.client();
+        client.submit_group((0..100).map(|n| unit(n, PixelBlock)).collect()).unwrap();
+        while given_back.load(Ordering::SeqCst) == 0 {
+            thread::sleep(Duration::from_millis(1));
+        }
+        assert!(client.take_timeout(Duration::from_millis(30)).is_none(), "nobody else could do it");
+        gate.open();
+        let done: Vec<_> = std::iter::from_fn(|| client.take()).collect();
+        assert!(done.len() == 100 && done.iter().all(|answer| answer.output == Ok(2 * answer.ticket)));
+        let report = hra.report();
+        assert_eq!(
+            fault_count(&report, Fault::Refused) + fault_count(&report, Fault::Died),
+            0,
+            "{:?}",
+            report.incidents
+        );
+        assert_eq!(report.resources[0].failures, 0);
+    });
+}
+
 #[test]
 fn a_device_that_hangs_when_it_is_torn_down_is_waited_for_a_moment_only() {
     within_reason(|| {

@@ -16,6 +16,7 @@
 //! | notifications on the desktop | `src/desktop.rs` |
 //! | a child and all that it has started | `src/processes.rs`, `src/processes/` |
 //! | what stands above figures: their command, and the machine that they are of | `src/run_head.rs` |
+//! | standard error of libraries that write to it themselves | `src/standard_error.rs` |
 //! | the machine's owner: touched when, how busy | `src/activity.rs`, `src/activity/` |
 
 pub mod activity;
@@ -27,3 +28,4 @@ pub mod processes;
 pub mod processor_time;
 pub mod run_head;
 pub mod scheduling;
+pub mod standard_error;

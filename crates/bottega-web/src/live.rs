@@ -73,7 +73,7 @@ impl LiveJob {
             Event::Started { .. } => RowKey::Last("started"),
             Event::Analyzed { .. } => RowKey::Last("analyzed"),
             Event::Progress(_) => RowKey::Last("progress"),
-            Event::Sending { .. } | Event::Step { .. } => RowKey::Last("step"),
+            Event::Sending { .. } | Event::Compiling { .. } | Event::Step { .. } => RowKey::Last("step"),
             Event::Preview { .. } => RowKey::Last("preview"),
             Event::Finished { .. } | Event::Interrupted { .. } | Event::Fetched { .. } => RowKey::Last("end"),
             Event::Round(_)

@@ -15,7 +15,9 @@ use crate::{
     method::Method,
     request::Request,
     session::Reporter,
-    settings::{asks_for_agents, directions, filter, guide_agents, job_settings, max_depth, planned_samples},
+    settings::{
+        asks_for_agents, directions, filter, guide_agents, job_settings, max_depth, planned_samples, samples_in_time,
+    },
     text::shown,
 };
 
@@ -175,7 +177,16 @@ fn engine_for(
         wants_waves(request, &crew) && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
     let options =
         BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads, wavefront };
-    let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
-    let engine = BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources)).with_urgency(urgency);
-    Ok((engine, crew))
+    let engine = |options| {
+        let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
+        BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources)).with_urgency(urgency)
+    };
+    let first = engine(options.clone());
+    // Devices do not learn, so nothing need be known of their speed.
+    if !matches!(job.goal, Goal::Time(_)) || crew.threads == 0 {
+        return Ok((first, crew));
+    }
+    let settings = PathSettings { planned_samples: samples_in_time(job, &first), ..settings };
+    let timed = engine(BuiltinOptions { settings, ..options });
+    Ok((timed, crew))
 }

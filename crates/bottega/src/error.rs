@@ -18,7 +18,10 @@ use bottega_render::RenderError;
 use bottega_scene::SceneError;
 use thiserror::Error;
 
-use crate::request::{InvalidField, RequestError};
+use crate::{
+    formats,
+    request::{InvalidField, RequestError},
+};
 
 /// The errors of the library, each with its causes behind it.
 #[derive(Debug, Error)]
@@ -189,6 +192,7 @@ impl Error {
             Self::NotBuiltIn { feature, .. } => {
                 Some(format!("build it with the feature `{feature}` of the crate bottega"))
             }
+            Self::Scene(SceneError::UnknownFormat { path, .. }) => formats::remedy(path),
             Self::Denoise(DenoiseError::NotFound { .. } | DenoiseError::Unfit { .. }) => Some(install_hint()),
             Self::Denoise(_) => Some("leave out the denoising; what was painted can be gone on with".to_owned()),
             Self::Request { .. } => Some("`bottega request schema` says what a request may hold".to_owned()),

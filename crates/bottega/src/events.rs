@@ -27,8 +27,14 @@ pub enum Event {
         height: u32,
         /// The part that is painted: x0, y0, x1, y1.
         crop: [u32; 4],
-        /// Samples a pixel.
+        /// Samples per pixel; with `error` or `time` the most that a pixel gets.
         samples_per_pixel: u32,
+        /// The estimated relative error at which a place is finished, where one was asked for.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        error: Option<f64>,
+        /// The time for all of it in seconds, where one was asked for.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        time: Option<f64>,
         /// How light is followed: path, photon or ala.
         integrator: String,
         /// Whether by progressive photons.
@@ -118,6 +124,13 @@ pub enum Event {
     },
     /// What the lighting agents of a picture were like, what they cost and what they were asked.
     LightingAgents(LightingAgents),
+    /// A device compiles its kernels for the scene: told twice a second while it does. It paints nothing before; others do.
+    Compiling {
+        /// The device.
+        device: String,
+        /// For how long it has.
+        seconds: f64,
+    },
     /// How far a step is that comes after the painting.
     Step {
         /// Which, such as `denoising`.

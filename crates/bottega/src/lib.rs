@@ -26,6 +26,7 @@
 //! | what a request means to engines and farm | [`settings`]; its scene: [`loaded_scene`]; which integrator paints it: [`method`] |
 //! | our own engine made ready | `src/builtin.rs` |
 //! | other renderers; which layers their pictures have; what a farm is sent | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/scene_files.rs` |
+//! | scenes that our own engine does not read: who does, what to export | `src/engines/of_scene.rs`, `src/formats.rs` |
 //! | processors and GPUs, what each costs, how that is measured | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs`, `src/devices/measure.rs`; those kept from picture to picture: `src/devices/kept.rs` |
 //! | what they were at while a picture was painted | `src/session/occupation.rs` |
 //! | expert knowledge, from files or with the program; as pages show it | [`rules`]; [`rule_view`] |
@@ -48,6 +49,7 @@ pub mod engines;
 pub mod error;
 pub mod events;
 pub mod experience;
+mod formats;
 pub mod frames;
 pub mod identity;
 pub mod journal;

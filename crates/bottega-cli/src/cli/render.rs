@@ -211,6 +211,9 @@ pub(crate) struct RenderArgs {
     /// Say nothing but errors.
     #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
     pub(crate) quiet: bool,
+    /// Also say how the work was shared out: survey, auction, expected times, what processors and devices did.
+    #[arg(short, long, conflicts_with_all = ["json", "quiet"], help_heading = "Output")]
+    pub(crate) verbose: bool,
     #[command(flatten)]
     pub(crate) notifications: NotificationArgs,
 }
@@ -226,7 +229,7 @@ impl RenderArgs {
             None => Request::new(self.scene_file.clone().unwrap_or_default()),
         };
         self.apply(&mut request)?;
-        let request = self.request.set(request)?;
+        let request = self.request.set(request)?.by_engine_of_scene();
         request.validate().map_err(bottega::Error::from)?;
         if request.output.file.is_none() && !self.request.dry_run {
             return Err(CliError::usage("where is the picture to go?", "name a file with -o: .exr or .png"));

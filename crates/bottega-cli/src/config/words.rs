@@ -13,7 +13,10 @@ use toml::{
 };
 
 use super::{ConfigFile, FARM, PROFILE, PROFILE_VARIABLE, kind};
-use crate::error::CliError;
+use crate::{
+    error::CliError,
+    suggestions::{command_meant, option_meant},
+};
 
 /// How variables of the environment begin that stand for options: `BOTTEGA_RENDER_SPP`.
 pub(crate) const OPTION_VARIABLE: &str = "BOTTEGA";
@@ -264,8 +267,9 @@ fn check_entry(file: &ConfigFile, (name, value): NamedValue<'_>, command: &Comma
     } else {
         command.get_arguments().filter_map(|option| option.get_long()).collect()
     };
+    let meant = if table(value).is_some() { command_meant(command, key) } else { option_meant(command, key) };
     let near = known.into_iter().map(|known| (distance(known, key), known)).min().filter(|(far, _)| *far <= 2);
-    let near = near.map(|(_, known)| format!("; did you mean `{known}`?"));
+    let near = meant.or(near.map(|(_, known)| known)).map(|known| format!("; did you mean `{known}`?"));
     // Whoever leaves the command out means most often the first one that has such an option.
     let has_it = |it: &&Command| table(value).is_none() && it.get_arguments().any(|one| one.get_long() == Some(key));
     let elsewhere = || {
@@ -356,6 +360,7 @@ mod tests {
     fn what_is_wrong_is_told_with_its_place() {
         for (config, told) in [
             ("[render]\nssp = 16", "line 2, column 1: `render` has no option `ssp`; did you mean `spp`?"),
+            ("[render]\nsamples = 16", "`render` has no option `samples`; did you mean `spp`?"),
             ("[rendr]\nspp = 16", "line 1, column 2: `bottega` has no command `rendr`; did you mean `render`?"),
             ("[render]\ndenoise = 1", "line 2, column 11: `denoise` is a switch"),
             ("[render]\nspp = 2026-01-01", "line 2, column 7: `spp` cannot be a date"),

@@ -1,10 +1,10 @@
 //! Options about engines.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 use clap::{Args, Subcommand, ValueHint};
 
-use crate::cli::{Size, parse_define, parse_size};
+use crate::cli::{Size, parse_define, parse_duration, parse_size};
 
 #[derive(Debug, Args)]
 pub(crate) struct EnginesArgs {
@@ -29,6 +29,9 @@ pub(crate) struct ListArgs {
     /// More manifests of engines: the files NAME.toml of this folder.
     #[arg(long = "engines", value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) folders: Vec<PathBuf>,
+    /// How long engines may take to answer. One that takes longer is listed as starting.
+    #[arg(long, value_name = "TIME", default_value = "2s", value_parser = parse_duration)]
+    pub(crate) wait: Duration,
     /// Print one JSON object an engine instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,

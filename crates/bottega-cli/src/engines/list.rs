@@ -4,9 +4,9 @@ use std::{
     fs,
     path::Path,
     process::ExitCode,
-    sync::Arc,
+    sync::{Arc, mpsc},
     thread,
-    time::{Duration, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 use bottega::{
@@ -26,49 +26,31 @@ use crate::{
     output::print_report,
 };
 
+/// After so long is said who is waited for.
+const SAY_AFTER: Duration = Duration::from_millis(500);
+
+/// What is known of an engine.
+enum EngineAnswer {
+    /// It is here, and its worker has not answered yet.
+    Found(Arc<LocatedEngine>),
+    /// It is usable.
+    Usable(Arc<LocatedEngine>),
+    /// It is not here, or fails.
+    Unusable(EngineFault),
+}
+
 pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
     let shelf = shelf(&args.folders);
     if !args.json {
         println!("builtin   {}   glb gltf xml pbrt obj ply   part of this program", env!("CARGO_PKG_VERSION"));
     }
-    for (entry, found) in looked_at(&shelf.iter().collect::<Vec<_>>()) {
-        let manifest = &entry.manifest;
+    let entries: Vec<&ShelfEntry> = shelf.iter().collect();
+    let answers = answers(&entries, args.wait);
+    for (entry, answer) in entries.into_iter().zip(answers) {
         if args.json {
-            let (version, problem) = match &found {
-                Ok(found) => (Some(found.version.to_string()), None),
-                Err(fault) => (None, Some(fault.told())),
-            };
-            let quarantine = found.as_ref().ok().and_then(|found| quarantine(found));
-            let program = found.as_ref().ok().map(|found| found.program.display().to_string());
-            println!(
-                "{}",
-                json!({
-                    "name": manifest.name,
-                    "title": manifest.title,
-                    "version": version,
-                    "program": program,
-                    "problem": problem,
-                    "quarantine": quarantine,
-                    "extensions": manifest.scene.extensions,
-                    "determinism": determinism(manifest),
-                    "folder": entry.folder,
-                })
-            );
-            continue;
-        }
-        let extensions = manifest.scene.extensions.join(" ");
-        match found {
-            Ok(found) => {
-                println!("{:<9} {}   {extensions}   {}", manifest.name, found.version, found.program.display());
-                if let Some(why) = quarantine(&found) {
-                    println!("{:<9} not used here: {}", "", told(&why, &manifest.name));
-                }
-            }
-            Err(EngineFault::NotFound { .. } | EngineFault::Version { .. }) => {
-                println!("{:<9} not here   {extensions}   {}", manifest.name, install_hint(manifest));
-            }
-            // It is here, and nothing comes of it.
-            Err(fault) => println!("{:<9} not usable   {extensions}   {}", manifest.name, fault.told()),
+            println!("{}", described(entry, answer.as_ref(), args.wait));
+        } else {
+            rows(entry, answer, args.wait).iter().for_each(|row| println!("{row}"));
         }
     }
     for broken in &shelf.broken {
@@ -80,22 +62,101 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Looks for engines, all at the same time. One that paints by a worker is there when that has answered.
-fn looked_at<'a>(entries: &[&'a ShelfEntry]) -> Vec<(&'a ShelfEntry, Result<Arc<LocatedEngine>, EngineFault>)> {
-    let look = |entry: &ShelfEntry| {
-        let found = Arc::new(LocatedEngine::find(entry)?);
-        // One that is not used here is not started either.
-        if entry.manifest.kind == EngineKind::Worker && quarantine(&found).is_none() {
-            Probe::start(&found)?;
+/// Asks all engines at the same time, and returns what each has answered within `wait`: nothing, where one is still looked for. Who
+/// is waited for is said. Those that have not answered end with this process.
+fn answers(entries: &[&ShelfEntry], wait: Duration) -> Vec<Option<EngineAnswer>> {
+    let deadline = Instant::now() + wait;
+    let (sender, receiver) = mpsc::channel();
+    for (index, entry) in entries.iter().enumerate() {
+        let (entry, sender) = ((*entry).clone(), sender.clone());
+        thread::spawn(move || {
+            // Nobody hears an answer that comes too late.
+            ask(&entry, |answer| _ = sender.send((index, answer)));
+        });
+    }
+    drop(sender);
+    let mut known: Vec<Option<EngineAnswer>> = entries.iter().map(|_| None).collect();
+    let mut say_at = Some(Instant::now() + SAY_AFTER);
+    loop {
+        let until = say_at.map_or(deadline, |say_at| say_at.min(deadline));
+        match receiver.recv_timeout(until.saturating_duration_since(Instant::now())) {
+            Ok((index, answer)) => known[index] = Some(answer),
+            Err(mpsc::RecvTimeoutError::Timeout) if say_at.take_if(|_| until < deadline).is_some() => {
+                let names = entries.iter().zip(&known).filter(|(_, answer)| is_awaited(answer.as_ref()));
+                let names: Vec<&str> = names.map(|(entry, _)| entry.manifest.name.as_str()).collect();
+                eprintln!("waiting for {} to answer, {} at most", names.join(", "), duration(wait));
+            }
+            Err(_) => return known,
         }
-        Ok(found)
+    }
+}
+
+fn is_awaited(answer: Option<&EngineAnswer>) -> bool {
+    matches!(answer, None | Some(EngineAnswer::Found(_)))
+}
+
+/// Looks for an engine. One that paints by a worker is usable when that has answered.
+fn ask(entry: &ShelfEntry, tell: impl Fn(EngineAnswer)) {
+    let found = match LocatedEngine::find(entry) {
+        Ok(found) => Arc::new(found),
+        Err(fault) => return tell(EngineAnswer::Unusable(fault)),
     };
-    thread::scope(|scope| {
-        let started: Vec<_> = entries.iter().map(|&entry| (entry, scope.spawn(move || look(entry)))).collect();
-        let ended = started
-            .into_iter()
-            .map(|(entry, look)| (entry, look.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))));
-        ended.collect()
+    // One that is not used here is not started either.
+    if entry.manifest.kind == EngineKind::Worker && quarantine(&found).is_none() {
+        tell(EngineAnswer::Found(Arc::clone(&found)));
+        if let Err(fault) = Probe::start(&found) {
+            return tell(EngineAnswer::Unusable(fault));
+        }
+    }
+    tell(EngineAnswer::Usable(found));
+}
+
+/// An engine in a row for people, and why it is not used.
+fn rows(entry: &ShelfEntry, answer: Option<EngineAnswer>, wait: Duration) -> Vec<String> {
+    let manifest = &entry.manifest;
+    let (name, extensions) = (&manifest.name, manifest.scene.extensions.join(" "));
+    match answer {
+        Some(EngineAnswer::Usable(found)) => {
+            let row = format!("{name:<9} {}   {extensions}   {}", found.version, found.program.display());
+            let unused = quarantine(&found).map(|why| format!("{:<9} not used here: {}", "", told(&why, name)));
+            [row].into_iter().chain(unused).collect()
+        }
+        Some(EngineAnswer::Unusable(EngineFault::NotFound { .. } | EngineFault::Version { .. })) => {
+            vec![format!("{name:<9} not here   {extensions}   {}", install_hint(manifest))]
+        }
+        // It is here, and does not work.
+        Some(EngineAnswer::Unusable(fault)) => vec![format!("{name:<9} not usable   {extensions}   {}", fault.told())],
+        None | Some(EngineAnswer::Found(_)) => {
+            vec![format!("{name:<9} starting   {extensions}   {}", late(name, answer.is_some(), wait))]
+        }
+    }
+}
+
+/// What an engine that has not answered in time was asked for.
+fn late(name: &str, is_found: bool, wait: Duration) -> String {
+    let what = if is_found { "its worker has not answered" } else { "it has not said its version" };
+    format!("{what} within {}; `bottega engines check {name}` waits for it", duration(wait))
+}
+
+/// An engine for programs.
+fn described(entry: &ShelfEntry, answer: Option<&EngineAnswer>, wait: Duration) -> serde_json::Value {
+    let manifest = &entry.manifest;
+    let (found, problem) = match answer {
+        Some(EngineAnswer::Usable(found)) => (Some(found), None),
+        Some(EngineAnswer::Found(found)) => (Some(found), Some(late(&manifest.name, true, wait))),
+        Some(EngineAnswer::Unusable(fault)) => (None, Some(fault.told())),
+        None => (None, Some(late(&manifest.name, false, wait))),
+    };
+    json!({
+        "name": manifest.name,
+        "title": manifest.title,
+        "version": found.map(|found| found.version.to_string()),
+        "program": found.map(|found| found.program.display().to_string()),
+        "problem": problem,
+        "quarantine": found.and_then(|found| quarantine(found)),
+        "extensions": manifest.scene.extensions,
+        "determinism": determinism(manifest),
+        "folder": entry.folder,
     })
 }
 

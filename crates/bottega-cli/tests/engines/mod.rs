@@ -212,7 +212,7 @@ fn an_engine_that_fails_again_and_again_is_left_alone_until_somebody_lets_it_in(
     let refused = stage.render(&[]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(told(&refused).contains("engines release hostile"), "{}", told(&refused));
-    assert!(says(&run(&["engines", "list"])).contains("not used here: it failed 3 times in a row"));
+    assert!(says(&run(&["engines", "list", "--wait", "90s"])).contains("not used here: it failed 3 times in a row"));
     let check = run(&["engines", "check", "hostile"]);
     assert!(!check.status.success() && told(&check).contains("signal 6 (aborted)"), "{}", told(&check));
     assert!(says(&run(&["engines", "release", "hostile"])).contains("is used again"));
@@ -450,7 +450,7 @@ fn an_engine_opens_no_files_but_its_own_and_its_scenes() {
     let secret = elsewhere.path().join("secret");
     fs::write(&secret, "the combination of the safe").expect("written");
     let stage = Stage::new(&format!("secret {}", text(&secret)));
-    let list = stage.command(&["engines", "list"]).output().expect("the program starts");
+    let list = stage.command(&["engines", "list", "--wait", "90s"]).output().expect("the program starts");
     if String::from_utf8_lossy(&list.stdout).contains("Engines see all files") {
         eprintln!("SKIPPED: this kernel has no Landlock, and engines see all files");
         return;
@@ -473,16 +473,33 @@ fn an_engine_is_usable_when_its_worker_has_answered() {
     fs::write(stage.path("lacking.py"), lacking).expect("written");
     let manifest = MANIFEST.replace("hostile", "lacking").replace(", \"plain_exr.py\"", "");
     fs::write(stage.path("lacking.toml"), manifest).expect("written");
-    let list = stage.command(&["engines", "list"]).output().expect("the program starts");
+    let list = stage.command(&["engines", "list", "--wait", "90s"]).output().expect("the program starts");
     let listed = String::from_utf8_lossy(&list.stdout).into_owned();
     let line = listed.lines().find(|line| line.starts_with("lacking")).unwrap_or_else(|| panic!("{listed}"));
     assert!(line.contains("not usable") && line.ends_with("python3 -m pip install lamps"), "{line}");
 }
 
 #[test]
+fn an_engine_that_does_not_answer_is_listed_as_starting_and_is_said_to_be_waited_for() {
+    let stage = Stage::new("sound");
+    fs::write(stage.path("slow.py"), "import time; time.sleep(600)").expect("written");
+    let manifest = MANIFEST.replace("hostile", "slow").replace(", \"plain_exr.py\"", "");
+    fs::write(stage.path("slow.toml"), manifest).expect("written");
+    let list = stage.command(&["engines", "list", "--wait", "1s"]).output().expect("the program starts");
+    let listed = String::from_utf8_lossy(&list.stdout).into_owned();
+    let line = listed.lines().find(|line| line.starts_with("slow")).unwrap_or_else(|| panic!("{listed}"));
+    assert!(
+        list.status.success() && line.contains("starting") && line.contains("bottega engines check slow"),
+        "{line}"
+    );
+    let said = told(&list);
+    assert!(said.lines().any(|line| line.starts_with("waiting for") && line.contains("slow")), "{said}");
+}
+
+#[test]
 fn engines_are_listed_and_checked() {
     let stage = Stage::new("sound");
-    let list = stage.command(&["engines", "list"]).output().expect("the program starts");
+    let list = stage.command(&["engines", "list", "--wait", "90s"]).output().expect("the program starts");
     let listed = String::from_utf8_lossy(&list.stdout).into_owned();
     assert!(list.status.success() && listed.contains("hostile   3."), "{listed}");
     for shipped in ["builtin", "cycles", "luxcore", "mitsuba", "povray"] {

@@ -302,7 +302,7 @@ fn a_gltf_without_a_camera_is_seen_alike_by_cycles_and_by_our_own_engine() {
     };
     let size = blocks(&own).iter().sum::<f64>() / 256.0;
     // Glossy walls are 2 to 4 % brighter by Blender 3.4, whose materials are older than those of glTF.
-    let list = bottega(&["engines", "list"]).output().expect("the program starts").stdout;
+    let list = bottega(&["engines", "list", "--wait", "90s"]).output().expect("the program starts").stdout;
     let is_old = String::from_utf8_lossy(&list).lines().any(|line| line.starts_with("cycles") && line.contains(" 3."));
     let most = if is_old { 0.12 } else { 0.05 };
     for (who, picture) in [("cycles", &other), ("both", &both)] {

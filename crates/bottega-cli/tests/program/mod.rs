@@ -11,6 +11,7 @@ mod preview;
 mod references;
 mod requests;
 mod rules;
+mod said;
 mod same_bits;
 mod simulate;
 

@@ -3,7 +3,7 @@
 use std::{
     collections::VecDeque,
     sync::{Arc, atomic::Ordering},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use bottega_hra::{Completed, HraClient, UnitError, WorkUnit};
@@ -40,6 +40,11 @@ const WAVES_PER_DEVICE: usize = 128;
 
 /// Past this a unit goes before all younger ones.
 const MAX_DELAY: Duration = Duration::from_secs(10);
+
+/// How often is looked whether the zone was cancelled while no unit is answered.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// So long units under way are waited for after that.
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// What a unit of a wave asks for, as its ticket says beside the block's.
 const KINDS: u64 = 3;
@@ -123,10 +128,20 @@ impl<'a> ZonePainter<'a> {
             self.under_way.push(None);
             self.start_block(ticket)?;
         }
-        while let Some(completed) = self.client.take() {
-            self.finish_unit(completed)?;
+        let mut cancelled_at = None;
+        while self.client.outstanding() > 0 {
+            let completed = self.client.take_timeout(LOOK_EVERY);
+            if let Some(completed) = completed {
+                self.finish_unit(completed)?;
+            }
             if self.is_cancelled() {
+                let since = *cancelled_at.get_or_insert_with(Instant::now);
                 self.take_back();
+                // A device that does not answer keeps nobody: what it has is given up.
+                if since.elapsed() > PATIENCE {
+                    self.complete = false;
+                    break;
+                }
             }
         }
         let Self { tile, busy, is_warm, parts, complete, .. } = self;

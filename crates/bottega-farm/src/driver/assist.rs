@@ -53,7 +53,7 @@ pub fn assist(
             shared.cancel_orders();
         }
     });
-    let end = shared.wait();
+    let end = shared.wait(|| None);
     stop.forget();
     if stop.is_requested() {
         leave(bus, settings.agents, &here, &master);

@@ -3,7 +3,8 @@
 use std::{collections::BTreeMap, io, time::Duration};
 
 use bottega_agents::{BlobId, Revision, Time};
-use bottega_image::{Film, Layout, Tile};
+use bottega_engines::{Survey, SurveyPixel};
+use bottega_image::{Film, Layout, Rect, SampleValues, Tile};
 
 use super::settings::JobSettings;
 use crate::{
@@ -151,6 +152,34 @@ impl Composer {
                 self.film.add_tile(&tile, weight);
             }
         }
+    }
+
+    /// Whether each zone has samples.
+    pub(super) fn has_all(&self) -> bool {
+        !self.rows.is_empty() && self.rows.values().all(|row| row.samples_done() > 0)
+    }
+
+    /// Shows a coarse look at the whole picture where nothing is painted. Whether each pixel shows something then.
+    pub(super) fn fill(&mut self, look: Option<&Survey>) -> bool {
+        let (Rect { x0, y0, x1, y1 }, (width, height)) = (self.film.rect(), self.film.picture_size());
+        let cell = |place: u32, size: u32, cells: u32| u64::from(place) * u64::from(cells) / u64::from(size.max(1));
+        for y in y0..y1 {
+            let bare: Vec<u32> = (x0..x1).filter(|&x| !self.film.is_painted(x, y)).collect();
+            if bare.is_empty() {
+                continue;
+            }
+            let Some(look) = look.filter(|look| !look.pixels.is_empty()) else { return false };
+            let mut row = Tile::new(Rect::new(x0, y, x1, y + 1), self.layout.clone());
+            for &x in &bare {
+                let at = cell(y, height, look.height) * u64::from(look.width) + cell(x, width, look.width);
+                let seen = &look.pixels[at as usize];
+                let alpha = if seen.depth > 0.0 { 1.0 } else { 0.0 };
+                let SurveyPixel { color: radiance, albedo, depth, .. } = *seen;
+                row.add(x, y, &SampleValues { radiance, alpha, albedo, depth, ..SampleValues::default() });
+            }
+            self.film.add_tile(&row, |x, _| f32::from(u8::from(bare.binary_search(&x).is_ok())));
+        }
+        true
     }
 
     pub(super) fn composition_took(&mut self, time: Duration) {

@@ -30,7 +30,7 @@ impl Shared {
             before @ Preparation::NotBegun => {
                 *before = Preparation::UnderWay(vec![(work, mailbox.clone())]);
                 drop(state);
-                self.begin_outstanding();
+                self.begin_preparation();
                 self.prepare(mailbox.clone());
             }
         }
@@ -49,30 +49,31 @@ impl Shared {
             if let Preparation::UnderWay(waiting) = after {
                 waiting.iter().for_each(|(work, mailbox)| mailbox.complete(FarmCompletion::Fetched(*work)));
             }
-            shared.end_outstanding();
+            shared.end_preparation();
         };
         if let Err(error) = thread::Builder::new().name("prepare".to_owned()).spawn(make) {
-            self.end_outstanding();
+            self.end_preparation();
             self.end(End::Abandoned(format!("cannot start a thread: {error}")));
         }
     }
 
     /// A survey blocks, so it has a thread of its own.
     pub(super) fn survey(self: &Arc<Self>, width: u32, height: u32, mailbox: &FarmMailbox) {
-        self.begin_outstanding();
+        self.begin_preparation();
         let (shared, to) = (Arc::clone(self), mailbox.clone());
         let look = move || {
             let before = to.now();
             let survey = shared.engine.survey(width, height).map(Arc::new).map_err(|error| error.to_string());
             shared.state().survey = to.now() - before;
             if let Ok(survey) = &survey {
+                shared.state().look = Some(Arc::clone(survey));
                 shared.observer.surveyed(survey);
             }
             to.complete(FarmCompletion::Surveyed(survey));
-            shared.end_outstanding();
+            shared.end_preparation();
         };
         if let Err(error) = thread::Builder::new().name("survey".to_owned()).spawn(look) {
-            self.end_outstanding();
+            self.end_preparation();
             self.end(End::Abandoned(format!("cannot start a thread: {error}")));
         }
     }

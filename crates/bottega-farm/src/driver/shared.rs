@@ -7,7 +7,7 @@ use std::{
 };
 
 use bottega_agents::{AclMessage, Mailbox, Revision, Time};
-use bottega_engines::{CancelSwitch, RenderEngine, TaskProgress};
+use bottega_engines::{CancelSwitch, RenderEngine, Survey, TaskProgress};
 
 use super::{
     easel::Composer,
@@ -25,6 +25,8 @@ use crate::{FarmContent, Foreknowledge, WorkId, ZoneId};
 /// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 const LOOK_SELDOM: Duration = Duration::from_secs(2);
+/// How often is looked whether there is something to show when the time is up.
+const LOOK_OFTEN: Duration = Duration::from_millis(5);
 /// So often is looked at the end whether the engine gives back what it has.
 const LOOKS_MAX: u32 = 100;
 
@@ -58,8 +60,12 @@ pub(super) struct Shared {
 #[derive(Default)]
 pub(super) struct State {
     pub(super) end: Option<End>,
-    /// Surveys and zones that the engine has not reported.
+    /// Surveys, preparations and zones that the engine has not reported.
     pub(super) outstanding: usize,
+    /// How many of these are surveys and preparations, of which nothing is kept when the work is stopped.
+    pub(super) preparations: usize,
+    /// What the whole picture looks like, coarsely.
+    pub(super) look: Option<Arc<Survey>>,
     pub(super) survey: Duration,
     pub(super) preparation: Preparation,
     /// How long that took.
@@ -154,13 +160,38 @@ impl Shared {
         self.changed.notify_all();
     }
 
-    /// Waits for the end, and for the engine to give back what it has; when all is painted, not for one that hangs.
-    pub(super) fn wait(&self) -> Option<End> {
+    /// Waits for the end, and for the engine to give back what it has; when all is painted, not for one that hangs. When the time is
+    /// up the work is stopped, as soon as there is something to show of each pixel.
+    ///
+    /// - `time_left`: of the time that was asked for, if one was.
+    pub(super) fn wait(&self, time_left: impl Fn() -> Option<Duration>) -> Option<End> {
         let mut state = self.state();
         let mut looks = 0;
-        while state.outstanding > 0 || state.end.is_none() && !self.stop.is_requested() {
+        loop {
+            let is_stopped = self.stop.is_requested();
+            // What others help to prepare ends with the link to them.
+            let is_left = is_stopped && self.link.is_none();
+            let awaited = state.outstanding - if is_left { state.preparations } else { 0 };
+            if awaited == 0 && (state.end.is_some() || is_stopped) {
+                break;
+            }
             // Who presses the stop switch tells of it.
-            let time = if state.end.is_some() || self.stop.is_requested() { LOOK_EVERY } else { LOOK_SELDOM };
+            let mut time = if state.end.is_some() || is_stopped { LOOK_EVERY } else { LOOK_SELDOM };
+            if let Some(left) = time_left().filter(|_| state.end.is_none() && !is_stopped) {
+                if left.is_zero() {
+                    let has_look = state.look.is_some();
+                    drop(state);
+                    let is_time = has_look || self.easel().has_all();
+                    if is_time {
+                        self.stop.request();
+                    }
+                    state = self.state();
+                    if is_time {
+                        continue;
+                    }
+                }
+                time = time.min(left.max(LOOK_OFTEN));
+            }
             let (woken, result) = self.changed.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner);
             state = woken;
             looks += u32::from(result.timed_out() && state.end.is_some());
@@ -179,6 +210,18 @@ impl Shared {
             state.outstanding
         };
         self.observer.under_way(count);
+    }
+
+    /// A survey or a preparation begins.
+    pub(super) fn begin_preparation(&self) {
+        self.begin_outstanding();
+        // After that: there are never more of them than of all.
+        self.state().preparations += 1;
+    }
+
+    pub(super) fn end_preparation(&self) {
+        self.state().preparations -= 1;
+        self.end_outstanding();
     }
 
     pub(super) fn end_outstanding(&self) {

@@ -97,6 +97,11 @@ impl ResidentScenes {
         Ok(())
     }
 
+    /// Whether the kernels of a variant are compiled.
+    pub(super) fn has_kernels(&self, variant: Variant) -> bool {
+        self.kernels.iter().any(|(known, _)| *known == variant)
+    }
+
     /// The kernels of a variant, compiled unless they are.
     pub(super) fn kernels(
         &mut self,

@@ -1,7 +1,7 @@
 //! The scenes that a device may be asked to paint, as it is sent them.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use bottega_hra::DataId;
@@ -16,6 +16,8 @@ pub(super) struct SceneShelf {
     scenes: Mutex<BTreeMap<DataId, ShelvedScene>>,
     sent_bytes: AtomicU64,
     resident_bytes: AtomicU64,
+    /// Scenes whose kernels are to be compiled.
+    uncompiled: AtomicUsize,
 }
 
 #[derive(Debug)]
@@ -62,6 +64,21 @@ impl SceneShelf {
     pub(super) fn note(&self, sent: u64, resident: u64) {
         self.sent_bytes.fetch_add(sent, Ordering::Relaxed);
         self.resident_bytes.store(resident, Ordering::Relaxed);
+    }
+
+    /// The kernels of a scene are to be compiled.
+    pub(super) fn begin_compiling(&self) {
+        self.uncompiled.fetch_add(1, Ordering::SeqCst);
+    }
+
+    /// They are, or cannot be.
+    pub(super) fn end_compiling(&self) {
+        self.uncompiled.fetch_sub(1, Ordering::SeqCst);
+    }
+
+    /// Whether the device has kernels to compile before it does anything else.
+    pub(super) fn is_compiling(&self) -> bool {
+        self.uncompiled.load(Ordering::SeqCst) > 0
     }
 
     pub(super) fn get(&self, id: DataId) -> Option<Arc<PathScene>> {

@@ -35,7 +35,7 @@ fn worker(scene: &Arc<PreparedScene>, paths: u64) -> Option<PathWorker> {
     shelf.put(&adapter.encode(scene).unwrap());
     let options = PathOptions { paths, timeout: std::time::Duration::from_secs(120), ..PathOptions::default() };
     let open = move || Tracer::new(&adapter.adapter, &adapter.info, &options);
-    Some(PathWorker::new(shelf, Box::new(open)).unwrap())
+    Some(PathWorker::new(shelf, wanted, Box::new(open)).unwrap())
 }
 
 fn layout() -> Layout {

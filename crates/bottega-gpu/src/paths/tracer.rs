@@ -129,6 +129,19 @@ impl Tracer {
         self.scenes.kernels(&self.context, &self.layouts, &self.cache, variant).map(|_| ())
     }
 
+    /// Whether the kernels of a variant are compiled.
+    pub(super) fn has_kernels(&self, variant: Variant) -> bool {
+        self.scenes.has_kernels(variant)
+    }
+
+    /// Does something that may take the device as long as it likes.
+    pub(super) fn patiently<R>(&mut self, work: impl FnOnce(&mut Self) -> R) -> R {
+        self.context.set_patient(true);
+        let done = work(self);
+        self.context.set_patient(false);
+        done
+    }
+
     /// Sends a scene, unless it is there.
     ///
     /// # Errors

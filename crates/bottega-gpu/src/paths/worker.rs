@@ -6,13 +6,14 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::time::{Duration, Instant};
 
 use bottega_hra::{DataId, Failed, Reply, Work as _};
-use bottega_render::{BlockWork, RenderOutput, RenderWork};
+use bottega_image::{AovSet, Layout, Rect, Tile};
+use bottega_render::{BlockWork, PathSettings, RenderOutput, RenderWork, View};
 
 use super::batch::{BatchKind, BlockBatch, PATHS_MAX, path_count};
-use super::kernels::Variant;
 use super::limits::{PIXELS_MAX, UNKNOWN_SCENE, refusal};
-use super::shelf::SceneShelf;
+use super::shelf::{EncodedScene, SceneShelf};
 use super::tracer::{Flight, Tracer};
+use crate::compiling::Compiling;
 use crate::error::GpuError;
 
 /// What the thread is told.
@@ -21,8 +22,8 @@ pub(super) enum Message {
     Paint(Vec<RenderWork>, Reply<RenderWork>),
     /// Make the device anew if it failed, and say how that went.
     Recover(Sender<Result<(), String>>),
-    /// Compile what a scene asks of the kernels, and say how that went.
-    Compile(Variant, Sender<Result<(), GpuError>>),
+    /// Compile what a scene asks of the kernels, and say how that went where somebody waits for it.
+    Compile(EncodedScene, Option<Sender<Result<(), GpuError>>>),
     /// Throw a scene out.
     Evict(DataId),
     /// Nobody has work any more.
@@ -36,6 +37,8 @@ type Open = Box<dyn Fn() -> Result<Tracer, GpuError> + Send>;
 /// See the [module](self).
 pub(super) struct PathWorker {
     shelf: Arc<SceneShelf>,
+    /// Of the device.
+    name: String,
     open: Open,
     /// None after it failed, until it is made anew.
     tracer: Option<Tracer>,
@@ -73,9 +76,9 @@ struct BatchFlight {
 impl PathWorker {
     /// # Errors
     /// The device cannot be had.
-    pub(super) fn new(shelf: Arc<SceneShelf>, open: Open) -> Result<Self, GpuError> {
+    pub(super) fn new(shelf: Arc<SceneShelf>, name: String, open: Open) -> Result<Self, GpuError> {
         let tracer = Some(open()?);
-        Ok(Self { shelf, open, tracer, device_number: 0, last_end: Instant::now() })
+        Ok(Self { shelf, name, open, tracer, device_number: 0, last_end: Instant::now() })
     }
 
     /// Works until nobody sends messages any more. Each packet is a batch, so that the allocator sees what packets of its sizes
@@ -92,8 +95,15 @@ impl PathWorker {
                     let _ = tell.send(self.tracer().map(|_| ()).map_err(|error| error.to_string()));
                     None
                 }
-                Some(Message::Compile(variant, tell)) => {
-                    let _ = tell.send(self.tracer().and_then(|tracer| tracer.compile(variant)));
+                Some(Message::Compile(encoded, tell)) => {
+                    let compiled = self.compile(&encoded);
+                    self.shelf.end_compiling();
+                    match (tell, compiled) {
+                        // Who has gone meanwhile need not know.
+                        (Some(tell), compiled) => _ = tell.send(compiled),
+                        (None, Err(error)) => tracing::warn!("{} cannot compile its kernels: {error}", self.name),
+                        (None, Ok(())) => {}
+                    }
                     None
                 }
                 Some(Message::Evict(data)) => {
@@ -127,6 +137,50 @@ impl PathWorker {
         } else {
             reply.send_timed(outcomes, busy);
         }
+    }
+
+    /// Compiles what a scene asks of the kernels, unless it is, and paints a pixel with them: some drivers compile when a kernel is
+    /// first used. No time limit holds meanwhile.
+    fn compile(&mut self, encoded: &EncodedScene) -> Result<(), GpuError> {
+        let (variant, id) = (encoded.flat.variant(), encoded.scene.data_id());
+        if self.tracer()?.has_kernels(variant) {
+            return Ok(());
+        }
+        let compiling = Compiling::begin(&self.name);
+        let tried = self.tracer()?.compile(variant).and_then(|()| self.try_kernels(encoded));
+        drop(compiling);
+        self.note_bytes();
+        match tried {
+            // It has no room for the scene, or that is none to try kernels on. They are compiled when they are used, then.
+            Ok(()) | Err(GpuError::OutOfMemory { .. } | GpuError::Invalid(_)) => Ok(()),
+            Err(error) => {
+                tracing::debug!(?id, %error, "kernels do not work");
+                self.lose_device();
+                Err(error)
+            }
+        }
+    }
+
+    /// Paints one pixel of a scene.
+    fn try_kernels(&mut self, encoded: &EncodedScene) -> Result<(), GpuError> {
+        let EncodedScene { flat, scene } = encoded;
+        let settings = PathSettings { guiding: false, ..PathSettings::default() };
+        let block = BlockWork {
+            scene: Arc::clone(scene),
+            prepass: Arc::default(),
+            view: View { camera: 0, width: 1, height: 1 },
+            settings: Arc::new(settings),
+            tile: Tile::new(Rect::of_size(1, 1), Layout::new(AovSet::NONE)),
+            samples: 0..1,
+        };
+        let kind = BatchKind::of(&block);
+        let batch = BlockBatch::new(scene, &kind, &[&block])?;
+        let tracer = self.tracer()?;
+        tracer.admit(kind.data, flat)?;
+        tracer.patiently(|tracer| {
+            let flight = tracer.start(kind.data, &batch)?;
+            tracer.finish(flight, |_| {})
+        })
     }
 
     /// Tells the shelf what is on the device.

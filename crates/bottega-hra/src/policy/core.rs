@@ -43,7 +43,7 @@ pub(crate) struct Core<T> {
 pub(crate) enum Next<T> {
     /// Do this.
     Packet(Packet<T>),
-    /// Throw this out, for after a failure nobody knows what you hold; make yourself ready, and say whether that went
+    /// Throw this out, for after such a failure nobody knows what you hold; make yourself ready, and say whether that went
     /// well.
     Recover(Vec<DataId>),
     /// Ask again when woken, when something is answered, and at this time.
@@ -98,6 +98,8 @@ pub(crate) struct PacketLanding {
     pub(crate) transfers: Option<[Transfer; 2]>,
     /// Units that are done, but too late.
     pub(crate) expired: u64,
+    /// Whether nothing of it was begun, because the resource has to make itself ready first.
+    pub(crate) is_not_ready: bool,
 }
 
 /// What became of a packet that landed.
@@ -123,7 +125,10 @@ impl<T> Core<T> {
             let flow = window.map(|window| Flow::new(window.packets, window.units_per_packet));
             let patience = window.map_or(config.hang_max, |window| window.patience);
             let costs = book.costs_of(&descriptor.name);
-            LaneState::new(descriptor, flow, patience, costs, Account::new(Time::ZERO, config.spans_kept))
+            let account = Account::new(Time::ZERO, config.spans_kept);
+            let mut lane = LaneState::new(descriptor, flow, patience, costs, account);
+            lane.keeps_data = window.is_some_and(|window| window.keeps_data);
+            lane
         };
         let mut demand = Demand::default();
         demand.ran_dry(Time::ZERO);
@@ -242,7 +247,8 @@ impl<T> Core<T> {
             _ if self.closed => return if lane.flights.is_empty() { Next::End } else { Next::Wait(None) },
             Health::Paused(until) if until <= now => {
                 lane.health = Health::Recovering;
-                return Next::Recover(lane.residency.evict_all());
+                let holds_nothing = std::mem::take(&mut lane.is_lost);
+                return Next::Recover(if holds_nothing { lane.residency.evict_all() } else { Vec::new() });
             }
             Health::Paused(until) => return Next::Wait(Some(until)),
             Health::Recovering | Health::Hung => return Next::Wait(None),
@@ -329,7 +335,11 @@ impl<T> Core<T> {
             self.returned(now, id);
             return None;
         };
-        let PacketLanding { done, done_items, failed, fault, busy, transfers, expired } = landing;
+        if landing.is_not_ready {
+            self.make_ready(now, id, out);
+            return Some(LandedPacket { busy: Duration::ZERO, evicted: Vec::new(), blamed: false });
+        }
+        let PacketLanding { done, done_items, failed, fault, busy, transfers, expired, .. } = landing;
         lane.account.units += done as u64;
         self.expiries.note_late(now, expired);
         if done > 0 {

@@ -25,6 +25,8 @@ impl<T> Core<T> {
     pub(super) fn fail(&mut self, now: Time, id: ResourceId, fault: Fault, reason: &str, out: &mut FollowUps<T>) {
         self.incidents.note(now, id, fault, reason);
         let lane = &mut self.lanes[id.index()];
+        // One that is only late still has what it was sent, if that outlasts it: it is not sent twice.
+        lane.is_lost |= !(lane.keeps_data && matches!(fault, Fault::Hung | Fault::Doubted));
         if let Some(flow) = &mut lane.flow {
             flow.failed();
         }
@@ -38,6 +40,17 @@ impl<T> Core<T> {
                 Some(pause) => lane.health = Health::Paused(now.after(pause)),
                 None => return self.retire(now, id, out),
             }
+        }
+        self.planned = None;
+        self.settle_activity(now, id);
+        self.wake_all_if_waiting(out);
+    }
+
+    /// A resource has to make itself ready before it begins what it was sent: it is asked to, and is sent nothing before.
+    pub(super) fn make_ready(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) {
+        let lane = &mut self.lanes[id.index()];
+        if lane.health == Health::Up {
+            lane.health = Health::Paused(now);
         }
         self.planned = None;
         self.settle_activity(now, id);

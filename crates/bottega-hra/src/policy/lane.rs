@@ -87,6 +87,10 @@ pub(crate) struct LaneState {
     pub(crate) dozes: bool,
     /// Was woken and has not asked yet.
     pub(crate) called: bool,
+    /// Whether its data outlasts a time without an answer.
+    pub(crate) keeps_data: bool,
+    /// Whether it has failed so that nobody knows what it holds.
+    pub(crate) is_lost: bool,
     next_sequence: u64,
     /// None: called directly, with one packet at a time.
     pub(crate) flow: Option<Flow>,
@@ -119,6 +123,8 @@ impl LaneState {
             account,
             dozes: false,
             called: false,
+            keeps_data: false,
+            is_lost: false,
             next_sequence: 0,
             flow,
             patience,

@@ -79,6 +79,21 @@ impl<W: Work> Reply<W> {
         self.answer(outcomes, Some(busy), None, Fault::Refused);
     }
 
+    /// Says that the resource has to make itself ready before it begins this packet, such as compile what the work asks for, and gives
+    /// all of it back: others may do it meanwhile. The resource is asked to [recover](WindowedResource::recover), which takes as long as
+    /// it takes, and is sent nothing before that. It is no failure, and no time counts before the first answer.
+    pub fn not_ready(mut self, works: Vec<W>) {
+        self.answered = true;
+        self.deliver(PacketAnswer {
+            sequence: self.sequence,
+            outcomes: Vec::new(),
+            busy: None,
+            transfers: None,
+            fault: Fault::Refused,
+            unbegun: Some(works),
+        });
+    }
+
     /// Says that the resource has not the memory for this packet, and gives all of it back. It will be sent less at
     /// once, and what cannot be done here even alone is done elsewhere.
     pub fn out_of_memory(mut self, works: Vec<W>) {
@@ -100,7 +115,10 @@ impl<W: Work> Reply<W> {
         fault: Fault,
     ) {
         self.answered = true;
-        let answer = PacketAnswer { sequence: self.sequence, outcomes, busy, transfers, fault };
+        self.deliver(PacketAnswer { sequence: self.sequence, outcomes, busy, transfers, fault, unbegun: None });
+    }
+
+    fn deliver(&self, answer: PacketAnswer<W>) {
         let lane = &self.shared.lanes[self.lane.index()];
         lock(&lane.inbox).push(answer);
         lane.post.wake();
@@ -176,7 +194,7 @@ impl<W: Work> Driver<'_, W> {
 
     /// Settles the units of a packet.
     fn read(&mut self, answer: PacketAnswer<W>) {
-        let PacketAnswer { sequence, outcomes, busy, transfers, fault } = answer;
+        let PacketAnswer { sequence, outcomes, busy, transfers, fault, unbegun } = answer;
         let sent = self.sent.remove(&sequence).unwrap_or_default();
         let Some(units) = lock(&self.shared.lanes[self.id.index()].ledger).settle(sequence) else {
             return; // Given up before; its units are done elsewhere.
@@ -190,9 +208,16 @@ impl<W: Work> Driver<'_, W> {
             Some(Err(Failed { work, reason })) => Attempt::Failed { fault, reason, work: Some(work) },
             None => lost("the packet was lost"),
         };
-        let mut outcomes = outcomes.into_iter();
-        let attempts: Vec<_> = shares.into_iter().map(|share| (attempt(outcomes.next()), share)).collect();
+        let is_ready = unbegun.is_none();
+        let attempts: Vec<_> = match unbegun {
+            Some(works) => works.into_iter().map(|work| (Attempt::Untouched(work), Duration::ZERO)).collect(),
+            None => {
+                let mut outcomes = outcomes.into_iter();
+                shares.into_iter().map(|share| (attempt(outcomes.next()), share)).collect()
+            }
+        };
         let mut settled = self.shared.sort(self.id, units, attempts, sent);
+        settled.landing.is_not_ready = !is_ready;
         (settled.landing.busy, settled.landing.transfers) = (busy, transfers);
         let (landed, ()) = self.shared.land(self.id, sequence, settled, |_, _, _| ());
         if fault == Fault::OutOfMemory {

@@ -43,6 +43,8 @@ pub(crate) struct PacketAnswer<W: Work> {
     pub(crate) transfers: Option<[Transfer; 2]>,
     /// What it means if a unit came back undone.
     pub(crate) fault: Fault,
+    /// All works of the packet, where the resource has to make itself ready before it begins them.
+    pub(crate) unbegun: Option<Vec<W>>,
 }
 
 /// How the thread of a lane ends.

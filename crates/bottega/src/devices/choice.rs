@@ -73,7 +73,17 @@ impl DeviceSet {
                 gpus.iter().try_for_each(|name| wanted.add(Some(name), scene, &lacks))?;
             }
         }
-        let WantedDevices { mut threads, gpus, boards, mut notes } = wanted;
+        let WantedDevices { threads: mut painting, mut gpus, boards, mut notes } = wanted;
+        // A lone device without room leaves the picture to the processors.
+        if painting == 0 && boards.is_empty() {
+            gpus.retain(|gpu| {
+                let lack = gpu.lacks_room(memory);
+                notes.extend(lack.iter().map(|lack| format!("{} does not take part: {lack}", gpu.name())));
+                lack.is_none()
+            });
+            painting = if gpus.is_empty() { threads } else { 0 };
+        }
+        let mut threads = painting;
         if !gpus.is_empty() {
             threads = beside_gpus(threads, gpus.len());
         }

@@ -2,8 +2,8 @@
 
 use std::{sync::Arc, time::Duration};
 
-pub use bottega_gpu::GpuScenes;
 use bottega_gpu::{AdapterKind, EncodedScene, GpuAdapter, GpuError, GpuPaths, PathOptions, adapters};
+pub use bottega_gpu::{GpuScenes, compiling};
 use bottega_hra::{Lane, Window};
 use bottega_platform::folders::state_folder;
 use bottega_render::{PreparedScene, RenderWork};
@@ -48,8 +48,20 @@ impl ChosenGpu {
     }
 
     /// Compiles its kernels for the scene, which it may be sent afterwards.
-    pub(super) fn admit(&self, scenes: &GpuScenes) -> Result<(), Error> {
-        Ok(scenes.admit(&self.encoded)?)
+    ///
+    /// - `waits`: whether that is waited for. Others paint meanwhile where it is not.
+    pub(super) fn admit(&self, scenes: &GpuScenes, waits: bool) -> Result<(), Error> {
+        Ok(if waits { scenes.admit(&self.encoded)? } else { scenes.admit_later(&self.encoded)? })
+    }
+
+    /// Why it has no room for the scene; `None`: it has, or does not tell.
+    ///
+    /// - `memory`: bytes that scenes may take there; `None`: nearly all that it has.
+    pub(super) fn lacks_room(&self, memory: Option<u64>) -> Option<String> {
+        let room = memory.or_else(|| self.adapter.memory().map(|memory| memory.free.unwrap_or(memory.total)))?;
+        let bytes = self.encoded.bytes();
+        let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        (bytes > room).then(|| format!("the scene takes {:.1} MiB there, and may take {:.1}", mib(bytes), mib(room)))
     }
 }
 
@@ -89,6 +101,7 @@ fn path_options(adapter: Option<String>, memory: Option<u64>) -> PathOptions {
 }
 
 fn lane_of(gpu: GpuPaths) -> Lane<RenderWork> {
-    let window = Window { patience: PATIENCE, units_per_packet: UNITS_PER_PACKET, ..Window::default() };
+    let window =
+        Window { patience: PATIENCE, units_per_packet: UNITS_PER_PACKET, keeps_data: true, ..Window::default() };
     Lane::Windowed(Box::new(gpu) as _, window)
 }

@@ -67,7 +67,7 @@ impl KeptResources {
 }
 
 /// Processors and GPUs behind one allocator: those that an earlier picture has left, or new ones. The GPUs are told of the
-/// picture's scene.
+/// picture's scene, and compile its kernels while processors paint, if there are any.
 ///
 /// - `joins`: whether those are as good that paint now, whatever the number of processors; the key that is returned says how many.
 ///
@@ -86,7 +86,9 @@ pub(super) fn resources(key: ResourceKey, joins: bool, gpus: &[ChosenGpu]) -> Re
             open(key, gpus)?
         }
     };
-    let admitted = found.scenes.iter().zip(gpus).try_for_each(|(scenes, gpu)| gpu.admit(scenes));
+    // Where nobody else paints, it is waited for; else others do meanwhile.
+    let waits = found.key.threads == 0;
+    let admitted = found.scenes.iter().zip(gpus).try_for_each(|(scenes, gpu)| gpu.admit(scenes, waits));
     // A device that failed is not kept: the next picture opens it anew.
     admitted?;
     kept.push(found.clone());

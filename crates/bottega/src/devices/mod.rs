@@ -30,7 +30,7 @@ use self::without_gpu as gpu;
 pub use self::{
     board_worth::ConnectedBoard,
     choice::{DeviceSet, PainterWish, beside_gpus, beside_processors},
-    gpu::GpuScenes,
+    gpu::{GpuScenes, compiling},
     kept::release,
 };
 #[cfg(feature = "gpu")]

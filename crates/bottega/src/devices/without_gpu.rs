@@ -1,6 +1,6 @@
 //! In place of `gpu.rs` where the library is built without the feature `gpu`: there are no GPUs.
 
-use std::{convert::Infallible, sync::Arc};
+use std::{convert::Infallible, sync::Arc, time::Duration};
 
 use bottega_hra::Lane;
 use bottega_render::{PreparedScene, RenderWork};
@@ -29,9 +29,18 @@ impl ChosenGpu {
         match self.0 {}
     }
 
-    pub(super) fn admit(&self, _: &GpuScenes) -> Result<(), Error> {
+    pub(super) fn admit(&self, _: &GpuScenes, _: bool) -> Result<(), Error> {
         match self.0 {}
     }
+
+    pub(super) fn lacks_room(&self, _: Option<u64>) -> Option<String> {
+        match self.0 {}
+    }
+}
+
+/// The devices that compile kernels just now, and for how long they have. There are none.
+pub fn compiling() -> Vec<(String, Duration)> {
+    Vec::new()
 }
 
 impl NoScenes {

@@ -1,6 +1,7 @@
 //! Engines that other people wrote, and pictures painted with them.
 
 mod layers;
+mod of_scene;
 mod painter;
 mod scene_files;
 

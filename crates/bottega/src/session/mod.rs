@@ -12,7 +12,7 @@ use std::{
     io,
     path::{Path, PathBuf},
     sync::Arc,
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use bottega_denoise::Denoiser;
@@ -34,7 +34,7 @@ use crate::{
     experience::{self, measured},
     journal::PictureJournal,
     loaded_scene::LoadedScene,
-    picture::Picture,
+    picture::{Picture, finishing},
     preview::{LivePreview, PreviewView, check_preview},
     request::Request,
     rules::{engine_choice, experts},
@@ -59,6 +59,8 @@ pub struct SessionOptions {
     pub tev: Option<String>,
     /// How soon it is wanted, among the pictures that this process paints.
     pub urgency: Urgency,
+    /// When the work began whose time is limited (`goal.time`), such as the start of the program; `None`: when the session is opened.
+    pub begun: Option<Instant>,
 }
 
 /// A part in a picture that others paint, too: see [`Session::for_others`].
@@ -118,11 +120,12 @@ impl Session {
     /// # Errors
     /// As of [`Self::open`]; or there is nothing to go on with.
     pub fn open_with(request: &Request, options: SessionOptions) -> Result<Self, Error> {
-        let begun = Instant::now();
+        let begun = options.begun.unwrap_or_else(Instant::now);
+        let request = &request.by_engine_of_scene();
         Self::check(request, &options)?;
         let (experts, notes) = experts(agent_rules(request)?)?;
         let (painter, notes) = if request.engine.is_builtin() {
-            let (scene, goal) = (LoadedScene::load(request)?, goal(request, begun)?);
+            let (scene, goal) = (LoadedScene::load(request)?, goal(request, begun, Duration::ZERO)?);
             let own = BuiltinPainter::open(request, scene, experts, goal, options.urgency)?;
             let notes = notes.into_iter().chain(own.notes(request)).collect();
             (Painter::Own(Box::new(own)), notes)
@@ -130,7 +133,7 @@ impl Session {
             let choice = choice_rules(request)?.map(engine_choice).transpose()?;
             let mut other = ExternalPainter::open(request, experts, None)?;
             other.settings.engine_choice = choice;
-            other.settings.goal = goal(request, begun)?;
+            other.settings.goal = goal(request, begun, Duration::ZERO)?;
             (Painter::Other(Box::new(other)), notes)
         };
         // Denoisers that are not there are told before anything is written.
@@ -154,7 +157,7 @@ impl Session {
     /// # Errors
     /// As of [`Self::of_scene`]; or it is to go on with what was kept, and nothing is.
     pub fn of_scene_with(request: &Request, scene: Scene, options: SessionOptions) -> Result<Self, Error> {
-        let begun = Instant::now();
+        let begun = options.begun.unwrap_or_else(Instant::now);
         Self::check(request, &options)?;
         if options.resume {
             return Err(Error::usage(
@@ -167,7 +170,8 @@ impl Session {
         }
         let (experts, notes) = experts(agent_rules(request)?)?;
         let subject = LoadedScene::of_scene(scene, request)?;
-        let own = BuiltinPainter::open(request, subject, experts, goal(request, begun)?, options.urgency)?;
+        let own =
+            BuiltinPainter::open(request, subject, experts, goal(request, begun, Duration::ZERO)?, options.urgency)?;
         let notes = own.notes(request).into_iter().chain(notes).collect();
         let painter = Painter::Own(Box::new(own));
         let denoiser = denoise::ready(request)?;
@@ -360,7 +364,8 @@ impl Session {
         let tev = self.show(&reporter, kept.as_ref())?;
         reporter.watch(self.painter.counter());
         if self.settings.goal != shared_goal(&self.request) {
-            self.settings.goal = goal(&self.request, self.begun)?;
+            let finishing = finishing(&self.request, &self.settings, self.denoiser.is_some());
+            self.settings.goal = goal(&self.request, self.begun, finishing)?;
         }
         let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
             (self.painter.engine(), Arc::clone(&reporter) as _);

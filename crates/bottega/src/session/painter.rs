@@ -116,6 +116,8 @@ impl Painter {
             height: settings.height,
             crop: corners(&settings.crop),
             samples_per_pixel: settings.samples,
+            error: request.goal.error,
+            time: request.goal.time.filter(|_| request.goal.error.is_none()),
             integrator,
             progressive,
             agents: settings.agents,

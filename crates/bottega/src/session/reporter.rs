@@ -13,6 +13,7 @@ use bottega_farm::{AgentRow, FarmMessage, ImportanceMap, Observer, Partition, Pr
 
 use super::Watcher;
 use crate::{
+    devices::compiling,
     events::{self, AgentEvent, AuctionEvent, Event, RoundEvent, TheftEvent, Zone, ZoneEvent},
     preview::LivePreview,
 };
@@ -114,6 +115,9 @@ impl Reporter {
             while stopped.recv_timeout(TELL_EVERY) == Err(mpsc::RecvTimeoutError::Timeout) {
                 let Some(reporter) = reporter.upgrade() else { return };
                 reporter.tell_progress(samples_done());
+                for (device, time) in compiling() {
+                    reporter.tell(Event::Compiling { device, seconds: time.as_secs_f64() });
+                }
             }
         });
         // A second watch would tell everything twice; there is none.

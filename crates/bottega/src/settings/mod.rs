@@ -6,7 +6,7 @@ mod photons;
 
 use std::time::{Duration, Instant};
 
-use bottega_engines::Tunables;
+use bottega_engines::{BuiltinEngine, CancelSwitch, Tunables};
 use bottega_farm::{
     AdaptationRule, AuctionRule, Balance, BandWidth, ChannelSet, Expert, Goal, ImportanceFunction, JobSettings, Level,
     Optimization, ZoneLimits,
@@ -39,6 +39,8 @@ const MOST_SAMPLES: u32 = 4096;
 const MOST_SAMPLES_IN_TIME: u32 = 1 << 16;
 /// For so many samples the guide is learnt at most where nobody knows how many a pixel will get.
 const PLANNED_SAMPLES_MAX: u32 = 256;
+/// The least time that is given to painting, where a time for all of it was asked for and is not over.
+const LEAST_PAINTING: Duration = Duration::from_millis(20);
 /// Bounces where nobody says.
 const DEFAULT_DEPTH: u32 = 16;
 
@@ -124,12 +126,13 @@ pub fn shared_goal(request: &Request) -> Goal {
     request.goal.error.map_or(Goal::Samples, Goal::Error)
 }
 
-/// When a zone is finished. Loading, since `begun`, is a part of the time that was asked for.
-pub(crate) fn goal(request: &Request, begun: Instant) -> Result<Goal, Error> {
+/// When a zone is finished. Loading, since `begun`, is a part of the time that was asked for, and so is `finishing`.
+pub(crate) fn goal(request: &Request, begun: Instant, finishing: Duration) -> Result<Goal, Error> {
     match (request.goal.error, request.goal.time) {
         (Some(error), _) => Ok(Goal::Error(error)),
         (None, Some(time)) => match Duration::from_secs_f64(time).checked_sub(begun.elapsed()) {
-            Some(left) if !left.is_zero() => Ok(Goal::Time(left)),
+            // What is painted first takes a moment; it is better late than never.
+            Some(left) if !left.is_zero() => Ok(Goal::Time(left.saturating_sub(finishing).max(LEAST_PAINTING))),
             _ => Err(Error::failed(
                 format!("reading the scene took {}, no less than the time for all of it", duration(begun.elapsed())),
                 "give it more time",
@@ -139,12 +142,28 @@ pub(crate) fn goal(request: &Request, begun: Instant) -> Result<Goal, Error> {
     }
 }
 
-/// Samples a pixel for which it is worth learning.
+/// Samples per pixel for which it is worth learning, as far as they are known before anything is painted.
 pub(crate) fn planned_samples(job: &JobSettings) -> u32 {
     match job.goal {
         Goal::Samples => job.samples,
         Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),
     }
+}
+
+/// Samples per pixel that a time allows, where paths take as long as those that an engine has just followed: for so many it is worth
+/// learning. Others that run on this machine are in it.
+pub(crate) fn samples_in_time(job: &JobSettings, engine: &BuiltinEngine) -> u32 {
+    /// Columns and rows that are looked at, and the share of the time in which paths are followed.
+    const LOOK: (u32, u32) = (48, 36);
+    const PAINTING: f64 = 0.8;
+    let Goal::Time(time) = job.goal else { return planned_samples(job) };
+    let begun = Instant::now();
+    if !matches!(engine.glimpse(LOOK, 1, &CancelSwitch::default()), Ok(Some(_))) {
+        return planned_samples(job);
+    }
+    let path = begun.elapsed().as_secs_f64() / f64::from(LOOK.0 * LOOK.1);
+    let samples = PAINTING * time.as_secs_f64() / (path * job.crop.area() as f64).max(1e-9);
+    (samples as u32).clamp(1, planned_samples(job))
 }
 
 /// Bounces of light.

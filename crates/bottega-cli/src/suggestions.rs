@@ -1,0 +1,176 @@
+//! Suggestions by meaning: the option or the command that does what an unknown word stands for elsewhere.
+
+use std::ffi::OsString;
+
+use clap::{
+    Command,
+    builder::StyledStr,
+    error::{ContextKind, ContextValue, ErrorKind},
+};
+
+/// Words of other programs, and the option here that means the same. An option that the command does not have is not suggested,
+/// so that a word may stand in several rows.
+const OPTIONS: &[(&str, &[&str])] = &[
+    ("spp", &["samples", "sample", "samples-per-pixel", "passes", "iterations", "aa"]),
+    ("size", &["resolution", "res", "width", "height", "dimensions", "geometry"]),
+    ("max-depth", &["bounces", "max-bounces", "depth", "ray-depth", "recursion"]),
+    ("output", &["out", "file", "save", "write", "dest", "destination", "picture", "image"]),
+    ("threads", &["cores", "cpus", "processors", "jobs", "parallel", "workers", "nthreads", "num-threads"]),
+    ("devices", &["gpu", "gpus", "device", "cuda", "cpu", "vulkan", "backend"]),
+    ("gpu", &["device", "devices"]),
+    ("gpu-memory", &["vram", "memory"]),
+    ("error", &["noise", "noise-threshold", "quality", "threshold", "tolerance", "accuracy"]),
+    ("time", &["timeout", "time-limit", "limit", "seconds", "duration", "budget"]),
+    ("env", &["environment", "hdri", "hdr", "background", "sky", "envmap", "world", "ibl"]),
+    ("denoise", &["denoiser", "oidn", "filter-noise"]),
+    ("camera", &["cam", "view"]),
+    ("frames", &["frame", "animate", "range"]),
+    ("at", &["second", "timestamp"]),
+    ("fps", &["rate", "frame-rate", "framerate"]),
+    ("crop", &["region", "window", "rect", "tile"]),
+    ("resume", &["continue", "restart"]),
+    ("engine", &["renderer", "with"]),
+    ("integrator", &["method", "algorithm", "technique"]),
+    ("verbose", &["debug", "log", "info", "stats", "statistics", "report"]),
+    ("quiet", &["silent"]),
+    ("preview", &["show", "live", "watch"]),
+    ("dashboard", &["web", "serve", "browser"]),
+    ("farm", &["cluster", "network", "distributed", "server", "remote"]),
+    ("listen", &["port", "address", "bind", "host"]),
+    ("exposure", &["ev", "brightness", "gain"]),
+    ("tonemap", &["tone", "tone-mapping", "view-transform"]),
+    ("filter", &["reconstruction", "pixel-filter", "rfilter"]),
+    ("aov", &["aovs", "layers", "passes", "channels"]),
+    ("agents", &["painters"]),
+    ("on", &["notify", "hook"]),
+    ("define", &["set", "param", "parameter"]),
+];
+
+/// Words of other programs, and the command here that means the same.
+const COMMANDS: &[(&str, &[&str])] = &[
+    ("render", &["paint", "draw", "trace", "image", "picture"]),
+    ("info", &["show", "inspect", "describe", "stat", "print"]),
+    ("diff", &["compare", "flip", "rmse"]),
+    ("analyze", &["analyse", "survey", "zones", "importance"]),
+    ("up", &["start", "serve", "server", "master", "farm", "cluster"]),
+    ("join", &["worker", "node", "connect", "client"]),
+    ("jobs", &["status", "queue", "list", "ls", "job", "cancel", "submit"]),
+    ("machines", &["nodes", "workers", "hosts", "machine"]),
+    ("devices", &["gpu", "gpus", "cpus", "hardware", "device"]),
+    ("engines", &["renderers", "plugins", "engine"]),
+    ("config", &["settings", "preferences", "configure"]),
+    ("manual", &["man", "docs"]),
+    ("simulate", &["replay", "simulation"]),
+    ("completions", &["completion"]),
+    ("web", &["dashboard", "ui", "page", "api"]),
+];
+
+/// The option of a command that an unknown one means.
+pub(crate) fn option_meant(command: &Command, word: &str) -> Option<&'static str> {
+    let word = word.trim_start_matches('-').to_lowercase();
+    let has = |option: &str| command.get_arguments().any(|known| known.get_long() == Some(option));
+    OPTIONS.iter().find(|(option, words)| words.contains(&&*word) && has(option)).map(|(option, _)| *option)
+}
+
+/// The command that an unknown one means.
+pub(crate) fn command_meant(command: &Command, word: &str) -> Option<&'static str> {
+    let word = word.to_lowercase();
+    let has = |name: &str| command.find_subcommand(name).is_some();
+    COMMANDS.iter().find(|(name, words)| words.contains(&&*word) && has(name)).map(|(name, _)| *name)
+}
+
+/// Has an error about an unknown word suggest what the word means, where that is known; otherwise it suggests what is spelled alike.
+///
+/// - `words`: the command line, the program's name first.
+pub(crate) fn by_meaning(mut error: clap::Error, program: &Command, words: &[OsString]) -> clap::Error {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.clone()),
+        _ => None,
+    };
+    let meant = match error.kind() {
+        ErrorKind::UnknownArgument => text(ContextKind::InvalidArg)
+            .and_then(|word| option_meant(called(program, words), &word))
+            .map(|option| format!("the option for that is '--{option}'")),
+        ErrorKind::InvalidSubcommand => text(ContextKind::InvalidSubcommand).and_then(|word| {
+            let command = called(program, words);
+            let named = command_meant(command, &word).map(|name| format!("the command for that is '{name}'"));
+            // Whoever names a scene alone wants a picture of it.
+            let scene = || {
+                let is_scene = word.contains('.') && command.find_subcommand("render").is_some();
+                is_scene.then(|| format!("to paint a scene: {} render {word} -o picture.png", command.get_name()))
+            };
+            named.or_else(scene)
+        }),
+        _ => None,
+    };
+    if let Some(meant) = meant {
+        // The usage speaks of what is spelled alike, too.
+        for alike in [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand, ContextKind::Usage] {
+            error.remove(alike);
+        }
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(meant)]));
+    }
+    error
+}
+
+/// The command that a command line calls, as far as its words name one.
+fn called<'a>(program: &'a Command, words: &[OsString]) -> &'a Command {
+    words
+        .iter()
+        .skip(1)
+        .filter_map(|word| word.to_str())
+        .fold(program, |command, word| command.find_subcommand(word).unwrap_or(command))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+    use crate::cli::Cli;
+
+    fn told(line: &str) -> String {
+        let words: Vec<OsString> = line.split(' ').map(OsString::from).collect();
+        let error = Cli::command().try_get_matches_from(&words).expect_err(line);
+        by_meaning(error, &Cli::command(), &words).render().to_string()
+    }
+
+    #[test]
+    fn an_option_of_another_program_leads_to_ours() {
+        for (line, option) in [
+            ("bottega render a.glb -o a.png --samples 4", "--spp"),
+            ("bottega render a.glb -o a.png --bounces=4", "--max-depth"),
+            ("bottega render a.glb -o a.png --resolution 4x4", "--size"),
+            ("bottega analyze a.glb -o a --cores 2", "--threads"),
+            ("bottega render a.glb -o a.png --gpu", "--devices"),
+        ] {
+            let told = told(line);
+            assert!(told.contains(&format!("the option for that is '{option}'")), "{told}");
+            assert!(!told.contains("similar") && !told.contains("--frames"), "{told}");
+        }
+        // What nobody knows by its meaning is suggested by its letters.
+        assert!(told("bottega render a.glb -o a.png --theads 2").contains("'--threads'"));
+    }
+
+    #[test]
+    fn a_command_of_another_program_and_a_scene_alone_lead_to_ours() {
+        assert!(told("bottega compare a.png b.png").contains("the command for that is 'diff'"));
+        assert!(told("bottega worker").contains("the command for that is 'join'"));
+        assert!(told("bottega a.glb").contains("bottega render a.glb -o picture.png"));
+    }
+
+    #[test]
+    fn every_suggestion_exists_and_no_word_is_an_option_itself() {
+        let program = Cli::command();
+        let all: Vec<&Command> =
+            program.get_subcommands().flat_map(|it| std::iter::once(it).chain(it.get_subcommands())).collect();
+        for (option, _) in OPTIONS {
+            let has = |command: &&Command| command.get_arguments().any(|known| known.get_long() == Some(*option));
+            assert!(all.iter().any(has), "no command has --{option}");
+        }
+        for (name, words) in COMMANDS {
+            assert!(program.find_subcommand(name).is_some(), "there is no {name}");
+            assert!(words.iter().all(|word| program.find_subcommand(word).is_none()), "{words:?}");
+        }
+    }
+}

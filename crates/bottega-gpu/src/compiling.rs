@@ -1,0 +1,49 @@
+//! The devices of this process that compile kernels: it takes a driver seconds, one that pretends to be a GPU a minute and more.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+static DEVICES: Mutex<Vec<(u64, String, Instant)>> = Mutex::new(Vec::new());
+
+/// A device that compiles, until this is dropped.
+pub(crate) struct Compiling(u64);
+
+impl Compiling {
+    pub(crate) fn begin(name: &str) -> Self {
+        let mut devices = devices();
+        let number = devices.iter().map(|(number, ..)| number + 1).max().unwrap_or(0);
+        devices.push((number, name.to_owned(), Instant::now()));
+        Self(number)
+    }
+}
+
+impl Drop for Compiling {
+    fn drop(&mut self) {
+        devices().retain(|(number, ..)| *number != self.0);
+    }
+}
+
+fn devices() -> MutexGuard<'static, Vec<(u64, String, Instant)>> {
+    DEVICES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The devices that compile kernels just now, and for how long they have.
+pub fn compiling() -> Vec<(String, Duration)> {
+    devices().iter().map(|(_, name, since)| (name.clone(), since.elapsed())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_is_named_while_it_compiles() {
+        let is_named = |name: &str| compiling().iter().any(|(known, _)| known == name);
+        let (one, other) = (Compiling::begin("one"), Compiling::begin("other"));
+        assert!(is_named("one") && is_named("other"));
+        drop(one);
+        assert!(!is_named("one") && is_named("other"));
+        drop(other);
+        assert!(!is_named("other"));
+    }
+}

@@ -1,0 +1,68 @@
+//! Formats of scenes that our own engine does not read, and what to export instead.
+
+use std::path::Path;
+
+/// Ends of file names that our own engine reads.
+pub(crate) const READ: [&str; 7] = ["gltf", "glb", "xml", "pbrt", "obj", "ply", "serialized"];
+
+/// Ends of file names of scenes of other programs, and what these files are called.
+const OTHERS: &[(&[&str], &str)] = &[
+    (&["usd", "usda", "usdc", "usdz"], "USD"),
+    (&["fbx"], "FBX"),
+    (&["abc"], "Alembic"),
+    (&["dae"], "COLLADA"),
+    (&["stl"], "STL"),
+    (&["3ds", "max"], "3ds Max"),
+    (&["ma", "mb"], "Maya"),
+    (&["c4d"], "Cinema 4D"),
+    (&["hip", "hipnc", "hiplc", "bgeo"], "Houdini"),
+    (&["lwo", "lws"], "LightWave"),
+    (&["skp"], "SketchUp"),
+    (&["x3d", "wrl"], "X3D"),
+    (&["step", "stp", "iges", "igs"], "CAD"),
+    (&["blend"], "Blender"),
+    (&["vrscene"], "V-Ray"),
+    (&["ass"], "Arnold"),
+    (&["rib"], "RenderMan"),
+];
+
+/// The end of a file's name in lower case, without its dot.
+pub(crate) fn end_of(scene: &Path) -> Option<String> {
+    Some(scene.extension()?.to_str()?.to_ascii_lowercase())
+}
+
+/// What to do with a scene file that our own engine does not read.
+pub(crate) fn remedy(scene: &Path) -> Option<String> {
+    let end = end_of(scene)?;
+    let (_, program) = OTHERS.iter().find(|(ends, _)| ends.contains(&end.as_str()))?;
+    Some(if *program == "Blender" {
+        "paint it with --engine cycles, where Blender is installed; or export glTF (.glb): File > Export > glTF 2.0"
+            .to_owned()
+    } else {
+        format!(
+            "export glTF (.glb) from the program that made it, or from Blender: File > Import of the {program} file, then \
+             File > Export > glTF 2.0"
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_of_other_programs_are_to_be_exported() {
+        for (file, words) in [
+            ("a.usd", "USD"),
+            ("a.usdz", "USD"),
+            ("a.fbx", "FBX"),
+            ("a.abc", "Alembic"),
+            ("a.DAE", "COLLADA"),
+            ("a.blend", "--engine cycles"),
+        ] {
+            let told = remedy(Path::new(file)).unwrap();
+            assert!(told.contains(words) && told.contains("glTF (.glb)"), "{file}: {told}");
+        }
+        assert_eq!(remedy(Path::new("a.txt")), None);
+    }
+}
