@@ -28,7 +28,7 @@ use crate::{
     board::BoardArgs,
     config::{ConfigArgs, PROFILE_VARIABLE},
     engines::EnginesArgs,
-    farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, UpArgs, WebCommandArgs},
+    farm::{BlackboardArgs, JobsArgs, JoinArgs, MachinesArgs, TokensArgs, UpArgs, WebCommandArgs},
     manual::ManualArgs,
     platform::PlatformArgs,
     rules::RulesArgs,
@@ -75,6 +75,8 @@ pub(crate) enum Command {
     Blackboard(BlackboardArgs),
     /// See and steer the machines of a farm.
     Machines(MachinesArgs),
+    /// List, make and revoke the tokens that let people and programs in at the page of a farm.
+    Tokens(TokensArgs),
     /// See, check and try the other renderers that can paint.
     Engines(EnginesArgs),
     /// Check, evaluate and draw expert rules.

@@ -3,7 +3,6 @@
 use std::{fs, path::Path, process::ExitCode};
 
 use bottega_image::{Canvas, ColorMap, Picture, Rect, Seams, read_picture, seams};
-use bottega_scene::objects_only::from_json;
 use serde::Deserialize;
 use serde_json::json;
 
@@ -97,8 +96,8 @@ fn find_seams(path: &Path, level: u8, picture: &Picture, reference: Option<&Pict
             "give the index.json that `bottega analyze` wrote of this picture's scene",
         )
     };
-    let index: Index =
-        from_json(text.as_bytes()).map_err(|error| unusable(format!("is no index of zones: {error}")))?;
+    let index: Index = bottega::json::from_slice(text.as_bytes())
+        .map_err(|error| unusable(format!("is no index of zones: {error}")))?;
     let [width, height] = index.size;
     if (width, height) != picture.size() {
         let (w, h) = picture.size();

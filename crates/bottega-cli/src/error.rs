@@ -61,7 +61,7 @@ impl CliError {
     fn remedy(&self) -> Option<String> {
         match self {
             Self::Bottega(error) => error.remedy(),
-            Self::Cluster(error) => error.remedy(),
+            Self::Cluster(error) | Self::Serve(ServeError::Listen(error)) => error.remedy(),
             _ => None,
         }
     }

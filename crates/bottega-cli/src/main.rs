@@ -132,6 +132,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Jobs(args) => farm::jobs(&args),
         Command::Blackboard(args) => farm::blackboard(&args),
         Command::Machines(args) => farm::machines(&args),
+        Command::Tokens(args) => farm::tokens(&args),
         Command::Engines(args) => engines::run(&args),
         Command::Rules(args) => rules::run(&args),
         Command::Platform(args) => platform::run(&args),

@@ -168,21 +168,72 @@ pub(crate) fn address_file() -> PathBuf {
     state_folder().join("farm")
 }
 
+/// The addresses of the farm that `bottega up` runs on this machine, as its file has them: the farm's, and a line each for the page and
+/// the FIPA platform that the same process serves.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LocalAddresses {
+    /// How the farm is found from this machine: its secret word is part of it.
+    pub farm: String,
+    /// The page, such as `http://127.0.0.1:8080`; none: no page is served.
+    pub page: Option<String>,
+    /// The message transport of the FIPA platform, such as `http://127.0.0.1:7779/acc`; none: no platform is served.
+    pub platform: Option<String>,
+}
+
+/// What the lines of the page and the platform begin with.
+const PAGE: &str = "page ";
+const PLATFORM: &str = "platform ";
+
+impl LocalAddresses {
+    /// Reads the file. `None`: no `bottega up` of this user runs here.
+    pub fn read() -> Option<Self> {
+        fs::read_to_string(address_file()).ok().map(|text| Self::of_text(&text))
+    }
+
+    fn of_text(text: &str) -> Self {
+        let line = |name: &str| text.lines().find_map(|line| line.strip_prefix(name)).map(str::to_owned);
+        let farm = text.lines().next().unwrap_or_default().to_owned();
+        Self { farm, page: line(PAGE), platform: line(PLATFORM) }
+    }
+}
+
+impl fmt::Display for LocalAddresses {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.farm)?;
+        for (name, address) in [(PAGE, &self.page), (PLATFORM, &self.platform)] {
+            if let Some(address) = address {
+                writeln!(f, "{name}{address}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
 /// The farm of this machine, if `bottega up` runs here.
 pub fn saved_address() -> Result<FarmAddress, Error> {
-    let missing = || {
+    let known = LocalAddresses::read().and_then(|addresses| addresses.farm.parse().ok());
+    known.ok_or_else(|| {
         Error::usage(
             "which farm?",
             "start one here with `bottega up`, or name one: the line that `bottega up` printed elsewhere",
         )
-    };
-    let text = fs::read_to_string(address_file()).map_err(|_| missing())?;
-    text.trim().parse().map_err(|_| missing())
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_addresses_of_a_farm_on_this_machine_are_read_as_they_were_written() {
+        let farm = "bottega://word@127.0.0.1:4222".to_owned();
+        let page = Some("http://127.0.0.1:8081".to_owned());
+        let platform = Some("http://127.0.0.1:7780/acc".to_owned());
+        for (page, platform) in [(None, None), (page.clone(), None), (None, platform.clone()), (page, platform)] {
+            let addresses = LocalAddresses { farm: farm.clone(), page, platform };
+            assert_eq!(LocalAddresses::of_text(&addresses.to_string()), addresses);
+        }
+    }
 
     #[test]
     fn an_address_is_read_as_it_was_written() {

@@ -154,6 +154,9 @@ fn submit(
     }
     board.sweep();
     let (order, sent) = order(board, me, &first, &material, stop, reporter)?;
+    if let Some(lacking) = board.lacks_tagged(&request.farm.require) {
+        reporter.warn(lacking);
+    }
     let mut wanted = BTreeMap::new();
     let jobs = frame_jobs(request, &missing, |of_frame| new_job(of_frame, &material, me))?;
     for (frame, of_frame, job) in jobs {

@@ -144,7 +144,11 @@ impl SubmittedJob {
         board.sweep();
         let (order, sent) = order(&board, &name, request, material, stop, reporter)?;
         let order = JobSpec { journal: journal.map(str::to_owned), ..order };
-        let job = new_job(request, material, &name);
+        let mut job = new_job(request, material, &name);
+        if let Some(lacking) = board.lacks_tagged(&job.require) {
+            job.say(lacking.clone());
+            reporter.warn(lacking);
+        }
         let number = board.submit(&job, &order)?;
         sent.keep();
         reporter.tell(Event::Asked { job: number, last_job: None });

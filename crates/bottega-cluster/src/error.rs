@@ -74,9 +74,6 @@ impl Error {
             Self::Bottega(error) => error.remedy(),
             Self::Farm { remedy, .. } => Some(remedy.clone()),
             Self::Blob(_) => None,
-            Self::Platform(NodeError::Listen(..)) => {
-                Some("say another address, or port 0 for any that is free".to_owned())
-            }
             Self::Platform(_) => None,
         }
     }

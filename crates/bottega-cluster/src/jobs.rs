@@ -13,15 +13,15 @@ use crate::{
     client::{unfetched, write_picture},
     error::Error,
     job::{Job, JobState},
-    job_board::{JobBoard, no_such},
+    job_board::JobBoard,
 };
 
 /// A job.
 ///
 /// # Errors
-/// There is none of that number.
+/// There is none of that number, or this machine is a guest and has not painted it.
 pub fn known(board: &JobBoard, number: u32) -> Result<Job, Error> {
-    board.get(number).ok_or_else(|| no_such(number))
+    board.shown_job(number)
 }
 
 /// Waits a moment until this process knows of a job that another link of it has asked for: what a farm notes takes its time to
@@ -34,11 +34,18 @@ pub fn wait_until_known(board: &JobBoard, number: u32) {
     }
 }
 
-/// Pauses, resumes or calls off; what is over stays as it is.
+/// Pauses, resumes or calls off; what is over stays as it is. The log of the job says who wanted it.
+///
+/// - `by`: who wants it, for people.
 ///
 /// # Errors
 /// The job is over, or the farm does not answer.
-pub fn steer(board: &JobBoard, number: u32, to: &JobState, word: &str) -> Result<(), Error> {
+pub fn steer(board: &JobBoard, number: u32, to: &JobState, by: &str) -> Result<(), Error> {
+    let done = match to {
+        JobState::Active => "resumed",
+        JobState::Cancelled => "called off",
+        state => state.word(),
+    };
     let before = known(board, number)?.state;
     if before.is_over() {
         return Err(Error::failed(
@@ -49,7 +56,7 @@ pub fn steer(board: &JobBoard, number: u32, to: &JobState, word: &str) -> Result
     board.change(number, |job| {
         let changes = !job.state.is_over() && job.state != *to;
         if changes {
-            job.say(word);
+            job.say(format!("{done} by {by}"));
             job.state = to.clone();
         }
         changes
@@ -59,11 +66,13 @@ pub fn steer(board: &JobBoard, number: u32, to: &JobState, word: &str) -> Result
 
 /// Says how urgent a job is.
 ///
+/// - `by`: who wants it, for people.
+///
 /// # Errors
 /// The farm does not answer.
-pub fn set_priority(board: &JobBoard, number: u32, priority: u32) -> Result<(), Error> {
+pub fn set_priority(board: &JobBoard, number: u32, priority: u32, by: &str) -> Result<(), Error> {
     let change = board.change(number, |job| {
-        job.say(format!("priority {priority}"));
+        job.say(format!("priority {priority}, says {by}"));
         job.priority = priority;
         true
     });

@@ -9,6 +9,7 @@
 //! |---|---|
 //! | the meeting place, its server as a child process | [`up`], `src/server.rs`, `src/keeper.rs`, [`room`]; one for a test or a measurement: [`own_server`] |
 //! | who is let in, and what each may do | `src/admission.rs`, `src/members.rs` |
+//! | ports on which a farm listens | [`ports`] |
 //! | what a farm lets go of | `src/upkeep.rs` |
 //! | the way in: addresses, the local network, names | [`link`](mod@link), [`address`], `src/discovery.rs`, [`names`] |
 //! | waiting for a farm that does not answer | `src/patience.rs` |
@@ -18,6 +19,7 @@
 //! | rows of a job, for people; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
 //! | processor time and energy of jobs: counted, added up, priced | [`usage`], `src/power_counters.rs`; [`energy`] |
 //! | what machines have learnt of how long zones take | `src/experience.rs` |
+//! | what people are shown of it all: to a guest its own work alone | `src/shown_farm.rs` |
 //! | a machine as its seat shows it; what it does | `src/presence.rs`, `src/activity.rs` |
 //! | jobs that wait though machines are free | `src/stall_watch.rs` |
 //! | messages between the agents of a job, for those who look on | [`messages`] |
@@ -25,7 +27,7 @@
 //! | steering of jobs and machines | [`jobs`], [`machine`]; zones painted again: `src/requeue.rs` |
 //! | a job as it looks while it is painted; before | [`job_preview`]; `src/first_look.rs` |
 //! | files sent piece by piece by one who is no machine of the farm, and jobs asked for with them | [`uploads`] |
-//! | what the HTTP doors of one farm know each other by: tokens, certificate | [`web_secrets`] |
+//! | what the HTTP doors of one farm know each other by: tokens, certificate; tokens that people make and revoke; what was done by them | [`web_secrets`]; [`web_tokens`]; [`deed_log`] |
 //! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
 //! | when the owner of a machine lets it paint | [`owner`] |
@@ -47,6 +49,7 @@ pub mod cache;
 mod chunks;
 pub mod client;
 mod clock;
+pub mod deed_log;
 pub mod directories;
 mod discovery;
 pub mod energy;
@@ -71,6 +74,7 @@ mod part_observer;
 mod patience;
 mod pieces;
 pub mod platform;
+pub mod ports;
 mod power_counters;
 mod prepared_job;
 mod presence;
@@ -81,6 +85,7 @@ pub mod rules_of_job;
 mod sent_files;
 mod server;
 mod shares;
+mod shown_farm;
 pub mod society;
 mod stall_watch;
 mod together;
@@ -92,6 +97,7 @@ pub mod uploads;
 pub mod usage;
 pub mod view;
 pub mod web_secrets;
+pub mod web_tokens;
 pub mod worker;
 
 pub use self::{
@@ -101,6 +107,6 @@ pub use self::{
     error::Error,
     job::{Job, JobState},
     job_board::JobBoard,
-    link::{Credentials, FarmLink, link},
+    link::{Credentials, FarmLink, link, link_as},
     transport::job_link,
 };

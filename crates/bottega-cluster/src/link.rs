@@ -1,6 +1,7 @@
 //! The way into a farm: found, let in, linked.
 
 use std::{
+    collections::BTreeSet,
     fs,
     net::IpAddr,
     path::{Path, PathBuf},
@@ -18,7 +19,7 @@ use crate::error::Error;
 use crate::{
     address::{FarmAddress, Group, JoinWord, Keeper, saved_address},
     discovery,
-    names::{fresh_number, host_name},
+    names::{fresh_number, host_name, plain},
 };
 use bottega_platform::folders::state_folder;
 
@@ -60,6 +61,25 @@ pub struct FarmLink {
 struct Membership {
     member: String,
     seed: String,
+    /// The digest of the secret by which it was let in; none: an older version did not note it.
+    #[serde(default)]
+    word: Option<String>,
+}
+
+impl Membership {
+    /// Whether the machine was let in by another secret than this one.
+    fn is_by_other_word(&self, word: &JoinWord) -> bool {
+        self.word.as_ref().is_some_and(|digest| *digest != digest_of(word))
+    }
+
+    /// Whether the farm knows the machine by this name.
+    fn is_named(&self, name: &str) -> bool {
+        self.member.rsplit_once('-').is_some_and(|(own, _)| own == plain(name).to_lowercase())
+    }
+}
+
+fn digest_of(word: &JoinWord) -> String {
+    blake3::hash(word.secret.as_bytes()).to_hex()[..32].to_owned()
 }
 
 /// What one who wants to be let in says, and hears.
@@ -76,13 +96,27 @@ pub(crate) struct EnrolmentAnswer {
 }
 
 /// Links up with the farm that was named, or else the one of this machine.
+///
+/// # Errors
+/// There is no such farm, or it does not let this machine in.
 pub fn link(farm: Option<&FarmAddress>, credentials: &Credentials) -> Result<FarmLink, Error> {
+    link_as(farm, credentials, None)
+}
+
+/// Links up with a farm as a machine of this name.
+///
+/// - `name`: what the farm calls the machine, of letters, digits and hyphens; letters of its key follow. None: as it is known there, or
+///   else its host name.
+///
+/// # Errors
+/// As of [`link`].
+pub fn link_as(farm: Option<&FarmAddress>, credentials: &Credentials, name: Option<&str>) -> Result<FarmLink, Error> {
     let mut address = farm.cloned().map_or_else(saved_address, Ok)?;
     if let (Keeper::Up(word), true) = (&address.keeper, address.servers.is_empty()) {
         address.servers = vec![discovery::find(word.pin)?];
     }
     let linked = match &address.keeper {
-        Keeper::Up(word) if credentials.is_empty() => with_word(&address, word)?,
+        Keeper::Up(word) if credentials.is_empty() => with_word(&address, word, name)?,
         Keeper::Up(_) => {
             return Err(Error::usage(
                 "the word of a farm that `bottega up` runs says all",
@@ -90,7 +124,8 @@ pub fn link(farm: Option<&FarmAddress>, credentials: &Credentials) -> Result<Far
             ));
         }
         Keeper::Other { login: written, tls, .. } => {
-            let member = format!("{}-{:06x}", host_name(), fresh_number() & 0xff_ffff);
+            let host = name.map_or_else(host_name, plain);
+            let member = format!("{host}-{:06x}", fresh_number() & 0xff_ffff);
             let options = NatsOptions {
                 login: credentials.login(written)?,
                 tls: credentials.tls(*tls),
@@ -120,12 +155,24 @@ pub(crate) fn pinned(address: &FarmAddress, word: &JoinWord, member: &str) -> Na
 }
 
 /// As a member: what this machine was once let in as, or else now.
-fn with_word(address: &FarmAddress, word: &JoinWord) -> Result<(NatsUplink<FarmCodec>, String), Error> {
-    let file = state_folder().join("members").join(format!("{}-{}.json", word.pin, word.group.word()));
+fn with_word(
+    address: &FarmAddress,
+    word: &JoinWord,
+    name: Option<&str>,
+) -> Result<(NatsUplink<FarmCodec>, String), Error> {
+    let file = membership_file(word, name);
     let known = membership(&file);
     if let Some(known) = &known
         && let Some(linked) = as_known(address, word, known)
     {
+        if linked.is_ok() && known.is_by_other_word(word) {
+            tracing::warn!(
+                "the farm knows this machine already, as {}, by a key of its own: the word of the address was not checked, and it is not \
+                 the one by which the machine was let in. To be let in by it, remove {}",
+                known.member,
+                file.display()
+            );
+        }
         return linked;
     }
     let membership = {
@@ -134,7 +181,7 @@ fn with_word(address: &FarmAddress, word: &JoinWord) -> Result<(NatsUplink<FarmC
         match self::membership(&file) {
             Some(other) if known.is_none_or(|known| known.seed != other.seed) => other,
             _ => {
-                let new = let_in(address, word)?;
+                let new = let_in(address, word, name)?;
                 write_secret(&file, &serde_json::to_vec(&new).unwrap_or_default())?;
                 new
             }
@@ -159,6 +206,29 @@ fn as_known(
         Err(error) => Some(Err(told(error))),
         Ok(uplink) => Some(Ok((uplink, process_name(&known.member)))),
     }
+}
+
+/// The file of what this machine was let in as. A machine has one for each name that it was told to have; the first one counts where no
+/// name is told.
+fn membership_file(word: &JoinWord, name: Option<&str>) -> PathBuf {
+    let first = memberships().join(format!("{}-{}.json", word.pin, word.group.word()));
+    match (name, membership(&first)) {
+        (Some(name), Some(known)) if !known.is_named(name) => {
+            first.with_file_name(format!("{}-{}-{}.json", word.pin, word.group.word(), plain(name).to_lowercase()))
+        }
+        _ => first,
+    }
+}
+
+fn memberships() -> PathBuf {
+    state_folder().join("members")
+}
+
+/// The names of all members that this machine was let in as, by whatever farm.
+pub(crate) fn own_members() -> BTreeSet<String> {
+    let files = fs::read_dir(memberships()).into_iter().flatten().flatten().map(|file| file.path());
+    let files = files.filter(|file| file.extension().is_some_and(|it| it == "json"));
+    files.filter_map(|file| membership(&file)).map(|known| known.member).collect()
 }
 
 fn membership(file: &Path) -> Option<Membership> {
@@ -204,9 +274,9 @@ fn as_member(
 }
 
 /// Asks to become a member.
-fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, Error> {
+fn let_in(address: &FarmAddress, word: &JoinWord, name: Option<&str>) -> Result<Membership, Error> {
     let key = MemberKey::new();
-    let request = EnrolmentRequest { key: key.public(), host: host_name() };
+    let request = EnrolmentRequest { key: key.public(), host: name.map_or_else(host_name, plain) };
     let request = serde_json::to_vec(&request).unwrap_or_default();
     let group = word.group.word();
     let options = NatsOptions { login: newcomer(group, &word.secret), ..pinned(address, word, "newcomer") };
@@ -222,7 +292,9 @@ fn let_in(address: &FarmAddress, word: &JoinWord) -> Result<Membership, Error> {
         Error::failed(format!("the farm does not let this machine in: {reason}"), "see what `bottega up` says")
     };
     match (answer, key.seed()) {
-        (Some(EnrolmentAnswer { member: Some(member), .. }), Some(seed)) => Ok(Membership { member, seed }),
+        (Some(EnrolmentAnswer { member: Some(member), .. }), Some(seed)) => {
+            Ok(Membership { member, seed, word: Some(digest_of(word)) })
+        }
         (Some(EnrolmentAnswer { refused: Some(reason), .. }), _) => Err(refused(reason)),
         _ => Err(refused("its answer is not understood".to_owned())),
     }
@@ -327,6 +399,19 @@ fn is_near(server: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_machine_knows_by_which_word_and_name_it_was_let_in() {
+        let word = |digit: &str| -> JoinWord { format!("t{}{}", digit.repeat(32), "0".repeat(32)).parse().unwrap() };
+        let [one, other] = ["1", "2"].map(word);
+        let known =
+            Membership { member: "studio-a-abcdefgh".to_owned(), seed: String::new(), word: Some(digest_of(&one)) };
+        assert!(!known.is_by_other_word(&one) && known.is_by_other_word(&other));
+        assert!(!Membership { word: None, ..known }.is_by_other_word(&other), "it was not noted");
+        let known = Membership { member: "studio-a-abcdefgh".to_owned(), seed: String::new(), word: None };
+        assert!(known.is_named("Studio-A") && known.is_named("studio-a.example.org"));
+        assert!(!known.is_named("studio") && !known.is_named("studio-a-abcdefgh"));
+    }
 
     #[test]
     fn what_is_near_is_known_by_its_address() {

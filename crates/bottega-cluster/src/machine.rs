@@ -86,6 +86,23 @@ impl JobBoard {
     }
 }
 
+impl JobBoard {
+    /// Why nobody may paint a job now that machines with some tags alone may paint: none of them is there. `None`: one is.
+    pub(crate) fn lacks_tagged(&self, tags: &[String]) -> Option<String> {
+        let has_all = |seat: &Presence| seat.takes_orders && tags.iter().all(|tag| seat.tags.contains(tag));
+        if tags.is_empty() || self.present().iter().any(has_all) {
+            return None;
+        }
+        let (named, options): (Vec<_>, Vec<_>) =
+            tags.iter().map(|tag| (format!("`{tag}`"), format!("--tag {tag}"))).unzip();
+        Some(format!(
+            "no machine that is there is tagged {}: the job waits until one joins by `bottega join {}`",
+            named.join(" and "),
+            options.join(" ")
+        ))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,8 +4,8 @@ use std::process;
 
 use crate::clock::since_1970;
 
-/// Characters of a host's name that are used.
-const HOST_CHARS: usize = 24;
+/// Characters that the name of a machine has at most; of a host's longer name the first ones are used.
+pub const MACHINE_NAME_MAX: usize = 24;
 
 /// The name of this machine, of letters, digits and hyphens.
 pub fn host_name() -> String {
@@ -15,7 +15,8 @@ pub fn host_name() -> String {
 /// The part of a name before its first full stop, as far as it is of letters, digits and hyphens.
 pub(crate) fn plain(host: &str) -> String {
     let first = host.split('.').next().unwrap_or_default();
-    let plain: String = first.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').take(HOST_CHARS).collect();
+    let plain: String =
+        first.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').take(MACHINE_NAME_MAX).collect();
     if plain.is_empty() { "machine".to_owned() } else { plain }
 }
 

@@ -21,13 +21,14 @@ use rustls::pki_types::{CertificateDer, pem::PemObject};
 
 use crate::error::Error;
 use crate::{
-    address::{FarmAddress, Group, JoinWord, address_file},
+    address::{FarmAddress, Group, JoinWord, LocalAddresses, address_file},
     admission::Admission,
     discovery::Beacon,
     job_board::JobBoard,
     keeper::Keeper,
     link::{pinned, private_folder, write_secret},
     members::Members,
+    ports::{Port, bind},
     room::{bytes_below, bytes_said, fitting_limit},
     server::{Server, Setup, program, reload},
     web_secrets::WebSecrets,
@@ -56,10 +57,10 @@ pub struct UpOptions {
     pub hidden: bool,
 }
 
-/// A farm on this machine.
+/// The place of a farm on this machine.
 pub enum LocalFarm {
-    /// This process has it.
-    Here(Box<Host>),
+    /// Nobody has it: this process may begin the farm.
+    Free(FarmStart),
     /// Another process of this user has it, and nothing is changed.
     Elsewhere {
         /// Its number.
@@ -69,6 +70,13 @@ pub enum LocalFarm {
         /// By what others join it.
         invitation: Box<Invitation>,
     },
+}
+
+/// The right to begin a farm: no other process has its folder as long as this one holds it.
+pub struct FarmStart {
+    options: UpOptions,
+    folder: PathBuf,
+    alone: fs::File,
 }
 
 /// By what others join a farm.
@@ -90,25 +98,43 @@ pub struct Host {
     board: JobBoard,
     /// How the farm is found from this machine.
     here: String,
+    /// What the local network is told, where it is told anything: how the server is known, and its port.
+    shown: Option<(Pin, u16)>,
+    /// The text of the file that says where the farm is, once it is written.
+    announced: Option<String>,
     beacon: Option<Beacon>,
     _alone: fs::File,
 }
 
 impl LocalFarm {
-    /// Begins a farm, with a NATS server as a child of this process.
+    /// Claims the place of a farm. Nothing is started.
     ///
     /// # Errors
-    /// There is no server program, its folder or address cannot be used, or another farm is there already.
-    pub fn up(asked: &UpOptions) -> Result<Self, Error> {
+    /// Its folder cannot be used, or another process has it with other options.
+    pub fn claim(asked: &UpOptions) -> Result<Self, Error> {
         let folder = asked.state.clone().unwrap_or_else(|| state_folder().join("server"));
-        let Some(alone) = lock(&folder)? else { return up_already(asked, folder) };
+        match lock(&folder)? {
+            Some(alone) => Ok(Self::Free(FarmStart { options: asked.clone(), folder, alone })),
+            None => up_already(asked, folder),
+        }
+    }
+}
+
+impl FarmStart {
+    /// Begins the farm, with a NATS server as a child of this process. No other process is told of it before
+    /// [`Host::announce`].
+    ///
+    /// # Errors
+    /// There is no server program, or its folder or address cannot be used.
+    pub fn begin(self) -> Result<Host, Error> {
+        let Self { options: asked, folder, alone } = self;
         let program = program(asked.server.as_deref())?;
         let members = Members::open(folder.join("members.json"))?;
         let listen = asked.listen.unwrap_or(LISTEN);
         let words = words(&members)?;
         let options = |listen| options(&members, listen, &words[0]);
         let mut setup = Setup { folder, listen, store_bytes: None };
-        setup.store_bytes = store_bytes(asked, &setup, &options)?;
+        setup.store_bytes = store_bytes(&asked, &setup, &options)?;
         let config = setup.write(&members)?;
         let (server, uplink) = begin(&program, &config, &setup, &options(listen), members.system_login())?;
         let board = JobBoard { uplink: Arc::new(uplink) };
@@ -119,17 +145,31 @@ impl LocalFarm {
         let admission = Admission::new(members, setup, system);
         let groups = Group::ALL.map(Group::word);
         board.uplink.answer_newcomers(&groups, move |group, request| admission.answer(group, request));
-        write_secret(&address_file(), here.as_bytes())?;
-        let beacon = (!asked.hidden && !listen.ip().is_loopback()).then(|| Beacon::light(words[0].pin, listen.port()));
-        let beacon = beacon.and_then(|beacon| {
-            beacon.inspect_err(|error| tracing::warn!(%error, "the local network is not told where the farm is")).ok()
-        });
+        let shown = (!asked.hidden && !listen.ip().is_loopback()).then(|| (words[0].pin, listen.port()));
         let invitation = Invitation::new(listen, &words);
-        Ok(Self::Here(Box::new(Host { invitation, web_secrets, keeper, board, here, beacon, _alone: alone })))
+        let (announced, beacon) = (None, None);
+        Ok(Host { invitation, web_secrets, keeper, board, here, shown, announced, beacon, _alone: alone })
     }
 }
 
 impl Host {
+    /// Tells other processes of this machine where the farm is, and the local network.
+    ///
+    /// - `page`, `platform`: where this process serves them.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn announce(&mut self, page: Option<String>, platform: Option<String>) -> Result<(), Error> {
+        let text = LocalAddresses { farm: self.here.clone(), page, platform }.to_string();
+        write_secret(&address_file(), text.as_bytes())?;
+        self.announced = Some(text);
+        self.beacon = self.shown.and_then(|(pin, port)| {
+            let lit = Beacon::light(pin, port);
+            lit.inspect_err(|error| tracing::warn!(%error, "the local network is not told where the farm is")).ok()
+        });
+        Ok(())
+    }
+
     /// The version of the NATS server.
     pub fn server_version(&self) -> String {
         self.board.uplink.server_version().to_string()
@@ -154,15 +194,20 @@ impl Host {
     pub fn keep_up(mut self, stop: &StopSwitch, before_end: impl FnOnce()) -> Result<(), Error> {
         let kept = self.keeper.keep_up(stop);
         before_end();
-        kept?;
-        drop(self.beacon);
+        kept
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        drop(self.beacon.take());
+        let Some(announced) = self.announced.take() else { return };
         // Another one may have begun in another folder.
-        if fs::read_to_string(address_file()).is_ok_and(|text| text == self.here)
+        if fs::read_to_string(address_file()).is_ok_and(|text| text == announced)
             && let Err(error) = fs::remove_file(address_file())
         {
             tracing::debug!(%error, "the address was not removed");
         }
-        Ok(())
     }
 }
 
@@ -282,12 +327,14 @@ pub(crate) fn begin(
         reload(setup, &NatsOptions { login: system, ..options.clone() })?;
         return Ok((Server::adopt(program, number), uplink));
     }
+    // A server says why it does not begin in its log alone.
+    drop(bind(Port::Server, setup.listen)?);
     let mut server = Server::start(program, config)?;
     for last in (0..BEGIN_TRIES).rev() {
         if server.ended()?.is_some() {
             return Err(Error::failed(
                 format!("the NATS server ended at once: {}", server.last_words(&setup.log())),
-                "is another one running at the same address? choose another with --listen",
+                format!("see {}", setup.log().display()),
             ));
         }
         match NatsUplink::connect(options, FarmCodec) {

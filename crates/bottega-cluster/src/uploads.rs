@@ -147,25 +147,28 @@ impl JobBoard {
     /// Asks for a picture with files that the farm has, or for the frames of an animation. Returns the numbers of the jobs, one
     /// for each picture.
     ///
-    /// - `from`: who asks, for people.
+    /// - `from`: the machine that asks, for people.
+    /// - `by`: who asks there, for the log of the job.
     /// - `cache`: where the scene is put together, to see whether it can be painted.
     ///
     /// # Errors
     /// The request or a name is none, a file was not uploaded, or the scene cannot be painted.
-    pub fn submit_uploaded(&self, asked: Submission, from: &str, cache: &Cache) -> Result<Vec<u32>, Error> {
+    pub fn submit_uploaded(&self, asked: Submission, from: &str, by: &str, cache: &Cache) -> Result<Vec<u32>, Error> {
         let (spec, here) = self.spec_here(asked, cache)?;
         // Whatever is wrong is found out with the first frame.
         let here = match here.missing_frames(false)?.first() {
             Some(first) => here.at_frame(*first)?,
             None => here,
         };
-        let material = Session::examine(&here)?;
+        let material = Session::examine_for_elsewhere(&here)?;
         let (stop, reporter) = (StopSwitch::new(), Reporter::new(Arc::new(())));
         // Where the files are on this machine is nobody's business: the job holds the request as it was asked.
         let (order, sent) = order(self, from, &here, &material, &stop, &reporter)?;
+        let lacking = self.lacks_tagged(&spec.request.farm.require);
         let new_job = |request: &Request| {
             let mut job = new_job(request, &material, from);
-            material.warnings.iter().for_each(|warning| job.say(warning.clone()));
+            job.say(format!("it came over HTTP, by {by}"));
+            material.warnings.iter().chain(&lacking).for_each(|warning| job.say(warning.clone()));
             job
         };
         let mut jobs = Vec::new();
@@ -203,7 +206,7 @@ impl JobBoard {
             return Err(Error::usage(problem, "ask for them part by part"));
         }
         let output = request.output.file.get_or_insert_with(|| PathBuf::from(PICTURE)).clone();
-        plain_name("output.file", &output.to_string_lossy())?;
+        check_output(&output.to_string_lossy())?;
         if request.frames.is_some() {
             request.validate().map_err(bottega::Error::from)?;
         }
@@ -321,6 +324,20 @@ fn plain_name(field: &str, name: &str) -> Result<PathBuf, Error> {
     ))
 }
 
+/// Checks that a picture is called by the plain name of a file: where it is written is for those to say who fetch it.
+fn check_output(name: &str) -> Result<(), Error> {
+    match plain_name("output.file", name) {
+        Ok(path) if path.components().count() == 1 => Ok(()),
+        _ => {
+            let said: String = name.chars().take(80).collect();
+            Err(Error::usage(
+                format!("`output.file` is `{}`", said.escape_debug()),
+                "the name of a file without folders is needed, such as picture.exr: the farm keeps the picture",
+            ))
+        }
+    }
+}
+
 /// The last part of a plain name.
 fn last(name: &Path) -> String {
     name.file_name().unwrap_or_default().to_string_lossy().into_owned()
@@ -347,6 +364,17 @@ mod tests {
         }
         assert!(plain_name("files", &"a".repeat(NAME_MAX + 1)).is_err());
         assert_eq!(plain_name("files", "a//b.png").unwrap(), Path::new("a/b.png"));
+    }
+
+    #[test]
+    fn a_picture_has_a_name_without_folders() {
+        for plain in ["picture.exr", "frame ####.png", "né.exr"] {
+            assert!(check_output(plain).is_ok(), "{plain}");
+        }
+        for wrong in ["out/picture.exr", "/tmp/picture.exr", "../picture.exr", "./picture.exr", "a\\b.exr", ""] {
+            let error = check_output(wrong).unwrap_err();
+            assert!(error.is_usage() && error.to_string().contains("`output.file`"), "{wrong:?}: {error}");
+        }
     }
 
     #[test]

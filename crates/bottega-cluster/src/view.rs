@@ -58,14 +58,14 @@ pub struct JobView {
 }
 
 impl JobView {
-    /// All jobs of a farm, by number.
+    /// The jobs of a farm that people are shown here, by number.
     pub fn all(board: &JobBoard) -> Vec<Self> {
         let seats = board.presences();
         let view = |(number, job): (u32, Job)| {
             let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
             Self::of(number, &job, &board.lead(number).unwrap_or_default(), machines)
         };
-        board.all().into_iter().map(view).collect()
+        board.shown_jobs().into_iter().map(view).collect()
     }
 
     /// A job, as others look at it.
@@ -112,10 +112,10 @@ pub struct MachineView {
 }
 
 impl MachineView {
-    /// The machines that are there, for one who has linked up a moment ago.
+    /// The machines that are there and that people are shown here, for one who has linked up a moment ago.
     pub fn all(board: &JobBoard) -> Vec<Self> {
         let view = |seat: Presence| Self { ordered: board.order_to(&seat.name).standing, seat };
-        board.present().into_iter().map(view).collect()
+        board.shown_machines(board.present()).into_iter().map(view).collect()
     }
 
     /// The machine as JSON.

@@ -1,5 +1,7 @@
-//! Secrets of the HTTP doors of one farm: tokens that all of them derive from the word of the farm, and a
-//! certificate.
+//! Secrets of the HTTP doors of one farm: two tokens that all of them derive from the word of the farm, and a certificate.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     address::{FarmAddress, Group, Keeper},
@@ -13,13 +15,36 @@ const STEER: &str = "bottega 2026-11-26 web token: steer";
 /// Bytes of a token.
 const TOKEN_BYTES: usize = 16;
 
+/// What a token lets its holder do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TokenRole {
+    /// Look on.
+    See,
+    /// Everything.
+    Steer,
+}
+
+impl TokenRole {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::See, Self::Steer];
+
+    /// As people read it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::See => "see",
+            Self::Steer => "steer",
+        }
+    }
+}
+
 /// By what an HTTP door lets one in, and how it is known.
 #[derive(Clone)]
 pub struct WebSecrets {
-    /// Who shows it may look on.
-    pub see: String,
-    /// Who shows it may do everything.
-    pub steer: String,
+    /// What the tokens are derived from.
+    secret: Vec<u8>,
+    /// Whether other processes of the farm have the same.
+    is_shared: bool,
     /// The certificate of the door, and its key (PEM).
     pub certificate: (String, String),
 }
@@ -30,11 +55,8 @@ impl WebSecrets {
     /// # Errors
     /// The system gives no random numbers, or no certificate can be made.
     pub fn fresh() -> Result<Self, Error> {
-        let mut secret = [0; 32];
-        getrandom::fill(&mut secret).map_err(|error| {
-            Error::failed(format!("the system gives no random numbers: {error}"), "see that /dev/urandom is there")
-        })?;
-        Self::derived(&secret, own_certificate()?)
+        let secret = random::<32>()?.to_vec();
+        Ok(Self { secret, is_shared: false, certificate: own_certificate()? })
     }
 
     /// Those of a farm, for one of its processes: the same in each that may do everything. Where others run the servers, or this
@@ -45,7 +67,8 @@ impl WebSecrets {
     pub fn of_farm(farm: &FarmAddress) -> Result<Self, Error> {
         match &farm.keeper {
             Keeper::Up(word) if word.group == Group::Trusted => {
-                Self::derived(word.secret.as_bytes(), own_certificate()?)
+                let secret = word.secret.as_bytes().to_vec();
+                Ok(Self { secret, is_shared: true, certificate: own_certificate()? })
             }
             _ => Self::fresh(),
         }
@@ -54,16 +77,46 @@ impl WebSecrets {
     /// Those of a farm, for the process that has it up.
     pub(crate) fn of_host(members: &Members) -> Result<Self, Error> {
         let (certificate, key) = members.certificate();
-        Self::derived(members.secret(Group::Trusted).as_bytes(), (certificate.to_owned(), key.to_owned()))
+        let secret = members.secret(Group::Trusted).as_bytes().to_vec();
+        Ok(Self { secret, is_shared: true, certificate: (certificate.to_owned(), key.to_owned()) })
     }
 
-    fn derived(secret: &[u8], certificate: (String, String)) -> Result<Self, Error> {
-        let token = |context: &str| {
-            let key = blake3::derive_key(context, secret);
-            key[..TOKEN_BYTES].iter().map(|byte| format!("{byte:02x}")).collect::<String>()
-        };
-        Ok(Self { see: token(SEE), steer: token(STEER), certificate })
+    /// Whether other processes of the farm derive the same tokens.
+    pub fn is_shared(&self) -> bool {
+        self.is_shared
     }
+
+    /// The token of a role.
+    ///
+    /// - `generation`: how often it was revoked: each time another one took its place.
+    pub fn token(&self, role: TokenRole, generation: u64) -> String {
+        let context = match role {
+            TokenRole::See => SEE,
+            TokenRole::Steer => STEER,
+        };
+        let mut material = self.secret.clone();
+        if generation > 0 {
+            material.extend(generation.to_le_bytes());
+        }
+        hexadecimal(&blake3::derive_key(context, &material)[..TOKEN_BYTES])
+    }
+}
+
+/// A token that nobody has.
+pub(crate) fn fresh_token() -> Result<String, Error> {
+    random::<TOKEN_BYTES>().map(|bytes| hexadecimal(&bytes))
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn random<const N: usize>() -> Result<[u8; N], Error> {
+    let mut bytes = [0; N];
+    getrandom::fill(&mut bytes).map_err(|error| {
+        Error::failed(format!("the system gives no random numbers: {error}"), "see that /dev/urandom is there")
+    })?;
+    Ok(bytes)
 }
 
 #[cfg(test)]
@@ -80,13 +133,16 @@ mod tests {
         let at = |word| FarmAddress::of_up("127.0.0.1:1".to_owned(), word);
         let trusted = word(Group::Trusted, members.secret(Group::Trusted));
         let other = WebSecrets::of_farm(&at(trusted)).unwrap();
-        assert_eq!((&host.see, &host.steer), (&other.see, &other.steer));
-        assert_ne!(host.see, host.steer);
-        assert_eq!(host.see.len(), 2 * TOKEN_BYTES);
+        let tokens =
+            |of: &WebSecrets| TokenRole::ALL.map(|role| [0, 1, 2].map(|generation| of.token(role, generation)));
+        assert_eq!(tokens(&host), tokens(&other));
+        let all: std::collections::BTreeSet<String> = tokens(&host).into_iter().flatten().collect();
+        assert_eq!(all.len(), 6, "each role and generation has its own");
+        assert!(all.iter().all(|token| token.len() == 2 * TOKEN_BYTES));
         for secret in [members.secret(Group::Guest), &"0".repeat(32)] {
             for group in Group::ALL {
                 let stranger = WebSecrets::of_farm(&at(word(group, secret))).unwrap();
-                assert!(stranger.see != host.see && stranger.steer != host.steer);
+                assert!(tokens(&stranger).iter().flatten().all(|token| !all.contains(token)));
             }
         }
     }

@@ -7,6 +7,7 @@ use bottega_cluster::{
     Credentials, Error, FarmAddress, JobBoard, JobState,
     client::{self, RenderOutcome},
     jobs, link,
+    names::host_name,
     view::{JobView, MachineView},
 };
 use pyo3::prelude::*;
@@ -18,6 +19,11 @@ use crate::{
     values::{path_of, to_python},
     waiting::Caller,
 };
+
+/// Who steers, for the log of a job.
+fn by() -> String {
+    format!("Python on {}", host_name())
+}
 
 /// A farm to which this process is linked.
 #[pyclass(name = "Farm", module = "bottega._native", frozen)]
@@ -123,17 +129,17 @@ impl PyFarm {
 
     /// Has nobody paint a job until it is resumed.
     fn pause(&self, py: Python<'_>, number: u32) -> PyResult<()> {
-        self.ask(py, |board| jobs::steer(board, number, &JobState::Paused, "paused"))
+        self.ask(py, |board| jobs::steer(board, number, &JobState::Paused, &by()))
     }
 
     /// Goes on with a job that was paused.
     fn resume(&self, py: Python<'_>, number: u32) -> PyResult<()> {
-        self.ask(py, |board| jobs::steer(board, number, &JobState::Active, "resumed"))
+        self.ask(py, |board| jobs::steer(board, number, &JobState::Active, &by()))
     }
 
     /// Calls a job off.
     fn cancel(&self, py: Python<'_>, number: u32) -> PyResult<()> {
-        self.ask(py, |board| jobs::steer(board, number, &JobState::Cancelled, "called off"))
+        self.ask(py, |board| jobs::steer(board, number, &JobState::Cancelled, &by()))
     }
 
     /// Forgets a job that is over.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,10 @@ def test_fields_by_short_name_and_by_section(tmp_path: Path) -> None:
     ("fields", "field", "said"),
     [
         ({"spp": 0}, "goal.samples", "from 1 to"),
+        ({"spp": -1}, "goal.samples", "`goal.samples` is -1: from 1 to 4194304 is allowed"),
+        ({"spp": 1.5}, "goal.samples", "is 1.5: a whole number is needed; from 1 to 4194304 is allowed"),
+        ({"size": (1, 2, 3)}, "film.size", "3 values"),
+        ({"denoise": 1}, "film.denoise", "is 1: true or false is needed"),
         ({"size": (0, 4)}, "film.size", ""),
         ({"size": (4,)}, "film.size", ""),
         ({"spp": "many"}, "goal.samples", "many"),
@@ -64,6 +69,7 @@ def test_an_error_names_the_field(fields: Any, field: str | None, said: str) -> 
         Request.of("a.glb", **fields)
     error = raised.value
     assert said in str(error), str(error)
+    assert not re.search(r"\b[uif](8|16|32|64)\b|expected|at line", str(error)), str(error)
     if field is not None:
         assert error.field is not None and error.field.startswith(field), error.field
     assert isinstance(error, ValueError) and isinstance(error, bottega.Error)

@@ -7,7 +7,10 @@ use std::{
 };
 
 use axum::http::StatusCode;
-use bottega::{Event, Request, StopSwitch};
+use bottega::{
+    Event, Request, StopSwitch,
+    json::{self, JsonError},
+};
 use bottega_cluster::{
     Activity,
     energy::{JobEnergy, Tariff},
@@ -15,11 +18,13 @@ use bottega_cluster::{
     machine::PresenceState,
     messages::{MessageEvent, SeenMessages},
     names::host_name,
+    ports::{Port, bind},
     rules_of_job::{JobRules, ZoneRules},
     uploads::{Submission, UploadOffer, UploadState},
     usage::UsageMeter,
     view::JobView,
-    web_secrets::WebSecrets,
+    web_secrets::{TokenRole, WebSecrets},
+    web_tokens::{TokenHolder, WebToken},
 };
 
 use crate::{
@@ -49,6 +54,7 @@ pub struct Dashboard {
 struct PaintedJob {
     state: Mutex<PaintedState>,
     live: Arc<LiveJob>,
+    secrets: WebSecrets,
     stop: StopSwitch,
     meter: UsageMeter,
     messages: Mutex<MessageLog>,
@@ -79,10 +85,11 @@ impl Dashboard {
     pub fn serve(address: SocketAddr, stop: &StopSwitch) -> Result<Self, ServeError> {
         let state = Mutex::new(PaintedState::new());
         let (live, messages, meter) = (Arc::default(), Mutex::default(), UsageMeter::new(None));
-        let painted =
-            Arc::new(PaintedJob { state, live, stop: stop.clone(), meter, messages, request: OnceLock::new() });
+        let listener = bind(Port::Dashboard, address)?;
         let secrets = WebSecrets::fresh().map_err(|error| ServeError::Secrets(error.error_chain()))?;
-        let options = DoorOptions { address, is_firm: true, secrets, names: Vec::new() };
+        let (certificate, stop) = (secrets.certificate.clone(), stop.clone());
+        let painted = Arc::new(PaintedJob { state, live, secrets, stop, meter, messages, request: OnceLock::new() });
+        let options = DoorOptions { listener, certificate, names: Vec::new(), log: None };
         let door = Door::open(Arc::clone(&painted) as _, options)?;
         Ok(Self { painted, door: Arc::new(door) })
     }
@@ -311,7 +318,7 @@ impl ShownFarm for PaintedJob {
         }])
     }
 
-    fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem> {
+    fn steer(&self, number: u32, order: JobOrder, _by: &str) -> Result<(), Problem> {
         let is_over = self.only(number)?.view.is_over;
         match order {
             JobOrder::Cancel if !is_over => {
@@ -323,11 +330,11 @@ impl ShownFarm for PaintedJob {
         }
     }
 
-    fn requeue(&self, _number: u32, _zone: u32) -> Result<(), Problem> {
+    fn requeue(&self, _number: u32, _zone: u32, _by: &str) -> Result<(), Problem> {
         Err(no_farm())
     }
 
-    fn tell(&self, _machine: &str, _standing: PresenceState) -> Result<(), Problem> {
+    fn tell(&self, _machine: &str, _standing: PresenceState, _by: &str) -> Result<(), Problem> {
         Err(no_farm())
     }
 
@@ -339,7 +346,7 @@ impl ShownFarm for PaintedJob {
         Err(no_farm())
     }
 
-    fn submit(&self, _asked: Submission) -> Result<Vec<u32>, Problem> {
+    fn submit(&self, _asked: Submission, _by: &str) -> Result<Vec<u32>, Problem> {
         Err(no_farm())
     }
 
@@ -348,16 +355,36 @@ impl ShownFarm for PaintedJob {
         let painted = self.request.get().filter(|_| asked.files.is_empty() && asked.files_of_job == Some(NUMBER));
         let mut request = painted.cloned().ok_or_else(no_farm)?;
         if let Some(view) = asked.request.get("view") {
-            let refused = |error: serde_json::Error| {
-                Problem::new(
-                    StatusCode::UNPROCESSABLE_ENTITY,
-                    format!("`view` cannot be read: {error}"),
-                    "see the API's schema",
-                )
+            let refused = |error: JsonError| {
+                let detail = error.within("view").to_string();
+                Problem::new(StatusCode::UNPROCESSABLE_ENTITY, detail, "GET /api/schema/request says what is allowed")
             };
-            request.view = serde_json::from_value(view.clone()).map_err(refused)?;
+            request.view = json::from_value(view.clone()).map_err(refused)?;
         }
         request.output.file = None;
         Ok(request)
+    }
+
+    fn holder(&self, token: &str) -> Option<TokenHolder> {
+        let is = |role: TokenRole| blake3::hash(self.own_token(role).as_bytes()) == blake3::hash(token.as_bytes());
+        let role = TokenRole::ALL.into_iter().rev().find(|role| is(*role))?;
+        Some(TokenHolder { name: role.word().to_owned(), role })
+    }
+
+    fn own_token(&self, role: TokenRole) -> String {
+        self.secrets.token(role, 0)
+    }
+
+    fn tokens(&self) -> Result<Vec<WebToken>, Problem> {
+        let token = |role: TokenRole| WebToken { name: role.word().to_owned(), role, made: None, by: None };
+        Ok(TokenRole::ALL.map(token).to_vec())
+    }
+
+    fn make_token(&self, _name: &str, _role: TokenRole, _by: &str) -> Result<String, Problem> {
+        Err(no_farm())
+    }
+
+    fn revoke_token(&self, _name: &str, _by: &str) -> Result<(), Problem> {
+        Err(no_farm())
     }
 }

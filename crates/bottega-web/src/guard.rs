@@ -6,16 +6,18 @@ use std::{sync::Arc, time::Instant};
 use axum::{
     Extension,
     extract::{Request, State},
-    http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header},
+    http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header},
     middleware::Next,
     response::{IntoResponse, Response},
 };
+
+use bottega_cluster::web_secrets::TokenRole;
 
 use crate::{
     limits::TempoKind,
     problem::Problem,
     state::{Client, DoorState},
-    tokens::VisitorRole,
+    tokens::TokenBearer,
 };
 
 /// What browsers are told of every answer: scripts, styles and pictures of this door alone, in no frame of others.
@@ -83,42 +85,69 @@ pub(crate) async fn admit(
     mut request: Request,
     next: Next,
 ) -> Result<Response, Problem> {
-    let too_many = || {
-        let detail = "too many requests from one address";
-        Err(Problem::new(StatusCode::TOO_MANY_REQUESTS, detail, "ask again in a moment, and less often"))
-    };
-    let token = door.tokens.shown(request.headers());
-    let Some(role) = token.and_then(|token| door.tokens.role(token)) else {
+    let token = door.cookie.shown(request.headers());
+    let Some(holder) = token.and_then(|token| door.farm.holder(token)) else {
         if token.is_some() && !door.tempo.take(address, TempoKind::WrongToken, Instant::now()) {
-            return too_many();
+            return Err(too_many());
         }
-        let detail = if token.is_some() { "the token is none of this door" } else { "a token is needed" };
+        let detail =
+            if token.is_some() { "the token is none of this door, or was revoked" } else { "a token is needed" };
         let remedy = "open the address that was printed with its ?token=…, or send `Authorization: Bearer TOKEN`";
         return Err(Problem::new(StatusCode::UNAUTHORIZED, detail, remedy));
     };
     // Streams of events are counted while they last.
     let is_stream = request.uri().path().ends_with("/events");
     if !is_stream && !door.tempo.take(address, TempoKind::Question, Instant::now()) {
-        return too_many();
+        return Err(too_many());
     }
-    request.extensions_mut().insert(role);
+    let role = holder.role;
+    request.extensions_mut().insert(TokenBearer { holder, address });
     let mut response = next.run(request).await;
     response.headers_mut().insert(ROLE, HeaderValue::from_static(role.word()));
     Ok(response)
 }
 
-/// Lets those pass who may steer.
-pub(crate) async fn steering(
-    Extension(role): Extension<VisitorRole>,
+/// Lets all pass who do not ask too often.
+pub(crate) async fn pace(
+    State(door): State<Arc<DoorState>>,
+    Extension(Client(address)): Extension<Client>,
     request: Request,
     next: Next,
 ) -> Result<Response, Problem> {
-    if role < VisitorRole::Steer {
-        let detail = format!("this token lets one {} alone", role.word());
-        let remedy = "use the token of the other address that was printed";
-        return Err(Problem::new(StatusCode::FORBIDDEN, detail, remedy));
+    if !door.tempo.take(address, TempoKind::Question, Instant::now()) {
+        return Err(too_many());
     }
     Ok(next.run(request).await)
+}
+
+fn too_many() -> Problem {
+    let detail = "too many requests from one address";
+    Problem::new(StatusCode::TOO_MANY_REQUESTS, detail, "ask again in a moment, and less often")
+}
+
+/// Lets those pass who may steer, and notes what they do.
+pub(crate) async fn steering(
+    State(door): State<Arc<DoorState>>,
+    Extension(bearer): Extension<TokenBearer>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    let role = bearer.role();
+    let response = if role < TokenRole::Steer {
+        let detail = format!("this token lets one {} alone", role.word());
+        let remedy = "use the token of the other address that was printed";
+        Problem::new(StatusCode::FORBIDDEN, detail, remedy).into_response()
+    } else {
+        next.run(request).await
+    };
+    // Pieces of files and frames of viewports are many, and the job that they are for is noted.
+    let is_deed = method != Method::GET && !path.starts_with("/api/uploads") && !path.starts_with("/api/viewports");
+    if let Some(deeds) = door.deeds.as_ref().filter(|_| is_deed) {
+        let TokenBearer { holder, address } = &bearer;
+        deeds.note(&holder.name, *address, method.as_str(), &path, response.status().as_u16());
+    }
+    response
 }
 
 fn shortened(text: &str) -> String {

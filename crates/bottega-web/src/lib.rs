@@ -8,7 +8,7 @@
 //! | what | where |
 //! |---|---|
 //! | the server: connections, TLS, timeouts | `src/server.rs`, `src/timed_io.rs` |
-//! | who may come in, and how often | `src/guard.rs`, `src/hosts.rs`, `src/tokens.rs`, `src/limits.rs` |
+//! | who may come in, and how often | `src/guard.rs`, `src/hosts.rs`, `src/tokens.rs`, `src/limits.rs`; tokens made and revoked: `src/routes/tokens.rs` |
 //! | the routes, and what each answers | `src/route.rs`, `src/routes/`; as OpenAPI: `src/openapi.rs` |
 //! | what is shown: a farm, one picture | `src/source.rs`; `src/linked_farm.rs`, `src/dashboard.rs` |
 //! | a job as it changes; its messages | `src/live.rs`; `src/message_log.rs` |

@@ -30,6 +30,8 @@ use bottega_cluster::{
     society::Society,
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,
+    web_secrets::{TokenRole, WebSecrets},
+    web_tokens::{TokenHolder, WebToken},
 };
 
 use crate::{
@@ -53,6 +55,7 @@ const PREVIEW_EVERY: Duration = Duration::from_millis(700);
 /// A farm that this process is linked with.
 pub struct LinkedFarm {
     board: JobBoard,
+    secrets: WebSecrets,
     cache: Cache,
     live: Arc<Mutex<HashMap<u32, FollowedJob>>>,
     previews: Mutex<HashMap<u64, Arc<Mutex<FreshPreview>>>>,
@@ -87,9 +90,12 @@ struct FreshPreview {
 
 impl LinkedFarm {
     /// The farm of a board.
-    pub fn new(board: JobBoard) -> Self {
+    ///
+    /// - `secrets`: what its own tokens are derived from.
+    pub fn new(board: JobBoard, secrets: WebSecrets) -> Self {
         Self {
             board,
+            secrets,
             cache: Cache::of_user(),
             live: Arc::default(),
             previews: Mutex::default(),
@@ -98,9 +104,9 @@ impl LinkedFarm {
     }
 
     fn known(&self, number: u32) -> Result<Job, Problem> {
-        self.board.get(number).ok_or_else(|| {
+        self.board.shown_job(number).map_err(|error| {
             if self.board.uplink.is_connected() {
-                Problem::unknown(format!("the farm has no job {number}"), "GET /api/jobs has those that it has")
+                Problem::unknown(error.error_chain(), "GET /api/jobs has those that there are")
             } else {
                 Problem::new(StatusCode::SERVICE_UNAVAILABLE, "the farm's server does not answer", "wait for it")
             }
@@ -182,7 +188,7 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
 impl ShownFarm for LinkedFarm {
     fn jobs(&self) -> Result<Vec<JobView>, Problem> {
         let seats = self.board.presences();
-        Ok(self.board.all().iter().map(|(number, job)| view(&self.board, *number, job, &seats)).collect())
+        Ok(self.board.shown_jobs().iter().map(|(number, job)| view(&self.board, *number, job, &seats)).collect())
     }
 
     fn job(&self, number: u32) -> Result<JobView, Problem> {
@@ -329,7 +335,7 @@ impl ShownFarm for LinkedFarm {
         let (board, reliabilities) = (&self.board, self.board.reliabilities());
         let tariff = board.tariff();
         let mut societies: BTreeMap<u32, Society> = BTreeMap::new();
-        let seats = board.presences().into_iter();
+        let seats = board.shown_machines(board.presences()).into_iter();
         let machine = |seat: Presence| {
             let society =
                 seat.job.map(|job| &*societies.entry(job).or_insert_with(|| board.society(job).unwrap_or_default()));
@@ -363,22 +369,22 @@ impl ShownFarm for LinkedFarm {
         Ok(seats.map(machine).collect())
     }
 
-    fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem> {
-        let board = &self.board;
+    fn steer(&self, number: u32, order: JobOrder, by: &str) -> Result<(), Problem> {
+        let (board, by) = (&self.board, &of_page(by));
         self.known(number)?;
         match order {
-            JobOrder::Pause => jobs::steer(board, number, &JobState::Paused, "paused"),
-            JobOrder::Resume => jobs::steer(board, number, &JobState::Active, "resumed"),
-            JobOrder::Cancel => jobs::steer(board, number, &JobState::Cancelled, "called off"),
-            JobOrder::Priority(priority) => jobs::set_priority(board, number, priority),
+            JobOrder::Pause => jobs::steer(board, number, &JobState::Paused, by),
+            JobOrder::Resume => jobs::steer(board, number, &JobState::Active, by),
+            JobOrder::Cancel => jobs::steer(board, number, &JobState::Cancelled, by),
+            JobOrder::Priority(priority) => jobs::set_priority(board, number, priority, by),
             JobOrder::Remove => jobs::remove(board, number),
         }?;
         Ok(())
     }
 
-    fn requeue(&self, number: u32, zone: u32) -> Result<(), Problem> {
+    fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Problem> {
         self.known(number)?;
-        self.board.requeue(number, zone, &format!("the page that {} serves", host_name()))?;
+        self.board.requeue(number, zone, &of_page(by))?;
         // Those who watch a job that was over are told how it goes on.
         let is_watched = lock(&self.live).contains_key(&number);
         if is_watched {
@@ -387,17 +393,17 @@ impl ShownFarm for LinkedFarm {
         Ok(())
     }
 
-    fn tell(&self, machine: &str, standing: PresenceState) -> Result<(), Problem> {
-        let seats = self.board.presences();
+    fn tell(&self, machine: &str, standing: PresenceState, by: &str) -> Result<(), Problem> {
+        let seats = self.board.shown_machines(self.board.presences());
         let seat = seats.iter().find(|seat| seat.name == machine);
-        let seat =
-            seat.ok_or_else(|| Problem::unknown(format!("no machine `{machine}` is there"), "GET /api/machines"))?;
+        let seat = seat.ok_or_else(|| {
+            Problem::unknown(format!("no machine `{machine}` is there"), "GET /api/machines has those that are")
+        })?;
         if !seat.takes_orders {
             let problem = format!("{machine} is the process that asked for what it paints");
             return Err(Problem::conflict(problem, "it ends with its job"));
         }
-        let by = format!("the page that {} serves", host_name());
-        Ok(self.board.tell(machine, &MachineOrder { standing, by })?)
+        Ok(self.board.tell(machine, &MachineOrder { standing, by: of_page(by) })?)
     }
 
     fn offer(&self, offer: &UploadOffer) -> Result<UploadState, Problem> {
@@ -408,12 +414,48 @@ impl ShownFarm for LinkedFarm {
         Ok(self.board.put_piece(digest, bytes)?)
     }
 
-    fn submit(&self, asked: Submission) -> Result<Vec<u32>, Problem> {
+    fn submit(&self, asked: Submission, by: &str) -> Result<Vec<u32>, Problem> {
         let from = format!("web-{}", host_name());
-        Ok(self.board.submit_uploaded(asked, &from, &self.cache)?)
+        Ok(self.board.submit_uploaded(asked, &from, by, &self.cache)?)
     }
 
     fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem> {
         Ok(self.board.uploaded_here(asked, &self.cache)?)
     }
+
+    fn holder(&self, token: &str) -> Option<TokenHolder> {
+        self.board.token_holder(&self.secrets, token)
+    }
+
+    fn own_token(&self, role: TokenRole) -> String {
+        self.board.own_token(&self.secrets, role)
+    }
+
+    fn tokens(&self) -> Result<Vec<WebToken>, Problem> {
+        Ok(self.board.web_tokens())
+    }
+
+    fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Problem> {
+        Ok(self.board.make_token(name, role, by)?)
+    }
+
+    fn revoke_token(&self, name: &str, by: &str) -> Result<(), Problem> {
+        if !self.board.web_tokens().iter().any(|token| token.name == name) {
+            let shown = name.escape_debug();
+            return Err(Problem::unknown(
+                format!("there is no token `{shown}`"),
+                "GET /api/tokens has those that there are",
+            ));
+        }
+        if !self.secrets.is_shared() && TokenRole::ALL.iter().any(|role| role.word() == name) {
+            let detail = format!("`{name}` is known to this page alone, and nobody would be told the one in its place");
+            return Err(Problem::conflict(detail, "it ends with the process that serves the page"));
+        }
+        Ok(self.board.revoke_token(name, by)?)
+    }
+}
+
+/// Who wants something of the farm, as its logs say it.
+fn of_page(by: &str) -> String {
+    format!("{by}, by the page that {} serves", host_name())
 }

@@ -6,7 +6,6 @@ use serde_json::{Map, Value, json};
 use crate::{
     problem::Problem,
     route::{Route, RouteAnswer, RouteBody},
-    tokens::VisitorRole,
 };
 
 /// Routes as OpenAPI 3.1.
@@ -29,7 +28,7 @@ pub(crate) fn document(routes: &[Route]) -> Value {
             "title": "Bottega",
             "version": env!("CARGO_PKG_VERSION"),
             "description": "The farm for browsers and other programs. Errors are RFC 9457 problems. Routes that change something need \
-                the token that steers; the others take the one that sees, too.",
+                a token that steers; the others take one that sees, too. This document and the schema of requests need none.",
         },
         "security": [{ "bearer": [] }, { "cookie": [] }],
         "paths": paths,
@@ -71,10 +70,13 @@ fn operation(route: &Route, generator: &mut schemars::SchemaGenerator) -> Value 
     let mut told = json!({
         "operationId": name(route),
         "summary": route.summary,
-        "x-role": if route.role == VisitorRole::Steer { "steer" } else { "see" },
+        "x-role": if route.is_open { "none" } else { route.role.word() },
         "parameters": parameters,
         "responses": { route.status.as_str(): done, "default": { "$ref": "#/components/responses/Problem" } },
     });
+    if route.is_open {
+        told["security"] = json!([]);
+    }
     let body = match route.taken {
         RouteBody::Nothing => return told,
         RouteBody::Json(schema) => json!({ "application/json": { "schema": schema(generator) } }),

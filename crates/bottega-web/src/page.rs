@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use axum::{
     Router,
-    extract::{Query, State},
+    extract::{Query, State, rejection::QueryRejection},
     http::{StatusCode, header},
     response::{IntoResponse, Redirect, Response},
     routing::get,
@@ -67,10 +67,11 @@ pub(crate) fn routes() -> Router<Arc<DoorState>> {
 }
 
 /// The page; a token in its address becomes a cookie, and is seen no more.
-async fn arrive(State(door): State<Arc<DoorState>>, Query(Arrival { token }): Query<Arrival>) -> Response {
+async fn arrive(State(door): State<Arc<DoorState>>, arrival: Result<Query<Arrival>, QueryRejection>) -> Response {
+    let token = arrival.ok().and_then(|Query(arrival)| arrival.token);
     match token {
-        Some(token) if door.tokens.role(&token).is_some() => {
-            ([(header::SET_COOKIE, door.tokens.set_cookie(&token))], Redirect::to("/")).into_response()
+        Some(token) if door.farm.holder(&token).is_some() => {
+            ([(header::SET_COOKIE, door.cookie.of(&token))], Redirect::to("/")).into_response()
         }
         Some(_) => (StatusCode::SEE_OTHER, [(header::LOCATION, "/")]).into_response(),
         None => file("text/html; charset=utf-8", include_str!("../assets/index.html")),

@@ -54,7 +54,13 @@ impl From<Error> for Problem {
             error if error.may_pass() => StatusCode::SERVICE_UNAVAILABLE,
             _ => StatusCode::CONFLICT,
         };
-        Self::new(status, error.error_chain(), error.remedy().unwrap_or_default())
+        let remedy = match &error {
+            Error::Bottega(bottega::Error::Request { .. }) => {
+                Some("GET /api/schema/request says what a request may hold".to_owned())
+            }
+            error => error.remedy(),
+        };
+        Self::new(status, error.error_chain(), remedy.unwrap_or_default())
     }
 }
 

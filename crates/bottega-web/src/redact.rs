@@ -5,6 +5,14 @@ use serde_json::Value;
 
 /// What stands where folders were.
 const GONE: &str = "…/";
+/// What the routes of the API begin with: remedies name them.
+const API: &str = "/api/";
+/// Parts of a route after that at most, and characters of one.
+const PARTS_MAX: usize = 6;
+const PART_MAX: usize = 80;
+/// What follows then.
+const COLLECTIONS: [&str; 8] =
+    ["jobs", "machines", "openapi.json", "pictures", "schema", "tokens", "uploads", "viewports"];
 
 /// Something as JSON, without absolute paths in any of its texts.
 pub(crate) fn redacted_json(what: &impl Serialize) -> String {
@@ -42,7 +50,7 @@ fn redact(value: &mut Value) {
 
 /// A text without absolute paths; `None`: it has none.
 fn redacted(text: &str) -> Option<String> {
-    if is_absolute(text) && !text.contains('\n') && !text.contains(": ") {
+    if is_absolute(text) && !is_route(text) && !text.contains('\n') && !text.contains(": ") {
         return Some(last(text).to_owned());
     }
     let mut out = String::new();
@@ -54,7 +62,7 @@ fn redacted(text: &str) -> Option<String> {
             let end = end_of_path(rest, before);
             let path = &rest[..end];
             // A lone slash is a division.
-            if path.len() > 1 {
+            if path.len() > 1 && !is_route(path) {
                 out.push_str(GONE);
                 out.push_str(last(path));
                 is_changed = true;
@@ -75,6 +83,19 @@ pub(crate) fn is_absolute(text: &str) -> bool {
     let has_drive =
         bytes.len() > 2 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':' && matches!(bytes[2], b'\\' | b'/');
     text.starts_with('/') || text.starts_with("\\\\") || has_drive
+}
+
+/// Whether a path is one of the API and no file: its parts have the signs alone of which parts of routes are made.
+fn is_route(path: &str) -> bool {
+    let Some(rest) = path.strip_prefix(API) else { return false };
+    let mut parts = rest.split('/');
+    let is_known = parts.next().is_some_and(|first| COLLECTIONS.contains(&first));
+    // A file has an ending that no route has.
+    let is_part = |part: &str| match part.rsplit_once('.') {
+        Some((_, ending)) => ["png", "exr", "json"].contains(&ending) && part.len() <= PART_MAX,
+        None => part.len() <= PART_MAX && part.chars().all(|c| c.is_ascii_alphanumeric() || "_-{}".contains(c)),
+    };
+    is_known && parts.clone().count() <= PARTS_MAX && parts.all(is_part)
 }
 
 fn begins_path(before: Option<char>) -> bool {
@@ -118,6 +139,26 @@ mod tests {
             ["scenes/goblets.glb", "2.5 M samples/s", "http://10.0.0.7:8080/acc", "a / b", "path_tracing: 12 0.83"]
         {
             assert_eq!(redacted(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn routes_of_the_api_are_left_in_remedies_and_files_below_such_folders_are_not() {
+        for route in crate::openapi_document()["paths"].as_object().unwrap().keys() {
+            for text in [format!("GET {route} has those that there are"), format!("see `{route}`"), route.clone()] {
+                assert_eq!(redacted(&text), None, "{text}");
+            }
+        }
+        assert_eq!(
+            redacted("POST /api/jobs/3/zones/7/requeue, or /home/a/x").as_deref(),
+            Some("POST /api/jobs/3/zones/7/requeue, or …/x")
+        );
+        for (text, told) in [
+            ("cannot read /api/scenes/x.glb", "cannot read …/x.glb"),
+            ("cannot read `/api/jobs/my scene.glb`", "cannot read `…/my scene.glb`"),
+            ("/apis/jobs/1", "1"),
+        ] {
+            assert_eq!(redacted(text).as_deref(), Some(told));
         }
     }
 

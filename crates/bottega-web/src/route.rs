@@ -4,11 +4,12 @@ use std::{sync::Arc, time::Duration};
 
 use axum::{
     body::{Body, to_bytes},
-    extract::{FromRequestParts, Request, State, rejection::PathRejection},
+    extract::{FromRequestParts, Request, State, path::ErrorKind, rejection::PathRejection},
     http::{StatusCode, header, request::Parts},
     response::{IntoResponse, Response},
     routing::MethodRouter,
 };
+use bottega_cluster::web_secrets::TokenRole;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -17,7 +18,6 @@ use crate::{
     problem::Problem,
     redact::redacted_json,
     state::DoorState,
-    tokens::VisitorRole,
 };
 
 /// What a route comes to.
@@ -51,7 +51,9 @@ pub(crate) struct Route {
     /// Parts in braces are parameters.
     pub(crate) path: &'static str,
     /// Who may ask.
-    pub(crate) role: VisitorRole,
+    pub(crate) role: TokenRole,
+    /// Whether those may ask, too, who show no token.
+    pub(crate) is_open: bool,
     /// What it is for.
     pub(crate) summary: &'static str,
     pub(crate) taken: RouteBody,
@@ -68,8 +70,8 @@ impl Route {
         answer: RouteAnswer,
         handler: MethodRouter<Arc<DoorState>>,
     ) -> Self {
-        let (method, role, taken, status) = ("get", VisitorRole::See, RouteBody::Nothing, StatusCode::OK);
-        Self { method, path, role, summary, taken, status, answer, handler }
+        let (method, role, taken, status) = ("get", TokenRole::See, RouteBody::Nothing, StatusCode::OK);
+        Self { method, path, role, is_open: false, summary, taken, status, answer, handler }
     }
 
     /// One that changes something.
@@ -82,7 +84,12 @@ impl Route {
         handler: MethodRouter<Arc<DoorState>>,
     ) -> Self {
         let status = if matches!(answer, RouteAnswer::Nothing) { StatusCode::NO_CONTENT } else { StatusCode::OK };
-        Self { method, path, role: VisitorRole::Steer, summary, taken, status, answer, handler }
+        Self { method, path, role: TokenRole::Steer, is_open: false, summary, taken, status, answer, handler }
+    }
+
+    /// The same for all, whether they show a token or not.
+    pub(crate) fn for_all(self) -> Self {
+        Self { is_open: true, ..self }
     }
 
     pub(crate) fn with_status(self, status: StatusCode) -> Self {
@@ -145,9 +152,10 @@ pub(crate) async fn json_body<T: DeserializeOwned>(request: Request<Body>) -> Re
         return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail, "send `Content-Type: application/json`"));
     }
     let bytes = body(request, JSON_BYTES_MAX, JSON_TIME).await?;
-    serde_json::from_slice(&bytes).map_err(|error| {
+    bottega::json::from_slice(&bytes).map_err(|error| {
         let status = if error.is_data() { StatusCode::UNPROCESSABLE_ENTITY } else { StatusCode::BAD_REQUEST };
-        Problem::new(status, format!("the body: {error}"), "GET /api/openapi.json says what is allowed")
+        let what = if error.field().is_empty() { "the body: " } else { "" };
+        Problem::new(status, format!("{what}{error}"), "GET /api/openapi.json says what is allowed")
     })
 }
 
@@ -160,7 +168,25 @@ impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Param<T
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
         let read = axum::extract::Path::<T>::from_request_parts(parts, state).await;
         read.map(|axum::extract::Path(value)| Self(value)).map_err(|rejection: PathRejection| {
-            Problem::unknown(format!("the path names no such thing: {}", rejection.body_text()), "")
+            Problem::unknown(format!("the path names no such thing: {}", wrong_part(&rejection)), "")
         })
+    }
+}
+
+/// Which part of a path is not what the route needs.
+fn wrong_part(rejection: &PathRejection) -> String {
+    let PathRejection::FailedToDeserializePathParams(failed) = rejection else {
+        return "its parts are missing".to_owned();
+    };
+    match failed.kind() {
+        ErrorKind::ParseErrorAtKey { value, .. }
+        | ErrorKind::ParseErrorAtIndex { value, .. }
+        | ErrorKind::ParseError { value, .. }
+        | ErrorKind::DeserializeError { value, .. } => {
+            let shown: String = value.chars().filter(|c| !c.is_control()).take(80).collect();
+            format!("a number is needed in place of `{shown}`")
+        }
+        ErrorKind::InvalidUtf8InPathParam { .. } => "a part of it is not Unicode".to_owned(),
+        _ => "its parts are not those of the route".to_owned(),
     }
 }

@@ -8,7 +8,7 @@ use std::{
 };
 
 use axum::{Extension, Router, body::Body, http::Request};
-use bottega_cluster::web_secrets::WebSecrets;
+use bottega_cluster::{deed_log::DeedLog, web_secrets::TokenRole};
 use hyper::{body::Incoming, server::conn::http1, service::service_fn};
 use hyper_util::{
     rt::{TokioIo, TokioTimer},
@@ -32,11 +32,9 @@ use crate::{
     source::ShownFarm,
     state::{Client, DoorState},
     timed_io::TimedIo,
-    tokens::{Tokens, VisitorRole},
+    tokens::TokenCookie,
 };
 
-/// Ports that are tried after the one that was named, where that is taken.
-const PORTS_TRIED: u16 = 20;
 /// After a connection could not be taken.
 const PAUSE: Duration = Duration::from_millis(50);
 /// Threads that ask the farm.
@@ -44,14 +42,14 @@ const THREADS_MAX: usize = 32;
 
 /// The options of a door.
 pub struct DoorOptions {
-    /// Where to listen. Beyond this machine it speaks TLS alone.
-    pub address: SocketAddr,
-    /// Whether no other port may take the place of one that is taken.
-    pub is_firm: bool,
-    /// Whom it lets in, and how it is known.
-    pub secrets: WebSecrets,
+    /// Where it is reached. Beyond this machine it speaks TLS alone.
+    pub listener: TcpListener,
+    /// How it is known beyond this machine: a certificate and its key (PEM).
+    pub certificate: (String, String),
     /// Names that it is called by beside its addresses: `farm.example:8443`.
     pub names: Vec<String>,
+    /// Where it notes who did what; none: it does not.
+    pub log: Option<DeedLog>,
 }
 
 /// A door that is open until the process ends.
@@ -65,26 +63,24 @@ impl Door {
     /// Listens, and serves from now on.
     ///
     /// # Errors
-    /// The address cannot be listened on, or the certificate is none.
+    /// The certificate is none, or the operating system gives no thread.
     pub fn open(farm: Arc<dyn ShownFarm>, options: DoorOptions) -> Result<Self, ServeError> {
-        let DoorOptions { address, is_firm, secrets, names } = options;
-        let listener = listen(address, is_firm)?;
-        let failed = |source| ServeError::Listen { address, source };
-        listener.set_nonblocking(true).map_err(failed)?;
-        let bound = listener.local_addr().map_err(failed)?;
+        let DoorOptions { listener, certificate, names, log } = options;
+        listener.set_nonblocking(true)?;
+        let bound = listener.local_addr()?;
         let is_secure = !bound.ip().is_loopback();
-        let tls = is_secure.then(|| acceptor(&secrets)).transpose()?;
-        let tokens = Tokens::new(secrets.see, secrets.steer, bound.port(), is_secure);
-        let state = Arc::new(DoorState::new(farm, tokens, HostNames::new(bound, &names, is_secure)));
+        let tls = is_secure.then(|| acceptor(&certificate)).transpose()?;
+        let cookie = TokenCookie::new(bound.port(), is_secure);
+        let hosts = HostNames::new(bound, &names, is_secure);
+        let state = Arc::new(DoorState::new(farm, cookie, hosts, log));
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .max_blocking_threads(THREADS_MAX)
             .thread_name("web")
-            .build()
-            .map_err(failed)?;
+            .build()?;
         let router = routes::router(&state);
         let serve = move || runtime.block_on(serve(listener, tls, &router));
-        thread::Builder::new().name("web".to_owned()).spawn(serve).map_err(failed)?;
+        thread::Builder::new().name("web".to_owned()).spawn(serve)?;
         Ok(Self { address: bound, is_secure, state })
     }
 
@@ -93,37 +89,29 @@ impl Door {
         self.address
     }
 
+    /// Where it is, without a token.
+    pub fn url(&self) -> String {
+        let scheme = if self.is_secure { "https" } else { "http" };
+        let host = if self.address.ip().is_unspecified() { "127.0.0.1".to_owned() } else { host_of(self.address) };
+        format!("{scheme}://{host}:{}", self.address.port())
+    }
+
     /// Where one steers from.
     pub fn steering_url(&self) -> String {
-        self.url(VisitorRole::Steer)
+        self.url_of(TokenRole::Steer)
     }
 
     /// Where one looks on.
     pub fn seeing_url(&self) -> String {
-        self.url(VisitorRole::See)
+        self.url_of(TokenRole::See)
     }
 
-    fn url(&self, role: VisitorRole) -> String {
-        let scheme = if self.is_secure { "https" } else { "http" };
-        let host = if self.address.ip().is_unspecified() { "127.0.0.1".to_owned() } else { host_of(self.address) };
-        format!("{scheme}://{host}:{}/?token={}", self.address.port(), self.state.tokens.of(role))
+    fn url_of(&self, role: TokenRole) -> String {
+        format!("{}/?token={}", self.url(), self.state.farm.own_token(role))
     }
 }
 
-fn listen(address: SocketAddr, is_firm: bool) -> Result<TcpListener, ServeError> {
-    let failed = |source| ServeError::Listen { address, source };
-    match TcpListener::bind(address) {
-        Err(_) if !is_firm && address.port() != 0 => {
-            let others = (address.port()..).skip(1).take(PORTS_TRIED.into()).chain([0]);
-            let mut found = others.map(|port| TcpListener::bind(SocketAddr::new(address.ip(), port)));
-            found.find_map(Result::ok).map_or_else(|| TcpListener::bind(address).map_err(failed), Ok)
-        }
-        bound => bound.map_err(failed),
-    }
-}
-
-fn acceptor(secrets: &WebSecrets) -> Result<TlsAcceptor, ServeError> {
-    let (certificate, key) = &secrets.certificate;
+fn acceptor((certificate, key): &(String, String)) -> Result<TlsAcceptor, ServeError> {
     let wrong = |what: &dyn std::fmt::Display| ServeError::Secrets(format!("its certificate: {what}"));
     let certificate =
         CertificateDer::from_pem_slice(certificate.as_bytes()).map_err(|error| wrong(&format!("{error:?}")))?;

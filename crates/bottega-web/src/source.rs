@@ -14,6 +14,8 @@ use bottega_cluster::{
     rules_of_job::{JobRules, ZoneRules},
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,
+    web_secrets::TokenRole,
+    web_tokens::{TokenHolder, WebToken},
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -204,21 +206,23 @@ pub trait ShownFarm: Send + Sync + 'static {
 
     /// Steers a job.
     ///
+    /// - `by`: who wants it, for logs; so of all others that change something.
+    ///
     /// # Errors
     /// It cannot be done to this job, now or ever.
-    fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem>;
+    fn steer(&self, number: u32, order: JobOrder, by: &str) -> Result<(), Problem>;
 
     /// Has a zone of a job painted again.
     ///
     /// # Errors
     /// There is none of that number, or it is not done.
-    fn requeue(&self, number: u32, zone: u32) -> Result<(), Problem>;
+    fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Problem>;
 
     /// Tells a machine what to do.
     ///
     /// # Errors
     /// It is not there, or takes no orders.
-    fn tell(&self, machine: &str, standing: PresenceState) -> Result<(), Problem>;
+    fn tell(&self, machine: &str, standing: PresenceState, by: &str) -> Result<(), Problem>;
 
     /// Takes note of a file that a client is about to send.
     ///
@@ -236,11 +240,35 @@ pub trait ShownFarm: Send + Sync + 'static {
     ///
     /// # Errors
     /// It cannot be painted.
-    fn submit(&self, asked: Submission) -> Result<Vec<u32>, Problem>;
+    fn submit(&self, asked: Submission, by: &str) -> Result<Vec<u32>, Problem>;
 
     /// A request with its files on this machine, so that its scene can be looked at.
     ///
     /// # Errors
     /// There is no such file, or this is no farm.
     fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem>;
+
+    /// Whose token is shown. `None`: it is nobody's, or was revoked. Answered at once.
+    fn holder(&self, token: &str) -> Option<TokenHolder>;
+
+    /// The token of a role that whoever opened the door is told.
+    fn own_token(&self, role: TokenRole) -> String;
+
+    /// All tokens, by name.
+    ///
+    /// # Errors
+    /// The farm does not answer.
+    fn tokens(&self) -> Result<Vec<WebToken>, Problem>;
+
+    /// Makes a token.
+    ///
+    /// # Errors
+    /// The name is none or is taken.
+    fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Problem>;
+
+    /// Revokes a token.
+    ///
+    /// # Errors
+    /// There is none of that name.
+    fn revoke_token(&self, name: &str, by: &str) -> Result<(), Problem>;
 }

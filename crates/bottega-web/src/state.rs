@@ -3,6 +3,7 @@
 use std::{net::IpAddr, sync::Arc, time::Duration};
 
 use axum::http::StatusCode;
+use bottega_cluster::deed_log::DeedLog;
 use tokio::sync::Semaphore;
 
 use crate::{
@@ -11,7 +12,7 @@ use crate::{
     limits::{EVENT_STREAMS_MAX, QUESTIONS_MAX, SUBMISSIONS_MAX, Tempo},
     problem::Problem,
     source::ShownFarm,
-    tokens::Tokens,
+    tokens::TokenCookie,
     viewports::Viewports,
 };
 
@@ -22,7 +23,9 @@ pub(crate) struct Client(pub(crate) IpAddr);
 /// What all requests to a door share.
 pub(crate) struct DoorState {
     pub(crate) farm: Arc<dyn ShownFarm>,
-    pub(crate) tokens: Tokens,
+    pub(crate) cookie: TokenCookie,
+    /// What was done here, where it is noted.
+    pub(crate) deeds: Option<DeedLog>,
     pub(crate) hosts: HostNames,
     pub(crate) tempo: Tempo,
     /// Streams of events.
@@ -37,11 +40,12 @@ pub(crate) struct DoorState {
 }
 
 impl DoorState {
-    pub(crate) fn new(farm: Arc<dyn ShownFarm>, tokens: Tokens, hosts: HostNames) -> Self {
+    pub(crate) fn new(farm: Arc<dyn ShownFarm>, cookie: TokenCookie, hosts: HostNames, deeds: Option<DeedLog>) -> Self {
         let permits = |count| Arc::new(Semaphore::new(count));
         Self {
             farm,
-            tokens,
+            cookie,
+            deeds,
             hosts,
             tempo: Tempo::default(),
             streams: permits(EVENT_STREAMS_MAX),

@@ -19,7 +19,7 @@
 //! | what | where |
 //! |---|---|
 //! | what may be asked for: sections, words, limits, checks | [`request`]: `src/request/sections.rs`, `src/request/choices.rs`, `src/request/limits.rs`, `src/request/validate.rs` |
-//! | requests as JSON; one field set by its path | `src/request/json.rs`, `src/request/set.rs` |
+//! | requests as JSON; one field set by its path; what is wrong with JSON, in plain words | `src/request/json.rs`, `src/request/set.rs`; [`json`] |
 //! | the way from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs`, `src/session/looking.rs` |
 //! | what is told meanwhile, and to whom | [`events`]; `src/session/reporter.rs`, `src/session/watcher.rs` |
 //! | the picture, its files and its metadata | [`picture`] |
@@ -53,6 +53,7 @@ mod formats;
 pub mod frames;
 pub mod identity;
 pub mod journal;
+pub mod json;
 pub mod loaded_scene;
 pub mod method;
 pub mod picture;

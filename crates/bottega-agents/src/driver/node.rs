@@ -4,7 +4,7 @@ use std::{
     collections::hash_map::RandomState,
     hash::{BuildHasher, Hasher},
     io,
-    net::{SocketAddr, TcpStream, ToSocketAddrs},
+    net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs},
     sync::{Arc, atomic::AtomicU64, mpsc},
     thread,
     time::Duration,
@@ -61,8 +61,6 @@ pub type TraceLine = fn(&Passage, Calendar) -> String;
 pub struct NodeConfig {
     /// The name of the platform: what stands behind `@` in the names of its agents.
     pub name: String,
-    /// Where to listen; port 0: any that is free.
-    pub listen: SocketAddr,
     /// What others shall connect to, as `host:port`, where that is not where it listens.
     pub public: Option<String>,
     /// What the services know. Nodes over the same entries serve one platform.
@@ -86,9 +84,6 @@ pub struct NodeConfig {
 /// Why there is no node.
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
-    /// The address cannot be listened on.
-    #[error("cannot listen on {0}")]
-    Listen(SocketAddr, #[source] io::Error),
     /// The operating system gives no thread.
     #[error("cannot start the platform")]
     Start(#[from] io::Error),
@@ -135,17 +130,17 @@ impl Ids {
 impl Node {
     /// Brings a platform to life.
     ///
+    /// - `listener`: where it is reached.
+    ///
     /// # Errors
-    /// The address is taken, the name is none, or the operating system gives no thread.
-    pub fn start(config: NodeConfig) -> Result<Self, NodeError> {
+    /// The name is none, or the operating system gives no thread.
+    pub fn start(listener: TcpListener, config: NodeConfig) -> Result<Self, NodeError> {
         let fits = |byte: u8| byte.is_ascii_alphanumeric() || b"-._:".contains(&byte);
         if config.name.is_empty() || config.name.len() > 200 || !config.name.bytes().all(fits) {
             return Err(NodeError::Name(config.name));
         }
-        let listen = |error| NodeError::Listen(config.listen, error);
-        let listener = std::net::TcpListener::bind(config.listen).map_err(listen)?;
-        listener.set_nonblocking(true).map_err(listen)?;
-        let local = listener.local_addr().map_err(listen)?;
+        listener.set_nonblocking(true)?;
+        let local = listener.local_addr()?;
         let host = config.public.clone().unwrap_or_else(|| local.to_string());
         let address = format!("http://{host}{PATH}");
         let ids = Ids::new(&config.name, &address);
@@ -424,7 +419,7 @@ fn dispatch(lanes: &[lanes::Sender<Outbound>], outbound: Outbound, gateway: &Gat
 
 /// The sockets of a node.
 struct NodeNetwork {
-    listener: std::net::TcpListener,
+    listener: TcpListener,
     gateway: GatewayReports,
     queues: Vec<lanes::Receiver<Outbound>>,
     platform: Arc<LocalPlatform<NodeMachine>>,

@@ -7,7 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::nodes::support::{self, Jade, Line, TAKEN, WAIT, config, is, node, node_over};
+use crate::nodes::support::{self, Jade, Line, TAKEN, WAIT, config, is, node, node_over, start};
 use bottega_agents::{
     Action, ActionOf, AgentId, Event, EventOf, Performative as P, StateMachine, Time,
     driver::node::Node,
@@ -77,7 +77,7 @@ fn directories_search_together_and_not_in_circles() {
     let b = node("b");
     let mut of_a = config("a", Box::new(bottega_agents::store::MemoryStore::default()));
     of_a.federates = vec![b.df().clone()];
-    let a = Node::start(of_a).unwrap();
+    let a = start(of_a);
     // Across platforms: an agent of A offers something at B.
     assert!(matches!(done(&a, "guest@a", b.df(), Function::Register(offer("guest@a"))), Outcome::Entered(_)));
     done(&a, "painter@a", a.df(), Function::Register(offer("painter@a")));
@@ -107,7 +107,7 @@ fn what_is_said_first_is_in_the_form_that_was_set_or_that_the_other_has_shown() 
     let mut config = config("a", Box::new(bottega_agents::store::MemoryStore::default()));
     let by_platform = std::collections::BTreeMap::from([("old".to_owned(), Form::String)]);
     config.first_forms = FirstForms { default: Form::Xml, by_platform };
-    let a = Node::start(config).unwrap();
+    let a = start(config);
     let form_to = |from: &str, name: &str| {
         let to = AgentId { name: name.into(), addresses: vec![jade.address()].into() };
         a.say(&id(from), &to, M::Action(Function::GetDescription));
@@ -131,7 +131,7 @@ fn a_directory_that_ends_is_taken_out_of_others_unless_another_process_needs_it_
         let nowhere =
             AgentId { name: "df@nowhere".into(), addresses: vec!["http://127.0.0.1:9/acc".to_owned()].into() };
         config.federates = vec![b.df().clone(), nowhere];
-        Node::start(config).unwrap()
+        start(config)
     };
     let directories = |name: &str| {
         let service = ServiceDescription { service_type: Some("fipa-df".into()), ..Default::default() };

@@ -147,13 +147,16 @@ pub(crate) fn node(name: &str) -> Node {
 }
 
 pub(crate) fn node_over(name: &str, store: Box<dyn EntryStore<String, usize> + Send>) -> Node {
-    Node::start(config(name, store)).unwrap()
+    start(config(name, store))
+}
+
+pub(crate) fn start(config: NodeConfig) -> Node {
+    Node::start(TcpListener::bind("127.0.0.1:0").unwrap(), config).unwrap()
 }
 
 pub(crate) fn config(name: &str, store: Box<dyn EntryStore<String, usize> + Send>) -> NodeConfig {
     NodeConfig {
         name: name.to_owned(),
-        listen: "127.0.0.1:0".parse().unwrap(),
         public: None,
         store,
         lease_max: None,

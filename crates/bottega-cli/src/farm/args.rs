@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bottega_cluster::{Credentials, FarmAddress, FarmLink, JobBoard, link};
+use bottega_cluster::{Credentials, FarmAddress, FarmLink, JobBoard, link_as};
 use clap::{Args, ValueHint};
 
 use crate::{config, error::CliError};
@@ -42,8 +42,13 @@ impl LoginArgs {
 
     /// Links up with a farm: the one that is named, that of the configuration file, or the one of this machine.
     pub(crate) fn link(&self, farm: Option<&FarmAddress>) -> Result<FarmLink, CliError> {
+        self.link_as(farm, None)
+    }
+
+    /// The same as a machine of this name.
+    pub(super) fn link_as(&self, farm: Option<&FarmAddress>, name: Option<&str>) -> Result<FarmLink, CliError> {
         let credentials = self.credentials(farm);
-        Ok(link(farm.cloned().or_else(config::farm_address).as_ref(), &credentials)?)
+        Ok(link_as(farm.cloned().or_else(config::farm_address).as_ref(), &credentials, name)?)
     }
 }
 

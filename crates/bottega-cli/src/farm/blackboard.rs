@@ -48,7 +48,7 @@ pub(crate) fn run(args: &BlackboardArgs) -> Result<ExitCode, CliError> {
 }
 
 fn newest(board: &JobBoard) -> Result<(u32, Job), CliError> {
-    let jobs = board.all();
+    let jobs = board.shown_jobs();
     let under_way = jobs.iter().rev().find(|(_, job)| !job.state.is_over());
     under_way.or(jobs.last()).cloned().ok_or_else(|| {
         CliError::usage("the farm has no jobs", "ask for a picture: bottega render scene.glb -o picture.exr --farm")

@@ -8,6 +8,7 @@ use bottega_cluster::{
     job::unix_seconds,
     jobs::{fetch, known, remove, set_priority, steer},
     machine::PresenceState,
+    names::host_name,
     refusals::RefusalWatch,
     room::{MAKE_ROOM, bytes_said},
     society::Society,
@@ -68,10 +69,10 @@ pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
     match &args.command {
         JobsCommand::List => list(&board, args.farm.json),
         JobsCommand::Show { number } => show(&board, *number, args.farm.json)?,
-        JobsCommand::Pause { number } => steer(&board, *number, &JobState::Paused, "paused")?,
-        JobsCommand::Resume { number } => steer(&board, *number, &JobState::Active, "resumed")?,
-        JobsCommand::Cancel { number } => steer(&board, *number, &JobState::Cancelled, "called off")?,
-        JobsCommand::Priority { number, priority } => set_priority(&board, *number, *priority)?,
+        JobsCommand::Pause { number } => steer(&board, *number, &JobState::Paused, &by())?,
+        JobsCommand::Resume { number } => steer(&board, *number, &JobState::Active, &by())?,
+        JobsCommand::Cancel { number } => steer(&board, *number, &JobState::Cancelled, &by())?,
+        JobsCommand::Priority { number, priority } => set_priority(&board, *number, *priority, &by())?,
         JobsCommand::Log { number } => log(&known(&board, *number)?, args.farm.json),
         JobsCommand::Fetch { number, output } => {
             println!("{}", fetch(&board, *number, output.clone())?.display());
@@ -81,15 +82,20 @@ pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Who steers, for the log of the job.
+fn by() -> String {
+    format!("`bottega jobs` on {}", host_name())
+}
+
 fn list(board: &JobBoard, as_json: bool) {
-    let seats = board.presences();
+    let seats = board.shown_machines(board.presences());
     if !as_json {
         println!(
             "{:>4}  {:<9} {:>5}  {:>8}  {:>8}  {:>8}  {:<24} scene",
             "job", "state", "done", "priority", "machines", "holds", "from"
         );
     }
-    let jobs = board.all();
+    let jobs = board.shown_jobs();
     let held = board.held(&jobs);
     for (number, job) in jobs {
         let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
@@ -133,7 +139,8 @@ fn list(board: &JobBoard, as_json: bool) {
 
 /// What the farm's server keeps, what is on its way there, and what can be done when that is too much.
 fn tell_room(board: &JobBoard) {
-    for (process, sent) in board.transfers() {
+    let transfers = if board.uplink.is_guest() { Vec::new() } else { board.transfers() };
+    for (process, sent) in transfers {
         println!("{process} sends a scene: {} of {}", bytes_said(sent.sent), bytes_said(sent.bytes));
     }
     if let Some(room) = board.room() {
@@ -147,7 +154,7 @@ fn tell_room(board: &JobBoard) {
 fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     let job = known(board, number)?;
     let lead = board.lead(number).unwrap_or_default();
-    let all = board.presences();
+    let all = board.shown_machines(board.presences());
     // A machine that was killed does not say that it has left.
     let seats: Vec<_> = all.iter().filter(|seat| seat.job == Some(number) && !job.state.is_over()).collect();
     let view = JobView::of(number, &job, &lead, seats.len());
@@ -224,7 +231,7 @@ fn tell_society(society: &Society) {
     }
 }
 
-fn ago(at: u64) -> String {
+pub(super) fn ago(at: u64) -> String {
     duration(Duration::from_secs(unix_seconds().saturating_sub(at)))
 }
 

@@ -10,6 +10,7 @@ use bottega::{
 };
 use bottega_cluster::{
     FarmAddress,
+    names::MACHINE_NAME_MAX,
     owner::{DailyHours, OwnerConditions},
     worker::{self, JoinOptions, WorkerDevices, WorkerMessage},
 };
@@ -52,6 +53,10 @@ pub(crate) struct JoinArgs {
     /// How much of them, in gigabytes; what was used longest ago goes first. [default: 20]
     #[arg(long, value_name = "GB", value_parser = parse_gigabytes)]
     cache_size: Option<u64>,
+    /// What the farm calls this machine: letters, digits and hyphens; letters of its key follow. Default: as the farm knows it, or
+    /// else the name of the host. Processes of different names are different machines.
+    #[arg(long, value_name = "NAME", value_parser = parse_name)]
+    name: Option<String>,
     /// A word for what this machine is, such as `gpu` or `studio-a`: jobs may ask for it (`render --require`). May be said again.
     #[arg(long = "tag", value_name = "TAG", value_parser = parse_tag)]
     tags: Vec<String>,
@@ -99,7 +104,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
             CliError::failed(format!("cannot go behind others by {steps} steps: {error}"), "leave out --nice")
         })?;
     }
-    let link = args.login.link(args.farm.as_ref())?;
+    let link = args.login.link_as(args.farm.as_ref(), args.name.as_deref())?;
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
     let how = if link.uplink.is_guest() { "as a guest: " } else { "" };
@@ -125,6 +130,14 @@ fn parse_tag(text: &str) -> Result<String, String> {
     is_tag(text).then(|| text.to_owned()).ok_or_else(|| TAG_FORM.to_owned())
 }
 
+/// The name of a machine, such as `studio-a`.
+fn parse_name(text: &str) -> Result<String, String> {
+    let fits = text.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+    let wrong =
+        || format!("a name of letters, digits and hyphens is needed, {MACHINE_NAME_MAX} at most, such as studio-a");
+    (fits && (1..=MACHINE_NAME_MAX).contains(&text.len())).then(|| text.to_owned()).ok_or_else(wrong)
+}
+
 /// A part of the day, such as `20:00-08:00`.
 fn parse_hours(text: &str) -> Result<DailyHours, String> {
     let minute = |text: &str| {
@@ -144,6 +157,14 @@ fn parse_load(text: &str) -> Result<f32, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_machine_has_a_name_of_letters_digits_and_hyphens() {
+        assert_eq!(parse_name("studio-A2"), Ok("studio-A2".to_owned()));
+        for wrong in ["", "a b", "a.b", "é", "a/b", &"a".repeat(MACHINE_NAME_MAX + 1)] {
+            assert!(parse_name(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn hours_are_two_times_of_a_day() {

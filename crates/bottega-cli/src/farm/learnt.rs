@@ -25,7 +25,7 @@ pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, C
     let (board, name) = (farm.board()?, machine_of(name));
     let experience = board.experience(name);
     let reliability = board.reliabilities().get(name).copied();
-    if experience.is_empty() && reliability.is_none() {
+    if !board.shows_machine(name) || experience.is_empty() && reliability.is_none() {
         return Err(unknown(&board, name));
     }
     tell(name, None, reliability, &experience, farm.json);
@@ -59,7 +59,8 @@ pub(super) fn forget(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode,
 }
 
 fn unknown(board: &JobBoard, name: &str) -> CliError {
-    let known = board.experienced();
+    let mut known = board.experienced();
+    known.retain(|machine| board.shows_machine(machine));
     let remedy = match known.is_empty() {
         true => "machines learn in the jobs that they paint for a farm".to_owned(),
         false => format!("something is known of {}", known.join(", ")),

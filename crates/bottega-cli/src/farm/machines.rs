@@ -56,7 +56,7 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
         MachinesCommand::Terminate { name } => (name, PresenceState::Terminated),
     };
     let board = args.farm.board()?;
-    let there = board.present();
+    let there = board.shown_machines(board.present());
     let Some(seat) = there.iter().find(|seat| seat.name == *name) else {
         let remedy = "`bottega machines list` shows those that are there";
         return Err(CliError::failed(format!("no machine `{name}` is there"), remedy));

@@ -1,4 +1,4 @@
-//! `bottega up`, `web`, `join`, `jobs` and `machines`: farms, as people on a command line see and steer them.
+//! `bottega up`, `web`, `join`, `jobs`, `machines` and `tokens`: farms, as people on a command line see and steer them.
 
 mod args;
 mod blackboard;
@@ -7,6 +7,7 @@ mod jobs;
 mod join;
 mod learnt;
 mod machines;
+mod tokens;
 mod up;
 mod web;
 
@@ -16,6 +17,7 @@ pub(crate) use self::{
     jobs::{JobsArgs, run as jobs},
     join::{JoinArgs, run as join},
     machines::{MachinesArgs, run as machines},
+    tokens::{TokensArgs, run as tokens},
     up::{UpArgs, run as up},
     web::{WebCommandArgs, run as web},
 };

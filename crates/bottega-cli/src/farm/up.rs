@@ -1,19 +1,25 @@
 //! `bottega up`: a farm on this machine.
 
-use std::{net::SocketAddr, path::PathBuf, process::ExitCode};
+use std::{
+    net::{SocketAddr, TcpListener},
+    path::PathBuf,
+    process::ExitCode,
+};
 
 use bottega::StopSwitch;
 use bottega_agents::{AgentId, gateway::FirstForms};
 use bottega_cluster::{
     platform::{self, FarmPlatform, PlatformOptions},
-    up::{Invitation, LocalFarm, UpOptions},
+    ports::Port,
+    up::{FarmStart, Host, Invitation, LocalFarm, UpOptions},
 };
+use bottega_web::Door;
 use clap::{Args, ValueHint};
 
 use super::{
     args::parse_gigabytes,
     energy::TariffArgs,
-    web::{WebArgs, tell_door},
+    web::{WebArgs, door_said},
 };
 use crate::{
     error::CliError,
@@ -75,41 +81,12 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
         server: args.server.clone(),
         hidden: args.hidden,
     };
-    let platform = args.platform();
-    platform.validate()?;
-    match LocalFarm::up(&options)? {
-        LocalFarm::Here(host) => {
-            let stop = StopSwitch::new();
-            stop_on_signal(&stop)?;
-            println!("the farm is up (NATS {}). {}", host.server_version(), host.room_said());
-            tell(&host.invitation);
-            let served = match FarmPlatform::serve(host.board().clone(), &platform) {
-                Ok(served) => Some(served),
-                // Nobody asked for one.
-                Err(error) if args.fipa.is_none() => {
-                    tracing::warn!("the farm is no FIPA platform: {}", error.error_chain());
-                    None
-                }
-                Err(error) => return Err(error.into()),
-            };
-            if let Some(served) = &served {
-                println!("It is a FIPA platform at {}: see `bottega platform agents`.", served.node().address());
-            }
-            if !args.no_web {
-                match args.web.open(host.board().clone(), host.web_secrets.clone()) {
-                    Ok(door) => tell_door(&door),
-                    // Nobody asked for one.
-                    Err(error) if args.web.is_default() => tracing::warn!("the farm has no page: {error}"),
-                    Err(error) => return Err(error.into()),
-                }
-            }
-            host.board().set_tariff(&args.tariff.tariff()?)?;
-            watch_farm(&args.notifications, host.board().clone(), &stop)?;
-            host.keep_up(&stop, || _ = served.map(FarmPlatform::stop))?;
-        }
+    args.platform().validate()?;
+    match LocalFarm::claim(&options)? {
+        LocalFarm::Free(start) => keep_up(args, start)?,
         LocalFarm::Elsewhere { process, listen, invitation } => {
             println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
-            tell(&invitation);
+            print!("{}", invitation_said(&invitation));
             if !args.notifications.is_empty() {
                 println!("Nobody is told of its jobs by this process: give --on to the one that has it.");
             }
@@ -117,6 +94,38 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Begins a farm and keeps it up until the user wants to stop. All ports are bound before anything is started, and all runs before
+/// anybody is told.
+fn keep_up(args: &UpArgs, start: FarmStart) -> Result<(), CliError> {
+    let (platform, tariff) = (args.platform(), args.tariff.tariff()?);
+    let page = (!args.no_web).then(|| args.web.bind()).transpose()?;
+    let transport = platform.bind(Port::Platform)?;
+    let stop = StopSwitch::new();
+    stop_on_signal(&stop)?;
+    let mut host = start.begin()?;
+    let board = host.board().clone();
+    board.set_tariff(&tariff)?;
+    let served = FarmPlatform::serve(transport, board.clone(), &platform)?;
+    let open = |listener: TcpListener| args.web.open(listener, board.clone(), host.web_secrets.clone());
+    let door = page.map(open).transpose()?;
+    watch_farm(&args.notifications, board, &stop)?;
+    let address = served.node().address().to_owned();
+    host.announce(door.as_ref().map(Door::url), Some(address.clone()))?;
+    // At once: one who reads what is written finds all of it.
+    let page = door.as_ref().map(door_said).unwrap_or_default();
+    print!("{page}{}{}", said(&host), platform_said(&address));
+    Ok(host.keep_up(&stop, || served.stop())?)
+}
+
+fn said(host: &Host) -> String {
+    let (version, room) = (host.server_version(), host.room_said());
+    format!("The farm is up (NATS {version}). {room}\n{}", invitation_said(&host.invitation))
+}
+
+fn platform_said(address: &str) -> String {
+    format!("It is a FIPA platform at {address}: see `bottega platform agents`.\n")
 }
 
 impl UpArgs {
@@ -135,8 +144,10 @@ impl UpArgs {
     }
 }
 
-fn tell(Invitation { trusted, guest }: &Invitation) {
-    print!("On each other machine:\n\n  bottega join {trusted}\n\n");
-    print!("or, where a machine is to paint and no more:\n\n  bottega join {guest}\n\n");
-    print!("and here, or on any that joined by the first line:\n\n  bottega render SCENE -o PICTURE --farm\n\n");
+fn invitation_said(Invitation { trusted, guest }: &Invitation) -> String {
+    format!(
+        "On each other machine:\n\n  bottega join {trusted}\n\n\
+         or, where a machine is to paint and no more:\n\n  bottega join {guest}\n\n\
+         and here, or on any that joined by the first line:\n\n  bottega render SCENE -o PICTURE --farm\n\n"
+    )
 }

@@ -1,7 +1,7 @@
 //! The page and HTTP API of a farm: `bottega up` serves them, and `bottega web` in any other process.
 
 use std::{
-    net::{IpAddr, Ipv4Addr, SocketAddr},
+    net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener},
     process::ExitCode,
     sync::Arc,
     thread,
@@ -9,7 +9,13 @@ use std::{
 };
 
 use bottega::StopSwitch;
-use bottega_cluster::{JobBoard, address::saved_address, web_secrets::WebSecrets};
+use bottega_cluster::{
+    Error, JobBoard,
+    address::saved_address,
+    deed_log::DeedLog,
+    ports::{Port, bind, bind_near},
+    web_secrets::WebSecrets,
+};
 use bottega_web::{Door, DoorOptions, LinkedFarm, ServeError};
 use clap::Args;
 
@@ -18,6 +24,8 @@ use crate::{error::CliError, signals::stop_on_signal};
 
 /// Where it is where nobody says; or the next port that is free.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);
+/// Ports that are tried after this one.
+const PORTS_TRIED: u16 = 20;
 /// How often is looked whether the user wants to stop.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
@@ -46,35 +54,36 @@ pub(crate) struct WebCommandArgs {
 }
 
 impl WebArgs {
-    /// Whether nobody said where.
-    pub(super) fn is_default(&self) -> bool {
-        self.web.is_none()
+    /// Binds the port of the page.
+    pub(super) fn bind(&self) -> Result<TcpListener, Error> {
+        self.web.map_or_else(|| bind_near(Port::Page, LISTEN, PORTS_TRIED), |address| bind(Port::Page, address))
     }
 
     /// Opens a door to a farm, until the process ends.
-    pub(super) fn open(&self, board: JobBoard, secrets: WebSecrets) -> Result<Door, ServeError> {
-        let options = DoorOptions {
-            address: self.web.unwrap_or(LISTEN),
-            is_firm: self.web.is_some(),
-            secrets,
-            names: self.web_name.clone(),
-        };
-        Door::open(Arc::new(LinkedFarm::new(board)), options)
+    pub(super) fn open(&self, listener: TcpListener, board: JobBoard, secrets: WebSecrets) -> Result<Door, ServeError> {
+        let certificate = secrets.certificate.clone();
+        let (names, log) = (self.web_name.clone(), Some(DeedLog::of_user()));
+        let options = DoorOptions { listener, certificate, names, log };
+        Door::open(Arc::new(LinkedFarm::new(board, secrets)), options)
     }
 }
 
-/// Tells where a door is.
-pub(super) fn tell_door(door: &Door) {
-    print!("See and steer the farm in a browser:\n\n  {}\n\n", door.steering_url());
-    print!("or, for those who are to look on alone:\n\n  {}\n\n", door.seeing_url());
+/// Where a door is, for people.
+pub(super) fn door_said(door: &Door) -> String {
+    format!(
+        "See and steer the farm in a browser:\n\n  {}\n\nor, for those who are to look on alone:\n\n  {}\n\n",
+        door.steering_url(),
+        door.seeing_url()
+    )
 }
 
 pub(crate) fn run(args: &WebCommandArgs) -> Result<ExitCode, CliError> {
     let stop = StopSwitch::new();
     stop_on_signal(&stop)?;
     let secrets = WebSecrets::of_farm(&args.farm.address().map_or_else(saved_address, Ok)?)?;
-    let door = args.web.open(args.farm.board()?, secrets)?;
-    tell_door(&door);
+    let listener = args.web.bind()?;
+    let door = args.web.open(listener, args.farm.board()?, secrets)?;
+    print!("{}", door_said(&door));
     while !stop.is_requested() {
         thread::sleep(LOOK_EVERY);
     }

@@ -113,9 +113,10 @@ pub(crate) struct FirstForm {
 #[derive(Debug, Args)]
 pub(crate) struct AskArgs {
     /// The platform, such as http://host:7779/acc, or NAME=URL where that cannot be asked for its name (JADE:
-    /// jade=http://host:7778/acc).
-    #[arg(long, value_name = "URL", value_parser = parse_peer, default_value = "http://127.0.0.1:7779/acc")]
-    pub(crate) at: Peer,
+    /// jade=http://host:7778/acc). Default: that of `bottega up` on this machine, wherever it listens, or else
+    /// http://127.0.0.1:7779/acc.
+    #[arg(long, value_name = "URL", value_parser = parse_peer)]
+    pub(crate) at: Option<Peer>,
     /// The representation of the message that asks: string, or xml. Platforms answer in the same.
     #[arg(long, value_name = "FORM", value_parser = parse_form, default_value = "string")]
     pub(crate) first_representation: Form,
@@ -141,9 +142,10 @@ pub(crate) struct ServicesArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct TraceArgs {
-    /// The platform: one of ours, on this machine.
-    #[arg(long, value_name = "URL", value_parser = parse_peer, default_value = "http://127.0.0.1:7779/acc")]
-    pub(crate) at: Peer,
+    /// The platform: one of ours, on this machine. Default: that of `bottega up`, wherever it listens, or else
+    /// http://127.0.0.1:7779/acc.
+    #[arg(long, value_name = "URL", value_parser = parse_peer)]
+    pub(crate) at: Option<Peer>,
     /// Draw a message-sequence diagram, too; it is kept up to date while the trace goes on.
     #[arg(short, long, value_name = "FILE.svg", value_hint = ValueHint::FilePath)]
     pub(crate) output: Option<PathBuf>,

@@ -13,18 +13,21 @@ use bottega_agents::{
     sl::print_term,
     store::MemoryStore,
 };
+use bottega_cluster::ports::{Port, bind};
 use serde_json::json;
 
 use super::{
     args::{AskArgs, ServicesArgs},
     passed,
+    peer::Peer,
 };
 use crate::error::CliError;
 
 pub(super) fn agents(args: &AskArgs) -> Result<ExitCode, CliError> {
     let constraints = SearchConstraints { max_results: Some(-1), ..Default::default() };
     let function = Function::SearchAgents(AmsAgentDescription::default(), constraints);
-    let Outcome::Agents(agents) = ask(args, "ams", function)? else { return Err(strange(args)) };
+    let at = args.at.clone().unwrap_or_else(Peer::here);
+    let Outcome::Agents(agents) = ask(args, &at, "ams", function)? else { return Err(strange(&at)) };
     if !args.json {
         println!("{:<40} {:<10} addresses", "agent", "state");
     }
@@ -54,8 +57,9 @@ pub(super) fn services(args: &ServicesArgs) -> Result<ExitCode, CliError> {
         max_depth: (args.depth > 0).then_some(i64::from(args.depth)),
         search_id: None,
     };
-    let Outcome::Offers(offers) = ask(&args.ask, "df", Function::Search(template, constraints))? else {
-        return Err(strange(&args.ask));
+    let at = args.ask.at.clone().unwrap_or_else(Peer::here);
+    let Outcome::Offers(offers) = ask(&args.ask, &at, "df", Function::Search(template, constraints))? else {
+        return Err(strange(&at));
     };
     if !args.ask.json {
         println!("{:<40} {:<24} {:<20} properties", "agent", "service", "type");
@@ -99,16 +103,16 @@ fn name_of(agent: Option<&AgentId>) -> String {
     agent.map_or("-".to_owned(), ToString::to_string)
 }
 
-fn strange(args: &AskArgs) -> CliError {
-    CliError::failed(format!("{} answers something else than was asked", args.at.url), "is it a FIPA platform?")
+fn strange(at: &Peer) -> CliError {
+    CliError::failed(format!("{} answers something else than was asked", at.url), "is it a FIPA platform?")
 }
 
 /// Asks a service. The answer comes as a message of its own, so this is a platform for as long as it takes.
-fn ask(args: &AskArgs, service: &str, function: Function) -> Result<Outcome, CliError> {
-    let to = args.at.service(service)?;
-    let node = Node::start(NodeConfig {
-        name: format!("asker-{}-{}", std::process::id(), args.at.own_address().to_string().replace(':', "-")),
-        listen: SocketAddr::new(args.at.own_address(), 0),
+fn ask(args: &AskArgs, at: &Peer, service: &str, function: Function) -> Result<Outcome, CliError> {
+    let to = at.service(service)?;
+    let listener = bind(Port::OwnPlatform, SocketAddr::new(at.own_address(), 0))?;
+    let config = NodeConfig {
+        name: format!("asker-{}-{}", std::process::id(), at.own_address().to_string().replace(':', "-")),
         public: None,
         store: Box::new(MemoryStore::default()),
         lease_max: None,
@@ -118,12 +122,12 @@ fn ask(args: &AskArgs, service: &str, function: Function) -> Result<Outcome, Cli
         permanent: Vec::new(),
         trace_line: passed::line,
         first_forms: FirstForms { default: args.first_representation, ..FirstForms::default() },
-    })
-    .map_err(CliError::Node)?;
+    };
+    let node = Node::start(listener, config).map_err(CliError::Node)?;
     let me = AgentId::new(format!("asker@{}", node.ams().name.trim_start_matches("ams@")));
     let answer = node.ask(&me, &to, ManagementContent::Action(function), args.wait);
     let failed = |what: String| {
-        CliError::failed(format!("{to} at {}: {what}", args.at.url), "is its name right, and does it run there?")
+        CliError::failed(format!("{to} at {}: {what}", at.url), "is its name right, and does it run there?")
     };
     match answer {
         Err(error) => Err(failed(error.to_string())),

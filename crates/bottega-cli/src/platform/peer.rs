@@ -8,6 +8,7 @@ use std::{
 };
 
 use bottega_agents::{AgentId, driver::http::client::parse_address, sl};
+use bottega_cluster::{address::LocalAddresses, platform};
 
 use crate::error::CliError;
 
@@ -41,6 +42,14 @@ pub(crate) fn parse_peer(text: &str) -> Result<Peer, String> {
 }
 
 impl Peer {
+    /// The platform of this machine where none was named: that of `bottega up`, if it is there, or else the one at the usual address.
+    pub(super) fn here() -> Self {
+        let usual = Self { name: None, url: format!("http://{}/acc", platform::LISTEN) };
+        let of_farm = LocalAddresses::read().and_then(|addresses| parse_peer(&addresses.platform?).ok());
+        // `bottega up` may have been killed, and its file stays then.
+        of_farm.filter(|peer| peer.get(None).is_ok()).unwrap_or(usual)
+    }
+
     /// One of the platform's services; a platform that was not named is asked for its name.
     pub(crate) fn service(&self, local: &str) -> Result<AgentId, CliError> {
         let name = match &self.name {

@@ -1,6 +1,6 @@
 //! `bottega platform serve`: a platform until Ctrl-C.
 
-use std::{process::ExitCode, sync::mpsc};
+use std::{net::TcpListener, process::ExitCode, sync::mpsc};
 
 use bottega_agents::{
     AgentId,
@@ -15,6 +15,7 @@ use serde_json::json;
 use bottega_cluster::{
     JobBoard,
     platform::{self, FarmPlatform, PlatformOptions},
+    ports::{Port, bind},
 };
 
 use super::{
@@ -37,12 +38,16 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         first_forms: first_forms(&args.first_representation),
     };
     options.validate()?;
+    let listener = match &args.farm {
+        Some(_) => options.bind(Port::OwnPlatform)?,
+        None => bind(Port::OwnPlatform, options.listen.unwrap_or(platform::LISTEN))?,
+    };
     let served = match &args.farm {
         Some(farm) => {
             let board = JobBoard { uplink: args.login.link(farm.as_ref())?.uplink };
-            ServedPages::Farm(FarmPlatform::serve(board.clone(), &options)?, board)
+            ServedPages::Farm(FarmPlatform::serve(listener, board.clone(), &options)?, board)
         }
-        None => ServedPages::Alone(alone(options, store(args)?)?),
+        None => ServedPages::Alone(alone(listener, options, store(args)?)?),
     };
     // Whoever wants to end it must be heard from the first line on.
     let (interrupt, interrupted) = mpsc::channel();
@@ -80,10 +85,13 @@ impl ServedPages {
 }
 
 /// A platform that shows no farm.
-fn alone(options: PlatformOptions, store: Box<dyn EntryStore<String, usize> + Send>) -> Result<Node, CliError> {
-    let node = Node::start(NodeConfig {
+fn alone(
+    listener: TcpListener,
+    options: PlatformOptions,
+    store: Box<dyn EntryStore<String, usize> + Send>,
+) -> Result<Node, CliError> {
+    let config = NodeConfig {
         name: options.name,
-        listen: options.listen.unwrap_or(platform::LISTEN),
         public: options.public,
         store,
         lease_max: options.lease_max,
@@ -93,8 +101,8 @@ fn alone(options: PlatformOptions, store: Box<dyn EntryStore<String, usize> + Se
         permanent: Vec::new(),
         trace_line: options.trace_line,
         first_forms: options.first_forms,
-    });
-    node.map_err(CliError::Node)
+    };
+    Node::start(listener, config).map_err(CliError::Node)
 }
 
 /// What was said for all platforms, and for single ones; of several words for one the last counts.

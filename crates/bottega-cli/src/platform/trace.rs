@@ -10,7 +10,7 @@ use std::{
 
 use bottega_agents::driver::http::server::TRACE_PATH;
 
-use super::{args::TraceArgs, diagram, passed::PassedMessage};
+use super::{args::TraceArgs, diagram, passed::PassedMessage, peer::Peer};
 use crate::error::CliError;
 
 /// The most messages of a diagram; older ones go.
@@ -21,13 +21,14 @@ const DRAW_EVERY: Duration = Duration::from_secs(1);
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 pub(super) fn run(args: &TraceArgs) -> Result<ExitCode, CliError> {
+    let at = args.at.clone().unwrap_or_else(Peer::here);
     let failed = |what: String| {
         CliError::failed(
-            format!("cannot watch {}: {what}", args.at.url),
+            format!("cannot watch {}: {what}", at.url),
             "only a platform of ours on this machine can be watched",
         )
     };
-    let stream = args.at.get(Some(TRACE_PATH)).map_err(|error| failed(error.to_string()))?;
+    let stream = at.get(Some(TRACE_PATH)).map_err(|error| failed(error.to_string()))?;
     stream.set_read_timeout(Some(LOOK_EVERY)).map_err(|error| failed(error.to_string()))?;
     let mut lines = Lines { reader: BufReader::new(stream), part: Vec::new() };
     let mut in_head = true;
@@ -42,7 +43,7 @@ pub(super) fn run(args: &TraceArgs) -> Result<ExitCode, CliError> {
                 }
                 in_head = !line.is_empty();
                 if !in_head && !args.json {
-                    println!("watching {}; Ctrl-C ends it", args.at.url);
+                    println!("watching {}; Ctrl-C ends it", at.url);
                 }
             }
             Next::Line(line) => watch.take(&line),

@@ -32,11 +32,41 @@ fn a_guest_paints_and_can_do_nothing_else() {
         farm.succeed(&["jobs", "cancel", "2"]);
         let steer = farm.run(&["jobs", "cancel", "1", "--farm", &guest_line]);
         assert!(!steer.status.success());
-        assert!(farm.succeed(&["jobs", "list", "--farm", &guest_line]).contains("done"), "it may look");
+        sees_its_own_work_alone(&farm, &guest_line);
         hostile(&farm);
         assert!(guest.end(), "{}", farm.logs());
         assert!(painted(&farm.said("guest")) > 0.1, "{server:?}: {}", farm.logs());
     }
+}
+
+/// The guest has painted a part of job 1, and another machine is there. Job 2 nobody has painted.
+fn sees_its_own_work_alone(farm: &Farm, guest_line: &str) {
+    let [line, _] = farm.lines();
+    let words = ["join", "--threads", "1", "--name", "elsewhere", &line];
+    let _other = farm.spawn_in("state-of-other", &words, "other");
+    farm.until_says("other", "waiting for work");
+    let lines = |words: &[&str]| -> Vec<Value> {
+        let told = farm.succeed(&[words, &["--json"]].concat());
+        told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    };
+    let as_guest = ["--farm", guest_line];
+    let numbers = |jobs: Vec<Value>| jobs.into_iter().map(|job| job["job"].clone()).collect::<Vec<_>>();
+    assert_eq!(numbers(lines(&["jobs", "list"])), [1, 2]);
+    assert_eq!(numbers(lines(&[&["jobs", "list"], &as_guest[..]].concat())), [1]);
+    assert!(farm.succeed(&[&["jobs", "show", "1"], &as_guest[..]].concat()).contains("done"));
+    for words in [&["jobs", "show", "2"][..], &["jobs", "log", "2"], &["blackboard", "2"], &["jobs", "fetch", "2"]] {
+        let output = farm.run(&[words, &as_guest].concat());
+        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(!output.status.success() && told.contains("sees its own work alone"), "{words:?}: {told}");
+    }
+    let named = |machines: Vec<Value>| {
+        machines.iter().any(|it| it["machine"].as_str().is_some_and(|it| it.starts_with("elsewhere-")))
+    };
+    assert!(named(lines(&["machines", "list"])));
+    let seen = lines(&[&["machines", "list"], &as_guest[..]].concat());
+    assert!(!seen.is_empty() && !named(seen), "it is there itself");
+    let platform = farm.run(&["platform", "serve", "--listen", "127.0.0.1:0", &format!("--farm={guest_line}")]);
+    assert!(!platform.status.success(), "the pages of a platform show all");
 }
 
 /// The key of the guest, and its name.

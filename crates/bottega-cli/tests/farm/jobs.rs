@@ -148,6 +148,17 @@ fn what_cannot_be_is_told() {
         let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
         assert!(output.status.code() == Some(code) && told.contains(words), "{arguments:?}: {told}");
     }
+    // One who asks for what nobody has does not wait to see that nobody comes.
+    let path = farm.path("tagged.exr");
+    let words = ["render", "goblets.glb", "-o", text(&path), "--size", "32x24", "--farm", "--detach"];
+    let asked = farm.run(&[&words[..], &["--require", "mars", "--require", "gpu"]].concat());
+    for told in [String::from_utf8_lossy(&asked.stderr).into_owned(), farm.log_of(1)] {
+        let words = "is tagged `mars` and `gpu`: the job waits until one joins by `bottega join --tag mars --tag gpu`";
+        assert!(asked.status.success() && told.contains(words), "{told}");
+    }
+    farm.succeed(&["jobs", "cancel", "1"]);
+    assert!(farm.log_of(1).contains("called off by `bottega jobs` on "), "{}", farm.log_of(1));
+    farm.succeed(&["jobs", "remove", "1"]);
     // A job of another version is left to others, who are told.
     let job = r#"{"version":"0.0.1","work":9,"scene":"s","output":"o.exr","from":"f","submitted":1,"priority":10,
         "state":"active","log":[]}"#;

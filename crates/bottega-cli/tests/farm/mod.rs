@@ -16,6 +16,7 @@ mod jobs;
 mod others;
 mod owner;
 mod platform;
+mod ports;
 mod requests;
 mod room;
 mod strangers;

@@ -109,6 +109,7 @@ fn a_job_that_asks_for_a_tag_is_painted_by_machines_that_have_it_and_one_that_is
     assert!(bits(&path) == plain, "{}", farm.logs());
     ask("c.exr", "mars");
     assert!(farm.succeed(&["jobs", "show", "2"]).contains("for machines tagged mars: 0 of 2 there"));
+    assert!(!farm.log_of(1).contains("is tagged") && farm.log_of(2).contains("is tagged `mars`"), "{}", farm.log_of(2));
     let asked = farm.run(&["render", "goblets.glb", "-o", "d.exr", "--farm", "--require", "not a tag"]);
     assert!(!asked.status.success() && String::from_utf8_lossy(&asked.stderr).contains("a tag is of letters"));
     // Nobody paints with so little.

@@ -121,6 +121,9 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
         (json!({ "scene": { "file": "scenes/../../x.glb" } }), "scene.file"),
         (json!({ "output": { "file": "/root/.bashrc.png" } }), "output.file"),
         (json!({ "output": { "file": "../x.png" } }), "output.file"),
+        // The farm keeps the picture: no folder is meant, whether `bottega up` runs in one that has it or not.
+        (json!({ "output": { "file": "out/x.png" } }), "output.file"),
+        (json!({ "goal": { "samples": -1 } }), "`goal.samples` is -1: from 1 to"),
         (json!({ "environment": { "light": { "file": "/etc/passwd" } } }), "environment.light"),
         (json!({ "nonsense": 1 }), "nonsense"),
         (json!({ "film": { "size": [4_000_000, 4_000_000] } }), "film.size"),
@@ -189,6 +192,21 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
         assert!(!told.contains(text(&farm.path(""))) && !told.contains("/root") && !told.contains("/home"), "{told}");
     }
 
+    // Tokens have names, are taken at all doors, and can be revoked.
+    let made: Value =
+        serde_json::from_str(&farm.succeed(&["tokens", "make", "anna", "--role", "steer", "--json"])).expect("JSON");
+    let token = made["token"].as_str().expect("a token").to_owned();
+    assert_eq!(made["url"], format!("http://{}/?token={token}", steer.at));
+    let anna = Web { at: steer.at.clone(), token };
+    farm.until("the door knows it", || anna.get("/api/jobs").0 == 200);
+    let names = |told: Vec<u8>| {
+        let tokens: Vec<Value> = serde_json::from_slice(&told).expect("JSON");
+        tokens.iter().map(|token| format!("{} {}", token["name"], token["role"]).replace('"', "")).collect::<Vec<_>>()
+    };
+    assert_eq!(names(anna.get("/api/tokens").1), ["see see", "steer steer", "anna steer"]);
+    assert_eq!(see.get("/api/tokens").0, 403);
+    assert_eq!(anna.ask("DELETE", "/api/tokens/nobody", "text/plain", b"").0, 404);
+
     // The files of a job that is known are enough for another; another process serves the same farm, with the same tokens.
     let other = farm.spawn(&["web", "--web", "127.0.0.1:0"], "web.log");
     let [steer_there, _] = Web::doors(&farm, "web.log");
@@ -201,7 +219,21 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     assert_eq!((status, &told["job"]), (201, &json!(2)), "{told}");
     // What one door was told the other hears over the farm.
     farm.until("the first door knows it", || steer.job(2)["state"].is_string());
-    assert_eq!(steer.post("/api/jobs/2/pause", &json!({})).1["state"], "paused");
+    assert_eq!(anna.post("/api/jobs/2/pause", &json!({})).1["state"], "paused");
+    let log = farm.log_of(2);
+    assert!(log.contains("paused by the token `anna` at 127.0.0.1") && log.contains("the token `steer` at "), "{log}");
+    let noted = farm.said("state/bottega/web.log");
+    assert!(noted.contains(" anna 127.0.0.1 POST /api/jobs/2/pause 200\n"), "{noted}");
+    let again = farm.run(&["tokens", "make", "anna"]);
+    assert!(!again.status.success(), "the name is taken");
+    farm.succeed(&["tokens", "revoke", "anna"]);
+    farm.until("it is revoked at both doors", || {
+        let there = Web { at: steer_there.at.clone(), token: anna.token.clone() };
+        anna.get("/api/jobs").0 == 401 && there.get("/api/jobs").0 == 401
+    });
+    let renewed: Value = serde_json::from_str(&farm.succeed(&["tokens", "revoke", "see", "--json"])).expect("JSON");
+    let renewed = Web { at: see.at.clone(), token: renewed["token"].as_str().expect("a token").to_owned() };
+    farm.until("another one takes its place", || see.get("/api/jobs").0 == 401 && renewed.get("/api/jobs").0 == 200);
     farm.until("the other door knows", || steer_there.job(2)["state"] == "paused");
     let urgent = json!({ "priority": 30 }).to_string();
     assert_eq!(steer.ask("PUT", "/api/jobs/2/priority", "application/json", urgent.as_bytes()).0, 200);

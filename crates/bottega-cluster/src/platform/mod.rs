@@ -11,7 +11,7 @@ mod talk;
 mod terms;
 
 use std::{
-    net::{Ipv4Addr, SocketAddr},
+    net::{Ipv4Addr, SocketAddr, TcpListener},
     sync::Arc,
     time::Duration,
 };
@@ -20,7 +20,7 @@ use bottega_agents::{
     AgentId,
     driver::{
         nats::NoticePages,
-        node::{Node, NodeConfig, NodeError, TraceLine},
+        node::{Node, NodeConfig, TraceLine},
     },
     gateway::FirstForms,
 };
@@ -32,7 +32,12 @@ use self::{
     strangers::Strangers,
 };
 
-use crate::{JobBoard, cache::Cache, error::Error};
+use crate::{
+    JobBoard,
+    cache::Cache,
+    error::Error,
+    ports::{Port, bind, bind_near},
+};
 
 /// The name of a farm's platform where nobody says.
 pub const NAME: &str = bottega_farm::PLATFORM;
@@ -74,6 +79,17 @@ impl PlatformOptions {
             None => Ok(()),
         }
     }
+
+    /// Binds the port on which it listens.
+    ///
+    /// - `port`: who serves the platform, for errors.
+    ///
+    /// # Errors
+    /// The port is taken, or others cannot connect to it.
+    pub fn bind(&self, port: Port) -> Result<TcpListener, Error> {
+        self.validate()?;
+        self.listen.map_or_else(|| bind_near(port, LISTEN, 0), |listen| bind(port, listen))
+    }
 }
 
 /// A platform of a farm, served by this process.
@@ -89,13 +105,17 @@ pub struct FarmPlatform {
 impl FarmPlatform {
     /// Serves the platform over the pages of a farm.
     ///
+    /// - `listener`: where: see [`PlatformOptions::bind`].
+    ///
     /// # Errors
-    /// The address is taken, the name is none, or the operating system gives no thread.
-    pub fn serve(board: JobBoard, options: &PlatformOptions) -> Result<Self, Error> {
+    /// This machine is a guest of the farm, the name is none, or the operating system gives no thread.
+    pub fn serve(listener: TcpListener, board: JobBoard, options: &PlatformOptions) -> Result<Self, Error> {
+        // It shows all machines and jobs of the farm.
+        board.refuse_guests()?;
         // The agent of the jobs speaks for the farm: it resumes machines, which only the platform may.
         let jobs = jobs_id(&options.name);
         let seat = HostSeat::claim(&board, &options.name);
-        let node = Arc::new(start_node(&board, options, &jobs, seat.is_some())?);
+        let node = Arc::new(start_node(listener, &board, options, &jobs, seat.is_some())?);
         let Some(seat) = seat else { return Ok(Self { agents: None, strangers: None, node, jobs }) };
         let seat = seat.at(node.address());
         let agents = FarmAgents::begin(&node, &options.name, board.clone(), seat, &options.trusted)?;
@@ -133,25 +153,24 @@ impl FarmPlatform {
     }
 }
 
-fn start_node(board: &JobBoard, options: &PlatformOptions, jobs: &AgentId, is_host: bool) -> Result<Node, Error> {
-    let start = |listen| {
-        Node::start(NodeConfig {
-            name: options.name.clone(),
-            listen,
-            public: options.public.clone(),
-            store: Box::new(NoticePages::new(board.uplink.notices().clone(), &options.name)),
-            lease_max: options.lease_max,
-            federates: options.federates.clone(),
-            administrators: vec![jobs.clone()],
-            trusted: options.trusted.clone(),
-            permanent: Some(jobs.clone()).filter(|_| is_host).into_iter().collect(),
-            trace_line: options.trace_line,
-            first_forms: options.first_forms.clone(),
-        })
+fn start_node(
+    listener: TcpListener,
+    board: &JobBoard,
+    options: &PlatformOptions,
+    jobs: &AgentId,
+    is_host: bool,
+) -> Result<Node, Error> {
+    let config = NodeConfig {
+        name: options.name.clone(),
+        public: options.public.clone(),
+        store: Box::new(NoticePages::new(board.uplink.notices().clone(), &options.name)),
+        lease_max: options.lease_max,
+        federates: options.federates.clone(),
+        administrators: vec![jobs.clone()],
+        trusted: options.trusted.clone(),
+        permanent: Some(jobs.clone()).filter(|_| is_host).into_iter().collect(),
+        trace_line: options.trace_line,
+        first_forms: options.first_forms.clone(),
     };
-    let begun = match start(options.listen.unwrap_or(LISTEN)) {
-        Err(NodeError::Listen(..)) if options.listen.is_none() => start(SocketAddr::new(LISTEN.ip(), 0)),
-        begun => begun,
-    };
-    begun.map_err(Error::Platform)
+    Node::start(listener, config).map_err(Error::Platform)
 }

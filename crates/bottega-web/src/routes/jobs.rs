@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use axum::{
+    Extension,
     extract::{Request, State},
     http::{StatusCode, header},
     response::IntoResponse,
@@ -27,14 +28,19 @@ use crate::{
     route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, json_body, json_text, schema},
     source::{JobAgents, JobOrder, ShownFarm},
     state::DoorState,
+    tokens::TokenBearer,
 };
+
+/// Who asks.
+type By = Extension<TokenBearer>;
 
 /// How urgent a job shall be.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct PriorityChange {
     /// 1 to 1000: machines are shared out in proportion.
-    priority: u32,
+    #[schemars(with = "u32", range(min = 1, max = 1000))]
+    priority: serde_json::Number,
 }
 
 /// A job that was asked for.
@@ -184,7 +190,7 @@ async fn log(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.log(id)).await?))
 }
 
-async fn submit(State(door): AtDoor, request: Request) -> RouteResult {
+async fn submit(State(door): AtDoor, Extension(by): By, request: Request) -> RouteResult {
     let asked: Submission = json_body(request).await?;
     let busy = || {
         let detail = "another scene is looked through";
@@ -193,7 +199,7 @@ async fn submit(State(door): AtDoor, request: Request) -> RouteResult {
     let permit = Arc::clone(&door.submissions).try_acquire_owned().map_err(|_| busy())?;
     let job = door.ask(SUBMISSION_TIME, move |farm| {
         let _permit = permit;
-        farm.submit(asked)
+        farm.submit(asked, &by.said())
     });
     let mut jobs = job.await?;
     let job = jobs.first().copied().ok_or_else(|| {
@@ -209,45 +215,48 @@ async fn submit(State(door): AtDoor, request: Request) -> RouteResult {
     Ok(response)
 }
 
-async fn pause(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
-    steer(&door, id, JobOrder::Pause).await
+async fn pause(State(door): AtDoor, Extension(by): By, Param(id): Param<u32>) -> RouteResult {
+    steer(&door, id, JobOrder::Pause, &by).await
 }
 
-async fn resume(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
-    steer(&door, id, JobOrder::Resume).await
+async fn resume(State(door): AtDoor, Extension(by): By, Param(id): Param<u32>) -> RouteResult {
+    steer(&door, id, JobOrder::Resume, &by).await
 }
 
-async fn cancel(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
-    steer(&door, id, JobOrder::Cancel).await
+async fn cancel(State(door): AtDoor, Extension(by): By, Param(id): Param<u32>) -> RouteResult {
+    steer(&door, id, JobOrder::Cancel, &by).await
 }
 
-async fn requeue(State(door): AtDoor, Param((id, zone)): Param<(u32, u32)>) -> RouteResult {
+async fn requeue(State(door): AtDoor, Extension(by): By, Param((id, zone)): Param<(u32, u32)>) -> RouteResult {
     let job = door.ask(ANSWER_TIME, move |farm| {
-        farm.requeue(id, zone)?;
+        farm.requeue(id, zone, &by.said())?;
         farm.job(id)
     });
     Ok(json(&job.await?))
 }
 
-async fn priority(State(door): AtDoor, Param(id): Param<u32>, request: Request) -> RouteResult {
+async fn priority(State(door): AtDoor, Extension(by): By, Param(id): Param<u32>, request: Request) -> RouteResult {
     let PriorityChange { priority } = json_body(request).await?;
-    if !(1..=PRIORITY_MAX).contains(&priority) {
+    let allowed = priority.as_u64().and_then(|priority| u32::try_from(priority).ok());
+    let allowed = allowed.filter(|priority| (1..=PRIORITY_MAX).contains(priority));
+    let Some(priority) = allowed else {
         let detail = format!("`priority` is {priority}");
-        let remedy = format!("from 1 to {PRIORITY_MAX} is allowed");
+        let remedy = format!("a whole number from 1 to {PRIORITY_MAX} is allowed");
         return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, detail, remedy));
-    }
-    steer(&door, id, JobOrder::Priority(priority)).await
+    };
+    steer(&door, id, JobOrder::Priority(priority), &by).await
 }
 
-async fn remove(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
-    door.ask(ANSWER_TIME, move |farm| farm.steer(id, JobOrder::Remove)).await?;
+async fn remove(State(door): AtDoor, Extension(by): By, Param(id): Param<u32>) -> RouteResult {
+    door.ask(ANSWER_TIME, move |farm| farm.steer(id, JobOrder::Remove, &by.said())).await?;
     Ok(StatusCode::NO_CONTENT.into_response())
 }
 
 /// Steers a job, and shows it as it is then.
-async fn steer(door: &DoorState, id: u32, order: JobOrder) -> RouteResult {
+async fn steer(door: &DoorState, id: u32, order: JobOrder, by: &TokenBearer) -> RouteResult {
+    let by = by.said();
     let job = door.ask(ANSWER_TIME, move |farm| {
-        farm.steer(id, order)?;
+        farm.steer(id, order, &by)?;
         farm.job(id)
     });
     Ok(json(&job.await?))

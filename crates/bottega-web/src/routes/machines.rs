@@ -1,6 +1,7 @@
 //! Machines: who is there, and what they shall do.
 
 use axum::{
+    Extension,
     extract::State,
     routing::{get, post},
 };
@@ -12,13 +13,17 @@ use crate::{
     route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, schema},
     source::{MachineStatus, ShownFarm},
     state::DoorState,
+    tokens::TokenBearer,
 };
 
 pub(super) fn routes() -> Vec<Route> {
     let shown = RouteAnswer::Json(schema::<MachineStatus>);
     let steered = |path, summary, standing| {
-        let handler =
-            post(async move |State(door): AtDoor, Param(name): Param<String>| tell(&door, name, standing).await);
+        let handler = post(
+            async move |State(door): AtDoor, Extension(by): Extension<TokenBearer>, Param(name): Param<String>| {
+                tell(&door, name, standing, &by).await
+            },
+        );
         Route::done("post", path, summary, RouteBody::Nothing, shown, handler)
     };
     vec![
@@ -47,9 +52,10 @@ async fn show(State(door): AtDoor, Param(name): Param<String>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| named(farm, &name)).await?))
 }
 
-async fn tell(door: &DoorState, name: String, standing: PresenceState) -> RouteResult {
+async fn tell(door: &DoorState, name: String, standing: PresenceState, by: &TokenBearer) -> RouteResult {
+    let by = by.said();
     let machine = door.ask(ANSWER_TIME, move |farm| {
-        farm.tell(&name, standing)?;
+        farm.tell(&name, standing, &by)?;
         named(farm, &name)
     });
     Ok(json(&machine.await?))

@@ -6,6 +6,7 @@ mod jobs;
 mod layers;
 mod machines;
 mod pictures;
+mod tokens;
 mod uploads;
 mod viewports;
 
@@ -14,19 +15,19 @@ use std::sync::Arc;
 use axum::{
     Router,
     http::StatusCode,
-    middleware::{from_fn, from_fn_with_state},
+    middleware::from_fn_with_state,
     routing::{any, get},
 };
 use bottega::Request as PictureRequest;
+use bottega_cluster::web_secrets::TokenRole;
 use serde_json::Value;
 
 use crate::{
-    guard::{admit, guard, steering},
+    guard::{admit, guard, pace, steering},
     openapi, page,
     problem::Problem,
     route::{Route, RouteAnswer, json_text},
     state::DoorState,
-    tokens::VisitorRole,
 };
 
 /// The API of all doors, as OpenAPI 3.1.
@@ -42,13 +43,15 @@ fn all() -> Vec<Route> {
             "This API, as OpenAPI 3.1.",
             RouteAnswer::Media("application/json"),
             get(async || json_text(StatusCode::OK, openapi_document().to_string())),
-        ),
+        )
+        .for_all(),
         Route::told(
             "/api/schema/request",
             "The JSON Schema of a request: every field, what it means.",
             RouteAnswer::Media("application/schema+json"),
             get(async || json_text(StatusCode::OK, PictureRequest::schema().to_value().to_string())),
-        ),
+        )
+        .for_all(),
     ];
     all.extend(jobs::routes());
     all.extend(pictures::routes());
@@ -57,16 +60,22 @@ fn all() -> Vec<Route> {
     all.push(events::route());
     all.extend(uploads::routes());
     all.extend(machines::routes());
+    all.extend(tokens::routes());
     all.extend(viewports::routes());
     all
 }
 
 /// The page and the API of a door.
 pub(crate) fn router(state: &Arc<DoorState>) -> Router {
-    let mut api = Router::new();
-    for Route { path, role, handler, .. } in all() {
-        let handler = if role == VisitorRole::Steer { handler.layer(from_fn(steering)) } else { handler };
-        api = api.route(path, handler);
+    let (mut api, mut open) = (Router::new(), Router::new());
+    for Route { path, role, is_open, handler, .. } in all() {
+        let steered = || from_fn_with_state(Arc::clone(state), steering);
+        let handler = if role == TokenRole::Steer { handler.layer(steered()) } else { handler };
+        if is_open {
+            open = open.route(path, handler);
+        } else {
+            api = api.route(path, handler);
+        }
     }
     let unknown = async || Problem::unknown("there is no such route", "GET /api/openapi.json has all");
     let wrong_method = async || {
@@ -76,6 +85,7 @@ pub(crate) fn router(state: &Arc<DoorState>) -> Router {
     api.route("/api/{*unknown}", any(unknown))
         .method_not_allowed_fallback(wrong_method)
         .layer(from_fn_with_state(Arc::clone(state), admit))
+        .merge(open.method_not_allowed_fallback(wrong_method).layer(from_fn_with_state(Arc::clone(state), pace)))
         .merge(page::routes())
         .fallback(unknown)
         .layer(from_fn_with_state(Arc::clone(state), guard))

@@ -8,13 +8,15 @@ use axum::{
     routing::get,
 };
 
+use bottega_cluster::web_secrets::TokenRole;
+
 use crate::{
     limits::ANSWER_TIME,
     problem::Problem,
     redact::is_absolute,
     route::{AtDoor, Param, Route, RouteAnswer, RouteResult},
     source::PictureFile,
-    tokens::VisitorRole,
+    tokens::TokenBearer,
 };
 
 pub(super) fn routes() -> Vec<Route> {
@@ -72,10 +74,10 @@ pub(super) fn tagged(bytes: Vec<u8>, kind: &'static str, asked: &HeaderMap) -> R
 }
 
 /// The file holds the request as it was asked, with its paths: those who look on get none that is absolute.
-async fn picture(State(door): AtDoor, Extension(role): Extension<VisitorRole>, Param(id): Param<u32>) -> RouteResult {
+async fn picture(State(door): AtDoor, Extension(bearer): Extension<TokenBearer>, Param(id): Param<u32>) -> RouteResult {
     let asked = door.ask(ANSWER_TIME, move |farm| {
         let job = farm.job(id)?;
-        if role < VisitorRole::Steer && (is_absolute(&job.scene) || is_absolute(&job.output)) {
+        if bearer.role() < TokenRole::Steer && (is_absolute(&job.scene) || is_absolute(&job.output)) {
             let detail = "the picture's file tells where files lie on the machine of the one who asked";
             return Err(Problem::new(StatusCode::FORBIDDEN, detail, "only those who may steer get it"));
         }

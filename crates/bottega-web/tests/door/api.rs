@@ -11,11 +11,12 @@ use bottega::{
     Event, StopSwitch,
     events::{Progress, ZoneEvent},
 };
+use bottega_cluster::deed_log::DeedLog;
 use bottega_image::{ReadLimits, read_image_bytes};
 use bottega_web::{Dashboard, openapi_document};
 use serde_json::{Value, json};
 
-use crate::door::fake::{HIDDEN, SEE, STEER, ask, bearer, get, head, open, post, send, zone};
+use crate::door::fake::{HIDDEN, SEE, STEER, ask, bearer, get, head, made_token, open, open_with, post, send, zone};
 
 /// An example of each parameter.
 fn filled(path: &str) -> String {
@@ -49,11 +50,14 @@ fn the_document_and_the_door_know_the_same_routes() {
             };
             assert!(names.insert(route["operationId"].as_str().unwrap().to_owned()), "{route}");
             let is_steered = route["x-role"] == "steer";
-            // A viewport is its opener's.
-            assert_eq!(is_steered, method != "get" || path.starts_with("/api/viewports"), "{method} {path}");
+            // A viewport is its opener's, and tokens are for those who steer.
+            let is_private = ["/api/viewports", "/api/tokens"].iter().any(|start| path.starts_with(start));
+            assert_eq!(is_steered, method != "get" || is_private, "{method} {path}");
             // One who may not is told so before anything else is looked at.
             let without = ask(at, &method.to_uppercase(), &filled(path), "", b"");
-            assert_eq!(without.status, 401, "{method} {path}");
+            let is_open = ["/api/openapi.json", "/api/schema/request"].contains(&path.as_str());
+            assert_eq!(without.status, if is_open { 200 } else { 401 }, "{method} {path}");
+            assert_eq!((route["x-role"] == "none", route["security"].is_array()), (is_open, is_open), "{route}");
             if path.ends_with("/events") {
                 continue;
             }
@@ -67,6 +71,7 @@ fn the_document_and_the_door_know_the_same_routes() {
                     r#"{"request":{"scene":{"file":"a.glb"}},"files":{"a.glb":"x"}}"#
                 }
                 Some("#/components/schemas/PriorityChange") => r#"{"priority":30}"#,
+                Some("#/components/schemas/NewToken") => r#"{"name":"anna","role":"see"}"#,
                 Some("#/components/schemas/UploadOffer") => r#"{"name":"a","size":0,"digest":"x","chunks":[]}"#,
                 Some("#/components/schemas/ViewOptions") => r#"{"pose":{"eye":[0,1,3],"target":[0,1,0]}}"#,
                 Some(other) => panic!("a new kind of body: {other}"),
@@ -232,7 +237,8 @@ fn jobs_and_machines_are_steered() {
     ] {
         let answer = post(at, method, path, body);
         assert!((200..300).contains(&answer.status), "{method} {path}: {answer:?}");
-        assert_eq!(farm.noted(), [told]);
+        let by = " by the token `steer` at 127.0.0.1";
+        assert_eq!(farm.noted(), [format!("{told}{by}")]);
     }
     let created = post(at, "POST", "/api/jobs", r#"{"request":{},"files":{"a":"b"}}"#);
     assert_eq!(
@@ -241,6 +247,80 @@ fn jobs_and_machines_are_steered() {
     );
     let frames = r#"{"request":{"frames":{"list":"1..3"}},"files":{"a":"b"}}"#;
     assert_eq!(post(at, "POST", "/api/jobs", frames).json(), json!({"job": 3, "jobs": [3, 4, 5]}));
+}
+
+#[test]
+fn tokens_are_made_named_and_revoked_and_what_was_done_by_them_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("web.log");
+    let (farm, door) = open_with(Some(DeedLog::at(path.clone())));
+    let at = door.address();
+    let made = post(at, "POST", "/api/tokens", r#"{"name":"anna","role":"steer"}"#);
+    let token = made_token("anna");
+    assert_eq!((made.status, made.json()), (201, json!({"name": "anna", "role": "steer", "token": token})));
+    let list = || ask(at, "GET", "/api/tokens", &bearer(STEER), b"").json();
+    assert_eq!(list(), json!([{"name": "anna", "role": "steer", "made": 1, "by": "somebody"}]));
+    let pause = || ask(at, "POST", "/api/jobs/1/pause", &bearer(&token), b"").status;
+    assert_eq!(pause(), 200);
+    assert_eq!(farm.noted()[1], "1 Pause by the token `anna` at 127.0.0.1");
+    assert_eq!(ask(at, "POST", "/api/jobs/1/pause", &bearer(SEE), b"").status, 403);
+    assert_eq!(ask(at, "DELETE", "/api/tokens/anna", &bearer(STEER), b"").status, 204);
+    assert_eq!((pause(), list()), (401, json!([])));
+    let noted = std::fs::read_to_string(&path).unwrap();
+    let noted: Vec<&str> = noted.lines().map(|line| line.split_once(' ').unwrap().1).collect();
+    assert_eq!(
+        noted,
+        [
+            "steer 127.0.0.1 POST /api/tokens 201",
+            "anna 127.0.0.1 POST /api/jobs/1/pause 200",
+            "see 127.0.0.1 POST /api/jobs/1/pause 403",
+            "steer 127.0.0.1 DELETE /api/tokens/anna 204",
+        ]
+    );
+}
+
+#[test]
+fn what_is_wrong_is_said_without_words_of_rust_and_with_the_routes_that_help() {
+    let (_, door) = open();
+    let at = door.address();
+    for (method, path, body, detail) in [
+        ("PUT", "/api/jobs/1/priority", r#"{"priority":-1}"#, "`priority` is -1"),
+        ("PUT", "/api/jobs/1/priority", r#"{"priority":0.5}"#, "`priority` is 0.5"),
+        ("PUT", "/api/jobs/1/priority", "{}", "the body: the field `priority` is missing"),
+        (
+            "POST",
+            "/api/uploads",
+            r#"{"name":"a","size":-1,"digest":"x","chunks":[]}"#,
+            "`size` is -1: a whole number from 0 to ",
+        ),
+        ("POST", "/api/jobs", r#"{"request":{},"files":{"a":1}}"#, "`files.a` is 1: text is needed"),
+        (
+            "POST",
+            "/api/jobs",
+            r#"{"request":{},"evil":1}"#,
+            "`evil`: there is no field `evil` here; there are `request`",
+        ),
+        (
+            "POST",
+            "/api/jobs",
+            "{",
+            "the body: it is not JSON: line 1, column 1: the text ends in the middle of an object",
+        ),
+        ("POST", "/api/tokens", r#"{"name":"a","role":"all"}"#, "`role` is `all`: `see` or `steer` is needed"),
+        ("POST", "/api/jobs/abc/pause", "", "the path names no such thing: a number is needed in place of `abc`"),
+    ] {
+        let told = post(at, method, path, body);
+        let problem = told.json();
+        assert!((400..500).contains(&told.status), "{told:?}");
+        assert!(problem["detail"].as_str().unwrap().starts_with(detail), "{path} {body}: {problem}");
+        for word in ["u32", "u64", "usize", "expected", "invalid type", "at line", "column 4"] {
+            assert!(!told.text().contains(word), "{word}: {problem}");
+        }
+    }
+    let unknown = get(at, "/api/machines/nobody").json();
+    assert_eq!(unknown["remedy"], "GET /api/machines has those that are");
+    let body = post(at, "POST", "/api/uploads", "{}").json();
+    assert_eq!(body["remedy"], "GET /api/openapi.json says what is allowed");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::{
     collections::BTreeMap,
     io::{BufRead, BufReader, Read, Write},
-    net::{SocketAddr, TcpStream},
+    net::{SocketAddr, TcpListener, TcpStream},
     sync::{Arc, Mutex, PoisonError},
     time::Duration,
 };
@@ -13,6 +13,7 @@ use bottega::{
     events::{AgentEvent, Event, ZoneEvent},
 };
 use bottega_cluster::{
+    deed_log::DeedLog,
     energy::{JobEnergy, MachineEnergy},
     job::LogLine,
     machine::PresenceState,
@@ -21,7 +22,8 @@ use bottega_cluster::{
     uploads::{Submission, UploadOffer, UploadState},
     usage::EnergySource,
     view::JobView,
-    web_secrets::WebSecrets,
+    web_secrets::TokenRole,
+    web_tokens::{TokenHolder, WebToken},
 };
 use bottega_image::{Aov, AovSet, ExrOptions, Film, Layout, Metadata, Rect, SampleValues, Tile, write_exr};
 use bottega_web::{Door, DoorOptions, JobAgents, JobOrder, LiveJob, MachineStatus, PictureFile, Problem, ShownFarm};
@@ -37,6 +39,8 @@ pub(crate) struct FakeFarm {
     pub(crate) live: Arc<LiveJob>,
     pub(crate) told: Mutex<Vec<String>>,
     pub(crate) pieces: Mutex<BTreeMap<String, usize>>,
+    /// Tokens that were made, by name.
+    made: Mutex<BTreeMap<String, TokenRole>>,
 }
 
 impl FakeFarm {
@@ -192,20 +196,20 @@ impl ShownFarm for FakeFarm {
         }])
     }
 
-    fn steer(&self, number: u32, order: JobOrder) -> Result<(), Problem> {
+    fn steer(&self, number: u32, order: JobOrder, by: &str) -> Result<(), Problem> {
         Self::known(number)?;
-        self.note(format!("{number} {order:?}"));
+        self.note(format!("{number} {order:?} by {by}"));
         Ok(())
     }
 
-    fn requeue(&self, number: u32, zone: u32) -> Result<(), Problem> {
+    fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Problem> {
         Self::known(number)?;
-        self.note(format!("{number} requeue {zone}"));
+        self.note(format!("{number} requeue {zone} by {by}"));
         Ok(())
     }
 
-    fn tell(&self, machine: &str, standing: PresenceState) -> Result<(), Problem> {
-        self.note(format!("{machine} {standing:?}"));
+    fn tell(&self, machine: &str, standing: PresenceState, by: &str) -> Result<(), Problem> {
+        self.note(format!("{machine} {standing:?} by {by}"));
         Ok(())
     }
 
@@ -220,8 +224,8 @@ impl ShownFarm for FakeFarm {
         Ok(())
     }
 
-    fn submit(&self, asked: Submission) -> Result<Vec<u32>, Problem> {
-        self.note(format!("submit {}", asked.files.len()));
+    fn submit(&self, asked: Submission, by: &str) -> Result<Vec<u32>, Problem> {
+        self.note(format!("submit {} by {by}", asked.files.len()));
         Ok(if asked.request.get("frames").is_some() { vec![3, 4, 5] } else { vec![3] })
     }
 
@@ -231,6 +235,46 @@ impl ShownFarm for FakeFarm {
         (request.film.size, request.goal.samples) = (Some([16, 12]), Some(2));
         Ok(request)
     }
+
+    fn holder(&self, token: &str) -> Option<TokenHolder> {
+        let own = [(SEE, TokenRole::See), (STEER, TokenRole::Steer)];
+        let own = own.into_iter().find(|(own, _)| *own == token).map(|(_, role)| (role.word().to_owned(), role));
+        let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = made.iter().find(|(name, _)| made_token(name) == token).map(|(name, role)| (name.clone(), *role));
+        own.or(made).map(|(name, role)| TokenHolder { name, role })
+    }
+
+    fn own_token(&self, role: TokenRole) -> String {
+        if role == TokenRole::See { SEE } else { STEER }.to_owned()
+    }
+
+    fn tokens(&self) -> Result<Vec<WebToken>, Problem> {
+        let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let token = |(name, role): (&String, &TokenRole)| WebToken {
+            name: name.clone(),
+            role: *role,
+            made: Some(1),
+            by: Some("somebody".to_owned()),
+        };
+        Ok(made.iter().map(token).collect())
+    }
+
+    fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Problem> {
+        self.note(format!("make {name} by {by}"));
+        self.made.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_owned(), role);
+        Ok(made_token(name))
+    }
+
+    fn revoke_token(&self, name: &str, by: &str) -> Result<(), Problem> {
+        self.note(format!("revoke {name} by {by}"));
+        self.made.lock().unwrap_or_else(PoisonError::into_inner).remove(name);
+        Ok(())
+    }
+}
+
+/// The token that the farm makes for a name.
+pub(crate) fn made_token(name: &str) -> String {
+    format!("0000000000000000000000000000-{name}")
 }
 
 /// An OpenEXR file of two pixels with a layer, `albedo`.
@@ -252,12 +296,16 @@ fn layered_picture() -> Vec<u8> {
 
 /// A door to a fake farm.
 pub(crate) fn open() -> (Arc<FakeFarm>, Door) {
+    open_with(None)
+}
+
+/// - `log`: where it notes who did what.
+pub(crate) fn open_with(log: Option<DeedLog>) -> (Arc<FakeFarm>, Door) {
     let farm = Arc::new(FakeFarm::default());
-    let secrets =
-        WebSecrets { see: SEE.to_owned(), steer: STEER.to_owned(), certificate: (String::new(), String::new()) };
-    let address = ([127, 0, 0, 1], 0).into();
-    let options = DoorOptions { address, is_firm: true, secrets, names: vec!["farm.example".to_owned()] };
-    let door = Door::open(Arc::clone(&farm) as _, options).expect("a free port");
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let (certificate, names) = ((String::new(), String::new()), vec!["farm.example".to_owned()]);
+    let options = DoorOptions { listener, certificate, names, log };
+    let door = Door::open(Arc::clone(&farm) as _, options).expect("a door");
     (farm, door)
 }
 

@@ -62,7 +62,7 @@ fn foreign_names_and_pages_are_refused_whatever_their_token() {
 fn without_a_token_or_with_the_wrong_one_nothing_is_told_and_nothing_done() {
     let (farm, door) = open();
     let at = door.address();
-    for path in ["/api/jobs", "/api/openapi.json", "/api/jobs/1/events", "/api/nothing"] {
+    for path in ["/api/jobs", "/api/tokens", "/api/jobs/1/events", "/api/nothing"] {
         is_problem(&ask(at, "GET", path, "", b""), 401);
     }
     for headers in [
@@ -82,6 +82,9 @@ fn without_a_token_or_with_the_wrong_one_nothing_is_told_and_nothing_done() {
         ("PUT", "/api/jobs/1/priority"),
         ("DELETE", "/api/jobs/2"),
         ("POST", "/api/machines/machine/terminate"),
+        ("GET", "/api/tokens"),
+        ("POST", "/api/tokens"),
+        ("DELETE", "/api/tokens/steer"),
         ("POST", "/api/uploads"),
         ("PUT", "/api/uploads/chunks/a"),
     ] {

@@ -2,7 +2,7 @@
 
 use std::{
     io::{Read, Write},
-    net::{SocketAddr, TcpStream},
+    net::{SocketAddr, TcpListener, TcpStream},
     sync::Arc,
     time::Duration,
 };
@@ -14,20 +14,20 @@ use rustls::{
     pki_types::{CertificateDer, pem::PemObject},
 };
 
-use crate::door::fake::{FakeFarm, bearer, send};
+use crate::door::fake::{FakeFarm, STEER, bearer, send};
 
 #[test]
 fn beyond_this_machine_it_speaks_tls_alone_with_the_certificate_that_it_was_given() {
     let secrets = WebSecrets::fresh().expect("random numbers");
     let certificate = CertificateDer::from_pem_slice(secrets.certificate.0.as_bytes()).expect("a certificate");
-    let token = secrets.steer.clone();
-    let address = ([0, 0, 0, 0], 0).into();
-    let options = DoorOptions { address, is_firm: true, secrets, names: Vec::new() };
-    let door = Door::open(Arc::new(FakeFarm::default()), options).expect("a free port");
+    let token = STEER;
+    let listener = TcpListener::bind("0.0.0.0:0").expect("a free port");
+    let options = DoorOptions { listener, certificate: secrets.certificate, names: Vec::new(), log: None };
+    let door = Door::open(Arc::new(FakeFarm::default()), options).expect("a door");
     let at = SocketAddr::from(([127, 0, 0, 1], door.address().port()));
     assert!(door.steering_url().starts_with("https://127.0.0.1:"), "{}", door.steering_url());
 
-    let request = format!("GET /?token={token} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n{}\r\n", bearer(&token));
+    let request = format!("GET /?token={token} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n{}\r\n", bearer(token));
     let mut told = Vec::new();
     // It is closed, or cut off; at most an alert comes, and no HTTP.
     _ = send(at, request.as_bytes()).read_to_end(&mut told);

@@ -1,9 +1,10 @@
 //! Requests as JSON text.
 
-use bottega_scene::objects_only::ObjectsOnly;
 use serde::Deserialize;
+use serde_json::Value;
 
 use super::{InvalidField, REQUEST_VERSION, Request};
+use crate::json::{self, JsonError};
 
 /// Longest text of a request: rules are part of it, scenes are not.
 pub const REQUEST_BYTES_MAX: usize = 16 << 20;
@@ -19,7 +20,7 @@ pub enum RequestError {
     Text {
         /// The path of the field where it goes wrong, such as `film.size`; empty: the whole.
         field: String,
-        /// What is wrong, with line and column where it has been a text.
+        /// What is wrong, with line and column where the text is not JSON.
         problem: String,
     },
     /// It is written in a vocabulary that came later.
@@ -40,11 +41,74 @@ fn at(field: &str) -> String {
 }
 
 impl RequestError {
-    fn text(error: &serde_path_to_error::Error<serde_json::Error>) -> Self {
-        let path = error.path().to_string();
-        let field = if path == "." { String::new() } else { path };
-        Self::Text { field, problem: error.inner().to_string() }
+    /// - `tree`: the whole request, if it is JSON.
+    fn of(error: JsonError, tree: impl FnOnce() -> Option<Value>) -> Self {
+        let JsonError::Value { field, value, needed, number } = error else {
+            return Self::Text { field: error.field().to_owned(), problem: problem_of(error) };
+        };
+        let needed = format!("{needed} is needed");
+        if field.is_empty() {
+            return Self::Text { problem: format!("it is {value}: {needed}"), field };
+        }
+        let limits = number.and_then(|_| limits_of(&field, &tree()?));
+        let allowed = match (limits, number) {
+            (Some(limits), Some("a whole number")) if value.parse::<i128>().is_ok() => limits,
+            (Some(limits), Some(number)) => format!("{number} is needed; {limits}"),
+            _ => needed,
+        };
+        Self::Invalid(InvalidField { field, value, allowed })
     }
+}
+
+/// What is wrong, without the field.
+fn problem_of(error: JsonError) -> String {
+    match error {
+        JsonError::Field { problem, .. } => problem,
+        JsonError::Syntax { line, column, problem, .. } => {
+            JsonError::Syntax { field: String::new(), line, column, problem }.to_string()
+        }
+        error @ JsonError::Value { .. } => error.to_string(),
+    }
+}
+
+/// Numbers of which one lies outside of the limits of every field that has limits.
+const PROBES: [f64; 7] = [4_294_967_295.0, 65_535.0, 255.0, 0.0, -1.0, 1e30, -1e30];
+
+/// What the validation allows in a field that holds a number, which may be less than what its type can hold: what it says of a number
+/// that is not allowed. `None`: it says nothing.
+fn limits_of(field: &str, tree: &Value) -> Option<String> {
+    let pointer = format!("/{}", field.replace(['.', '['], "/").replace(']', ""));
+    // Other fields may be wrong, too; but what is needed beside this one is in the whole alone.
+    let lone = lone_field(&pointer, tree);
+    lone.iter()
+        .chain([tree])
+        .find_map(|tree| PROBES.into_iter().find_map(|probe| refused(probe, field, &pointer, tree)))
+}
+
+/// A request of a field alone, with the members of the list that it may be in.
+fn lone_field(pointer: &str, tree: &Value) -> Option<Value> {
+    let (parent, name) = pointer.rsplit_once('/')?;
+    let (mut value, mut parts) = match tree.pointer(parent)? {
+        list @ Value::Array(_) => (list.clone(), parent.split('/').skip(1).collect::<Vec<_>>()),
+        _ => (serde_json::json!({ name: 0 }), parent.split('/').skip(1).collect()),
+    };
+    while let Some(part) = parts.pop() {
+        value = serde_json::json!({ part: value });
+    }
+    if value.get("scene").is_none() {
+        value["scene"] = serde_json::json!({ "file": "scene" });
+    }
+    Some(value)
+}
+
+/// What the validation says of a number in a field, if that is not allowed.
+fn refused(probe: f64, field: &str, pointer: &str, tree: &Value) -> Option<String> {
+    let mut tree = tree.clone();
+    let number = if probe.abs() < 1e10 { Value::from(probe as i64) } else { Value::from(probe) };
+    *tree.pointer_mut(pointer)? = number;
+    let request: Request = json::from_value(tree).ok()?;
+    let refused = request.validate().err()?;
+    field.starts_with(&refused.field).then_some(refused.allowed)
 }
 
 /// The version alone, whatever else there is.
@@ -66,10 +130,8 @@ impl Request {
         if let Ok(Versioned { version: Some(version) }) = serde_json::from_slice(text) {
             refuse_newer(&version)?;
         }
-        let mut json = serde_json::Deserializer::from_slice(text);
-        let request: Self =
-            serde_path_to_error::deserialize(ObjectsOnly(&mut json)).map_err(|error| RequestError::text(&error))?;
-        json.end().map_err(|error| RequestError::Text { field: String::new(), problem: error.to_string() })?;
+        let tree = || serde_json::from_slice(text).ok();
+        let request: Self = json::from_slice(text).map_err(|error| RequestError::of(error, tree))?;
         request.validate()?;
         Ok(request)
     }
@@ -82,8 +144,7 @@ impl Request {
         if let Some(version) = value.get("version") {
             refuse_newer(version)?;
         }
-        let request: Self =
-            serde_path_to_error::deserialize(ObjectsOnly(value)).map_err(|error| RequestError::text(&error))?;
+        let request: Self = json::from_value(value.clone()).map_err(|error| RequestError::of(error, || Some(value)))?;
         request.validate()?;
         Ok(request)
     }

@@ -243,6 +243,19 @@ impl Session {
     /// The request, its scene or its rules cannot be used, or its output cannot be written.
     pub fn examine(request: &Request) -> Result<SceneFiles, Error> {
         Self::check(request, &SessionOptions::default())?;
+        Self::examine_scene(request)
+    }
+
+    /// The same where the picture is not written on this machine: its folder is not looked for.
+    ///
+    /// # Errors
+    /// The request, its scene or its rules cannot be used.
+    pub fn examine_for_elsewhere(request: &Request) -> Result<SceneFiles, Error> {
+        request.validate()?;
+        Self::examine_scene(request)
+    }
+
+    fn examine_scene(request: &Request) -> Result<SceneFiles, Error> {
         let (experts, notes) = experts(agent_rules(request)?)?;
         choice_rules(request)?.map(engine_choice).transpose()?;
         let mut files = if request.engine.is_builtin() {

@@ -73,6 +73,7 @@ pub struct NatsUplink<K> {
     blobs: NatsBlobs,
     tiles: NatsTiles,
     notices: NoticeBoard,
+    member: String,
     is_guest: bool,
     /// What waits to go out: subject and message, in order.
     outbox: mpsc::Sender<(String, Vec<u8>)>,
@@ -128,7 +129,7 @@ impl<K: Codec> NatsUplink<K> {
         let notices = handle.block_on(NoticeBoard::open(client.clone(), notices, handle.clone()));
         let blobs = NatsBlobs::new(context.clone(), objects, names::objects(&options.farm), handle.clone());
         let tiles = NatsTiles::new(context, tiles, &options.farm, handle.clone());
-        let (farm, is_guest) = (options.farm.clone(), options.is_guest);
+        let (farm, member, is_guest) = (options.farm.clone(), options.member.clone(), options.is_guest);
         Ok(Self {
             codec,
             client,
@@ -136,6 +137,7 @@ impl<K: Codec> NatsUplink<K> {
             blobs,
             tiles,
             notices,
+            member,
             is_guest,
             outbox,
             farm,
@@ -152,6 +154,11 @@ impl<K: Codec> NatsUplink<K> {
     /// What is painted.
     pub fn tiles(&self) -> &NatsTiles {
         &self.tiles
+    }
+
+    /// The name of the member that is linked: all processes of a machine are one member.
+    pub fn member(&self) -> &str {
+        &self.member
     }
 
     /// Whether the farm lets one paint and no more.

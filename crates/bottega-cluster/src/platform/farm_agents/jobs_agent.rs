@@ -42,6 +42,8 @@ pub(super) struct ChangeJob {
     pub(super) ticket: u64,
     pub(super) number: u32,
     pub(super) change: JobChange,
+    /// The agent that wants it.
+    pub(super) by: String,
 }
 
 /// What the agent wants done.
@@ -219,7 +221,8 @@ impl JobsAgent {
         send.push(talk::agree(message, &self.id, asked));
         let ticket = self.number();
         self.changing.insert(ticket, (message.clone(), asked.clone()));
-        actions.push(bottega_agents::Action::Effect(JobsEffect::Change(ChangeJob { ticket, number, change })));
+        let by = message.sender.name.to_string();
+        actions.push(bottega_agents::Action::Effect(JobsEffect::Change(ChangeJob { ticket, number, change, by })));
         Ok(())
     }
 

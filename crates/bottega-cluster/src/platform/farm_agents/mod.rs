@@ -57,7 +57,9 @@ trait Farm: Send + 'static {
     /// Tells a machine what to do.
     fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String>;
     /// Changes a job.
-    fn change(&self, number: u32, change: JobChange) -> Result<(), String>;
+    ///
+    /// - `by`: the agent that wants it.
+    fn change(&self, number: u32, change: JobChange, by: &str) -> Result<(), String>;
     /// What reads the rows of a job's zones, and may take its time.
     fn rows(&self, number: u32) -> ReadRows;
     /// Says that the agents live here.
@@ -83,12 +85,13 @@ impl Farm for BoardFarm {
         self.board.tell(machine, order).map_err(|error| error.error_chain())
     }
 
-    fn change(&self, number: u32, change: JobChange) -> Result<(), String> {
+    fn change(&self, number: u32, change: JobChange, by: &str) -> Result<(), String> {
+        let by = &format!("the agent {by}");
         let changed = match change {
-            JobChange::Pause => steer(&self.board, number, &JobState::Paused, "paused"),
-            JobChange::Resume => steer(&self.board, number, &JobState::Active, "resumed"),
-            JobChange::Cancel => steer(&self.board, number, &JobState::Cancelled, "called off"),
-            JobChange::Priority(priority) => set_priority(&self.board, number, priority),
+            JobChange::Pause => steer(&self.board, number, &JobState::Paused, by),
+            JobChange::Resume => steer(&self.board, number, &JobState::Active, by),
+            JobChange::Cancel => steer(&self.board, number, &JobState::Cancelled, by),
+            JobChange::Priority(priority) => set_priority(&self.board, number, priority, by),
         };
         changed.map_err(|error| error.error_chain())
     }
@@ -237,8 +240,8 @@ impl<F: Farm> Watch<F> {
             match wished.recv_timeout(look_at.saturating_duration_since(Instant::now())) {
                 Ok(SteeringWish::End) | Err(RecvTimeoutError::Disconnected) => return self.farm.leave(),
                 Err(RecvTimeoutError::Timeout) => {}
-                Ok(SteeringWish::Change(ChangeJob { ticket, number, change })) => {
-                    let result = self.farm.change(number, change);
+                Ok(SteeringWish::Change(ChangeJob { ticket, number, change, by })) => {
+                    let result = self.farm.change(number, change, &by);
                     // Who hears that it is done shall see that it is done.
                     self.look();
                     self.jobs.tell(JobsReport::Changed { ticket, result });

@@ -319,10 +319,13 @@ fn jobs_are_told_of_and_changed_by_those_who_may() {
     for (result, act) in [(Ok(()), P::Inform), (Err("nobody answers".to_owned()), P::Failure)] {
         let came = after(&mut agent, millis(3), to_jobs("boss@jade", "(set-priority :job 2 :priority 30)"));
         assert_eq!(came.told[0].1, P::Agree);
-        let [JobsEffect::Change(ChangeJob { ticket, number: 2, change: JobChange::Priority(30) })] = came.effects[..]
+        let [JobsEffect::Change(ChangeJob { ticket, number: 2, change: JobChange::Priority(30), by })] =
+            &came.effects[..]
         else {
             panic!("{came:?}")
         };
+        assert_eq!(by, "boss@jade");
+        let ticket = *ticket;
         let came = after(&mut agent, millis(4), Event::Completed(JobsReport::Changed { ticket, result }));
         assert_eq!(came.told[0].1, act, "{came:?}");
     }

@@ -1,0 +1,149 @@
+//! `bottega tokens`: who may come in at the page and the HTTP API of a farm.
+
+use std::process::ExitCode;
+
+use bottega_cluster::{
+    JobBoard,
+    address::{FarmAddress, LocalAddresses, saved_address},
+    job::unix_seconds,
+    names::host_name,
+    web_secrets::{TokenRole, WebSecrets},
+};
+use clap::{Args, Subcommand, ValueEnum};
+use serde_json::json;
+
+use super::{args::FarmArgs, jobs::ago};
+use crate::error::CliError;
+
+/// List, make and revoke the tokens that let people and programs in at the page and the HTTP API of a farm.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "For example:\n  bottega tokens make anna --role steer\n  bottega tokens list\n  bottega tokens revoke anna\n\n\
+    `see` and `steer` are those whose addresses `bottega up` prints. The log of a job says whose token steered it, and web.log in the \
+    folder of bottega's state has a line for each request that changed something."
+)]
+pub(crate) struct TokensArgs {
+    #[command(subcommand)]
+    command: TokensCommand,
+    #[command(flatten)]
+    farm: FarmArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum TokensCommand {
+    /// All tokens: what each is called and lets one do, who made it and when. The tokens themselves are not told.
+    List,
+    /// Make a token for one person or program. It is told this once.
+    Make {
+        /// What it is called, in lists and logs: letters, digits, `-`, `_` and `.`.
+        name: String,
+        /// What it lets its holder do.
+        #[arg(long, value_enum, default_value_t = RoleChoice::See)]
+        role: RoleChoice,
+    },
+    /// Revoke a token: no page and no program is let in by it any more. In place of `see` or `steer` there is another one at once.
+    Revoke {
+        /// As `bottega tokens list` shows it.
+        name: String,
+    },
+    /// Tell `see` or `steer` again, as `bottega up` did, or as it is since it was revoked.
+    Show {
+        /// Which of them.
+        role: RoleChoice,
+    },
+}
+
+/// What a token lets its holder do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum RoleChoice {
+    /// Look on.
+    See,
+    /// Everything.
+    Steer,
+}
+
+impl RoleChoice {
+    fn role(self) -> TokenRole {
+        match self {
+            Self::See => TokenRole::See,
+            Self::Steer => TokenRole::Steer,
+        }
+    }
+}
+
+pub(crate) fn run(args: &TokensArgs) -> Result<ExitCode, CliError> {
+    let board = args.farm.board()?;
+    let by = format!("`bottega tokens` on {}", host_name());
+    let as_json = args.farm.json;
+    match &args.command {
+        TokensCommand::List => list(&board, as_json),
+        TokensCommand::Make { name, role } => {
+            let token = board.make_token(name, role.role(), &by)?;
+            tell(name, role.role(), &token, as_json);
+        }
+        TokensCommand::Revoke { name } => {
+            let own = TokenRole::ALL.into_iter().find(|role| role.word() == name);
+            // Before it is revoked: where there is no other one, it stays.
+            let secrets = own.map(|_| secrets(&args.farm)).transpose()?;
+            board.revoke_token(name, &by)?;
+            match own.zip(secrets) {
+                Some((role, secrets)) => tell(name, role, &board.own_token(&secrets, role), as_json),
+                None if as_json => println!("{}", json!({ "token": name, "revoked": true })),
+                None => println!("{name} is revoked"),
+            }
+        }
+        TokensCommand::Show { role } => {
+            let token = board.own_token(&secrets(&args.farm)?, role.role());
+            tell(role.role().word(), role.role(), &token, as_json);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What `see` and `steer` are derived from.
+fn secrets(farm: &FarmArgs) -> Result<WebSecrets, CliError> {
+    let address: FarmAddress = farm.address().map_or_else(saved_address, Ok)?;
+    let secrets = WebSecrets::of_farm(&address)?;
+    if secrets.is_shared() {
+        return Ok(secrets);
+    }
+    Err(CliError::failed(
+        "`see` and `steer` of this farm are not known here: each of its pages has tokens of its own, or this machine is a guest",
+        "they end with the process that serves the page; make tokens with names instead: bottega tokens make NAME",
+    ))
+}
+
+fn list(board: &JobBoard, as_json: bool) {
+    if !as_json {
+        println!("{:<32} {:<6} {:>14}  by", "token", "role", "made");
+    }
+    for token in board.web_tokens() {
+        if as_json {
+            println!("{}", json!(token));
+            continue;
+        }
+        let made = token
+            .made
+            .map_or_else(|| "with the farm".to_owned(), |made| format!("{} ago", ago(made.min(unix_seconds()))));
+        let line = format!("{:<32} {:<6} {made:>14}  {}", token.name, token.role.word(), token.by.unwrap_or_default());
+        println!("{}", line.trim_end());
+    }
+}
+
+/// Tells a token, and the address that lets one in by it where the page is known.
+fn tell(name: &str, role: TokenRole, token: &str, as_json: bool) {
+    let page = LocalAddresses::read().and_then(|addresses| addresses.page);
+    let url = page.map(|page| format!("{page}/?token={token}"));
+    if as_json {
+        println!("{}", json!({ "name": name, "role": role, "token": token, "url": url }));
+        return;
+    }
+    let may = match role {
+        TokenRole::See => "looks on",
+        TokenRole::Steer => "may do everything",
+    };
+    println!("the token of {name}, who {may}: {token}");
+    if let Some(url) = url {
+        println!("in a browser of this machine: {url}");
+    }
+}

@@ -1,0 +1,172 @@
+//! The tokens of a farm's HTTP doors: two that follow from the farm's word, and those that people make, each with a name. All of them are
+//! listed and revoked here, and every door of the farm goes by it at once.
+//!
+//! - `token/NAME`: a token that was made: its digest, from which nobody finds the token; what it lets its holder do, and who made it.
+//! - `token/see`, `token/steer`: how often the token of that role was revoked that follows from the farm's word.
+
+use bottega::request::{TAG_FORM, is_tag};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    error::Error,
+    job::unix_seconds,
+    job_board::JobBoard,
+    web_secrets::{TokenRole, WebSecrets, fresh_token},
+};
+
+/// How the names of all notices of tokens begin.
+const TOKENS: &str = "token/";
+/// Tokens that a farm has at most.
+const TOKENS_MAX: usize = 256;
+
+/// A token as lists show it. The token itself is known to its holder alone.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct WebToken {
+    /// What it is called; `see` and `steer` are those that follow from the farm's word.
+    pub name: String,
+    /// `see`: looks on; `steer`: does everything.
+    pub role: TokenRole,
+    /// When it was made, in seconds since 1970; `null`: with the farm.
+    pub made: Option<u64>,
+    /// Who made it, or revoked the one before it.
+    pub by: Option<String>,
+}
+
+/// The holder of a token that was shown at a door.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TokenHolder {
+    /// What the token is called.
+    pub name: String,
+    /// What it lets its holder do.
+    pub role: TokenRole,
+}
+
+/// What the farm notes of a token.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct TokenNotice {
+    role: TokenRole,
+    /// BLAKE3 of the token; none: it follows from the farm's word.
+    digest: Option<String>,
+    /// How often it was revoked, where another one takes its place.
+    generation: u64,
+    made: u64,
+    by: String,
+}
+
+impl JobBoard {
+    /// All tokens: the two that follow from the farm's word, and those that were made, by name.
+    pub fn web_tokens(&self) -> Vec<WebToken> {
+        let own = TokenRole::ALL.map(|role| {
+            let revoked = self.token_notice(role.word());
+            let (made, by) = (revoked.as_ref().map(|it| it.made), revoked.map(|it| it.by));
+            WebToken { name: role.word().to_owned(), role, made, by }
+        });
+        let made = self.made_tokens().into_iter().map(|(name, notice)| {
+            let TokenNotice { role, made, by, .. } = notice;
+            WebToken { name, role, made: Some(made), by: Some(by) }
+        });
+        own.into_iter().chain(made).collect()
+    }
+
+    /// The token of a role that follows from the farm's word, as it is now.
+    pub fn own_token(&self, secrets: &WebSecrets, role: TokenRole) -> String {
+        secrets.token(role, self.token_notice(role.word()).map_or(0, |notice| notice.generation))
+    }
+
+    /// Whose token is shown. `None`: it is nobody's, or was revoked.
+    pub fn token_holder(&self, secrets: &WebSecrets, token: &str) -> Option<TokenHolder> {
+        // Digests are compared, in constant time: how long it takes says nothing of the token.
+        let shown = blake3::hash(token.as_bytes());
+        let holder = |name: &str, role| TokenHolder { name: name.to_owned(), role };
+        let own = TokenRole::ALL.into_iter().rev();
+        let mut own = own.filter(|role| blake3::hash(self.own_token(secrets, *role).as_bytes()) == shown);
+        own.next().map(|role| holder(role.word(), role)).or_else(|| {
+            let is_shown = |notice: &TokenNotice| {
+                notice.digest.as_ref().and_then(|digest| blake3::Hash::from_hex(digest).ok()) == Some(shown)
+            };
+            let found = self.made_tokens().into_iter().find(|(_, notice)| is_shown(notice));
+            found.map(|(name, notice)| holder(&name, notice.role))
+        })
+    }
+
+    /// Makes a token. It is told this once.
+    ///
+    /// - `by`: who makes it, for people.
+    ///
+    /// # Errors
+    /// The name is none or is taken, there are too many tokens, or the farm does not answer.
+    pub fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Error> {
+        self.refuse_guests()?;
+        if !is_tag(name) {
+            return Err(Error::usage(
+                format!("`{}` cannot be the name of a token", name.escape_debug()),
+                format!("a name is of {TAG_FORM}"),
+            ));
+        }
+        let is_own = TokenRole::ALL.iter().any(|role| role.word() == name);
+        if is_own || self.token_notice(name).is_some() {
+            return Err(Error::failed(
+                format!("there is a token `{name}` already"),
+                format!("choose another name, or revoke that one: bottega tokens revoke {name}"),
+            ));
+        }
+        if self.made_tokens().len() >= TOKENS_MAX {
+            return Err(Error::failed(format!("there are {TOKENS_MAX} tokens"), "revoke those that nobody needs"));
+        }
+        let token = fresh_token()?;
+        let digest = Some(blake3::hash(token.as_bytes()).to_hex().to_string());
+        let notice = TokenNotice { role, digest, generation: 0, made: unix_seconds(), by: by.to_owned() };
+        self.put_notice(&notice_name(name), &notice)?;
+        tracing::info!(name, role = role.word(), by, "a token was made");
+        Ok(token)
+    }
+
+    /// Revokes a token: no door takes it any more. In place of one that follows from the farm's word there is another one at once.
+    ///
+    /// - `by`: who revokes it, for people.
+    ///
+    /// # Errors
+    /// There is no such token, or the farm does not answer.
+    pub fn revoke_token(&self, name: &str, by: &str) -> Result<(), Error> {
+        self.refuse_guests()?;
+        let before = self.token_notice(name);
+        if let Some(role) = TokenRole::ALL.into_iter().find(|role| role.word() == name) {
+            let generation = before.map_or(0, |notice| notice.generation) + 1;
+            let notice = TokenNotice { role, digest: None, generation, made: unix_seconds(), by: by.to_owned() };
+            self.put_notice(&notice_name(name), &notice)?;
+        } else if before.is_some() {
+            self.uplink.notices().remove(&notice_name(name)).map_err(Error::Blob)?;
+        } else {
+            let remedy = "`bottega tokens list` shows those that there are";
+            return Err(Error::failed(format!("there is no token `{}`", name.escape_debug()), remedy));
+        }
+        tracing::info!(name, by, "a token was revoked");
+        Ok(())
+    }
+
+    fn token_notice(&self, name: &str) -> Option<TokenNotice> {
+        if is_tag(name) { self.read_notice(&notice_name(name)) } else { None }
+    }
+
+    /// Those that people have made, by name. A guest's door takes none of them: it could keep what it is shown.
+    fn made_tokens(&self) -> Vec<(String, TokenNotice)> {
+        if self.uplink.is_guest() {
+            return Vec::new();
+        }
+        let notices = self.uplink.notices().all(TOKENS).into_iter();
+        let mut made: Vec<(String, TokenNotice)> = notices
+            .filter_map(|notice| {
+                let name = notice.name.strip_prefix(TOKENS)?.to_owned();
+                let token: TokenNotice = serde_json::from_slice(&notice.text).ok()?;
+                token.digest.is_some().then_some((name, token))
+            })
+            .collect();
+        made.sort_by(|(a, _), (b, _)| a.cmp(b));
+        made
+    }
+}
+
+fn notice_name(name: &str) -> String {
+    format!("{TOKENS}{name}")
+}

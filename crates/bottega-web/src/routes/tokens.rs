@@ -1,0 +1,92 @@
+//! Tokens: listed, made and revoked by those who may steer.
+
+use axum::{
+    Extension,
+    extract::{Request, State},
+    http::StatusCode,
+    response::IntoResponse,
+    routing::{delete, get, post},
+};
+use bottega_cluster::{web_secrets::TokenRole, web_tokens::WebToken};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    limits::ANSWER_TIME,
+    redact::redacted_json,
+    route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, json_body, json_text, schema},
+    source::ShownFarm,
+    tokens::TokenBearer,
+};
+
+/// A token that somebody wants.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct NewToken {
+    /// What it is called, for lists and logs: letters, digits, `-`, `_` and `.`, 32 at most.
+    name: String,
+    /// What it lets its holder do.
+    role: TokenRole,
+}
+
+/// A token that was made.
+#[derive(Debug, Serialize, JsonSchema)]
+struct MadeToken {
+    /// What it is called.
+    name: String,
+    /// What it lets its holder do.
+    role: TokenRole,
+    /// The token, which is told this once: `Authorization: Bearer TOKEN`, or `/?token=TOKEN` in a browser.
+    token: String,
+}
+
+pub(super) fn routes() -> Vec<Route> {
+    vec![
+        Route::done(
+            "get",
+            "/api/tokens",
+            "The tokens that let one in, by name; not the tokens themselves.",
+            RouteBody::Nothing,
+            RouteAnswer::Json(schema::<Vec<WebToken>>),
+            get(list),
+        ),
+        Route::done(
+            "post",
+            "/api/tokens",
+            "Make a token of a name, for one person or program. It is told this once.",
+            RouteBody::Json(schema::<NewToken>),
+            RouteAnswer::Json(schema::<MadeToken>),
+            post(make),
+        )
+        .with_status(StatusCode::CREATED),
+        Route::done(
+            "delete",
+            "/api/tokens/{name}",
+            "Revoke a token: no door of the farm takes it any more. In place of `see` or `steer` there is another one at once, which \
+             `bottega tokens show` says.",
+            RouteBody::Nothing,
+            RouteAnswer::Nothing,
+            delete(revoke),
+        ),
+    ]
+}
+
+async fn list(State(door): AtDoor) -> RouteResult {
+    Ok(json(&door.ask(ANSWER_TIME, ShownFarm::tokens).await?))
+}
+
+async fn make(State(door): AtDoor, Extension(bearer): Extension<TokenBearer>, request: Request) -> RouteResult {
+    let NewToken { name, role } = json_body(request).await?;
+    let (wanted, by) = (name.clone(), bearer.said());
+    let token = door.ask(ANSWER_TIME, move |farm| farm.make_token(&wanted, role, &by)).await?;
+    Ok(json_text(StatusCode::CREATED, redacted_json(&MadeToken { name, role, token })))
+}
+
+async fn revoke(
+    State(door): AtDoor,
+    Extension(bearer): Extension<TokenBearer>,
+    Param(name): Param<String>,
+) -> RouteResult {
+    door.ask(ANSWER_TIME, move |farm| farm.revoke_token(&name, &bearer.said())).await?;
+    Ok(StatusCode::NO_CONTENT.into_response())
+}
