@@ -37,7 +37,9 @@ const PAGES: &[(&str, &str)] = pages! {
 const CONTENTS: &str = include_str!("../../../docs/SUMMARY.md");
 /// The pictures of the pages.
 const PICTURES: &[(&str, &[u8])] = pictures! {
-    "bands.png" "clear-coat.jpg" "cornell-box.jpg" "cube.png" "flight-helmet.jpg" "goblets.jpg" "ludd.png" "zones.png"
+    "bands.png" "clear-coat.jpg" "cornell-box.jpg" "cube.png" "flight-helmet.jpg" "goblets.jpg" "ludd.png" "page-compare.webp"
+    "page-importance.webp" "page-job.webp" "page-jobs.webp" "page-look-around.webp" "page-machines.webp" "page-messages.webp"
+    "page-new-picture.webp" "page-picture.webp" "page-rules.webp" "zones.png"
 };
 /// Where the pages are.
 const ROOT: &str = "/manual/";

@@ -217,7 +217,7 @@ test("the list of jobs has pictures, and is filtered and ordered", async () => {
 
 test("with optimization the rules that fire for a zone are told, and what the agents say to each other is seen", async () => {
   const request = {
-    scene: { file: "cornell-box.glb" }, film: { size: [160, 120] }, goal: { samples: 1500 },
+    scene: { file: "cornell-box.glb" }, film: { size: [160, 120] }, goal: { samples: 1000 },
     work: { optimization: "n", zones: 40 }, output: { file: "rules.exr" },
   };
   const { job } = await farm.post("/jobs", { request, files_of_job: 1 });
@@ -248,7 +248,7 @@ test("with optimization the rules that fire for a zone are told, and what the ag
   assert.match(await saved("Save text"), /master@work-\d+/);
   assert.match(await saved("Save Mermaid"), /^sequenceDiagram/);
   await go(`job/${job}`);
-  await chip("done").waitFor({ timeout: 120_000 });
+  await chip("done").waitFor({ timeout: 300_000 });
   await page.locator(".rules > summary").click();
   await page.getByText("Choose a zone").waitFor(JOB_WAIT);
   await page.locator(".stage").click({ position: { x: 300, y: 200 } });

@@ -12,9 +12,9 @@ import { SCENE, JOB_WAIT, browser, farm, go, noProblems, number, page, press, te
 
 const TABLE = fileURLToPath(new URL("../../../../scenes/goblets.glb", import.meta.url));
 /** What the pictures show. */
-const [SIZE, SAMPLES] = makesManual ? ["960x600", 100] : ["160x100", 8];
+const [SIZE, SAMPLES] = makesManual ? ["640x400", 40] : ["160x100", 8];
 /** Of a picture that is painted until it is called off; in the manual some zones are done by then. */
-const [LONG_SAMPLES, LONG_ZONES, DONE_ZONES] = makesManual ? [400, 60, 12] : [100_000, 24, 0];
+const [LONG_SAMPLES, LONG_ZONES, DONE_ZONES] = makesManual ? [300, 40, 5] : [100_000, 24, 0];
 const WIDTHS = [1440, 1024];
 /** Light from all around, of four pixels. */
 const LIGHT = Buffer.from("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 2\n\x80\x80\x80\x81\x60\x40\x20\x81\x20\x40\x60\x81\x10\x10\x10\x80", "latin1");
@@ -181,7 +181,7 @@ test("the form and the view through a scene fit the screen", async () => {
   await look("submit", { isShown: false });
   await press("Look around …");
   const around = page.locator(".stage.around");
-  await until("it is fine", async () => Number(await around.getAttribute("data-samples").catch(() => 0)) >= (makesManual ? 48 : 1), 120_000);
+  await until("it is fine", async () => Number(await around.getAttribute("data-samples").catch(() => 0)) >= (makesManual ? 32 : 1), 240_000);
   await look("look-around");
   await go("submit");
   await page.getByText("Drop a scene here").waitFor();
