@@ -46,7 +46,9 @@ const MANUAL_WIDTH = 1200;
 /** Keeps what is on the screen of a page as a picture of the manual, `page-NAME.webp`, where such pictures are wanted. */
 export async function keepForManual(page, name) {
   if (!makesManual) return;
-  const png = (await page.screenshot()).toString("base64");
+  // Without what is empty below it.
+  const [width, height] = await page.evaluate(() => [innerWidth, Math.min(innerHeight, document.body.offsetHeight - scrollY)]);
+  const png = (await page.screenshot({ clip: { x: 0, y: 0, width, height } })).toString("base64");
   // The browser itself writes WebP, in a page that has no rules of ours.
   const blank = await page.context().browser().newPage();
   const written = await blank.evaluate(async ([data, max, width]) => {
