@@ -61,7 +61,7 @@ test("every section of the form opens and has no barrier", async () => {
 });
 
 test("a job is submitted by the form and watched to its end", async () => {
-  await page.getByLabel("Samples per pixel").fill("256");
+  await page.getByLabel("Samples per pixel").fill("64");
   const asked = Date.now();
   const job = await paint();
   await page.locator(".stage img.picture[src]").waitFor(JOB_WAIT);
@@ -217,7 +217,7 @@ test("the list of jobs has pictures, and is filtered and ordered", async () => {
 
 test("with optimization the rules that fire for a zone are told, and what the agents say to each other is seen", async () => {
   const request = {
-    scene: { file: "cornell-box.glb" }, film: { size: [160, 120] }, goal: { samples: 1000 },
+    scene: { file: "cornell-box.glb" }, film: { size: [160, 120] }, goal: { samples: 600 },
     work: { optimization: "n", zones: 40 }, output: { file: "rules.exr" },
   };
   const { job } = await farm.post("/jobs", { request, files_of_job: 1 });
