@@ -114,8 +114,8 @@ mod tests {
             "work": { "rules": [{ "text": { "name": "own.fcl", "text": "// mine" } }] },
             "output": { "file": "room.exr" },
         });
-        let told = without_defaults(again.to_value().unwrap(), &usual);
-        assert_eq!(told, expected);
-        assert_eq!(Request::from_value(told).unwrap(), again, "what is left out is the default");
+        let short = without_defaults(again.to_value().unwrap(), &usual);
+        assert_eq!(short, expected);
+        assert_eq!(Request::from_value(short).unwrap(), again, "what is left out is the default");
     }
 }

@@ -115,7 +115,7 @@ impl SentFiles {
         self.files.first().map_or("", |file| &file.name)
     }
 
-    /// The name of the picture that lights the scene, if it is no file of the scene.
+    /// The name of the picture that lights the scene, if it is not a file of the scene.
     pub(crate) fn environment_name(&self) -> Option<&str> {
         self.environment.as_ref().map(|file| &*file.name)
     }

@@ -68,7 +68,7 @@ class JobPage {
         element("div", { class: "row" }, this.controls.element, this.links), this.frames.element, this.aroundPlace),
       element("div", { class: "studio" }, this.viewer.element, this.panel),
       element("h2", {}, "Blackboard"), this.board.element,
-      // Of the picture of one process neither rules nor auction are told.
+      // Of the picture of one process neither rules nor auction are known here.
       ...(isOnePicture() ? [] : [this.rules.element]),
       element("h2", {}, "Agents"), ...(isOnePicture() ? [] : [this.auction]), this.agentTable.element,
       element("h2", {}, "Log"), this.log);
@@ -225,7 +225,7 @@ class JobPage {
     const key = `${zone?.id} ${isSettled}`;
     if (this.zoneOrders.dataset.key !== key) {
       this.zoneOrders.dataset.key = key;
-      const help = "The zone is open again, and whoever wins it paints it";
+      const help = "The zone is open again, and the agent that wins it paints it";
       this.zoneOrders.replaceChildren(...(isSettled ? [button("Paint it again", () => this.#requeue(zone), { class: "steers", title: help })] : []));
     }
     if (isSettled) parts.splice(1, 0, this.zoneOrders);

@@ -99,7 +99,7 @@ export function laneNames(agents) {
   return names;
 }
 
-/** A place among others of which it is to be told apart. */
+/** A place as it differs from others. */
 function shortPlace(place, all) {
   if (place.length <= PLACE_MAX) return place;
   let shared = 0;

@@ -248,7 +248,7 @@ class SubmitPage {
     return this.#blamed(() => persist(() => ask("POST", "/jobs", asked)));
   }
 
-  /** Asks for something; what the farm refuses is told at its field, too. */
+  /** Asks for something; what the farm refuses is shown at its field, too. */
   async #blamed(work) {
     try {
       return await work();

@@ -44,7 +44,7 @@ const PICTURES: &[(&str, &[u8])] = pictures! {
 /// Where the pages are.
 const ROOT: &str = "/manual/";
 
-/// The routes of the manual. It is no secret: nobody is asked for a token.
+/// The routes of the manual, which is open to all: it needs no token.
 pub(crate) fn routes() -> Router<Arc<DoorState>> {
     Router::new()
         .route("/manual", get(async || Redirect::permanent(ROOT)))
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_that_there_is_not_is_told_so_with_the_contents() {
+    fn an_unknown_page_answers_404_with_the_contents() {
         let response = page("no/such");
         assert_eq!(response.status(), StatusCode::NOT_FOUND);
         let text = whole("index", PAGES.iter().find(|(name, _)| *name == "index").unwrap().1);

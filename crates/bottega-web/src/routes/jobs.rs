@@ -53,7 +53,7 @@ pub(super) fn routes() -> Vec<Route> {
     vec![
         Route::told("/api/jobs", "All jobs, by number.", RouteAnswer::Json(schema::<Vec<JobView>>), get(list)),
         Route::told("/api/jobs/{id}", "A job.", shown, get(show)),
-        // Parameters of a scene may name folders: those who look on alone are not told.
+        // Parameters of a scene may name folders, which visitors that only look on may not see.
         Route {
             role: VisitorRole::Steer,
             ..Route::told(

@@ -47,9 +47,9 @@ export class TestFarm {
   async command(words) {
     const child = this.#run("command", words);
     const code = await new Promise(done => child.once("exit", done));
-    const told = readFileSync(this.#log("command"), "utf8");
-    if (code !== 0) throw new Error(`bottega ${words.join(" ")}: ${code}\n${told}`);
-    return told;
+    const printed = readFileSync(this.#log("command"), "utf8");
+    if (code !== 0) throw new Error(`bottega ${words.join(" ")}: ${code}\n${printed}`);
+    return printed;
   }
 
   /** Starts `bottega render --dashboard`. Returns its process and the address that it printed. */

@@ -212,7 +212,7 @@ test("machines tell what paints beside their processors, where there is somethin
   const seen = text => table.getByText(text, { exact: true }).filter({ visible: true }).count();
   if (!machine.devices.length) assert.equal(await seen("Devices"), 0, "a column of dashes");
   await page.route("**/api/machines", route => route.fulfill({ json: [{ ...machine, devices: ["A fine GPU"] }] }));
-  await until("it is told", async () => await seen("Devices") === 1 && await seen("A fine GPU") === 1);
+  await until("the column is there", async () => await seen("Devices") === 1 && await seen("A fine GPU") === 1);
   await page.unroute("**/api/machines");
   noProblems();
 });

@@ -1,7 +1,7 @@
 // Every view of the page at the widths of two usual screens: nothing sticks out, and what the view is for is in sight. A job that the
 // command line asked for is painted again as it was. Of a real farm of two machines, in a real browser.
 //
-// BOTTEGA_MANUAL_PICTURES=docs/pictures has the pictures of the manual made anew, of a finer scene than tests need.
+// BOTTEGA_MANUAL_PICTURES=docs/pictures makes the pictures of the manual again, finer than tests need.
 
 import assert from "node:assert/strict";
 import { existsSync, writeFileSync } from "node:fs";
@@ -41,7 +41,7 @@ async function look(name, { of = page, isReady = async () => true, isShown = tru
   await of.setViewportSize({ width: WIDTHS[0], height: 900 });
 }
 
-test("a job that the command line asked for is painted again as it was, and a problem is told beside its button", async () => {
+test("a job that the command line asked for is painted again as it was, and a problem is shown beside its button", async () => {
   const light = farm.place("sky", "noon.hdr");
   writeFileSync(light, LIGHT);
   const pose = { eye: [0.4, 1.2, 3], target: [0, 1, 0], up: [0, 1, 0], fov: null };
@@ -75,7 +75,7 @@ test("a job that the command line asked for is painted again as it was, and a pr
   noProblems(it => it.includes("422"));
 });
 
-test("a job that there is not is told of in every view of it", async () => {
+test("every view of an unknown job says that there is none", async () => {
   for (const view of ["job/999", "messages/999", "submit/999", "job/abc", "job"]) {
     await page.goto(`http://127.0.0.1:${farm.web}/#/${view}`);
     await page.getByRole("heading", { name: /There is no job (999|abc)|No job is named/ }).waitFor();
@@ -108,7 +108,7 @@ test("two machines that paint are seen with all that can be done to them", async
       assert.ok(box.x + box.width <= width, `Terminate ends at ${box.x + box.width} of ${width}`);
     }
   }
-  // One that has gone in the meantime: the problem is told beside the button.
+  // One that has gone in the meantime: the problem is shown beside the button.
   await page.route("**/api/machines/*/suspend", route => route.fulfill({ status: 404, contentType: "application/problem+json", body: '{"status":404,"detail":"no such machine is there"}' }));
   await page.getByRole("button", { name: /^Suspend/ }).first().click();
   await alertIn("td.orders").getByText("no such machine is there").waitFor();

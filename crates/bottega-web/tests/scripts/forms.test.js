@@ -114,7 +114,7 @@ test("a request that is asked for again keeps what the form does not show", () =
   assert.equal(request.goal.samples, 4, "the request itself stays");
 });
 
-test("a view is told as options of the command line", () => {
+test("a view is written as options of the command line", () => {
   const pose = { eye: [0.123456, 1, 3], target: [0, 1, 0], up: [0, 1, 0], fov: null };
   assert.equal(viewOptions({ camera: 0, pose }), `--set 'view.pose={"eye":[0.1235,1,3],"target":[0,1,0],"up":[0,1,0]}'`);
   assert.match(viewOptions({ camera: 2, pose: { ...pose, fov: 40 } }), /^--camera 2 --set .*"fov":40\}'$/);

@@ -56,7 +56,7 @@ test("work is counted by agent", () => {
   assert.deepEqual([...workOf(zones)], [["a", { done: 2, working: 1 }]]);
 });
 
-test("what a zone is expected to take is not told as what it took", () => {
+test("the expected time of a zone is not shown as the time that it took", () => {
   assert.equal(timeText({ state: "profiled", seconds_estimated: 8.8 }), "expected 8.8 s");
   assert.equal(timeText({ seconds_estimated: 8.8, seconds_measured: 8.1 }), "took 8.1 s, expected 8.8 s");
   assert.equal(timeText({ seconds_measured: 8.1 }), "took 8.1 s");

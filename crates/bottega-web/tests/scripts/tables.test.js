@@ -19,7 +19,7 @@ test("of ten thousand rows those are made that are seen, and a few more", () => 
   assert.deepEqual(visibleRange(0, 320, 32, 0, 6), [0, 0]);
 });
 
-test("times are told in units in which something is seen of them", () => {
+test("times have units in which some digits are seen", () => {
   assert.deepEqual([undefined, 0, 0.0004, 0.031, 0.2, 12.4, 300, 7200].map(time), ["–", "0 s", "1 ms", "31 ms", "0.2 s", "12 s", "5.0 min", "2.0 h"]);
 });
 
