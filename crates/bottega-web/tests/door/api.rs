@@ -50,7 +50,7 @@ fn the_document_and_the_door_know_the_same_routes() {
             assert!(names.insert(route["operationId"].as_str().unwrap().to_owned()), "{route}");
             let is_steered = route["x-role"] == "steer";
             // A viewport is its opener's; a request may name folders.
-            let is_own = path.starts_with("/api/viewports") || path.ends_with("/request");
+            let is_own = path.starts_with("/api/viewports") || path.ends_with("/{id}/request");
             assert_eq!(is_steered, method != "get" || is_own, "{method} {path}");
             // One who may not is told so before anything else is looked at.
             let without = ask(at, &method.to_uppercase(), &filled(path), "", b"");
