@@ -31,6 +31,12 @@ fn a_scene_is_looked_around_in_and_its_pictures_are_looked_at_closely() {
     browse("look.test.js");
 }
 
+#[test]
+fn every_view_fits_usual_screens_and_a_job_of_the_command_line_is_painted_again() {
+    let _shared = PROCESSORS.read().unwrap_or_else(PoisonError::into_inner);
+    browse("views.test.js");
+}
+
 /// Runs tests in a browser, against the newest NATS server.
 fn browse(file: &str) {
     let Some(server) = crate::support::servers().pop() else { return };

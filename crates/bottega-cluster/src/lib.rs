@@ -27,6 +27,7 @@
 //! | steering of jobs and machines | [`jobs`], [`machine`]; zones painted again: `src/requeue.rs` |
 //! | a job as it looks while it is painted; before | [`job_preview`]; `src/first_look.rs` |
 //! | files sent piece by piece by one who is no machine of the farm, and jobs asked for with them | [`uploads`] |
+//! | requests of jobs, to be submitted again with the same files | `src/asked_again.rs` |
 //! | what the HTTP doors of one farm know each other by: tokens, certificate; tokens that people make and revoke; what was done by them | [`web_secrets`]; [`web_tokens`]; [`deed_log`] |
 //! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
 //! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
@@ -43,6 +44,7 @@ mod activity;
 pub mod address;
 mod admission;
 pub mod animation;
+mod asked_again;
 pub mod blackboard;
 pub mod build;
 pub mod cache;

@@ -110,6 +110,28 @@ impl SentFiles {
         folders.find(|folder| !folder.ends_with(INNER)).unwrap_or(Path::new(".")).to_owned()
     }
 
+    /// The name of the scene file.
+    pub(crate) fn scene_name(&self) -> &str {
+        self.files.first().map_or("", |file| &file.name)
+    }
+
+    /// The name of the picture that lights the scene, if it is not a file of the scene.
+    pub(crate) fn environment_name(&self) -> Option<&str> {
+        self.environment.as_ref().map(|file| &*file.name)
+    }
+
+    /// The same files with another light: one of them, by the last part of its name, or none. `None`: there is no such file.
+    pub(crate) fn lit_by(self, light: Option<&Path>) -> Option<Self> {
+        let environment = match light {
+            Some(light) => {
+                let mut all = self.environment.iter().chain(&self.files);
+                Some(all.find(|file| Path::new(&file.name).file_name() == light.file_name())?.clone())
+            }
+            None => None,
+        };
+        Some(Self { environment, ..self })
+    }
+
     /// The names of the files, relative to the scene's folder: the scene first.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.files.iter().map(|file| &*file.name)
@@ -165,6 +187,22 @@ mod tests {
         {
             assert_eq!(SentFiles::root_of(Path::new(scene)), Path::new(root));
         }
+    }
+
+    #[test]
+    fn another_picture_of_the_same_files_is_lit_by_one_of_them_or_by_none() {
+        let contents: Contents = serde_json::from_str(r#"{"hash":"","chunks":[]}"#).unwrap();
+        let sent = |light: Option<&str>| {
+            let files = ["room.gltf", "textures/sky.hdr"].map(|name| (name.to_owned(), contents.clone())).into();
+            SentFiles::at_farm(files, light.map(|name| (name.to_owned(), contents.clone())))
+        };
+        let lit = |files: SentFiles, light: Option<&str>| {
+            files.lit_by(light.map(Path::new)).map(|files| files.environment_name().map(str::to_owned))
+        };
+        assert_eq!(lit(sent(Some("noon.hdr")), Some("/home/anna/noon.hdr")), Some(Some("noon.hdr".to_owned())));
+        assert_eq!(lit(sent(Some("noon.hdr")), None), Some(None));
+        assert_eq!(lit(sent(None), Some("sky.hdr")), Some(Some("textures/sky.hdr".to_owned())));
+        assert_eq!(lit(sent(None), Some("noon.hdr")), None);
     }
 
     #[test]

@@ -226,16 +226,27 @@ impl JobBoard {
         Ok((spec, here))
     }
 
-    /// The files of a job that is known.
+    /// The files of a job of the farm, for a request that asks for another picture of its scene. Folders in the request's names do
+    /// not matter: the asker of that job may have had its files anywhere.
     fn files_of(&self, number: u32, request: &Request) -> Result<SentFiles, Error> {
         let job = crate::jobs::known(self, number)?;
         let files = self.spec(&job)?.files;
-        let scene = files.names().next().unwrap_or_default();
-        if request.scene.file != Path::new(scene) {
+        let scene = files.scene_name().to_owned();
+        if request.scene.file.file_name() != Path::new(&scene).file_name() {
             let problem = format!("`scene.file` is `{}`", request.scene.file.display());
             return Err(Error::usage(problem, format!("the scene of job {number} is `{scene}`")));
         }
-        Ok(files)
+        let light = match &request.environment.light {
+            Some(EnvironmentLight::File(path)) => Some(&**path),
+            _ => None,
+        };
+        files.lit_by(light).ok_or_else(|| {
+            let light = light.unwrap_or(Path::new("")).display();
+            Error::usage(
+                format!("`environment.light` is `{light}`, which is not among the files of job {number}"),
+                "leave it out, name the picture that job has, or upload all files of the scene",
+            )
+        })
     }
 
     /// The files of a request as they were uploaded.

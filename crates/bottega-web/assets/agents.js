@@ -18,8 +18,8 @@ const COLUMNS = [
   { name: "credit", head: "Credit", help: "What it promised less what it took, summed over its zones, in seconds", isNumber: true, value: agent => agent.credit, text: agent => `${decimals(agent.credit, 2)} s` },
   { name: "reliability", head: "Kept", help: "How far its promises held: 100 % when zones took as long as it said, 50 % when twice as long", isNumber: true, value: agent => agent.reliability, text: agent => percent(agent.reliability) },
   { name: "lanes", head: "Processors", help: "Processors that work on its zones at once", isNumber: true, value: agent => agent.lanes, text: agent => decimals(agent.lanes, 1) },
-  { name: "failures", head: "Failed", help: "How often it has failed since it last painted something", isNumber: true, value: agent => agent.failures, text: agent => `${agent.failures}` },
-  { name: "left_out", head: "Left out", help: "Why it is left out of the work", value: agent => agent.left_out, text: agent => agent.left_out ?? "" },
+  { name: "failures", head: "Failed", help: "How often it has failed since it last painted something", isNumber: true, isNeeded: agent => agent.failures > 0, value: agent => agent.failures, text: agent => `${agent.failures}` },
+  { name: "left_out", head: "Left out", help: "Why it is left out of the work", isNeeded: agent => Boolean(agent.left_out), value: agent => agent.left_out, text: agent => agent.left_out ?? "" },
 ];
 
 export function agentTable() {

@@ -10,6 +10,11 @@ export class Problem extends Error {
   }
 }
 
+/** The program that answers: its version, and whether it shows a `farm` or the `picture` of one process. */
+export const about = { version: "", shows: "farm" };
+/** Whether one picture is shown, with nothing of a farm around it. */
+export const isOnePicture = () => about.shows === "picture";
+
 /** Whether the token of this page lets it steer; known after the first answer. */
 export let maySteer = true;
 
@@ -62,6 +67,7 @@ export function follow(job, { state, news, link }) {
   const source = new EventSource(`/api/jobs/${job}/events`);
   source.addEventListener("state", message => { link(true); state(JSON.parse(message.data)); });
   source.addEventListener("news", message => news(JSON.parse(message.data)));
-  source.onerror = () => link(false);
+  // A stream that is closed for good was refused: the job was removed, which other questions find out.
+  source.onerror = () => { if (source.readyState !== EventSource.CLOSED) link(false); };
   return () => source.close();
 }

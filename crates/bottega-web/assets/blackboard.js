@@ -20,8 +20,8 @@ const COLUMNS = [
   },
   { name: "size", head: "Pixels", isNumber: true, value: zone => zone.size, text: zone => `${zone.size}` },
   { name: "samples", head: "Samples", help: "Samples that each pixel has", isNumber: true, value: zone => zone.samples, text: zone => `${zone.samples}` },
-  { name: "error", head: "Error", help: "Estimated relative error, where one was asked for", isNumber: true, value: zone => zone.error, text: zone => decimals(zone.error, 4) },
-  { name: "attempt", head: "Lost", help: "How often it was taken from an agent that failed or fell silent", isNumber: true, value: zone => zone.attempt, text: zone => `${zone.attempt}` },
+  { name: "error", head: "Error", help: "Estimated relative error, where one was asked for", isNumber: true, isNeeded: zone => zone.error !== undefined, value: zone => zone.error, text: zone => decimals(zone.error, 4) },
+  { name: "attempt", head: "Lost", help: "How often it was taken from an agent that failed or fell silent", isNumber: true, isNeeded: zone => zone.attempt > 0, value: zone => zone.attempt, text: zone => `${zone.attempt}` },
 ];
 
 export function blackboard(onSelect) {
@@ -46,7 +46,7 @@ export function zoneFields(zone, used) {
     ["Lost by agents", `${zone.attempt}`, "How often it was taken from an agent that failed or fell silent"],
     ["Bounces of light", choice && `${choice.max_depth}`, "The recursion level that was chosen for it"],
     ["Light samples", choice && `${choice.light_samples}`, "At each bounce"],
-    ["Samples chosen", choice && `${choice.samples}`, "Samples a pixel that were chosen for it"],
+    ["Samples chosen", choice && `${choice.samples}`, "Samples per pixel that were chosen for it"],
     ["Bands", choice && choice.bands.join(", "), "Interpolation bands beyond its left, top, right and bottom edge, in pixels"],
     ["Rules", zone.reasons, "Whose rules decided what it is painted with, which ones, and how strongly"],
     ["Work", `${zone.work}`, "IdWork"],

@@ -51,7 +51,7 @@ export class Comparison {
   }
 
   async #send(file) {
-    const sent = await this.shell.attempt(() => ask("POST", "/pictures", file));
+    const sent = await this.shell.attempt(() => ask("POST", "/pictures", file), this.element);
     if (!sent) return;
     const value = `picture-${sent.picture}`;
     this.others.append(element("option", { value }, file.name));
@@ -64,12 +64,12 @@ export class Comparison {
     setText(this.figures, "");
     this.ways.hidden = this.#other === null;
     // What is written over a picture would hide what differs.
-    if (this.#other !== null) this.viewer.showZones.checked = false;
+    if (this.#other !== null) this.viewer.outline(false);
     await this.#show();
     const other = this.#other;
     if (other === null) return;
     setText(this.figures, "comparing …");
-    const told = await this.shell.attempt(() => get(`/jobs/${this.number}/difference/${other}`));
+    const told = await this.shell.attempt(() => get(`/jobs/${this.number}/difference/${other}`), this.element);
     if (this.#other === other) setText(this.figures, told ? differenceText(told) : "");
   }
 

@@ -4,11 +4,16 @@ export const percent = share => `${(100 * share).toFixed(0)} %`;
 
 export function time(seconds) {
   if (seconds === undefined || seconds === null) return "–";
+  if (seconds === 0) return "0 s";
+  if (seconds > 0 && seconds < 0.0995) return `${Math.max(1, Math.round(1000 * seconds))} ms`;
   if (seconds < 90) return `${seconds.toFixed(seconds < 10 ? 1 : 0)} s`;
   return seconds < 5400 ? `${(seconds / 60).toFixed(1)} min` : `${(seconds / 3600).toFixed(1)} h`;
 }
 
-export const ago = at => `${time(Math.max(0, Date.now() / 1000 - at))} ago`;
+export function ago(at) {
+  const seconds = Date.now() / 1000 - at;
+  return seconds < 1 ? "just now" : `${time(seconds)} ago`;
+}
 
 /** A number with so many decimals, or a dash. */
 export const decimals = (value, count) => (value === undefined || value === null ? "–" : value.toFixed(count));

@@ -1,7 +1,7 @@
 // One job: the picture while it is painted, its zones over it, the Blackboard, agents, log.
 
 import { agentRows, agentTable, auctionLine } from "./agents.js";
-import { ask, fetchPicture, follow, get, maySteer } from "./api.js";
+import { ask, fetchPicture, follow, get, isOnePicture, maySteer } from "./api.js";
 import { blackboard, zonePanel } from "./blackboard.js";
 import { Comparison } from "./compare.js";
 import { energyFacts, usedText } from "./energy.js";
@@ -9,6 +9,7 @@ import { ago, button, element, setText, time } from "./format.js";
 import { FrameStrip } from "./frames.js";
 import { JobControls, progress, stateChip } from "./job_controls.js";
 import { LayerChoice } from "./layers.js";
+import { LookAround, viewSize } from "./lookaround.js";
 import { RulesSection } from "./rules.js";
 import { Viewer } from "./viewer.js";
 import { workOf } from "./zones.js";
@@ -46,14 +47,17 @@ class JobPage {
     this.reason = element("p", { class: "reason", hidden: true });
     this.controls = new JobControls(shell, { onGone: () => { location.hash = "#/"; } });
     this.links = element("div", { class: "row links" });
+    this.around = null;
+    this.aroundPlace = element("div");
     this.viewer = new Viewer({ label: `Picture of job ${number}`, onPick: zone => this.#select(zone) });
-    this.#addImportance();
+    if (!isOnePicture()) this.#addImportance();
     this.layers = new LayerChoice(shell, this.viewer, number, () => { [this.#tag, this.#shown] = [null, null]; this.#look(); });
     this.viewer.extras.after(this.layers.element);
     this.comparison = new Comparison(shell, this.viewer, number);
     this.viewer.element.append(this.comparison.element);
     this.frames = new FrameStrip(shell);
     this.panel = element("section", { class: "panel", "aria-live": "polite", "aria-label": "Zone" });
+    this.zoneOrders = element("div", { class: "row" });
     this.board = blackboard(zone => this.#select(zone));
     this.rules = new RulesSection(shell, number);
     this.agentTable = agentTable();
@@ -61,10 +65,12 @@ class JobPage {
     this.log = element("ol", { class: "log" });
     page.replaceChildren(
       element("div", { class: "job-head" }, element("div", { class: "row" }, this.title, this.chip), this.bar, this.facts, this.reason,
-        element("div", { class: "row" }, this.controls.element, this.links), this.frames.element),
+        element("div", { class: "row" }, this.controls.element, this.links), this.frames.element, this.aroundPlace),
       element("div", { class: "studio" }, this.viewer.element, this.panel),
-      element("h2", {}, "Blackboard"), this.board.element, this.rules.element,
-      element("h2", {}, "Agents"), this.auction, this.agentTable.element,
+      element("h2", {}, "Blackboard"), this.board.element,
+      // Of the picture of one process neither rules nor auction are known here.
+      ...(isOnePicture() ? [] : [this.rules.element]),
+      element("h2", {}, "Agents"), ...(isOnePicture() ? [] : [this.auction]), this.agentTable.element,
       element("h2", {}, "Log"), this.log);
     this.board.element.classList.add("tall");
     this.#select(null);
@@ -85,6 +91,7 @@ class JobPage {
   close() {
     this.end();
     clearInterval(this.timer);
+    this.around?.close();
     [this.viewer, this.board, this.agentTable].forEach(part => part.close());
   }
 
@@ -95,7 +102,9 @@ class JobPage {
       agent: event => this.#agents.set(event.agent, event),
       removed: () => {
         setText(this.title, `Job ${this.number} was removed`);
-        this.controls.element.hidden = true;
+        this.controls.element.hidden = this.links.hidden = true;
+        clearInterval(this.timer);
+        this.end();
       },
     };
     for (const event of events) take[event.event]?.(event);
@@ -114,13 +123,13 @@ class JobPage {
 
   #takeJob(job) {
     // Who opens a picture that is done wants to see it.
-    if (!this.#job && job.state === "done") this.viewer.showZones.checked = false;
+    if (!this.#job && job.state === "done") this.viewer.outline(false);
     this.#job = job;
-    setText(this.title, `Job ${job.job}: ${job.scene}`);
+    setText(this.title, isOnePicture() ? job.scene || "The picture" : `Job ${job.job}: ${job.scene}`);
     if (job.seen && !this.#isSeen) setTimeout(() => this.#look());
     this.#isSeen = job.seen;
     this.chip.set(job.state);
-    this.bar.set(job.done, `job ${job.job}`);
+    this.bar.set(job.done, isOnePicture() ? "the picture" : `job ${job.job}`);
     this.reason.hidden = !job.reason;
     setText(this.reason, job.reason ?? "");
     this.controls.set(job);
@@ -135,12 +144,15 @@ class JobPage {
     const job = this.#job;
     if (!job) return;
     const left = job.seconds_left ?? null;
+    const isOver = !["active", "paused"].includes(job.state);
     const facts = [
-      ["Zones", `${job.zones_done} of ${job.zones}`],
+      ["Zones", job.zones ? `${job.zones_done} of ${job.zones}` : "not cut yet"],
       job.state === "active" ? ["Time left", left === null ? "not known yet" : `about ${time(left)}`] : null,
-      ["Machines", `${job.machines}`],
-      ["Led by", job.leader ?? "nobody"],
-      ["Asked", `${ago(job.submitted)}, by ${job.from}`],
+      ...(isOnePicture() ? [["Begun", ago(job.submitted)]] : [
+        isOver ? null : ["Machines", `${job.machines}`],
+        isOver ? null : ["Led by", job.leader ?? "nobody"],
+        ["Asked", `${ago(job.submitted)}, by ${job.from}`],
+      ]),
       ["Picture", job.output],
       ...energyFacts(this.#energy),
     ].filter(Boolean);
@@ -160,27 +172,40 @@ class JobPage {
     if (this.links.dataset.key === key) return;
     this.links.dataset.key = key;
     const file = kept ? element("a", { href: `/api/jobs/${this.number}/picture`, download: "", class: "button" }, `Download ${output}`) : null;
-    const again = element("a", { href: `#/submit/${this.number}`, class: "button steers" }, "Paint this scene again …");
+    const again = isOnePicture()
+      ? button("Look around …", () => this.#lookAround(), { title: "Lead a camera through the scene while the picture is painted" })
+      : element("a", { href: `#/submit/${this.number}`, class: "button steers" }, "Paint this scene again …");
     const help = "What its agents say to each other, while they say it";
     const messages = element("a", { href: `#/messages/${this.number}`, class: "button", title: help }, "Messages");
     this.links.replaceChildren(...[file, button("Save what is shown", () => this.#save()), messages, again].filter(Boolean));
   }
 
+  /** Shows the scene of the only picture, so that a camera can be led through it. */
+  async #lookAround() {
+    this.around?.close();
+    const { picture } = this.viewer;
+    const size = picture.naturalWidth ? { film: { size: viewSize([picture.naturalWidth, picture.naturalHeight]) } } : {};
+    const around = this.around = new LookAround(this.shell, null);
+    const opened = await this.shell.attempt(async () => { await around.open({ request: size, files_of_job: this.number }); return true; }, this.links);
+    if (!opened || this.around !== around) around.close();
+    else this.aroundPlace.replaceChildren(around.element);
+  }
+
   #save() {
     const { src } = this.viewer.picture;
     if (src) element("a", { href: src, download: `job-${this.number}.png` }).click();
-    else this.shell.tellProblem("Nothing is painted yet.");
+    else this.shell.tellProblem("Nothing is painted yet.", this.links);
   }
 
   #addImportance() {
     const state = element("span", { class: "quiet", role: "status" });
     const box = element("input", { type: "checkbox", onchange: async () => {
       const map = box.checked ? await fetchPicture(`/jobs/${this.number}/importance.png`) : null;
-      setText(state, box.checked && !map ? " not known of this job" : "");
+      setText(state, box.checked && !map ? ` not known of this ${isOnePicture() ? "picture" : "job"}` : "");
       if (!map) box.checked = false;
       this.viewer.showImportance(map?.blob ?? null);
     } });
-    const help = "The importance map: the lighter, the more a pixel is predicted to cost";
+    const help = "The importance map over the picture: what each pixel is predicted to cost";
     this.viewer.extras.append(element("label", { title: help }, box, " Importance"), state);
   }
 
@@ -195,12 +220,15 @@ class JobPage {
   #showZone(zone) {
     const used = zone && this.#energy?.zones?.find(({ id }) => id === zone.id);
     const parts = zonePanel(zone, used && usedText(used, this.#energy.currency)).filter(Boolean);
-    const isSettled = zone && ["done", "failed"].includes(zone.state) && maySteer;
-    if (isSettled) parts.splice(1, 0, button("Paint it again", () => this.#requeue(zone), { class: "steers", title: "The zone is open again, and whoever wins it paints it" }));
-    // A button that is pressed is not replaced meanwhile.
+    const isSettled = zone && ["done", "failed"].includes(zone.state) && maySteer && !isOnePicture();
+    // A button that is pressed, and what it was answered, stay while the zone changes.
     const key = `${zone?.id} ${isSettled}`;
-    if (this.panel.dataset.key === key && isSettled) parts[1] = this.panel.querySelector("button");
-    this.panel.dataset.key = key;
+    if (this.zoneOrders.dataset.key !== key) {
+      this.zoneOrders.dataset.key = key;
+      const help = "The zone is open again, and the agent that wins it paints it";
+      this.zoneOrders.replaceChildren(...(isSettled ? [button("Paint it again", () => this.#requeue(zone), { class: "steers", title: help })] : []));
+    }
+    if (isSettled) parts.splice(1, 0, this.zoneOrders);
     this.panel.replaceChildren(...parts);
   }
 
@@ -209,7 +237,7 @@ class JobPage {
     const isOver = this.#job && !["active", "paused"].includes(this.#job.state);
     const text = `Paint zone ${zone.id} again? The job is over and its zones are not kept, so that all of them are painted again.`;
     if (isOver && !await this.shell.confirm(text, "Paint again")) return;
-    const job = await this.shell.attempt(() => ask("POST", `/jobs/${this.number}/zones/${zone.id}/requeue`));
+    const job = await this.shell.attempt(() => ask("POST", `/jobs/${this.number}/zones/${zone.id}/requeue`), this.zoneOrders);
     if (!job || !isOver) return;
     [this.#shown, this.#looks] = [null, 0];
     this.#follow();

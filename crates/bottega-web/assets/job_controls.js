@@ -1,13 +1,13 @@
 // What is shown of a job, and done to it, in the list of jobs and in its own view.
 
-import { ask } from "./api.js";
+import { ask, isOnePicture } from "./api.js";
 import { button, element, percent, setText } from "./format.js";
 
 export const PRIORITY_MAX = 1000;
 
 /** A progress bar with its number: `set(share, of)`. */
 export function progress() {
-  const bar = element("progress", { max: 1 });
+  const bar = element("progress", { max: 1, value: 0 });
   const number = element("span", { class: "percent" });
   const both = element("div", { class: "progress" }, bar, number);
   both.set = (done, of) => {
@@ -22,7 +22,7 @@ export function progress() {
 export function stateChip() {
   const chip = element("span", { class: "chip" });
   chip.set = state => {
-    setText(chip, state);
+    setText(chip, state === "cancelled" && isOnePicture() ? "stopped" : state);
     chip.dataset.state = state;
   };
   return chip;
@@ -49,7 +49,11 @@ export class JobControls {
     const make = (word, work, properties = {}) =>
       button(word, work, { ariaLabel: `${word} job ${job.job}`, ...properties });
     const isOver = !["active", "paused"].includes(job.state);
-    this.label.hidden = isOver;
+    this.label.hidden = isOver || isOnePicture();
+    if (isOnePicture()) {
+      this.buttons.replaceChildren(...(isOver ? [] : [button("Stop", () => this.#stop())]));
+      return;
+    }
     this.buttons.replaceChildren(...[
       job.state === "active" ? make("Pause", () => this.#do("pause")) : null,
       job.state === "paused" ? make("Resume", () => this.#do("resume")) : null,
@@ -58,8 +62,13 @@ export class JobControls {
   }
 
   async #do(order) {
-    const job = await this.shell.attempt(() => ask("POST", `/jobs/${this.job.job}/${order}`));
+    const job = await this.shell.attempt(() => ask("POST", `/jobs/${this.job.job}/${order}`), this.element);
     if (job) this.set(job);
+  }
+
+  async #stop() {
+    const text = "Stop painting? What is painted so far is written, and the same command with --resume goes on with it.";
+    if (await this.shell.confirm(text, "Stop")) await this.#do("cancel");
   }
 
   async #cancel() {
@@ -70,14 +79,14 @@ export class JobControls {
   async #remove() {
     const { job, scene } = this.job;
     if (!await this.shell.confirm(`Remove job ${job}, ${scene}? The farm forgets its picture, too.`, "Remove")) return;
-    const isDone = await this.shell.attempt(async () => { await ask("DELETE", `/jobs/${job}`); return true; });
+    const isDone = await this.shell.attempt(async () => { await ask("DELETE", `/jobs/${job}`); return true; }, this.element);
     if (isDone) this.onGone(job);
   }
 
   async #setPriority() {
     if (!this.priority.reportValidity()) return;
     const priority = Number(this.priority.value);
-    const job = await this.shell.attempt(() => ask("PUT", `/jobs/${this.job.job}/priority`, { priority }));
+    const job = await this.shell.attempt(() => ask("PUT", `/jobs/${this.job.job}/priority`, { priority }), this.element);
     if (job) this.set(job);
   }
 }

@@ -93,7 +93,7 @@ class JobCard {
     setText(this.link, `${job.job}: ${job.scene}`);
     this.chip.set(job.state);
     this.bar.set(job.done, `job ${job.job}`);
-    setText(this.facts, [`${job.zones_done} of ${job.zones} zones`, counted(job.machines, "machine"), `asked ${ago(job.submitted)}`, job.output, job.reason]
+    setText(this.facts, [job.zones ? `${job.zones_done} of ${job.zones} zones` : "not cut into zones yet", ["active", "paused"].includes(job.state) ? counted(job.machines, "machine") : null, `asked ${ago(job.submitted)}`, job.output, job.reason]
       .filter(Boolean).join(" · "));
     this.controls.set(job);
     this.#renewPicture(job);

@@ -18,7 +18,17 @@ export function viewSize([width, height]) {
   return [Math.max(1, Math.round(width * scale)), Math.max(1, Math.round(height * scale))];
 }
 
-/** A place to look around in; `onTake` is called with `{ camera, pose }` of the view that is taken. */
+/** A view as options of `bottega render`. */
+export function viewOptions({ camera, pose }) {
+  const rounded = Object.entries(pose).filter(([, value]) => value !== null)
+    .map(([key, value]) => [key, Array.isArray(value) ? value.map(number => Number(number.toFixed(4))) : value]);
+  return `${camera ? `--camera ${camera} ` : ""}--set 'view.pose=${JSON.stringify(Object.fromEntries(rounded))}'`;
+}
+
+/**
+ * A place to look around in; `onTake` is called with `{ camera, pose }` of the view that is taken. Null: nobody can take it, and the
+ * view is written out in place of a button.
+ */
 export class LookAround {
   #viewport = null;
   #camera = 0;
@@ -40,11 +50,13 @@ export class LookAround {
     this.stage = element("div", { class: "stage around moves", tabIndex: 0, role: "group", "aria-label": `The scene. ${help}` }, this.picture);
     this.cameras = element("select", { ariaLabel: "Camera of the scene", onchange: () => this.#takeCamera(Number(this.cameras.value)) });
     this.status = element("output", { class: "quiet" });
-    this.element = element("div", { class: "viewer" }, this.stage, element("div", { class: "toolbar" },
+    this.tools = element("div", { class: "toolbar" },
       element("label", {}, "Camera ", this.cameras),
       button("Back to the camera", () => this.#takeCamera(this.#camera), { title: "Where the file has it" }),
-      button("Take this view", () => this.#take(), { class: "primary" }), this.status),
-    element("p", { class: "quiet hint" }, `${help}.`));
+      onTake ? button("Take this view", () => this.#take(), { class: "primary" }) : null, this.status);
+    this.written = onTake ? null : element("pre", { tabIndex: 0, ariaLabel: "The options that paint this view" });
+    this.element = element("div", { class: "viewer" },
+      ...[this.stage, this.tools, element("p", { class: "quiet hint" }, `${help}.`), this.written].filter(Boolean));
     this.#listen();
     this.#leave = () => this.close();
     addEventListener("pagehide", this.#leave);
@@ -64,8 +76,14 @@ export class LookAround {
     this.#camera = Math.max(0, found);
     this.cameras.value = this.#camera;
     this.#pose = this.#level(asked.request.view?.pose ?? opened.cameras[this.#camera].pose);
+    this.#write();
     this.#watch();
     return undefined;
+  }
+
+  /** Writes the view out as options of `bottega render`. */
+  #write() {
+    if (this.written) setText(this.written, viewOptions({ camera: this.#camera, pose: this.#pose }));
   }
 
   /** Ends it. */
@@ -88,7 +106,7 @@ export class LookAround {
     const begun = performance.now();
     while (!this.isClosed) {
       const frame = await this.shell.poll(() => this.#fetch(tag), error => {
-        this.shell.tellProblem(error.message);
+        this.shell.tellProblem(error.message, this.tools);
         this.close();
       });
       if (frame === undefined && ++misses > 20) return;
@@ -142,12 +160,13 @@ export class LookAround {
     this.#pose = pose;
     this.stage.dataset.eye = pose.eye.map(value => value.toFixed(3)).join(" ");
     this.#isStale = true;
+    this.#write();
     if (this.#isSending) return;
     this.#isSending = true;
     while (this.#isStale && !this.isClosed) {
       this.#isStale = false;
       const at = performance.now();
-      const told = await this.shell.attempt(() => ask("PUT", `/viewports/${this.#viewport.viewport}/view`, this.#view(options)));
+      const told = await this.shell.attempt(() => ask("PUT", `/viewports/${this.#viewport.viewport}/view`, this.#view(options)), this.tools);
       if (told) this.#asked.push({ look: told.look, at });
     }
     this.#isSending = false;

@@ -16,6 +16,9 @@ const sum = (agents, key) => (agents.length ? agents.reduce((total, agent) => to
 export const powerOf = ({ agents }) => (agents.length ? 1 / agents.reduce((speed, agent) => speed + 1 / agent.power, 0) : null);
 const creditOf = ({ agents }) => sum(agents, "credit");
 
+/** The energy of a machine alone: its cost has no currency here. */
+const usedOf = energy => (energy ? usedText({ kwh: energy.kwh }) : undefined);
+
 function remember(machines) {
   const names = new Set(machines.map(machine => machine.name));
   for (const name of histories.keys()) if (!names.has(name)) histories.delete(name);
@@ -43,24 +46,33 @@ export function stateOf({ state, ordered, job }) {
 }
 
 function columns(shell, look) {
-  const order = async (name, word) => {
+  const order = async (cell, name, word) => {
     const isSure = word !== "terminate" || await shell.confirm(`Have ${name} leave the farm? Only who is at that machine can bring it back.`, "Terminate");
-    if (isSure) await shell.attempt(() => ask("POST", `/machines/${encodeURIComponent(name)}/${word}`));
+    if (isSure) await shell.attempt(() => ask("POST", `/machines/${encodeURIComponent(name)}/${word}`), cell);
     look();
   };
   return [
-    { name: "name", head: "Machine", value: machine => machine.name, text: machine => `${machine.name}${machine.is_guest ? " (guest)" : ""}` },
-    { name: "state", head: "State", value: stateOf, text: stateOf },
     {
-      name: "job", head: "Paints", help: "The job that it paints", value: machine => machine.job,
-      fill(cell, { job }) {
-        const text = job === null ? "–" : `job ${job}`;
-        if (cell.textContent !== text) cell.replaceChildren(job === null ? text : element("a", { href: `#/job/${job}` }, text));
+      name: "name", head: "Machine", value: machine => machine.name,
+      fill(cell, { name, is_guest: isGuest }) {
+        setText(cell, `${name}${isGuest ? " (guest)" : ""}`);
+        cell.title = cell.textContent;
       },
     },
-    { name: "threads", head: "Processors", isNumber: true, value: machine => machine.threads, text: machine => `${machine.threads}` },
+    {
+      name: "state", head: "State", value: machine => `${stateOf(machine)} ${machine.job ?? ""}`,
+      fill(cell, machine) {
+        const [state, job] = [stateOf(machine), machine.job];
+        const key = `${state} ${job}`;
+        if (cell.dataset.key === key) return;
+        cell.dataset.key = key;
+        cell.replaceChildren(state, ...(job === null ? [] : [" ", element("a", { href: `#/job/${job}` }, `job ${job}`)]));
+      },
+    },
+    { name: "threads", head: "CPUs", help: "Processors that paint", isNumber: true, value: machine => machine.threads, text: machine => `${machine.threads}` },
     {
       name: "devices", head: "Devices", help: "What paints beside its processors, where a job lets it: GPUs, boards", value: machine => machine.devices.length,
+      isNeeded: machine => machine.devices.length > 0,
       fill(cell, { devices }) {
         setText(cell, devices.join(", ") || "–");
         cell.title = cell.textContent;
@@ -68,7 +80,7 @@ function columns(shell, look) {
     },
     {
       name: "tags", head: "Tags", help: "What the machine says that it is (join --tag): a job may ask for it (farm.require)",
-      value: machine => machine.tags.join(" "), text: machine => machine.tags.join(" ") || "–",
+      isNeeded: machine => machine.tags.length > 0, value: machine => machine.tags.join(" "), text: machine => machine.tags.join(" ") || "–",
     },
     {
       name: "power", head: "V_cp", help: "Relative computing power in the job that it paints: 1 is the reference machine, 0.5 is twice as fast. The line is since this page was opened",
@@ -84,26 +96,27 @@ function columns(shell, look) {
     },
     {
       name: "energy", head: "Energy", help: "What it has used for the job that it paints", isNumber: true, value: ({ energy }) => energy?.kwh,
+      isNeeded: ({ energy }) => usedOf(energy) !== undefined,
       fill(cell, { energy }) {
-        setText(cell, (energy && usedText(energy)) ?? "–");
+        setText(cell, usedOf(energy) ?? "–");
         cell.title = energy ? sourceText(energy) : "";
       },
     },
     {
       name: "refusals", head: "Refused", help: "Jobs that it does not paint", value: machine => machine.refusals.length,
+      isNeeded: machine => machine.refusals.length > 0,
       fill(cell, { refusals }) {
         setText(cell, refusals.map(({ job, reason }) => `job ${job}: ${reason}`).join("; "));
         cell.title = cell.textContent;
       },
     },
     {
-      name: "orders", head: "Orders", value: machine => Number(machine.takes_orders),
+      name: "orders", head: "Orders", className: "orders steers", value: machine => Number(machine.takes_orders),
       fill(cell, { name, ordered, takes_orders: takesOrders }) {
         const key = `${takesOrders} ${ordered}`;
         if (cell.dataset.key === key) return;
         cell.dataset.key = key;
-        cell.className = "orders steers";
-        const make = (word, what) => button(word, () => order(name, what), { ariaLabel: `${word} ${name}` });
+        const make = (word, what) => button(word, () => order(cell, name, what), { ariaLabel: `${word} ${name}` });
         cell.replaceChildren(...(!takesOrders || ordered === "terminated" ? [] : [
           ordered === "suspended" ? make("Resume", "resume") : make("Suspend", "suspend"),
           make("Terminate", "terminate"),
@@ -124,7 +137,8 @@ export function showMachines(page, shell) {
   function show() {
     const wanted = machines.filter(machine => `${machine.name} ${stateOf(machine)}`.toLowerCase().includes(text.value.toLowerCase()));
     const threads = machines.reduce((all, machine) => all + machine.threads, 0);
-    setText(count, machines.length ? `${wanted.length} of ${counted(machines.length, "machine")}, ${counted(threads, "processor")}`
+    const some = wanted.length === machines.length ? "" : `${wanted.length} of `;
+    setText(count, machines.length ? `${some}${counted(machines.length, "machine")}, ${counted(threads, "processor")}`
       : "No machines yet: run bottega join on each, with the line that bottega up printed.");
     table.set(wanted);
   }

@@ -1,6 +1,6 @@
 // The messages between the agents: of a job while they are said, or of a file that `bottega render --trace FILE` wrote.
 
-import { get } from "./api.js";
+import { get, isOnePicture } from "./api.js";
 import { button, counted, element, setText } from "./format.js";
 import { filtered, parseTrace, toMermaid, toText, valuesOf } from "./sequence.js";
 import { drawing, SequenceView } from "./sequence_view.js";
@@ -56,15 +56,15 @@ class MessagesPage {
       button("Save SVG", () => this.#saveDrawing(), { title: "The messages that are shown, as a drawing" }),
       button("Save text", () => save(toText(this.#wanted()), "messages.txt", "text/plain"), { title: "A line for each message that is shown" }),
       button("Save Mermaid", () => save(toMermaid(this.#wanted()), "messages.mmd", "text/plain"), { title: "A sequence diagram as text, for Mermaid" })];
-    const title = number === undefined ? "Messages" : `Messages of job ${number}`;
+    this.orders = element("div", { class: "row" }, this.saves,
+      button("Open a trace …", () => this.chosen.click(), { title: "A file that bottega render --trace FILE wrote; or drop it here" }), this.chosen,
+      number === undefined ? null : element("a", { class: "button", href: `#/job/${number}` }, isOnePicture() ? "Picture" : `Job ${number}`));
+    const title = number === undefined || isOnePicture() ? "Messages" : `Messages of job ${number}`;
     page.replaceChildren(
       element("h1", {}, title),
       element("div", { class: "row filter" }, this.agent, this.protocol, this.performative, this.zone,
         number === undefined ? null : element("label", { title: "Keep the newest message in sight" }, this.follow, " Follow"), this.count),
-      this.studio,
-      element("div", { class: "row" }, this.saves,
-        button("Open a trace …", () => this.chosen.click(), { title: "A file that bottega render --trace FILE wrote; or drop it here" }), this.chosen,
-        number === undefined ? null : element("a", { class: "button", href: `#/job/${number}` }, `Job ${number}`)));
+      this.studio, this.orders);
     this.page = page;
     this.drag = event => event.preventDefault();
     this.drop = event => { event.preventDefault(); this.#read(event.dataTransfer.files[0]); };
@@ -130,7 +130,7 @@ class MessagesPage {
     if (!file) return;
     clearInterval(this.timer);
     const { messages, strange } = parseTrace(await file.text());
-    this.shell.tellProblem(messages.length ? null : `${file.name} is no trace: bottega render … --trace FILE writes one`);
+    this.shell.tellProblem(messages.length ? null : `${file.name} is not a trace: bottega render … --trace FILE writes one`, this.orders);
     if (!messages.length) return;
     this.#messages = messages;
     this.follow.checked = false;
@@ -142,7 +142,7 @@ class MessagesPage {
   #saveDrawing() {
     const wanted = this.#wanted();
     save(new XMLSerializer().serializeToString(drawing(wanted.slice(0, DRAWN_MAX))), "messages.svg", "image/svg+xml");
-    if (wanted.length > DRAWN_MAX) this.shell.tellProblem(`The drawing has the first ${DRAWN_MAX} messages: filter them for others.`);
+    if (wanted.length > DRAWN_MAX) this.shell.tellProblem(`The drawing has the first ${DRAWN_MAX} messages: filter them for others.`, this.orders);
   }
 
   #showMessage(message) {

@@ -4,7 +4,7 @@ import { words } from "./format.js";
 
 /** Fields that come first, in this order, and how people call them. */
 const MAIN_FIELDS = new Map([
-  ["film.size", "Width and height"], ["goal.samples", "Samples a pixel"], ["goal.error", "Error at most"], ["film.denoise", "Denoise"],
+  ["film.size", "Width and height"], ["goal.samples", "Samples per pixel"], ["goal.error", "Error at most"], ["film.denoise", "Denoise"],
   ["environment.light", "Light from all around"], ["environment.strength", "Strength of that light"], ["view.camera", "Camera"],
   ["output.file", "File of the picture"], ["output.exposure", "Exposure of a PNG, in stops"], ["farm.priority", "Priority"],
 ]);
@@ -82,9 +82,9 @@ export function formOf(root) {
   return { main: [...MAIN_FIELDS].filter(([path]) => all.has(path)).map(([path, title]) => ({ ...all.get(path), title })), sections };
 }
 
-/** Puts values by path into a request; those that are undefined are left out: the default holds. */
-export function requestOf(values) {
-  const request = {};
+/** Puts values by path into a request; those that are undefined are left out: the default holds. `others`: what it has beside. */
+export function requestOf(values, others = {}) {
+  const request = structuredClone(others);
   for (const [path, value] of values) {
     if (value === undefined) continue;
     const parts = path.split(".");
@@ -94,6 +94,22 @@ export function requestOf(values) {
     place[last] = value;
   }
   return request;
+}
+
+/** What a request says at a path. */
+export const valueAt = (request, path) => path.split(".").reduce((place, part) => place?.[part], request);
+
+/** A request without the fields of some paths, and without sections that are empty then. */
+export function requestWithout(request, paths) {
+  const rest = structuredClone(request);
+  for (const path of paths) {
+    const parts = path.split(".");
+    const last = parts.pop();
+    const place = parts.reduce((it, part) => it?.[part], rest);
+    if (place) delete place[last];
+    if (parts.length === 1 && place && !Object.keys(place).length) delete rest[parts[0]];
+  }
+  return rest;
 }
 
 /** The field that an answer complains of: the longest known path that its text names. */

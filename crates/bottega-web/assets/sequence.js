@@ -72,8 +72,43 @@ export function agentsOf(messages) {
 /** Each value of a field, sorted. */
 export const valuesOf = (messages, field) => [...new Set(messages.map(message => message[field]))].filter(Boolean).sort();
 
-/** The name of an agent as a head has it: without its platform. */
-export const shortName = agent => agent.split("@")[0];
+/** Letters of a place at most, as a lane has it. */
+const PLACE_MAX = 18;
+
+/**
+ * What the lanes of agents are called: `{ name, place }` by agent. The place is that behind the `@`; only agents of one name have it,
+ * so that no two lanes are called the same. What such places begin with in common is left out where they are long.
+ */
+export function laneNames(agents) {
+  const byName = new Map();
+  for (const agent of agents) {
+    const [name] = agent.split("@");
+    byName.set(name, [...byName.get(name) ?? [], agent]);
+  }
+  const names = new Map();
+  for (const [name, group] of byName) {
+    const places = group.map(agent => agent.slice(name.length + 1));
+    const taken = new Map();
+    group.forEach((agent, i) => {
+      const place = group.length > 1 ? shortPlace(places[i], places) : "";
+      const before = taken.get(place) ?? 0;
+      taken.set(place, before + 1);
+      names.set(agent, { name, place: before ? `${place} (${before + 1})` : place });
+    });
+  }
+  return names;
+}
+
+/** A place as it differs from others. */
+function shortPlace(place, all) {
+  if (place.length <= PLACE_MAX) return place;
+  let shared = 0;
+  while (shared < place.length && all.every(other => other[shared] === place[shared])) shared++;
+  // From the word on in which they differ.
+  const begin = Math.max(0, ...[".", "-", "_", "/", ":"].map(mark => place.lastIndexOf(mark, shared - 1) + 1));
+  const rest = begin ? `…${place.slice(begin)}` : place;
+  return rest.length <= PLACE_MAX ? rest : `${rest.slice(0, PLACE_MAX / 2)}…${rest.slice(1 - PLACE_MAX / 2)}`;
+}
 
 /** What stands at an arrow. */
 export function labelOf({ performative, zones = [] }) {

@@ -1,13 +1,13 @@
 // A sequence diagram of any number of messages, of which only those are in the page that are seen.
 
 import { element, oncePerFrame, setText } from "./format.js";
-import { agentsOf, conversationHue, labelOf, shortName } from "./sequence.js";
+import { agentsOf, conversationHue, labelOf, laneNames } from "./sequence.js";
 import { visibleRange } from "./virtual_table.js";
 
 export const ROW = 26;
 const LANE = 150;
 const MARGIN = 80;
-const HEAD = 34;
+const HEAD = 42;
 /** Browsers make no element higher: of more messages the last ones are shown. */
 export const ROWS_MAX = 500_000;
 const NAMESPACE = "http://www.w3.org/2000/svg";
@@ -41,12 +41,14 @@ function arrows(message, y, lanes) {
 /** A drawing of messages as an SVG element that needs no style sheet. */
 export function drawing(messages) {
   const agents = agentsOf(messages);
-  const lanes = new Map(agents.map((agent, i) => [agent, i]));
+  const [lanes, names] = [new Map(agents.map((agent, i) => [agent, i])), laneNames(agents)];
   const [width, height] = [widthOf(agents) + 160, HEAD + (messages.length + 1) * ROW];
   const svg = shape("svg", { xmlns: NAMESPACE, viewBox: `0 0 ${width} ${height}`, width, height, "font-family": "sans-serif", color: "#1d1e20" });
   svg.append(shape("rect", { width, height, fill: "#ffffff" }));
   agents.forEach((agent, i) => {
-    svg.append(shape("text", { x: laneX(i), y: 16, "font-size": 11, "text-anchor": "middle", fill: "currentColor" }, shortName(agent)),
+    const text = (y, size, words) => shape("text", { x: laneX(i), y, "font-size": size, "text-anchor": "middle", fill: "currentColor" }, words);
+    const { name, place } = names.get(agent);
+    svg.append(text(14, 11, name), text(27, 9, place),
       shape("line", { x1: laneX(i), x2: laneX(i), y1: HEAD - 10, y2: height, stroke: "#b8b8b4" }));
   });
   messages.forEach((message, i) => svg.append(...arrows(message, HEAD + (i + 1) * ROW, lanes)));
@@ -93,8 +95,10 @@ export class SequenceView {
     const key = this.#agents.join("\n");
     if (key !== this.#drawn) {
       this.#drawn = key;
+      const names = laneNames(this.#agents);
       this.heads.replaceChildren(...this.#agents.map((agent, i) => {
-        const head = element("span", { title: agent }, shortName(agent));
+        const { name, place } = names.get(agent);
+        const head = element("span", { class: "lane-name", title: agent }, element("b", {}, name), place ? element("span", { class: "quiet" }, place) : null);
         head.style.left = `${laneX(i)}px`;
         return head;
       }));

@@ -4,7 +4,7 @@ import { ask, get } from "./api.js";
 import { button, bytes, element, fileName, setText, words } from "./format.js";
 import { LookAround, viewSize } from "./lookaround.js";
 import { chosenFiles, droppedFiles, lightOf, openedFiles, scenesOf } from "./scene_files.js";
-import { fieldNamed, formOf, requestOf } from "./schema_form.js";
+import { fieldNamed, formOf, requestOf, requestWithout, valueAt } from "./schema_form.js";
 import { widget, WrongValue } from "./schema_widgets.js";
 import { persist, sendFile } from "./upload.js";
 
@@ -26,6 +26,8 @@ class SubmitPage {
   isClosed = false;
   #files = new Map();
   #sceneOfJob = null;
+  /** What the request of the job says in fields that the form does not have. */
+  #others = {};
   #widgets = [];
   #isBusy = false;
 
@@ -39,11 +41,12 @@ class SubmitPage {
     this.send = element("button", { type: "submit", class: "primary" }, "Paint it");
     this.status = element("p", { role: "status", class: "quiet" });
     this.bar = element("progress", { max: 1, value: 0, hidden: true, ariaLabel: "Sending" });
+    this.sendRow = element("div", { class: "row send" }, this.send, this.bar, this.status);
     this.form = element("form", { class: "submit", noValidate: true, onsubmit: event => { event.preventDefault(); this.#submit(); } },
       this.#sceneSection(), this.#viewSection(), this.fields,
       element("details", {}, element("summary", {}, "The request as JSON"), this.json),
-      element("div", { class: "row send" }, this.send, this.bar, this.status));
-    page.replaceChildren(element("h1", {}, "New picture"), this.form);
+      this.sendRow);
+    page.replaceChildren(element("h1", {}, ofJob ? `The scene of job ${ofJob} again` : "New picture"), this.form);
   }
 
   async open() {
@@ -69,12 +72,14 @@ class SubmitPage {
   }
 
   #sceneSection() {
-    if (this.ofJob) return element("fieldset", {}, element("legend", {}, "Scene"), this.sceneNote = element("p", {}, `The scene of job ${this.ofJob}.`));
+    this.sceneNote = element("p", {}, `The scene of job ${this.ofJob}.`);
+    this.sceneOrders = element("div");
+    if (this.ofJob) return element("fieldset", {}, element("legend", {}, "Scene"), this.sceneNote, this.sceneOrders);
     const taken = async files => {
       try {
         this.#add(await openedFiles(files));
       } catch (error) {
-        this.shell.tellProblem(error.message);
+        this.shell.tellProblem(error.message, this.sceneOrders);
       }
     };
     const chooser = (word, properties) => {
@@ -90,25 +95,26 @@ class SubmitPage {
     drop.addEventListener("dragleave", over(false));
     drop.addEventListener("drop", async event => {
       over(false)(event);
-      const files = await this.shell.attempt(() => droppedFiles(event.dataTransfer));
+      const files = await this.shell.attempt(() => droppedFiles(event.dataTransfer), this.sceneOrders);
       if (files) taken(files);
     });
-    return element("fieldset", {}, element("legend", {}, "Scene"), drop, this.list, this.sceneRow);
+    return element("fieldset", {}, element("legend", {}, "Scene"), drop, this.sceneOrders, this.list, this.sceneRow);
   }
 
   #viewSection() {
     this.view = element("div");
     this.look = button("Look around …", () => this.#lookAround());
+    this.lookRow = element("div", { class: "row" }, this.look);
     this.viewNote = element("p", { class: "quiet", role: "status" });
-    return element("fieldset", { class: "steers" }, element("legend", {}, "View"), element("div", { class: "row" }, this.look), this.view, this.viewNote);
+    return element("fieldset", { class: "steers" }, element("legend", {}, "View"), this.lookRow, this.view, this.viewNote);
   }
 
   /** Shows the scene, so that a camera can be led through it. */
   async #lookAround() {
     if (this.#isBusy) return undefined;
     const request = this.#request();
-    if (!request) return this.#showWrong();
-    if (!request.scene?.file) return this.shell.tellProblem("Choose a scene first.");
+    if (!request) return this.#showWrong(this.lookRow);
+    if (!request.scene?.file) return this.shell.tellProblem("Choose a scene first.", this.lookRow);
     this.around?.close();
     this.#isBusy = true;
     this.look.disabled = true;
@@ -117,9 +123,9 @@ class SubmitPage {
       const opened = await this.shell.attempt(async () => {
         const asked = await this.#asked(this.#seen(request));
         setText(this.status, "The scene is read …");
-        await around.open(asked);
+        await this.#blamed(() => around.open(asked));
         return true;
-      });
+      }, this.lookRow);
       if (this.isClosed || !opened) around.close();
       else this.view.replaceChildren(around.element);
     } finally {
@@ -144,11 +150,19 @@ class SubmitPage {
     this.#changed();
   }
 
+  /** Fills the form with what the job asked for. */
   async #takeJob() {
-    const job = await this.shell.attempt(() => get(`/jobs/${this.ofJob}`));
-    if (!job) return;
-    this.#sceneOfJob = job.scene;
-    setText(this.sceneNote, `${job.scene}, the scene of job ${this.ofJob}. Its files are in the farm.`);
+    const request = await this.shell.attempt(() => get(`/jobs/${this.ofJob}/request`), this.sceneOrders);
+    if (!request) return;
+    this.#sceneOfJob = request.scene.file;
+    this.#others = requestWithout(request, ["version", "scene.file", ...this.#widgets.map(it => it.field.path)]);
+    // A name that the picture would have anyway follows what is asked for, such as frames.
+    if (request.output?.file === named({ scene: request.scene }).output.file) delete request.output.file;
+    for (const { field, write } of this.#widgets) {
+      const value = valueAt(request, field.path);
+      if (value !== undefined && value !== null) write(value);
+    }
+    setText(this.sceneNote, `${this.#sceneOfJob}, with all its files, which are in the farm. The form says what job ${this.ofJob} asked for.`);
   }
 
   #add(files) {
@@ -170,7 +184,7 @@ class SubmitPage {
     const line = name => element("li", {}, element("span", {}, name), element("span", { class: "quiet" }, ` ${bytes(this.#files.get(name).size)} `),
       button("×", () => { this.#files.delete(name); this.#showFiles(); this.#changed(); }, { ariaLabel: `Leave ${name} out`, class: "small" }));
     this.list.replaceChildren(...names.map(line));
-    this.shell.tellProblem(names.length && !scenes.length ? "None of these files is a scene: .glb, .gltf, .xml or .pbrt, or a .zip with one." : null);
+    this.shell.tellProblem(names.length && !scenes.length ? "None of these files is a scene: .glb, .gltf, .xml or .pbrt, or a .zip with one." : null, this.sceneOrders);
   }
 
   /** What the form says. Null: something in it is wrong, and is marked. */
@@ -187,7 +201,7 @@ class SubmitPage {
         isRight = false;
       }
     }
-    return isRight ? named(requestOf(values)) : null;
+    return isRight ? named(requestOf(values, this.#others)) : null;
   }
 
   #changed() {
@@ -198,12 +212,12 @@ class SubmitPage {
   async #submit() {
     if (this.#isBusy) return;
     const request = this.#request();
-    if (!request) return this.#showWrong();
-    if (!request.scene?.file) return this.shell.tellProblem("Choose a scene first.");
+    if (!request) return this.#showWrong(this.sendRow);
+    if (!request.scene?.file) return this.shell.tellProblem("Choose a scene first.", this.sendRow);
     this.#isBusy = true;
     this.send.disabled = true;
     try {
-      const job = await this.shell.attempt(() => this.#send(request));
+      const job = await this.shell.attempt(() => this.#send(request), this.sendRow);
       if (job && !this.isClosed) location.hash = `#/job/${job.job}`;
     } finally {
       this.#rest();
@@ -231,8 +245,13 @@ class SubmitPage {
   async #send(request) {
     const asked = await this.#asked(request);
     setText(this.status, "The farm reads the scene …");
+    return this.#blamed(() => persist(() => ask("POST", "/jobs", asked)));
+  }
+
+  /** Asks for something; what the farm refuses is shown at its field, too. */
+  async #blamed(work) {
     try {
-      return await persist(() => ask("POST", "/jobs", asked));
+      return await work();
     } catch (error) {
       this.#blame(error);
       throw error;
@@ -261,8 +280,10 @@ class SubmitPage {
     this.#showWrong();
   }
 
-  #showWrong() {
+  /** Leads to the first field that is wrong. `place`: where the button is that was pressed. */
+  #showWrong(place) {
     const wrong = this.form.querySelector("[aria-invalid]");
+    if (place) this.shell.tellProblem("A field of the form is wrong: it is marked.", place);
     wrong?.closest("details")?.setAttribute("open", "");
     wrong?.focus();
   }

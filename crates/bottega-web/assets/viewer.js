@@ -1,20 +1,24 @@
 // The picture of a job in a window: zoom, exposure, zones and importance over it.
 
-import { button, element, oncePerFrame, setText, time } from "./format.js";
+import { button, element, oncePerFrame, setText } from "./format.js";
+import { colorLegend, importanceLegend } from "./legend.js";
 import { fit, keepInside, toPicture, zoomAt } from "./view_box.js";
-import { bounds, COLORINGS, isWorking, stateWord, summarize, zoneAt } from "./zones.js";
+import { bounds, COLORINGS, isWorking, stateWord, summarize, timeText, zoneAt } from "./zones.js";
 
 const ZOOM_STEP = 1.25;
 const PAN_STEP = 40;
 const TAP_DISTANCE = 6;
 /** Zones that are smaller on the screen have no text. */
-const [LABEL_WIDTH, LABEL_HEIGHT] = [92, 34];
+const [LABEL_WIDTH, LABEL_HEIGHT] = [100, 34];
+/** Between the lines of their text. */
+const LINE = 13;
 
 /** A window with a picture. `onPick` is called with the zone that was clicked, or null. */
 export class Viewer {
   #zones = [];
   #summary = summarize([]);
-  #frame = [0, 0, 1, 1];
+  /** Left, top, right and bottom of the picture; null: not known yet. */
+  #frame = null;
   #view = null;
   #isFitted = true;
   #selected = null;
@@ -33,7 +37,9 @@ export class Viewer {
     const help = "Plus and minus zoom, 0 shows the whole picture, arrow keys move it";
     this.stage = element("div", { class: "stage", tabIndex: 0, role: "group", "aria-label": `${label}. ${help}`, title: "" },
       this.picture, this.over, this.importance, this.canvas, this.tip, this.empty);
-    this.element = element("div", { class: "viewer" }, this.stage, this.#toolbar());
+    this.importance.style.filter = "url(#heat)";
+    this.legends = [element("div", { class: "legend", hidden: true }), importanceLegend()];
+    this.element = element("div", { class: "viewer" }, this.stage, this.#toolbar(), element("div", { class: "legends" }, this.legends));
     this.#listen();
     this.observer = new ResizeObserver(() => this.#resize());
     this.observer.observe(this.stage);
@@ -45,7 +51,8 @@ export class Viewer {
     this.#summary = summarize(zones);
     const frame = bounds(zones);
     this.empty.hidden = this.empty.hidden || zones.length > 0;
-    if (frame && frame.join() !== this.#frame.join()) this.#setFrame(frame);
+    if (frame && frame.join() !== this.#frame?.join()) this.#setFrame(frame);
+    this.#showLegend();
     this.draw();
   }
 
@@ -67,7 +74,7 @@ export class Viewer {
   /** Shows the importance map over the picture; null: no more. */
   showImportance(blob) {
     if (this.importance.src) URL.revokeObjectURL(this.importance.src);
-    this.importance.hidden = blob === null;
+    this.importance.hidden = this.legends[1].hidden = blob === null;
     if (blob) this.importance.src = URL.createObjectURL(blob);
     else this.importance.removeAttribute("src");
     this.draw();
@@ -102,8 +109,10 @@ export class Viewer {
 
   #toolbar() {
     this.scale = element("output", { class: "scale", "aria-label": "Zoom" });
-    this.showZones = element("input", { type: "checkbox", checked: true, onchange: () => this.draw() });
-    this.coloring = element("select", { onchange: () => this.draw() },
+    const redraw = () => { this.#showLegend(); this.draw(); };
+    this.showZones = element("input", { type: "checkbox", checked: true, onchange: redraw });
+    this.fillZones = element("input", { type: "checkbox", onchange: redraw });
+    this.coloring = element("select", { onchange: redraw },
       Object.entries(COLORINGS).map(([value, { name }]) => element("option", { value }, name)));
     this.exposure = element("input", { type: "range", min: -5, max: 5, step: 0.25, value: 0, oninput: () => this.#expose() });
     this.stops = element("output", { class: "stops" }, "0");
@@ -114,11 +123,23 @@ export class Viewer {
         button("−", () => this.#zoom(1 / ZOOM_STEP), { title: "Zoom out", ariaLabel: "Zoom out" }), this.scale,
         button("+", () => this.#zoom(ZOOM_STEP), { title: "Zoom in", ariaLabel: "Zoom in" }),
         button("Fit", () => this.#fit(), { title: "Show the whole picture" }),
-        button("1:1", () => this.#zoom(1 / this.#view.scale), { title: "One pixel of the picture for each of the screen" })),
+        button("1:1", () => this.#zoom(1 / (this.#view?.scale ?? 1)), { title: "One pixel of the picture for each of the screen" })),
       element("label", { title: exposureHelp }, "Exposure ", this.exposure, this.stops),
-      element("label", {}, this.showZones, " Zones"),
+      element("span", { class: "group" }, element("label", {}, this.showZones, " Zones"),
+        element("label", { title: "Zones as areas of their color; else as outlines" }, this.fillZones, " Filled")),
       element("label", {}, "Color by ", this.coloring),
       this.extras);
+  }
+
+  /** Hides or shows the zones. */
+  outline(isShown) {
+    this.showZones.checked = isShown;
+    this.#showLegend();
+    this.draw();
+  }
+
+  #showLegend() {
+    colorLegend(this.legends[0], this.showZones.checked && this.#zones.length ? COLORINGS[this.coloring.value] : null, this.#summary);
   }
 
   #expose() {
@@ -131,7 +152,7 @@ export class Viewer {
   get #size() { return { width: this.stage.clientWidth, height: this.stage.clientHeight }; }
 
   get #pictureSize() {
-    const [x0, y0, x1, y1] = this.#frame;
+    const [x0, y0, x1, y1] = this.#frame ?? [0, 0, 1, 1];
     return { width: x1 - x0, height: y1 - y0 };
   }
 
@@ -143,6 +164,7 @@ export class Viewer {
   }
 
   #fit() {
+    if (!this.#frame) return;
     this.#isFitted = true;
     this.#view = fit(this.#pictureSize, this.#size);
     this.draw();
@@ -152,11 +174,12 @@ export class Viewer {
     const { width, height } = this.#size;
     const ratio = devicePixelRatio;
     [this.canvas.width, this.canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
-    if (this.#isFitted || !this.#view) this.#fit();
+    if (this.#isFitted) this.#fit();
     else this.#drawNow();
   }
 
   #zoom(factor, point = { x: this.#size.width / 2, y: this.#size.height / 2 }) {
+    if (!this.#view) return;
     const least = fit(this.#pictureSize, this.#size).scale;
     this.#view = keepInside(zoomAt(this.#view, factor, point, least), this.#pictureSize, this.#size);
     this.#isFitted = false;
@@ -164,6 +187,7 @@ export class Viewer {
   }
 
   #pan(x, y) {
+    if (!this.#view) return;
     this.#view = keepInside({ ...this.#view, x: this.#view.x + x, y: this.#view.y + y }, this.#pictureSize, this.#size);
     this.#isFitted = false;
     this.draw();
@@ -175,6 +199,7 @@ export class Viewer {
   }
 
   #zoneUnder(point) {
+    if (!this.#view) return null;
     const { x, y } = toPicture(this.#view, point);
     return zoneAt(this.#zones, x + this.#frame[0], y + this.#frame[1]);
   }
@@ -227,11 +252,10 @@ export class Viewer {
   }
 
   #hover(point) {
-    const zone = this.showZones.checked && this.#view ? this.#zoneUnder(point) : null;
+    const zone = this.showZones.checked ? this.#zoneUnder(point) : null;
     this.tip.hidden = !zone;
     if (!zone) return;
-    setText(this.tip, `Zone ${zone.id}, ${stateWord(zone.state)}${zone.agent ? `, ${zone.agent}` : ""}\n` +
-      `expected ${time(zone.seconds_estimated)}, took ${time(zone.seconds_measured)}`);
+    setText(this.tip, `Zone ${zone.id}, ${stateWord(zone.state)}${zone.agent ? `, ${zone.agent}` : ""}\n${timeText(zone)}`);
     const isRight = point.x > this.#size.width / 2;
     this.tip.style.left = isRight ? "auto" : `${point.x + 14}px`;
     this.tip.style.right = isRight ? `${this.#size.width - point.x + 14}px` : "auto";
@@ -279,29 +303,37 @@ export class Viewer {
       const top = (zone.rect[1] - this.#frame[1]) * scale + y;
       const [width, height] = [(zone.rect[2] - zone.rect[0]) * scale, (zone.rect[3] - zone.rect[1]) * scale];
       if (left > window.width || top > window.height || left + width < 0 || top + height < 0) continue;
-      drawZone(pen, { zone, left, top, width, height, hue: hueOf(zone, this.#summary), isSelected: zone.id === this.#selected });
+      const [isFilled, isSelected] = [this.fillZones.checked, zone.id === this.#selected];
+      drawZone(pen, { zone, left, top, width, height, hue: hueOf(zone, this.#summary), isFilled, isSelected });
     }
   }
 }
 
-function drawZone(pen, { zone, left, top, width, height, hue, isSelected }) {
+function drawZone(pen, { zone, left, top, width, height, hue, isFilled, isSelected }) {
   const busy = isWorking(zone);
   const color = alpha => (hue === null ? `hsla(0, 0%, 70%, ${alpha})` : `hsla(${hue}, 85%, 60%, ${alpha})`);
-  pen.fillStyle = color(zone.state === "done" ? 0.12 : busy ? 0.34 : 0.1);
-  pen.fillRect(left, top, width, height);
+  if (isFilled) {
+    pen.fillStyle = color(0.4);
+    pen.fillRect(left, top, width, height);
+  }
   const edge = isSelected ? 3 : busy ? 2 : 1;
-  pen.lineWidth = edge;
-  pen.strokeStyle = isSelected ? "#fff" : color(busy ? 1 : 0.75);
-  if (width > 2 * edge && height > 2 * edge) pen.strokeRect(left + edge / 2, top + edge / 2, width - edge, height - edge);
+  const outline = (inset, thickness, style) => {
+    if (width <= 2 * inset + thickness || height <= 2 * inset + thickness) return;
+    pen.lineWidth = thickness;
+    pen.strokeStyle = style;
+    pen.strokeRect(left + inset, top + inset, width - 2 * inset, height - 2 * inset);
+  };
+  outline(edge / 2, edge, isSelected ? "#fff" : color(busy ? 1 : 0.75));
+  // What is white on white is seen by the line within it.
+  if (isSelected) outline(edge + 0.5, 1, "#000");
   if (width < LABEL_WIDTH || height < LABEL_HEIGHT) return;
   pen.font = "11px system-ui, sans-serif";
   pen.lineWidth = 2;
   pen.strokeStyle = "rgba(0, 0, 0, 0.7)";
   pen.fillStyle = "#fff";
-  const times = zone.seconds_measured === undefined ? time(zone.seconds_estimated)
-    : `${time(zone.seconds_measured)} of ${time(zone.seconds_estimated)}`;
-  for (const [i, text] of [stateWord(zone.state), times].entries()) {
-    pen.strokeText(text, left + 6, top + 15 + 13 * i, width - 10);
-    pen.fillText(text, left + 6, top + 15 + 13 * i, width - 10);
+  const lines = [stateWord(zone.state), ...timeText(zone).split(", ")].filter(Boolean).slice(0, Math.floor((height - 6) / LINE));
+  for (const [i, text] of lines.entries()) {
+    pen.strokeText(text, left + 6, top + 15 + LINE * i, width - 10);
+    pen.fillText(text, left + 6, top + 15 + LINE * i, width - 10);
   }
 }

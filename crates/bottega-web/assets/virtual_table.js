@@ -23,13 +23,14 @@ export function sorted(rows, value, key, isDescending) {
 
 /**
  * A table that can be sorted. A column has `name`, `head`, `value` by which it is sorted, `text` or `fill(cell, row)`, and
- * perhaps `help` and `isNumber`.
+ * perhaps `help`, `isNumber`, `className`, and `isNeeded(row)`: where no row needs it, it is not shown.
  */
 export class VirtualTable {
   #rows = [];
   #byKey = new Map();
   #cells = new Map();
   #selected = null;
+  #isLeftOut = [];
   #draw = oncePerFrame(() => this.#drawNow());
   #sort;
 
@@ -53,6 +54,8 @@ export class VirtualTable {
     const column = this.columns.find(it => it.name === this.#sort.name);
     this.#rows = sorted(rows, column.value, this.key, this.#sort.isDescending);
     this.#byKey = new Map(this.#rows.map((row, i) => [this.key(row), i]));
+    this.#isLeftOut = this.columns.map(it => Boolean(it.isNeeded) && !rows.some(it.isNeeded));
+    this.heads.forEach((head, i) => { head.hidden = this.#isLeftOut[i]; });
     this.#draw();
   }
 
@@ -72,7 +75,7 @@ export class VirtualTable {
 
   #head(column) {
     const sort = element("button", { type: "button", title: column.help, onclick: () => this.#sortBy(column) }, column.head);
-    const head = element("th", { scope: "col", class: column.isNumber ? "number" : "" }, sort);
+    const head = element("th", { scope: "col", class: classOf(column) }, sort);
     if (column.name === this.#sort.name) head.setAttribute("aria-sort", "ascending");
     return head;
   }
@@ -124,7 +127,7 @@ export class VirtualTable {
   }
 
   #line(key) {
-    const line = element("tr", {}, this.columns.map(column => element("td", { class: column.isNumber ? "number" : "" })));
+    const line = element("tr", {}, this.columns.map(column => element("td", { class: classOf(column) })));
     line.style.height = `${this.rowHeight}px`;
     if (this.onSelect) {
       line.addEventListener("click", event => {
@@ -141,11 +144,14 @@ export class VirtualTable {
     else line.removeAttribute("aria-current");
     this.columns.forEach((column, i) => {
       const cell = line.children[i];
+      cell.hidden = this.#isLeftOut[i];
       if (column.fill) column.fill(cell, row);
       else setText(cell, column.text(row));
     });
   }
 }
+
+const classOf = ({ className = "", isNumber }) => `${className}${isNumber ? " number" : ""}`.trim();
 
 function spacer(columns) {
   return element("tr", { class: "spacer", "aria-hidden": "true" }, element("td", { colSpan: columns }));

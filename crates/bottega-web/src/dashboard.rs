@@ -33,7 +33,7 @@ use crate::{
     message_log::MessageLog,
     problem::Problem,
     server::{Door, DoorOptions},
-    source::{JobAgents, JobOrder, MachineStatus, PictureFile, ShownFarm},
+    source::{JobAgents, JobOrder, MachineStatus, PictureFile, ShownFarm, ShownKind},
 };
 
 /// The number of the only job.
@@ -215,12 +215,21 @@ fn no_farm() -> Problem {
 }
 
 impl ShownFarm for PaintedJob {
+    fn kind(&self) -> ShownKind {
+        ShownKind::Picture
+    }
+
     fn jobs(&self) -> Result<Vec<JobView>, Problem> {
         Ok(vec![self.state().view.clone()])
     }
 
     fn job(&self, number: u32) -> Result<JobView, Problem> {
         Ok(self.only(number)?.view.clone())
+    }
+
+    fn request(&self, number: u32) -> Result<serde_json::Value, Problem> {
+        drop(self.only(number)?);
+        Err(no_farm())
     }
 
     fn rows(&self, number: u32) -> Result<Vec<Event>, Problem> {
@@ -350,16 +359,20 @@ impl ShownFarm for PaintedJob {
         Err(no_farm())
     }
 
-    /// The picture itself, seen as `view` of the request says: nothing else can be looked at here.
+    /// The picture itself, of the size and seen as `film.size` and `view` of the request say: nothing else can be looked at here.
     fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem> {
         let painted = self.request.get().filter(|_| asked.files.is_empty() && asked.files_of_job == Some(NUMBER));
         let mut request = painted.cloned().ok_or_else(no_farm)?;
+        let refused = |error: JsonError| {
+            let remedy = "GET /api/schema/request says what is allowed";
+            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string(), remedy)
+        };
         if let Some(view) = asked.request.get("view") {
-            let refused = |error: JsonError| {
-                let detail = error.within("view").to_string();
-                Problem::new(StatusCode::UNPROCESSABLE_ENTITY, detail, "GET /api/schema/request says what is allowed")
-            };
-            request.view = json::from_value(view.clone()).map_err(refused)?;
+            request.view = json::from_value(view.clone()).map_err(|error| refused(error.within("view")))?;
+        }
+        if let Some(size) = asked.request.pointer("/film/size") {
+            request.film.size = json::from_value(size.clone()).map_err(|error| refused(error.within("film.size")))?;
+            request.film.crop = None;
         }
         request.output.file = None;
         Ok(request)

@@ -15,7 +15,7 @@
 //! | scenes that are looked around in | `src/viewports.rs`, `src/routes/viewports.rs` |
 //! | pictures compared | `src/comparisons.rs`, `src/routes/comparisons.rs` |
 //! | errors; paths that nobody is told | `src/problem.rs`, `src/redact.rs` |
-//! | the page | `src/page.rs`, `assets/` |
+//! | the page; the manual | `src/page.rs`, `assets/`; `src/manual.rs` |
 
 mod comparisons;
 mod dashboard;
@@ -25,6 +25,7 @@ mod hosts;
 mod limits;
 mod linked_farm;
 mod live;
+mod manual;
 mod message_log;
 mod openapi;
 mod page;
@@ -48,5 +49,5 @@ pub use self::{
     problem::Problem,
     routes::openapi_document,
     server::{Door, DoorOptions},
-    source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm},
+    source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm, ShownKind},
 };

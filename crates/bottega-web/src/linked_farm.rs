@@ -38,7 +38,7 @@ use crate::{
     live::LiveJob,
     message_log::MessageLog,
     problem::Problem,
-    source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm},
+    source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm, ShownKind},
 };
 
 /// How often is looked how a job stands that somebody watches.
@@ -186,6 +186,10 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
 }
 
 impl ShownFarm for LinkedFarm {
+    fn kind(&self) -> ShownKind {
+        ShownKind::Farm
+    }
+
     fn jobs(&self) -> Result<Vec<JobView>, Problem> {
         let seats = self.board.presences();
         Ok(self.board.shown_jobs().iter().map(|(number, job)| view(&self.board, *number, job, &seats)).collect())
@@ -193,6 +197,10 @@ impl ShownFarm for LinkedFarm {
 
     fn job(&self, number: u32) -> Result<JobView, Problem> {
         Ok(view(&self.board, number, &self.known(number)?, &self.board.presences()))
+    }
+
+    fn request(&self, number: u32) -> Result<serde_json::Value, Problem> {
+        Ok(self.board.request_again(&self.known(number)?)?)
     }
 
     fn rows(&self, number: u32) -> Result<Vec<Event>, Problem> {

@@ -15,6 +15,7 @@ use crate::state::DoorState;
 
 /// The files below `/`, with their kinds.
 const FILES: &[(&str, &str, &str)] = &[
+    ("/icon.svg", "image/svg+xml", include_str!("../assets/icon.svg")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../assets/style.css")),
     ("/agents.js", JS, include_str!("../assets/agents.js")),
     ("/api.js", JS, include_str!("../assets/api.js")),
@@ -31,6 +32,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/job_controls.js", JS, include_str!("../assets/job_controls.js")),
     ("/jobs.js", JS, include_str!("../assets/jobs.js")),
     ("/layers.js", JS, include_str!("../assets/layers.js")),
+    ("/legend.js", JS, include_str!("../assets/legend.js")),
     ("/lookaround.js", JS, include_str!("../assets/lookaround.js")),
     ("/machines.js", JS, include_str!("../assets/machines.js")),
     ("/messages.js", JS, include_str!("../assets/messages.js")),

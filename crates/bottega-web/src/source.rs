@@ -19,6 +19,7 @@ use bottega_cluster::{
 };
 use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::{live::LiveJob, problem::Problem};
 
@@ -118,8 +119,21 @@ pub struct PictureFile {
     pub bytes: Vec<u8>,
 }
 
+/// What a door shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ShownKind {
+    /// A farm: jobs and machines.
+    Farm,
+    /// The picture of one process: job 1.
+    Picture,
+}
+
 /// A farm, or the picture of one process. Its methods may take some seconds.
 pub trait ShownFarm: Send + Sync + 'static {
+    /// Which of the two it is.
+    fn kind(&self) -> ShownKind;
+
     /// All jobs, by number.
     ///
     /// # Errors
@@ -131,6 +145,12 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// # Errors
     /// There is none of that number; so of all others that take a number.
     fn job(&self, number: u32) -> Result<JobView, Problem>;
+
+    /// The request of a job, as [`Self::submit`] takes it with the files of that job: fields that differ from their defaults.
+    ///
+    /// # Errors
+    /// As above.
+    fn request(&self, number: u32) -> Result<Value, Problem>;
 
     /// The rows of a job's Blackboard: zones and agents.
     ///

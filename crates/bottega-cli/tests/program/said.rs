@@ -33,8 +33,7 @@ fn a_picture_is_told_in_two_lines_and_how_it_was_shared_out_when_that_is_asked_f
 fn a_goal_is_said_in_place_of_the_most_samples() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("a.png");
-    for (goal, words) in [(["--error", "0.5"], "an estimated error of 0.5"), (["--time", "20s"], "the best in 20 s")]
-    {
+    for (goal, words) in [(["--error", "0.5"], "an estimated error of 0.5"), (["--time", "20s"], "the best in 20 s")] {
         // One sample is the most that a pixel gets, so nothing takes as long.
         let small = ["render", "cornell-box.glb", "-o", text(&picture), "--size", "32x32", "--spp", "1"];
         let output = run(&[&small[..], &goal].concat());

@@ -9,7 +9,7 @@ use axum::{
     response::IntoResponse,
     routing::{delete, get, post, put},
 };
-use bottega::{Event, events::ZoneEvent, request::PRIORITY_MAX};
+use bottega::{Event, Request as PictureRequest, events::ZoneEvent, request::PRIORITY_MAX};
 use bottega_cluster::{
     energy::JobEnergy,
     job::LogLine,
@@ -17,6 +17,7 @@ use bottega_cluster::{
     rules_of_job::{JobRules, ZoneRules},
     uploads::Submission,
     view::JobView,
+    web_secrets::TokenRole,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,6 +59,16 @@ pub(super) fn routes() -> Vec<Route> {
     vec![
         Route::told("/api/jobs", "All jobs, by number.", RouteAnswer::Json(schema::<Vec<JobView>>), get(list)),
         Route::told("/api/jobs/{id}", "A job.", shown, get(show)),
+        // Parameters of a scene may name folders, which visitors that only look on may not see.
+        Route {
+            role: TokenRole::Steer,
+            ..Route::told(
+                "/api/jobs/{id}/request",
+                "The request of a job, to be submitted again with `files_of_job`: the fields that differ from their defaults.",
+                RouteAnswer::Json(schema::<PictureRequest>),
+                get(request),
+            )
+        },
         Route::told(
             "/api/jobs/{id}/zones",
             "The rows of the job's zones on the Blackboard.",
@@ -153,6 +164,12 @@ async fn list(State(door): AtDoor) -> RouteResult {
 
 async fn show(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     Ok(json(&door.ask(ANSWER_TIME, move |farm| farm.job(id)).await?))
+}
+
+async fn request(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
+    let request = door.ask(ANSWER_TIME, move |farm| farm.request(id)).await?;
+    // Its files have no folders; texts such as rules stay as they are.
+    Ok(json_text(StatusCode::OK, request.to_string()))
 }
 
 async fn zones(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {

@@ -1,5 +1,6 @@
 //! The routes of the API: a table, from which the server and its OpenAPI document are made.
 
+mod about;
 mod comparisons;
 mod events;
 mod jobs;
@@ -24,7 +25,7 @@ use serde_json::Value;
 
 use crate::{
     guard::{admit, guard, pace, steering},
-    openapi, page,
+    manual, openapi, page,
     problem::Problem,
     route::{Route, RouteAnswer, json_text},
     state::DoorState,
@@ -62,6 +63,7 @@ fn all() -> Vec<Route> {
     all.extend(machines::routes());
     all.extend(tokens::routes());
     all.extend(viewports::routes());
+    all.push(about::route());
     all
 }
 
@@ -87,6 +89,7 @@ pub(crate) fn router(state: &Arc<DoorState>) -> Router {
         .layer(from_fn_with_state(Arc::clone(state), admit))
         .merge(open.method_not_allowed_fallback(wrong_method).layer(from_fn_with_state(Arc::clone(state), pace)))
         .merge(page::routes())
+        .merge(manual::routes())
         .fallback(unknown)
         .layer(from_fn_with_state(Arc::clone(state), guard))
         .with_state(Arc::clone(state))

@@ -65,6 +65,7 @@ test("ten thousand zones: few rows are in the page, and it answers within 200 ms
       close() {}
     };
   });
+  await page.route("**/api/jobs/7", route => route.fulfill({ json: job }));
   await page.route("**/api/jobs/7/**", route => route.fulfill({ json: route.request().url().endsWith("agents") ? { agents: [], auction: {} } : [] }));
   const tell = (kind, events) => page.evaluate(([type, data]) => {
     globalThis.source.dispatchEvent(new MessageEvent(type, { data }));

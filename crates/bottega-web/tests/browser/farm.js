@@ -4,7 +4,7 @@ import { spawn } from "node:child_process";
 import { closeSync, mkdirSync, mkdtempSync, openSync, readFileSync, rmSync } from "node:fs";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { dirname, join } from "node:path";
 
 const WAIT = 60_000;
 
@@ -35,7 +35,35 @@ export class TestFarm {
   async start() {
     [this.port, this.web] = [await freePort(), await freePort()];
     await this.startUp();
-    this.worker = this.#run("worker", ["join", "--threads", "1", "--watts", "100", "--cache", join(this.#folder, "cache")]);
+    this.worker = this.join("worker");
+  }
+
+  /** Has another machine join. */
+  join(name) {
+    return this.#run(name, ["join", "--threads", "1", "--watts", "100", "--cache", join(this.#folder, `cache-${name}`)]);
+  }
+
+  /** Runs a command of the program to its end, in the folder of the farm. Returns what it printed. */
+  async command(words) {
+    const child = this.#run("command", words);
+    const code = await new Promise(done => child.once("exit", done));
+    const printed = readFileSync(this.#log("command"), "utf8");
+    if (code !== 0) throw new Error(`bottega ${words.join(" ")}: ${code}\n${printed}`);
+    return printed;
+  }
+
+  /** Starts `bottega render --dashboard`. Returns its process and the address that it printed. */
+  async dashboard(words) {
+    const child = this.#run("dashboard", ["render", ...words, "--dashboard", `127.0.0.1:${await freePort()}`]);
+    const printed = () => readFileSync(this.#log("dashboard"), "utf8").match(/https?:\/\/127\.0\.0\.1:\d+\/\?token=\w+/)?.[0];
+    return { child, url: await until("the dashboard prints its address", printed) };
+  }
+
+  /** The path of a file in the folder of the farm, for what commands read and write. */
+  place(...names) {
+    const path = join(this.#folder, "files", ...names);
+    mkdirSync(dirname(path), { recursive: true });
+    return path;
   }
 
   /** Starts `bottega up`; again after it was killed. */

@@ -25,7 +25,7 @@ async function measure(browser) {
     await page.goto(`http://127.0.0.1:${farm.web}/#/submit`);
     await page.locator("input[type=file]").first().setInputFiles(SCENE);
     await page.getByLabel("Width and height").fill("640 x 480");
-    await page.getByLabel("Samples a pixel").fill("256");
+    await page.getByLabel("Samples per pixel").fill("256");
     told.form = passed();
     await page.getByRole("button", { name: "Paint it", exact: true }).click();
     await page.waitForURL(/#\/job\/\d+$/);

@@ -50,8 +50,9 @@ fn the_document_and_the_door_know_the_same_routes() {
             };
             assert!(names.insert(route["operationId"].as_str().unwrap().to_owned()), "{route}");
             let is_steered = route["x-role"] == "steer";
-            // A viewport is its opener's, and tokens are for those who steer.
+            // A viewport is its opener's, tokens are for those who steer, and a request may name folders.
             let is_private = ["/api/viewports", "/api/tokens"].iter().any(|start| path.starts_with(start));
+            let is_private = is_private || path.ends_with("/{id}/request");
             assert_eq!(is_steered, method != "get" || is_private, "{method} {path}");
             // One who may not is told so before anything else is looked at.
             let without = ask(at, &method.to_uppercase(), &filled(path), "", b"");
@@ -210,6 +211,8 @@ fn those_who_look_on_are_told_all_and_no_absolute_path() {
     assert_eq!((&zones[0]["id"], &zones[1]["state"], zones.as_array().unwrap().len()), (&json!(1), &json!("open"), 2));
     assert_eq!(get(at, "/api/jobs/1/agents").json()["agents"][0]["power"], 1.5);
     assert_eq!(get(at, "/api/machines").json()[0]["name"], "machine");
+    let about = get(at, "/api/about").json();
+    assert_eq!((&about["version"], &about["shows"]), (&json!(env!("CARGO_PKG_VERSION")), &json!("farm")));
     assert_eq!(get(at, "/api/schema/request").json()["title"], "Request");
     // The file of a picture whose request names such paths goes to those who may steer.
     assert_eq!(get(at, "/api/jobs/1/picture").status, 403);
@@ -430,6 +433,8 @@ fn the_picture_of_one_process_has_the_same_routes() {
     assert_eq!(get("/api/jobs/1/zones").json()[0]["state"], "done");
     assert_eq!(get("/api/jobs").json()[0]["done"], 0.25);
     assert_eq!(get("/api/jobs/2").status, 404);
+    assert_eq!(get("/api/about").json()["shows"], "picture");
+    assert_eq!(get("/api/jobs/1/request").status, 409);
     assert_eq!(get("/api/jobs/1/picture").status, 409);
     // The scene of the picture can be looked around in, once it is known.
     let asked = br#"{"request":{"view":{"pose":{"eye":[0.4,1.6,2],"target":[0,0.8,0]}}},"files_of_job":1}"#;
@@ -443,6 +448,10 @@ fn the_picture_of_one_process_has_the_same_routes() {
     assert_eq!((opened.status, &opened.json()["width"]), (201, &json!(32)));
     let place = format!("/api/viewports/{}", opened.json()["viewport"]);
     assert_eq!(get(&format!("{place}/frame.png")).status, 200);
+    let small = br#"{"request":{"film":{"size":[16,8]}},"files_of_job":1}"#;
+    let other = ask(at, "POST", "/api/viewports", &headers_of_json, small).json();
+    assert_eq!((&other["width"], &other["height"]), (&json!(16), &json!(8)));
+    assert_eq!(ask(at, "DELETE", &format!("/api/viewports/{}", other["viewport"]), &headers, b"").status, 204);
     assert_eq!(ask(at, "DELETE", &place, &headers, b"").status, 204);
     assert_eq!(get("/api/openapi.json").json(), openapi_document());
     assert_eq!(ask(at, "POST", "/api/jobs/1/pause", &headers, b"").status, 409);

@@ -26,7 +26,9 @@ use bottega_cluster::{
     web_tokens::{TokenHolder, WebToken},
 };
 use bottega_image::{Aov, AovSet, ExrOptions, Film, Layout, Metadata, Rect, SampleValues, Tile, write_exr};
-use bottega_web::{Door, DoorOptions, JobAgents, JobOrder, LiveJob, MachineStatus, PictureFile, Problem, ShownFarm};
+use bottega_web::{
+    Door, DoorOptions, JobAgents, JobOrder, LiveJob, MachineStatus, PictureFile, Problem, ShownFarm, ShownKind,
+};
 
 pub(crate) const SEE: &str = "00000000000000000000000000000005";
 pub(crate) const STEER: &str = "00000000000000000000000000000007";
@@ -92,6 +94,15 @@ pub(crate) fn job(number: u32) -> JobView {
 }
 
 impl ShownFarm for FakeFarm {
+    fn kind(&self) -> ShownKind {
+        ShownKind::Farm
+    }
+
+    fn request(&self, number: u32) -> Result<serde_json::Value, Problem> {
+        Self::known(number)
+            .map(|()| serde_json::json!({ "scene": { "file": "scene.glb" }, "film": { "size": [96, 72] } }))
+    }
+
     fn jobs(&self) -> Result<Vec<JobView>, Problem> {
         Ok(vec![job(1), job(2)])
     }

@@ -3,8 +3,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { lightOf, scenesOf } from "../../assets/scene_files.js";
-import { fieldNamed, formOf, requestOf } from "../../assets/schema_form.js";
+import { fieldNamed, formOf, requestOf, requestWithout, valueAt } from "../../assets/schema_form.js";
 import { hint, parsed, WrongValue } from "../../assets/schema_widgets.js";
+import { viewOptions } from "../../assets/lookaround.js";
 import { named } from "../../assets/submit.js";
 import { persist } from "../../assets/upload.js";
 
@@ -101,4 +102,20 @@ test("what the farm cannot answer now is asked again, what is wrong is not", asy
   calls = 0;
   await assert.rejects(persist(failing(422), async () => {}), /no/);
   assert.equal(calls, 1);
+});
+
+test("a request that is asked for again keeps what the form does not show", () => {
+  const request = { version: 1, scene: { file: "a.glb", strict: true }, goal: { samples: 4 }, devices: { exact: true }, seed: 3 };
+  const others = requestWithout(request, ["version", "scene.file", "goal.samples", "seed", "film.size"]);
+  assert.deepEqual(others, { scene: { strict: true }, devices: { exact: true } });
+  const shown = ["goal.samples", "film.size", "seed"].map(path => [path, valueAt(request, path)]);
+  assert.deepEqual(requestOf([["scene.file", "a.glb"], ...shown], others),
+    { scene: { file: "a.glb", strict: true }, goal: { samples: 4 }, devices: { exact: true }, seed: 3 });
+  assert.equal(request.goal.samples, 4, "the request itself stays");
+});
+
+test("a view is written as options of the command line", () => {
+  const pose = { eye: [0.123456, 1, 3], target: [0, 1, 0], up: [0, 1, 0], fov: null };
+  assert.equal(viewOptions({ camera: 0, pose }), `--set 'view.pose={"eye":[0.1235,1,3],"target":[0,1,0],"up":[0,1,0]}'`);
+  assert.match(viewOptions({ camera: 2, pose: { ...pose, fov: 40 } }), /^--camera 2 --set .*"fov":40\}'$/);
 });

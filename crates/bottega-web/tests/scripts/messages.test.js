@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { agentsOf, conversationHue, filtered, labelOf, parseTrace, performativeWord, toMermaid, toText, valuesOf } from "../../assets/sequence.js";
+import { agentsOf, conversationHue, filtered, labelOf, laneNames, parseTrace, performativeWord, toMermaid, toText, valuesOf } from "../../assets/sequence.js";
 
 const TRACE = [
   `  0.012345 master@here -> render-1@here,render-2@here CallForProposal fipa-contract-net #7 "Offers([Offer { zone: ZoneId(3), complexity: 1.5 }, Offer { zone: ZoneId(4), complexity: 2.0 }])"`,
@@ -57,4 +57,14 @@ test("messages are written as text that is a trace again, and as Mermaid", () =>
   assert.equal(toMermaid([evil]).split("\n").length, 5);
   assert.ok(!toMermaid([evil]).includes("%%"));
   assert.equal(labelOf({ performative: "inform", zones: [1, 2, 3, 4] }), "inform · zones 1, 2, 3 …");
+});
+
+test("no two lanes are called the same", () => {
+  const names = agents => agents.map(agent => laneNames(agents).get(agent)).map(({ name, place }) => `${name} ${place}`.trim());
+  assert.deepEqual(names(["master@work-1", "render-1@oak.1f", "render-2@oak.1f", "render-1@elm.2c"]),
+    ["master", "render-1 oak.1f", "render-2", "render-1 elm.2c"]);
+  const host = "workstation-of-the-third-floor.example";
+  assert.deepEqual(names([`df@${host}.aa01`, `df@${host}.bb02`]), ["df …aa01", "df …bb02"]);
+  const long = [1, 2, 3].map(i => `df@${"a".repeat(30)}${i}${"z".repeat(30)}`);
+  assert.equal(new Set(names([...long, "df@x", "df@x:1", "df"])).size, 6);
 });

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { fit, keepInside, toPicture, zoomAt } from "../../assets/view_box.js";
-import { agentHues, bounds, COLORINGS, summarize, workOf, zoneAt } from "../../assets/zones.js";
+import { agentHues, bounds, COLORINGS, summarize, timeText, workOf, zoneAt } from "../../assets/zones.js";
 
 test("a picture fits its window, in the middle", () => {
   assert.deepEqual(fit({ width: 200, height: 100 }, { width: 400, height: 400 }), { scale: 2, x: 0, y: 100 });
@@ -54,4 +54,20 @@ test("colorings tell much from little, and gray where nothing is known", () => {
 test("work is counted by agent", () => {
   const zones = ["done", "done", "awarded", "open"].map((state, i) => zone(i, [0, 0, 1, 1], { state, agent: i === 3 ? undefined : "a" }));
   assert.deepEqual([...workOf(zones)], [["a", { done: 2, working: 1 }]]);
+});
+
+test("the expected time of a zone is not shown as the time that it took", () => {
+  assert.equal(timeText({ state: "profiled", seconds_estimated: 8.8 }), "expected 8.8 s");
+  assert.equal(timeText({ seconds_estimated: 8.8, seconds_measured: 8.1 }), "took 8.1 s, expected 8.8 s");
+  assert.equal(timeText({ seconds_measured: 8.1 }), "took 8.1 s");
+  assert.equal(timeText({}), "");
+});
+
+test("each coloring says what its colors mean, in the colors of the zones", () => {
+  const zones = [zone(1, [0, 0, 1, 1], { agent: "a", seconds_estimated: 4, seconds_measured: 8, state: "done" })];
+  const all = summarize(zones);
+  for (const { of, legend } of Object.values(COLORINGS)) assert.ok(legend(all).some(([hue]) => hue === of(zones[0], all)));
+  assert.deepEqual(COLORINGS.agent.legend(all).map(([, text]) => text), ["a"]);
+  assert.equal(COLORINGS.measured.legend(all).at(-1)[1], "8.0 s");
+  assert.deepEqual(COLORINGS.expected.legend(summarize([])), [], "nothing is known");
 });

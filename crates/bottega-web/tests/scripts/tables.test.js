@@ -6,6 +6,7 @@ import { agentRows, auctionLine } from "../../assets/agents.js";
 import { endedJobs, endText } from "../../assets/bell.js";
 import { energyFacts, usedText } from "../../assets/energy.js";
 import { zoneFields } from "../../assets/blackboard.js";
+import { time } from "../../assets/format.js";
 import { isWanted } from "../../assets/jobs.js";
 import { powerOf, stateOf } from "../../assets/machines.js";
 import { points } from "../../assets/sparkline.js";
@@ -16,6 +17,10 @@ test("of ten thousand rows those are made that are seen, and a few more", () => 
   assert.deepEqual(visibleRange(32_000, 320, 32, 10_000, 6), [994, 1016]);
   assert.deepEqual(visibleRange(1e9, 320, 32, 10_000, 6), [9994, 10_000]);
   assert.deepEqual(visibleRange(0, 320, 32, 0, 6), [0, 0]);
+});
+
+test("times have units in which some digits are seen", () => {
+  assert.deepEqual([undefined, 0, 0.0004, 0.031, 0.2, 12.4, 300, 7200].map(time), ["–", "0 s", "1 ms", "31 ms", "0.2 s", "12 s", "5.0 min", "2.0 h"]);
 });
 
 test("rows without a value come last in both directions", () => {

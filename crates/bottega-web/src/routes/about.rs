@@ -1,0 +1,35 @@
+//! The program behind a door: its version, and what it shows.
+
+use axum::{extract::State, routing::get};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::{
+    route::{AtDoor, Route, RouteAnswer, RouteResult, json, schema},
+    source::ShownKind,
+};
+
+/// The program that answers.
+#[derive(Debug, Serialize, JsonSchema)]
+struct About {
+    /// Its version.
+    version: &'static str,
+    /// The identity of its build: pictures are the same bits for the same one alone.
+    build: &'static str,
+    /// What is shown: `farm`, or `picture`: that of one process, which is job 1.
+    shows: ShownKind,
+}
+
+pub(super) fn route() -> Route {
+    Route::told(
+        "/api/about",
+        "The version of the program, and whether a farm or the picture of one process is shown.",
+        RouteAnswer::Json(schema::<About>),
+        get(about),
+    )
+}
+
+async fn about(State(door): AtDoor) -> RouteResult {
+    let build = bottega_cluster::build::build().identity();
+    Ok(json(&About { version: env!("CARGO_PKG_VERSION"), build, shows: door.farm.kind() }))
+}
