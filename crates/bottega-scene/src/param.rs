@@ -1,22 +1,22 @@
-//! The numbers of a material: constant, or multiplied by a texture.
+//! Material parameters: a constant, optionally multiplied by a texture.
 
 use crate::{Channel, Spectrum, TextureMap};
 
 /// A colour: factor × texture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorParam {
-    /// Multiplies the texture, or stands alone.
+    /// Factor of the texture; the colour itself without a texture.
     pub factor: Spectrum,
-    /// RGB.
+    /// The texture, of which RGB is used.
     pub texture: Option<TextureMap>,
 }
 
 /// A number: factor × one channel of a texture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScalarParam {
-    /// Multiplies the texture, or stands alone.
+    /// Factor of the texture; the number itself without a texture.
     pub factor: f32,
-    /// The texture and which of its channels.
+    /// The texture, and the channel that is used.
     pub texture: Option<(TextureMap, Channel)>,
 }
 
