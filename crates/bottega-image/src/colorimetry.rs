@@ -77,7 +77,7 @@ impl Chromaticities {
 pub struct Conversion(Option<Mat3>);
 
 impl Conversion {
-    /// The identity.
+    /// The identity, which changes no color.
     pub const NONE: Self = Self(None);
 
     /// Returns the conversion from CIE XYZ, in which D65 is (0.9505, 1, 1.089).

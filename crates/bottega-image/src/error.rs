@@ -44,7 +44,7 @@ pub enum ImageError {
         path: PathBuf,
         /// Format of the file.
         format: &'static str,
-        /// What is wrong, and where.
+        /// The error, and its location.
         detail: String,
     },
     /// The file is valid as far as it was read, but uses an unsupported feature.

@@ -35,7 +35,7 @@ pub enum HalfOrFloat {
     /// 16 bits for color, alpha, albedo, normal and color layers; other AOVs and layers stay 32-bit. Values beyond
     /// ±65504 are clamped.
     Half,
-    /// 32 bits.
+    /// 32 bits for all channels.
     #[default]
     Float,
 }

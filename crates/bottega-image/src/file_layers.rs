@@ -42,7 +42,7 @@ pub struct FileLayer {
 /// A layer with its pixels.
 #[derive(Clone, Debug)]
 pub struct LayerPicture {
-    /// The layer.
+    /// The layer and its channels.
     pub layer: FileLayer,
     /// Its values; a single number is in all three channels.
     pub picture: Picture,

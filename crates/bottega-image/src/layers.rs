@@ -53,9 +53,9 @@ pub enum LayersError {
     Count {
         /// "layers" or "channels".
         what: &'static str,
-        /// Their number.
+        /// Number of layers or channels.
         found: usize,
-        /// The limit.
+        /// Maximal number.
         most: usize,
     },
     /// A name cannot be stored in a file.

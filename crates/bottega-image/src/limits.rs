@@ -11,7 +11,7 @@ pub struct ReadLimits {
 }
 
 impl Default for ReadLimits {
-    /// 16384 × 8192: the largest environment maps in use.
+    /// Returns a limit of 16384 × 8192: the largest environment maps in use.
     fn default() -> Self {
         Self { max_pixels: 1 << 27 }
     }

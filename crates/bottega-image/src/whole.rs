@@ -123,7 +123,10 @@ impl Placing {
         Self { window, size: if is_apart { window.size } else { window.full_size }, is_apart }
     }
 
+    /// Places pixels in the picture.
+    ///
     /// - `pixels`: pixels of the file, row by row.
+    /// - `outside`: value of the pixels that the file lacks.
     fn place<T: Copy>(&self, pixels: Vec<T>, outside: T) -> Vec<T> {
         let ExrWindow { size, offset, full_size } = self.window;
         if self.is_apart || (offset == (0, 0) && size == full_size) {

@@ -35,7 +35,7 @@ pub struct Accel {
     tree: SceneTrees,
     bounds: Aabb,
     triangles: usize,
-    /// See [`refit::topology`].
+    /// Mesh and triangle count of each instance; see [`refit::topology`].
     topology: Box<[(u32, u32)]>,
     precision: Precision,
     isa: Isa,

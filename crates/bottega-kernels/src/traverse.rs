@@ -4,9 +4,9 @@
 //! Intersection" (JCGT 2(1)): vertices are sheared into a space where the ray is the z axis; the sign of each edge
 //! function then depends on edge and ray alone, and is the same for both triangles at the edge. Their fallback to
 //! double precision is not needed for watertightness: rounding never flips a sign, it only makes zeros, and zero counts
-//! as inside. The *box* test must never miss a box whose triangle is hit. Slabs are fused multiply-adds, `plane · scale
-//! + shift`; instead of rounding each one outward, `scale` and `shift` are made slightly too small for near planes and
-//! slightly too large for far planes, once per ray: see [`setup`].
+//! as inside. The *box* test must never miss a box whose triangle is hit. A slab is one fused multiply-add of plane,
+//! scale and shift. Instead of rounding each slab outward, `scale` and `shift` are made slightly too small for near
+//! planes and slightly too large for far planes, once per ray: see [`setup`].
 //!
 //! The result does not depend on the order of visits: a box is skipped only if it is entered beyond the best hit, and a
 //! hit never counts as closer than the entry of its leaf box (all boxes above are entered no later, as every operation
@@ -40,7 +40,7 @@ pub(crate) trait Query {
     fn accept(&self, _candidate: &Hit) -> bool {
         true
     }
-    /// Called for each node and each leaf visited.
+    /// Counts a visit: called for each node and each leaf.
     #[inline(always)]
     fn visit(&mut self) {}
 }
@@ -190,6 +190,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     #[inline(always)]
     fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let s = self.s;
+        // Prepare the ray for the box and triangle tests
         let Some(wide) = Wide::<S, ROBUST>::new(s, self.ray, floor, self.t_min) else { return false };
         let mut storage = Storage::new();
         let mut stack = Stack::new(&mut storage);
@@ -202,6 +203,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
                 let node = self.tree.node(current);
                 // Prefetch the children, needed once the boxes are tested.
                 s.prefetch::<1>((&raw const node.children).cast());
+                // Test the boxes of the children, and continue with the nearest
                 let (near, miss) = wide.boxes(s, &node.planes, limit);
                 if let Some(next) = self.choose::<Q>(node, near, miss, wide.octant, &mut stack) {
                     (current, entry) = next;
@@ -308,6 +310,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     ) -> bool {
         let s = self.s;
         let block = self.tree.block(leaf);
+        // Test all triangles of the block
         let Some(BlockHits { t, u, v, det, mut bits }) = wide.triangles(s, block, limit) else { return false };
         if Q::BLIND {
             return true;
@@ -317,12 +320,14 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         while bits != 0 {
             let lane = bits.trailing_zeros() as usize % WIDTH;
             bits &= bits - 1;
+            // Compare the hit of a lane with the best hit
             let (t, id) = (if ts[lane] > entry { ts[lane] } else { entry }, block.id[lane]);
             let closer =
                 t < best.t || (t == best.t && key_is_lower(self.tree, (self.space, id), (best.space, best.id)));
             if !closer {
                 continue;
             }
+            // Apply the filter
             if Q::FILTERED {
                 let (instance, primitive) = key(self.tree, self.space, id);
                 let (u, v) = (us[lane] / dets[lane], vs[lane] / dets[lane]);
@@ -369,6 +374,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     fn instance<Q: Query>(&self, placed: &PlacedTree, entry: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let ([ox, oy, oz], [dx, dy, dz]) = (self.ray.origin.to_array(), self.ray.direction.to_array());
         let m = &placed.object_from_world;
+        // Transform the ray to object space
         let origin = m.map(|r| r[0] * ox + r[1] * oy + r[2] * oz + r[3]);
         let direction = m.map(|r| r[0] * dx + r[1] * dy + r[2] * dz);
         let ray = Ray { origin: origin.into(), direction: direction.into(), ..*self.ray };

@@ -12,7 +12,7 @@ pub enum Projection {
         /// Full angle between the upper and the lower edge of a picture of the camera's aspect, in radians.
         vertical_fov: f32,
     },
-    /// Parallel projection.
+    /// A parallel projection along the camera's axis.
     Orthographic {
         /// Distance between the upper and the lower edge of a picture of the camera's aspect, in scene units.
         height: f32,
@@ -71,7 +71,7 @@ pub struct Camera {
     pub name: String,
     /// Camera space to world space, without scale; may mirror.
     pub world_from_camera: Affine3A,
-    /// The projection.
+    /// The projection and its field of view.
     pub projection: Projection,
     /// Width over height of the picture in pixels, as given by the file; `None`: follow the picture.
     pub aspect: Option<f32>,
@@ -131,7 +131,7 @@ impl Camera {
 }
 
 impl Default for Camera {
-    /// A pinhole at the origin that looks along −z, with a vertical field of view of 0.7 radians.
+    /// Returns a pinhole at the origin that looks along −z, with a vertical field of view of 0.7 radians.
     fn default() -> Self {
         Self {
             name: String::new(),

@@ -12,7 +12,7 @@ pub enum SceneError {
     /// The operating system cannot read a file.
     #[error("cannot read `{}`{}: check that the file exists and may be read", printable_path(path), asked_by(by))]
     Read {
-        /// The file.
+        /// The file that cannot be read.
         path: PathBuf,
         /// The file and location that refers to it; empty if the user named it.
         by: String,
@@ -22,7 +22,7 @@ pub enum SceneError {
     /// The path leads to a folder, device or pipe.
     #[error("`{}`{} is {found}, not a file: name the file itself", printable_path(path), asked_by(by))]
     NotAFile {
-        /// The path.
+        /// The path that is not a file.
         path: PathBuf,
         /// The file and location that refers to it; empty if the user named it.
         by: String,
@@ -32,7 +32,7 @@ pub enum SceneError {
     /// An entry of [`LoadOptions::asset_roots`](crate::LoadOptions::asset_roots) is not a folder.
     #[error("`{}` is no folder that can be read: name one with `--asset-root`", printable_path(path))]
     NotAFolder {
-        /// The path.
+        /// The path that is not a folder.
         path: PathBuf,
     },
     /// Neither the extension nor the first bytes match a supported format.
@@ -77,7 +77,7 @@ pub enum SceneError {
         line: usize,
         /// Column, counted from 1.
         column: usize,
-        /// What is wrong, and in some cases what to do.
+        /// The error, and in some cases the remedy.
         problem: String,
     },
     /// The scene uses unsupported features and [`LoadOptions::strict`](crate::LoadOptions::strict) is set.
@@ -101,7 +101,7 @@ pub enum SceneError {
         place: String,
         /// Name of the extension.
         name: String,
-        /// What the user can do.
+        /// The remedy.
         remedy: &'static str,
     },
     /// The document is inconsistent or has an invalid value.
@@ -111,7 +111,7 @@ pub enum SceneError {
         path: PathBuf,
         /// Location in the document.
         place: String,
-        /// What is invalid.
+        /// The error.
         problem: String,
     },
     /// The scene exceeds a limit of [`LoadOptions`](crate::LoadOptions).
@@ -121,9 +121,9 @@ pub enum SceneError {
         path: PathBuf,
         /// Location in the document; may be empty.
         place: String,
-        /// What is too large, and the limit.
+        /// The excess, and the limit.
         problem: String,
-        /// What the user can do.
+        /// The remedy.
         remedy: &'static str,
     },
     /// A reference to a file that the scene may not read.
@@ -135,7 +135,7 @@ pub enum SceneError {
         place: String,
         /// The reference, shortened.
         uri: String,
-        /// The reason, and what to do.
+        /// The reason, and the remedy.
         reason: &'static str,
     },
     /// The options select a part that the file does not have.
@@ -155,7 +155,7 @@ pub enum SceneError {
     Picture {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The error of the decoder.
         problem: String,
     },
     /// A scene violates an invariant of the model; see [`Scene::validate`](crate::Scene::validate).
@@ -203,7 +203,7 @@ fn at(place: &str) -> String {
 pub struct Warning {
     /// Location in the file; may be empty.
     pub place: String,
-    /// What was found, and what was done about it.
+    /// The finding, and what was done about it.
     pub message: String,
 }
 

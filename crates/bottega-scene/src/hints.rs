@@ -83,7 +83,7 @@ impl FilmFilter {
 }
 
 impl Default for FilmFilter {
-    /// Blackman-Harris of radius 1.5.
+    /// Returns a Blackman-Harris filter of radius 1.5.
     fn default() -> Self {
         Self::BlackmanHarris { radius: 1.5 }
     }

@@ -91,7 +91,8 @@ pub enum EnvironmentMapping {
     /// Latitude and longitude: the upper edge is +y, the centre column −z, u grows towards +x.
     #[default]
     LatitudeLongitude,
-    /// As [`Self::LatitudeLongitude`], but the centres of the first and last row are the poles themselves (Mitsuba).
+    /// The layout of [`Self::LatitudeLongitude`], but the centres of the first and last row are the poles themselves
+    /// (Mitsuba).
     LatitudeLongitudeToPoles,
     /// Equal areas on an octahedron, as in pbrt-v4 (Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using
     /// SIMD): +z is the centre, −z the corners, +x points right and +y down. Looked up without interpolation, as there.
@@ -101,7 +102,7 @@ pub enum EnvironmentMapping {
 /// A rectangle through which an environment shines, world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Portal {
-    /// One corner.
+    /// One corner of the rectangle.
     pub corner: Vec3,
     /// The edges from there to the adjacent corners, perpendicular to each other. Their cross product points outwards;
     /// light comes in against it.

@@ -52,7 +52,7 @@ impl Sides {
 /// The scattering on the back of a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Back {
-    /// As on the front: two equal sides of an opaque or thin surface, or the two sides of a solid's boundary.
+    /// Equal to the front: two equal sides of an opaque or thin surface, or the two sides of a solid's boundary.
     #[default]
     Same,
     /// Nothing: the back is black.

@@ -46,9 +46,9 @@ pub enum Density {
     Both(Grid),
     /// One grid each.
     Each {
-        /// Multiplies σ_a.
+        /// Factor of σ_a.
         absorption: Grid,
-        /// Multiplies σ_s.
+        /// Factor of σ_s.
         scattering: Grid,
     },
     /// A grid of the extinction and one of the albedo.

@@ -21,14 +21,14 @@ pub struct ScalarParam {
 }
 
 impl Default for ColorParam {
-    /// Black.
+    /// Returns black, without a texture.
     fn default() -> Self {
         Spectrum::ZERO.into()
     }
 }
 
 impl Default for ScalarParam {
-    /// 1.
+    /// Returns 1, without a texture.
     fn default() -> Self {
         1.0.into()
     }

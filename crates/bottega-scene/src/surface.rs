@@ -104,7 +104,7 @@ pub struct Conductor {
     pub k: ColorParam,
     /// Factor of the reflection.
     pub reflectance: ColorParam,
-    /// Microfacets.
+    /// Microfacets of the metal.
     pub facets: Facets,
 }
 
@@ -117,7 +117,7 @@ pub struct Dielectric {
     pub reflectance: ColorParam,
     /// Factor of the transmission.
     pub transmittance: ColorParam,
-    /// Microfacets.
+    /// Microfacets of the boundary.
     pub facets: Facets,
     /// `true`: a thin sheet with two parallel boundaries. Light passes straight through, with all interreflections.
     pub thin: bool,
@@ -183,14 +183,14 @@ pub struct Coated {
     pub g: ScalarParam,
     /// Maximal number of scattering events within the layer.
     pub max_depth: u32,
-    /// The base.
+    /// The base below the layer.
     pub base: CoatedBase,
 }
 
 /// Disney's material (Burley 2012 and 2015).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Principled {
-    /// Base colour.
+    /// Colour of the base, in [0, 1].
     pub base_color: ColorParam,
     /// Perceptual roughness: α is its square.
     pub roughness: ScalarParam,
@@ -288,7 +288,7 @@ pub struct Layered {
 }
 
 impl Default for Layered {
-    /// glTF's default material, but dielectric: white and rough.
+    /// Returns glTF's default material, but dielectric: white and rough.
     fn default() -> Self {
         Self {
             base_color: Spectrum::ONE.into(),
@@ -326,14 +326,14 @@ impl From<Layered> for Surface {
 }
 
 impl From<f32> for Facets {
-    /// GGX with the same α along u and v.
+    /// Returns GGX facets with the same α along u and v.
     fn from(alpha: f32) -> Self {
         Self { roughness: [alpha.into(), alpha.into()], ..Self::default() }
     }
 }
 
 impl Default for Facets {
-    /// Smooth: no facets.
+    /// Returns no facets: a smooth boundary.
     fn default() -> Self {
         Self {
             distribution: Distribution::default(),

@@ -21,13 +21,13 @@ pub enum Wrap {
 /// One channel of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Channel {
-    /// Red.
+    /// The red channel.
     R,
-    /// Green.
+    /// The green channel.
     G,
-    /// Blue.
+    /// The blue channel.
     B,
-    /// Alpha.
+    /// The alpha channel.
     A,
 }
 
@@ -59,7 +59,7 @@ pub enum MappingKind {
 /// The mapping of a picture onto a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureMap {
-    /// The picture.
+    /// The picture that is mapped.
     pub image: ImageId,
     /// Set of texture coordinates: 0 or 1, those of the surface; from [`SURFACE_UV_SETS`] on, those of
     /// [`Scene::mappings`](crate::Scene::mappings).

@@ -28,6 +28,8 @@ enum Likeness {
 }
 
 impl Likeness {
+    /// Classifies a layer.
+    ///
     /// - `name`: full name of the layer, such as `ViewLayer.Combined`.
     fn of(name: &str) -> Self {
         const BEAUTY: [&str; 6] = ["combined", "rgba", "rgb", "color", "beauty", "image"];

@@ -36,7 +36,7 @@ pub struct FlipOptions {
 }
 
 impl Default for FlipOptions {
-    /// All exposures, on a display 0.7 m and 3840 pixels wide, seen from 0.7 m.
+    /// Returns all exposures, on a display 0.7 m and 3840 pixels wide, seen from 0.7 m.
     fn default() -> Self {
         Self { view: FlipView::default(), pixels_per_degree: 0.7 * (3840.0 / 0.7) * std::f32::consts::PI / 180.0 }
     }
@@ -273,7 +273,7 @@ fn hunt_lab_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     [lightness, 500.0 * (x - y) * 0.01 * lightness, 200.0 * (y - z) * 0.01 * lightness]
 }
 
-/// Distance for large color differences: city block in lightness, Euclidean in a and b.
+/// Returns the distance for large color differences: city block in lightness, Euclidean in a and b.
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + ((a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)).sqrt()
 }

@@ -77,6 +77,7 @@ pub(super) fn presplit(
         Some(clipped(&bounds, &halves, &corners(item.id())).map(|half| Item::new(&half, item.id())))
     };
     let mut left = budget.min((u32::MAX as usize).saturating_sub(items.len()));
+    // Find the first candidates
     let mut cuts = collect(0..items.len() as u32, parallel, |index| consider(items, index, true));
     while left > 0 && !cuts.is_empty() {
         // Keep no more candidates than the budget allows.

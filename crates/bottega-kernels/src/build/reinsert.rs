@@ -66,7 +66,7 @@ impl PartialOrd for InsertionPlace {
     }
 }
 impl Ord for InsertionPlace {
-    /// Reversed, because the heap returns the largest and the cheapest must come first.
+    /// Orders in reverse, because the heap returns the largest and the cheapest must come first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.least.total_cmp(&self.least).then(other.index.cmp(&self.index))
     }

@@ -26,19 +26,19 @@ pub(crate) trait Lanes: Copy {
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
-    /// a · b + c
+    /// Computes a · b + c with one rounding.
     fn mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
-    /// a · b − c
+    /// Computes a · b − c with one rounding.
     fn mul_sub(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
-    /// c − a · b
+    /// Computes c − a · b with one rounding.
     fn neg_mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
-    /// a where a < b, else b.
+    /// Returns a where a < b, else b.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// Returns the last four lanes, then the first four.
     fn swap_halves(self, a: Self::F) -> Self::F;
-    /// a < b; false for NaN.
+    /// Compares a < b; false for NaN.
     fn lt(self, a: Self::F, b: Self::F) -> Self::Mask;
-    /// a ≤ b; false for NaN.
+    /// Compares a ≤ b; false for NaN.
     fn le(self, a: Self::F, b: Self::F) -> Self::Mask;
     /// Returns the larger by the bits as signed integers: the larger float if neither is negative; a negative one loses
     /// to a non-negative. Four cycles faster than comparing floats.

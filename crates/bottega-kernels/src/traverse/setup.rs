@@ -31,6 +31,7 @@ impl<F: Copy> Slabs<F> {
         const EPSILON: f32 = f32::EPSILON / 2.0;
         const NEAR: f32 = 1.0 - 16.0 * EPSILON;
         const FAR: f32 = 1.0 + 16.0 * EPSILON;
+        // Invert the direction
         let sign = [s.sign(direction[0]), s.sign(direction[1]), s.sign(direction[2])];
         let size = |axis: usize| s.turn(direction[axis], sign[axis]);
         let largest = s.max_bits(s.max_bits(size(0), size(1)), size(2));
@@ -49,6 +50,7 @@ impl<F: Copy> Slabs<F> {
                 s.mul(s.mul_add(distance, s.splat(8.0 * EPSILON), least), inverse_size[axis])
             };
             let slack = [slack(0), slack(1), slack(2)];
+            // Scale and shift near and far planes outward by the error bound
             let (near_factor, far_factor, minus) = (s.splat(NEAR), s.splat(FAR), s.splat(-0.0));
             let scaled = |factor: F| [s.mul(inverse[0], factor), s.mul(inverse[1], factor), s.mul(inverse[2], factor)];
             let (near_scale, far_scale) = (scaled(near_factor), scaled(far_factor));

@@ -64,6 +64,7 @@ impl<S: Lanes> WideRay<S> {
     /// Tests watertightly; see the head of the parent module. `None`: no hit.
     #[inline(always)]
     pub(crate) fn test_sheared(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<BlockHits<S>> {
+        // Shear the vertices
         let (ax, ay, az) = self.sheared(s, &block.p[0]);
         let (bx, by, bz) = self.sheared(s, &block.p[1]);
         let (cx, cy, cz) = self.sheared(s, &block.p[2]);
@@ -76,7 +77,9 @@ impl<S: Lanes> WideRay<S> {
         let sign = s.sign(det);
         let (turned_v, turned_w) = (s.turn(v, sign), s.turn(w, sign));
         let least = s.min(s.min(s.turn(u, sign), turned_v), turned_w);
+        // Inside if all edge functions have the sign of the determinant
         let inside = s.le(s.splat(0.0), least);
+        // Compute the scaled distance
         let distance = s.mul_add(u, az, s.mul_add(v, bz, s.mul(w, cz)));
         let distance = s.turn(s.mul(distance, self.direction[2]), sign);
         self.parameter(s, inside, distance, [turned_v, turned_w, s.turn(det, sign)], t_max)

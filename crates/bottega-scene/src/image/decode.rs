@@ -413,7 +413,7 @@ mod tests {
         assert_eq!(texel(&[("R", 7.0)]), Vec4::new(7.0, 7.0, 7.0, 1.0));
         assert_eq!(texel(&[("b", 3.0), ("g", 2.0), ("r", 1.0)]), Vec4::new(1.0, 2.0, 3.0, 1.0));
         assert!(PictureHeader::read(&exr_file(&[("Z", 7.0), ("id", 1.0)]), 100).is_err());
-        // What is no radiance becomes black.
+        // Invalid radiance becomes black.
         assert_eq!(texel(&[("R", f32::NAN), ("G", -1.0), ("B", f32::INFINITY)]), Vec4::W);
     }
 

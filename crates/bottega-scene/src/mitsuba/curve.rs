@@ -1,6 +1,6 @@
 //! The shapes `bsplinecurve` and `linearcurve` (Mitsuba 3's documentation, Shapes), as tubes of triangles.
 //!
-//! As in Mitsuba, `to_world` transforms the control points but not their radii. Tubes of B-splines are open at their
+//! Like Mitsuba, `to_world` transforms the control points but not their radii. Tubes of B-splines are open at their
 //! ends; linear pieces meet and end in spheres. Mitsuba culls the insides of curves, so rays that start within pass
 //! unhindered. Here they have an inside, black if the material is one-sided, which is visible through open ends.
 

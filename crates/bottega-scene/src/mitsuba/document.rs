@@ -124,7 +124,7 @@ impl Document {
 }
 
 impl Object {
-    /// The property of a name, which counts as known from now on.
+    /// Returns a property by name, and marks it as read.
     pub(super) fn property(&self, name: &str) -> Option<&ObjectProperty> {
         let property = self.properties.iter().find(|property| property.name == name)?;
         property.used.set(true);

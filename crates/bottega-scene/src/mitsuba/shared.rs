@@ -53,8 +53,8 @@ impl SharedMeshes {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ball {
     pub(super) to_group: DMat4,
-    /// Whether its front is inside: because its normals are flipped, or because its own transformation mirrors it. That of
-    /// an instance does not count.
+    /// `true`: its front is inside, because its normals are flipped or its own transformation mirrors it. An instance's
+    /// transformation does not count.
     pub(super) inward: bool,
     pub(super) material: u32,
     pub(super) needs: MeshNeeds,

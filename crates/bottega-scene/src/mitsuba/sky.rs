@@ -1,8 +1,8 @@
 //! The emitters `sunsky`, `sky` and `sun`: rendered to an environment picture on import.
 //!
 //! The sky is the RGB version of Hosek and Wilkie 2012, *An Analytic Model for Full Spectral Sky-Dome Radiance*; the
-//! sun is a disk with the radiance of Mitsuba 3.9, without limb darkening. Both match the `*_rgb` variants of Mitsuba
-//! 3. Mitsuba 0.x, which has other units, is treated alike.
+//! sun is a disk with the radiance of Mitsuba 3.9, without limb darkening. Both match Mitsuba's `*_rgb` variants.
+//! Mitsuba 0.x, which has other units, is treated alike.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

@@ -363,7 +363,7 @@ mod tests {
         check(&Resources::new(&folder.scene, options, &budget));
     }
 
-    /// What was told, strict people last.
+    /// The warnings, those of strict mode last.
     fn told(resources: &Resources<'_>) -> (Vec<String>, usize) {
         let mut news = std::mem::take(&mut *resources.news.lock().unwrap());
         let strict = news.take_unsupported().len();
@@ -461,7 +461,7 @@ mod tests {
             });
         }
         with(&folder, false, |resources| {
-            // Quotes are no part of a name, and nothing to tell of, unless the file has them.
+            // Quotes around a name are dropped without a warning, unless the file name has them.
             assert_eq!(resources.locate("\"sub/a\"", "").unwrap().name, "sub/a");
             assert_eq!(resources.locate_in(&["x", "sub"], "a", "").unwrap().name, "sub/a");
             assert!(told(resources).0.is_empty());
