@@ -1,6 +1,6 @@
-//! Values that a picture can carry beside its colour.
+//! AOVs: values of a pixel beside its color.
 
-/// A value that a picture can carry beside its colour ("arbitrary output variable").
+/// An arbitrary output variable: a value of a pixel beside its color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Aov {
     /// Reflectance of the first non-specular surface, linear RGB.
@@ -9,17 +9,17 @@ pub enum Aov {
     Normal,
     /// Distance from the camera to the first surface, in scene units; 0 where nothing is hit.
     Depth,
-    /// Samples taken of the pixel.
+    /// Number of samples of the pixel.
     SampleCount,
-    /// What the pixel cost: traversal steps and shading, in the units of the renderer's cost model.
+    /// Cost of the pixel: traversal steps and shading, in the units of the renderer's cost model.
     Cost,
 }
 
 impl Aov {
-    /// All of them, in the order in which they lie in a pixel.
+    /// All AOVs, in their order within a pixel.
     pub const ALL: [Self; 5] = [Self::Albedo, Self::Normal, Self::Depth, Self::SampleCount, Self::Cost];
 
-    /// The name in the command line, JSON and EXR layers.
+    /// Returns the name in the command line, JSON and EXR layers.
     pub fn name(self) -> &'static str {
         match self {
             Self::Albedo => "albedo",
@@ -30,7 +30,7 @@ impl Aov {
         }
     }
 
-    /// Floats that it takes in a pixel. The sample count is always kept and takes none of its own.
+    /// Returns the number of floats in a pixel. The sample count is always kept and needs none of its own.
     pub fn channel_count(self) -> usize {
         match self {
             Self::SampleCount => 0,
@@ -39,7 +39,7 @@ impl Aov {
         }
     }
 
-    /// Names of its channels within its layer; none where it is a channel by itself.
+    /// Returns the names of its channels within its layer; empty if it is a single channel.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
             Self::Albedo => &["R", "G", "B"],
@@ -49,7 +49,7 @@ impl Aov {
         }
     }
 
-    /// The names of its channels in a file.
+    /// Returns the full names of its channels in a file.
     pub fn full_names(self) -> Vec<String> {
         match self.channels() {
             [] => vec![self.name().to_owned()],
@@ -63,31 +63,31 @@ impl Aov {
 pub struct AovSet(u8);
 
 impl AovSet {
-    /// No AOV.
+    /// The empty set.
     pub const NONE: Self = Self(0);
 
-    /// This set and `aov`.
+    /// Returns this set with `aov` added.
     #[must_use]
     pub fn with(self, aov: Aov) -> Self {
         Self(self.0 | 1 << aov as u8)
     }
 
-    /// Whether `aov` is in it.
+    /// Returns true if `aov` is in the set.
     pub fn contains(self, aov: Aov) -> bool {
         self.0 & (1 << aov as u8) != 0
     }
 
-    /// One bit an AOV, the first of [`Aov::ALL`] lowest: for stored tiles.
+    /// Returns one bit per AOV, the first of [`Aov::ALL`] lowest: for stored tiles.
     pub fn bits(self) -> u8 {
         self.0
     }
 
-    /// The set of these [`bits`](Self::bits); `None` when one of them means nothing.
+    /// Returns the set of these [`bits`](Self::bits); `None` if an unknown bit is set.
     pub fn from_bits(bits: u8) -> Option<Self> {
         (bits >> Aov::ALL.len() == 0).then_some(Self(bits))
     }
 
-    /// Its members, in the order of [`Aov::ALL`].
+    /// Iterates over its members, in the order of [`Aov::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Aov> {
         Aov::ALL.into_iter().filter(move |&aov| self.contains(aov))
     }

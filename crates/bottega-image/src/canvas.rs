@@ -1,4 +1,4 @@
-//! 8-bit pictures for people to look at: heat maps, importance maps, zones, comparisons.
+//! 8-bit pictures for display: heat maps, importance maps, zones, comparisons.
 
 use std::path::Path;
 
@@ -11,44 +11,44 @@ use crate::{
 /// A picture of 8-bit sRGB values.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Canvas {
-    /// Columns.
+    /// Width, in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, in pixels.
     pub height: u32,
-    /// `[height × width]`, row by row from the top.
+    /// Pixels, `[height × width]`, row by row from the top.
     pub pixels: Vec<[u8; 3]>,
 }
 
 impl Canvas {
-    /// A canvas of one color.
+    /// Returns a canvas of one color.
     pub fn new(width: u32, height: u32, color: [u8; 3]) -> Self {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
 
-    /// A picture as a display shows it, without dithering.
+    /// Renders a picture as a display shows it, without dithering.
     pub fn of_picture(picture: &Picture, exposure_stops: f32, tone: ToneMap) -> Self {
         let pixels = picture.data.iter().map(|&color| shown(displayed(color, exposure_stops, tone))).collect();
         Self { width: picture.width, height: picture.height, pixels }
     }
 
-    /// Values in false colors.
+    /// Renders values in false colors.
     ///
-    /// - `values`: `[height × width]`; panics when the length differs.
-    /// - `white`: the value of the brightest color; 0 has the darkest.
+    /// - `values`: `[height × width]`; panics if the length differs.
+    /// - `white`: the value of the brightest color; the darkest is at 0.
     pub fn heat_map(width: u32, height: u32, values: &[f32], white: f32, colors: ColorMap) -> Self {
         assert_eq!(values.len(), width as usize * height as usize, "values of a map of {width} × {height}");
         let scale = if white > 0.0 { 1.0 / white } else { 1.0 };
         Self { width, height, pixels: values.iter().map(|value| colors.color(value * scale)).collect() }
     }
 
-    /// Values in shades of gray, from black at 0 to white at 1.
+    /// Renders values in shades of gray, from black at 0 to white at 1.
     pub fn gray_map(width: u32, height: u32, values: &[f32]) -> Self {
         assert_eq!(values.len(), width as usize * height as usize, "values of a map of {width} × {height}");
         let gray = |value: &f32| [(value.clamp(0.0, 1.0) * 255.0).round() as u8; 3];
         Self { width, height, pixels: values.iter().map(gray).collect() }
     }
 
-    /// Draws the outline of `rect`, one pixel wide, along its inside; what lies outside the canvas is left out.
+    /// Draws the outline of `rect`, one pixel wide, along its inside, clipped to the canvas.
     pub fn draw_rect(&mut self, rect: Rect, color: [u8; 3]) {
         if rect.is_empty() {
             return;
@@ -63,7 +63,7 @@ impl Canvas {
         edges.into_iter().for_each(|edge| self.fill_rect(edge, color));
     }
 
-    /// Fills the part of `rect` that lies on the canvas.
+    /// Fills the part of `rect` that is on the canvas.
     pub fn fill_rect(&mut self, rect: Rect, color: [u8; 3]) {
         let whole = Rect::of_size(self.width, self.height);
         let Some(part) = rect.intersection(&whole) else { return };
@@ -73,7 +73,7 @@ impl Canvas {
         }
     }
 
-    /// Every pixel as a block of `factor` × `factor`.
+    /// Enlarges every pixel to a block of `factor` × `factor`.
     #[must_use]
     pub fn enlarged(&self, factor: u32) -> Self {
         let (width, height) = (self.width * factor, self.height * factor);
@@ -82,7 +82,7 @@ impl Canvas {
         Self { width, height, pixels: Rect::of_size(width, height).pixels().map(pixel).collect() }
     }
 
-    /// Canvases side by side, with a gap of `gap` white pixels, on the height of the tallest.
+    /// Places canvases side by side, with a gap of `gap` white pixels, at the height of the tallest.
     pub fn beside(canvases: &[Self], gap: u32) -> Self {
         let width = canvases.iter().map(|c| c.width).sum::<u32>() + gap * (canvases.len().max(1) as u32 - 1);
         let height = canvases.iter().map(|c| c.height).max().unwrap_or(0);
@@ -100,9 +100,10 @@ impl Canvas {
         all
     }
 
-    /// It as the bytes of a PNG file.
+    /// Encodes the canvas as a PNG file.
     ///
     /// # Errors
+    ///
     /// It has no pixels, or more than a PNG file can have.
     pub fn to_png(&self) -> Result<Vec<u8>, ImageError> {
         let width = self.width as usize;
@@ -112,13 +113,13 @@ impl Canvas {
         })
     }
 
-    /// Writes it as PNG, whole or not at all.
+    /// Writes it as PNG, atomically: the file is complete or unchanged.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), ImageError> {
         write_png_rgb8(path, self.width, self.height, self.pixels.as_flattened())
     }
 }
 
-/// Linear display values as 8-bit sRGB.
+/// Encodes linear display values as 8-bit sRGB.
 pub(crate) fn shown(display: [f32; 3]) -> [u8; 3] {
     display.map(|value| (srgb_from_linear(value) * 255.0).round() as u8)
 }

@@ -1,18 +1,18 @@
 //! False colors: numbers as colors in which equal steps look equal.
 
-/// The colors of a map.
+/// A color map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMap {
     /// Black, purple, orange, pale yellow: for errors and cost.
     #[default]
     Inferno,
-    /// Purple, green, yellow: for quantities of which none is bad.
+    /// Purple, green, yellow: for neutral quantities.
     Viridis,
 }
 
 impl ColorMap {
-    /// The color of a value from 0 to 1, as 8-bit sRGB. Values outside take the color of the nearest end; what is not a
-    /// number is gray, which no value is.
+    /// Returns the color of a value in [0, 1], as 8-bit sRGB. Values outside have the color of the nearest end; NaN is
+    /// gray, which is not in the map.
     pub fn color(self, value: f32) -> [u8; 3] {
         if value.is_nan() {
             return [128; 3];
@@ -31,15 +31,15 @@ impl ColorMap {
     }
 }
 
-/// [`ColorMap::Inferno`] of a value from 0 to 1.
+/// Returns the color of a value in [0, 1] in [`ColorMap::Inferno`].
 pub fn false_color(value: f32) -> [u8; 3] {
     ColorMap::Inferno.color(value)
 }
 
 const KNOTS: usize = 33;
 
-// Every eighth color of the maps by S. van der Walt and N. Smith (2015, public domain), less than two steps of 255 from
-// them.
+// Every eighth color of the maps by S. van der Walt and N. Smith (2015, public domain); interpolation is within two
+// steps of 255.
 const INFERNO: [[u8; 3]; KNOTS] = [
     [0, 0, 4],
     [4, 3, 18],

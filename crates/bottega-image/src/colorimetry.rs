@@ -1,51 +1,51 @@
-//! The primaries of files, and what their values are in linear Rec. 709.
+//! Conversion of other primaries to linear Rec. 709.
 
 use glam::{DMat3, DVec2, DVec3, Mat3};
 
-/// The adaptation of a file's colors whose white is not D65.
+/// The treatment of a file's white point if it is not D65.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum WhitePoint {
-    /// Its white becomes our white: what is neutral there is neutral here, as OpenEXR's `AcesInputFile` has it.
+    /// Adapted to ours: neutral colors stay neutral, as in OpenEXR's `AcesInputFile`.
     #[default]
     Adapted,
-    /// Its white keeps its chromaticity, as Mitsuba has it.
+    /// Kept in its chromaticity, as in Mitsuba.
     Absolute,
 }
 
-/// Chromaticities (CIE 1931 x and y) of the primaries and the white of a color space.
+/// Chromaticities (CIE 1931 x and y) of the primaries and white of a color space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chromaticities {
-    /// Of red, green and blue.
+    /// Red, green and blue.
     pub primaries: [DVec2; 3],
-    /// Of equal values.
+    /// White: equal values of the primaries.
     pub white: DVec2,
 }
 
 impl Chromaticities {
-    /// Rec. 709, which is ours.
+    /// Rec. 709, the color space of all pictures.
     pub const REC709: Self = Self {
         primaries: [DVec2::new(0.64, 0.33), DVec2::new(0.3, 0.6), DVec2::new(0.15, 0.06)],
         white: DVec2::new(0.3127, 0.329),
     };
 
-    /// Eight numbers: x and y of red, green, blue and white.
+    /// Converts eight numbers: x and y of red, green, blue and white.
     pub fn from_numbers(numbers: [f64; 8]) -> Self {
         let [red, green, blue, white] = [0, 2, 4, 6].map(|index| DVec2::new(numbers[index], numbers[index + 1]));
         Self { primaries: [red, green, blue], white }
     }
 
-    /// Whether it is the other one but for what files round.
+    /// Returns true if both are equal within the rounding of files.
     fn is_nearly(&self, other: &Self) -> bool {
         let is_near = |a: &DVec2, b: &DVec2| (*a - *b).abs().max_element() < 5e-4;
         is_near(&self.white, &other.white) && self.primaries.iter().zip(&other.primaries).all(|(a, b)| is_near(a, b))
     }
 
-    /// Whether the primaries are X, Y and Z themselves.
+    /// Returns true if the primaries are X, Y and Z themselves.
     fn is_xyz(&self) -> bool {
         self.primaries == [DVec2::X, DVec2::Y, DVec2::ZERO]
     }
 
-    /// What turns values in this space into linear Rec. 709. The error says why there is none.
+    /// Returns the conversion from this space to linear Rec. 709. The error says why there is none.
     pub fn to_rec709(&self, white_point: WhitePoint) -> Result<Conversion, String> {
         if self.is_nearly(&Self::REC709) {
             return Ok(Conversion::NONE);
@@ -56,7 +56,7 @@ impl Chromaticities {
             return Err(unusable());
         }
         let xyz = self.xyz_from_rgb();
-        // Tristimulus values have no white of their own to adapt.
+        // XYZ has no white point to adapt.
         let adapted = match white_point {
             WhitePoint::Adapted if !self.is_xyz() => adaptation(xyz_of(self.white), xyz_of(Self::REC709.white)),
             _ => DMat3::IDENTITY,
@@ -77,15 +77,15 @@ impl Chromaticities {
 pub struct Conversion(Option<Mat3>);
 
 impl Conversion {
-    /// Leaves colors as they are.
+    /// The identity, which changes no color.
     pub const NONE: Self = Self(None);
 
-    /// From CIE XYZ, in which D65 is (0.9505, 1, 1.089).
+    /// Returns the conversion from CIE XYZ, in which D65 is (0.9505, 1, 1.089).
     pub fn from_xyz() -> Self {
         Self(Some(Chromaticities::REC709.xyz_from_rgb().inverse().as_mat3()))
     }
 
-    /// Whether colors stay as they are.
+    /// Returns true if it is the identity.
     pub fn is_none(&self) -> bool {
         self.0.is_none()
     }
@@ -99,17 +99,17 @@ impl Conversion {
     }
 }
 
-/// The tristimulus values of a chromaticity up to a factor; primaries may have y = 0.
+/// Returns the tristimulus values of a chromaticity up to a factor; primaries may have y = 0.
 fn direction_of(c: DVec2) -> DVec3 {
     DVec3::new(c.x, c.y, 1.0 - c.x - c.y)
 }
 
-/// The tristimulus values of a chromaticity with Y = 1.
+/// Returns the tristimulus values of a chromaticity with Y = 1.
 fn xyz_of(c: DVec2) -> DVec3 {
     direction_of(c) / c.y
 }
 
-/// Von Kries' adaptation in the cone space of Bradford (Lam 1985) from one white to another: of tristimulus values X, Y and Z.
+/// Returns von Kries' adaptation between two whites, given as XYZ, in the cone space of Bradford (Lam 1985).
 pub fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
     let cones = DMat3::from_cols(
         DVec3::new(0.8951, -0.7502, 0.0389),

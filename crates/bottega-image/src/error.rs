@@ -1,89 +1,89 @@
-//! The errors of pictures.
+//! Errors of reading, writing and comparing pictures.
 
 use std::path::{Path, PathBuf};
 
 use crate::printable::printable_path;
 
-/// An image file or a picture that cannot be used.
+/// An error of a picture or its file.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// The operating system refused to read.
+    /// The operating system cannot read the file.
     #[error("cannot read `{}`", printable_path(.path))]
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: std::io::Error,
     },
-    /// The operating system refused to write.
+    /// The operating system cannot write the file.
     #[error("cannot write `{}`", printable_path(.path))]
     Write {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: std::io::Error,
     },
-    /// The path cannot become a picture; found before anything is painted.
+    /// The path is unsuitable for a picture; found before rendering.
     #[error("cannot write `{}`: {reason}", printable_path(.path))]
     NotWritable {
         /// The file.
         path: PathBuf,
-        /// What stands in the way, and what to do.
+        /// The reason, and what to do.
         reason: String,
     },
-    /// The file is in none of the formats that are read.
+    /// The file is not in a supported format.
     #[error("`{}` is not a picture in a known format: EXR, PNG or Radiance HDR is expected", printable_path(.path))]
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
-    /// The file contradicts its format, or ends too early.
+    /// The file contradicts its format or is cut off.
     #[error("`{}` is not a sound {format} file: {detail}", printable_path(.path))]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// Its format.
+        /// Format of the file.
         format: &'static str,
-        /// What is wrong, and where.
+        /// The error, and its location.
         detail: String,
     },
-    /// The file is sound as far as it was read, but uses a feature that is not supported.
+    /// The file is valid as far as it was read, but uses an unsupported feature.
     #[error("`{}` uses a feature of {format} that is not read: {detail}; save it again with common settings", printable_path(.path))]
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// Its format.
+        /// Format of the file.
         format: &'static str,
-        /// Which feature.
+        /// The unsupported feature.
         detail: String,
     },
-    /// The header announces more than the caller allows; nothing was allocated.
+    /// The header announces more pixels than the caller allows; nothing was allocated.
     #[error("`{}` announces {width} × {height} pixels; at most {max_pixels} are read", printable_path(.path))]
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// Columns.
+        /// Width, in pixels.
         width: u64,
-        /// Rows.
+        /// Height, in pixels.
         height: u64,
-        /// The limit that the caller set.
+        /// The caller's limit.
         max_pixels: u64,
     },
-    /// An EXR file without R, G, B or Y.
+    /// An EXR file has neither R, G and B nor Y.
     #[error("`{}` holds no color: R, G, B or Y is expected, found {found}", printable_path(.path))]
     NoColor {
         /// The file.
         path: PathBuf,
-        /// The channels that it holds.
+        /// Names of its channels.
         found: String,
     },
-    /// A picture of no pixels cannot be written.
+    /// The picture to write has no pixels.
     #[error("cannot write `{}`: the picture has no pixels", printable_path(.path))]
     Empty {
         /// The file.
         path: PathBuf,
     },
-    /// Only pictures of equal size can be compared.
+    /// The pictures to compare differ in size.
     #[error("pictures of different sizes: {}×{} and {}×{}", .first.0, .first.1, .second.0, .second.1)]
     SizesDiffer {
         /// Width and height of the first.

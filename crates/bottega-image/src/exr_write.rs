@@ -1,9 +1,8 @@
-//! Films as OpenEXR files.
+//! Writing of OpenEXR files.
 //!
-//! The `exr` crate describes and compresses; the file itself is laid out here, for two reasons: its own writer emits
-//! attributes in the order of a hash map, so that equal pictures would give unequal files, and it knows no channels
-//! whose number is found at run time and whose values are fetched block by block, so that a second copy of the film
-//! would be needed.
+//! The `exr` crate describes and compresses blocks; the file layout is written here, for two reasons: the crate's
+//! writer emits attributes in the order of a hash map, so equal pictures give different files, and it does not support
+//! channels chosen at run time with values fetched per block, so it needs a second copy of the film.
 
 use std::{
     collections::BTreeMap,
@@ -30,47 +29,47 @@ use crate::{
     parallel::{map_in_order, thread_count},
 };
 
-/// Width of a float in an EXR file.
+/// The width of floats in an EXR file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HalfOrFloat {
-    /// 16 bits for color, alpha, albedo, normal and layers of colors; other AOVs and layers stay 32-bit. Values beyond ±65504 are clamped.
+    /// 16 bits for color, alpha, albedo, normal and color layers; other AOVs and layers stay 32-bit. Values beyond
+    /// ±65504 are clamped.
     Half,
-    /// 32 bits.
+    /// 32 bits for all channels.
     #[default]
     Float,
 }
 
-/// Compression of an EXR file. All of them keep every bit.
+/// The compression of an EXR file; all methods are lossless.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrCompression {
     /// None: largest, fastest.
     None,
-    /// Run lengths.
+    /// Run-length encoding.
     Rle,
-    /// Deflate in blocks of 16 rows, or tiles: every program reads it.
+    /// Deflate in blocks of 16 rows, or tiles; every program reads it.
     #[default]
     Zip,
     /// Wavelets: smallest for noisy pictures, slower.
     Piz,
 }
 
-/// The layout of an EXR file.
+/// Options of an EXR file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExrOptions {
     /// Width of the floats.
     pub depth: HalfOrFloat,
-    /// Tiles of 64 × 64 pixels in place of rows.
+    /// `true`: tiles of 64 × 64 pixels instead of rows.
     pub tiled: bool,
-    /// How blocks are compressed.
+    /// Compression of the blocks.
     pub compression: ExrCompression,
 }
 
-/// Writes a film, with all its AOVs and layers, to `path`, whole or not at all.
+/// Writes a film, with all its AOVs and layers, to `path`, atomically.
 ///
-/// The channels are `R G B A`, of the AOVs kept `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`, and those
-/// of the layers under their names.
-/// The data window is the film's [`rect`](Film::rect), the display window the whole picture. Metadata becomes text
-/// attributes. Equal films and metadata give equal bytes.
+/// The channels are `R G B A`, for kept AOVs `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`, and those
+/// of the layers by their full names. The data window is the film's [`rect`](Film::rect), the display window the whole
+/// picture. Metadata becomes text attributes. Equal films and metadata give equal bytes.
 pub fn write_exr(
     path: impl AsRef<Path>,
     film: &Film,
@@ -84,7 +83,7 @@ pub fn write_exr(
     write(&frame, &channels, |offset, x, y| film.pixel(x, y)[offset])
 }
 
-/// Writes the RGB of a picture to `path`, whole or not at all.
+/// Writes the RGB of a picture to `path`, atomically.
 pub fn write_picture_exr(
     path: impl AsRef<Path>,
     picture: &Picture,
@@ -98,7 +97,7 @@ pub fn write_picture_exr(
     write(&frame, &channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])
 }
 
-/// The bytes of a file of the RGB of a picture.
+/// Encodes the RGB of a picture as a file.
 pub(crate) fn picture_exr_bytes(
     picture: &Picture,
     metadata: &Metadata,
@@ -115,21 +114,21 @@ pub(crate) fn picture_exr_bytes(
 }
 
 impl Film {
-    /// The channels that a file has of it, by name, each with its place in a pixel of [`values`](Self::values).
+    /// Returns the names of its channels in a file, each with its offset within a pixel of [`values`](Self::values).
     pub fn channels(&self) -> Vec<(String, usize)> {
         let channels = film_channels(self.layout(), HalfOrFloat::Float);
         channels.into_iter().map(|channel| (channel.name, channel.offset)).collect()
     }
 }
 
-/// A channel of the file, and where its value lies in a pixel of the source.
+/// A channel of the file, and the offset of its value within a source pixel.
 struct ExrChannel {
     name: String,
     sample_type: SampleType,
     offset: usize,
 }
 
-/// What is the same for all channels of a file.
+/// The properties of a file that all channels share.
 struct ExrFrame<'a> {
     path: &'a Path,
     data_window: Rect,
@@ -172,7 +171,7 @@ fn named_channels(
     names.into_iter().enumerate().map(move |(index, name)| ExrChannel { name, sample_type, offset: offset + index })
 }
 
-/// Writes the file. `value(offset, x, y)` is asked once for each value, at pixels of the data window.
+/// Writes the file. `value(offset, x, y)` is called once for each value, at pixels of the data window.
 fn write(
     frame: &ExrFrame<'_>,
     channels: &[ExrChannel],
@@ -218,7 +217,7 @@ fn write_to<W: Write + Seek>(
     })
 }
 
-/// Rounds to nearest; finite values stay finite, so that a bright pixel does not become infinite.
+/// Rounds to nearest; finite values are clamped, so a bright pixel does not become infinite.
 fn to_half(value: f32) -> f16 {
     if value.is_finite() { f16::from_f32(value.clamp(-65504.0, 65504.0)) } else { f16::from_f32(value) }
 }
@@ -258,14 +257,14 @@ fn header(frame: &ExrFrame<'_>, channels: &[&ExrChannel]) -> Header {
     header
 }
 
-/// Name and value of every attribute, by name.
+/// Returns name and value of every attribute, sorted by name.
 fn attributes(header: &Header, metadata: &Metadata) -> BTreeMap<Vec<u8>, AttributeValue> {
     let mut all: BTreeMap<_, _> = header.all_named_attributes().map(|(name, value)| (name.to_vec(), value)).collect();
     for (key, value) in metadata.iter() {
         const TEXTS: [&[u8]; 4] =
             [standard_names::SOFTWARE, standard_names::COMMENTS, standard_names::OWNER, standard_names::CAPTURE_DATE];
         let key = key.as_bytes();
-        // Names that the format gives to values of other types keep them.
+        // Prefix keys that the format reserves for values of other types.
         let name = if standard_names::ALL.contains(&key) && !TEXTS.contains(&key) {
             [b"bottega.", key].concat()
         } else {
@@ -312,7 +311,7 @@ fn write_file<W: Write + Seek>(
     Ok(())
 }
 
-/// Writes one block with its place, as OpenEXR's "Technical Introduction", *Scan lines* and *Tiles*, lays it out.
+/// Writes one block with its position, as in OpenEXR's "Technical Introduction", *Scan lines* and *Tiles*.
 fn write_chunk(out: &mut impl Write, block: &CompressedBlock) -> Result<(), Error> {
     let (place, pixels): (Vec<i32>, &[u8]) = match block {
         CompressedBlock::ScanLine(lines) => (vec![lines.y_coordinate], &lines.compressed_pixels_le),

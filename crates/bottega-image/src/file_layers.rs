@@ -1,4 +1,4 @@
-//! The layers that an OpenEXR file has beside its color: which there are, and each as a picture.
+//! Layers of an OpenEXR file beside its color, each as a picture.
 
 use std::{io::Cursor, path::Path};
 
@@ -10,50 +10,51 @@ use crate::{
     source::{PictureSource, guarded},
 };
 
-/// Channels that are the color's where they belong to no layer.
+/// Channels of the color if they have no layer.
 const OF_COLOR: [&str; 7] = ["R", "G", "B", "A", "X", "Y", "Z"];
-/// The order of the channels of a layer.
+/// The order of channels within a layer.
 const ORDER: &str = "RGBXYZ";
-/// So large a share of the values of a layer of numbers has colors of its own; the greatest ones share the brightest.
+/// Quantile of a number layer that gets the brightest color; larger values share it.
 const WHITE_SHARE: f64 = 0.999;
 
-/// What the values of a layer are.
+/// The kind of a layer's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerKind {
     /// Light or reflectance: red, green and blue.
     Color,
-    /// A direction: x, y and z, from −1 to 1.
+    /// A direction: x, y and z, in [−1, 1].
     Direction,
-    /// A number.
+    /// A single number.
     Number,
 }
 
 /// A layer of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileLayer {
-    /// Its name: `albedo`, say.
+    /// Name, such as `albedo`.
     pub name: String,
-    /// What its values are.
+    /// Kind of its values.
     pub kind: LayerKind,
-    /// The full names of its channels, at most three.
+    /// Full names of its channels, at most three.
     channels: Vec<String>,
 }
 
-/// A layer with its values.
+/// A layer with its pixels.
 #[derive(Clone, Debug)]
 pub struct LayerPicture {
-    /// Which layer.
+    /// The layer and its channels.
     pub layer: FileLayer,
-    /// Its values; a number stands in all three channels.
+    /// Its values; a single number is in all three channels.
     pub picture: Picture,
 }
 
 impl FileLayer {
-    /// The layers of a file whose bytes these are, in the order of their names, without its color. `name` stands in errors. Files
-    /// of other formats have none.
+    /// Lists the layers of a file, sorted by name, without its color. `bytes` is the whole file; `name` is for errors.
+    /// Files of other formats have none.
     ///
     /// # Errors
-    /// It is no sound OpenEXR file.
+    ///
+    /// The file is not a valid OpenEXR file.
     pub fn all(name: impl AsRef<Path>, bytes: &[u8]) -> Result<Vec<Self>, ImageError> {
         if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
             return Ok(Vec::new());
@@ -63,9 +64,10 @@ impl FileLayer {
         Ok(layers_of(&channels))
     }
 
-    /// Reads the layer out of the file that it is of.
+    /// Reads the layer from its file.
     ///
     /// # Errors
+    ///
     /// The file cannot be read, or has no such layer.
     pub fn read(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPicture, ImageError> {
         let source = PictureSource::new(name.as_ref(), ReadLimits::default());
@@ -85,7 +87,7 @@ impl FileLayer {
     }
 }
 
-/// The layers of which these are the channels.
+/// Groups channels into layers.
 fn layers_of(channels: &[String]) -> Vec<FileLayer> {
     let mut layers: Vec<FileLayer> = Vec::new();
     for full in channels {
@@ -119,9 +121,9 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
 }
 
 impl LayerPicture {
-    /// As a person looks at it: colors as a display shows them, directions as colors, numbers in false colors.
+    /// Renders the layer for display: colors tone mapped, directions as colors, numbers in false colors.
     ///
-    /// - `tone`: of colors that may be brighter than a display.
+    /// - `tone`: for colors that may exceed 1.
     pub fn canvas(&self, tone: ToneMap) -> Canvas {
         let Picture { width, height, data } = &self.picture;
         match self.layer.kind {
@@ -140,21 +142,22 @@ impl LayerPicture {
         }
     }
 
-    /// The bytes of an OpenEXR file of it alone, with the channels `R G B`.
+    /// Encodes the layer alone as an OpenEXR file, with the channels `R G B`.
     ///
     /// # Errors
+    ///
     /// It has no pixels.
     pub fn to_exr(&self) -> Result<Vec<u8>, ImageError> {
         picture_exr_bytes(&self.picture, &Metadata::new(), ExrOptions::default())
     }
 
-    /// All of its pixels.
+    /// Returns the rectangle of all its pixels.
     pub fn rect(&self) -> Rect {
         Rect::of_size(self.picture.width, self.picture.height)
     }
 }
 
-/// The value that has the brightest color.
+/// Returns the value of the brightest color.
 fn white(values: &[f32]) -> f32 {
     let mut sound: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sound.sort_by(f32::total_cmp);

@@ -1,67 +1,69 @@
-//! The whole picture, composed of tiles.
+//! The film: the whole picture, composed of tiles.
 
 use crate::{Aov, Combine, Layer, LayersError, Layout, Picture, Rect, Tile, picture::luminance};
 
-/// The picture, or the crop window of it, composed of tiles by weighted means.
+/// The picture, or its crop window, composed of tiles by weighted means.
 ///
-/// It holds the present mean and the sum of weights of every pixel, and nothing else: `4 × (stride + 1)` bytes a pixel,
-/// however many tiles were added.
+/// It holds only the current mean and the sum of weights of every pixel: `4 × (stride + 1)` bytes per pixel, however
+/// many tiles were added.
 ///
-/// **Invariant:** where all tiles that were added to a pixel agree on its mean, bit for bit, the film has that mean bit
-/// for bit, whatever the weights and the order. Two tiles that differ give the same bits in either order; of three and
-/// more the order shows in the last bit, so add them in the order of their zones.
+/// **Invariant:** if all tiles added to a pixel agree on its mean, bit for bit, the film has that mean bit for bit,
+/// whatever the weights and the order. Two different tiles give the same bits in either order; with three or more the
+/// order affects the last bit, so add them in the order of their zones.
 #[derive(Clone, Debug)]
 pub struct Film {
     rect: Rect,
     picture_size: (u32, u32),
     layout: Layout,
-    /// `[area × (stride + 1)]`. The layout of a tile, but means in place of sums, the standard error of the mean
-    /// luminance in place of the sum of squares, and the sum of weights behind the last value.
+    /// Values, `[area × (stride + 1)]`. The layout of a tile, with means instead of sums, the standard error of the
+    /// mean luminance instead of the sum of squares, and the sum of weights as the last value.
     values: Vec<f32>,
 }
 
 impl Film {
-    /// An unpainted film.
+    /// Returns an empty film.
     ///
     /// - `rect`: the crop window, or the whole picture, in picture coordinates.
     ///
-    /// The whole picture is taken to end where `rect` ends; see [`with_picture_size`](Self::with_picture_size). What is
-    /// allocated is [`bytes`](Self::bytes).
+    /// The whole picture ends where `rect` ends; change that by [`with_picture_size`](Self::with_picture_size).
+    /// Allocates [`bytes`](Self::bytes).
     pub fn new(rect: Rect, layout: Layout) -> Self {
         let length = rect.area() as usize * (layout.stride() + 1);
         Self { rect, picture_size: (rect.x1, rect.y1), layout, values: vec![0.0; length] }
     }
 
-    /// The memory that a film takes: to be checked before a picture of a user's size is begun.
+    /// Returns the memory of a film, in bytes: check it before starting a picture of a user's size.
     pub fn bytes(rect: Rect, layout: &Layout) -> u64 {
         rect.area().saturating_mul(4 * (layout.stride() as u64 + 1))
     }
 
-    /// Says how large the picture is of which this film is the crop window. Panics when the film does not lie in it.
+    /// Sets the size of the picture of which this film is the crop window. Panics if the film is not inside.
     #[must_use]
     pub fn with_picture_size(self, width: u32, height: u32) -> Self {
         assert!(Rect::of_size(width, height).encloses(&self.rect), "film outside its picture");
         Self { picture_size: (width, height), ..self }
     }
 
-    /// The pixels that it holds, in picture coordinates.
+    /// Returns the rectangle of its pixels, in picture coordinates.
     pub fn rect(&self) -> Rect {
         self.rect
     }
 
-    /// Width and height of the whole picture.
+    /// Returns width and height of the whole picture.
     pub fn picture_size(&self) -> (u32, u32) {
         self.picture_size
     }
 
-    /// Which values a pixel holds.
+    /// Returns the layout of a pixel.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Adds each pixel of `tile` that lies in the film, has samples, and for which `weight(x, y)` is greater than 0.
+    /// Adds each pixel of `tile` that is within the film, has samples, and for which `weight(x, y)` is greater than 0.
     ///
-    /// Panics when the layouts differ.
+    /// # Panics
+    ///
+    /// If the layouts differ.
     pub fn add_tile(&mut self, tile: &Tile, mut weight: impl FnMut(u32, u32) -> f32) {
         assert_eq!(&self.layout, tile.layout(), "tile and film of different layouts");
         let Some(shared) = self.rect.intersection(&tile.rect()) else { return };
@@ -78,29 +80,30 @@ impl Film {
         }
     }
 
-    /// All values, `[height × width × (stride + 1)]`: what [`Layout::parts`] names, then the weight of the pixel.
+    /// Returns all values, `[height × width × (stride + 1)]`: those that [`Layout::parts`] names, then the weight of
+    /// the pixel.
     pub fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// Whether anything was added to the pixel (x, y).
+    /// Returns true if anything was added to pixel (x, y).
     pub fn is_painted(&self, x: u32, y: u32) -> bool {
         self.weight(x, y) > 0.0
     }
 
-    /// The sum of the weights with which tiles were added to the pixel (x, y).
+    /// Returns the sum of the weights with which tiles were added to pixel (x, y).
     pub fn weight(&self, x: u32, y: u32) -> f32 {
         self.pixel(x, y)[self.layout.stride()]
     }
 
-    /// Mean radiance R G B and alpha of the pixel (x, y); 0 where nothing was painted.
+    /// Returns mean radiance R G B and alpha of pixel (x, y); 0 if nothing was added.
     pub fn color(&self, x: u32, y: u32) -> [f32; 4] {
         let pixel = self.pixel(x, y);
         [pixel[0], pixel[1], pixel[2], pixel[Layout::ALPHA]]
     }
 
-    /// Mean of an AOV at the pixel (x, y); 0 where nothing was painted, where it is not kept, and in the components
-    /// that it does not have. Of [`Aov::SampleCount`] it is the weighted mean over the tiles.
+    /// Returns the mean of an AOV at pixel (x, y); 0 if nothing was added, the AOV is not kept, or it lacks that
+    /// component. For [`Aov::SampleCount`], the weighted mean over the tiles.
     pub fn aov(&self, aov: Aov, x: u32, y: u32) -> [f32; 3] {
         let mut value = [0.0; 3];
         if let Some(offset) = self.layout.offset(aov) {
@@ -110,10 +113,10 @@ impl Film {
         value
     }
 
-    /// Variance of the mean luminance of the pixel (x, y); infinite where fewer than two samples were taken.
+    /// Returns the variance of the mean luminance of pixel (x, y); infinite for fewer than two samples.
     ///
-    /// Where tiles overlap their samples are taken to be fully correlated, as equal seeds make them: exact for tiles
-    /// that share their samples, an upper bound for all others.
+    /// Samples of overlapping tiles are assumed fully correlated, as with equal seeds: exact for tiles that share
+    /// samples, an upper bound for others.
     pub fn variance_of_mean(&self, x: u32, y: u32) -> f32 {
         if !self.is_painted(x, y) {
             return f32::INFINITY;
@@ -122,17 +125,18 @@ impl Film {
         standard_error * standard_error
     }
 
-    /// The RGB means, as a picture of the size of [`rect`](Self::rect).
+    /// Returns the RGB means, as a picture of the size of [`rect`](Self::rect).
     pub fn to_picture(&self) -> Picture {
         let data = self.values.chunks_exact(self.layout.stride() + 1).map(|p| [p[0], p[1], p[2]]).collect();
         Picture { width: self.rect.width(), height: self.rect.height(), data }
     }
 
-    /// The film with another color, and the one that it had as a layer of this name, unless it has such a layer already.
-    /// Panics when the color is of another size.
+    /// Returns the film with another color, and its former color as layer `kept`, unless that layer already exists.
+    /// Panics if the color has another size.
     ///
     /// # Errors
-    /// The film has no room for a further layer.
+    ///
+    /// The film has no room for another layer.
     pub fn with_color(&self, color: &Picture, kept: &str) -> Result<Self, LayersError> {
         assert_eq!(color.size(), (self.rect.width(), self.rect.height()), "a color of another size");
         let mut layers = self.layout.layers().to_vec();
@@ -143,7 +147,7 @@ impl Film {
         }
         let layout = Layout::with_layers(self.layout.aovs(), layers)?;
         let place = |layer: &Layer| self.layout.placed_layers().find(|(_, other)| *other == layer).map(|(at, _)| at);
-        // Of each layer: where it is, and where it was; that of the color is new.
+        // New offset, old offset and channel count of each layer; the new layer comes from the color.
         let moves: Vec<(usize, usize, usize)> = layout
             .placed_layers()
             .map(|(to, layer)| (to, place(layer).unwrap_or(Layout::COLOR), layer.channels.len()))
@@ -161,7 +165,7 @@ impl Film {
         Ok(film)
     }
 
-    /// All values of the pixel (x, y), then its weight: `[stride + 1]`.
+    /// Returns all values of pixel (x, y), then its weight: `[stride + 1]`.
     pub(crate) fn pixel(&self, x: u32, y: u32) -> &[f32] {
         let stride = self.layout.stride() + 1;
         let start = self.rect.index(x, y) * stride;
@@ -175,8 +179,8 @@ impl Film {
     }
 }
 
-/// Picks the values of which there is no mean where they weigh more than all that was there, before that is blended: of two
-/// tiles that weigh the same those with the larger bits, so that their order does not matter.
+/// Replaces picked values by those of a tile with a greater weight than all before; call it before blending. At equal
+/// weight the larger bits win, so the order of two tiles does not matter.
 fn pick(pixel: &mut [f32], values: &[f32], weight: f32) {
     let (before, means) = pixel.split_last_mut().expect("a pixel has values");
     let start = means.len() - values.len();
@@ -187,7 +191,7 @@ fn pick(pixel: &mut [f32], values: &[f32], weight: f32) {
     }
 }
 
-/// Blends the means of one pixel of a tile into `pixel`, the film's values and behind them its weight.
+/// Blends the means of one pixel of a tile into `pixel`, the film's values followed by its weight.
 fn blend(pixel: &mut [f32], sums: &[f32], weight: f32) {
     let (total, means) = pixel.split_last_mut().expect("a pixel has values");
     let count = sums[Layout::SAMPLE_COUNT];
@@ -212,7 +216,7 @@ fn blend(pixel: &mut [f32], sums: &[f32], weight: f32) {
     }
 }
 
-/// Standard error of the mean luminance; infinite for fewer than two samples.
+/// Returns the standard error of the mean luminance; infinite for fewer than two samples.
 fn standard_error(sums: &[f32]) -> f32 {
     let count = f64::from(sums[Layout::SAMPLE_COUNT]);
     if count < 2.0 {

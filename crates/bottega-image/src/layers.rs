@@ -1,42 +1,42 @@
-//! Layers that other engines make beside the color: named, with channels of their own.
+//! Named layers of other engines, with channels of their own.
 
 use crate::aov::{Aov, AovSet};
 
-/// Layers of one picture at most.
+/// Maximal number of layers of a picture.
 pub const LAYERS_MAX: usize = 128;
-/// Channels of all layers of one picture at most.
+/// Maximal number of channels of all layers of a picture.
 pub const CHANNELS_MAX: usize = 512;
-/// The longest name of a channel with its layer, in bytes: what OpenEXR allows.
+/// Maximal length of a channel's full name, in bytes: OpenEXR's limit.
 pub const CHANNEL_NAME_BYTES_MAX: usize = 255;
 
-/// How what several passes, and zones that overlap, say of a pixel becomes one value.
+/// The combination of values from several passes or overlapping zones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Combine {
-    /// Their mean, weighted as that of the color is.
+    /// Mean, weighted like the color.
     Mean,
-    /// What one of them says: of passes the one of most samples, of zones the one that weighs most there. For numbers of
-    /// things, codes, and whatever else an engine takes from one sample: a mean of such would say nothing.
+    /// One of the values: of passes, that with the most samples; of zones, that with the greatest weight. For object
+    /// ids, codes and other values of which a mean is meaningless.
     Pick,
 }
 
 /// A layer: its name and its channels, as in `depth.Z`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layer {
-    /// Its name.
+    /// Name of the layer.
     pub name: String,
-    /// Names of its channels, in the order in which they lie in a pixel.
+    /// Names of its channels, in their order within a pixel.
     pub channels: Vec<String>,
-    /// What becomes of several values.
+    /// Combination of several values.
     pub combine: Combine,
 }
 
 impl Layer {
-    /// The channels' names with that of the layer.
+    /// Iterates over the full names of its channels.
     pub fn full_names(&self) -> impl Iterator<Item = String> {
         self.channels.iter().map(|channel| format!("{}.{channel}", self.name))
     }
 
-    /// The AOV that has the same name, channels and way to combine.
+    /// Returns the AOV with the same name, channels and combination.
     pub fn as_aov(&self) -> Option<Aov> {
         let alike = |aov: &Aov| {
             aov.name() == self.name && !aov.channels().is_empty() && self.channels.iter().eq(aov.channels().iter())
@@ -45,34 +45,34 @@ impl Layer {
     }
 }
 
-/// Layers that no picture can have.
+/// An error about invalid layers.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayersError {
-    /// Too many.
+    /// There are too many layers or channels.
     #[error("there are {found} {what}, and at most {most} are taken")]
     Count {
-        /// Of what.
+        /// "layers" or "channels".
         what: &'static str,
-        /// How many.
+        /// Number of layers or channels.
         found: usize,
-        /// How many are taken.
+        /// Maximal number.
         most: usize,
     },
-    /// A name that no file holds.
+    /// A name cannot be stored in a file.
     #[error("{name:?} is no name for a channel: 1 to {CHANNEL_NAME_BYTES_MAX} bytes without control characters are")]
     Name {
-        /// The name.
+        /// The invalid name.
         name: String,
     },
-    /// Two channels of one name.
+    /// Two channels have the same name.
     #[error("there are two channels `{name}`")]
     Twice {
-        /// The name.
+        /// The duplicate name.
         name: String,
     },
 }
 
-/// The layers of a picture: those that are averaged lie first in a pixel, then those that are picked.
+/// The layers of a picture: within a pixel, averaged ones come first, then picked ones.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Layers {
     pub(crate) list: Box<[Layer]>,
@@ -81,7 +81,7 @@ pub(crate) struct Layers {
 }
 
 impl Layers {
-    /// Layers beside `aovs`, with whose channels theirs must not be confused.
+    /// Checks and sorts layers, whose channels must differ from those of `aovs`.
     pub(crate) fn new(mut list: Vec<Layer>, aovs: AovSet) -> Result<Self, LayersError> {
         let within = |what, found, most| {
             if found > most { Err(LayersError::Count { what, found, most }) } else { Ok(()) }
@@ -113,7 +113,7 @@ impl Layers {
         Ok(Self { list: list.into(), mean_channels, pick_channels })
     }
 
-    /// Floats that picked layers take in a pixel: their channels, and the samples of the pass that they are of.
+    /// Returns the number of floats of picked layers in a pixel: their channels, and the sample count of their pass.
     pub(crate) fn picked_floats(&self) -> usize {
         if self.pick_channels > 0 { self.pick_channels + 1 } else { 0 }
     }

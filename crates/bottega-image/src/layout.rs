@@ -1,18 +1,17 @@
-//! The layout of a pixel: which values it holds, and where.
+//! The layout of a pixel: its values and their offsets.
 
 use std::{ops::Range, sync::Arc};
 
 use crate::aov::{Aov, AovSet};
 use crate::layers::{Layer, Layers, LayersError};
 
-/// Where each value lies in a pixel of a [`Tile`](crate::Tile): first radiance R G B, then alpha, then the sum of
-/// squared luminances (for the variance), then the sample count, then the AOVs that are kept, then the layers of other
-/// engines: those that are averaged, then those that are picked. These are no sums; behind them stands the number of
-/// samples of the pass that they are of.
+/// The offsets of the values in a pixel of a [`Tile`](crate::Tile): radiance R G B, alpha, the sum of squared
+/// luminances (for the variance), the sample count, the kept AOVs, then the layers of other engines: averaged ones,
+/// then picked ones. Picked values are not sums; they are followed by the sample count of their pass.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     aovs: AovSet,
-    /// At most some hundreds: a tile stays small.
+    /// Floats per pixel: at most some hundreds, so that tiles stay small.
     stride: u32,
     layers: Option<Arc<Layers>>,
 }
@@ -28,16 +27,17 @@ impl Layout {
     pub const SAMPLE_COUNT: usize = 5;
     const FIXED: usize = 6;
 
-    /// The layout that keeps these AOVs.
+    /// Returns the layout with these AOVs.
     pub fn new(aovs: AovSet) -> Self {
         let stride = Self::FIXED + aovs.iter().map(Aov::channel_count).sum::<usize>();
         Self { aovs, stride: stride as u32, layers: None }
     }
 
-    /// The layout that keeps these AOVs, and these layers beside them, in whichever order they are given.
+    /// Returns the layout with these AOVs and layers; the order of the layers does not matter.
     ///
     /// # Errors
-    /// They are too many, or have names that no file can hold.
+    ///
+    /// There are too many layers, or a name that a file cannot hold.
     pub fn with_layers(aovs: AovSet, layers: Vec<Layer>) -> Result<Self, LayersError> {
         let plain = Self::new(aovs);
         if layers.is_empty() {
@@ -48,17 +48,17 @@ impl Layout {
         Ok(Self { stride: stride as u32, layers: Some(Arc::new(layers)), ..plain })
     }
 
-    /// The AOVs kept.
+    /// Returns the kept AOVs.
     pub fn aovs(&self) -> AovSet {
         self.aovs
     }
 
-    /// The layers beside them, in the order in which they lie in a pixel.
+    /// Returns the layers, in their order within a pixel.
     pub fn layers(&self) -> &[Layer] {
         self.layers.as_ref().map_or(&[], |layers| &layers.list)
     }
 
-    /// The layers with the offset of the first float of each.
+    /// Iterates over the layers with their offsets.
     pub fn placed_layers(&self) -> impl Iterator<Item = (usize, &Layer)> {
         let begin = self.sums_end() - self.layers.as_ref().map_or(0, |layers| layers.mean_channels);
         self.layers().iter().scan(begin, |next, layer| {
@@ -68,8 +68,8 @@ impl Layout {
         })
     }
 
-    /// What a pixel of a film holds for those who look at it, by name: `color`, `alpha`, `error` (the standard error of the
-    /// mean luminance), `samples`, and the layers that are kept. Each with the offsets of its floats.
+    /// Returns name and offsets of the displayable parts of a film's pixel: `color`, `alpha`, `error` (the standard
+    /// error of the mean luminance), `samples`, and the kept AOVs and layers.
     pub fn parts(&self) -> Vec<(&str, Range<usize>)> {
         let fixed = [
             ("color", Self::COLOR..Self::COLOR + 3),
@@ -83,17 +83,17 @@ impl Layout {
         fixed.into_iter().chain(aovs).chain(others).collect()
     }
 
-    /// Floats in a pixel.
+    /// Returns the number of floats in a pixel.
     pub fn stride(&self) -> usize {
         self.stride as usize
     }
 
-    /// Offset of the first float that is no sum: see [`Combine::Pick`](crate::Combine::Pick).
+    /// Returns the offset of the first float that is not a sum; see [`Combine::Pick`](crate::Combine::Pick).
     pub fn sums_end(&self) -> usize {
         self.stride() - self.layers.as_ref().map_or(0, |layers| layers.picked_floats())
     }
 
-    /// Offset of the first float of `aov`; `None` when it is not kept.
+    /// Returns the offset of the first float of `aov`; `None` if it is not kept.
     pub fn offset(&self, aov: Aov) -> Option<usize> {
         if aov == Aov::SampleCount {
             return Some(Self::SAMPLE_COUNT);

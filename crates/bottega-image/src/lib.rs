@@ -2,31 +2,32 @@
 //!
 //! This crate knows nothing of rendering: numbers come in, pictures go out. The decision that shaped it: a pixel is a
 //! *left fold over its samples in the order of their indices*, kept as running sums in a [`Tile`]. However the samples
-//! of a pixel are cut into passes, and whoever computes them, the sums have the same bits.
+//! of a pixel are divided into passes, and on whichever machine they are computed, the sums are bit-identical.
 //!
-//! The way of a pixel: [`Tile`] (sums) → [`Film`] (weighted means) → [`write_exr`] or [`write_png`]; and back from any
-//! file as a [`Picture`] by [`read_picture`]. How far two pictures are apart say [`rmse`], [`rel_mse`], [`flip`] and,
-//! of noisy ones, [`rejected_share`]; whether the edges of zones show in one, [`seams`]; a [`Canvas`] is what a person looks at.
+//! The path of a pixel: [`Tile`] (sums) → [`Film`] (weighted means) → [`write_exr`] or [`write_png`]; and back from any
+//! file as a [`Picture`] by [`read_picture`]. [`rmse`], [`rel_mse`] and [`flip`] measure the difference of two
+//! pictures, [`rejected_share`] that of noisy ones; [`seams`] detects visible edges of zones; a [`Canvas`] is a picture
+//! for display.
 //!
-//! # Where is what
+//! # Modules
 //!
-//! | what | where |
+//! | contents | files |
 //! |---|---|
 //! | rectangles of pixels | `src/rect.rs` |
 //! | sums of samples, their weighted means | `src/tile.rs`, `src/film.rs` |
-//! | where the values of a layer lie in a pixel; layers of other engines | `src/layout.rs`, `src/layers.rs` |
-//! | writing of OpenEXR and PNG; the format that a file name asks for | `src/exr_write.rs`, `src/png_write.rs`, `src/output.rs` |
+//! | offsets of values in a pixel; layers of other engines | `src/layout.rs`, `src/layers.rs` |
+//! | writing of OpenEXR and PNG; the format by file name | `src/exr_write.rs`, `src/png_write.rs`, `src/output.rs` |
 //! | reading of OpenEXR, Radiance and PNG, for scenes and for comparing | `src/read.rs`, `src/exr_read/`, `src/radiance_read.rs`, `src/png_read.rs`; whole files: `src/whole.rs` |
-//! | limits of what the header of a picture may announce | `src/limits.rs` |
+//! | limits on what a picture's header may announce | `src/limits.rs` |
 //! | layers of a file, each as a picture | `src/file_layers.rs` |
 //! | colours of other primaries | `src/colorimetry.rs` |
-//! | what a picture says of how it was made | `src/metadata.rs` |
+//! | text in picture files: scene digest, settings, software | `src/metadata.rs` |
 //! | tone mapping, transfer functions | `src/tone.rs` |
 //! | RMSE, relMSE, FLIP, tests of noisy pictures, seams | `src/metrics.rs`, `src/metrics/` |
-//! | whether two noisy zones look alike | `src/likeness.rs` |
-//! | pictures while they are painted | `src/preview.rs` |
-//! | names that somebody else chose, for terminals | `src/printable.rs` |
-//! | false colours, pictures and drawings for people | `src/color_map.rs`, `src/canvas.rs`, `src/svg.rs` |
+//! | whether two noisy tiles show the same | `src/likeness.rs` |
+//! | previews during rendering | `src/preview.rs` |
+//! | escaping of foreign names for terminals | `src/printable.rs` |
+//! | false colours, canvases and drawings | `src/color_map.rs`, `src/canvas.rs`, `src/svg.rs` |
 
 mod aov;
 mod canvas;

@@ -1,29 +1,29 @@
-//! Likeness of two tiles that engines painted of which no two give the same bits.
+//! Comparison of two tiles from engines that are not bit-identical.
 
 use crate::{Layout, Tile};
 
-/// Deviations of a mean that chance is not believed to make: of independent samples less than one in 10⁸ times.
+/// Accepted deviation of a mean, in standard deviations: exceeded by chance less than once in 10⁸ independent samples.
 const SIGMAS: f64 = 6.0;
-/// What engines may differ in the mean of a tile, as a share of light: rounding, filters, approximations of functions.
+/// Accepted difference of a tile's mean between engines, as a share of light: rounding, filters, approximations.
 const LEVEL_SLACK: f64 = 0.01;
-/// The same of a block.
+/// The same for a block.
 const BLOCK_SLACK: f64 = 0.03;
-/// The same of a pixel's noise.
+/// The same for a pixel's noise.
 const NOISE_SLACK: f64 = 0.01;
-/// Side of the blocks whose light is compared.
+/// Side of the compared blocks, in pixels.
 const BLOCK: usize = 8;
-/// By how much the squared difference of two tiles may exceed what the noise of both explains: bright samples side by side
-/// look less like noise than they are.
+/// Factor by which the squared difference of two tiles may exceed their noise: the noise estimate is too low where
+/// bright samples are adjacent.
 const EXCESS: f64 = 4.0;
 
 impl Tile {
-    /// Whether `other` may be another painting of the same pixels: with noise of its own, and small errors.
+    /// Returns true if `other` may be another rendering of the same pixels, with its own noise and small errors.
     ///
-    /// Compared are, in every channel and on a logarithmic scale (a bright sample must not hide everything): the mean of
-    /// the tile and of every block of 8 × 8 pixels, by the deviation that the differences of single pixels show; the
-    /// difference of both, which must not exceed what the noise of both explains; and the noise itself, so that nothing
-    /// hides in too much of it. The limits are six standard deviations; of 20,000 honest pairs, with light that comes
-    /// seldom among them, none was called different. The fewer samples, the more may pass.
+    /// Compares in every channel, on a logarithmic scale (so that a bright sample does not hide everything): the mean
+    /// of the tile and of every block of 8 × 8 pixels, by the deviation of the pixels' differences; the difference of
+    /// both tiles, which must not exceed what their noise explains; and the noise itself, so that excessive noise does
+    /// not hide a difference. The limits are six standard deviations; none of 20,000 honest pairs, including scenes
+    /// with rare bright light, was rejected. With fewer samples more differences pass.
     pub fn looks_like(&self, other: &Self) -> bool {
         if self.rect() != other.rect() || self.layout() != other.layout() || self.rect().is_empty() {
             return false;
@@ -53,7 +53,7 @@ impl Tile {
         light.sum::<f64>() / (3.0 * self.rect().area() as f64)
     }
 
-    /// A function of the means of one channel.
+    /// Returns a function of the means of one channel.
     fn plane(&self, channel: usize, of: impl Fn(f64) -> f64) -> LikenessPlane {
         let pixels = self.sums().chunks_exact(self.layout().stride());
         let values = pixels.map(|pixel| of(f64::from(pixel[channel]) / f64::from(pixel[Layout::SAMPLE_COUNT])));
@@ -61,7 +61,7 @@ impl Tile {
     }
 }
 
-/// One number a pixel, row-major.
+/// One number per pixel, row-major.
 struct LikenessPlane {
     width: usize,
     values: Vec<f64>,
@@ -72,10 +72,10 @@ impl LikenessPlane {
         self.values.len() / self.width
     }
 
-    /// Mean square of what a pixel differs from the middle between its neighbours to the left and right, as that of one
-    /// pixel's own deviation, and the deviation of this mean. Edges and textures count as noise.
+    /// Estimates a pixel's noise: the mean square difference to the midpoint of its left and right neighbours, scaled
+    /// to one pixel's variance, and the deviation of this mean. Edges and textures count as noise.
     fn noise(&self) -> WindowMoments {
-        // Of a column the neighbours are those above and below.
+        // In a single column, use the neighbours above and below.
         let length = if self.width > 1 { self.width } else { self.values.len() };
         let of_row = |row: &[f64]| -> Vec<f64> {
             let inner = row.windows(3).map(|three| (three[1] - (three[0] + three[2]) / 2.0).powi(2) / 1.5);
@@ -85,7 +85,7 @@ impl LikenessPlane {
             inner.chain(ends).collect()
         };
         let squares: Vec<f64> = self.values.chunks_exact(length).flat_map(of_row).collect();
-        // One pixel alone tells nothing of its noise.
+        // A single pixel gives no estimate.
         if squares.is_empty() {
             WindowMoments { mean: 1.0, deviation: f64::INFINITY }
         } else {
@@ -94,7 +94,7 @@ impl LikenessPlane {
     }
 }
 
-/// A mean, and its standard deviation as the values show it.
+/// A mean and its standard deviation, estimated from the values.
 #[derive(Clone, Copy, Debug)]
 struct WindowMoments {
     mean: f64,
@@ -129,7 +129,7 @@ fn same(a: &LikenessPlane, b: &LikenessPlane) -> bool {
     noise.is_nothing(NOISE_SLACK) && blocks(a.width, a.height(), &differences).all(|it| it.is_nothing(BLOCK_SLACK))
 }
 
-/// The mean difference of each whole block.
+/// Iterates over the mean differences of the whole blocks.
 fn blocks(width: usize, height: usize, differences: &[f64]) -> impl Iterator<Item = WindowMoments> {
     let corners = (0..height / BLOCK).flat_map(move |y| (0..width / BLOCK).map(move |x| (x * BLOCK, y * BLOCK)));
     corners.map(move |(x, y)| {

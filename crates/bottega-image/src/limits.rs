@@ -1,54 +1,54 @@
-//! Limits on the header of a picture: one set for all readers of pictures.
+//! Limits on the headers of pictures, for all readers.
 //!
-//! A header of some bytes can name a picture of gigabytes. So every reader asks here, with what the header says and with the
-//! size of the file, before it allocates anything by it.
+//! A header of a few bytes can announce a picture of gigabytes, so every reader checks the header and the size of the
+//! file here before it allocates.
 
-/// The limits of readers of pictures.
+/// The limits for reading pictures.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadLimits {
-    /// The most pixels, compared with the header before anything is allocated.
+    /// Maximal number of pixels, checked before anything is allocated.
     pub max_pixels: u64,
 }
 
 impl Default for ReadLimits {
-    /// 16384 × 8192: the largest environment maps in use.
+    /// Returns a limit of 16384 × 8192: the largest environment maps in use.
     fn default() -> Self {
         Self { max_pixels: 1 << 27 }
     }
 }
 
-/// The packing of a picture's values.
+/// The compression of a picture's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
-    /// As they are.
+    /// Uncompressed.
     None,
-    /// So many bytes of values for one byte of the file, at most.
+    /// At most that many bytes of values per byte of the file.
     Ratio(u64),
-    /// There is no bound: a picture of one color may take a few bytes, however large it is.
+    /// Unbounded: a picture of one color may take a few bytes, however large it is.
     Unbounded,
 }
 
 impl Packing {
-    /// Runs of equal values: two bytes for 128.
+    /// Run-length encoding: two bytes for 128.
     pub const RUNS: Self = Self::Ratio(64);
-    /// Deflate, which PNG, TIFF and EXR use: 258 bytes for two bits.
+    /// Deflate, in PNG, TIFF and EXR: 258 bytes for two bits.
     pub const DEFLATE: Self = Self::Ratio(1032);
-    /// LZW: strings of at most 4096 bytes for 12 bits.
+    /// LZW: strings of up to 4096 bytes for 12 bits.
     pub const LZW: Self = Self::Ratio(2732);
     /// JPEG: one bit for the 64 values of a block.
     pub const JPEG: Self = Self::Ratio(512);
 }
 
-/// Pixels that a file of unbounded packing may announce however small it is: 4096 × 4096.
+/// Pixels that a file with unbounded compression may announce at any size: 4096 × 4096.
 const FREE_PIXELS: u64 = 1 << 24;
-/// Pixels for each byte of such a file beyond that.
+/// Further pixels per byte of such a file.
 const PIXELS_OF_A_BYTE: u64 = 4096;
 
-/// Checks that a file can hold the pixels that its header announces: a picture that announces more was cut off, or lies. The
-/// error says so.
+/// Checks that a file can hold the pixels that its header announces. The error says that it was cut off or its header
+/// is wrong.
 ///
-/// - `pixel_bits`: of a pixel as it is stored, before it is packed.
-/// - `file_bytes`: of the whole file.
+/// - `pixel_bits`: bits per stored pixel, before compression.
+/// - `file_bytes`: size of the whole file.
 pub fn check_announced(
     (width, height): (u64, u64),
     pixel_bits: u64,

@@ -1,4 +1,4 @@
-//! Metrics: how far two pictures are apart.
+//! Metrics of the difference between two pictures.
 
 mod convolve;
 mod flip;
@@ -11,45 +11,45 @@ pub use seams::{Seams, seams};
 
 use crate::{ImageError, Picture, srgb_from_linear};
 
-/// Share of the worst pixels that [`rel_mse_trimmed`] is usually told to leave out.
+/// Usual `trim` of [`rel_mse_trimmed`]: share of the worst pixels to leave out.
 pub const USUAL_TRIM: f64 = 1e-3;
 
 fn check_sizes(a: &Picture, b: &Picture) -> Result<(), ImageError> {
     if a.size() == b.size() { Ok(()) } else { Err(ImageError::SizesDiffer { first: a.size(), second: b.size() }) }
 }
 
-/// Pairs of values of all pixels and channels, test first.
+/// Iterates over the pairs of values of all pixels and channels, test first.
 fn pairs<'a>(reference: &'a Picture, test: &'a Picture) -> impl Iterator<Item = (f64, f64)> + 'a {
     let values = |picture: &'a Picture| picture.data.iter().flatten().map(|&value| f64::from(value));
     values(test).zip(values(reference))
 }
 
-/// Mean over pixels and channels, 0 of none.
+/// Returns the mean over pixels and channels; 0 without pixels.
 fn mean(values: impl Iterator<Item = f64>, picture: &Picture) -> f64 {
     let count = 3 * picture.data.len();
     if count == 0 { 0.0 } else { values.sum::<f64>() / count as f64 }
 }
 
-/// Root of the mean squared difference, over all pixels and channels. Not a number where a picture holds such.
+/// Computes the root mean squared difference, over all pixels and channels. NaN if a picture contains NaN.
 pub fn rmse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
     check_sizes(reference, test)?;
     Ok(mean(pairs(reference, test).map(|(x, r)| (x - r) * (x - r)), reference).sqrt())
 }
 
-/// Mean absolute difference, over all pixels and channels.
+/// Computes the mean absolute difference, over all pixels and channels.
 pub fn mae(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
     check_sizes(reference, test)?;
     Ok(mean(pairs(reference, test).map(|(x, r)| (x - r).abs()), reference))
 }
 
-/// Relative mean squared error: the mean of (x − r)² / (r² + 0.01) over all pixels and channels.
+/// Computes the relative mean squared error: the mean of (x − r)² / (r² + 0.01) over all pixels and channels.
 pub fn rel_mse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
     rel_mse_trimmed(reference, test, 0.0)
 }
 
-/// [`rel_mse`] without the worst pixels: a few fireflies do not decide it.
+/// Computes [`rel_mse`] without the worst pixels, so that a few fireflies do not dominate.
 ///
-/// - `trim`: share of the pixels that is left out, from 0 to 1; see [`USUAL_TRIM`].
+/// - `trim`: share of the pixels to leave out, in [0, 1]; see [`USUAL_TRIM`].
 pub fn rel_mse_trimmed(reference: &Picture, test: &Picture, trim: f64) -> Result<f64, ImageError> {
     let mut errors = rel_mse_map(reference, test)?;
     let left_out = (errors.len() as f64 * trim.clamp(0.0, 1.0)).round() as usize;
@@ -61,7 +61,7 @@ pub fn rel_mse_trimmed(reference: &Picture, test: &Picture, trim: f64) -> Result
     Ok(if kept == 0 { 0.0 } else { sum / kept as f64 })
 }
 
-/// The relative squared error of every pixel, mean of its channels: `[height × width]`.
+/// Computes the relative squared error of every pixel, averaged over its channels: `[height × width]`.
 pub fn rel_mse_map(reference: &Picture, test: &Picture) -> Result<Vec<f32>, ImageError> {
     check_sizes(reference, test)?;
     let of_pixel = |(r, x): (&[f32; 3], &[f32; 3])| {
@@ -74,8 +74,8 @@ pub fn rel_mse_map(reference: &Picture, test: &Picture) -> Result<Vec<f32>, Imag
     Ok(reference.data.iter().zip(&test.data).map(of_pixel).collect())
 }
 
-/// Mean squared error of what a display shows: of the values of the sRGB curve, from 0 to 1, over all pixels and channels. A pixel
-/// counts here by how wrong it looks, not by how rare its light is.
+/// Computes the mean squared error of displayed values: sRGB-encoded, in [0, 1], over all pixels and channels. It
+/// weighs a pixel by how wrong it looks, not by its radiance.
 pub fn srgb_mse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
     check_sizes(reference, test)?;
     let shown = |value: f64| f64::from(srgb_from_linear(value.clamp(0.0, 1.0) as f32));
@@ -83,15 +83,15 @@ pub fn srgb_mse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> 
     Ok(mean(pairs(reference, test).map(squared), reference))
 }
 
-/// By what factor a firefly is brighter than the pixels around it.
+/// Ratio of a firefly's luminance to its surroundings.
 const FIREFLY_FACTOR: f32 = 100.0;
-/// How far around a pixel the others are.
+/// Radius of the surroundings, in pixels.
 const FIREFLY_REACH: u32 = 2;
-/// Part of the picture's mean below which no surrounding counts as dark.
+/// Least luminance of the surroundings, as a share of the picture's mean.
 const FIREFLY_FLOOR: f64 = 1e-3;
 
-/// How many pixels are more than 100 times as bright as the median of the 5 × 5 pixels around them, which counts as a
-/// thousandth of the picture's mean at least.
+/// Counts the pixels that are more than 100 times as bright as the median of the 5 × 5 pixels around them, or as a
+/// thousandth of the picture's mean if that is more.
 pub fn firefly_count(picture: &Picture) -> usize {
     let (width, height) = picture.size();
     let luminances: Vec<f32> = picture.data.iter().map(|&pixel| crate::luminance(pixel)).collect();
@@ -100,7 +100,7 @@ pub fn firefly_count(picture: &Picture) -> usize {
     let mut around = Vec::with_capacity((2 * FIREFLY_REACH as usize + 1).pow(2));
     let mut is_firefly = |x: u32, y: u32| {
         let value = luminances[(y * width + x) as usize];
-        // Most pixels are none by this alone.
+        // Reject most pixels early.
         if value <= FIREFLY_FACTOR * floor {
             return false;
         }

@@ -1,7 +1,6 @@
-//! Output files of pictures: formats, the check before the work, and files that appear whole or not at all.
+//! Output files: formats, the check before rendering, and atomic writes.
 //!
-//! A name that is a symbolic link stays one: what it leads to is replaced. What is no file on a disk, such as a FIFO, is
-//! written into.
+//! A symbolic link is kept and its target replaced. A path that is not a regular file, such as a FIFO, is written to.
 
 use std::{
     fs::{self, OpenOptions},
@@ -13,7 +12,7 @@ use tempfile::NamedTempFile;
 
 use crate::ImageError;
 
-/// A format in which pictures are written.
+/// An output format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutputFormat {
     /// OpenEXR: linear, with all AOVs.
@@ -23,7 +22,7 @@ pub enum OutputFormat {
 }
 
 impl OutputFormat {
-    /// The format that the extension of `path` names.
+    /// Returns the format named by the extension of `path`.
     pub fn of(path: &Path) -> Result<Self, ImageError> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         match extension.as_deref() {
@@ -39,8 +38,8 @@ fn not_writable(path: &Path, reason: impl Into<String>) -> ImageError {
     ImageError::NotWritable { path: path.to_owned(), reason: reason.into() }
 }
 
-/// Checks that a picture can be written to `path`, before anything is painted: the extension, the folder, what is there
-/// already. Leaves nothing behind.
+/// Checks before rendering that a picture can be written to `path`: the extension, the folder, what exists there.
+/// Leaves nothing behind.
 pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError> {
     let path = path.as_ref();
     let format = OutputFormat::of(path)?;
@@ -63,12 +62,12 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError
     if fs::metadata(path).is_ok_and(|found| found.permissions().readonly()) {
         return Err(not_writable(path, "the file that is there is read-only"));
     }
-    // Nothing but trying tells whether the folder takes a file: permissions, quota, a read-only file system.
+    // Create a file to find out: permissions, quota and read-only file systems cannot be checked otherwise.
     AtomicFile::create(path).map(|_| format)
 }
 
-/// Writes `bytes` to `path`, whole or not at all: who reads the file meanwhile sees the old one or the new one. A symbolic
-/// link is followed; into a FIFO or a device the bytes are written.
+/// Writes `bytes` to `path` atomically: a concurrent reader sees the old file or the new one. Symbolic links are
+/// followed; FIFOs and devices are written to.
 pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageError> {
     let path = path.as_ref();
     let mut file = AtomicFile::create(path)?;
@@ -83,20 +82,20 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Symbolic links that are followed before they are taken for a circle, as Linux does.
+/// Maximal number of symbolic links to follow, as in Linux.
 const LINKS_MAX: usize = 40;
 
-/// Where bytes go that are written to a path.
+/// The destination of a write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Destination {
-    /// A file of this name, which need not exist yet: no symbolic link.
+    /// A regular file, which need not exist yet; not a symbolic link.
     File(PathBuf),
-    /// Something that takes bytes and cannot be replaced: a FIFO, a device.
+    /// A FIFO or device, which cannot be replaced.
     Stream(PathBuf),
 }
 
 impl Destination {
-    /// Follows symbolic links to where they lead.
+    /// Resolves symbolic links.
     fn of(path: &Path) -> Result<Self, ImageError> {
         let mut target = path.to_owned();
         for _ in 0..LINKS_MAX {
@@ -114,8 +113,7 @@ impl Destination {
     }
 }
 
-/// A file that takes its name only when it is complete. Dropped before [`commit`](Self::commit) it leaves nothing
-/// behind.
+/// A file that gets its name when it is complete. If dropped before [`commit`](Self::commit), it leaves nothing behind.
 #[derive(Debug)]
 pub(crate) struct AtomicFile {
     destination: Destination,
@@ -123,7 +121,7 @@ pub(crate) struct AtomicFile {
 }
 
 impl AtomicFile {
-    /// Opens a file beside the one that it will be, or, for what is written into, among the temporary files.
+    /// Creates a temporary file in the destination's folder, or in the system's for a FIFO or device.
     pub(crate) fn create(path: &Path) -> Result<Self, ImageError> {
         let destination = Destination::of(path)?;
         let (place, folder) = match &destination {
@@ -131,11 +129,11 @@ impl AtomicFile {
             Destination::Stream(target) => (target.as_path(), std::env::temp_dir()),
         };
         let name = place.file_name().ok_or_else(|| not_writable(path, "it names no file"))?.to_string_lossy();
-        // A short prefix of the name, so that a name of nearly the longest length still works.
+        // Use a short prefix, so that a file name near the maximal length still works.
         let prefix = format!(".{}.", name.chars().take(32).collect::<String>());
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).suffix(".part");
-        // Pictures are for everybody whom the user's mask lets read them, unlike other temporary files.
+        // Apply the user's umask: unlike temporary files, pictures are not private.
         if let Some(permissions) = bottega_platform::permissions::by_mask() {
             builder.permissions(permissions);
         }
@@ -143,13 +141,13 @@ impl AtomicFile {
         Ok(Self { destination, writer: BufWriter::new(file) })
     }
 
-    /// Where to write. Buffered.
+    /// Returns the buffered writer.
     pub(crate) fn writer(&mut self) -> &mut BufWriter<NamedTempFile> {
         &mut self.writer
     }
 
-    /// Brings what was written to the disk and gives it its name, in place of what was there; or writes it into what
-    /// cannot be replaced, which waits for who reads a FIFO.
+    /// Syncs the file to disk and renames it to its destination; or copies it into a FIFO or device, which waits for a
+    /// reader of a FIFO.
     pub(crate) fn commit(self) -> Result<(), ImageError> {
         let (Destination::File(path) | Destination::Stream(path)) = &self.destination;
         let deliver = || -> std::io::Result<()> {

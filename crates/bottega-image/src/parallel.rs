@@ -1,11 +1,11 @@
-//! Work on all processors, results in order.
+//! Parallel maps with results in order.
 
-/// As many as the machine offers.
+/// Returns the number of threads that the machine offers.
 pub(crate) fn thread_count() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// `f` of each item, computed on all processors; the results in the order of the items.
+/// Maps items by `f` on all processors; results are in the order of the items.
 pub(crate) fn map_in_order<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let threads = thread_count();
     if threads == 1 || items.len() < 2 {

@@ -1,4 +1,4 @@
-//! Pictures from PNG files.
+//! Reading of PNG files.
 
 use std::io::{BufRead, Seek};
 
@@ -20,7 +20,7 @@ pub(crate) fn read<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) 
         other => source.malformed("PNG", other.to_string()),
     };
     let mut decoder = png::Decoder::new(input);
-    // Palettes become RGB, fewer than 8 bits 8.
+    // Expand palettes to RGB, and fewer than 8 bits to 8.
     decoder.set_transformations(png::Transformations::EXPAND);
     let info = decoder.read_header_info().map_err(failed)?;
     let (width, height) = info.size();
@@ -28,7 +28,7 @@ pub(crate) fn read<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) 
     source.check_size(columns, rows)?;
     check_announced((columns, rows), pixel_bits, Packing::DEFLATE, bytes_of_file)
         .map_err(|problem| source.malformed("PNG", problem))?;
-    // What the decoder holds beside the rows that it gives: metadata and a few rows.
+    // Limit the decoder's own memory: metadata and a few rows.
     decoder.set_limits(png::Limits { bytes: (64 << 20) + 64 * width as usize });
     let mut reader = decoder.read_info().map_err(failed)?;
     let (color_type, depth) = reader.output_color_type();
@@ -61,7 +61,7 @@ pub(crate) fn read<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) 
     Ok(ImageFile { picture, offset: (0, 0), full_size: (width, height), metadata: metadata(info) })
 }
 
-/// Gray or RGB, with or without alpha, which is left out.
+/// Fills a picture from gray or RGB pixels; alpha is ignored.
 fn fill<'a>(
     picture: &mut Picture,
     samples: usize,
@@ -74,7 +74,7 @@ fn fill<'a>(
     }
 }
 
-/// By the primaries that the file names, but where it says that it is sRGB.
+/// Returns the conversion from the file's primaries, unless it is marked as sRGB.
 fn conversion(info: &png::Info<'_>, white_point: WhitePoint) -> Conversion {
     let is_color = !matches!(info.color_type, png::ColorType::Grayscale | png::ColorType::GrayscaleAlpha);
     let Some(found) = info.chrm_chunk.filter(|_| info.srgb.is_none() && is_color) else { return Conversion::NONE };
@@ -82,19 +82,19 @@ fn conversion(info: &png::Info<'_>, white_point: WhitePoint) -> Conversion {
     let numbers = [found.red, found.green, found.blue, found.white].map(|(x, y)| [number(x), number(y)]);
     let [[rx, ry], [gx, gy], [bx, by], [wx, wy]] = numbers;
     let chromaticities = Chromaticities::from_numbers([rx, ry, gx, gy, bx, by, wx, wy]);
-    // Impossible ones say nothing.
+    // Ignore impossible primaries.
     chromaticities.to_rec709(white_point).unwrap_or_default()
 }
 
-/// How the file's values become linear.
+/// The conversion of the file's values to linear.
 enum TransferCurve {
     Srgb,
-    /// linear = value^exponent
+    /// Power law: linear = value^exponent.
     Power(f32),
 }
 
 impl TransferCurve {
-    /// By what the file says of its gamma; sRGB where it says nothing.
+    /// Returns the curve of the file's gamma; sRGB if it names none.
     fn of(info: &png::Info<'_>) -> Self {
         match info.gama_chunk.map(png::ScaledFloat::into_value) {
             Some(gamma) if info.srgb.is_none() && gamma > 0.01 && (gamma - 1.0 / 2.2).abs() > 0.01 => {

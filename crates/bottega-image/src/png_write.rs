@@ -1,4 +1,4 @@
-//! Films and canvases as PNG files.
+//! Writing of PNG files.
 
 use std::{io::Write, path::Path};
 
@@ -9,33 +9,32 @@ use crate::{
     tone::{exposure_factor, quantize},
 };
 
-/// The options of a PNG file made of a film.
+/// Options of a PNG file of a film.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PngOptions {
-    /// Stops by which the picture is made brighter; 0 leaves it.
+    /// Exposure, in stops; positive: brighter.
     pub exposure_stops: f32,
-    /// How bright light is brought into range.
+    /// Tone map.
     pub tone: ToneMap,
-    /// How values are encoded.
+    /// Encoding of the values.
     pub encoding: Encoding,
-    /// Bits a channel.
+    /// Bits per channel.
     pub bits: PngBits,
-    /// Writes alpha: what shows the environment becomes transparent, and the color is divided by alpha first.
+    /// `true`: write alpha. Pixels that show the environment become transparent, and the color is divided by alpha.
     pub alpha: bool,
 }
 
-/// Bits of a channel of a PNG file.
+/// The bits per channel of a PNG file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PngBits {
-    /// 8, dithered, so that smooth gradients show no bands. Equal films give equal bytes.
+    /// 8 bits, dithered against banding. Equal films give equal bytes.
     #[default]
     Eight,
-    /// 16, rounded.
+    /// 16 bits, rounded.
     Sixteen,
 }
 
-/// Writes a film to `path`, whole or not at all: exposure, tone mapping, encoding, row by row. Metadata becomes text
-/// chunks.
+/// Writes a film to `path`, atomically: exposure, tone mapping and encoding, row by row. Metadata becomes text chunks.
 pub fn write_png(
     path: impl AsRef<Path>,
     film: &Film,
@@ -45,7 +44,7 @@ pub fn write_png(
     frame_of(film, options, metadata).write(path.as_ref(), |row, out| encode_row(film, row, options, out))
 }
 
-/// The bytes of the file that [`write_png`] writes.
+/// Encodes a film as [`write_png`] does.
 pub fn png_bytes(film: &Film, options: &PngOptions, metadata: &Metadata) -> Result<Vec<u8>, ImageError> {
     frame_of(film, options, metadata).to_bytes(|row, out| encode_row(film, row, options, out))
 }
@@ -64,7 +63,7 @@ fn encode_row(film: &Film, row: u32, options: &PngOptions, out: &mut Vec<u8>) {
     }
 }
 
-/// Writes rows of 8-bit sRGB, `[height × width × 3]`, to `path`, whole or not at all. Panics when the length differs.
+/// Writes rows of 8-bit sRGB, `[height × width × 3]`, to `path`, atomically. Panics if the length differs.
 pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8]) -> Result<(), ImageError> {
     let row_bytes = 3 * width as usize;
     assert_eq!(rgb.len(), row_bytes * height as usize, "bytes of a picture of {width} × {height}");
@@ -79,7 +78,7 @@ pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8
     frame.write(path.as_ref(), |row, out| out.extend_from_slice(&rgb[row as usize * row_bytes..][..row_bytes]))
 }
 
-/// A picture of 8-bit sRGB as the bytes of a PNG file.
+/// Encodes a picture of 8-bit sRGB as a PNG file.
 ///
 /// - `size`: columns and rows, both at least 1.
 /// - `row(y, out)`: appends the bytes of a row, `[width × 3]`, to `out`.
@@ -115,7 +114,7 @@ fn encode_pixel(pixel: &[f32], (x, y): (u32, u32), options: &PngOptions, out: &m
     }
 }
 
-/// Rows that one thread encodes before they are written: bounds the memory beside the film.
+/// Rows that a thread encodes before they are written; bounds the memory.
 const ROWS_AT_ONCE: usize = 16;
 
 struct PngFrame<'a> {
@@ -141,7 +140,7 @@ impl PngFrame<'_> {
         file.commit()
     }
 
-    /// The bytes of the file.
+    /// Encodes the file in memory.
     fn to_bytes(&self, row: impl Fn(u32, &mut Vec<u8>) + Sync) -> Result<Vec<u8>, ImageError> {
         let mut bytes = Vec::new();
         self.write_to(&mut bytes, row)
@@ -153,7 +152,7 @@ impl PngFrame<'_> {
         let (width, height) = self.size;
         let mut encoder = png::Encoder::new(&mut *out, width, height);
         encoder.set_color(self.color_type);
-        // Ten times as fast as the default, for files a tenth larger.
+        // Ten times as fast as the default, with files a tenth larger.
         encoder.set_compression(png::Compression::Fast);
         encoder.set_depth(match self.bits {
             PngBits::Eight => png::BitDepth::Eight,
@@ -164,7 +163,7 @@ impl PngFrame<'_> {
             Encoding::Linear => encoder.set_source_gamma(png::ScaledFloat::new(1.0)),
         }
         for (key, value) in self.metadata.iter() {
-            // The format's own name of the program; other keys as they are.
+            // Use the format's own key for the program.
             let key = if key == "software" { "Software" } else { key }.to_owned();
             if value.is_ascii() {
                 encoder.add_text_chunk(key, value.to_owned())?;

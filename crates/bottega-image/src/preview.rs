@@ -1,4 +1,4 @@
-//! The preview of a picture while it is painted.
+//! The preview of a picture during rendering.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -7,19 +7,19 @@ use crate::{
     tone::exposure_factor,
 };
 
-/// A picture as a display shows it, complete from the first look on: coarse at first, then block by block what is
-/// painted. It takes four bytes a pixel, and no lock: whoever paints writes while another reads.
+/// A displayable picture, complete from the start: coarse at first, then refined block by block. It takes four bytes
+/// per pixel and no lock: renderers write while others read.
 #[derive(Debug)]
 pub struct Preview {
     rect: Rect,
     exposure_stops: f32,
     tone: ToneMap,
-    /// `[height × width]`, row-major; sRGB in the three lower bytes. A pixel is written and read whole.
+    /// Pixels, `[height × width]`, row-major; sRGB in the three lower bytes. Each pixel is written and read atomically.
     pixels: Box<[AtomicU32]>,
 }
 
 impl Preview {
-    /// A black preview.
+    /// Returns a black preview.
     ///
     /// - `rect`: the crop window, or the whole picture, in picture coordinates.
     pub fn new(rect: Rect, exposure_stops: f32, tone: ToneMap) -> Self {
@@ -27,14 +27,15 @@ impl Preview {
         Self { rect, exposure_stops, tone, pixels }
     }
 
-    /// Fills it, between the centers of the cells in proportion.
+    /// Fills the preview from coarse cells, interpolating between their centers.
     ///
-    /// - `coarse`: radiance, in cells that cover the pixels of `picture` evenly. One without cells changes nothing.
+    /// - `coarse`: radiance, in cells that cover the pixels of `picture` evenly. Without cells, nothing changes.
+    /// - `picture`: the pixels that the cells cover.
     pub fn show_coarse(&self, coarse: &Picture, picture: Rect) {
         if coarse.data.is_empty() {
             return;
         }
-        // Displayed values are mixed, not radiance: a lamp would outshine the cells about it.
+        // Interpolate displayed values, not radiance: a lamp outshines the cells around it.
         let cells = Canvas::of_picture(coarse, self.exposure_stops, self.tone);
         let columns: Vec<_> =
             (self.rect.x0..self.rect.x1).map(|x| between(x - picture.x0, picture.width(), cells.width)).collect();
@@ -50,7 +51,7 @@ impl Preview {
         }
     }
 
-    /// Shows what a tile has: its pixels that have samples and lie within.
+    /// Shows the pixels of a tile that have samples and are within the preview.
     pub fn show(&self, tile: &Tile) {
         let Some(shared) = self.rect.intersection(&tile.rect()) else { return };
         let factor = exposure_factor(self.exposure_stops);
@@ -64,7 +65,7 @@ impl Preview {
         }
     }
 
-    /// What it shows now, as the bytes of a PNG file.
+    /// Encodes the current state as a PNG file.
     pub fn to_png(&self) -> Result<Vec<u8>, ImageError> {
         let width = self.rect.width() as usize;
         png_bytes_rgb8((self.rect.width(), self.rect.height()), |row, out| {
@@ -77,7 +78,7 @@ impl Preview {
     }
 }
 
-/// The cells beside the center of pixel `at` of `pixels`, and how far it is from the first to the second.
+/// Returns the two cells around the center of pixel `at` of `pixels`, and the weight of the second.
 fn between(at: u32, pixels: u32, cells: u32) -> (u32, u32, f32) {
     let place = ((at as f32 + 0.5) * cells as f32 / pixels as f32 - 0.5).clamp(0.0, (cells - 1) as f32);
     let first = place as u32;

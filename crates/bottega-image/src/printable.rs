@@ -1,11 +1,11 @@
-//! Names that somebody else chose, made fit for a terminal.
+//! Escaping of foreign names for terminals.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Whether a character does more than stand where it is: it moves the cursor, ends a line, changes colours, or turns the direction in
-/// which others are written.
+/// Returns true if a character has an effect on a terminal: moves the cursor, ends a line, changes colors, or changes
+/// the writing direction.
 fn acts(c: char) -> bool {
     c.is_control()
         || matches!(
@@ -14,18 +14,18 @@ fn acts(c: char) -> bool {
         )
 }
 
-/// A text in which characters that act are written as JSON escapes them: `\n`, `\r`, `\t`, `\u001b`. So a name stays within its line and its
-/// column, in the colour that it is given.
+/// Escapes characters with an effect on a terminal as in JSON: `\n`, `\r`, `\t`, `\u001b`. The text then keeps its
+/// line, column and color.
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, acts)
 }
 
-/// The same for a text of several lines: their ends stay, and so do tabs.
+/// Escapes a text of several lines like [`printable`], but keeps newlines and tabs.
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| acts(c) && c != '\n' && c != '\t')
 }
 
-/// The name of a file, see [`printable`].
+/// Escapes the path of a file; see [`printable`].
 pub fn printable_path(path: &Path) -> String {
     printable(&path.to_string_lossy()).into_owned()
 }
@@ -41,7 +41,7 @@ fn escaped(text: &str, acts: impl Fn(char) -> bool) -> Cow<'_, str> {
             '\n' => escaped.push_str("\\n"),
             '\r' => escaped.push_str("\\r"),
             '\t' => escaped.push_str("\\t"),
-            // All of them have four digits.
+            // All these characters have four hexadecimal digits.
             c => _ = write!(escaped, "\\u{:04x}", u32::from(c)),
         }
     }

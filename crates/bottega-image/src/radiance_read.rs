@@ -1,7 +1,8 @@
-//! Radiance pictures: <https://www.radiance-online.org/archived/radsite/radiance/refer/filefmts.pdf>.
+//! Reading of Radiance pictures: <https://www.radiance-online.org/archived/radsite/radiance/refer/filefmts.pdf>.
 //!
-//! A header of lines, an empty line, a line that names size and orientation, and lines of pixels: four bytes each (three
-//! mantissas and their common exponent) as they are, in the old runs of whole pixels, or in runs for each component.
+//! A header of lines, an empty line, a line with size and orientation, and scanlines: four bytes per pixel (three
+//! mantissas and their common exponent), either uncompressed, in the old runs of whole pixels, or in runs per
+//! component.
 
 use std::io::{BufRead, ErrorKind, Read};
 
@@ -14,13 +15,13 @@ use crate::{
     source::{ImageFile, PictureSource},
 };
 
-/// Headers are shorter than this.
+/// Maximal size of a header.
 const HEADER_BYTES_MAX: u64 = 1 << 16;
 
-/// Bytes within which [`recognizes`] looks.
+/// Number of bytes that [`recognizes`] needs.
 pub(crate) const MARK_BYTES: usize = 256;
 
-/// Whether these are the first bytes of a Radiance picture: by its mark, or by a line that only such a file has.
+/// Recognizes a Radiance picture by its first bytes: its magic number, or a line that only such a file has.
 pub(crate) fn recognizes(start: &[u8]) -> bool {
     if start.starts_with(b"#?") {
         return true;
@@ -30,23 +31,23 @@ pub(crate) fn recognizes(start: &[u8]) -> bool {
     has_format || start.lines().next().is_some_and(|line| Size::parse(line).is_some())
 }
 
-/// What stands before the pixels.
+/// The parsed header.
 pub(crate) struct RadianceHeader {
     size: Size,
-    /// What pixels are multiplied by, to undo exposure and color correction.
+    /// Factor of the pixels, to undo exposure and color correction.
     factor: Vec3,
     conversion: Conversion,
-    /// What was found and not followed.
+    /// Notes about unsupported lines.
     notes: Vec<String>,
 }
 
 impl RadianceHeader {
-    /// Columns and rows of the picture.
+    /// Returns columns and rows of the picture.
     pub(crate) fn size(&self) -> (u32, u32) {
         if self.size.is_by_columns { (self.size.lines, self.size.length) } else { (self.size.length, self.size.lines) }
     }
 
-    /// Reads up to the first byte of the pixels, and checks the size.
+    /// Reads the header up to the first pixel, and checks the size.
     pub(crate) fn read<R: BufRead>(
         source: &PictureSource<'_>,
         input: &mut R,
@@ -71,7 +72,7 @@ impl RadianceHeader {
         let header = words.header(size, source.white_point);
         let (width, height) = header.size();
         source.check_size(u64::from(width), u64::from(height))?;
-        // A run of 127 values of each of four components takes eight bytes; 32 bits a pixel.
+        // A run of 127 values in each of four components takes eight bytes; 32 bits per pixel.
         check_announced((u64::from(width), u64::from(height)), 32, Packing::RUNS, file_bytes)
             .map_err(|problem| malformed(source, &problem))?;
         Ok(header)
@@ -90,7 +91,7 @@ fn failed(source: &PictureSource<'_>, error: std::io::Error) -> ImageError {
     }
 }
 
-/// The next line, without its end: a line feed, after a carriage return or not.
+/// Reads the next line, without its line feed or carriage return.
 fn read_line<R: BufRead>(source: &PictureSource<'_>, lines: &mut std::io::Take<R>) -> Result<String, ImageError> {
     let mut line = Vec::new();
     lines.read_until(b'\n', &mut line).map_err(|error| failed(source, error))?;
@@ -101,7 +102,7 @@ fn read_line<R: BufRead>(source: &PictureSource<'_>, lines: &mut std::io::Take<R
     Ok(String::from_utf8_lossy(&line).trim().to_owned())
 }
 
-/// What the lines of a header say.
+/// The values of the header lines.
 #[derive(Default)]
 struct HeaderWords {
     is_xyz: bool,
@@ -109,12 +110,12 @@ struct HeaderWords {
     correction: Option<[f64; 3]>,
     primaries: Option<[f64; 8]>,
     notes: Vec<String>,
-    /// The empty line has come.
+    /// `true`: the empty line was read.
     is_ended: bool,
 }
 
 impl HeaderWords {
-    /// Understands a line; those of other programs, and what they did, mean nothing to us.
+    /// Parses a line; ignores unknown ones.
     fn add(&mut self, line: &str) -> Result<(), String> {
         let Some((key, value)) = line.split_once('=').filter(|_| !line.starts_with('#')) else { return Ok(()) };
         let value = value.trim();
@@ -127,7 +128,7 @@ impl HeaderWords {
                     return Err(format!("its format is `{shown}`, not 32-bit_rle_rgbe or 32-bit_rle_xyze"));
                 }
             },
-            // Both of these multiply where there are several.
+            // Several of these multiply.
             "EXPOSURE" => match numbers::<1>(value) {
                 Some([exposure]) if exposure > 0.0 => *self.exposure.get_or_insert(1.0) *= exposure,
                 _ => self.ignore(line),
@@ -162,7 +163,7 @@ impl HeaderWords {
             factor = Vec3::ONE;
         }
         let conversion = match self.primaries {
-            // Tristimulus values have no primaries.
+            // XYZ has no primaries.
             _ if self.is_xyz => Conversion::from_xyz(),
             None => Conversion::NONE,
             Some(numbers) => Chromaticities::from_numbers(numbers).to_rec709(white_point).unwrap_or_else(|problem| {
@@ -174,28 +175,28 @@ impl HeaderWords {
     }
 }
 
-/// Exactly so many finite numbers.
+/// Parses exactly `N` finite numbers.
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let numbers: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
     let numbers: [f64; N] = numbers?.try_into().ok()?;
     numbers.iter().all(|number| number.is_finite()).then_some(numbers)
 }
 
-/// How many lines there are, how long they are, and where they lie in the picture.
+/// The number, length and orientation of the scanlines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Size {
     lines: u32,
     length: u32,
-    /// Lines are columns.
+    /// `true`: scanlines are columns.
     is_by_columns: bool,
-    /// The first line is the lowest one, or the rightmost.
+    /// `true`: the first scanline is the lowest, or the rightmost.
     is_line_order_turned: bool,
-    /// Lines begin below, or on the right.
+    /// `true`: scanlines begin at the bottom, or on the right.
     is_turned_within: bool,
 }
 
 impl Size {
-    /// Such as `-Y 512 +X 768`: y counts upwards, and `-` is against the axis.
+    /// Parses a line such as `-Y 512 +X 768`: y counts upwards, and `-` is against the axis.
     fn parse(line: &str) -> Option<Self> {
         let words: Vec<&str> = line.split_whitespace().collect();
         let &[first, lines, second, length] = words.as_slice() else { return None };
@@ -214,7 +215,7 @@ impl Size {
         })
     }
 
-    /// Where the pixel of a line lies in the picture, row by row from the top.
+    /// Returns the index of a pixel of a scanline in the picture, row by row from the top.
     fn index(&self, line: u32, place: u32) -> usize {
         let line = if self.is_line_order_turned { self.lines - 1 - line } else { line } as usize;
         let place = if self.is_turned_within { self.length - 1 - place } else { place } as usize;
@@ -222,7 +223,7 @@ impl Size {
     }
 }
 
-/// The picture, and what was left out of it.
+/// Reads the picture, and notes about omissions.
 pub(crate) fn read<R: BufRead>(
     source: &PictureSource<'_>,
     mut input: R,
@@ -248,7 +249,7 @@ pub(crate) fn read<R: BufRead>(
     Ok((file, header.notes))
 }
 
-/// What the mantissas of each exponent are multiplied by: 2^(exponent − 136); 0 is black.
+/// Returns the factor of the mantissas for each exponent: 2^(exponent − 136); 0 is black.
 fn scales() -> [f32; 256] {
     let mut scales = [0.0; 256];
     for (exponent, scale) in scales.iter_mut().enumerate().skip(1) {
@@ -259,7 +260,7 @@ fn scales() -> [f32; 256] {
 
 enum RadianceFault {
     Read(std::io::Error),
-    /// Runs that do not fit.
+    /// A run does not fit into its scanline.
     Runs(&'static str),
 }
 
@@ -269,7 +270,7 @@ impl From<std::io::Error> for RadianceFault {
     }
 }
 
-/// Reads one line, in whichever of the three ways it is stored.
+/// Reads one scanline in any of the three encodings.
 fn read_pixels<R: Read>(input: &mut R, line: &mut [[u8; 4]]) -> Result<(), RadianceFault> {
     let mut first = [0; 4];
     input.read_exact(&mut first)?;
@@ -283,7 +284,7 @@ fn read_pixels<R: Read>(input: &mut R, line: &mut [[u8; 4]]) -> Result<(), Radia
     read_whole_pixels(input, first, line)
 }
 
-/// One component of a line: runs, and bytes as they are.
+/// Reads one component of a scanline: runs and literal bytes.
 fn read_component<R: Read>(input: &mut R, line: &mut [[u8; 4]], component: usize) -> Result<(), RadianceFault> {
     let mut at = 0;
     while at < line.len() {
@@ -306,7 +307,7 @@ fn read_component<R: Read>(input: &mut R, line: &mut [[u8; 4]], component: usize
     Ok(())
 }
 
-/// Pixels as they are; `1 1 1 n` repeats the one before, and several of these count as digits of 8 bits, the lowest first.
+/// Reads whole pixels; `1 1 1 n` repeats the previous one, and several of these are digits of 8 bits, the lowest first.
 fn read_whole_pixels<R: Read>(input: &mut R, first: [u8; 4], line: &mut [[u8; 4]]) -> Result<(), RadianceFault> {
     let (mut at, mut shift, mut pixel) = (0, 0, first);
     loop {

@@ -1,4 +1,4 @@
-//! Pictures from files of any format that is read.
+//! Reading of pictures in any supported format.
 
 use std::{
     fs::File,
@@ -14,17 +14,17 @@ use crate::{
     source::{ImageFile, PictureSource, file_bytes, guarded},
 };
 
-/// Reads a picture: OpenEXR, PNG or Radiance HDR, told apart by their first bytes. 8- and 16-bit values are decoded by
-/// the sRGB curve, or the gamma that the file names; alpha is left out. Colors of other primaries than ours, which the files
-/// name, become linear Rec. 709, and white stays white.
+/// Reads a picture: OpenEXR, PNG or Radiance HDR, recognized by their first bytes. 8- and 16-bit values are decoded by
+/// the sRGB curve, or the gamma that the file names; alpha is ignored. Colors of other primaries that the file names
+/// are converted to linear Rec. 709; white stays white.
 ///
-/// Of an EXR file it is the color that a viewer shows first: the channels R, G, B of no layer, else those of a layer,
+/// Of an EXR file, the color is what a viewer shows first: the channels R, G, B of no layer, else those of a layer,
 /// else X, Y and Z, or the gray of Y or of the only channel. Accepts what [`ReadLimits::default`] allows.
 pub fn read_picture(path: impl AsRef<Path>) -> Result<Picture, ImageError> {
     read_image(path, ReadLimits::default()).map(|file| file.picture)
 }
 
-/// As [`read_picture`], with the place of the picture, its metadata, and limits of the caller's choice.
+/// Reads a picture as [`read_picture`] does, with its position, its metadata, and the caller's limits.
 pub fn read_image(path: impl AsRef<Path>, limits: ReadLimits) -> Result<ImageFile, ImageError> {
     let path = path.as_ref();
     let file = File::open(path).map_err(|error| ImageError::read(path, error))?;
@@ -34,8 +34,8 @@ pub fn read_image(path: impl AsRef<Path>, limits: ReadLimits) -> Result<ImageFil
     read_from(&PictureSource::new(path, limits), BufReader::new(file), &[]).map(|(file, _)| file)
 }
 
-/// As [`read_image`], with further channels of an OpenEXR file by their full names, such as `depth.Z`: a plane each,
-/// row by row from the top, in the order of `names`; `None` where the file has no such channel.
+/// Reads a picture as [`read_image`] does, with further channels of an OpenEXR file by their full names, such as
+/// `depth.Z`: a plane each, row by row from the top, in the order of `names`; `None` if the file has no such channel.
 pub fn read_channels(
     path: impl AsRef<Path>,
     limits: ReadLimits,
@@ -46,7 +46,7 @@ pub fn read_channels(
     read_from(&PictureSource::new(path, limits), BufReader::new(file), names)
 }
 
-/// As [`read_image`], of the bytes of a file; `name` stands in errors.
+/// Reads a picture as [`read_image`] does, from the bytes of a file; `name` is for errors.
 pub fn read_image_bytes(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<ImageFile, ImageError> {
     read_from(&PictureSource::new(name.as_ref(), limits), std::io::Cursor::new(bytes), &[]).map(|(file, _)| file)
 }
@@ -57,7 +57,7 @@ fn read_from<R: BufRead + Seek>(
     names: &[String],
 ) -> Result<(ImageFile, Planes), ImageError> {
     let start = start_of(source, &mut input)?;
-    // Other formats have no channels but the color's.
+    // Other formats have only color channels.
     let alone = |file| (file, vec![None; names.len()]);
     match start.as_slice() {
         [0x76, 0x2f, 0x31, 0x01, ..] => guarded(source, "EXR", || {
@@ -72,7 +72,7 @@ fn read_from<R: BufRead + Seek>(
     }
 }
 
-/// The first bytes of a file, which stays at its beginning.
+/// Reads the first bytes of a file, and rewinds it.
 fn start_of<R: BufRead + Seek>(source: &PictureSource<'_>, input: &mut R) -> Result<Vec<u8>, ImageError> {
     let mut start = Vec::new();
     let read =

@@ -17,18 +17,18 @@ pub struct Rect {
 /// A value for each side of a rectangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sides<T> {
-    /// At the least x.
+    /// Value at the least x.
     pub left: T,
-    /// At the least y.
+    /// Value at the least y.
     pub top: T,
-    /// At the greatest x.
+    /// Value at the greatest x.
     pub right: T,
-    /// At the greatest y.
+    /// Value at the greatest y.
     pub bottom: T,
 }
 
 impl<T> Sides<T> {
-    /// The same value on all sides.
+    /// Returns the same value on all sides.
     pub fn all(value: T) -> Self
     where
         T: Copy,
@@ -36,60 +36,60 @@ impl<T> Sides<T> {
         Self { left: value, top: value, right: value, bottom: value }
     }
 
-    /// Each value by a function.
+    /// Maps each value by a function.
     pub fn map<U>(self, mut to: impl FnMut(T) -> U) -> Sides<U> {
         Sides { left: to(self.left), top: to(self.top), right: to(self.right), bottom: to(self.bottom) }
     }
 
-    /// The values: left, top, right, bottom.
+    /// Returns the values: left, top, right, bottom.
     pub fn into_array(self) -> [T; 4] {
         [self.left, self.top, self.right, self.bottom]
     }
 }
 
 impl Rect {
-    /// The rectangle between two corners. Panics when a side is negative.
+    /// Returns the rectangle between two corners. Panics if a side is negative.
     pub fn new(x0: u32, y0: u32, x1: u32, y1: u32) -> Self {
         assert!(x0 <= x1 && y0 <= y1, "rectangle with negative side: {x0},{y0},{x1},{y1}");
         Self { x0, y0, x1, y1 }
     }
 
-    /// The whole of a picture.
+    /// Returns the rectangle of a whole picture.
     pub fn of_size(width: u32, height: u32) -> Self {
         Self { x0: 0, y0: 0, x1: width, y1: height }
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     pub fn width(&self) -> u32 {
         self.x1 - self.x0
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     pub fn height(&self) -> u32 {
         self.y1 - self.y0
     }
 
-    /// Pixels.
+    /// Returns the number of pixels.
     pub fn area(&self) -> u64 {
         u64::from(self.width()) * u64::from(self.height())
     }
 
-    /// Whether it holds no pixel.
+    /// Returns true if it contains no pixel.
     pub fn is_empty(&self) -> bool {
         self.x0 >= self.x1 || self.y0 >= self.y1
     }
 
-    /// Whether the pixel (x, y) lies inside.
+    /// Returns true if pixel (x, y) is inside.
     pub fn contains(&self, x: u32, y: u32) -> bool {
         (self.x0..self.x1).contains(&x) && (self.y0..self.y1).contains(&y)
     }
 
-    /// Whether every pixel of `other` lies inside.
+    /// Returns true if every pixel of `other` is inside.
     pub fn encloses(&self, other: &Self) -> bool {
         self.x0 <= other.x0 && self.y0 <= other.y0 && self.x1 >= other.x1 && self.y1 >= other.y1
     }
 
-    /// What both share; `None` when that is no pixel.
+    /// Returns the intersection; `None` if it contains no pixel.
     pub fn intersection(&self, other: &Self) -> Option<Self> {
         let r = Self {
             x0: self.x0.max(other.x0),
@@ -100,12 +100,12 @@ impl Rect {
         (r.x0 < r.x1 && r.y0 < r.y1).then_some(r)
     }
 
-    /// Grown by `margin` pixels on every side, but not beyond `limit`.
+    /// Grows it by `margin` pixels on every side, within `limit`.
     pub fn grown(&self, margin: u32, limit: &Self) -> Self {
         self.grown_by(Sides::all(margin), limit)
     }
 
-    /// Grown by another margin on each side, but not beyond `limit`.
+    /// Grows it by a margin for each side, within `limit`.
     pub fn grown_by(&self, margins: Sides<u32>, limit: &Self) -> Self {
         Self {
             x0: self.x0.saturating_sub(margins.left).max(limit.x0),
@@ -115,19 +115,19 @@ impl Rect {
         }
     }
 
-    /// The position of pixel (x, y) in row-major order within this rectangle.
+    /// Returns the index of pixel (x, y) in row-major order within this rectangle.
     pub fn index(&self, x: u32, y: u32) -> usize {
         debug_assert!(self.contains(x, y));
         (y - self.y0) as usize * self.width() as usize + (x - self.x0) as usize
     }
 
-    /// All pixels, row by row.
+    /// Iterates over all pixels, row by row.
     pub fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
         let r = *self;
         (r.y0..r.y1).flat_map(move |y| (r.x0..r.x1).map(move |x| (x, y)))
     }
 
-    /// Cut into blocks of at most `side` × `side` pixels, aligned to multiples of `side`, row by row.
+    /// Splits it into blocks of at most `side` × `side` pixels, aligned to multiples of `side`, row by row.
     pub fn blocks(&self, side: u32) -> impl Iterator<Item = Self> + use<> {
         assert!(side > 0);
         let r = *self;

@@ -1,4 +1,4 @@
-//! The source of a picture, as the readers of all formats need it, and what they make.
+//! Input and output of the readers of all formats.
 
 use std::{
     io::{Seek, SeekFrom},
@@ -8,20 +8,20 @@ use std::{
 
 use crate::{ImageError, Metadata, Picture, WhitePoint, limits::ReadLimits};
 
-/// A picture and what its file says of it.
+/// A picture with its position and metadata.
 #[derive(Clone, Debug)]
 pub struct ImageFile {
-    /// The pixels that the file holds: of EXR, those of the data window.
+    /// The pixels of the file; for EXR, those of the data window.
     pub picture: Picture,
-    /// Where the upper left pixel lies in the whole picture: other than (0, 0) for a crop.
+    /// Position of the upper left pixel in the whole picture; not (0, 0) for a crop.
     pub offset: (i32, i32),
     /// Width and height of the whole picture.
     pub full_size: (u32, u32),
-    /// Text that the file carries.
+    /// Text metadata of the file.
     pub metadata: Metadata,
 }
 
-/// What the readers of all formats need to know.
+/// The file and limits of a reader.
 pub(crate) struct PictureSource<'a> {
     pub(crate) path: &'a Path,
     pub(crate) limits: ReadLimits,
@@ -37,7 +37,7 @@ impl<'a> PictureSource<'a> {
         ImageError::malformed(self.path, format, detail)
     }
 
-    /// To be asked with the size in the header, before anything is allocated by it.
+    /// Checks the size in a header, before anything is allocated.
     pub(crate) fn check_size(&self, width: u64, height: u64) -> Result<(), ImageError> {
         let max_pixels = self.limits.max_pixels;
         match width.checked_mul(height) {
@@ -52,18 +52,18 @@ impl<'a> PictureSource<'a> {
     }
 }
 
-/// How long a file is, which stays at its beginning.
+/// Returns the length of a file, which stays at its beginning.
 pub(crate) fn file_bytes<R: Seek>(source: &PictureSource<'_>, input: &mut R) -> Result<u64, ImageError> {
     let length = input.seek(SeekFrom::End(0)).and_then(|length| input.rewind().map(|()| length));
     length.map_err(|error| ImageError::read(source.path, error))
 }
 
-/// The decoders are other people's, and fuzzing has found panics in such before: one becomes an error of the file.
+/// Runs a decoder and turns its panics into errors of the file: fuzzing has found panics in third-party decoders.
 pub(crate) fn guarded<T>(
     source: &PictureSource<'_>,
     format: &'static str,
     read: impl FnOnce() -> Result<T, ImageError>,
 ) -> Result<T, ImageError> {
-    // Nothing that `read` leaves half changed outlives it, so unwinding out of it is safe.
+    // Unwinding is safe: nothing that `read` leaves inconsistent is used afterwards.
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(source.malformed(format, "its decoder gave up")))
 }

@@ -1,13 +1,13 @@
-//! Drawings as SVG.
+//! SVG drawings.
 
 use std::fmt::{Display, Write};
 
-/// A drawing under way, on white.
+/// An unfinished drawing, on white.
 #[derive(Clone, Debug)]
 pub struct Svg(String);
 
 impl Svg {
-    /// An empty drawing, sizes in pixels.
+    /// Starts an empty drawing; sizes in pixels.
     pub fn new(width: f64, height: f64, font_size: u32) -> Self {
         Self(format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
@@ -18,27 +18,27 @@ impl Svg {
 
     /// Adds elements.
     pub fn put(&mut self, elements: impl Display) {
-        // A string can always be written to.
+        // Writing to a string cannot fail.
         _ = writeln!(self.0, "{elements}");
     }
 
-    /// Adds a text, with its left end at a place unless an attribute says otherwise.
+    /// Adds text, with its left end at a position unless an attribute says otherwise.
     ///
-    /// - `attributes`: those beside the place, such as `fill="red"`.
+    /// - `attributes`: attributes other than the position, such as `fill="red"`.
     pub fn text(&mut self, [x, y]: [f64; 2], attributes: &str, text: impl Display) {
         let text = svg_text(&text.to_string());
         let space = if attributes.is_empty() { "" } else { " " };
         self.put(format_args!("<text x=\"{x:.1}\" y=\"{y:.1}\"{space}{attributes}>{text}</text>"));
     }
 
-    /// The whole drawing.
+    /// Finishes the drawing.
     pub fn finish(mut self) -> String {
         self.0.push_str("</svg>\n");
         self.0
     }
 }
 
-/// A text as an element or an attribute may hold it.
+/// Escapes a text for an element or attribute.
 pub fn svg_text(text: &str) -> String {
     let mut out = String::new();
     for character in text.chars() {
@@ -47,7 +47,7 @@ pub fn svg_text(text: &str) -> String {
             '<' => out.push_str("&lt;"),
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
-            // No XML may hold these.
+            // XML does not allow these.
             '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
             control if control.is_control() => out.push(' '),
             other => out.push(other),

@@ -1,28 +1,28 @@
-//! Running sums of the samples of a rectangle of pixels.
+//! Tiles: running sums of samples.
 
 use crate::{Aov, Layout, Rect};
 
-/// The values of one sample of a pixel. Non-finite values are the caller's fault: see [`Tile::add`].
+/// The values of one sample of a pixel. The caller must pass finite values: see [`Tile::add`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleValues {
     /// Radiance, linear Rec. 709 RGB.
     pub radiance: [f32; 3],
     /// 1 where a surface covers the sample, 0 where the environment is seen.
     pub alpha: f32,
-    /// See [`Aov::Albedo`].
+    /// Reflectance; see [`Aov::Albedo`].
     pub albedo: [f32; 3],
-    /// See [`Aov::Normal`].
+    /// Shading normal; see [`Aov::Normal`].
     pub normal: [f32; 3],
-    /// See [`Aov::Depth`].
+    /// Distance; see [`Aov::Depth`].
     pub depth: f32,
-    /// See [`Aov::Cost`].
+    /// Cost; see [`Aov::Cost`].
     pub cost: f32,
 }
 
-/// Running sums over the samples of a rectangle of pixels, row-major, [`Layout::stride`] floats a pixel.
+/// Running sums over the samples of a rectangle of pixels, row-major, [`Layout::stride`] floats per pixel.
 ///
-/// The sums of a pixel are a left fold over its samples in index order. So a tile may be passed from one worker to
-/// the next between samples, and ends with the same bits.
+/// The sums of a pixel are a left fold over its samples in index order. So a tile may pass from one worker to another
+/// between samples, and its final sums are bit-identical.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tile {
     rect: Rect,
@@ -31,40 +31,40 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A tile of no samples.
+    /// Returns a tile without samples.
     pub fn new(rect: Rect, layout: Layout) -> Self {
         let sums = vec![0.0; rect.area() as usize * layout.stride()];
         Self { rect, layout, sums }
     }
 
-    /// The pixels that it holds, in picture coordinates.
+    /// Returns the rectangle of its pixels, in picture coordinates.
     pub fn rect(&self) -> Rect {
         self.rect
     }
 
-    /// Where each value lies in a pixel.
+    /// Returns the layout of a pixel.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// All sums, `[area × stride]`.
+    /// Returns all sums, `[area × stride]`.
     pub fn sums(&self) -> &[f32] {
         &self.sums
     }
 
-    /// All sums, writable: for readers of stored tiles.
+    /// Returns all sums, mutably: for readers of stored tiles.
     pub fn sums_mut(&mut self) -> &mut [f32] {
         &mut self.sums
     }
 
-    /// The sums of the pixel (x, y), `[stride]`.
+    /// Returns the sums of pixel (x, y), `[stride]`.
     pub fn pixel(&self, x: u32, y: u32) -> &[f32] {
         let stride = self.layout.stride();
         let start = self.rect.index(x, y) * stride;
         &self.sums[start..start + stride]
     }
 
-    /// Adds one sample to the pixel (x, y).
+    /// Adds one sample to pixel (x, y).
     pub fn add(&mut self, x: u32, y: u32, values: &SampleValues) {
         let stride = self.layout.stride();
         let start = self.rect.index(x, y) * stride;
@@ -75,7 +75,7 @@ impl Tile {
         pixel[Layout::COLOR + 1] += g;
         pixel[Layout::COLOR + 2] += b;
         pixel[Layout::ALPHA] += values.alpha;
-        // It only tells how noisy a pixel is: where the square of a lamp's own light overflows, the picture is still sound.
+        // Clamp the sum, used only for the noise estimate: the square of very bright light may overflow.
         let squares = pixel[Layout::LUMINANCE_SQUARED] + luminance * luminance;
         pixel[Layout::LUMINANCE_SQUARED] = squares.min(f32::MAX);
         pixel[Layout::SAMPLE_COUNT] += 1.0;
@@ -92,13 +92,13 @@ impl Tile {
         put(Aov::Cost, &[values.cost]);
     }
 
-    /// The relative error that the means of this tile are estimated to have: the root of the mean over all pixels and
-    /// channels of variance / (mean² + 0.01), the measure of [`rel_mse`](crate::metrics::rel_mse).
+    /// Estimates the relative error of the means of this tile: the root of the mean over all pixels and channels of
+    /// variance / (mean² + 0.01), the measure of [`rel_mse`](crate::metrics::rel_mse).
     ///
-    /// The variance is that between `before`, the same tile with fewer samples, and the samples since: with a
-    /// low-discrepancy sequence the variance within a pixel would not do, for the sum converges faster than that of
-    /// independent samples. Where both parts are dependent in the usual way (what one has missed the other has found) the
-    /// estimate errs on the safe side. `None` where nothing was added, or nothing was there before.
+    /// The variance is that between `before`, the same tile with fewer samples, and the samples since. The variance
+    /// within a pixel is too high with a low-discrepancy sequence, whose sum converges faster than that of independent
+    /// samples. If both parts are negatively correlated, as usual, the estimate is conservative. `None` if no samples
+    /// were added, or there were none before.
     pub fn relative_error(&self, before: &Self) -> Option<f64> {
         if self.rect != before.rect || self.layout != before.layout || self.rect.is_empty() {
             return None;
@@ -122,7 +122,7 @@ impl Tile {
         Some((sum / (Layout::ALPHA as f64 * self.rect.area() as f64)).sqrt())
     }
 
-    /// Copies the sums of those pixels which both tiles hold. Panics when the layouts differ.
+    /// Copies the sums of the pixels that both tiles have. Panics if the layouts differ.
     pub fn copy_from(&mut self, other: &Self) {
         assert_eq!(self.layout, other.layout, "tiles of different layouts");
         let Some(shared) = self.rect.intersection(&other.rect) else { return };

@@ -1,30 +1,30 @@
-//! The way from scene-referred radiance to a display: exposure, tone mapping, encoding.
+//! Display transforms of scene-referred radiance: exposure, tone mapping, encoding.
 
-/// The tone mapping of radiance without bound to values from 0 to 1.
+/// The tone mapping of unbounded radiance to [0, 1].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ToneMap {
-    /// A film-like curve in a slightly desaturated base, in the manner of Sobotka's AgX: bright saturated light turns
-    /// white instead of changing its hue. Middle gray, 0.18, stays where it is.
+    /// A film-like curve in a slightly desaturated base, after Sobotka's AgX: bright saturated light turns white
+    /// instead of changing its hue. Middle gray, 0.18, is unchanged.
     #[default]
     Agx,
     /// The fit by S. Hill of the ACES reference rendering and output transforms: more contrast, about one stop darker.
     Aces,
-    /// None: what is brighter than 1 is cut off.
+    /// None: values above 1 are clamped.
     Linear,
 }
 
 /// The encoding of linear display values as numbers in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoding {
-    /// The curve of IEC 61966-2-1: what displays and viewers expect.
+    /// The sRGB curve of IEC 61966-2-1, which displays and viewers expect.
     #[default]
     Srgb,
-    /// None.
+    /// No encoding.
     Linear,
 }
 
 impl ToneMap {
-    /// Linear display values in [0, 1] of linear radiance. Values that are not finite become 0 (not a number, −∞) or 1.
+    /// Maps linear radiance to linear display values in [0, 1]. NaN and −∞ become 0, ∞ becomes 1.
     pub fn apply(self, color: [f32; 3]) -> [f32; 3] {
         let color = color.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1e9) });
         let mapped = match self {
@@ -37,7 +37,7 @@ impl ToneMap {
 }
 
 impl Encoding {
-    /// The encoded value of a linear one, both in [0, 1].
+    /// Encodes a linear value; both in [0, 1].
     pub fn encode(self, linear: f32) -> f32 {
         match self {
             Self::Srgb => srgb_from_linear(linear),
@@ -46,17 +46,17 @@ impl Encoding {
     }
 }
 
-/// The sRGB curve, IEC 61966-2-1.
+/// Encodes a linear value by the sRGB curve, IEC 61966-2-1.
 pub fn srgb_from_linear(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The inverse of [`srgb_from_linear`].
+/// Decodes a value by the sRGB curve; the inverse of [`srgb_from_linear`].
 pub fn linear_from_srgb(encoded: f32) -> f32 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The factor of an exposure in stops, 2^stops.
+/// Returns the factor of an exposure in stops, 2^stops.
 pub(crate) fn exposure_factor(stops: f32) -> f32 {
     stops.exp2()
 }
@@ -67,7 +67,8 @@ fn multiply(m: &Matrix, v: [f32; 3]) -> [f32; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// AgX: inset of the primaries, a logarithm from 10 stops below to 6.5 above middle gray, a sigmoid, the outset.
+/// Applies AgX: inset of the primaries, a logarithm from 10 stops below to 6.5 above middle gray, a sigmoid, the
+/// outset.
 ///
 /// The primaries are those of T. Sobotka's configuration for Rec. 709; the sigmoid is [`sigmoid`], with the slope of
 /// its later "punchless" form, which keeps middle gray.
@@ -94,15 +95,15 @@ const STOPS_BELOW: f32 = 10.0;
 const STOPS_ABOVE: f32 = 6.5;
 const DISPLAY_GAMMA: f32 = 2.4;
 
-/// The curve from (0, 0) to (1, 1) that passes through middle gray with slope 2.4 and bends towards both ends as h(t) =
-/// t / (1 + t^p)^(1/p), with p = 3 below and 3.25 above.
+/// Evaluates the curve from (0, 0) to (1, 1) through middle gray with slope 2.4, which bends towards both ends as h(t)
+/// = t / (1 + t^p)^(1/p), with p = 3 below and 3.25 above.
 ///
-/// From the pivot it goes d in x and s·h(2.4·d/s) in y. That it ends in the corner, which lies r_x and r_y from the
-/// pivot, gives s = (((2.4·r_x/r_y)^p − 1) / (2.4·r_x)^p)^(−1/p).
+/// At d in x from the pivot it is s·h(2.4·d/s) in y from it. Ending in the corner, r_x and r_y from the pivot, requires
+/// s = (((2.4·r_x/r_y)^p − 1) / (2.4·r_x)^p)^(−1/p).
 fn sigmoid(x: f32) -> f32 {
     const SLOPE: f32 = 2.4;
     const PIVOT_X: f32 = STOPS_BELOW / (STOPS_BELOW + STOPS_ABOVE);
-    // 0.18^(1/2.4): what the display turns back to middle gray.
+    // 0.18^(1/2.4): middle gray, as encoded for the display.
     const PIVOT_Y: f32 = 0.489_437_1;
     const SCALE_BELOW: f32 = 0.495_815_4;
     const SCALE_ABOVE: f32 = 0.533_861_6;
@@ -115,7 +116,7 @@ fn sigmoid(x: f32) -> f32 {
     }
 }
 
-/// The fit by S. Hill (2016) of ACES' reference rendering transform and its output transform for sRGB displays.
+/// Applies the fit by S. Hill (2016) of ACES' reference rendering transform and its output transform for sRGB displays.
 fn aces(color: [f32; 3]) -> [f32; 3] {
     const INPUT: Matrix = [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]];
     const OUTPUT: Matrix =
@@ -125,7 +126,8 @@ fn aces(color: [f32; 3]) -> [f32; 3] {
     multiply(&OUTPUT, curved)
 }
 
-/// A threshold in (0, 1) for the pixel (x, y), as even over neighbors as over the picture: interleaved gradient noise.
+/// Returns a threshold in (0, 1) for pixel (x, y), evenly distributed both locally and globally: interleaved gradient
+/// noise.
 ///
 /// Source: Jimenez 2014, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, slide 123.
 fn dither_threshold(x: u32, y: u32) -> f64 {
@@ -133,12 +135,12 @@ fn dither_threshold(x: u32, y: u32) -> f64 {
     fraction(52.982_918_9 * fraction(0.067_110_56 * f64::from(x) + 0.005_837_15 * f64::from(y)))
 }
 
-/// An encoded value in [0, 1] as an integer from 0 to `max`. With dithering it is one of the two nearest, such that the
-/// mean over neighbors is right; a value that is an integer already stays it.
+/// Quantizes an encoded value in [0, 1] to an integer from 0 to `max`. With dithering it is one of the two nearest, so
+/// that the mean over neighbors is right; an exact integer is unchanged.
 pub(crate) fn quantize(encoded: f32, max: f64, dither: Option<(u32, u32)>) -> u32 {
     let scaled = f64::from(encoded) * max;
     let threshold = dither.map_or(0.5, |(x, y)| dither_threshold(x, y));
-    // The float behind an exact integer may lie a hair off it.
+    // A float may differ slightly from an exact integer.
     let nearest = scaled.round();
     if (scaled - nearest).abs() < 1e-4 * max / 255.0 {
         nearest as u32
@@ -147,7 +149,7 @@ pub(crate) fn quantize(encoded: f32, max: f64, dither: Option<(u32, u32)>) -> u3
     }
 }
 
-/// Radiance at an exposure, tone mapped: linear display values in [0, 1].
+/// Applies exposure and tone mapping to radiance. Returns linear display values in [0, 1].
 pub fn displayed(color: [f32; 3], exposure_stops: f32, tone: ToneMap) -> [f32; 3] {
     let factor = exposure_factor(exposure_stops);
     tone.apply(color.map(|v| v * factor))

@@ -1,7 +1,7 @@
-//! Whole pictures of high dynamic range for who lays them on surfaces and around scenes: OpenEXR and Radiance.
+//! Whole HDR pictures for textures and environments: OpenEXR and Radiance.
 //!
-//! Where the pixels of an OpenEXR file are a part of the picture, or reach beyond it, the picture counts: what the file does
-//! not hold is black and transparent, and what lies outside is left out.
+//! If an OpenEXR file's data window is smaller or larger than the picture, the result has the size of the picture:
+//! missing pixels are black and transparent, and pixels outside are ignored.
 
 use std::{io::Cursor, path::Path};
 
@@ -13,7 +13,7 @@ use crate::{
     source::{PictureSource, guarded},
 };
 
-/// Whether these are the bytes of an OpenEXR or a Radiance file.
+/// Returns true if these are the bytes of an OpenEXR or Radiance file.
 pub fn is_float_picture(bytes: &[u8]) -> bool {
     is_exr(bytes) || radiance_read::recognizes(bytes)
 }
@@ -22,30 +22,30 @@ fn is_exr(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
 }
 
-/// The header of a file; nothing was allocated by it.
+/// The header of a file, read without allocating the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WholeHeader {
-    /// Columns of the picture.
+    /// Width of the picture, in pixels.
     pub width: u32,
-    /// Rows of the picture.
+    /// Height of the picture, in pixels.
     pub height: u32,
-    /// Whether there is an alpha beside the color.
+    /// `true`: it has alpha beside the color.
     pub has_alpha: bool,
 }
 
-/// A picture, with all of its pixels.
+/// A picture with all its pixels.
 #[derive(Clone, Debug)]
 pub struct WholePicture {
-    /// Linear Rec. 709.
+    /// Linear Rec. 709 colors.
     pub picture: Picture,
-    /// Row by row from the top; `None` where the file has none.
+    /// Alpha, row by row from the top; `None` if the file has none.
     pub alpha: Option<Vec<f32>>,
-    /// What was chosen where there was a choice, and what was not followed: to be told, each beginning with "it" or "its".
+    /// Notes for the user about choices and omissions, each beginning with "it" or "its".
     pub notes: Vec<String>,
 }
 
 impl WholeHeader {
-    /// Reads the header of a file whose bytes these are, and checks what it announces. `name` stands in errors.
+    /// Reads and checks the header of a file; `bytes` is the whole file, `name` is for errors.
     pub fn read(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<Self, ImageError> {
         let source = PictureSource::new(name.as_ref(), limits);
         if is_exr(bytes) {
@@ -62,7 +62,7 @@ impl WholeHeader {
         let placing = Placing::of(described.window());
         let (width, height) = placing.size;
         source.check_size(u64::from(width), u64::from(height))?;
-        // A few pixels in a wide frame take no bytes for what is around them.
+        // A small data window in a large frame takes no bytes for the rest.
         let held = described.window().size;
         check_announced(
             (u64::from(width), u64::from(height)),
@@ -78,7 +78,7 @@ impl WholeHeader {
     }
 }
 
-/// Reads the picture of a file whose bytes these are; see [`WholeHeader::read`].
+/// Reads the picture of a file; see [`WholeHeader::read`].
 pub fn read_whole(
     name: impl AsRef<Path>,
     bytes: &[u8],
@@ -104,12 +104,12 @@ pub fn read_whole(
     Ok(WholePicture { picture: Picture { width, height, data }, alpha, notes })
 }
 
-/// Where the pixels of a file lie in its picture.
+/// The position of a file's pixels in its picture.
 struct Placing {
     window: ExrWindow,
     /// Columns and rows of the picture.
     size: (u32, u32),
-    /// The file has no pixel of its picture: then its pixels are the picture.
+    /// `true`: the data window does not overlap the picture, so its pixels become the picture.
     is_apart: bool,
 }
 
@@ -123,7 +123,10 @@ impl Placing {
         Self { window, size: if is_apart { window.size } else { window.full_size }, is_apart }
     }
 
-    /// - `pixels`: those that the file holds, row by row.
+    /// Places pixels in the picture.
+    ///
+    /// - `pixels`: pixels of the file, row by row.
+    /// - `outside`: value of the pixels that the file lacks.
     fn place<T: Copy>(&self, pixels: Vec<T>, outside: T) -> Vec<T> {
         let ExrWindow { size, offset, full_size } = self.window;
         if self.is_apart || (offset == (0, 0) && size == full_size) {
@@ -131,7 +134,7 @@ impl Placing {
         }
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
         let mut placed = vec![outside; width * height];
-        // First pixel in the picture, first pixel of the file, and how many.
+        // First pixel in the picture, first pixel of the file, and number of pixels.
         let overlap = |offset: i32, size: u32, full: u32| {
             let start = offset.max(0) as usize;
             let end = (i64::from(offset) + i64::from(size)).min(i64::from(full)) as usize;

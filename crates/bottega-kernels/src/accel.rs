@@ -1,4 +1,4 @@
-//! Geometry in, hits out.
+//! The acceleration structure: geometry in, hits out.
 
 use crate::build::{self, BuiltTree, refit};
 #[cfg(target_arch = "x86_64")]
@@ -8,7 +8,7 @@ use crate::traverse::{self, Any, Closest, CountedQuery, Filtered, Query};
 use crate::tree::SceneTrees;
 use crate::{Aabb, BuildError, BuildOptions, Hit, InstanceGeometry, MeshGeometry, Precision, Ray, SphereGeometry};
 
-/// The vector unit to use, found once when a structure is built.
+/// The vector unit to use, detected once when a structure is built.
 #[derive(Clone, Copy, Debug)]
 enum Isa {
     #[cfg(target_arch = "x86_64")]
@@ -28,14 +28,14 @@ impl Isa {
 
 /// The acceleration structure over a scene: an 8-wide bounding volume hierarchy.
 ///
-/// Meshes with one instance lie in one tree in world space; a mesh with several has a tree of its own, under the
-/// instances. Some 65 to 80 bytes a triangle; the meshes given to [`Accel::build`] are not kept.
+/// Meshes with one instance share one tree in world space; a mesh with several has a tree of its own, below the
+/// instances. Takes 65 to 80 bytes per triangle; the meshes given to [`Accel::build`] are not kept.
 #[derive(Debug)]
 pub struct Accel {
     tree: SceneTrees,
     bounds: Aabb,
     triangles: usize,
-    /// See [`refit::topology`].
+    /// Mesh and triangle count of each instance; see [`refit::topology`].
     topology: Box<[(u32, u32)]>,
     precision: Precision,
     isa: Isa,
@@ -43,7 +43,7 @@ pub struct Accel {
 
 impl Accel {
     /// Builds the structure over all instances and spheres. Triangles without area and spheres of radius 0 are never
-    /// hit; an empty scene is fine.
+    /// hit; an empty scene is valid.
     pub fn build(
         meshes: &[MeshGeometry<'_>],
         instances: &[InstanceGeometry],
@@ -55,11 +55,11 @@ impl Accel {
         Ok(Self { tree, bounds, triangles, topology, precision: options.precision, isa: Isa::detect() })
     }
 
-    /// Fits the structure to geometry that has moved: other positions, transforms and spheres, but as many of each, and the
-    /// same triangles. Rays get slower the farther things have moved from how they were
-    /// built. What could not be hit then (a triangle without area, a sphere of radius 0) cannot be hit now.
+    /// Refits the structure to moved geometry: other positions, transforms and spheres, with the same counts and
+    /// triangle indices. The farther things move from where they were at the build, the slower rays get. Triangles
+    /// without area and spheres of radius 0 at the build stay unhittable.
     ///
-    /// On an error nothing has changed.
+    /// An error leaves the structure unchanged.
     pub fn refit(
         &mut self,
         meshes: &[MeshGeometry<'_>],
@@ -70,38 +70,38 @@ impl Accel {
         Ok(())
     }
 
-    /// The closest hit. Of two at the same distance, that with the lower instance, then the lower primitive.
+    /// Returns the closest hit. At equal distance, the lower instance wins, then the lower primitive.
     pub fn intersect(&self, ray: &Ray) -> Hit {
         self.query(ray, &mut Closest)
     }
 
-    /// Whether anything is hit.
+    /// Returns true if the ray hits anything.
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.query(ray, &mut Any).is_some()
     }
 
-    /// The closest hit that `accept` lets pass (an alpha test). It is asked for candidates in no particular order, perhaps
-    /// for some that are not the closest, and must be a pure function of the candidate.
+    /// Returns the closest hit that `accept` lets pass (an alpha test). It is called for candidates in no particular
+    /// order, possibly including some that are not the closest, and must be a pure function of the candidate.
     pub fn intersect_filtered(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Hit {
         self.query(ray, &mut Filtered::<_, false>(accept))
     }
 
-    /// Whether there is a hit that `accept` lets pass: see [`Accel::intersect_filtered`].
+    /// Returns true if there is a hit that `accept` lets pass; see [`Accel::intersect_filtered`].
     pub fn occluded_filtered(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> bool {
         self.query(ray, &mut Filtered::<_, true>(accept)).is_some()
     }
 
-    /// The closest hit; adds the number of nodes and leaves visited to `steps`.
+    /// Returns the closest hit; adds the number of nodes and leaves visited to `steps`.
     pub fn intersect_counted(&self, ray: &Ray, steps: &mut u32) -> Hit {
         self.query(ray, &mut CountedQuery::<false>(steps))
     }
 
-    /// Whether anything is hit; adds the number of nodes and leaves visited to `steps`.
+    /// Returns true if the ray hits anything; adds the number of nodes and leaves visited to `steps`.
     pub fn occluded_counted(&self, ray: &Ray, steps: &mut u32) -> bool {
         self.query(ray, &mut CountedQuery::<true>(steps)).is_some()
     }
 
-    /// The closest hit of every ray. Panics when the lengths differ.
+    /// Computes the closest hit of every ray. Panics if the lengths differ.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "a hit for every ray");
         for (hit, ray) in hits.iter_mut().zip(rays) {
@@ -109,7 +109,7 @@ impl Accel {
         }
     }
 
-    /// Whether each ray hits anything. Panics when the lengths differ.
+    /// Computes for every ray whether it hits anything. Panics if the lengths differ.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "an answer for every ray");
         for (hit, ray) in occluded.iter_mut().zip(rays) {
@@ -117,17 +117,17 @@ impl Accel {
         }
     }
 
-    /// The box around everything that can be hit; empty for an empty scene.
+    /// Returns the box around everything that can be hit; empty for an empty scene.
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// Bytes held.
+    /// Returns its memory, in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of::<Self>() + self.tree.memory_bytes() + size_of_val(&*self.topology)
     }
 
-    /// Triangles, counted once for every instance.
+    /// Returns the number of triangles, counted once per instance.
     pub fn triangle_count(&self) -> usize {
         self.triangles
     }

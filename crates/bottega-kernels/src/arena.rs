@@ -1,7 +1,7 @@
-//! Memory for the tree: cache lines, and huge pages where it is large and the system has them.
+//! Memory for the tree: cache lines, on huge pages for large trees where the system has them.
 //!
-//! A ray jumps through a tree far larger than what the processor's table of pages covers. With pages of 2 MiB in place of
-//! 4 KiB it does, and a step costs one miss in place of two or three.
+//! A ray jumps through a tree far larger than the TLB covers. With pages of 2 MiB instead of 4 KiB the TLB covers it,
+//! and a step costs one miss instead of two or three.
 #![allow(unsafe_code)]
 
 use bytemuck::{Pod, Zeroable};
@@ -15,48 +15,48 @@ use std::ptr::NonNull;
 pub(crate) struct CacheLine([u32; 16]);
 
 const LINE: usize = size_of::<CacheLine>();
-/// What a huge page is on x86-64, and one of the sizes on others.
+/// The size of a huge page on x86-64, and one of the sizes on other processors.
 #[cfg(target_os = "linux")]
 const HUGE: usize = 2 << 20;
-/// From here on half a huge page wasted is worth what it saves.
+/// Size from which huge pages are worth up to half a page of waste.
 #[cfg(target_os = "linux")]
 const LARGE: usize = HUGE / 2;
 
-/// Lines that a value takes.
+/// Returns the number of lines that a value takes.
 pub(crate) const fn lines_of<T>() -> usize {
     size_of::<T>().div_ceil(LINE)
 }
 
-/// A growing array of cache lines, in which values of several types lie.
+/// A growing array of cache lines that holds values of several types.
 pub(crate) struct Arena {
     memory: NonNull<CacheLine>,
     len: usize,
     capacity: usize,
 }
 
-// SAFETY: it owns its values as a `Vec` does.
+// SAFETY: owns its values as a `Vec` does.
 unsafe impl Send for Arena {}
 // SAFETY: as above.
 unsafe impl Sync for Arena {}
 
 impl Arena {
-    /// An empty arena without memory.
+    /// Returns an empty arena without memory.
     pub(crate) const fn new() -> Self {
         Self { memory: NonNull::dangling(), len: 0, capacity: 0 }
     }
 
-    /// Bytes held. What was never used is not counted: the system gives memory when it is touched.
+    /// Returns the used memory in bytes. Unused capacity does not count: the system provides pages on first touch.
     pub(crate) fn bytes(&self) -> usize {
         self.len * LINE
     }
 
-    /// Appends `count` lines of zeros and returns them.
+    /// Appends `count` zeroed lines and returns them.
     pub(crate) fn grow(&mut self, count: usize) -> &mut [CacheLine] {
         let first = self.len;
         let needed = first.checked_add(count).filter(|&n| n <= isize::MAX as usize / LINE);
         let Some(needed) = needed else { handle_alloc_error(Layout::new::<CacheLine>()) };
         if needed > self.capacity {
-            // The first tree gets just what it needs: mostly it is the only one.
+            // Allocate exactly what the first tree needs: usually it is the only one.
             self.move_to(if first == 0 { needed } else { needed.max(self.capacity + self.capacity / 2) });
         }
         self.len = needed;
@@ -70,7 +70,7 @@ impl Arena {
         self.copy_from_slice(&old);
     }
 
-    /// The value that begins with a line. Panics where it does not end within the arena.
+    /// Returns the value that begins at a line. Panics if it ends beyond the arena.
     #[inline(always)]
     pub(crate) fn at<T: Pod>(&self, line: usize) -> &T {
         const { assert!(align_of::<T>() == LINE) };
@@ -79,7 +79,7 @@ impl Arena {
         unsafe { &*self.memory.as_ptr().add(line).cast::<T>() }
     }
 
-    /// The same, to be written.
+    /// Returns the value that begins at a line, mutably.
     pub(crate) fn at_mut<T: Pod>(&mut self, line: usize) -> &mut T {
         &mut bytemuck::cast_slice_mut(&mut self[line..line + lines_of::<T>()])[0]
     }
@@ -95,7 +95,7 @@ impl Deref for Arena {
     type Target = [CacheLine];
     #[inline(always)]
     fn deref(&self) -> &[CacheLine] {
-        // SAFETY: the first `len` lines are initialized, being zeros from the beginning.
+        // SAFETY: the first `len` lines are initialized: they were zeroed on allocation.
         unsafe { std::slice::from_raw_parts(self.memory.as_ptr(), self.len) }
     }
 }
@@ -113,11 +113,11 @@ impl std::fmt::Debug for Arena {
     }
 }
 
-/// Where lines come from.
+/// Allocation of cache lines.
 mod memory {
     use super::*;
 
-    /// Lines of zeros. Large blocks are untouched yet, so that those who write them share the system's work of giving them.
+    /// Allocates zeroed lines. Large blocks are untouched, so the threads that write them share the page faults.
     pub(super) fn zeroed(lines: usize) -> NonNull<CacheLine> {
         if lines == 0 {
             return NonNull::dangling();
@@ -131,14 +131,14 @@ mod memory {
         NonNull::new(unsafe { alloc_zeroed(layout) }.cast()).unwrap_or_else(|| handle_alloc_error(layout))
     }
 
-    /// Gives back what [`zeroed`] gave for so many lines.
+    /// Frees lines allocated by [`zeroed`], with their number.
     pub(super) fn free(memory: NonNull<CacheLine>, lines: usize) {
         if lines == 0 {
             return;
         }
         #[cfg(target_os = "linux")]
         if let Some(bytes) = mapped(lines) {
-            // SAFETY: mapped by `huge`, which kept just this range, and used no more.
+            // SAFETY: mapped by `huge`, which kept exactly this range.
             let _ = unsafe { rustix::mm::munmap(memory.as_ptr().cast(), bytes) };
             return;
         }
@@ -150,28 +150,28 @@ mod memory {
         Layout::array::<CacheLine>(lines).unwrap_or_else(|_| handle_alloc_error(Layout::new::<CacheLine>()))
     }
 
-    /// Bytes to map for so many lines, if they are many.
+    /// Returns the number of bytes to map for that many lines; `None` if they are too few.
     #[cfg(target_os = "linux")]
     fn mapped(lines: usize) -> Option<usize> {
         let bytes = lines.saturating_mul(LINE);
         (bytes >= LARGE).then(|| bytes.checked_next_multiple_of(HUGE).unwrap_or(bytes))
     }
 
-    /// Memory of its own from the system, on huge pages if it will.
+    /// Maps memory from the system, on huge pages if possible.
     #[cfg(target_os = "linux")]
     fn huge(bytes: usize) -> NonNull<CacheLine> {
         use rustix::mm::{Advice, MapFlags, ProtFlags, madvise, mmap_anonymous, munmap};
         let failed = || handle_alloc_error(Layout::from_size_align(bytes, LINE).unwrap_or(Layout::new::<CacheLine>()));
         let room = bytes.saturating_add(HUGE);
-        // SAFETY: a new mapping touches nothing that is there.
+        // SAFETY: a new mapping overlaps nothing.
         let all = unsafe {
             mmap_anonymous(std::ptr::null_mut(), room, ProtFlags::READ | ProtFlags::WRITE, MapFlags::PRIVATE)
         };
         let Ok(all) = all else { failed() };
         let all = all.cast::<u8>();
         let before = all.align_offset(HUGE);
-        // SAFETY: both ends are within what was mapped, are aligned to pages and not handed out; the advice changes no
-        // content, and a refusal costs speed only.
+        // SAFETY: both ends are within the mapping, page-aligned and unused; the advice changes no content, and its
+        // failure only costs speed.
         unsafe {
             if before != 0 {
                 let _ = munmap(all.cast(), before);

@@ -1,8 +1,9 @@
-//! The build of a tree in three stages: [`bins`] makes a binary tree, [`collapse`] chooses a wide one, [`emit`] writes it.
+//! The build of a tree in three stages: [`bins`] builds a binary tree, [`collapse`] chooses the wide nodes, [`emit`]
+//! writes them.
 //!
-//! Before the first stage [`presplit`] cuts long thin triangles; after it [`reinsert`] moves what lies badly. A build holds some 80
-//! bytes a triangle at its peak, the result included (a quarter more where many are cut): 32 for the item and 13 for the binary
-//! tree at first, which is there twice for a moment, the tree itself in the end.
+//! Before the first stage [`presplit`] splits long thin triangles; after it [`reinsert`] moves badly placed subtrees. A
+//! build peaks at about 80 bytes per triangle, including the result (a quarter more if many are split): 32 for the item
+//! and 13 for the binary tree, of which there are briefly two, and finally the tree itself.
 
 mod binary;
 mod bins;
@@ -27,14 +28,14 @@ use item::Item;
 use rayon::prelude::*;
 use world::BuildWorld;
 
-/// Binary nodes with so many triangles are not divided further: half a block costs as much as a quarter. (With eight there is too
-/// little left to choose when blocks are filled.)
+/// Maximal number of triangles in a leaf of the binary tree: testing half a block costs as much as a quarter. (Eight
+/// leave too little choice when filling blocks.)
 const BINARY_LEAF: usize = 6;
 
-/// At most one triangle in so many is cut in two before the build: see [`presplit`].
+/// Ratio of triangles to splits: at most one in so many is split before the build; see [`presplit`].
 const SPLIT_BUDGET: usize = 4;
 
-/// A finished tree with what the outside asks about it.
+/// A finished tree, its bounds and its number of triangles.
 pub(crate) struct BuiltTree {
     pub(crate) tree: SceneTrees,
     pub(crate) bounds: Aabb,
@@ -54,7 +55,8 @@ pub(crate) fn build(
     })
 }
 
-/// Runs a build that may use the threads of the current pool, or may not.
+/// Runs a build, which may use the threads of the current pool if its argument is true; `threads` as in
+/// [`BuildOptions::threads`].
 fn with_threads<T: Send>(threads: usize, run: impl Fn(bool) -> T + Sync) -> T {
     match threads {
         0 => run(true),
@@ -89,7 +91,7 @@ impl TreeBuilder<'_> {
         Ok(BuiltTree { tree: self.tree, bounds, triangles })
     }
 
-    /// For each instance the map into its mesh's own space, or `None` where it is flattened into the world.
+    /// Returns for each instance the map from world to object space, or `None` if it is flattened into the world.
     fn choose_shared(&self) -> Vec<Option<Affine>> {
         let mut uses = vec![0usize; self.meshes.len()];
         for instance in self.instances {
@@ -105,7 +107,7 @@ impl TreeBuilder<'_> {
         self.instances.iter().map(inverse).collect()
     }
 
-    /// The trees of the shared meshes, and one over their instances.
+    /// Builds the trees of the shared meshes, and one over their instances.
     fn instance_tree(&mut self, inverses: &[Option<Affine>]) -> Result<(Child, Aabb), BuildError> {
         let mut roots: Vec<Option<(Child, Aabb)>> = vec![None; self.meshes.len()];
         let mut items = Vec::new();
@@ -138,7 +140,7 @@ impl TreeBuilder<'_> {
         self.triangle_tree(items, corners)
     }
 
-    /// One tree over all triangles of the instances that are flattened.
+    /// Builds one tree over all triangles of flattened instances.
     fn world_triangles(&mut self, flat: &[usize]) -> Result<(Child, Aabb), BuildError> {
         let world = BuildWorld::new(self.meshes, self.instances, flat.iter().copied())?;
         self.tree.flat.clone_from(&world.starts);
@@ -147,7 +149,7 @@ impl TreeBuilder<'_> {
         self.triangle_tree(items, |id| world.corners(id))
     }
 
-    /// The triangles that have an area, with room for those that are cut.
+    /// Makes items of the triangles that have an area, with capacity for splits.
     fn items(&self, count: u32, corners: &(impl Fn(u32) -> [[f32; 3]; 3] + Sync)) -> Vec<Item> {
         let item = |id: u32| {
             let corners = corners(id);
@@ -174,18 +176,22 @@ impl TreeBuilder<'_> {
         mut items: Vec<Item>,
         corners: impl Fn(u32) -> [[f32; 3]; 3] + Sync,
     ) -> Result<(Child, Aabb), BuildError> {
+        // Split long thin triangles
         let budget = items.len() / SPLIT_BUDGET;
         presplit::presplit(&mut items, budget, self.parallel, &corners);
+        // Build the binary tree
         let mut binary = bins::build(&mut items, BINARY_LEAF, self.parallel);
-        // The boxes have served: the items' numbers are an eighth of them.
+        // Keep the items' numbers only, an eighth of their memory.
         let mut ids: Vec<u32> =
             if self.parallel { items.par_iter().map(Item::id).collect() } else { items.iter().map(Item::id).collect() };
         drop(items);
+        // Reinsert badly placed subtrees
         if self.options.optimize
             && let Some(better) = reinsert::optimize(&binary, &ids, self.parallel)
         {
             (binary, ids) = better;
         }
+        // Choose wide nodes and leaves, then write them
         let choices = collapse::choose(&binary, WIDTH as u32, self.parallel);
         let leaf = |line: usize, _: &_| Child::triangles(line);
         let arena = &mut self.tree.arena;
@@ -207,7 +213,7 @@ impl TreeBuilder<'_> {
         self.single_item_tree(&mut items, Child::sphere)
     }
 
-    /// A tree whose leaves are single items, referred to by `child`.
+    /// Builds a tree whose leaves are single items, referred to by `child`.
     fn single_item_tree(
         &mut self,
         items: &mut [Item],
@@ -221,7 +227,7 @@ impl TreeBuilder<'_> {
         Ok((out.root, out.bounds))
     }
 
-    /// One root over several trees.
+    /// Makes one root over several trees.
     fn join(&mut self, parts: &[(Child, Aabb)]) -> Child {
         let parts: Vec<_> = parts.iter().filter(|part| part.0 != Child::EMPTY).collect();
         if let [] | [_] = parts[..] {
@@ -239,10 +245,10 @@ impl TreeBuilder<'_> {
     }
 }
 
-/// Whether a triangle has no area. In double precision both products of each component are rounded alike, so corners on
-/// one line give exactly zero whenever the edges are exact in `f64`.
+/// Returns true if a triangle has no area. In double precision both products of each component round alike, so
+/// collinear corners give exactly zero if the edges are exact in `f64`.
 fn is_flat(corners: &[[f32; 3]; 3]) -> bool {
-    // Far beyond the rounding of single precision there is no doubt.
+    // Decide clear cases in single precision.
     let [a, b, c] = corners.map(Vec3::from);
     let (e, f) = (b - a, c - a);
     if e.cross(f).abs().max_element() > 1e-3 * e.abs().max_element() * f.abs().max_element() {

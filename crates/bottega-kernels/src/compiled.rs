@@ -1,4 +1,4 @@
-//! Work that is compiled for each vector unit of the processor, and done by the best that is there.
+//! Code compiled for each vector unit, run with the best one of the processor.
 #![cfg_attr(target_arch = "x86_64", allow(unsafe_code))]
 
 #[cfg(target_arch = "x86_64")]
@@ -6,19 +6,19 @@ use crate::traverse::avx2::Avx2;
 use crate::traverse::lanes::Lanes;
 use crate::traverse::portable::Portable;
 
-/// Something to do. Whatever of it is to be compiled for each vector unit must be `#[inline(always)]`, all the way down
-/// from [`Task::run`]; what is not is the same code for all.
+/// A task to compile for each vector unit. Everything that must be compiled that way is `#[inline(always)]`, all the
+/// way down from [`Task::run`]; other functions are compiled once for all units.
 ///
-/// Which unit does it changes no bit: nothing is contracted or reordered behind the source's back.
+/// Results are bit-identical on all units: the compiler does not contract or reorder operations.
 pub trait Task {
-    /// What comes of it.
+    /// The result of the task.
     type Output;
 
-    /// Does it.
+    /// Runs the task.
     fn run(self) -> Self::Output;
 }
 
-/// Does a task with the best vector unit of this processor.
+/// Runs a task with the best vector unit of this processor.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub fn run<T: Task>(task: T) -> T::Output {
@@ -27,28 +27,28 @@ pub fn run<T: Task>(task: T) -> T::Output {
         task.run()
     }
     match Avx2::detect() {
-        // SAFETY: that there is an `Avx2` proves that the processor has these features.
+        // SAFETY: an `Avx2` value proves that the processor has these features.
         Some(_) => unsafe { compiled(task) },
         None => task.run(),
     }
 }
 
-/// Does a task with the best vector unit of this processor.
+/// Runs a task with the best vector unit of this processor.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline]
 pub fn run<T: Task>(task: T) -> T::Output {
     task.run()
 }
 
-/// As a [`Task`], but written for eight lanes.
+/// A [`Task`] that is written for eight lanes.
 pub(crate) trait LaneTask {
     type Output;
 
-    /// Does it; to be marked `inline(always)`.
+    /// Runs the task; implementations are `inline(always)`.
     fn run<S: Lanes>(self, unit: S) -> Self::Output;
 }
 
-/// Does a task with the best vector unit of this processor.
+/// Runs a task with the best vector unit of this processor.
 pub(crate) fn run_in_lanes<T: LaneTask>(task: T) -> T::Output {
     #[cfg(target_arch = "x86_64")]
     if let Some(unit) = Avx2::detect() {
@@ -56,7 +56,7 @@ pub(crate) fn run_in_lanes<T: LaneTask>(task: T) -> T::Output {
         fn compiled<T: LaneTask>(task: T, unit: Avx2) -> T::Output {
             task.run(unit)
         }
-        // SAFETY: that there is an `Avx2` proves that the processor has these features.
+        // SAFETY: an `Avx2` value proves that the processor has these features.
         return unsafe { compiled(task, unit) };
     }
     task.run(Portable)

@@ -1,22 +1,22 @@
-//! The geometry that an [`Accel`](crate::Accel) is built over, and how it is built.
+//! Input and options of an [`Accel`](crate::Accel).
 
 use glam::{Affine3A, Vec3};
 
 /// A triangle mesh in its own space.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshGeometry<'a> {
-    /// Vertices.
+    /// Vertex positions.
     pub positions: &'a [Vec3],
-    /// Three indices into `positions` a triangle.
+    /// Three indices into `positions` per triangle.
     pub triangles: &'a [[u32; 3]],
 }
 
 /// A sphere in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SphereGeometry {
-    /// Middle.
+    /// Center.
     pub center: Vec3,
-    /// Radius; 0 is allowed and never hit.
+    /// Radius; a sphere of radius 0 is allowed and never hit.
     pub radius: f32,
 }
 
@@ -25,32 +25,33 @@ pub struct SphereGeometry {
 pub struct InstanceGeometry {
     /// Index of the mesh.
     pub mesh: u32,
-    /// Where it stands.
+    /// Object space to world space.
     pub world_from_object: Affine3A,
 }
 
-/// The precision of the tests along a ray.
+/// The precision of the ray tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
-    /// Watertight: no ray slips between two triangles that share an edge or a vertex.
+    /// Watertight: no ray passes between two triangles that share an edge or a vertex.
     #[default]
     Robust,
-    /// Somewhat faster; about one ray in ten that is aimed exactly at an edge passes through.
+    /// Slightly faster; about one in ten rays aimed exactly at an edge passes through.
     Fast,
 }
 
-/// The options of building an [`Accel`](crate::Accel).
+/// Options of building an [`Accel`](crate::Accel).
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
-    /// Threads to build with; 0 for as many as the machine has. The result does not depend on it.
+    /// Number of threads; 0: all. The result does not depend on it.
     pub threads: usize,
-    /// How exact the tests along a ray are.
+    /// Precision of the ray tests.
     pub precision: Precision,
-    /// A mesh with several instances is copied into the world, as one with a single instance is, when all copies together
-    /// have no more triangles than this: the detour through a tree of its own costs a ray more than this costs memory.
+    /// A mesh with several instances is copied into world space, like one with a single instance, if all copies
+    /// together have at most this many triangles: for small meshes the detour through a tree of their own costs more
+    /// time than the copies cost memory.
     pub flatten_triangles: usize,
-    /// Whether to improve the tree after it is built: rays are up to 20 % faster in scenes of many separate objects, the build
-    /// takes up to twice as long.
+    /// `true`: improve the tree after the build. Rays are up to 20 % faster in scenes of many separate objects, and the
+    /// build takes up to twice as long.
     pub optimize: bool,
 }
 
@@ -60,22 +61,22 @@ impl Default for BuildOptions {
     }
 }
 
-/// Geometry that cannot be built.
+/// An error about geometry that cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
-    /// An index beyond the vertices.
+    /// A vertex index is out of range.
     #[error("mesh {mesh}: triangle {triangle} refers to vertex {vertex} of {vertices}")]
     IndexOutOfRange {
         /// Index of the mesh.
         mesh: usize,
         /// Index of the triangle.
         triangle: usize,
-        /// The index found.
+        /// The vertex index.
         vertex: u32,
-        /// How many vertices there are.
+        /// Number of vertices.
         vertices: usize,
     },
-    /// NaN or an infinity among the positions.
+    /// A position is NaN or infinite.
     #[error("mesh {mesh}: vertex {vertex} is not finite")]
     PositionNotFinite {
         /// Index of the mesh.
@@ -83,39 +84,39 @@ pub enum BuildError {
         /// Index of the vertex.
         vertex: usize,
     },
-    /// An instance of a mesh that is not there.
+    /// An instance refers to a mesh that does not exist.
     #[error("instance {instance} refers to mesh {mesh} of {meshes}")]
     NoSuchMesh {
         /// Index of the instance.
         instance: usize,
-        /// The mesh asked for.
+        /// Index of the missing mesh.
         mesh: u32,
-        /// How many there are.
+        /// Number of meshes.
         meshes: usize,
     },
-    /// NaN or an infinity in a transform, or a transform that moves a vertex beyond the range of `f32`.
+    /// A transform is NaN or infinite, or moves a vertex beyond the range of `f32`.
     #[error("instance {instance}: its transform is not finite, or leads beyond the range of numbers")]
     TransformNotFinite {
         /// Index of the instance.
         instance: usize,
     },
-    /// A sphere with NaN, an infinity or a negative radius.
+    /// A sphere is NaN or infinite, or has a negative radius.
     #[error("sphere {sphere}: center or radius is not finite, or the radius is negative")]
     BadSphere {
         /// Index of the sphere.
         sphere: usize,
     },
-    /// A refit with other geometry than the structure was built over, or with an instance flattened to nothing.
+    /// A refit has other geometry than the build, or flattens an instance to nothing.
     #[error("meshes, instances or spheres are others than those built: build again instead of refitting")]
     Changed,
-    /// More than the indices can number.
+    /// There are more elements than indices can number.
     #[error("{count} {what} are more than the limit of {limit}")]
     TooMany {
-        /// Of what.
+        /// Kind of element, such as "triangles".
         what: &'static str,
-        /// How many there are.
+        /// Number of elements.
         count: usize,
-        /// How many there may be.
+        /// Maximal number.
         limit: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! Checks of the input, and affine maps computed alike everywhere.
+//! Validation of the input, and affine maps that compute bit-identically everywhere.
 
 use crate::geometry::{BuildError, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::{Aabb, Hit};
@@ -25,7 +25,7 @@ impl Affine {
         self.rows.iter().flatten().all(|x| x.is_finite())
     }
 
-    /// The inverse, in double precision inside; `None` when there is none that floats can hold.
+    /// Returns the inverse, computed in double precision; `None` if it is singular or beyond the range of floats.
     pub(crate) fn inverse(&self) -> Option<Self> {
         let r = self.rows.map(|r| r.map(f64::from));
         let minor = |a: usize, b: usize, c: usize, d: usize| r[a][c] * r[b][d] - r[a][d] * r[b][c];
@@ -36,7 +36,7 @@ impl Affine {
         ];
         let determinant = r[0][0] * cofactors[0][0] + r[0][1] * cofactors[1][0] + r[0][2] * cofactors[2][0];
         let norm = |axis: usize| r.iter().map(|row| row[axis] * row[axis]).sum::<f64>().sqrt();
-        // Flattened to less than a millionth: the rounding of the inverse would be seen.
+        // Reject maps that flatten to less than a millionth: the rounding of the inverse becomes visible.
         let flat = 1e-6 * norm(0) * norm(1) * norm(2);
         if determinant.is_nan() || determinant.abs() <= flat {
             return None;
@@ -49,7 +49,7 @@ impl Affine {
         Some(Self { rows }).filter(Self::is_finite)
     }
 
-    /// A box around the image of a box, with room for the rounding of rays that are mapped back.
+    /// Returns a box around the image of a box, with a margin for the rounding of rays that are mapped back.
     pub(crate) fn bounds(&self, object: &Aabb) -> Aabb {
         let mut out = Aabb::EMPTY;
         for corner in 0..8 {
@@ -61,7 +61,7 @@ impl Affine {
     }
 }
 
-/// Refuses what no tree can be built from.
+/// Checks that a tree can be built.
 pub(crate) fn validate(
     meshes: &[MeshGeometry<'_>],
     instances: &[InstanceGeometry],

@@ -1,16 +1,17 @@
-//! Elementary functions that give the same bits on every platform.
+//! Elementary functions that are bit-identical on every platform.
 //!
-//! `sin`, `exp` and their kin in `std` come from the platform's library and differ in the last bit between systems.
-//! These use only `+ - * /`, `sqrt`, conversions and integer operations, which IEEE 754 defines exactly. Inside they
-//! compute in `f64` with short polynomials (fitted at Chebyshev nodes, relative error below 2⁻³⁴), and round once to
-//! `f32` at the end. So each result is the correctly rounded one but for about one argument in a thousand, where it
-//! is the other neighbor of the true value: the error is below **0.501 ulp** for every function here (tested).
+//! `sin`, `exp` and the like in `std` come from the platform's library and differ in the last bit between systems.
+//! These use only `+ - * /`, `sqrt`, conversions and integer operations, which IEEE 754 defines exactly. They compute
+//! in `f64` with short polynomials (fitted at Chebyshev nodes, relative error below 2⁻³⁴), and round once to `f32` at
+//! the end. Each result is correctly rounded except for about one argument in a thousand, where it is the other
+//! neighbor of the true value: the error is below **0.501 ulp** for every function here (tested).
 //!
-//! Where correct rounding holds, monotone functions are monotone; exact cases (`exp(0)`, `ln(1)`, `powf(x, 1)`) are exact.
+//! Where results are correctly rounded, monotone functions are monotone; exact cases (`exp(0)`, `ln(1)`, `powf(x, 1)`)
+//! are exact.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LOG2_E, PI};
 
-/// Horner's rule; lowest power first.
+/// Evaluates a polynomial by Horner's rule; lowest power first.
 #[inline(always)]
 fn poly<const N: usize>(x: f64, c: [f64; N]) -> f64 {
     let mut r = c[N - 1];
@@ -20,7 +21,7 @@ fn poly<const N: usize>(x: f64, c: [f64; N]) -> f64 {
     r
 }
 
-/// Nearest integer, ties to even, as a float and as an integer. For |x| < 2⁵¹.
+/// Rounds to the nearest integer, ties to even, as a float and as an integer. For |x| < 2⁵¹.
 #[inline(always)]
 fn round(x: f64) -> (f64, i64) {
     const MAGIC: f64 = 6_755_399_441_055_744.0; // 1.5 · 2⁵²: adding it leaves no bits for a fraction
@@ -28,10 +29,10 @@ fn round(x: f64) -> (f64, i64) {
     (shifted - MAGIC, (shifted.to_bits() as i64).wrapping_sub(MAGIC.to_bits() as i64))
 }
 
-/// x = quadrant · π/2 + r with |r| ≤ π/4 (a hair more): returns (r, quadrant mod 4).
+/// Reduces x = quadrant · π/2 + r with |r| ≤ π/4 (or a hair more). Returns (r, quadrant mod 4).
 #[inline(always)]
 fn reduce(x: f32) -> (f64, u32) {
-    /// π/2 in two parts: the upper has 31 bits, so that its product with a quadrant number below 2²² is exact.
+    /// π/2 in two parts: the upper has 31 bits, so its product with a quadrant number below 2²² is exact.
     const HI: f64 = 1.570_796_326_734_125_6;
     const LO: f64 = 6.077_100_506_506_192e-11;
     if x.abs() < 4.0e6 {
@@ -42,7 +43,7 @@ fn reduce(x: f32) -> (f64, u32) {
     reduce_large(x)
 }
 
-/// Range reduction of Payne and Hanek (1983): only those bits of 2/π are multiplied that matter modulo 4.
+/// Reduces large arguments (Payne and Hanek 1983): multiplies only the bits of 2/π that matter modulo 4.
 #[cold]
 fn reduce_large(x: f32) -> (f64, u32) {
     const TWO_OVER_PI: [u64; 4] =
@@ -95,7 +96,7 @@ fn cos_kernel(r: f64) -> f64 {
     )
 }
 
-/// Sine and cosine of an angle in radians, of any size. NaN for infinities and NaN.
+/// Returns sine and cosine of an angle in radians, of any size. NaN for infinities and NaN.
 #[inline]
 pub fn sin_cos(x: f32) -> (f32, f32) {
     if !x.is_finite() {
@@ -115,8 +116,8 @@ pub fn sin_cos(x: f32) -> (f32, f32) {
     (s as f32, c as f32)
 }
 
-/// Sine and cosine of `turns` full turns, a number in [0, 1]: within 1.2e-7, and without a branch. For directions drawn at
-/// random; elsewhere [`sin_cos`].
+/// Returns sine and cosine of `turns` full turns, in [0, 1], within 1.2e-7 and without a branch. For random directions;
+/// otherwise use [`sin_cos`].
 #[inline(always)]
 pub fn sin_cos_of_turns(turns: f32) -> (f32, f32) {
     let quarters = 4.0 * turns;
@@ -132,19 +133,19 @@ pub fn sin_cos_of_turns(turns: f32) -> (f32, f32) {
     (sign(s, nearest), sign(c, nearest + 1))
 }
 
-/// Sine of an angle in radians: see [`sin_cos`].
+/// Returns the sine of an angle in radians; see [`sin_cos`].
 #[inline]
 pub fn sin(x: f32) -> f32 {
     sin_cos(x).0
 }
 
-/// Cosine of an angle in radians: see [`sin_cos`].
+/// Returns the cosine of an angle in radians; see [`sin_cos`].
 #[inline]
 pub fn cos(x: f32) -> f32 {
     sin_cos(x).1
 }
 
-/// Tangent of an angle in radians. NaN for infinities and NaN.
+/// Returns the tangent of an angle in radians. NaN for infinities and NaN.
 #[inline]
 pub fn tan(x: f32) -> f32 {
     if !x.is_finite() {
@@ -158,7 +159,7 @@ pub fn tan(x: f32) -> f32 {
     (if quadrant & 1 == 0 { s / c } else { -c / s }) as f32
 }
 
-/// 2^x for any x, without rounding to `f32`; saturates to 0 and infinity far outside the range of `f32`.
+/// Returns 2^x for any x, in `f64`; saturates to 0 and infinity far outside the range of `f32`.
 #[inline(always)]
 fn exp2_wide(x: f64) -> f64 {
     let x = x.clamp(-300.0, 300.0);
@@ -179,7 +180,7 @@ fn exp2_wide(x: f64) -> f64 {
     p * f64::from_bits(((n + 1023) as u64) << 52)
 }
 
-/// Base-2 logarithm of a positive finite number (`f32`'s smallest subnormal included).
+/// Returns the base-2 logarithm of a positive finite number, subnormals included.
 #[inline(always)]
 fn log2_wide(x: f32) -> f64 {
     // The cut at √½ puts the mantissa into [√½, √2), around 1, so that ln(1) is exact and its neighborhood accurate.
@@ -203,26 +204,26 @@ fn log2_wide(x: f32) -> f64 {
     exponent as f64 + s * p
 }
 
-/// e^x: 0 below about −104, infinity above about 88.7, NaN for NaN.
+/// Returns e^x: 0 below about −104, infinity above about 88.7, NaN for NaN.
 #[inline]
 pub fn exp(x: f32) -> f32 {
     exp2_wide(f64::from(x) * LOG2_E) as f32
 }
 
-/// 2^x: 0 below −150, infinity from 128 on, NaN for NaN.
+/// Returns 2^x: 0 below −150, infinity from 128 on, NaN for NaN.
 #[inline]
 pub fn exp2(x: f32) -> f32 {
     exp2_wide(f64::from(x)) as f32
 }
 
-/// Natural logarithm: −infinity for ±0, NaN for negative numbers and NaN.
+/// Returns the natural logarithm: −infinity for ±0, NaN for negative numbers and NaN.
 #[inline]
 pub fn ln(x: f32) -> f32 {
     use std::f64::consts::LN_2;
     if x > 0.0 && x < f32::INFINITY { (log2_wide(x) * LN_2) as f32 } else { log_special(x) }
 }
 
-/// Base-2 logarithm: −infinity for ±0, NaN for negative numbers and NaN.
+/// Returns the base-2 logarithm: −infinity for ±0, NaN for negative numbers and NaN.
 #[inline]
 pub fn log2(x: f32) -> f32 {
     if x > 0.0 && x < f32::INFINITY { log2_wide(x) as f32 } else { log_special(x) }
@@ -239,8 +240,8 @@ fn log_special(x: f32) -> f32 {
     }
 }
 
-/// x^y with the special cases of IEEE 754 `pow`: x⁰ = 1 and 1^y = 1 even for NaN, NaN for a negative base and an
-/// exponent that is no integer.
+/// Returns x^y with the special cases of IEEE 754 `pow`: x⁰ = 1 and 1^y = 1 even for NaN, NaN for a negative base with
+/// a non-integer exponent.
 #[inline]
 pub fn powf(x: f32, y: f32) -> f32 {
     if x > 0.0 && x < f32::INFINITY && y.is_finite() {
@@ -279,7 +280,7 @@ fn powf_special(x: f32, y: f32) -> f32 {
     if x.is_sign_negative() && is_odd { -power } else { power }
 }
 
-/// Cube root, of negative numbers too.
+/// Returns the cube root, also of negative numbers.
 #[inline]
 pub fn cbrt(x: f32) -> f32 {
     if x == 0.0 || !x.is_finite() {
@@ -288,7 +289,7 @@ pub fn cbrt(x: f32) -> f32 {
     (exp2_wide(log2_wide(x.abs()) / 3.0) as f32).copysign(x)
 }
 
-/// Arc tangent of t in [0, 1].
+/// Returns the arc tangent of t in [0, 1].
 #[inline(always)]
 fn atan_unit(t: f64) -> f64 {
     const TAN_PI_8: f64 = 0.414_213_562_373_095_03;
@@ -309,7 +310,7 @@ fn atan_unit(t: f64) -> f64 {
     offset + t * p
 }
 
-/// The angle of the vector (x, y) against the x axis, in [−π, π], with the special cases of IEEE 754 `atan2`.
+/// Returns the angle of the vector (x, y) against the x axis, in [−π, π], with the special cases of IEEE 754 `atan2`.
 #[inline]
 pub fn atan2(y: f32, x: f32) -> f32 {
     if x.is_nan() || y.is_nan() {
@@ -328,13 +329,13 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     (a as f32).copysign(y)
 }
 
-/// Arc tangent, in [−π/2, π/2].
+/// Returns the arc tangent, in [−π/2, π/2].
 #[inline]
 pub fn atan(x: f32) -> f32 {
     atan2(x, 1.0)
 }
 
-/// Arc sine of x in [0, 0.5].
+/// Returns the arc sine of x in [0, 0.5].
 #[inline(always)]
 fn asin_half(x: f64) -> f64 {
     x * poly(
@@ -353,7 +354,7 @@ fn asin_half(x: f64) -> f64 {
     )
 }
 
-/// Arc cosine, in [0, π]. Arguments beyond ±1, as rounding of a dot product makes them, count as ±1; NaN for NaN.
+/// Returns the arc cosine, in [0, π]. Arguments beyond ±1, as from a rounded dot product, count as ±1; NaN for NaN.
 #[inline]
 pub fn acos(x: f32) -> f32 {
     let a = f64::from(x.abs());
@@ -365,7 +366,7 @@ pub fn acos(x: f32) -> f32 {
     (if x < 0.0 { PI - a } else { a }) as f32
 }
 
-/// Arc sine, in [−π/2, π/2]. Arguments beyond ±1 count as ±1; NaN for NaN.
+/// Returns the arc sine, in [−π/2, π/2]. Arguments beyond ±1 count as ±1; NaN for NaN.
 #[inline]
 pub fn asin(x: f32) -> f32 {
     let a = f64::from(x.abs());

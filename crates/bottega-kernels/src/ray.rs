@@ -4,44 +4,45 @@ use glam::Vec3;
 
 /// A ray in world space: the points `origin + t · direction` with `t_min < t <= t_max`.
 ///
-/// `t` counts in lengths of `direction`, which need not be 1. A negative `t_min` counts as 0. A ray with a component that
+/// `t` is in lengths of `direction`, which need not be 1. A negative `t_min` counts as 0. A ray with a component that
 /// is not finite, or with a zero direction, hits nothing.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Where it starts.
+    /// Origin.
     pub origin: Vec3,
     /// Hits at or before this parameter are ignored.
     pub t_min: f32,
-    /// Where it goes; of any length.
+    /// Direction, of any length but 0.
     pub direction: Vec3,
     /// Hits beyond this parameter are ignored; may be infinite.
     pub t_max: f32,
 }
 
 impl Ray {
-    /// The ray from `origin` along `direction` without end.
+    /// Returns the ray from `origin` along `direction` without end.
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
         Self { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
     }
 
-    /// The point at parameter `t`.
+    /// Returns the point at parameter `t`.
     pub fn at(&self, t: f32) -> Vec3 {
         self.origin + self.direction * t
     }
 }
 
-/// The point where a ray meets a surface. On a triangle it is `(1 − u − v) p0 + u p1 + v p2`; on a sphere `u` and `v` are 0.
+/// An intersection of a ray and a surface. On a triangle it is at `(1 − u − v) p0 + u p1 + v p2`; on a sphere `u` and
+/// `v` are 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Parameter along the ray; infinite where nothing was hit.
+    /// Parameter along the ray; infinite if nothing was hit.
     pub t: f32,
     /// Barycentric coordinate of the triangle's second vertex.
     pub u: f32,
     /// Barycentric coordinate of the triangle's third vertex.
     pub v: f32,
-    /// Index of the instance, or [`Hit::SPHERE`] | index of the sphere, or `u32::MAX` where nothing was hit.
+    /// Index of the instance, or [`Hit::SPHERE`] | index of the sphere, or `u32::MAX` if nothing was hit.
     pub instance: u32,
     /// Index of the triangle in the instance's mesh; 0 for a sphere.
     pub primitive: u32,
@@ -53,19 +54,19 @@ impl Hit {
     /// The bit of `instance` that marks a sphere.
     pub const SPHERE: u32 = 1 << 31;
 
-    /// Whether something was hit.
+    /// Returns true if something was hit.
     #[inline]
     pub fn is_some(&self) -> bool {
         self.instance != u32::MAX
     }
 
-    /// Whether nothing was hit.
+    /// Returns true if nothing was hit.
     #[inline]
     pub fn is_none(&self) -> bool {
         self.instance == u32::MAX
     }
 
-    /// The index of the sphere that was hit, if it was one.
+    /// Returns the index of the sphere that was hit; `None` if it was not a sphere.
     #[inline]
     pub fn sphere(&self) -> Option<u32> {
         (self.is_some() && self.instance & Self::SPHERE != 0).then_some(self.instance & !Self::SPHERE)
@@ -88,41 +89,41 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The box that holds nothing: every union with it is the other.
+    /// The empty box; its union with a box is that box.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// Whether it holds no point.
+    /// Returns true if it contains no point.
     #[inline]
     pub fn is_empty(&self) -> bool {
         !(self.min.x <= self.max.x && self.min.y <= self.max.y && self.min.z <= self.max.z)
     }
 
-    /// The smallest box around both.
+    /// Returns the smallest box around both.
     #[inline]
     pub fn union(&self, other: &Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// The smallest box around it and a point.
+    /// Returns the smallest box around it and a point.
     #[inline]
     pub fn with(&self, p: Vec3) -> Self {
         Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// Half of the surface area; 0 for the empty box.
+    /// Returns half the surface area; 0 for the empty box.
     #[inline]
     pub fn half_area(&self) -> f32 {
         let d = (self.max - self.min).max(Vec3::ZERO);
         d.x * d.y + d.y * d.z + d.z * d.x
     }
 
-    /// Its middle.
+    /// Returns its center.
     #[inline]
     pub fn center(&self) -> Vec3 {
         (self.min + self.max) * 0.5
     }
 
-    /// The box around `center ± radius`.
+    /// Returns the box around a sphere.
     pub fn around(center: Vec3, radius: f32) -> Self {
         Self { min: center - Vec3::splat(radius), max: center + Vec3::splat(radius) }
     }

@@ -1,39 +1,39 @@
-//! SplitMix64: pseudo-random numbers that a seed decides.
+//! SplitMix64, a pseudo-random number generator.
 
-/// The golden ratio as a fraction of 2⁶⁴, by which the state moves on.
+/// The golden ratio as a fraction of 2⁶⁴: the step of the state.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The sequence of a seed (Steele, Lea and Flood 2014, Fast Splittable Pseudorandom Number Generators).
+/// A generator (Steele, Lea and Flood 2014, Fast Splittable Pseudorandom Number Generators).
 #[derive(Clone, Debug)]
 pub struct SplitMix64(u64);
 
 impl SplitMix64 {
-    /// The sequence of a seed.
+    /// Returns the generator of a seed.
     pub const fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// The next 64 bits.
+    /// Returns the next 64 bits.
     #[inline(always)]
     pub const fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(GOLDEN);
         mix64(self.0)
     }
 
-    /// The next number in [0, 1), a multiple of 2⁻⁵³.
+    /// Returns the next number in [0, 1), a multiple of 2⁻⁵³.
     #[inline(always)]
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// The next number in [0, 1), a multiple of 2⁻²⁴.
+    /// Returns the next number in [0, 1), a multiple of 2⁻²⁴.
     #[inline(always)]
     pub fn unit_f32(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1_u32 << 24) as f32
     }
 }
 
-/// A bijection of 64 bits that mixes well: the finalizer of SplitMix64.
+/// Mixes 64 bits by a bijection: the finalizer of SplitMix64.
 #[inline(always)]
 pub const fn mix64(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

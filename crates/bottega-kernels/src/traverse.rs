@@ -1,16 +1,16 @@
-//! The traversal of the tree by a ray. Written once, over [`lanes::Lanes`]; compiled for each vector unit.
+//! Traversal of the tree by a ray, written once over [`lanes::Lanes`] and compiled for each vector unit.
 //!
-//! Robust mode, two halves. The *triangle* test is that of Woop, Benthin and Wald 2013, "Watertight Ray/Triangle
+//! Robust mode has two parts. The *triangle* test is that of Woop, Benthin and Wald 2013, "Watertight Ray/Triangle
 //! Intersection" (JCGT 2(1)): vertices are sheared into a space where the ray is the z axis; the sign of each edge
-//! function is then a property of edge and ray alone, the same for both triangles at the edge. Their fallback to double
-//! precision is not needed to be watertight: rounding never turns a sign, it only makes zeros, and zero counts as inside.
-//! The *box* test must never miss a box whose triangle would be hit. Slabs are fused multiply-adds, `plane · scale +
-//! shift`, and instead of rounding each outward, `scale` and `shift` are made a little too small for near planes and a
-//! little too large for far planes, once a ray: see [`setup`].
+//! function then depends on edge and ray alone, and is the same for both triangles at the edge. Their fallback to
+//! double precision is not needed for watertightness: rounding never flips a sign, it only makes zeros, and zero counts
+//! as inside. The *box* test must never miss a box whose triangle is hit. A slab is one fused multiply-add of plane,
+//! scale and shift. Instead of rounding each slab outward, `scale` and `shift` are made slightly too small for near
+//! planes and slightly too large for far planes, once per ray: see [`setup`].
 //!
-//! Independence of the order of visits: a box is skipped only when it is entered beyond the best hit, and a hit never
-//! counts as closer than where its leaf box is entered (all boxes above are entered no later, as every operation is
-//! monotone). So the lowest (t, instance, primitive) wins whatever the order.
+//! The result does not depend on the order of visits: a box is skipped only if it is entered beyond the best hit, and a
+//! hit never counts as closer than the entry of its leaf box (all boxes above are entered no later, as every operation
+//! is monotone). So the lowest (t, instance, primitive) wins in any order.
 
 pub(crate) mod lanes;
 pub(crate) mod portable;
@@ -29,37 +29,37 @@ use setup::Wide;
 use stack::{Stack, Storage};
 use triangle::BlockHits;
 
-/// What is asked along a ray; the traversal is compiled for each.
+/// A kind of ray query; the traversal is compiled for each.
 pub(crate) trait Query {
-    /// The first hit found will do.
+    /// `true`: any hit ends the traversal.
     const ANY: bool;
-    /// Candidates must be shown to [`Query::accept`].
+    /// `true`: candidates must pass [`Query::accept`].
     const FILTERED: bool;
-    /// Nothing depends on which hit it is, nor on where.
+    /// `true`: the result depends neither on which hit it is nor on its position.
     const BLIND: bool = Self::ANY && !Self::FILTERED;
     fn accept(&self, _candidate: &Hit) -> bool {
         true
     }
-    /// Called for each node and each leaf visited.
+    /// Counts a visit: called for each node and each leaf.
     #[inline(always)]
     fn visit(&mut self) {}
 }
 
-/// The closest hit.
+/// The query for the closest hit.
 pub(crate) struct Closest;
 impl Query for Closest {
     const ANY: bool = false;
     const FILTERED: bool = false;
 }
 
-/// Any hit.
+/// The query for any hit.
 pub(crate) struct Any;
 impl Query for Any {
     const ANY: bool = true;
     const FILTERED: bool = false;
 }
 
-/// The closest or any hit that a filter accepts.
+/// The query for the closest or any hit that a filter accepts.
 pub(crate) struct Filtered<A, const ANY: bool>(pub(crate) A);
 impl<A: Fn(&Hit) -> bool, const ANY: bool> Query for Filtered<A, ANY> {
     const ANY: bool = ANY;
@@ -70,7 +70,7 @@ impl<A: Fn(&Hit) -> bool, const ANY: bool> Query for Filtered<A, ANY> {
     }
 }
 
-/// The closest or any hit, with the number of visits.
+/// The query for the closest or any hit that counts visits.
 pub(crate) struct CountedQuery<'a, const ANY: bool>(pub(crate) &'a mut u32);
 impl<const ANY: bool> Query for CountedQuery<'_, ANY> {
     const ANY: bool = ANY;
@@ -81,25 +81,25 @@ impl<const ANY: bool> Query for CountedQuery<'_, ANY> {
     }
 }
 
-/// Stands for "world space" where an instance index is wanted.
+/// The world space, in place of an instance index.
 const WORLD: u32 = u32::MAX;
 
 /// The best hit so far.
 struct NearestHit {
     t: f32,
-    /// [`WORLD`], or the instance with a tree of its own, or the sphere with its bit.
+    /// [`WORLD`], or an instance with a tree of its own, or a sphere with its bit.
     space: u32,
-    /// Triangle within that space; [`NOTHING`] when nothing was hit.
+    /// Triangle within that space; [`NOTHING`] if nothing was hit.
     id: u32,
-    /// Which of the numbers below are its.
+    /// Lane of the hit in the arrays below.
     lane: usize,
-    /// Barycentric coordinates times `det`, of the whole block: they are divided when the ray is done.
+    /// Barycentric coordinates times `det`, of the whole block; divided after traversal.
     u: [f32; WIDTH],
     v: [f32; WIDTH],
     det: [f32; WIDTH],
 }
 
-/// No triangle has this number.
+/// The triangle number of no hit.
 const NOTHING: u32 = u32::MAX;
 
 impl NearestHit {
@@ -110,7 +110,7 @@ impl NearestHit {
     }
 }
 
-/// Instance and primitive as the caller counts them.
+/// Returns instance and primitive in the caller's numbering.
 #[inline(always)]
 fn key(tree: &SceneTrees, space: u32, id: u32) -> (u32, u32) {
     if id == NOTHING {
@@ -122,14 +122,14 @@ fn key(tree: &SceneTrees, space: u32, id: u32) -> (u32, u32) {
     }
 }
 
-/// Which of two at the same distance counts, given by space and number.
+/// Returns true if the first of two hits at the same distance wins, given by space and number.
 #[cold]
 #[inline(never)]
 fn key_is_lower(tree: &SceneTrees, (space, id): (u32, u32), (best_space, best_id): (u32, u32)) -> bool {
     key(tree, space, id) < key(tree, best_space, best_id)
 }
 
-/// A leaf that is a sphere or an instance, to be run out of line.
+/// The test of a sphere or instance leaf, run out of line.
 struct OddJob<'a, S, Q, const ROBUST: bool> {
     walk: &'a Walk<'a, S, ROBUST>,
     leaf: Child,
@@ -151,7 +151,8 @@ impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for OddJob<'_, S, Q, ROBUST
     }
 }
 
-/// Walks the whole scene. [`Hit::NONE`] when nothing was hit; only `is_some` is meaningful for [`Query::ANY`].
+/// Traverses the whole scene. Returns [`Hit::NONE`] if nothing was hit; for [`Query::ANY`] only `is_some` is
+/// meaningful.
 #[inline(always)]
 pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
     let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
@@ -173,11 +174,11 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &SceneTree
     Hit { t: best.t, u, v, instance, primitive }
 }
 
-/// What stays the same while one tree is walked.
+/// The constant state of traversing one tree.
 struct Walk<'a, S, const ROBUST: bool> {
     s: S,
     tree: &'a SceneTrees,
-    /// In the tree's space.
+    /// The ray in the tree's space.
     ray: &'a Ray,
     t_min: f32,
     /// [`WORLD`] or an instance.
@@ -185,10 +186,11 @@ struct Walk<'a, S, const ROBUST: bool> {
 }
 
 impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
-    /// Walks the tree below `root`, which the ray enters at `floor`. Returns whether `best` was improved.
+    /// Traverses the tree below `root`, which the ray enters at `floor`. Returns true if `best` was improved.
     #[inline(always)]
     fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let s = self.s;
+        // Prepare the ray for the box and triangle tests
         let Some(wide) = Wide::<S, ROBUST>::new(s, self.ray, floor, self.t_min) else { return false };
         let mut storage = Storage::new();
         let mut stack = Stack::new(&mut storage);
@@ -199,13 +201,15 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             if current.is_node() {
                 query.visit();
                 let node = self.tree.node(current);
-                // Wanted once the boxes are decided; by itself it would only now be asked for.
+                // Prefetch the children, needed once the boxes are tested.
                 s.prefetch::<1>((&raw const node.children).cast());
+                // Test the boxes of the children, and continue with the nearest
                 let (near, miss) = wide.boxes(s, &node.planes, limit);
                 if let Some(next) = self.choose::<Q>(node, near, miss, wide.octant, &mut stack) {
                     (current, entry) = next;
                     continue;
                 }
+            // Test a leaf
             } else {
                 let improved = if !TOP || current.is_triangles() {
                     if current == Child::EMPTY {
@@ -227,6 +231,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
                     limit = s.splat(best.t);
                 }
             }
+            // Pop the next subtree that is not beyond the best hit
             loop {
                 (current, entry) = stack.pop();
                 if Q::BLIND || entry <= best.t {
@@ -237,15 +242,15 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         found
     }
 
-    /// Asks for a node or block that will be wanted soon: a guess that costs little where it is wrong (a sphere, an instance, or a
-    /// subtree that a closer hit makes needless).
+    /// Prefetches a node or block that is probably needed soon. A wrong guess (a sphere, an instance, or a subtree
+    /// beyond a closer hit) costs little.
     #[inline(always)]
     fn fetch(&self, child: Child) {
         let lines = self.tree.arena.as_ptr();
         self.s.prefetch::<{ TriangleBlock::LINES }>(lines.wrapping_add(child.index()).cast());
     }
 
-    /// The child to visit next, with where it is entered; pushes the others. `None`: the ray hits none.
+    /// Returns the child to visit next, with its entry, and pushes the others. `None`: the ray hits none.
     #[inline(always)]
     fn choose<Q: Query>(
         &self,
@@ -263,10 +268,10 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         let first = hits.trailing_zeros() as usize & 7;
         let others = hits & (hits - 1);
         if Q::BLIND {
-            // By the slots' numbers, which is nearly from near to far in one direction or the other.
+            // Visit by slot number, which is roughly from near to far in one of the two directions.
             let backwards = (node.order[octant] as i32 >> 31) as usize;
             let last = hits.ilog2() as usize & 7;
-            // No branch here: which is nearer cannot be predicted.
+            // Avoid a branch: the nearer one is unpredictable.
             let next = first ^ ((first ^ last) & backwards);
             if others != 0 {
                 s.push_slots(stack, &node.children, hits ^ 1 << next, backwards & 1);
@@ -280,7 +285,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         }
         if others & (others - 1) == 0 {
             let second = others.trailing_zeros() as usize & 7;
-            // No branch here: which of two is nearer cannot be predicted.
+            // Avoid a branch: the nearer one of two is unpredictable.
             let turn = (first ^ second) & ((nears[second] < nears[first]) as usize).wrapping_neg();
             let (next, later) = ((first ^ turn) & 7, (second ^ turn) & 7);
             stack.push(node.children[later], nears[later]);
@@ -292,7 +297,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         Some((node.children[nearest], nears[nearest]))
     }
 
-    /// Tests a block of triangles. Returns whether `best` was improved.
+    /// Tests a block of triangles. Returns true if `best` was improved.
     #[inline(always)]
     fn triangles<Q: Query>(
         &self,
@@ -305,6 +310,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     ) -> bool {
         let s = self.s;
         let block = self.tree.block(leaf);
+        // Test all triangles of the block
         let Some(BlockHits { t, u, v, det, mut bits }) = wide.triangles(s, block, limit) else { return false };
         if Q::BLIND {
             return true;
@@ -314,12 +320,14 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         while bits != 0 {
             let lane = bits.trailing_zeros() as usize % WIDTH;
             bits &= bits - 1;
+            // Compare the hit of a lane with the best hit
             let (t, id) = (if ts[lane] > entry { ts[lane] } else { entry }, block.id[lane]);
             let closer =
                 t < best.t || (t == best.t && key_is_lower(self.tree, (self.space, id), (best.space, best.id)));
             if !closer {
                 continue;
             }
+            // Apply the filter
             if Q::FILTERED {
                 let (instance, primitive) = key(self.tree, self.space, id);
                 let (u, v) = (us[lane] / dets[lane], vs[lane] / dets[lane]);
@@ -361,11 +369,12 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         false
     }
 
-    /// Walks the tree of a mesh in its own space. `t` is the same there, as the direction is not normalized.
+    /// Traverses the tree of a mesh in its own space. `t` is the same there, as the direction is not normalized.
     #[inline(always)]
     fn instance<Q: Query>(&self, placed: &PlacedTree, entry: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let ([ox, oy, oz], [dx, dy, dz]) = (self.ray.origin.to_array(), self.ray.direction.to_array());
         let m = &placed.object_from_world;
+        // Transform the ray to object space
         let origin = m.map(|r| r[0] * ox + r[1] * oy + r[2] * oz + r[3]);
         let direction = m.map(|r| r[0] * dx + r[1] * dy + r[2] * dz);
         let ray = Ray { origin: origin.into(), direction: direction.into(), ..*self.ray };

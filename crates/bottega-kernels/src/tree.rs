@@ -1,28 +1,28 @@
-//! The 8-wide tree as it lies in memory.
+//! The memory layout of the 8-wide tree.
 
 use crate::arena::{Arena, lines_of};
 use crate::{Aabb, Precision};
 use bytemuck::{Pod, Zeroable};
 
-/// Children of a node, and triangles of a leaf block.
+/// Number of children of a node, and of triangles in a leaf block.
 pub(crate) const WIDTH: usize = 8;
 
-/// No path from the root is longer than this; the builder keeps to it (see `build::bins`), so stacks have a fixed size.
+/// Maximal depth, respected by the builder (see `build::bins`), so that stacks have a fixed size.
 pub(crate) const MAX_DEPTH: usize = 71;
 
-/// A reference to what lies below a node: two bits of kind, thirty of index. Nodes and blocks of triangles are counted by the
-/// cache line with which they begin, spheres and instances one by one.
+/// A reference to a child: two bits of kind, thirty of index. Nodes and triangle blocks are indexed by their first
+/// cache line, spheres and instances one by one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Child(pub(crate) u32);
 
 impl Child {
-    /// Largest index a child can have, exclusive.
+    /// Exclusive limit of an index.
     pub(crate) const LIMIT: usize = (1 << 30) - 1;
     const SPHERE: u32 = 1 << 30;
     const TRIANGLES: u32 = 2 << 30;
     const INSTANCE: u32 = 3 << 30;
-    /// No child: an empty slot, whose box is inside out and never met, and the end of a walk.
+    /// No child: an empty slot, whose box is inverted and never hit, and the end of a traversal.
     pub(crate) const EMPTY: Self = Self(u32::MAX);
 
     pub(crate) fn node(index: usize) -> Self {
@@ -55,28 +55,28 @@ impl Child {
     }
 }
 
-/// Eight boxes, what is in them, and in which order to visit them: 256 bytes, four cache lines.
+/// Eight boxes, their children, and the orders to visit them in: 256 bytes, four cache lines.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct WideNode {
-    /// Planes: `[2 · axis + side]`, side 0 lower and 1 upper. Empty slots are inside out: +∞, −∞.
+    /// Planes: `[2 · axis + side]`, side 0 lower and 1 upper. Empty slots are inverted: +∞, −∞.
     pub(crate) planes: [[f32; WIDTH]; 6],
     pub(crate) children: [Child; WIDTH],
-    /// For each octant of directions (bit `axis` set: negative) the slots from far to near, three bits each, the
-    /// farthest lowest (Fuetterling et al. 2017, "Accelerated Single Ray Tracing for Wide Vector Units"). The highest bit is set
-    /// where slots come from far to near by their number rather than from near to far.
+    /// Slots from far to near for each octant of directions (bit `axis` set: negative), three bits each, the farthest
+    /// lowest (Fuetterling et al. 2017, "Accelerated Single Ray Tracing for Wide Vector Units"). The highest bit is set
+    /// if slots run from far to near by their number rather than from near to far.
     pub(crate) order: [u32; 8],
 }
 
 impl WideNode {
-    /// Cache lines.
+    /// Size in cache lines.
     pub(crate) const LINES: usize = lines_of::<Self>();
     pub(crate) const EMPTY: Self = {
         let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
         Self { planes: [low, high, low, high, low, high], children: [Child::EMPTY; WIDTH], order: [0o76543210; 8] }
     };
 
-    /// Puts a child into a slot.
+    /// Sets a slot.
     pub(crate) fn set(&mut self, slot: usize, bounds: &Aabb, child: Child) {
         for axis in 0..3 {
             self.planes[2 * axis][slot] = bounds.min[axis];
@@ -85,13 +85,13 @@ impl WideNode {
         self.children[slot] = child;
     }
 
-    /// Computes [`Self::order`] from the centers of the first `count` slots; call when all are set.
+    /// Computes [`Self::order`] from the centers of the first `count` slots; call it when all are set.
     pub(crate) fn sort_octants(&mut self, count: usize) {
         let centers: [[f32; WIDTH]; 3] = std::array::from_fn(|axis| {
             std::array::from_fn(|slot| self.planes[2 * axis][slot] + self.planes[2 * axis + 1][slot])
         });
         let (axis, falling) = slot_axis(&centers, count);
-        // What is far in one octant is near in the opposite one.
+        // Far in one octant is near in the opposite one.
         for octant in 0..4 {
             let mut keys: [(i64, usize); WIDTH] = std::array::from_fn(|slot| {
                 let sum = (0..3).fold(0.0, |sum, axis| {
@@ -111,7 +111,7 @@ impl WideNode {
     }
 }
 
-/// The axis along which the slots come one after the other, as well as they do, and whether downwards.
+/// Returns the axis along which the slots are best sorted, and true if they are descending.
 fn slot_axis(centers: &[[f32; WIDTH]; 3], count: usize) -> (usize, bool) {
     let trend = centers.map(|axis| {
         let middle = axis[..count].iter().sum::<f32>() / count as f32;
@@ -126,27 +126,27 @@ fn slot_axis(centers: &[[f32; WIDTH]; 3], count: usize) -> (usize, bool) {
     (axis, trend[axis] < 0.0)
 }
 
-/// A number with the order of `f32::total_cmp`.
+/// Returns a number with the order of `f32::total_cmp`.
 fn total_order(x: f32) -> i64 {
     let bits = x.to_bits() as i32;
     i64::from(bits ^ (bits >> 31) & i32::MAX)
 }
 
-/// Up to eight triangles, one a lane: 320 bytes, five cache lines.
+/// Up to eight triangles, one per lane: 320 bytes, five cache lines.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct TriangleBlock {
-    /// `[vertex][axis][lane]`. In the fast mode vertices 1 and 2 are replaced by the edges from vertex 0. Unused lanes hold
-    /// NaN, which nothing hits.
+    /// Vertices, `[vertex][axis][lane]`. In fast mode vertices 1 and 2 are replaced by the edges from vertex 0. Unused
+    /// lanes hold NaN, which is never hit.
     pub(crate) p: [[[f32; WIDTH]; 3]; 3],
-    /// Number of each triangle within its space, ascending by lane.
+    /// Number of each triangle within its space, ascending by lane; `u32::MAX` in unused lanes.
     pub(crate) id: [u32; WIDTH],
 }
 
 impl TriangleBlock {
-    /// Cache lines.
+    /// Size in cache lines.
     pub(crate) const LINES: usize = lines_of::<Self>();
-    /// Puts a triangle's corners into a lane.
+    /// Sets the corners of a lane.
     pub(crate) fn set(&mut self, lane: usize, corners: &[[f32; 3]; 3], precision: Precision) {
         for axis in 0..3 {
             let [a, b, c] = corners.map(|p| p[axis]);
@@ -161,7 +161,7 @@ impl TriangleBlock {
     }
 }
 
-/// A sphere as the traversal wants it.
+/// A sphere, as the traversal uses it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sphere {
     pub(crate) center: [f32; 3],
@@ -171,11 +171,11 @@ pub(crate) struct Sphere {
 /// An instance of a mesh with a tree of its own.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlacedTree {
-    /// Rows of the affine map from world to object: x, y, z and translation.
+    /// World space to object space, by rows: x, y, z and translation.
     pub(crate) object_from_world: [[f32; 4]; 3],
-    /// The mesh's tree.
+    /// The root of the mesh's tree.
     pub(crate) root: Child,
-    /// Index of the instance as the caller counts.
+    /// Index of the instance in the caller's numbering.
     pub(crate) instance: u32,
 }
 
@@ -186,9 +186,9 @@ pub(crate) struct SceneTrees {
     pub(crate) arena: Arena,
     pub(crate) spheres: Vec<Sphere>,
     pub(crate) placed: Vec<PlacedTree>,
-    /// The top-level tree.
+    /// The root of the top-level tree.
     pub(crate) root: Child,
-    /// Instances flattened into world space: (number of the first triangle, instance), ascending in both.
+    /// Instances flattened into world space: number of the first triangle and instance, ascending in both.
     pub(crate) flat: Vec<(u32, u32)>,
 }
 
@@ -210,7 +210,7 @@ impl SceneTrees {
             + self.flat.capacity() * size_of::<(u32, u32)>()
     }
 
-    /// Instance and primitive of a world-space triangle.
+    /// Returns instance and primitive of a world-space triangle.
     pub(crate) fn resolve(&self, id: u32) -> (u32, u32) {
         let (start, instance) = self.flat[self.flat.partition_point(|f| f.0 <= id) - 1];
         (instance, id - start)

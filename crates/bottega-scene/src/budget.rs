@@ -1,11 +1,11 @@
-//! The memory that a scene may take, counted before it is taken.
+//! The memory limit of a scene, checked before allocation.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::SceneError;
 
-/// Counts the bytes that a scene will take, before they are taken. Several threads may draw on it.
+/// Counts the bytes of a scene before they are allocated. Several threads may use it.
 #[derive(Debug)]
 pub(crate) struct MemoryBudget {
     limit: usize,
@@ -17,29 +17,29 @@ impl MemoryBudget {
         Self { limit, taken: AtomicUsize::new(0) }
     }
 
-    /// What all may take together, in bytes.
+    /// Returns the limit, in bytes.
     pub(crate) fn limit(&self) -> usize {
         self.limit
     }
 
-    /// Books bytes for something at `place`, or says that they are too many.
+    /// Books bytes for something at `place`; an error if the limit is exceeded.
     pub(crate) fn take(&self, path: &Path, place: &str, bytes: usize) -> Result<(), SceneError> {
         let before = self.taken.fetch_add(bytes.min(self.limit.saturating_add(1)), Ordering::Relaxed);
         if before.saturating_add(bytes) <= self.limit { Ok(()) } else { Err(self.exceeded(path, place)) }
     }
 
-    /// Bytes that may still be taken.
+    /// Returns the bytes that remain.
     pub(crate) fn left(&self) -> usize {
         self.limit.saturating_sub(self.taken.load(Ordering::Relaxed))
     }
 
-    /// Books bytes for as long as the result is kept: for what is needed on the way to the scene.
+    /// Books bytes until the result is dropped: for temporary data.
     pub(crate) fn hold(&self, path: &Path, bytes: usize) -> Result<HeldBytes<'_>, SceneError> {
         self.take(path, "", bytes)?;
         Ok(HeldBytes { budget: self, bytes })
     }
 
-    /// Whether so many bytes would pass if nothing else were there: for what is soon given back.
+    /// Checks bytes against the limit without booking them: for data that is freed soon.
     pub(crate) fn check(&self, path: &Path, bytes: usize) -> Result<(), SceneError> {
         if bytes <= self.limit { Ok(()) } else { Err(self.exceeded(path, "")) }
     }
@@ -54,7 +54,7 @@ impl MemoryBudget {
     }
 }
 
-/// Bytes that are given back when this is dropped.
+/// Bytes that are returned to the budget on drop.
 #[derive(Debug)]
 pub(crate) struct HeldBytes<'a> {
     budget: &'a MemoryBudget,

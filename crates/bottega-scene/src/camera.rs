@@ -1,4 +1,4 @@
-//! Cameras.
+//! Cameras: projection, lens, clip planes and position.
 
 use glam::{Affine3A, Vec2, Vec3};
 
@@ -7,33 +7,33 @@ use crate::MediumId;
 /// The projection of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
-    /// A pinhole, or a thin lens where [`Camera::lens_radius`] is above 0.
+    /// A pinhole, or a thin lens if [`Camera::lens_radius`] is above 0.
     Perspective {
         /// Full angle between the upper and the lower edge of a picture of the camera's aspect, in radians.
         vertical_fov: f32,
     },
-    /// Parallel projection.
+    /// A parallel projection along the camera's axis.
     Orthographic {
         /// Distance between the upper and the lower edge of a picture of the camera's aspect, in scene units.
         height: f32,
     },
-    /// All around: the picture is the whole sphere of directions, whatever its shape. Lens, shift, aspects and
-    /// [`Camera::fov_axis`] do not matter.
+    /// The whole sphere of directions, stretched over the picture. Lens, shift, aspects and [`Camera::fov_axis`] have
+    /// no effect.
     Panorama(Panorama),
 }
 
-/// How directions lie on the picture of a camera that sees all around. Its centre and its edges are as in pbrt: seen from
-/// within, the right is on the left edge of the picture, what is ahead a quarter of its width from there.
+/// The layout of directions on a panoramic picture. Centre and edges are as in pbrt: seen from within, the direction to
+/// the right is on the left edge of the picture, and the direction ahead a quarter of its width from there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Panorama {
     /// Longitude along the rows, from +x over −z; latitude down the columns, from +y.
     Equirectangular,
-    /// Equal areas of the picture see equal solid angles (Clarberg 2008): +y is the centre, the lower hemisphere folded
-    /// into the corners, +x to the right and −z down.
+    /// Equal areas of the picture cover equal solid angles (Clarberg 2008): +y is the centre, the lower hemisphere is
+    /// folded into the corners, +x points right and −z down.
     EqualArea,
 }
 
-/// Which extent of the picture a camera's projection is about: it stays as it is in a picture of another shape.
+/// The extent of the picture that a camera's field of view measures. It stays the same in a picture of another aspect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FovAxis {
     /// From the left to the right edge.
@@ -43,16 +43,16 @@ pub enum FovAxis {
     Y,
     /// From corner to corner.
     Diagonal,
-    /// The shorter of both.
+    /// The shorter of width and height.
     Smaller,
-    /// The longer of both.
+    /// The longer of width and height.
     Larger,
 }
 
 impl FovAxis {
-    /// This extent over the picture's height.
+    /// Returns this extent divided by the picture's height.
     ///
-    /// - `aspect`: width over height of what the picture shows.
+    /// - `aspect`: width over height of the visible area.
     pub fn over_height(self, aspect: f32) -> f32 {
         match self {
             Self::X => aspect,
@@ -69,47 +69,47 @@ impl FovAxis {
 pub struct Camera {
     /// The name in the file; may be empty.
     pub name: String,
-    /// Where it stands: camera space to world space, without scale; it may mirror.
+    /// Camera space to world space, without scale; may mirror.
     pub world_from_camera: Affine3A,
-    /// How it projects.
+    /// The projection and its field of view.
     pub projection: Projection,
-    /// Width over height of the picture, in pixels, as the file wants it; `None`: as the picture has it.
+    /// Width over height of the picture in pixels, as given by the file; `None`: follow the picture.
     pub aspect: Option<f32>,
-    /// Width over height of what a pixel shows. 1: it is square.
+    /// Width over height of one pixel; 1: square.
     pub pixel_aspect: f32,
-    /// Which extent stays as it is in a picture of another shape than [`Self::aspect`].
+    /// The extent that stays the same in a picture of another aspect than [`Self::aspect`].
     pub fov_axis: FovAxis,
-    /// Radius of the thin lens in scene units; 0: everything is sharp.
+    /// Radius of the thin lens in scene units; 0: pinhole, everything is sharp.
     pub lens_radius: f32,
-    /// Distance of the plane in focus, in scene units.
+    /// Distance of the plane in focus, in scene units, above 0.
     pub focus_distance: f32,
-    /// Where the axis meets the picture: to the right and up from its centre, in halves of its width and height.
+    /// Offset of the optical axis from the centre of the picture: right and up, in halves of its width and height.
     pub lens_shift: Vec2,
-    /// What it stands in; `None`: vacuum.
+    /// The medium around the camera; `None`: vacuum.
     pub medium: Option<MediumId>,
-    /// Which part of its rays shows the scene.
+    /// The clip planes.
     pub clip: Clip,
-    /// Whether it does not see what shines: surfaces that emit are as if they were not there, and the environment is black,
-    /// though their light comes to all else (Mitsuba's `hide_emitters`).
+    /// `true`: the camera does not see emitters. Emissive surfaces let camera rays pass and the environment is black,
+    /// but both still light the scene (Mitsuba's `hide_emitters`).
     pub hides_emitters: bool,
 }
 
-/// Planes across a camera's line of sight, between which surfaces are seen; distances along that line, in scene units. A ray
-/// begins in the near plane, and what it does not meet before the far one is what lies behind everything: the environment.
-/// Light takes no notice of them. Cameras that see all around have none.
+/// The near and far clip planes of a camera; distances along its axis, in scene units. A camera ray starts at the near
+/// plane, and if it hits nothing before the far plane it sees the environment. Other rays ignore them. Panoramic
+/// cameras have none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clip {
-    /// Of the near plane, 0 or more.
+    /// Distance of the near plane, 0 or more.
     pub near: f32,
-    /// Of the far plane, above [`Self::near`]; may be infinite.
+    /// Distance of the far plane, above [`Self::near`]; may be infinite.
     pub far: f32,
 }
 
 impl Clip {
-    /// All that lies before the camera is seen.
+    /// No clipping: everything in front of the camera is visible.
     pub const NONE: Self = Self { near: 0.0, far: f32::INFINITY };
 
-    /// Planes in these distances, or what is wrong with them.
+    /// Returns planes at these distances, or why they are invalid.
     pub(crate) fn new(near: f64, far: f64) -> Result<Self, String> {
         let clip = Self { near: near as f32, far: far as f32 };
         if clip.near >= 0.0 && clip.near.is_finite() && clip.far > clip.near {
@@ -121,8 +121,8 @@ impl Clip {
 }
 
 impl Camera {
-    /// Where a camera stands that looks from `eye` at `target`: camera space to world space, its upper edge towards `up`.
-    /// `None`: there is no direction, or it is that of `up`.
+    /// Returns the camera-to-world transformation of a camera at `eye` that looks at `target`, with its upper edge
+    /// towards `up`. `None` if `eye` is `target` or the view is parallel to `up`.
     pub fn looking(eye: Vec3, target: Vec3, up: Vec3) -> Option<Affine3A> {
         let back = (eye - target).try_normalize()?;
         let right = up.cross(back).try_normalize()?;
@@ -131,7 +131,7 @@ impl Camera {
 }
 
 impl Default for Camera {
-    /// A pinhole at the origin.
+    /// Returns a pinhole at the origin that looks along −z, with a vertical field of view of 0.7 radians.
     fn default() -> Self {
         Self {
             name: String::new(),

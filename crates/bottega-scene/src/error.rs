@@ -1,41 +1,41 @@
-//! The errors between a path and a scene, and warnings that are worth telling.
+//! Errors and warnings of loading a scene.
 
 use std::fmt;
 use std::path::PathBuf;
 
 use bottega_image::{printable, printable_path};
 
-/// Why there is no scene. `place` is where in the file: a path through its JSON such as
+/// An error of loading a scene. `place` is a location within the file: a path through its JSON such as
 /// `meshes[3].primitives[0].attributes.POSITION`.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// The operating system would not give us the file.
+    /// The operating system cannot read a file.
     #[error("cannot read `{}`{}: check that the file exists and may be read", printable_path(path), asked_by(by))]
     Read {
-        /// The file.
+        /// The file that cannot be read.
         path: PathBuf,
-        /// The file and the place in it that refers to this one; empty where the user named it.
+        /// The file and location that refers to it; empty if the user named it.
         by: String,
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
-    /// The path leads to something that is no file.
+    /// The path leads to a folder, device or pipe.
     #[error("`{}`{} is {found}, not a file: name the file itself", printable_path(path), asked_by(by))]
     NotAFile {
-        /// The path.
+        /// The path that is not a file.
         path: PathBuf,
-        /// The file and the place in it that refers to this one; empty where the user named it.
+        /// The file and location that refers to it; empty if the user named it.
         by: String,
-        /// What it is.
+        /// The kind of thing found, such as "a folder".
         found: &'static str,
     },
-    /// A folder of [`LoadOptions::asset_roots`](crate::LoadOptions::asset_roots) is none.
+    /// An entry of [`LoadOptions::asset_roots`](crate::LoadOptions::asset_roots) is not a folder.
     #[error("`{}` is no folder that can be read: name one with `--asset-root`", printable_path(path))]
     NotAFolder {
-        /// The path.
+        /// The path that is not a folder.
         path: PathBuf,
     },
-    /// Neither the name nor the first bytes are those of a format that we read.
+    /// Neither the extension nor the first bytes match a supported format.
     #[error(
         "`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .pbrt, .obj, .ply, .serialized)",
         printable_path(path)
@@ -43,15 +43,15 @@ pub enum SceneError {
     UnknownFormat {
         /// The file.
         path: PathBuf,
-        /// What it seems to be.
+        /// Guess from the first bytes, such as "a Blender file".
         found: String,
     },
-    /// The file contradicts its own header; it was cut off or overwritten.
+    /// The file contradicts its own header: it was cut off or overwritten.
     #[error("`{}` is damaged: {problem}; copy or export it again", printable_path(path))]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// The contradiction.
         problem: String,
     },
     /// The JSON text cannot be read as a glTF document.
@@ -59,28 +59,28 @@ pub enum SceneError {
     Json {
         /// The file.
         path: PathBuf,
-        /// Counted from 1.
+        /// Line, counted from 1.
         line: usize,
-        /// Counted from 1.
+        /// Column, counted from 1.
         column: usize,
-        /// Where in the document; empty at the top.
+        /// Location in the document; empty at the top.
         place: String,
-        /// What the parser says.
+        /// Message of the parser.
         problem: String,
     },
-    /// A scene file that is text says something that cannot be.
+    /// A text scene file is invalid.
     #[error("`{}`, line {line}, column {column}: {problem}", printable_path(path))]
     Text {
         /// The file.
         path: PathBuf,
-        /// Counted from 1.
+        /// Line, counted from 1.
         line: usize,
-        /// Counted from 1.
+        /// Column, counted from 1.
         column: usize,
-        /// What is wrong, and where it helps what to do.
+        /// The error, and in some cases the remedy.
         problem: String,
     },
-    /// The scene asks for what is not supported, and [`LoadOptions::strict`](crate::LoadOptions::strict) is set.
+    /// The scene uses unsupported features and [`LoadOptions::strict`](crate::LoadOptions::strict) is set.
     #[error(
         "`{}` asks for what is not supported; remove it, or do without `--strict`:{}",
         printable_path(path),
@@ -89,41 +89,41 @@ pub enum SceneError {
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// Where, and what.
+        /// The unsupported features and their locations.
         places: Vec<Warning>,
     },
-    /// The file cannot be understood without an extension that we do not have.
+    /// The file requires an unsupported extension.
     #[error("`{}`{} needs the extension {name}, which is not supported; {remedy}", printable_path(path), at(place))]
     UnsupportedExtension {
         /// The file.
         path: PathBuf,
-        /// Where it is needed; empty: the file says that it is required.
+        /// Location that needs it; empty if the file lists it as required.
         place: String,
-        /// The name of the extension.
+        /// Name of the extension.
         name: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
-    /// The document says something that cannot be.
+    /// The document is inconsistent or has an invalid value.
     #[error("`{}`{}: {problem}; export the file again, or repair it there", printable_path(path), at(place))]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// Where.
+        /// Location in the document.
         place: String,
-        /// What.
+        /// The error.
         problem: String,
     },
-    /// More than the limits of [`LoadOptions`](crate::LoadOptions) allow.
+    /// The scene exceeds a limit of [`LoadOptions`](crate::LoadOptions).
     #[error("`{}`{}: {problem}; {remedy}", printable_path(path), at(place))]
     Limit {
         /// The file.
         path: PathBuf,
-        /// Where.
+        /// Location in the document; may be empty.
         place: String,
-        /// What is too large, and the limit.
+        /// The excess, and the limit.
         problem: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
     /// A reference to a file that the scene may not read.
@@ -131,39 +131,39 @@ pub enum SceneError {
     ForbiddenReference {
         /// The file.
         path: PathBuf,
-        /// Where.
+        /// Location of the reference.
         place: String,
         /// The reference, shortened.
         uri: String,
-        /// Why, and what to do.
+        /// The reason, and the remedy.
         reason: &'static str,
     },
-    /// The options ask for a part that the file does not have.
+    /// The options select a part that the file does not have.
     #[error("`{}` has no {what} `{}`; what it has: {}", printable_path(path), printable(wanted), printable(known))]
     NoSuch {
         /// The file.
         path: PathBuf,
-        /// Which kind of part.
+        /// Kind of part, such as "animation".
         what: &'static str,
-        /// What was asked for.
+        /// The name or number selected.
         wanted: String,
-        /// Numbers and names of what there is.
+        /// Numbers and names of the parts that exist.
         known: String,
     },
-    /// A picture that cannot be done without, such as the environment.
+    /// A picture that is required, such as the environment, cannot be decoded.
     #[error("cannot decode the picture `{}`: {problem}", printable_path(path))]
     Picture {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error of the decoder.
         problem: String,
     },
-    /// A scene breaks a promise of the model: see [`Scene::validate`](crate::Scene::validate).
+    /// A scene violates an invariant of the model; see [`Scene::validate`](crate::Scene::validate).
     #[error("{place}: {problem}")]
     Inconsistent {
-        /// Which part of the scene.
+        /// Part of the scene, such as `meshes[3]`.
         place: String,
-        /// Which promise, and how it is broken.
+        /// The invariant, and how it is violated.
         problem: String,
     },
 }
@@ -173,7 +173,7 @@ fn asked_by(by: &str) -> String {
 }
 
 impl SceneError {
-    /// Adds to what is said of a file that is not there or too large, which file and place asks for it.
+    /// Adds the referring file and location to an error of a file that is missing or too large.
     pub(crate) fn asked_by(self, asking: &str) -> Self {
         match self {
             Self::Read { path, by, source } if by.is_empty() => Self::Read { path, by: asking.into(), source },
@@ -185,7 +185,7 @@ impl SceneError {
         }
     }
 
-    /// The same error, with the file that the scene is of where it does not know it.
+    /// Adds the path of the scene file to an error that lacks it.
     pub(crate) fn in_file(self, path: &std::path::Path) -> Self {
         match self {
             Self::Inconsistent { place, problem } => Self::Invalid { path: path.into(), place, problem },
@@ -198,12 +198,12 @@ fn at(place: &str) -> String {
     if place.is_empty() { String::new() } else { format!(", {}", printable(place)) }
 }
 
-/// Something that the user should know though the scene was read. Names that the file chose are made fit for a terminal in it.
+/// Something that the user should know although the scene was read. Text from the file is escaped for terminals.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
-    /// Where in the file; may be empty.
+    /// Location in the file; may be empty.
     pub place: String,
-    /// What was found, and what was done about it.
+    /// The finding, and what was done about it.
     pub message: String,
 }
 
@@ -220,12 +220,13 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Warnings as they come in; a damaged file of a million nodes shall not make a million of them.
+/// Collects warnings, at most [`LIMIT`](Self::LIMIT): a damaged file of a million nodes must not make a million of
+/// them.
 #[derive(Debug, Default)]
 pub(crate) struct Warnings {
     list: Vec<Warning>,
     left_out: usize,
-    /// Those of the list that tell of something which is not supported.
+    /// Those that report an unsupported feature.
     unsupported: Vec<Warning>,
 }
 
@@ -240,7 +241,7 @@ impl Warnings {
         }
     }
 
-    /// Tells of something that the file asks for and that is left out or replaced: an error where the user is strict.
+    /// Reports a feature of the file that is left out or replaced: an error in strict mode.
     pub(crate) fn unsupported(&mut self, place: impl Into<String>, message: impl Into<String>) {
         let warning = Warning::new(place, message);
         if self.unsupported.len() < Self::LIMIT {
@@ -249,14 +250,14 @@ impl Warnings {
         self.add(warning.place, warning.message);
     }
 
-    /// Tells those who are strict alone: others are told in other words.
+    /// Reports an unsupported feature in strict mode only; another warning already mentions it otherwise.
     pub(crate) fn unsupported_silently(&mut self, place: impl Into<String>, message: impl Into<String>) {
         if self.unsupported.len() < Self::LIMIT {
             self.unsupported.push(Warning::new(place, message));
         }
     }
 
-    /// What [`unsupported`](Self::unsupported) was told.
+    /// Takes the warnings of [`unsupported`](Self::unsupported).
     pub(crate) fn take_unsupported(&mut self) -> Vec<Warning> {
         std::mem::take(&mut self.unsupported)
     }

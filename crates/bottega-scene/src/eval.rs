@@ -1,19 +1,19 @@
-//! The evaluation of textures at a point of a surface.
+//! Evaluation of textures at a point of a surface.
 
 use glam::{Vec2, Vec4};
 
 use crate::texture::SURFACE_UV_SETS;
 use crate::{AlphaMode, ColorParam, Mapping, Material, ScalarParam, Scene, Spectrum, TextureMap};
 
-/// Texture coordinates of a point.
+/// A source of texture coordinates at a point.
 pub trait Uvs: Copy {
-    /// Those by which a picture is laid, and the width of its lookup in their units.
+    /// Returns the texture coordinates for a map, and the width of its lookup in their units.
     ///
-    /// - `footprint`: that width in the surface's own coordinates.
+    /// - `footprint`: width of the lookup in the surface's own coordinates.
     fn of(&self, scene: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32);
 }
 
-/// Both sets of a surface. It knows no others: pictures that are laid by a place get one of these.
+/// The two sets of a surface. Maps with a mapping by world position use one of these sets.
 impl Uvs for [Vec2; 2] {
     #[inline(always)]
     fn of(&self, _: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32) {
@@ -22,7 +22,7 @@ impl Uvs for [Vec2; 2] {
 }
 
 impl TextureMap {
-    /// The mapping that says where its coordinates are; `None`: the surface does.
+    /// Returns the mapping by world position that gives its coordinates; `None`: the surface does.
     #[inline(always)]
     pub fn mapping<'a>(&self, scene: &'a Scene) -> Option<&'a Mapping> {
         let index = self.uv_set.checked_sub(SURFACE_UV_SETS)?;
@@ -31,9 +31,11 @@ impl TextureMap {
 }
 
 impl ColorParam {
-    /// The colour at a point with these texture coordinates; `footprint` as for
-    /// [`Image::eval`](crate::Image::eval). Panics when the texture's image is not in the scene, which
-    /// [`Scene::validate`] excludes.
+    /// Returns the colour at a point; `footprint` as for [`Image::eval`](crate::Image::eval).
+    ///
+    /// # Panics
+    ///
+    /// If the texture's image is not in the scene, which [`Scene::validate`] excludes.
     pub fn eval(&self, scene: &Scene, uvs: impl Uvs, footprint: f32) -> Spectrum {
         match &self.texture {
             None => self.factor,
@@ -43,7 +45,7 @@ impl ColorParam {
 }
 
 impl ScalarParam {
-    /// The number at a point; see [`ColorParam::eval`].
+    /// Returns the number at a point; see [`ColorParam::eval`].
     pub fn eval(&self, scene: &Scene, uvs: impl Uvs, footprint: f32) -> f32 {
         match &self.texture {
             None => self.factor,
@@ -58,9 +60,9 @@ fn look_up(scene: &Scene, map: &TextureMap, uvs: impl Uvs, footprint: f32) -> Ve
 }
 
 impl Material {
-    /// Probability that the surface is there, in [0, 1]: 0 or 1 where the material masks.
+    /// Returns the probability that the surface is present, in [0, 1]; 0 or 1 for [`AlphaMode::Mask`].
     ///
-    /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colors); 1 where there are none.
+    /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colours); 1 without vertex colours.
     /// - `uvs`, `footprint`: as for [`ColorParam::eval`].
     pub fn opacity_at(&self, scene: &Scene, uvs: impl Uvs, footprint: f32, vertex_alpha: f32) -> f32 {
         let alpha = || vertex_alpha * self.opacity.eval(scene, uvs, footprint);

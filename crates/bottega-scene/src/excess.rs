@@ -1,14 +1,14 @@
-//! Textures that reflect more than comes in: where they are looked up they are cut off at 1.
+//! A warning about reflectance textures above 1, which are clamped at lookup.
 
 use std::collections::BTreeSet;
 
 use crate::error::Warnings;
 use crate::{Back, CoatedBase, ColorParam, Image, LevelTexels, Scene, Surface};
 
-/// What is above 1 by no more than this was rounded.
+/// Greatest excess above 1 that counts as rounding.
 const ROUNDING: f32 = 1.001;
 
-/// Tells of pictures of high dynamic range that are reflectances somewhere and exceed 1, each once.
+/// Warns once for each HDR picture that is used as a reflectance and exceeds 1.
 pub(crate) fn tell(scene: &Scene, warnings: &mut Warnings) {
     let mut known = BTreeSet::new();
     for (index, material) in scene.materials.iter().enumerate() {
@@ -34,7 +34,7 @@ pub(crate) fn tell(scene: &Scene, warnings: &mut Warnings) {
     }
 }
 
-/// The colours of a surface that are shares of what comes in: not those of what its inside is made of.
+/// Appends the colours of a surface that are reflectances or transmittances, which must not exceed 1.
 fn add_shares<'a>(surface: &'a Surface, shares: &mut Vec<&'a ColorParam>) {
     match surface {
         Surface::Diffuse(diffuse) => shares.push(&diffuse.reflectance),
@@ -52,7 +52,7 @@ fn add_shares<'a>(surface: &'a Surface, shares: &mut Vec<&'a ColorParam>) {
     }
 }
 
-/// The largest colour of a picture of high dynamic range.
+/// Returns the greatest value of an HDR picture; 1 for other formats.
 fn largest(image: &Image) -> f32 {
     match image.level_texels(0) {
         LevelTexels::Rgb32(texels) => texels.iter().flatten().fold(0.0, |most, value| most.max(*value)),

@@ -1,73 +1,74 @@
-//! Curves that turn their whole width to each ray: hair and grass of pbrt (`curve`).
+//! Curves that face each ray with their whole width: hair and grass of pbrt (`curve`).
 //!
-//! The triangles of their mesh are a hull that lies around them. A ray that runs into it meets a curve if it passes the line in its middle
-//! by no more than half the width there, seen along the ray. So silhouettes are exact, and no curve is a polygon.
+//! The triangles of their mesh are only a hull around them. A ray that hits the hull hits a curve if it passes the
+//! curve's centre line within half the width there, measured perpendicular to the ray. So silhouettes are exact and
+//! curves are not tessellated.
 
 use glam::{Affine3A, Vec3};
 
-/// Radius of the hull's corners over half the width of the curve: four sides around it leave room where it bends.
+/// Radius of the hull's corners over half the width of the curve. Four sides around it, with room for bends.
 pub(crate) const HULL: f32 = 1.15 * std::f32::consts::SQRT_2;
 
-/// Pieces that are looked at from where a ray runs into the hull: it may lie nearly along the curve.
+/// Maximal number of pieces searched from a hit of the hull: a ray may lie nearly along the curve.
 const STEPS_MAX: usize = 64;
 
-/// The look of a curve.
+/// The shape of a curve's cross-section, as a ray sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CurveLook {
-    /// A flat band that faces each ray.
+    /// A flat ribbon that faces each ray.
     Flat,
     /// A round tube.
     Round,
 }
 
-/// A point on the line in the middle of a curve. Between two of them it is straight.
+/// A point on the centre line of a curve, which is straight between two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurvePoint {
-    /// Object space.
+    /// Position, object space.
     pub position: Vec3,
-    /// Where the curve goes, unit length.
+    /// Direction of the curve, unit length.
     pub tangent: Vec3,
-    /// Half its width.
+    /// Half the width of the curve.
     pub radius: f32,
     /// Texture coordinate along the curve.
     pub along: f32,
-    /// Whether the curve ends here.
+    /// `true`: the curve ends here.
     pub is_last: bool,
 }
 
-/// Curves, of which a mesh is the hull.
+/// Curves whose hull is a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FacingCurves {
-    /// How all of them look.
+    /// The shape of all of them.
     pub look: CurveLook,
-    /// One curve after the other.
+    /// Points of all curves, one curve after another.
     pub points: Vec<CurvePoint>,
-    /// For each triangle of the mesh the point at which that piece of a curve begins around which it lies.
+    /// For each triangle of the mesh, the index of the point at which the enclosed piece of curve begins.
     pub pieces: Vec<u32>,
 }
 
-/// Where a ray meets a curve.
+/// The intersection of a ray with a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurveMeeting {
-    /// Along the ray, in lengths of its direction.
+    /// Distance along the ray, in lengths of its direction.
     pub t: f32,
     /// Direction of the curve, object space, unit length.
     pub tangent: Vec3,
-    /// Half its width.
+    /// Half the width of the curve.
     pub radius: f32,
-    /// From one edge to the other, in [−1, 1].
+    /// Position across the curve, in [−1, 1].
     pub across: f32,
     /// Texture coordinate along the curve.
     pub along: f32,
-    /// Length of the curve for each unit of that.
+    /// dp/d`along`: length of the curve per unit of that coordinate, in object space.
     pub stretch: f32,
 }
 
 impl FacingCurves {
-    /// Where a ray that ran into a triangle of the hull meets the curve within; `None`: it passes by.
+    /// Intersects a ray that hit a triangle of the hull with the curve inside; `None`: a miss.
     ///
     /// - `origin`, `direction`: object space, the direction of any length.
-    /// - `t_hull`: where it ran into the triangle, and `t_max`, how far it goes, in lengths of the direction.
+    /// - `t_hull`: distance to the triangle; `t_max`: end of the ray, both in lengths of the direction.
     pub fn meet(
         &self,
         triangle: usize,
@@ -75,17 +76,17 @@ impl FacingCurves {
         direction: Vec3,
         [t_hull, t_max]: [f32; 2],
     ) -> Option<CurveMeeting> {
-        // Near by, differences of places keep their precision.
+        // Move the origin close, so that differences of positions keep their precision.
         let origin = origin + direction * t_hull;
         let inverse_square = direction.length_squared().recip();
-        // As the ray sees it: it goes through 0.
+        // Project along the ray, which then passes through 0.
         let seen = |v: Vec3| v - direction * (v.dot(direction) * inverse_square);
         let mut piece = self.pieces[triangle] as usize;
         let mut way = 0_i8;
         for _ in 0..STEPS_MAX {
             let (start, end) = (&self.points[piece], &self.points[piece + 1]);
             let (a, b) = (seen(start.position - origin), seen(end.position - origin));
-            // Pieces part where the curve is cut across, as it is seen.
+            // Adjacent pieces are separated by the projected cross-sections of the curve.
             if a.dot(seen(start.tangent)) > 0.0 {
                 if way > 0 || piece == 0 || self.points[piece - 1].is_last {
                     return None;
@@ -130,29 +131,29 @@ impl FacingCurves {
         None
     }
 
-    /// How far a ray that leaves a flat curve must start off it so that it is out of the hull, in half widths.
+    /// Offset of a ray that leaves a flat curve, to start outside of the hull; in half widths.
     pub const CLEARANCE: f32 = 1.05 * HULL;
 
-    /// Adds other curves, whose hull is added to the mesh.
+    /// Appends other curves; the caller appends their hull to the mesh.
     pub(crate) fn append(&mut self, other: Self) {
         let first = self.points.len() as u32;
         self.points.extend(other.points);
         self.pieces.extend(other.pieces.iter().map(|piece| piece + first));
     }
 
-    /// Changes the places of all points and the directions there.
+    /// Maps the positions and tangents of all points.
     pub(crate) fn map(&mut self, position: impl Fn(Vec3) -> Vec3, tangent: impl Fn(Vec3) -> Vec3) {
         for point in &mut self.points {
             (point.position, point.tangent) = (position(point.position), tangent(point.tangent));
         }
     }
 
-    /// Bytes that it takes.
+    /// Returns its memory, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.points) + size_of_val(&*self.pieces)
     }
 
-    /// What is wrong with it, if anything.
+    /// Checks its invariants for a mesh of `triangles` triangles. The error says which one is violated.
     pub(crate) fn check(&self, triangles: usize) -> Result<(), String> {
         let is_sound = |point: &CurvePoint| {
             let is_finite = point.position.is_finite() && point.along.is_finite() && point.radius.is_finite();
@@ -171,7 +172,7 @@ impl FacingCurves {
     }
 }
 
-/// A ray in the space of an object that is placed so; distances along it stay the same numbers.
+/// Transforms a ray to object space. Distances along it keep their values.
 pub fn ray_in_object(world_from_object: &Affine3A, origin: Vec3, direction: Vec3) -> (Vec3, Vec3) {
     if *world_from_object == Affine3A::IDENTITY {
         return (origin, direction);

@@ -1,4 +1,4 @@
-//! Reading whole files, and only files.
+//! Reading of whole regular files.
 
 use std::fs::File;
 use std::io::Read;
@@ -7,8 +7,8 @@ use std::path::Path;
 use crate::SceneError;
 use crate::budget::MemoryBudget;
 
-/// Reads a regular file. Folders, devices and pipes (which might never end) are refused, and files that are larger than
-/// all memory that the scene may take.
+/// Reads a regular file. Rejects folders, devices and pipes (which might never end), and files larger than the scene's
+/// memory limit.
 pub(crate) fn read_file(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>, SceneError> {
     let read = |source| SceneError::Read { path: path.to_path_buf(), by: String::new(), source };
     let metadata = std::fs::metadata(path).map_err(read)?;
@@ -20,13 +20,13 @@ pub(crate) fn read_file(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>, S
     budget.check(path, length)?;
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(length).map_err(|_| read(std::io::ErrorKind::OutOfMemory.into()))?;
-    // A file that grows while it is read is read as long as it was.
+    // Read no more than the length above, even if the file grows meanwhile.
     let file = File::open(path).map_err(read)?;
     file.take(metadata.len()).read_to_end(&mut bytes).map_err(read)?;
     Ok(bytes)
 }
 
-/// BLAKE3 of a file, by several threads where it is long.
+/// Returns the BLAKE3 hash of a file, computed by several threads if it is long.
 pub(crate) fn hash(bytes: &[u8]) -> blake3::Hash {
     const LONG: usize = 1 << 18;
     if bytes.len() < LONG { blake3::hash(bytes) } else { blake3::Hasher::new().update_rayon(bytes).finalize() }

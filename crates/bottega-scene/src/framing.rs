@@ -5,20 +5,21 @@ use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 use crate::model::corners;
 use crate::{Camera, Projection, Scene};
 
-/// Half the field of view of a framing camera, from the middle to the edge of the shorter side: 20°, in radians.
+/// Half the field of view of a framing camera, from the centre to the edge of the shorter side: 20°, in radians.
 const HALF_FOV: f64 = std::f64::consts::PI / 9.0;
 
-/// Air around what is framed: the share by which the camera stands back.
+/// Factor of the camera's distance that leaves a margin around the subject.
 const FRAMING_MARGIN: f32 = 1.08;
 
-/// From the subject to the camera: before it, above it and to the right.
+/// Direction from the subject to the camera: in front of it, above it and to the right.
 const THREE_QUARTER: Vec3 = Vec3::new(0.55, 0.4, 1.0);
 
-/// Triangles that are looked at to find the best side.
+/// Number of triangles sampled to choose the side.
 const SAMPLE_COUNT: u64 = 4_000_000;
 
 impl Camera {
-    /// A camera that sees a box from before, above and the right, as near as shows all of it.
+    /// Returns a camera that sees a box from the front, above and the right, as close as possible with all of it in
+    /// view.
     ///
     /// - `bounds`: least and greatest corner, world space; may be flat or a single point.
     /// - `aspect`: width over height of the picture.
@@ -26,15 +27,15 @@ impl Camera {
         Self::framing_from(THREE_QUARTER, bounds, aspect)
     }
 
-    /// A camera that sees a box from a side; see [`framing`](Self::framing).
+    /// Returns a camera that sees a box from a given side; see [`framing`](Self::framing).
     ///
-    /// - `toward_camera`: from the box to the camera, of any length but 0.
+    /// - `toward_camera`: direction from the box to the camera, of any length but 0.
     pub fn framing_from(toward_camera: Vec3, bounds: (Vec3, Vec3), aspect: f32) -> Self {
         frame(toward_camera, bounds, corners(bounds), aspect)
     }
 
-    /// A camera that frames a scene: from before, above and the right, unless that shows mostly backs, as for a room
-    /// that is open on one side only.
+    /// Returns a camera that frames a scene: from the front, above and the right, unless that shows mostly back faces,
+    /// as of a room that is open on one side only.
     ///
     /// - `aspect`: width over height of the picture; a camera for 1 also frames wider pictures.
     pub fn framing_scene(scene: &Scene, aspect: f32) -> Self {
@@ -47,32 +48,32 @@ impl Camera {
         let spheres = scene.spheres.iter();
         let spheres =
             spheres.flat_map(|sphere| corners((sphere.center - sphere.radius, sphere.center + sphere.radius)));
-        // Nothing at all is framed like a point.
+        // A scene without surfaces is framed like a point.
         let points = turned_boxes.chain(spheres).filter(|point| point.is_finite());
         frame(framing_side(scene), bounds, points, aspect)
     }
 }
 
-/// A camera that looks at the middle of `bounds` and sees all of `points`, which lie within.
+/// Returns a camera that looks at the centre of `bounds` and sees all of `points`, which lie within.
 fn frame(toward_camera: Vec3, (min, max): (Vec3, Vec3), points: impl Iterator<Item = Vec3>, aspect: f32) -> Camera {
     let z = toward_camera.normalize();
     let up = if z.y.abs() > 0.99 { Vec3::NEG_Z } else { Vec3::Y };
     let x = up.cross(z).normalize();
     let y = z.cross(x);
     let aspect = if aspect.is_finite() && aspect > 0.0 { aspect } else { 1.0 };
-    // In double precision, and rounded: platforms differ in the last bit of their tangents.
+    // Compute in double precision, then round: platforms differ in the last bit of a tangent.
     let tan = HALF_FOV.tan();
     let tan_upper = if aspect > 1.0 { tan } else { tan / f64::from(aspect) };
     let (tan_x, tan_y) = (tan_upper as f32 * aspect, tan_upper as f32);
 
     let center = 0.5 * min + 0.5 * max;
-    // The distance from the centre at which the camera sees a point just so.
+    // Distance from the centre at which a point is at the edge of the picture.
     let distance = |point: Vec3| {
         let offset = point - center;
         (offset.dot(x).abs() / tan_x).max(offset.dot(y).abs() / tan_y) + offset.dot(z)
     };
     let nearest = points.map(distance).fold(0.0, f32::max);
-    // A point has no size; far from the origin, a distance must still be more than rounding.
+    // A point has no size, and far from the origin the distance must exceed rounding.
     let least = (center.abs().max_element() * 1e-4).max(f32::MIN_POSITIVE.sqrt());
     let distance = if nearest > 0.0 { (nearest * FRAMING_MARGIN).max(least) } else { least.max(1.0) };
     let rotation = Mat3A::from_cols(x.into(), y.into(), z.into());
@@ -85,17 +86,18 @@ fn frame(toward_camera: Vec3, (min, max): (Vec3, Vec3), points: impl Iterator<It
     }
 }
 
-/// The side from which a scene is best seen: the first one that shows hardly more backs than the best one.
+/// Returns the direction from which to view a scene: the first candidate that shows hardly more back faces than the
+/// best one.
 fn framing_side(scene: &Scene) -> Vec3 {
-    // A closed surface shows as much front as back from everywhere, an open box shows more of one.
+    // A closed surface shows as much front as back from everywhere, an open box more of one.
     const SIDES: [Vec3; 7] = [THREE_QUARTER, Vec3::Z, Vec3::NEG_Z, Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y];
     let mut facing = [(0.0f64, 0.0f64); SIDES.len()];
-    // Every n-th triangle of all instances, where there are many.
+    // Visit every n-th triangle of all instances if there are many.
     let stride = (scene.triangle_count() / SAMPLE_COUNT + 1) as usize;
     let mut next = 0;
     for instance in &scene.instances {
         let mesh = &scene.meshes[instance.mesh as usize];
-        // Seen from a direction d, the area of a transformed surface is |cofactors(M)·n · d| = |n · cofactors(M)ᵀ·d|.
+        // Projected area of a transformed surface along d: |cofactors(M)·n · d| = |n · cofactors(M)ᵀ·d|.
         let m = instance.world_from_object.matrix3;
         let cofactors = Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
         let sides = SIDES.map(|side| Vec3::from(cofactors.transpose() * Vec3A::from(side.normalize())));

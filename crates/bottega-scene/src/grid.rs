@@ -1,54 +1,54 @@
-//! Numbers on regular grids in space.
+//! Regular grids of values in space.
 
 use glam::{UVec3, Vec3};
 
 use crate::Spectrum;
 
-/// Values in the cells of a regular grid that fills the unit cube. None is negative or infinite.
+/// Values in the cells of a regular grid that fills the unit cube. All are finite and at least 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     /// Cells along x, y and z.
     size: [u32; 3],
-    /// 1, or 3 for colours.
+    /// Values per cell: 1, or 3 for colours.
     channels: usize,
-    /// Those of a cell together, cells along x first, then along y, then along z.
+    /// Values, those of a cell adjacent; cells along x first, then y, then z.
     values: Vec<f32>,
     blend: Blend,
 }
 
-/// The values between the centers of a grid's cells.
+/// The interpolation between the centres of a grid's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
-    /// A cell has the same value everywhere.
+    /// None: constant within a cell.
     Nearest,
-    /// Values go over into each other linearly; that of the outermost cells goes on to the edge.
+    /// Linear; constant from the outermost centres to the edge.
     Linear,
-    /// Values go over into each other linearly; those beyond the edge are 0, so that the outermost cells fade.
+    /// Linear; 0 beyond the edge, so the outermost cells fade.
     LinearFading,
 }
 
-/// Why there is no such grid.
+/// An error of constructing a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GridError {
-    /// No cells, or too many.
+    /// The grid has no cells or too many.
     #[error("a grid cannot have {} × {} × {} cells", .0[0], .0[1], .0[2])]
     Size([u32; 3]),
-    /// The values do not fill it.
+    /// The number of values does not match the size.
     #[error("a grid of {cells} cells has {values} values")]
     Count {
-        /// Cells of the grid.
+        /// Number of cells.
         cells: usize,
-        /// Numbers that were to fill them.
+        /// Number of values given.
         values: usize,
     },
 }
 
 impl Grid {
-    /// A grid of colours, or of numbers where there is one value a cell. Values that are negative or not finite count as 0, those
-    /// above [`VALUE_MAX`](crate::VALUE_MAX) as that.
+    /// Makes a grid of colours, or of numbers if there is one value per cell. Values that are negative or not finite
+    /// become 0, those above [`VALUE_MAX`](crate::VALUE_MAX) become that.
     ///
-    /// - `size`: cells along x, y and z.
-    /// - `values`: one or three a cell; x runs fastest.
+    /// - `size`: cells along x, y and z, at most 65536 each.
+    /// - `values`: one or three per cell; x runs fastest.
     pub fn new(size: [u32; 3], mut values: Vec<f32>, blend: Blend) -> Result<Self, GridError> {
         let cells = size.iter().try_fold(1usize, |product, &side| product.checked_mul(side as usize));
         let Some(cells) = cells.filter(|&cells| cells > 0 && size.iter().all(|&side| side <= 1 << 16)) else {
@@ -65,22 +65,22 @@ impl Grid {
         Ok(Self { size, channels, values, blend })
     }
 
-    /// 1 everywhere.
+    /// Returns a grid of one cell with value 1.
     pub fn one() -> Self {
         Self { size: [1; 3], channels: 1, values: vec![1.0], blend: Blend::Nearest }
     }
 
-    /// Cells along x, y and z.
+    /// Returns the number of cells along x, y and z.
     pub fn size(&self) -> [u32; 3] {
         self.size
     }
 
-    /// Bytes that its values take.
+    /// Returns the memory of its values, in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.values)
     }
 
-    /// The value at a place of the unit cube; 0 outside.
+    /// Returns the value at a point of the unit cube; 0 outside.
     pub fn at(&self, p: Vec3) -> Spectrum {
         if !(p.cmpge(Vec3::ZERO) & p.cmple(Vec3::ONE)).all() {
             return Spectrum::ZERO;
@@ -100,10 +100,10 @@ impl Grid {
         along_y(0).lerp(along_y(1), t.z)
     }
 
-    /// No less than the value anywhere between two corners of the unit cube.
+    /// Returns an upper bound of the values between two corners within the unit cube, per channel.
     pub fn max_within(&self, [low, high]: [Vec3; 2]) -> Spectrum {
         let size = UVec3::from_array(self.size).as_vec3();
-        // All cells that may be asked for there, by rounding, too.
+        // Include all cells that a lookup may reach, also by rounding.
         let first = (low * size - 1.5).floor().as_ivec3().to_array();
         let last = (high * size + 0.5).ceil().as_ivec3().to_array();
         let range = |axis: usize| {
@@ -121,7 +121,7 @@ impl Grid {
         most
     }
 
-    /// The mean of all cells.
+    /// Returns the mean of all cells.
     pub fn mean(&self) -> Spectrum {
         let mut sum = glam::DVec3::ZERO;
         for cell in self.values.chunks_exact(self.channels) {
@@ -130,7 +130,7 @@ impl Grid {
         (sum * self.channels as f64 / self.values.len() as f64).as_vec3()
     }
 
-    /// The value of a cell, which may lie beyond the edge.
+    /// Returns the value of a cell, which may lie beyond the edge.
     #[inline]
     fn cell(&self, cell: [i64; 3]) -> Spectrum {
         let inside = [0, 1, 2].map(|axis| cell[axis].clamp(0, i64::from(self.size[axis]) - 1) as usize);

@@ -1,73 +1,74 @@
-//! Hints of a scene file about itself and about how it is rendered.
+//! Render settings and metadata from a scene file.
 
 use serde::Deserialize;
 
 use crate::integrator::IntegratorHint;
 
-/// How a file wants to be painted. What it does not say is left open; what the user says goes first. (Exposure is none of
-/// these: importers fold it into the lights.)
+/// The render settings that a file asks for. `None`: the file does not say; user settings take precedence. (Exposure is
+/// not among them: importers fold it into the lights.)
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RenderHints {
-    /// Columns and rows of the whole picture.
+    /// Columns and rows of the whole picture, in pixels.
     pub resolution: Option<[u32; 2]>,
-    /// Part of the picture: first column and row, columns and rows.
+    /// Visible part of the picture, in pixels: first column and row, columns and rows.
     pub crop: Option<[u32; 4]>,
-    /// Samples of each pixel.
+    /// Samples per pixel.
     pub samples: Option<u32>,
-    /// Bounces: 0 shows only emission seen directly, 1 direct light; `u32::MAX`: no limit.
+    /// Maximal number of bounces: 0 is directly visible emission only, 1 direct light; `u32::MAX`: no limit.
     pub max_depth: Option<u32>,
     /// The integrator that the file names.
     pub integrator: Option<IntegratorHint>,
     /// The pixel filter.
     pub filter: Option<FilmFilter>,
-    /// The greatest value that a channel of a sample may have: brighter samples are darkened to it, and keep their colour (pbrt's
+    /// Maximal value of a channel of a sample: brighter samples are scaled down to it and keep their hue (pbrt's
     /// `maxcomponentvalue`).
     pub sample_max: Option<f32>,
-    /// Whether the film keeps alpha: what shows no surface is transparent in formats that can tell.
+    /// `true`: the film keeps alpha, and pixels that show no surface are transparent in formats with alpha.
     pub alpha: bool,
-    /// Whether the file has no light, and a neutral sky was added.
+    /// `true`: the file has no light, and a neutral sky was added.
     pub is_sky_added: bool,
 }
 
-/// A separable pixel filter. Radii are in pixels, from the centre to the edge. Workers of other engines tell theirs in these words.
+/// A separable pixel filter. Radii are in pixels, from the centre to the edge. Workers with other engines report their
+/// filter in this format.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum FilmFilter {
-    /// Constant.
+    /// A box: constant.
     Box {
-        /// Half its width; 0.5 is one pixel.
+        /// Half its width; 0.5: one pixel.
         radius: f32,
     },
-    /// Falls off linearly.
+    /// A tent: falls off linearly.
     Tent {
-        /// Where it is 0.
+        /// Radius at which it reaches 0.
         radius: f32,
     },
-    /// The bell, shifted down so that it ends at 0.
+    /// A Gaussian, shifted down so that it ends at 0.
     Gaussian {
-        /// Where it ends.
+        /// Radius at which it is cut off.
         radius: f32,
         /// Standard deviation, in pixels.
         sigma: f32,
     },
-    /// Mitchell and Netravali 1988.
+    /// The filter of Mitchell and Netravali 1988.
     Mitchell {
-        /// Where it ends.
+        /// Radius at which it ends.
         radius: f32,
-        /// Their B.
+        /// Their parameter B.
         b: f32,
-        /// Their C.
+        /// Their parameter C.
         c: f32,
     },
-    /// The four-term window of Blackman and Harris: close to a Gaussian.
+    /// The four-term Blackman-Harris window, close to a Gaussian.
     BlackmanHarris {
-        /// Where it ends.
+        /// Radius at which it ends.
         radius: f32,
     },
 }
 
 impl FilmFilter {
-    /// Whether it is a filter at all, and reaches no further than any real one does.
+    /// Returns true if its parameters are valid and its radius is at most 64 pixels.
     pub fn is_sound(&self) -> bool {
         let is_length = |value: f32| value > 0.0 && value <= 64.0;
         match *self {
@@ -77,24 +78,24 @@ impl FilmFilter {
         }
     }
 
-    /// The pixel itself.
+    /// A box of one pixel.
     pub const PIXEL: Self = Self::Box { radius: 0.5 };
 }
 
 impl Default for FilmFilter {
-    /// Blackman-Harris of radius 1.5.
+    /// Returns a Blackman-Harris filter of radius 1.5.
     fn default() -> Self {
         Self::BlackmanHarris { radius: 1.5 }
     }
 }
 
-/// The metadata of a scene file.
+/// Metadata of a scene file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Metadata {
     /// Name of the format.
     pub format: &'static str,
-    /// The program that wrote it.
+    /// Program that wrote the file.
     pub generator: Option<String>,
-    /// Extensions of the format that it uses.
+    /// Extensions of the format that the file uses.
     pub extensions: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! The input and output of an importer.
+//! Input and output of an importer.
 
 use std::path::Path;
 
@@ -7,18 +7,19 @@ use glam::DVec3;
 use crate::resource::Resources;
 use crate::{LoadOptions, Metadata, RenderHints, Scene};
 
-/// What an importer is given.
+/// The input of an importer.
 pub(crate) struct ImportRequest<'a> {
-    /// The scene file.
+    /// Path of the scene file.
     pub(crate) path: &'a Path,
-    /// Its bytes.
+    /// Bytes of the scene file.
     pub(crate) file: &'a [u8],
     pub(crate) options: &'a LoadOptions,
-    /// What is taken from all places of the world before they are rounded to single precision; 0 but for scenes far away.
+    /// Subtracted from all world positions before they are rounded to single precision. 0, except for scenes far from
+    /// the origin.
     pub(crate) origin: DVec3,
-    /// What it refers to.
+    /// Access to the files that the scene refers to.
     pub(crate) resources: &'a Resources<'a>,
 }
 
-/// What an importer makes. Lights and cameras may be missing from the scene.
+/// The output of an importer. The scene may lack lights and cameras.
 pub(crate) type Imported = (Scene, Metadata, RenderHints);

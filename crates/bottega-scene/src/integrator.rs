@@ -1,40 +1,40 @@
-//! The integrator that a file asks for.
+//! The integrator that a scene file names.
 
 /// The integrator that a file names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegratorHint {
-    /// As the file names it.
+    /// Name in the file.
     pub name: String,
-    /// Where the file names it, such as `scene.pbrt:3:1`; may be empty.
+    /// Location in the file, such as `scene.pbrt:3:1`; may be empty.
     pub place: String,
-    /// From where it follows light.
+    /// Transport paths that it finds.
     pub follows: Follows,
 }
 
-/// From where an integrator follows light: what it finds, and how one of ours finds the same.
+/// The transport paths of an integrator, which select an integrator of ours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Follows {
     /// Paths from the camera.
     Paths {
-        /// Whether it does what our path tracer does, so that nothing is replaced.
+        /// `true`: it equals our path tracer, so nothing is replaced.
         is_ours: bool,
     },
-    /// Paths from the lights, alone or with others from the camera: lamps without extent are found over mirrors and through
+    /// Paths from the lights, alone or connected to camera paths. They find point lights seen in mirrors and through
     /// glass.
     BothEnds,
-    /// Photons, gathered where the camera sees them, with more and more of them to come.
+    /// Photon mapping, progressive over passes.
     Photons(PhotonHints),
 }
 
-/// The hints of a file about photons.
+/// Parameters of photon mapping in a file; `None`: not given.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PhotonHints {
-    /// Photons that leave the lights in each pass.
+    /// Photons per pass.
     pub count: Option<u32>,
-    /// Radius of the first pass, in scene units.
+    /// Gather radius of the first pass, in scene units.
     pub radius: Option<f32>,
-    /// How far photons may lie where they are counted, as a share of the radius of the scene.
+    /// Maximal gather radius, as a share of the scene's radius.
     pub radius_share: Option<f32>,
-    /// The nearest photons from which light is estimated.
+    /// Number of nearest photons in an estimate.
     pub gather: Option<u32>,
 }

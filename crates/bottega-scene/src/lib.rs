@@ -1,20 +1,21 @@
 //! The scene model, and the importers that fill it.
 //!
-//! A [`Scene`] is plain data: meshes, instances, materials, textures, lights and cameras, checked when it was
-//! imported, so that whoever renders it meets no index out of range, no NaN and no singular matrix. It holds no
-//! acceleration structure and draws no random number: those belong to `bottega-kernels` and `bottega-render`.
+//! A [`Scene`] is plain data: meshes, instances, materials, textures, lights and cameras. It is validated on import, so
+//! a renderer meets no index out of range, no NaN and no singular matrix. It holds no acceleration structure and draws
+//! no random numbers: those belong to `bottega-kernels` and `bottega-render`.
 //!
 //! The same bytes make the same scene, bit for bit, on every platform and with any number of threads: results are kept
-//! in the order of the file, and what needs a sine or a logarithm is computed in double precision and rounded.
+//! in file order, and sines, logarithms and the like are computed in double precision and then rounded.
 //!
 //! Conventions: right-handed, y up, metres; linear Rec. 709 colour; a camera looks along its own −z with +y up.
 //!
-//! # Where is what
+//! # Modules
 //!
-//! | what | where |
+//! | contents | files |
 //! |---|---|
-//! | the scene and its promises | `src/model.rs`, `src/validate.rs` |
-//! | from a path to a scene; what importers are given and may take | `src/load.rs`; `src/import.rs`, `src/options.rs`, `src/budget.rs` |
+//! | the scene, and the checks of its invariants | `src/model.rs`, `src/validate.rs` |
+//! | loading a scene from a path; the importers' input, options and limits | `src/load.rs`; `src/import.rs`,
+//! `src/options.rs`, `src/budget.rs` |
 //! | glTF; its compressed buffers | `src/gltf/`; `src/gltf/meshopt/`, `src/gltf/draco.rs` |
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
@@ -22,15 +23,15 @@
 //! | curves that face each ray | `src/facing_curves.rs`; pbrt: `src/pbrt/shape/curve.rs` |
 //! | curves as tubes | `src/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
 //! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
-//! | the mappings of textures, those by a place in the world among them | `src/texture.rs` |
+//! | textures and their mappings, including mappings by world position | `src/texture.rs` |
 //! | pictures with mip levels: decoding, storage, lookup | `src/image/` |
 //! | spectra as colours | `src/spectrum/` |
 //! | scenes far from their origin | `src/origin.rs` |
-//! | which files a scene may read; files that another machine named | `src/resource/` |
+//! | which files a scene may read; lists of scene files from another machine | `src/resource/` |
 //! | encodings of text | `src/text.rs` |
-//! | parameters that change nothing | `src/needless.rs`, `src/mitsuba/needless.rs`, `src/pbrt/needless.rs` |
-//! | numbers that cannot be computed with; reflectances above 1 | `src/values.rs`, `src/excess.rs` |
-//! | foreign JSON and TOML in which an object must be an object | `src/objects_only.rs` |
+//! | parameters that have no effect here | `src/needless.rs`, `src/mitsuba/needless.rs`, `src/pbrt/needless.rs` |
+//! | NaN, infinite and huge values; reflectances above 1 | `src/values.rs`, `src/excess.rs` |
+//! | JSON and TOML readers that reject a list in place of an object | `src/objects_only.rs` |
 
 mod budget;
 mod camera;

@@ -1,4 +1,4 @@
-//! Lights that are no surfaces. Surfaces shine by the emission of their material.
+//! Lights without a surface, and the environment. Emissive surfaces are in their materials.
 
 use glam::{Affine3A, Mat3, Vec3};
 
@@ -9,78 +9,79 @@ use crate::{ImageId, Spectrum, TextureMap};
 pub struct Light {
     /// The name in the file; may be empty.
     pub name: String,
-    /// What kind, and how strong.
+    /// Its kind, position and strength.
     pub kind: LightKind,
 }
 
 /// The kinds of light without extent. Directions are of unit length, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {
-    /// Shines equally in all directions.
+    /// A point light that emits equally in all directions.
     Point {
-        /// Where it is, world space.
+        /// Position, world space.
         position: Vec3,
         /// Radiant intensity in W·sr⁻¹.
         intensity: Spectrum,
     },
-    /// Shines into a cone.
+    /// A point light that emits into a cone.
     Spot {
-        /// Where it is, world space.
+        /// Position, world space.
         position: Vec3,
-        /// Where it points.
+        /// Axis of the cone.
         direction: Vec3,
         /// Radiant intensity on the axis, in W·sr⁻¹.
         intensity: Spectrum,
         /// Cosine of the half angle inside which the intensity is full.
         cos_inner: f32,
-        /// Cosine of the half angle outside which there is none; below `cos_inner`.
+        /// Cosine of the half angle outside which the intensity is 0; below `cos_inner`.
         cos_outer: f32,
-        /// How the intensity falls off between the two angles.
+        /// Falloff of the intensity between the two angles.
         falloff: SpotFalloff,
     },
-    /// Throws a picture.
+    /// A point light that projects a picture.
     Projector {
-        /// Stands at the origin and looks along its own −z, as a camera does; without scale.
+        /// Light space to world space, without scale. The light is at the origin and points along its own −z, as a
+        /// camera does.
         world_from_light: Affine3A,
         /// The picture, (0, 0) in its upper left corner; black outside of it.
         picture: TextureMap,
-        /// Multiplies the picture: radiant intensity on the axis in W·sr⁻¹. It falls off as 1/cos³ of the angle to the
-        /// axis, so that a screen across the axis is lit evenly.
+        /// Factor of the picture: radiant intensity on the axis, in W·sr⁻¹. It falls off as 1/cos³ of the angle to the
+        /// axis, so a screen perpendicular to the axis is lit evenly.
         intensity: Spectrum,
         /// Full angle between the upper and the lower edge of the picture, in radians.
         vertical_fov: f32,
-        /// Width over height.
+        /// Width over height of the picture.
         aspect: f32,
     },
-    /// Without extent, with an intensity that a picture of all directions tells.
+    /// A point light whose intensity a picture gives for each direction.
     Goniometric {
-        /// World space.
+        /// Position, world space.
         position: Vec3,
-        /// Light space to world space: orthonormal, and mirroring where the file says so.
+        /// Light space to world space: orthonormal; may mirror.
         world_from_light: Mat3,
-        /// The picture, of equal areas: see [`EnvironmentMapping::EqualArea`]. The mean of its colours counts.
+        /// The picture, of equal areas: see [`EnvironmentMapping::EqualArea`]. The mean of its channels is used.
         image: ImageId,
-        /// Multiplies the picture: radiant intensity in W·sr⁻¹.
+        /// Factor of the picture: radiant intensity in W·sr⁻¹.
         intensity: Spectrum,
     },
     /// Parallel light from infinitely far away.
     Directional {
-        /// The direction in which the light travels.
+        /// Direction in which the light travels.
         direction: Vec3,
-        /// Irradiance on a surface that faces it, in W·m⁻².
+        /// Irradiance on a surface perpendicular to it, in W·m⁻².
         irradiance: Spectrum,
     },
 }
 
-/// The falloff of a spot's intensity from full, at the inner angle, to nothing, at the outer one.
+/// The falloff of a spot light from full intensity at the inner angle to 0 at the outer one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SpotFalloff {
-    /// As the square of the linear interpolation of the cosine (KHR_lights_punctual).
+    /// Square of the linear interpolation of the cosine (KHR_lights_punctual).
     #[default]
     SquaredCosine,
-    /// Linearly with the angle (Mitsuba).
+    /// Linear in the angle (Mitsuba).
     LinearAngle,
-    /// As the smooth step of the cosine (pbrt).
+    /// Smoothstep of the cosine (pbrt).
     SmoothCosine,
 }
 
@@ -90,41 +91,42 @@ pub enum EnvironmentMapping {
     /// Latitude and longitude: the upper edge is +y, the centre column −z, u grows towards +x.
     #[default]
     LatitudeLongitude,
-    /// The same, but the centres of the first and the last row are the poles themselves, as Mitsuba has it.
+    /// The layout of [`Self::LatitudeLongitude`], but the centres of the first and last row are the poles themselves
+    /// (Mitsuba).
     LatitudeLongitudeToPoles,
-    /// Equal areas on an octahedron, as pbrt-v4 has it (Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using
-    /// SIMD): +z is the centre, −z the corners, +x to the right and +y down. The nearest texel counts, as there.
+    /// Equal areas on an octahedron, as in pbrt-v4 (Clarberg 2008, Fast Equal-Area Mapping of the (Hemi)Sphere using
+    /// SIMD): +z is the centre, −z the corners, +x points right and +y down. Looked up without interpolation, as there.
     EqualArea,
 }
 
 /// A rectangle through which an environment shines, world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Portal {
-    /// One of its corners.
+    /// One corner of the rectangle.
     pub corner: Vec3,
-    /// From there to the two corners beside it, perpendicular to one another. Their vector product looks outwards: light
-    /// comes in against it.
+    /// The edges from there to the adjacent corners, perpendicular to each other. Their cross product points outwards;
+    /// light comes in against it.
     pub edges: [Vec3; 2],
 }
 
-/// The environment, which is seen where there is no surface.
+/// The environment: radiance along rays that leave the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
-    /// The picture; `None`: 1 everywhere.
+    /// The picture; `None`: 1 in all directions.
     pub image: Option<ImageId>,
-    /// How it is laid out.
+    /// Layout of directions on the picture.
     pub mapping: EnvironmentMapping,
-    /// Multiplies the picture.
+    /// Factor of the picture: radiance in W·sr⁻¹·m⁻².
     pub factor: Spectrum,
-    /// Environment space to world space: orthonormal, and mirroring where the file says so.
+    /// Environment space to world space: orthonormal; may mirror.
     pub world_from_environment: Mat3,
-    /// Where there are some, it is seen along lines alone that lead out through one of them (once for each that they
-    /// cross), and black elsewhere.
+    /// Portals. If not empty, the environment is visible only along rays that leave through a portal, once for each
+    /// portal that they cross, and black elsewhere.
     pub portals: Vec<Portal>,
 }
 
 impl Environment {
-    /// The same radiance from everywhere.
+    /// Returns an environment of constant radiance.
     pub fn uniform(radiance: Spectrum) -> Self {
         Self {
             image: None,
@@ -135,7 +137,7 @@ impl Environment {
         }
     }
 
-    /// A picture by latitude and longitude.
+    /// Returns a latitude-longitude picture as an environment.
     pub fn picture(image: ImageId, factor: Spectrum, world_from_environment: Mat3) -> Self {
         Self { image: Some(image), world_from_environment, ..Self::uniform(factor) }
     }

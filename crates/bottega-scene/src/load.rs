@@ -1,4 +1,4 @@
-//! The loading of a scene from a path.
+//! Loading of a scene from a path.
 
 use std::path::Path;
 
@@ -16,28 +16,28 @@ use crate::{
     excess, gltf, mesh_file, mitsuba, pbrt, values,
 };
 
-/// A scene, and what to tell about it.
+/// A loaded scene, with warnings, metadata and render hints.
 #[derive(Clone, Debug)]
 pub struct Loaded {
-    /// Checked: [`Scene::validate`] finds nothing.
+    /// The scene; [`Scene::validate`] holds.
     pub scene: Scene,
-    /// In the order in which they were found.
+    /// Warnings, in the order in which they were found.
     pub warnings: Vec<Warning>,
-    /// What the file says of itself.
+    /// Metadata of the scene file.
     pub metadata: Metadata,
-    /// How the file wants to be painted.
+    /// Render settings that the file asks for.
     pub hints: RenderHints,
-    /// The files that the scene refers to and that were read, without the scene file itself.
+    /// Files that the scene refers to and that were read, without the scene file itself.
     pub files: Vec<SceneFile>,
 }
 
-/// Reads a scene. The format is known by the first bytes, or by the extension of the name.
+/// Reads a scene. The format is recognized by the first bytes or the file extension.
 ///
-/// Lights keep the numbers of the file: of glTF, candela counts as W·sr⁻¹, lux as W·m⁻², and the emissive factor as
-/// radiance, so that all of them keep their balance.
+/// Lights keep the numbers of the file: in glTF, candela counts as W·sr⁻¹, lux as W·m⁻² and the emissive factor as
+/// radiance, so their ratios stay the same.
 ///
-/// A scene without camera gets one that frames it; a scene without any light gets a neutral sky. What else had to be
-/// guessed or left out is in the warnings.
+/// A scene without a camera gets one that frames it; a scene without any light gets a neutral sky. Other guesses and
+/// omissions are reported as warnings.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut budget = MemoryBudget::new(options.max_memory_bytes);
     let file = read_file(path, &budget)?;
@@ -70,7 +70,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     };
     let ((mut scene, mut metadata, mut hints), mut files, mut warnings) = read(DVec3::ZERO, &budget, &mut digest)?;
     if let Some(origin) = far_origin(&scene) {
-        // The first one goes before the second one is made: both together would take twice the memory.
+        // Drop the first scene before reading again: both together take twice the memory.
         drop(scene);
         budget = MemoryBudget::new(options.max_memory_bytes);
         budget.take(path, "", file.len())?;
@@ -109,7 +109,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     Ok(Loaded { scene, warnings: warnings.finish(), metadata, hints, files })
 }
 
-/// Makes sound numbers of the colours of vertices, and tells where there were others.
+/// Replaces NaN, infinite and huge vertex colours, and warns about them.
 fn mend_colors(scene: &mut Scene, warnings: &mut Warnings) {
     for (index, mesh) in scene.meshes.iter_mut().enumerate() {
         if let Some(note) = values::mend(bytemuck::cast_slice_mut(&mut mesh.colors)) {
@@ -156,11 +156,11 @@ fn add_environment(
 impl Scene {
     /// Surrounds the scene with a latitude-longitude picture.
     ///
-    /// - `intensity`: multiplies the picture.
-    /// - `rotation`: turns it about the y axis, counter-clockwise seen from above, in radians.
+    /// - `intensity`: factor of the picture.
+    /// - `rotation`: about the y axis, counter-clockwise seen from above, in radians.
     pub fn set_environment(&mut self, image: Image, intensity: f32, rotation: f32) {
         self.images.push(image);
-        // In double precision, and rounded: platforms differ in the last bit of their sines.
+        // Compute in double precision, then round: platforms differ in the last bit of a sine.
         let (sin, cos) = (0.5 * f64::from(rotation)).sin_cos();
         self.environment = Some(Environment::picture(
             ImageId(self.images.len() as u32 - 1),

@@ -1,40 +1,40 @@
-//! Materials: how a surface scatters, what it emits, where it is absent, and what it bounds.
+//! Materials: surface scattering, emission, opacity, relief and adjacent media.
 
 use crate::{ColorParam, Layered, MediumId, ScalarParam, Spectrum, Surface, TextureMap};
 
-/// The reading of opacity.
+/// The interpretation of opacity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
     #[default]
     Opaque,
-    /// Alpha at or above the cutoff is opaque, below it the surface is not there.
+    /// Opaque where alpha is at or above the cutoff, absent elsewhere.
     Mask {
-        /// The cutoff.
+        /// The cutoff, in [0, 1] in practice.
         cutoff: f32,
     },
-    /// The surface is there with probability alpha.
+    /// Present with probability alpha.
     Blend,
-    /// The surface is not there: no ray meets it, and none is stopped by it. What it emits goes out whole, and is found by looking for
-    /// lights alone (pbrt's area light on a shape whose alpha is 0).
+    /// Absent: rays pass without a hit. Its emission is not reduced, and only next-event estimation finds it (pbrt's
+    /// area light on a shape with alpha 0).
     Absent,
 }
 
-/// Sides of a surface. The front is the side from which its triangles run counter-clockwise, and the outside of a
+/// Sides of a surface. The front is the side from which its triangles are counter-clockwise, and the outside of a
 /// sphere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sides {
-    /// The front alone.
+    /// The front only.
     Front,
-    /// The back alone.
+    /// The back only.
     Back,
-    /// Both.
+    /// Both sides.
     #[default]
     Both,
 }
 
 impl Sides {
-    /// Whether that side is one of them.
+    /// Returns true if it includes the front (`front`) or the back (`!front`).
     pub fn has(self, front: bool) -> bool {
         match self {
             Self::Front => front,
@@ -43,7 +43,7 @@ impl Sides {
         }
     }
 
-    /// How many they are.
+    /// Returns the number of sides, 1 or 2.
     pub fn count(self) -> u32 {
         if self == Self::Both { 2 } else { 1 }
     }
@@ -52,63 +52,64 @@ impl Sides {
 /// The scattering on the back of a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Back {
-    /// The same as on the front: two equal sides of an opaque or thin surface, two sides of one boundary of a solid.
+    /// Equal to the front: two equal sides of an opaque or thin surface, or the two sides of a solid's boundary.
     #[default]
     Same,
-    /// Nothing: it is black.
+    /// Nothing: the back is black.
     Black,
-    /// Something else, which may let light through whatever the front does.
+    /// Another surface, which may transmit light even if the front does not.
     Other(Box<Surface>),
 }
 
-/// Unevenness too fine for the mesh.
+/// Fine surface detail by a normal map or bump map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Relief {
-    /// What is known of it.
+    /// The normal map or heights.
     pub source: ReliefSource,
-    /// What becomes of directions that its normal and the surface without it do not see from the same side.
+    /// The treatment of directions that lie on opposite sides of the perturbed normal and of the surface.
     pub rule: ReliefRule,
 }
 
-/// The source of a relief.
+/// The data of a relief.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReliefSource {
-    /// A tangent-space normal map, and the factor of its x and y (glTF).
+    /// A tangent-space normal map, and the scale of its x and y (glTF).
     Normals(TextureMap, f32),
-    /// Height above the surface along its normal, in scene units.
+    /// A bump map: height above the surface along its normal, in scene units.
     Heights(ScalarParam),
 }
 
-/// The rule for directions that the normal of a relief and the surface without it do not see from the same side.
+/// The treatment of directions that lie on opposite sides of the perturbed normal and of the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReliefRule {
-    /// A normal turned away from who looks is bent until it is seen.
+    /// A shading normal that faces away from the viewer is bent until it faces it.
     #[default]
     Bent,
-    /// Mitsuba 3.
+    /// The rules of Mitsuba 3.
     Mitsuba {
-        /// Whether a normal turned away from who looks is tilted to the other side of the surface's own; else the surface
-        /// is black from there.
+        /// `true`: a shading normal that faces away from the viewer is flipped to the other side of the geometric
+        /// normal. `false`: the surface is black from there.
         turns: bool,
-        /// Whether light that comes in low is weakened, as if the relief threw shadows.
+        /// `true`: light at grazing angles is reduced, as if the relief cast shadows.
         shadows: bool,
-        /// Whether the back has the same heights above it as the front, as in a mirror, and not its dents as bumps.
+        /// `true`: the back has the same heights above it as the front, mirrored. `false`: dents of the front are bumps
+        /// of the back.
         mirrored: bool,
     },
 }
 
 impl Relief {
-    /// By a normal map, and the factor of its x and y.
+    /// Makes a relief from a normal map and the scale of its x and y.
     pub fn normals(map: TextureMap, scale: f32) -> Self {
         Self { source: ReliefSource::Normals(map, scale), rule: ReliefRule::Bent }
     }
 
-    /// By heights in scene units.
+    /// Makes a relief from heights in scene units.
     pub fn heights(height: ScalarParam) -> Self {
         Self { source: ReliefSource::Heights(height), rule: ReliefRule::Bent }
     }
 
-    /// The texture that tells of it.
+    /// Returns the texture of the relief, if any.
     pub fn texture(&self) -> Option<&TextureMap> {
         match &self.source {
             ReliefSource::Normals(map, _) => Some(map),
@@ -117,38 +118,38 @@ impl Relief {
     }
 }
 
-/// A material.
+/// A material: the properties of a surface at each of its points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Material {
     /// The name in the file; may be empty.
     pub name: String,
-    /// What scatters on the front, and on the back where `back` says so.
+    /// The scattering of the front, and of the back if `back` is [`Back::Same`].
     pub surface: Surface,
-    /// What scatters on the back.
+    /// The scattering of the back.
     pub back: Back,
-    /// Alpha; multiplied with the alpha of vertex colours.
+    /// Alpha in [0, 1]; multiplied by the alpha of vertex colours.
     pub opacity: ScalarParam,
-    /// How alpha is read.
+    /// The interpretation of alpha.
     pub alpha_mode: AlphaMode,
-    /// Whether the camera sees through it from behind, as viewers of glTF that cull backfaces do. Light does not.
+    /// `true`: the camera sees through it from behind, as in glTF viewers that cull backfaces. Light does not.
     pub culls_back: bool,
-    /// Radiance that the surface emits.
+    /// Emitted radiance, in W·sr⁻¹·m⁻².
     pub emission: ColorParam,
-    /// From where it is emitted.
+    /// Sides that emit.
     pub emission_sides: Sides,
-    /// Perturbs the shading normal.
+    /// Perturbation of the shading normal; `None`: smooth.
     pub relief: Option<Relief>,
-    /// What fills the space behind the front; `None`: vacuum. Only where light may go through.
+    /// The medium behind the front; `None`: vacuum. Only meaningful if the surface transmits.
     pub interior: Option<MediumId>,
-    /// What fills the space before the front; `None`: vacuum.
+    /// The medium before the front; `None`: vacuum.
     pub exterior: Option<MediumId>,
-    /// Whether light that goes straight through a smooth sheet goes on as if nothing was there: it is no bounce, and lamps
-    /// without extent are seen through the sheet (Mitsuba's `volpath`). Else the sheet hides them as any surface does.
+    /// `true`: light that passes straight through a smooth thin sheet does not count as a bounce, and lights without
+    /// extent are visible through it (Mitsuba's `volpath`). `false`: the sheet hides them like any surface.
     pub see_through: bool,
 }
 
 impl From<Surface> for Material {
-    /// Opaque, dark, both sides equal.
+    /// Makes an opaque material that does not emit and is the same on both sides.
     fn from(surface: Surface) -> Self {
         Self { surface, ..Self::default() }
     }
@@ -161,37 +162,37 @@ impl From<Layered> for Material {
 }
 
 impl Material {
-    /// Lambert's matte surface.
+    /// Returns a Lambertian material.
     pub fn matte(reflectance: Spectrum) -> Self {
         Surface::matte(reflectance).into()
     }
 
-    /// A black surface that emits the same radiance everywhere, from its front.
+    /// Returns a black surface that emits constant radiance from its front.
     pub fn lamp(radiance: Spectrum) -> Self {
         Self { emission: radiance.into(), emission_sides: Sides::Front, ..Self::matte(Spectrum::ZERO) }
     }
 
-    /// Whether the surface may let rays pass as if it were not there. Where not, [`opacity`](Self::opacity_at) is 1.
+    /// Returns true if rays may pass through the surface by opacity. If not, [`opacity`](Self::opacity_at) is 1.
     pub fn has_opacity(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque
     }
 
-    /// Whether less is emitted where less of the surface is there.
+    /// Returns true if opacity scales emission.
     pub fn dims_emission(&self) -> bool {
         !matches!(self.alpha_mode, AlphaMode::Opaque | AlphaMode::Absent)
     }
 
-    /// Whether it shines: its emission is not black, or it is unlit.
+    /// Returns true if it emits light: its emission is not black, or it is unlit.
     pub fn is_emissive(&self) -> bool {
         matches!(self.surface, Surface::Unlit(_)) || self.emission.factor.max_element() > 0.0
     }
 
-    /// Its surface, if that is the layered one of glTF.
+    /// Returns the surface if it is glTF's layered one.
     pub fn layered(&self) -> Option<&Layered> {
         if let Surface::Layered(layered) = &self.surface { Some(layered) } else { None }
     }
 
-    /// What scatters on that side; `None`: it is black.
+    /// Returns the surface of one side; `None`: that side is black.
     pub fn surface_of(&self, front: bool) -> Option<&Surface> {
         match &self.back {
             Back::Black if !front => None,
@@ -200,41 +201,41 @@ impl Material {
         }
     }
 
-    /// Whether chance decides at each point which of several surfaces is there.
+    /// Returns true if a surface is a blend, one part of which is chosen at random per hit.
     pub fn is_blended(&self) -> bool {
         let is_blend = |surface: &Surface| matches!(surface, Surface::Blend { .. });
         is_blend(&self.surface) || matches!(&self.back, Back::Other(surface) if is_blend(surface))
     }
 
-    /// Whether light may go through to the other side, other than by opacity.
+    /// Returns true if light may pass to the other side, other than by opacity.
     pub fn transmits(&self) -> bool {
         self.surface.transmits() || matches!(&self.back, Back::Other(surface) if surface.transmits())
     }
 
-    /// Whether light that goes through it comes into another medium. Of surfaces for which no medium is named, only the solids
-    /// of glTF do that; elsewhere light stays in what it is in, as in Mitsuba and pbrt.
+    /// Returns true if light that passes through enters another medium. Of surfaces without named media, only glTF's
+    /// solids do; otherwise light stays in its medium, as in Mitsuba and pbrt.
     pub fn parts_media(&self) -> bool {
         let is_solid = matches!(&self.surface, Surface::Layered(layered) if !layered.thin);
         self.transmits() && (is_solid || self.interior.is_some() || self.exterior.is_some())
     }
 
-    /// Whether some of its light goes straight through, see [`see_through`](Self::see_through).
+    /// Returns true if some of its light passes straight through; see [`see_through`](Self::see_through).
     pub fn is_seen_through(&self) -> bool {
         self.see_through && self.has_clear_sheet()
     }
 
-    /// Whether it is a smooth sheet of glass, or partly one, on either side.
+    /// Returns true if either side is, or blends in, a smooth sheet of glass.
     pub fn has_clear_sheet(&self) -> bool {
         self.surface.has_clear_sheet() || matches!(&self.back, Back::Other(surface) if surface.has_clear_sheet())
     }
 
-    /// Whether it depends on the directions of the texture coordinates on the surface.
+    /// Returns true if shading needs the tangents of the texture coordinates.
     pub fn needs_tangents(&self) -> bool {
         let back = if let Back::Other(surface) = &self.back { surface.needs_tangents() } else { false };
         self.relief.is_some() || self.surface.needs_tangents() || back
     }
 
-    /// Every texture that the material refers to.
+    /// Returns every texture that the material refers to.
     pub fn textures(&self) -> Vec<&TextureMap> {
         let mut maps = Vec::new();
         self.surface.add_textures(&mut maps);

@@ -1,4 +1,4 @@
-//! Media that fill space.
+//! Participating media: homogeneous, or with coefficients from grids.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::{Grid, Spectrum};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct MediumId(pub u32);
 
-/// A participating medium.
+/// A participating medium with Henyey-Greenstein scattering.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
     /// The name in the file; may be empty.
@@ -19,42 +19,43 @@ pub struct Medium {
     pub absorption: Spectrum,
     /// Scattering coefficient σ_s, per scene unit.
     pub scattering: Spectrum,
-    /// Radiance emitted per scene unit.
+    /// Emitted radiance per scene unit.
     pub emission: Spectrum,
-    /// Mean cosine of the angle of scattering, in (−1, 1): forwards above 0 (Henyey and Greenstein 1941).
+    /// Henyey-Greenstein asymmetry: mean cosine of the scattering angle, in (−1, 1); above 0: forward (Henyey and
+    /// Greenstein 1941).
     pub g: f32,
-    /// How the coefficients vary in space; `None`: not at all.
+    /// Spatial variation of the coefficients; `None`: homogeneous.
     pub variation: Option<Arc<Variation>>,
 }
 
-/// The variation of a medium's coefficients in space: they are multiplied by values of grids.
+/// The spatial variation of a medium's coefficients: grids that multiply them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variation {
-    /// What multiplies absorption and scattering.
+    /// Factors of absorption and scattering.
     pub density: Density,
-    /// What multiplies emission, beside what multiplies absorption.
+    /// Additional factor of emission, which the factor of absorption also multiplies.
     pub emission: Option<Grid>,
-    /// World space to the unit cube that the grids fill. There is nothing outside of it.
+    /// World space to the unit cube of the grids. Outside, the medium is empty.
     pub grid_from_world: Affine3A,
 }
 
-/// The density that multiplies the coefficients of a medium.
+/// The grids that multiply the coefficients of a medium.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Density {
-    /// Absorption and scattering alike.
+    /// One grid for absorption and scattering.
     Both(Grid),
-    /// Each by its own.
+    /// One grid each.
     Each {
-        /// Multiplies σ_a.
+        /// Factor of σ_a.
         absorption: Grid,
-        /// Multiplies σ_s.
+        /// Factor of σ_s.
         scattering: Grid,
     },
-    /// Their sum, of which a part that varies, too, is scattering.
+    /// A grid of the extinction and one of the albedo.
     WithAlbedo {
-        /// Multiplies σ_a + σ_s.
+        /// Factor of σ_a + σ_s.
         extinction: Grid,
-        /// σ_s over that, in [0, 1].
+        /// Scattering albedo, σ_s / (σ_a + σ_s), in [0, 1].
         albedo: Grid,
     },
 }
@@ -62,16 +63,16 @@ pub enum Density {
 /// The coefficients of a medium at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients {
-    /// σ_a.
+    /// Absorption coefficient σ_a, per scene unit.
     pub absorption: Spectrum,
-    /// σ_s.
+    /// Scattering coefficient σ_s, per scene unit.
     pub scattering: Spectrum,
-    /// Radiance emitted per scene unit.
+    /// Emitted radiance per scene unit.
     pub emission: Spectrum,
 }
 
 impl Medium {
-    /// What absorbs and does not scatter.
+    /// Returns a medium that absorbs and does not scatter.
     pub fn absorbing(absorption: Spectrum) -> Self {
         Self {
             name: String::new(),
@@ -83,12 +84,12 @@ impl Medium {
         }
     }
 
-    /// Whether it only absorbs, the same everywhere.
+    /// Returns true if it only absorbs, and homogeneously.
     pub fn is_clear(&self) -> bool {
         self.scattering == Spectrum::ZERO && self.emission == Spectrum::ZERO && self.variation.is_none()
     }
 
-    /// The coefficients where its variation has the place `p` of the unit cube.
+    /// Returns the coefficients at point `p` of the variation's unit cube.
     pub fn coefficients(&self, variation: &Variation, p: Vec3) -> Coefficients {
         let (absorbing, absorption, scattering) = match &variation.density {
             Density::Both(grid) => {
@@ -113,7 +114,7 @@ impl Medium {
         Coefficients { absorption, scattering, emission }
     }
 
-    /// No less than σ_a + σ_s of any channel anywhere between two corners of the unit cube.
+    /// Returns an upper bound of σ_a + σ_s over all channels between two corners of the unit cube.
     pub fn extinction_max(&self, variation: &Variation, corners: [Vec3; 2]) -> f32 {
         let most = |grid: &Grid, coefficient: Spectrum| (grid.max_within(corners) * coefficient).max_element();
         match &variation.density {
@@ -128,7 +129,7 @@ impl Medium {
 }
 
 impl Variation {
-    /// Its grids.
+    /// Returns its grids.
     pub fn grids(&self) -> impl Iterator<Item = &Grid> {
         let (first, second) = match &self.density {
             Density::Both(grid) => (grid, None),
@@ -138,7 +139,7 @@ impl Variation {
         [Some(first), second, self.emission.as_ref()].into_iter().flatten()
     }
 
-    /// Cells along each axis of the finest of its grids that absorb or scatter.
+    /// Returns the greatest number of cells of its grids along each axis.
     pub fn resolution(&self) -> [u32; 3] {
         self.grids().fold([1; 3], |size, grid| [0, 1, 2].map(|axis| size[axis].max(grid.size()[axis])))
     }

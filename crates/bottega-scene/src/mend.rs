@@ -1,4 +1,4 @@
-//! Mending normals and tangents that are no directions.
+//! Replacement of invalid normals and tangents.
 
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use crate::Mesh;
 
 impl Mesh {
-    /// Brings all normals to unit length. One that has no direction is replaced by the mean of the triangles around its
-    /// vertex, weighted by area. Returns whether there was one.
+    /// Normalizes all normals. Replaces one without direction by the mean of the triangles around its vertex, weighted
+    /// by area. Returns true if there was one.
     pub(crate) fn mend_normals(&mut self) -> bool {
         let normals = self.normals.par_iter_mut().enumerate();
         let bad: Vec<usize> = normals
@@ -34,8 +34,8 @@ impl Mesh {
         true
     }
 
-    /// Brings all tangents to unit length and their sign to ±1; those without direction become any that is perpendicular
-    /// to the normal. Returns whether there was one. Tangents without normals mean nothing and are dropped.
+    /// Normalizes all tangents and their signs to ±1. Replaces one without direction by any perpendicular to the
+    /// normal. Returns true if there was one. Drops tangents without normals.
     pub(crate) fn mend_tangents(&mut self) -> bool {
         if self.normals.is_empty() {
             self.tangents = Vec::new();
@@ -52,7 +52,7 @@ impl Mesh {
     }
 }
 
-/// The direction of a vector, however short or long it is.
+/// Returns the direction of a finite vector of any length but 0.
 fn unit(v: Vec3) -> Option<Vec3> {
     if !v.is_finite() {
         return None;

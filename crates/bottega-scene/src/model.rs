@@ -7,27 +7,27 @@ use rayon::prelude::*;
 
 use crate::{Camera, Environment, FacingCurves, Grid, Image, Light, Mapping, Material, Medium, MediumId, Variation};
 
-/// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty where absent.
-/// Importers leave out texture coordinates and tangents that no texture of the material asks for.
+/// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty if absent. Importers
+/// drop texture coordinates and tangents that no texture of the material uses.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// The name in the file; may be empty.
     pub name: String,
-    /// Object space.
+    /// Vertex positions, object space.
     pub positions: Vec<Vec3>,
-    /// Unit length, object space. Empty: flat shading.
+    /// Vertex normals of unit length, object space. Empty: flat shading.
     pub normals: Vec<Vec3>,
-    /// xyz the tangent, w = ±1 the sign of the bitangent (glTF). Empty: derived from `uvs`.
+    /// Vertex tangents: xyz is the tangent, w = ±1 the sign of the bitangent (glTF). Empty: derived from `uvs`.
     pub tangents: Vec<Vec4>,
-    /// Texture coordinates of up to two sets.
+    /// Texture coordinates: up to two sets.
     pub uvs: [Vec<Vec2>; 2],
-    /// Linear RGBA, multiplies the base colour.
+    /// Vertex colours, linear RGBA; they multiply the base colour.
     pub colors: Vec<Vec4>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// Curves, of which the triangles are but the hull.
+    /// Curves, if the triangles are only the hull around them.
     pub curves: Option<Box<FacingCurves>>,
 }
 
@@ -36,8 +36,8 @@ pub struct Mesh {
 pub struct Instance {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
-    /// Object space to world space; never singular, and never mirroring: its determinant is above 0, so that
-    /// counter-clockwise stays counter-clockwise. (A mirrored mesh is a mesh of its own: [`Mesh::mirrored`].)
+    /// Object space to world space. Never singular, and never mirroring: its determinant is above 0, so
+    /// counter-clockwise triangles stay counter-clockwise. ([`Mesh::mirrored`] makes the mesh for a mirrored instance.)
     pub world_from_object: Affine3A,
 }
 
@@ -46,48 +46,49 @@ pub struct Instance {
 pub struct Sphere {
     /// Centre, world space.
     pub center: Vec3,
-    /// Radius, above 0.
+    /// Radius, above 0, in scene units.
     pub radius: f32,
-    /// Turns its texture coordinates: object space, where +y is the pole, to world space.
+    /// Rotation of its texture coordinates: object space, where +y is the pole, to world space.
     pub world_from_object: Quat,
     /// Index into [`Scene::materials`].
     pub material: u32,
 }
 
-/// Everything that is needed to paint a picture but the settings.
+/// A complete scene: everything that a render needs except its settings.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Shapes that instances place.
+    /// Meshes, in object space; instances place them.
     pub meshes: Vec<Mesh>,
     /// Placed meshes.
     pub instances: Vec<Instance>,
     /// Analytic spheres.
     pub spheres: Vec<Sphere>,
-    /// Never empty when a mesh or sphere exists.
+    /// Materials. Not empty if the scene has a mesh or sphere.
     pub materials: Vec<Material>,
-    /// What fills space here and there.
+    /// Participating media, referred to by materials and cameras.
     pub media: Vec<Medium>,
     /// Pictures that textures and the environment refer to.
     pub images: Vec<Image>,
-    /// Texture coordinates by a place in the world, which textures refer to.
+    /// Texture coordinates by world position, referred to by [`TextureMap::uv_set`](crate::TextureMap::uv_set).
     pub mappings: Vec<Mapping>,
-    /// Lights without extent.
+    /// Lights without extent. Emissive surfaces are not among them.
     pub lights: Vec<Light>,
-    /// What is seen where there is no surface; `None`: black.
+    /// Radiance along rays that leave the scene; `None`: black.
     pub environment: Option<Environment>,
-    /// At least one after import: a framing camera is made where the file has none.
+    /// Cameras, at least one after import: a scene file without a camera gets one that frames the scene.
     pub cameras: Vec<Camera>,
-    /// Where the origin of the scene lies in the world of its file: 0, but for scenes far away from theirs, which are computed
-    /// around their camera.
+    /// Origin of the scene in the world space of its file. 0, except for scenes far from their origin, which are moved
+    /// so that their camera is near 0.
     pub origin: DVec3,
-    /// BLAKE3 of all the bytes that were read and of what was chosen among them, hexadecimal.
+    /// BLAKE3 of all bytes read and of the options chosen, hexadecimal.
     pub digest: String,
 }
 
-/// The greatest coordinate of a position, in either direction. Squares of distances then still fit into an `f32`.
+/// The greatest absolute coordinate of a position. Squares of distances still fit into an `f32`.
 pub const COORDINATE_MAX: f32 = 1e18;
 
-/// Whether a mesh with these bounds can be placed so: the transformation can be inverted and leaves all in reach.
+/// Returns true if a mesh with these bounds can be placed with this transformation: it is invertible, does not mirror,
+/// and keeps all coordinates within [`COORDINATE_MAX`].
 pub(crate) fn is_placeable(bounds: (Vec3, Vec3), world_from_object: &Affine3A) -> bool {
     let determinant = world_from_object.matrix3.determinant();
     let (min, max) = transformed_bounds(bounds, world_from_object);
@@ -98,24 +99,24 @@ pub(crate) fn is_placeable(bounds: (Vec3, Vec3), world_from_object: &Affine3A) -
         && max.max_element() <= COORDINATE_MAX
 }
 
-/// Boxes of meshes, each looked for once: instances may be many, and their meshes large.
+/// A cache of mesh bounds, each computed once: there may be many instances of a large mesh.
 #[derive(Debug, Default)]
 pub(crate) struct MeshBounds(BTreeMap<u32, (Vec3, Vec3)>);
 
 impl MeshBounds {
-    /// Whether a mesh of the scene can be placed so; see [`is_placeable`].
+    /// Returns true if a mesh of the scene can be placed with this transformation; see [`is_placeable`].
     pub(crate) fn is_placeable(&mut self, scene: &Scene, mesh: u32, world_from_object: &Affine3A) -> bool {
         let bounds = *self.0.entry(mesh).or_insert_with(|| scene.meshes[mesh as usize].bounds());
         is_placeable(bounds, world_from_object)
     }
 }
 
-/// The corners of a box.
+/// Iterates over the eight corners of a box.
 pub(crate) fn corners((min, max): (Vec3, Vec3)) -> impl Iterator<Item = Vec3> {
     (0..8u32).map(move |index| Vec3::select(glam::BVec3::new(index & 1 == 0, index & 2 == 0, index & 4 == 0), min, max))
 }
 
-/// The bounds of a transformed box.
+/// Returns the bounds of a transformed box.
 fn transformed_bounds(bounds: (Vec3, Vec3), world_from_object: &Affine3A) -> (Vec3, Vec3) {
     corners(bounds).map(|corner| world_from_object.transform_point3(corner)).fold(EMPTY, grow)
 }
@@ -131,13 +132,14 @@ fn bytes_of<T>(list: &[T]) -> usize {
 }
 
 impl Mesh {
-    /// The same triangles, each of its own colour; `None`: there are not as many colours.
+    /// Returns the same triangles, each with its own colour; `None` if the number of colours differs from that of
+    /// triangles.
     pub(crate) fn with_triangle_colors(&self, colors: &[Vec4]) -> Option<Self> {
         let colors_by_vertex = || colors.iter().flat_map(|&color| [color; 3]).collect();
         (colors.len() == self.triangles.len()).then(|| Self { colors: colors_by_vertex(), ..self.unshared() })
     }
 
-    /// The same triangles without shared vertices.
+    /// Returns the same triangles without shared vertices.
     pub(crate) fn unshared(&self) -> Self {
         fn spread<T: Copy>(values: &[T], triangles: &[[u32; 3]]) -> Vec<T> {
             if values.is_empty() {
@@ -159,14 +161,15 @@ impl Mesh {
         }
     }
 
-    /// Least and greatest coordinates of the positions, object space. Infinite and inverted without positions.
+    /// Returns the least and greatest coordinates of the positions, object space. Infinite and inverted if there are
+    /// none.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         let pieces = self.positions.par_chunks(1 << 16).map(|piece| piece.iter().copied().fold(EMPTY, grow));
         let pieces: Vec<(Vec3, Vec3)> = pieces.collect();
         pieces.into_iter().fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max))
     }
 
-    /// Bytes that its vertices and triangles take.
+    /// Returns the memory of its vertices, triangles and curves, in bytes.
     pub fn memory_bytes(&self) -> usize {
         bytes_of(&self.positions)
             + bytes_of(&self.normals)
@@ -177,11 +180,11 @@ impl Mesh {
             + self.curves.as_ref().map_or(0, |curves| curves.memory_bytes())
     }
 
-    /// The mesh mirrored in the plane x = 0, front sides still outside.
+    /// Mirrors the mesh in the plane x = 0; front sides stay outside.
     pub fn mirrored(mut self) -> Self {
         self.positions.iter_mut().for_each(|p| p.x = -p.x);
         self.normals.iter_mut().for_each(|n| n.x = -n.x);
-        // The bitangent is cross(n, t)·w, and mirroring turns the sign of the cross product.
+        // The bitangent is cross(n, t)·w; mirroring flips the sign of the cross product.
         self.tangents.iter_mut().for_each(|t| (t.x, t.w) = (-t.x, -t.w));
         self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         if let Some(curves) = &mut self.curves {
@@ -191,7 +194,7 @@ impl Mesh {
         self
     }
 
-    /// The vector product of two edges of a triangle: its normal, with twice its area as length.
+    /// Returns the cross product of two edges of a triangle: its normal, with twice its area as length.
     pub(crate) fn cross(&self, triangle: [u32; 3]) -> Vec3 {
         let [a, b, c] = triangle.map(|vertex| self.positions[vertex as usize]);
         (b - a).cross(c - a)
@@ -199,26 +202,29 @@ impl Mesh {
 }
 
 impl Scene {
-    /// Adds a material.
+    /// Adds a material. Returns its index.
     pub fn push_material(&mut self, material: Material) -> u32 {
         self.materials.push(material);
         self.materials.len() as u32 - 1
     }
 
-    /// Adds a medium.
+    /// Adds a medium. Returns its index.
     pub fn push_medium(&mut self, medium: Medium) -> MediumId {
         self.media.push(medium);
         MediumId(self.media.len() as u32 - 1)
     }
 
-    /// Adds a mesh without showing it; see [`push_instance`](Self::push_instance).
+    /// Adds a mesh without placing it; see [`push_instance`](Self::push_instance). Returns its index.
     pub fn push_mesh(&mut self, mesh: Mesh) -> u32 {
         self.meshes.push(mesh);
         self.meshes.len() as u32 - 1
     }
 
-    /// Shows a mesh. A transformation that mirrors is given a mirrored copy of the mesh.
-    /// Panics when there is no such mesh.
+    /// Places a mesh. For a mirroring transformation, adds a mirrored copy of the mesh.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such mesh.
     pub fn push_instance(&mut self, mesh: u32, world_from_object: Affine3A) {
         let mirrors = world_from_object.matrix3.determinant() < 0.0;
         let instance = if mirrors {
@@ -231,18 +237,18 @@ impl Scene {
         self.instances.push(instance);
     }
 
-    /// Adds a mesh whose object space is world space, and shows it.
+    /// Adds a mesh whose object space is world space, and places it.
     pub fn push_surface(&mut self, mesh: Mesh) {
         let mesh = self.push_mesh(mesh);
         self.push_instance(mesh, Affine3A::IDENTITY);
     }
 
-    /// Adds an analytic sphere.
+    /// Adds an analytic sphere without rotation.
     pub fn push_sphere(&mut self, center: Vec3, radius: f32, material: u32) {
         self.spheres.push(Sphere { center, radius, world_from_object: Quat::IDENTITY, material });
     }
 
-    /// Takes all media away. Returns whether there were any.
+    /// Removes all media. Returns true if there were any.
     pub(crate) fn leave_out_media(&mut self) -> bool {
         for material in &mut self.materials {
             (material.interior, material.exterior) = (None, None);
@@ -255,8 +261,8 @@ impl Scene {
         had_media
     }
 
-    /// Least and greatest coordinates of all surfaces, world space; both 0 where there are none. The box of an instance
-    /// is that of its mesh's turned box, so it may be larger than needed.
+    /// Returns the least and greatest coordinates of all surfaces, world space; both 0 if there are none. The box of an
+    /// instance is that of its mesh's transformed box, so it may be larger than needed.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         let bounds: Vec<(Vec3, Vec3)> = self.meshes.par_iter().map(Mesh::bounds).collect();
         let instances =
@@ -268,12 +274,12 @@ impl Scene {
         if min.cmple(max).all() { (min, max) } else { (Vec3::ZERO, Vec3::ZERO) }
     }
 
-    /// Triangles of all instances.
+    /// Counts the triangles of all instances.
     pub fn triangle_count(&self) -> u64 {
         self.instances.iter().map(|instance| self.meshes[instance.mesh as usize].triangles.len() as u64).sum()
     }
 
-    /// Bytes that meshes, instances, spheres and pictures take.
+    /// Returns the memory of meshes, instances, spheres, pictures and grids, in bytes.
     pub fn memory_bytes(&self) -> usize {
         let grids = self.media.iter().filter_map(|medium| medium.variation.as_deref()).flat_map(Variation::grids);
         self.meshes.iter().map(Mesh::memory_bytes).sum::<usize>()
@@ -283,7 +289,7 @@ impl Scene {
             + bytes_of(&self.spheres)
     }
 
-    /// Whether anything shines: an emissive surface, a light, or an environment.
+    /// Returns true if anything emits light: a placed surface, a light or the environment.
     pub fn has_light(&self) -> bool {
         let emits = |material: u32| self.materials[material as usize].is_emissive();
         self.environment.as_ref().is_some_and(|environment| environment.factor.max_element() > 0.0)

@@ -1,46 +1,47 @@
-//! Parameters that a file may give and that change no picture of ours, each with its reason.
+//! Parameters of scene files that have no effect here, each with a reason.
 //!
-//! A parameter of a scene file is followed, or named in a warning that `--strict` refuses, or stands in a table of these: readers keep
-//! account of what they asked for, and tell of the rest. So one that is known and does nothing has a reason, or is told.
+//! Every parameter of a scene file is used, or reported as unsupported (an error with `--strict`), or listed in one of
+//! these tables. Readers record which parameters they read and report the others, so a known parameter without effect
+//! needs an entry.
 
-/// Why a parameter changes nothing here.
+/// The reason for which a parameter has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Reason {
-    /// It says how the renderer of the file estimates the picture: which numbers it draws, when paths end, what it keeps.
+    /// It controls how the file's renderer estimates the picture: random numbers, path termination, caches.
     Estimate,
-    /// It says how the renderer of the file stores the picture, or what it reads; that is asked of the command.
+    /// It controls how the file's renderer stores the picture or reads files; command options do that here.
     Storage,
-    /// It has no meaning beside the others that are given: the aperture of a pinhole, the time of a scene that stands still.
+    /// It has no meaning with the other parameters given: the aperture of a pinhole, the time of a static scene.
     Meaningless,
-    /// It tells of what only spectra or polarized light show.
+    /// It affects only spectral or polarized rendering.
     Spectra,
 }
 
-/// Parameters of some plugins or types that change nothing.
+/// Parameters of some plugins or types that have no effect.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Needless<Kind> {
-    /// What the plugins are for.
+    /// Kind of the plugins, such as sensors.
     pub(crate) kind: Kind,
-    /// Names of plugins or types; none: all of the kind.
+    /// Names of plugins or types; empty: all of the kind.
     pub(crate) of: &'static [&'static str],
-    /// Names of the parameters; none: all that are not asked for.
+    /// Names of the parameters; empty: all that are not read.
     pub(crate) names: &'static [&'static str],
-    /// Why. Told by the manual, see `docs/guides/scenes.md`.
+    /// The reason; documented in `docs/guides/scenes.md`.
     #[cfg_attr(not(test), expect(dead_code, reason = "it is for who reads the table, and for the test of the manual"))]
     pub(crate) reason: Reason,
 }
 
 impl<Kind: PartialEq> Needless<Kind> {
-    /// Whether a parameter of a plugin is one of them.
+    /// Returns true if it lists the parameter of a plugin.
     pub(crate) fn covers(&self, kind: &Kind, plugin: &str, name: &str) -> bool {
         let is_of = |list: &[&str], name: &str| list.is_empty() || list.contains(&name);
         self.kind == *kind && is_of(self.of, plugin) && is_of(self.names, name)
     }
 }
 
-/// Checks that the manual's table has all of them.
+/// Checks that the manual's table lists all of them.
 ///
-/// - `column`: that of the format.
+/// - `column`: column of the format in the table.
 #[cfg(test)]
 pub(crate) fn check_manual<Kind>(rows: &[Needless<Kind>], column: usize) {
     let manual = include_str!("../../../docs/guides/scenes.md");

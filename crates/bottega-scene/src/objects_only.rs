@@ -1,8 +1,8 @@
-//! Foreign JSON and TOML, where an object is an object.
+//! Deserialization of JSON and TOML from other programs that rejects lists in place of objects.
 //!
-//! The readers that serde derives take a list for a struct, too: its members in their order, `["a.bin", 10]` for
-//! `{"uri": "a.bin", "byteLength": 10}`. No format that we read says so. [`ObjectsOnly`] around a deserializer refuses it,
-//! at any depth; everything else passes as it is.
+//! The readers that serde derives also accept a list for a struct, with its members in order: `["a.bin", 10]` for
+//! `{"uri": "a.bin", "byteLength": 10}`. None of the supported formats allows that. [`ObjectsOnly`] around a
+//! deserializer rejects it at any depth; everything else is unchanged.
 
 use std::fmt;
 
@@ -11,11 +11,11 @@ use serde::de::{
     Visitor,
 };
 
-/// A deserializer that takes no list for a struct.
+/// A deserializer that rejects a list in place of a struct.
 #[derive(Debug)]
 pub struct ObjectsOnly<D>(pub D);
 
-/// Reads JSON in which structs are objects, from the first byte to the last.
+/// Reads a whole JSON text in which structs are objects.
 pub fn from_json<'de, T: Deserialize<'de>>(json: &'de [u8]) -> serde_json::Result<T> {
     let mut deserializer = serde_json::Deserializer::from_slice(json);
     let value = T::deserialize(ObjectsOnly(&mut deserializer))?;
@@ -23,7 +23,7 @@ pub fn from_json<'de, T: Deserialize<'de>>(json: &'de [u8]) -> serde_json::Resul
     Ok(value)
 }
 
-/// Hands on a method whose one argument beside the visitor may be some more.
+/// Forwards `deserialize_*` methods, with their arguments before the visitor.
 macro_rules! forward {
     ($($method:ident($($argument:ident: $type:ty),*);)*) => {
         $(fn $method<V: Visitor<'de>>(self, $($argument: $type,)* visitor: V) -> Result<V::Value, D::Error> {
@@ -62,7 +62,7 @@ impl<'de, D: Deserializer<'de>> Deserializer<'de> for ObjectsOnly<D> {
     }
 }
 
-/// A visitor, which gets what is within a value through [`ObjectsOnly`].
+/// A visitor that passes nested values through [`ObjectsOnly`].
 struct ForwardedVisitor<V, const IS_STRUCT: bool>(V);
 
 macro_rules! visit {
@@ -119,10 +119,10 @@ impl<'de, V: Visitor<'de>, const IS_STRUCT: bool> Visitor<'de> for ForwardedVisi
     }
 }
 
-/// What is within a value.
+/// Access to the values within a list, map or enum, which pass through [`ObjectsOnly`].
 struct InnerAccess<A>(A);
 
-/// Something within a value that is about to be read.
+/// The seed of a nested value.
 struct Inner<S>(S);
 
 impl<'de, S: DeserializeSeed<'de>> DeserializeSeed<'de> for Inner<S> {

@@ -2,39 +2,38 @@
 
 use std::path::PathBuf;
 
-/// The options of loading a scene beyond its file, and the limits of what it may take.
+/// The options for loading a scene, and the limits on its size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that becomes the environment, whatever the file says.
+    /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that replaces the file's environment.
     pub environment: Option<PathBuf>,
-    /// Turns that picture about the y axis, counter-clockwise seen from above, in radians.
+    /// Rotation of that picture about the y axis, counter-clockwise seen from above, in radians.
     pub environment_rotation: f32,
-    /// Multiplies that picture.
+    /// Factor of that picture.
     pub environment_intensity: f32,
-    /// The time, in seconds, at which animations are shown. `None`: the scene stands as its file describes it, unless
-    /// an animation is named, which then stands at its beginning.
+    /// Time at which animations are evaluated, in seconds. `None`: the scene as the file describes it, or the start of
+    /// [`animation`](Self::animation) if that is set.
     pub at: Option<f32>,
-    /// The one animation that is shown, by its name or else by its number. `None`: all; where several move the same
-    /// thing, the first one.
+    /// Name or number of the only animation to use. `None`: all; if several move the same thing, the first one.
     pub animation: Option<String>,
-    /// Which of the variants of materials that a file offers is shown, by its name or else by its number.
+    /// Name or number of the material variant to use.
     pub variant: Option<String>,
-    /// Whether a scene without any light gets a neutral sky.
+    /// `true`: a scene without any light gets a neutral sky.
     pub add_sky: bool,
-    /// Whether the scene may refer to files outside of the folder of its own file.
+    /// `true`: the scene may refer to files outside of its own folder.
     pub allow_outside: bool,
     /// Further folders whose files the scene may refer to, whether by `..`, by an absolute path, or by a symbolic link.
     pub asset_roots: Vec<PathBuf>,
-    /// Whether the camera sees through the backs of glTF's materials that are not `doubleSided`, as its specification has it
-    /// (2.0, section 3.9.6). Else it sees all surfaces from both sides, as light does in either case.
+    /// `true`: the camera sees through back faces of glTF materials that are not `doubleSided`, as in the specification
+    /// (2.0, section 3.9.6). `false`: it sees all surfaces from both sides. Light hits both sides in either case.
     pub cull_backfaces: bool,
-    /// Refuse scenes that ask for something which is not supported, instead of replacing it and warning.
+    /// `true`: a scene with unsupported features is an error. `false`: they are replaced, with a warning.
     pub strict: bool,
-    /// Name and value of parameters of the scene, instead of the values that its file gives them (Mitsuba's `$name`).
+    /// Names and values of scene parameters that override those of the file (Mitsuba's `$name`).
     pub defines: Vec<(String, String)>,
-    /// Refuse pictures with more pixels than this. They are refused by their header, before they are decoded.
+    /// Maximal number of pixels of a picture. Checked by its header, before it is decoded.
     pub max_image_pixels: u64,
-    /// Refuse scenes whose meshes, instances and pictures together would take more bytes than this.
+    /// Maximal memory of the scene's meshes, instances and pictures together, in bytes.
     pub max_memory_bytes: usize,
 }
 
@@ -60,7 +59,7 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// One file makes several scenes, and their digests differ.
+    /// Adds the options that change the scene to its digest.
     pub(crate) fn add_choices(&self, digest: &mut blake3::Hasher) {
         if let Some(at) = self.at {
             digest.update(b"at").update(&at.to_le_bytes());

@@ -1,21 +1,23 @@
 //! Scenes far from the origin of their coordinates.
 //!
-//! Scenes are kept in single precision, which tells places apart by a sixteen-millionth of how far they are from the origin: by
-//! 8 mm at 100 km. Where a camera and what stands around it are much farther from the origin than from each other, the file is
-//! read once more, and the place of the camera is taken from all others while they are still in double precision.
+//! Scenes are stored in single precision, which resolves positions to a sixteen-millionth of their distance from the
+//! origin: 8 mm at 100 km. If a camera and its surroundings are much farther from the origin than from each other, the
+//! file is read a second time, and the camera's position is subtracted from all others while they are still in double
+//! precision.
 
 use glam::{Affine3A, DVec3, Vec3};
 
 use crate::{Mesh, Scene};
 
-/// How many times as far from the origin as from the camera the things of a scene must be.
+/// Ratio of the distance from the origin to the extent from which a scene or mesh counts as far.
 const FAR: f32 = 256.0;
 
-/// The place that is to be taken from all others, if a scene is far from the origin: that of its first camera.
+/// Returns the offset to subtract from all positions if the scene is far from the origin: the position of its first
+/// camera, rounded to whole units. `None`: it is not far.
 pub(crate) fn far_origin(scene: &Scene) -> Option<DVec3> {
     let eye = match scene.cameras.first() {
         Some(camera) => Vec3::from(camera.world_from_camera.translation),
-        // The camera that will be made stands before the scene.
+        // Without a camera, the framing camera is placed in front of the scene.
         None => {
             let (min, max) = scene.bounds();
             0.5 * (min + max)
@@ -37,7 +39,7 @@ pub(crate) fn far_origin(scene: &Scene) -> Option<DVec3> {
     is_far.then(|| eye.as_dvec3().round())
 }
 
-/// The middle of a mesh that is far from the origin of its own space.
+/// Returns the centre of a mesh that is far from the origin of its own space; `None`: it is not far.
 pub(crate) fn far_center(mesh: &Mesh) -> Option<DVec3> {
     let (min, max) = mesh.bounds();
     let (center, size) = (0.5 * (min + max), max - min);
@@ -45,7 +47,7 @@ pub(crate) fn far_center(mesh: &Mesh) -> Option<DVec3> {
     is_far.then(|| center.as_dvec3())
 }
 
-/// Moves a mesh that is far from the origin of its own space there. Returns where its middle was.
+/// Moves a mesh that is far from the origin of its own space to that origin. Returns its former centre.
 pub(crate) fn centered(mesh: &mut Mesh) -> Option<DVec3> {
     let center = far_center(mesh)?;
     let moved = |p: Vec3| (p.as_dvec3() - center).as_vec3();
@@ -56,9 +58,9 @@ pub(crate) fn centered(mesh: &mut Mesh) -> Option<DVec3> {
     Some(center)
 }
 
-/// What is told of the places of a mesh that was far from the origin of its own space.
+/// Returns the warning about the vertices of a mesh that was far from the origin of its own space.
 ///
-/// - `center`: where it was.
+/// - `center`: former centre of the mesh.
 pub(crate) fn rounding(center: DVec3) -> String {
     let far = center.abs().max_element();
     let step = f64::from((far as f32).next_up()) - f64::from(far as f32);

@@ -1,34 +1,34 @@
-//! The numbers of a material: constant, or multiplied by a texture.
+//! Material parameters: a constant, optionally multiplied by a texture.
 
 use crate::{Channel, Spectrum, TextureMap};
 
 /// A colour: factor × texture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorParam {
-    /// Multiplies the texture, or stands alone.
+    /// Factor of the texture; the colour itself without a texture.
     pub factor: Spectrum,
-    /// RGB.
+    /// The texture, of which RGB is used.
     pub texture: Option<TextureMap>,
 }
 
 /// A number: factor × one channel of a texture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScalarParam {
-    /// Multiplies the texture, or stands alone.
+    /// Factor of the texture; the number itself without a texture.
     pub factor: f32,
-    /// The texture and which of its channels.
+    /// The texture, and the channel that is used.
     pub texture: Option<(TextureMap, Channel)>,
 }
 
 impl Default for ColorParam {
-    /// Black.
+    /// Returns black, without a texture.
     fn default() -> Self {
         Spectrum::ZERO.into()
     }
 }
 
 impl Default for ScalarParam {
-    /// 1.
+    /// Returns 1, without a texture.
     fn default() -> Self {
         1.0.into()
     }

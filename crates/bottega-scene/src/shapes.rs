@@ -1,4 +1,4 @@
-//! Meshes of simple shapes, for scenes that are built in code. Their material is 0 until [`Mesh::with_material`].
+//! Meshes of simple shapes, for scenes built in code. Their material is 0 until [`Mesh::with_material`].
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3};
 use crate::Mesh;
 
 impl Mesh {
-    /// A parallelogram with one corner at `origin`. Its front is where `u` and `v` run counter-clockwise; its texture
-    /// coordinates grow along them from (0, 0).
+    /// Returns a parallelogram with one corner at `origin`. The front is the side from which `u` to `v` turns
+    /// counter-clockwise; texture coordinates grow along them from (0, 0).
     pub fn quad(origin: Vec3, u: Vec3, v: Vec3) -> Self {
         Self {
             name: "quad".into(),
@@ -19,7 +19,7 @@ impl Mesh {
         }
     }
 
-    /// A box between two corners, front outside.
+    /// Returns a box between two corners, front outside.
     pub fn cuboid(min: Vec3, max: Vec3) -> Self {
         let size = max - min;
         let (x, y, z) = (Vec3::X * size.x, Vec3::Y * size.y, Vec3::Z * size.z);
@@ -36,7 +36,7 @@ impl Mesh {
         mesh
     }
 
-    /// A sphere of triangles, front outside, with smooth normals.
+    /// Returns a sphere of triangles, front outside, with smooth normals.
     ///
     /// - `rows`: bands from pole to pole, at least 2; there are twice as many columns.
     pub fn uv_sphere(center: Vec3, radius: f32, rows: u32) -> Self {
@@ -70,7 +70,7 @@ impl Mesh {
         mesh
     }
 
-    /// The same mesh with another material.
+    /// Returns the mesh with another material.
     pub fn with_material(self, material: u32) -> Self {
         Self { material, ..self }
     }

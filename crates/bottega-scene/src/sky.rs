@@ -1,4 +1,4 @@
-//! The light for scenes that have none.
+//! The neutral sky for scenes without light.
 
 use glam::{Mat3, Vec3};
 
@@ -7,11 +7,11 @@ use crate::{Environment, Image, ImageId, Scene, Spectrum};
 const WIDTH: u32 = 128;
 const HEIGHT: u32 = 64;
 
-/// Towards the sun that is behind thin cloud: high, to the left, before the subject.
+/// Direction to the sun behind thin cloud: high, to the left, in front of the subject.
 const SUN: Vec3 = Vec3::new(-0.48, 0.64, 0.6);
 
 impl Scene {
-    /// Surrounds the scene with a neutral sky of mean radiance 1, whatever its environment was.
+    /// Replaces the environment with a neutral sky of mean radiance 1.
     pub fn add_sky(&mut self) {
         self.images.push(image());
         self.environment =
@@ -19,8 +19,8 @@ impl Scene {
     }
 }
 
-/// A gray sky, a little brighter towards the zenith and much brighter towards a soft sun, over a darker ground. Its mean
-/// radiance over the sphere is about 1.
+/// Renders a gray sky, slightly brighter towards the zenith and much brighter towards a soft sun, over a darker ground.
+/// Its mean radiance over the sphere is about 1.
 fn image() -> Image {
     let texel = |index: u32| {
         let (x, y) = (index % WIDTH, index / WIDTH);
@@ -30,7 +30,7 @@ fn image() -> Image {
     Image::from_linear_rgb("neutral sky", WIDTH, HEIGHT, (0..WIDTH * HEIGHT).map(texel).collect())
 }
 
-/// The direction that a point of a latitude-longitude picture shows; see [`Environment`].
+/// Returns the direction of a point of a latitude-longitude picture; see [`Environment`].
 fn direction(u: f64, v: f64) -> Vec3 {
     let (sin_azimuth, cos_azimuth) = ((u - 0.5) * std::f64::consts::TAU).sin_cos();
     let (sin_polar, cos_polar) = (v * std::f64::consts::PI).sin_cos();
@@ -38,12 +38,12 @@ fn direction(u: f64, v: f64) -> Vec3 {
 }
 
 fn radiance(direction: Vec3) -> [f32; 3] {
-    // From ground to sky over a few degrees about the horizon.
+    // Blend from ground to sky over a few degrees about the horizon.
     let above = ((direction.y + 0.05) / 0.1).clamp(0.0, 1.0);
     let above = above * above * (3.0 - 2.0 * above);
     let sky = 0.85 + 0.35 * direction.y.max(0.0);
     let ground = 0.45;
-    // cos¹⁶, a glow of some 25 degrees.
+    // cos¹⁶: a glow of about 25 degrees.
     let toward_sun = direction.dot(SUN.normalize()).max(0.0);
     let glow = 9.0 * (0..4).fold(toward_sun, |power, _| power * power);
     let gray = ground + (sky - ground) * above;

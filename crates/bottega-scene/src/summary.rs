@@ -1,17 +1,17 @@
-//! A scene in a few numbers, for people.
+//! A summary of a scene for display.
 
 use glam::Vec3;
 
 use crate::{LightKind, Loaded, Metadata, Projection, Scene};
 
-/// The summary of a scene's parts.
+/// A summary of a scene: counts, bounds and names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneSummary {
-    /// What the file says of itself.
+    /// Metadata of the scene file.
     pub metadata: Metadata,
-    /// BLAKE3 of all the bytes that were read, hexadecimal.
+    /// BLAKE3 of all bytes that were read, hexadecimal.
     pub digest: String,
-    /// Shapes that instances place.
+    /// Meshes, in object space.
     pub mesh_count: usize,
     /// Placed meshes.
     pub instance_count: usize,
@@ -23,22 +23,22 @@ pub struct SceneSummary {
     pub sphere_count: usize,
     /// Least and greatest coordinates, world space.
     pub bounds: (Vec3, Vec3),
-    /// Bytes that meshes, instances and pictures take.
+    /// Memory of meshes, instances and pictures, in bytes.
     pub memory_bytes: usize,
-    /// Name and kind.
+    /// Name and projection of each camera.
     pub cameras: Vec<(String, &'static str)>,
-    /// Names, with `*` for those that shine.
+    /// Name of each material, with a trailing `*` if it emits light.
     pub materials: Vec<String>,
-    /// Name and kind; emissive surfaces are with the materials.
+    /// Name and kind of each light; emissive surfaces are in [`materials`](Self::materials).
     pub lights: Vec<(String, &'static str)>,
-    /// Name, columns, rows and bytes.
+    /// Name, columns, rows and bytes of each picture.
     pub images: Vec<(String, u32, u32, usize)>,
-    /// Name of the environment's picture; empty when it has none.
+    /// Name of the environment's picture, empty without one; `None`: no environment.
     pub environment: Option<String>,
 }
 
 impl SceneSummary {
-    /// Looks a scene over.
+    /// Summarizes a scene.
     pub fn new(scene: &Scene, metadata: &Metadata) -> Self {
         let environment = scene.environment.as_ref().map(|environment| {
             environment.image.map(|image| scene.images[image.0 as usize].name.clone()).unwrap_or_default()
@@ -81,7 +81,7 @@ impl SceneSummary {
 }
 
 impl Loaded {
-    /// Looks the scene over.
+    /// Summarizes the scene.
     pub fn summary(&self) -> SceneSummary {
         SceneSummary::new(&self.scene, &self.metadata)
     }

@@ -1,110 +1,110 @@
-//! Surfaces: a closed set of ways to scatter, which holds what the file formats have.
+//! The scattering models of surfaces: a closed set that covers those of the supported file formats.
 
 use crate::{Channel, ColorParam, ScalarParam, Spectrum, TextureMap};
 
-/// The scattering of a surface.
+/// The scattering model of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
-    /// Nothing scatters; the surface only parts two media (Mitsuba `null`, pbrt `interface`).
+    /// No scattering; the surface only separates two media (Mitsuba `null`, pbrt `interface`).
     Null,
-    /// Emits its colour as it is, but no more than 1, and scatters nothing (KHR_materials_unlit).
+    /// Emits its colour unchanged, but at most 1, and scatters nothing (KHR_materials_unlit).
     Unlit(ColorParam),
-    /// Matte, on the side of the light.
+    /// Diffuse reflection.
     Diffuse(Diffuse),
-    /// Matte on both sides, as paper or a leaf.
+    /// Diffuse reflection and transmission, as of paper or a leaf.
     DiffuseTransmission {
-        /// Share of light that stays on its side.
+        /// Share of light that is reflected.
         reflectance: ColorParam,
-        /// Share that leaves on the other side.
+        /// Share of light that is transmitted.
         transmittance: ColorParam,
     },
-    /// Metal.
+    /// Metal, by its complex index of refraction.
     Conductor(Conductor),
-    /// The boundary of a clear solid, or a sheet of it.
+    /// The boundary of a clear solid, or a thin sheet of it.
     Dielectric(Dielectric),
-    /// A diffuse base below a dielectric boundary, as Mitsuba's `plastic`, `roughplastic` and `pplastic` have it.
+    /// A diffuse base below a dielectric boundary, as in Mitsuba's `plastic`, `roughplastic` and `pplastic`.
     Plastic(Plastic),
-    /// A base below a dielectric boundary with all reflections between them, as pbrt's `coateddiffuse` and
-    /// `coatedconductor` have it.
+    /// A base below a dielectric boundary with all interreflections, as in pbrt's `coateddiffuse` and
+    /// `coatedconductor`.
     Coated(Box<Coated>),
-    /// Disney's material, as Mitsuba's `principled` and `principledthin` have it.
+    /// Disney's material, as in Mitsuba's `principled` and `principledthin`.
     Principled(Box<Principled>),
     /// The layered material of glTF and its extensions.
     Layered(Box<Layered>),
-    /// Two surfaces side by side, finer than can be seen; see [`blend`](Self::blend).
+    /// A mix of two surfaces; see [`blend`](Self::blend).
     Blend {
-        /// Share of the second.
+        /// Share of the second surface, in [0, 1].
         weight: ScalarParam,
-        /// The first and the second; neither is [`Null`](Self::Null).
+        /// The two surfaces; neither is [`Null`](Self::Null).
         surfaces: Box<[Surface; 2]>,
     },
 }
 
-/// A matte surface: Lambert's, or Oren and Nayar's where it is rough.
+/// A matte surface: Lambertian, or Oren and Nayar's if it is rough.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diffuse {
     /// Share of light that is reflected.
     pub reflectance: ColorParam,
-    /// Standard deviation of the slope of its facets, in radians; 0: Lambert.
+    /// Standard deviation of the slope angle of its facets, in radians; 0: Lambertian.
     pub roughness: ScalarParam,
 }
 
 /// The distribution of a rough boundary's microfacet normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Distribution {
-    /// Trowbridge and Reitz.
+    /// GGX, of Trowbridge and Reitz.
     #[default]
     Ggx,
-    /// Beckmann and Spizzichino.
+    /// Beckmann and Spizzichino's.
     Beckmann,
 }
 
-/// The probability that a facet which is seen from one direction is also seen from another.
+/// The masking-shadowing function of microfacets: the probability that a facet is visible from two directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shadowing {
-    /// By their heights: what is seen from one side is more often seen from the other (pbrt).
+    /// Height-correlated: a facet visible from one direction is more likely visible from the other (pbrt).
     #[default]
     Correlated,
-    /// As if one had nothing to do with the other (Mitsuba).
+    /// Separable: visibility from the two directions is independent (Mitsuba).
     Separable,
 }
 
-/// The meaning of a roughness.
+/// The relation of a roughness parameter to the α of the distribution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RoughnessScale {
-    /// The α of the distribution itself.
+    /// The roughness is α.
     #[default]
     Alpha,
-    /// α is its square root (pbrt, with `remaproughness`).
+    /// α is the square root of the roughness (pbrt, with `remaproughness`).
     SquareRoot,
-    /// α is its square (glTF and Disney).
+    /// α is the square of the roughness (glTF and Disney).
     Square,
 }
 
-/// A boundary's microfacets. Light is scattered by them once: what goes on between them is lost, as the formats have it.
-/// (The surface that gives it back is [`Layered`].)
+/// The microfacets of a boundary. Single scattering: light that hits several facets is lost, as the formats define it.
+/// ([`Layered`] compensates for it.)
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facets {
-    /// How their normals are distributed.
+    /// Distribution of the facet normals.
     pub distribution: Distribution,
-    /// How they hide one another.
+    /// Masking-shadowing function.
     pub shadowing: Shadowing,
-    /// Roughness along u and along v. Both 0: smooth.
+    /// Roughness along u and along v; both 0: smooth.
     pub roughness: [ScalarParam; 2],
-    /// What roughness means.
+    /// Relation of roughness to α.
     pub scale: RoughnessScale,
 }
 
-/// Metal by its complex index of refraction.
+/// Metal, by its complex index of refraction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conductor {
-    /// Real part of the index of refraction.
+    /// Real part η of the index of refraction.
     pub eta: ColorParam,
-    /// Imaginary part. Both 0: a perfect mirror.
+    /// Imaginary part k. Both 0: a perfect mirror.
     pub k: ColorParam,
-    /// Multiplies the reflection.
+    /// Factor of the reflection.
     pub reflectance: ColorParam,
-    /// Its facets.
+    /// Microfacets of the metal.
     pub facets: Facets,
 }
 
@@ -113,84 +113,84 @@ pub struct Conductor {
 pub struct Dielectric {
     /// Index of refraction behind the front over that before it.
     pub eta: f32,
-    /// Multiplies the reflection.
+    /// Factor of the reflection.
     pub reflectance: ColorParam,
-    /// Multiplies what goes through.
+    /// Factor of the transmission.
     pub transmittance: ColorParam,
-    /// Its facets.
+    /// Microfacets of the boundary.
     pub facets: Facets,
-    /// A sheet with two parallel boundaries: light goes straight through, with all reflections between them.
+    /// `true`: a thin sheet with two parallel boundaries. Light passes straight through, with all interreflections.
     pub thin: bool,
 }
 
 impl Dielectric {
-    /// Whether it is a smooth sheet.
+    /// Returns true if it is a smooth thin sheet.
     fn is_clear_sheet(&self) -> bool {
         self.thin && self.facets.is_smooth()
     }
 }
 
-/// The fate of light that a [`Plastic`]'s boundary throws back to the base.
+/// The treatment of light that a [`Plastic`]'s boundary reflects back to the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum InnerReflection {
-    /// It comes back white, again and again.
+    /// It comes back white at each reflection.
     #[default]
     Linear,
-    /// It takes on the colour of the base each time.
+    /// It is multiplied by the colour of the base at each reflection.
     Nonlinear,
-    /// It is lost, and the base is seen as through a smooth boundary, however rough the facets (Mitsuba's `pplastic`, after
-    /// Baek and others 2018, Simultaneous Acquisition of Polarimetric SVBRDF and Normals).
+    /// It is lost, and the base is seen as through a smooth boundary, however rough the facets (Mitsuba's `pplastic`,
+    /// after Baek and others 2018, Simultaneous Acquisition of Polarimetric SVBRDF and Normals).
     Lost,
 }
 
 /// A diffuse base below a dielectric boundary.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plastic {
-    /// Index of refraction inside over outside.
+    /// Index of refraction of the inside over the outside.
     pub eta: f32,
-    /// Reflectance of the base.
+    /// Reflectance of the diffuse base.
     pub diffuse: ColorParam,
-    /// Multiplies the reflection of the boundary.
+    /// Factor of the reflection of the boundary.
     pub specular: ColorParam,
-    /// What is reflected within.
+    /// Treatment of internal reflection.
     pub inner: InnerReflection,
-    /// Facets of the boundary.
+    /// Microfacets of the boundary.
     pub facets: Facets,
 }
 
-/// The base below a coat.
+/// The base below a [`Coated`] surface's layer.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "it lies in a box as it is")]
 pub enum CoatedBase {
-    /// Matte.
+    /// A diffuse base.
     Diffuse(Diffuse),
-    /// Metal.
+    /// A metal base.
     Conductor(Conductor),
 }
 
-/// A base, a layer above it that may absorb and scatter, and the layer's boundary to the outside.
+/// A base, a layer above it that may absorb and scatter, and the layer's dielectric boundary.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coated {
     /// Index of refraction of the layer over that of the outside.
     pub eta: f32,
-    /// Facets of the boundary.
+    /// Microfacets of the boundary.
     pub facets: Facets,
-    /// Thickness of the layer, in units of the mean free path's reciprocal.
+    /// Thickness of the layer, in mean free paths.
     pub thickness: ScalarParam,
     /// Single-scattering albedo within the layer; black: nothing scatters.
     pub albedo: ColorParam,
-    /// Asymmetry of that scattering (Henyey and Greenstein), in (−1, 1).
+    /// Henyey-Greenstein asymmetry g within the layer, in (−1, 1).
     pub g: ScalarParam,
-    /// Greatest number of scatterings within.
+    /// Maximal number of scattering events within the layer.
     pub max_depth: u32,
-    /// What lies below.
+    /// The base below the layer.
     pub base: CoatedBase,
 }
 
 /// Disney's material (Burley 2012 and 2015).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Principled {
-    /// Colour of the base.
+    /// Colour of the base, in [0, 1].
     pub base_color: ColorParam,
     /// Perceptual roughness: α is its square.
     pub roughness: ScalarParam,
@@ -198,49 +198,49 @@ pub struct Principled {
     pub anisotropic: ScalarParam,
     /// 0: dielectric, 1: metal.
     pub metallic: ScalarParam,
-    /// Share of the dielectric's light that goes through.
+    /// Share of the dielectric's light that is transmitted.
     pub spec_trans: ScalarParam,
     /// Index of refraction.
     pub eta: f32,
-    /// How much the specular reflection takes the colour of the base.
+    /// Tint of the specular reflection by the base colour, in [0, 1].
     pub spec_tint: ScalarParam,
     /// Strength of the sheen.
     pub sheen: ScalarParam,
-    /// How much the sheen takes the colour of the base.
+    /// Tint of the sheen by the base colour, in [0, 1].
     pub sheen_tint: ScalarParam,
-    /// How much the diffuse lobe is that of flat subsurface scattering.
+    /// Blend from the diffuse lobe, 0, to approximate subsurface scattering, 1.
     pub flatness: ScalarParam,
     /// Strength of the clear coat.
     pub clearcoat: ScalarParam,
-    /// Its gloss: 1 is sharp.
+    /// Gloss of the clear coat; 1: sharp.
     pub clearcoat_gloss: ScalarParam,
-    /// Of a sheet: in [0, 2]; half of it is the share of diffuse light that goes through.
+    /// Diffuse transmission of a thin sheet, in [0, 2]: twice the share of diffuse light that is transmitted.
     pub diff_trans: ScalarParam,
-    /// Whether it is a sheet without volume.
+    /// `true`: a thin sheet without volume.
     pub thin: bool,
 }
 
-/// The stretch of highlights of [`Layered`] (KHR_materials_anisotropy).
+/// The anisotropic highlights of [`Layered`] (KHR_materials_anisotropy).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Anisotropy {
-    /// In [0, 1].
+    /// Strength, in [0, 1].
     pub strength: f32,
-    /// Counter-clockwise from the tangent, in radians.
+    /// Direction, counter-clockwise from the tangent, in radians.
     pub rotation: f32,
-    /// Red and green: direction in [−1, 1]; blue: strength.
+    /// Red and green: direction in [−1, 1]; blue: factor of the strength.
     pub texture: Option<TextureMap>,
 }
 
-/// A thin film upon [`Layered`] (KHR_materials_iridescence).
+/// A thin film on [`Layered`] (KHR_materials_iridescence).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Iridescence {
     /// Strength, in [0, 1].
     pub factor: ScalarParam,
     /// Index of refraction of the film.
     pub ior: f32,
-    /// Thickness of the film in nanometres where the texture is 0, and where it is 1 or absent.
+    /// Thickness of the film in nanometres where the texture is 0, and where it is 1 or there is none.
     pub thickness: [f32; 2],
-    /// One channel.
+    /// Texture and channel of the thickness.
     pub thickness_texture: Option<(TextureMap, Channel)>,
 }
 
@@ -255,9 +255,9 @@ pub struct Layered {
     pub metallic: ScalarParam,
     /// Perceptual roughness: the microfacet α is its square.
     pub roughness: ScalarParam,
-    /// Stretches the highlights.
+    /// Anisotropy of the highlights.
     pub anisotropy: Option<Anisotropy>,
-    /// Index of refraction of the dielectric. 0 stands for total reflection (KHR_materials_ior).
+    /// Index of refraction of the dielectric; 0: total reflection (KHR_materials_ior).
     pub ior: f32,
     /// Dispersion: 20 over the Abbe number (KHR_materials_dispersion); 0: none.
     pub dispersion: f32,
@@ -265,21 +265,21 @@ pub struct Layered {
     pub specular: ScalarParam,
     /// Tint of the dielectric's reflection at normal incidence (KHR_materials_specular).
     pub specular_color: ColorParam,
-    /// Share of light that enters the dielectric and is transmitted instead of scattered diffusely.
+    /// Share of the light entering the dielectric that is transmitted instead of scattered diffusely.
     pub transmission: ScalarParam,
-    /// Share of the diffusely scattered light that leaves on the other side (KHR_materials_diffuse_transmission).
+    /// Share of the diffusely scattered light that is transmitted (KHR_materials_diffuse_transmission).
     pub diffuse_transmission: ScalarParam,
-    /// Colour of that light.
+    /// Colour of the diffusely transmitted light.
     pub diffuse_transmission_color: ColorParam,
-    /// Whether the surface is a sheet without volume (light goes straight through), or bounds a solid.
+    /// `true`: a thin sheet without volume (light passes straight through). `false`: the boundary of a solid.
     pub thin: bool,
-    /// A film on the base.
+    /// A thin film on the base.
     pub iridescence: Option<Iridescence>,
     /// Strength of the clear coat.
     pub coat: ScalarParam,
     /// Perceptual roughness of the clear coat.
     pub coat_roughness: ScalarParam,
-    /// Normal map of the clear coat, and its scale. (The material's own is not one of the coat.)
+    /// Normal map of the clear coat, and its scale. (The material's own relief does not affect the coat.)
     pub coat_normal: Option<(TextureMap, f32)>,
     /// Colour of the sheen; black: none.
     pub sheen_color: ColorParam,
@@ -288,7 +288,7 @@ pub struct Layered {
 }
 
 impl Default for Layered {
-    /// glTF's default material, but dielectric: white, rough.
+    /// Returns glTF's default material, but dielectric: white and rough.
     fn default() -> Self {
         Self {
             base_color: Spectrum::ONE.into(),
@@ -326,14 +326,14 @@ impl From<Layered> for Surface {
 }
 
 impl From<f32> for Facets {
-    /// GGX with the same α in all directions.
+    /// Returns GGX facets with the same α along u and v.
     fn from(alpha: f32) -> Self {
         Self { roughness: [alpha.into(), alpha.into()], ..Self::default() }
     }
 }
 
 impl Default for Facets {
-    /// None: smooth.
+    /// Returns no facets: a smooth boundary.
     fn default() -> Self {
         Self {
             distribution: Distribution::default(),
@@ -345,24 +345,24 @@ impl Default for Facets {
 }
 
 impl Facets {
-    /// No facets.
+    /// Returns no facets: a smooth boundary.
     pub fn smooth() -> Self {
         Self::default()
     }
 
-    /// Whether they are smooth everywhere.
+    /// Returns true if the boundary is smooth everywhere.
     pub fn is_smooth(&self) -> bool {
         self.roughness.iter().all(|roughness| roughness.factor == 0.0)
     }
 }
 
 impl Surface {
-    /// Lambert's.
+    /// Returns a Lambertian surface.
     pub fn matte(reflectance: Spectrum) -> Self {
         Self::Diffuse(Diffuse { reflectance: reflectance.into(), roughness: 0.0.into() })
     }
 
-    /// A sheet that scatters nothing and lets a share of the light straight through.
+    /// Returns a thin sheet that scatters nothing and transmits a share of the light straight through.
     pub fn clear_sheet(transmittance: ColorParam) -> Self {
         Self::Dielectric(Dielectric {
             eta: 1.0,
@@ -373,14 +373,14 @@ impl Surface {
         })
     }
 
-    /// Two surfaces side by side; `weight`: share of the second. [`Null`](Self::Null), which rays pass without meeting it, becomes a
-    /// clear sheet: what is there in part is met.
+    /// Blends two surfaces; `weight` is the share of the second. [`Null`](Self::Null) becomes a clear sheet, because
+    /// rays cannot pass without a hit where another surface may be.
     pub fn blend(weight: ScalarParam, surfaces: [Self; 2]) -> Self {
         let met = |surface| if surface == Self::Null { Self::clear_sheet(Spectrum::ONE.into()) } else { surface };
         Self::Blend { weight, surfaces: Box::new(surfaces.map(met)) }
     }
 
-    /// Whether light may go through to the other side.
+    /// Returns true if light may pass to the other side.
     pub fn transmits(&self) -> bool {
         match self {
             Self::Null | Self::Dielectric(_) | Self::DiffuseTransmission { .. } => true,
@@ -391,7 +391,7 @@ impl Surface {
         }
     }
 
-    /// Whether it is a sheet: what goes through does not enter a solid.
+    /// Returns true if it is a thin sheet: transmitted light does not enter a solid.
     pub fn is_thin(&self) -> bool {
         match self {
             Self::Dielectric(dielectric) => dielectric.thin,
@@ -403,7 +403,7 @@ impl Surface {
         }
     }
 
-    /// Whether it mirrors or refracts light sharply, at least in part: smooth metal, glass and coats.
+    /// Returns true if it reflects or refracts specularly, at least in part: smooth metal, glass and coats.
     pub fn has_mirror(&self) -> bool {
         match self {
             Self::Conductor(conductor) => conductor.facets.is_smooth(),
@@ -417,7 +417,7 @@ impl Surface {
         }
     }
 
-    /// Whether some part of a blend is [`Null`](Self::Null).
+    /// Returns true if part of a blend is [`Null`](Self::Null).
     pub(crate) fn blends_null(&self) -> bool {
         match self {
             Self::Blend { surfaces, .. } => surfaces.iter().any(|part| *part == Self::Null || part.blends_null()),
@@ -425,7 +425,7 @@ impl Surface {
         }
     }
 
-    /// Whether it is a smooth sheet of glass, or partly one.
+    /// Returns true if it is, or blends in, a smooth sheet of glass.
     pub fn has_clear_sheet(&self) -> bool {
         match self {
             Self::Dielectric(dielectric) => dielectric.is_clear_sheet(),
@@ -434,7 +434,7 @@ impl Surface {
         }
     }
 
-    /// Whether it depends on the directions of the texture coordinates on the surface.
+    /// Returns true if shading needs the tangents of the texture coordinates.
     pub fn needs_tangents(&self) -> bool {
         let is_stretched = |facets: &Facets| facets.roughness[0] != facets.roughness[1];
         match self {
@@ -455,7 +455,7 @@ impl Surface {
         }
     }
 
-    /// Every colour and every number that it is made of, textures and all.
+    /// Returns all its colour and number parameters, including those with textures.
     pub fn params(&self) -> (Vec<&ColorParam>, Vec<&ScalarParam>) {
         let (mut colors, mut scalars) = (Vec::new(), Vec::new());
         self.add_params(&mut colors, &mut scalars);
@@ -504,7 +504,8 @@ impl Surface {
         }
     }
 
-    /// Every index of refraction that is no colour.
+    /// Returns every index of refraction that is a number rather than a colour, and the other plain numbers of
+    /// [`Layered`]: dispersion and the film's thicknesses.
     pub(crate) fn indices_of_refraction(&self) -> Vec<f32> {
         match self {
             Self::Dielectric(dielectric) => vec![dielectric.eta],
@@ -529,7 +530,7 @@ impl Surface {
         self.add_maps(maps);
     }
 
-    /// Appends the textures that are neither colours nor numbers.
+    /// Appends the textures that are not of a colour or number parameter: normal maps, directions and thicknesses.
     fn add_maps<'a>(&'a self, maps: &mut Vec<&'a TextureMap>) {
         match self {
             Self::Layered(layered) => {

@@ -1,8 +1,8 @@
-//! Text of files: decoded, whatever wrote it, and shown in messages.
+//! Decoding of text files, and shortened text for messages.
 //!
-//! All readers of text get it from [`decode`] or [`decode_xml`]: UTF-8 without a byte order mark, whose lines end with a
-//! newline. A mark says the encoding, and so do the zeros of UTF-16; of XML, its declaration. Formats that say nothing of
-//! encodings are windows-1252 where they are no UTF-8, as programs of the time wrote them, and that is told.
+//! All text readers use [`decode`] or [`decode_xml`], which return UTF-8 without a byte order mark and with newlines as
+//! line ends. The encoding is given by a byte order mark, the zeros of UTF-16, or an XML declaration. Formats that
+//! specify no encoding are read as windows-1252 if they are not UTF-8, as older programs wrote them, with a warning.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -12,44 +12,44 @@ use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 use crate::SceneError;
 use crate::budget::MemoryBudget;
 
-/// The remedy for text that is none.
+/// The remedy in errors about text that cannot be decoded.
 const REMEDY: &str = "save it as UTF-8";
 
-/// A file as UTF-8.
+/// A decoded file.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Text<'a> {
     pub(crate) text: Cow<'a, str>,
-    /// Where the encoding had to be guessed: the line, and what to tell.
+    /// Line and warning, if the encoding was guessed.
     pub(crate) guess: Option<(usize, String)>,
 }
 
-/// What the bytes are without a mark.
+/// The encoding of a file without a byte order mark.
 #[derive(Clone, Copy)]
 enum Unmarked {
-    /// UTF-8, or else what old programs wrote.
+    /// UTF-8, or windows-1252 if it is not valid UTF-8.
     Guessed,
-    /// This, and nothing else.
+    /// This encoding; other bytes are an error.
     Known(&'static Encoding),
 }
 
-/// Decodes a file of a format that says nothing of encodings.
+/// Decodes a file of a format that specifies no encoding.
 ///
 /// - `path`: for errors.
 pub(crate) fn decode<'a>(path: &Path, bytes: &'a [u8], budget: &MemoryBudget) -> Result<Text<'a>, SceneError> {
     decode_as(path, bytes, Unmarked::Guessed, budget)
 }
 
-/// Decodes a file that is UTF-8 by its format, such as JSON, unless a mark says otherwise.
+/// Decodes a file that is UTF-8 by its format, such as JSON, unless a byte order mark says otherwise.
 pub(crate) fn decode_utf8<'a>(path: &Path, bytes: &'a [u8], budget: &MemoryBudget) -> Result<Cow<'a, str>, SceneError> {
     decode_as(path, bytes, Unmarked::Known(UTF_8), budget).map(|text| text.text)
 }
 
-/// Decodes XML: by its mark, by its declaration, else as UTF-8.
+/// Decodes XML: by its byte order mark, its declaration, or else as UTF-8.
 pub(crate) fn decode_xml<'a>(path: &Path, bytes: &'a [u8], budget: &MemoryBudget) -> Result<Cow<'a, str>, SceneError> {
     let encoding = match declared(bytes) {
         None => UTF_8,
         Some(label) => match Encoding::for_label(label) {
-            // Without its zeros it is no UTF-16; text that was decoded and saved again still says so.
+            // Without zeros it is not UTF-16: the text was converted, but its declaration kept.
             Some(encoding) if encoding == UTF_16LE || encoding == UTF_16BE => UTF_8,
             Some(encoding) => encoding,
             None => {
@@ -62,7 +62,7 @@ pub(crate) fn decode_xml<'a>(path: &Path, bytes: &'a [u8], budget: &MemoryBudget
     decode_as(path, bytes, Unmarked::Known(encoding), budget).map(|text| text.text)
 }
 
-/// The encoding that an XML declaration names.
+/// Returns the encoding that an XML declaration names.
 fn declared(bytes: &[u8]) -> Option<&[u8]> {
     let end = bytes.iter().take(1024).position(|&byte| byte == b'>')?;
     let declaration = bytes[..end].strip_prefix(b"<?xml")?;
@@ -98,7 +98,7 @@ fn decode_as<'a>(
                     return Err(fault(line, column, problem));
                 }
                 guess = Some((line, "this is no UTF-8; the file is read as windows-1252".into()));
-                // Three bytes of UTF-8 at most for one.
+                // A byte becomes at most three bytes of UTF-8.
                 budget.check(path, body.len().saturating_mul(3))?;
                 WINDOWS_1252.decode_without_bom_handling(body).0
             }
@@ -112,7 +112,7 @@ fn decode_as<'a>(
         }
         text
     };
-    // This test is the fast one.
+    // Check for zeros quickly before locating one.
     if text.as_bytes().contains(&0) {
         let offset = text.find('\0').unwrap_or(0);
         let (line, column) = line_and_column(text.as_bytes(), offset);
@@ -121,12 +121,12 @@ fn decode_as<'a>(
     Ok(Text { text: with_newlines(text), guess })
 }
 
-/// Bytes that no text has, whatever its encoding.
+/// Returns true for bytes that occur in no text, whatever its encoding.
 fn is_no_text(byte: u8) -> bool {
     byte < b' ' && !matches!(byte, b'\t' | b'\n' | b'\r' | 0x0b | 0x0c | 0x1a | 0x1b)
 }
 
-/// UTF-16 is known by the zeros of its first two characters.
+/// Detects UTF-16 by the zeros of its first two characters.
 fn utf16_without_mark(bytes: &[u8]) -> Option<&'static Encoding> {
     match bytes {
         [a, 0, b, 0, ..] if *a != 0 && *b != 0 => Some(UTF_16LE),
@@ -135,7 +135,7 @@ fn utf16_without_mark(bytes: &[u8]) -> Option<&'static Encoding> {
     }
 }
 
-/// Ends lines with a newline where a carriage return alone ends them.
+/// Replaces carriage returns that end a line on their own with newlines.
 fn with_newlines(text: Cow<'_, str>) -> Cow<'_, str> {
     let bytes = text.as_bytes();
     let is_alone = |&index: &usize| bytes[index] == b'\r' && bytes.get(index + 1) != Some(&b'\n');
@@ -148,11 +148,11 @@ fn with_newlines(text: Cow<'_, str>) -> Cow<'_, str> {
     }
     let mut whole = text.into_owned().into_bytes();
     alone.into_iter().for_each(|index| whole[index] = b'\n');
-    // One character of one byte became another.
+    // Only single-byte characters were replaced.
     Cow::Owned(String::from_utf8(whole).unwrap_or_default())
 }
 
-/// The place of a byte, counted from 1, the column in characters.
+/// Returns line and column of a byte, counted from 1; the column in characters.
 fn line_and_column(bytes: &[u8], offset: usize) -> (usize, usize) {
     let before = &bytes[..offset.min(bytes.len())];
     let start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
@@ -160,13 +160,14 @@ fn line_and_column(bytes: &[u8], offset: usize) -> (usize, usize) {
     (line, column(&before[start..], &before[before.len()..]))
 }
 
-/// The column of a part of a line, counted from 1 in characters. A part that is not of this line counts as its start.
+/// Returns the column of a part of a line, counted from 1 in characters. A part that is not within this line counts as
+/// its start.
 pub(crate) fn column(line: &[u8], part: &[u8]) -> usize {
     let before = part.as_ptr().addr().checked_sub(line.as_ptr().addr()).and_then(|length| line.get(..length));
     1 + before.map_or(0, |before| String::from_utf8_lossy(before).chars().count())
 }
 
-/// Text of a file in a message: not too long, and no control characters.
+/// Shortens text of a file for a message and replaces its control characters.
 pub(crate) fn shortened(text: &str) -> Cow<'_, str> {
     const LENGTH: usize = 80;
     if text.len() <= LENGTH && !text.contains(char::is_control) {

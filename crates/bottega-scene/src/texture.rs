@@ -1,4 +1,4 @@
-//! Pictures on surfaces.
+//! Textures: pictures mapped onto surfaces.
 
 use glam::{Affine2, Affine3A};
 
@@ -6,76 +6,76 @@ use glam::{Affine2, Affine3A};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ImageId(pub u32);
 
-/// The values outside [0, 1) in texture coordinates.
+/// The treatment of texture coordinates outside of [0, 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Wrap {
-    /// The picture again.
+    /// Repeats the picture.
     #[default]
     Repeat,
-    /// The picture mirrored.
+    /// Repeats the picture, mirrored at each edge.
     Mirror,
-    /// Its edge.
+    /// Extends the edge of the picture.
     Clamp,
 }
 
 /// One channel of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Channel {
-    /// Red.
+    /// The red channel.
     R,
-    /// Green.
+    /// The green channel.
     G,
-    /// Blue.
+    /// The blue channel.
     B,
-    /// Alpha.
+    /// The alpha channel.
     A,
 }
 
-/// How many sets of texture coordinates a surface has itself.
+/// The number of texture coordinate sets that a surface has itself.
 pub const SURFACE_UV_SETS: u8 = 2;
 
-/// Texture coordinates that places of the world have, whatever surface is there.
+/// Texture coordinates by world position, independent of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mapping {
-    /// How they lie in the mapping's own space.
+    /// The formula from the mapping's own space to texture coordinates.
     pub kind: MappingKind,
-    /// From world space to that space; may be singular.
+    /// World space to that space; may be singular.
     pub mapping_from_world: Affine3A,
 }
 
-/// The kind of texture coordinates in space; v runs downwards.
+/// The formula of texture coordinates by position; v runs downwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MappingKind {
     /// u = x, v = 1 − y.
     Planar,
-    /// u = θ / π, the angle from +z; v = 1 − φ / 2π, the one around it, from +x towards +y.
+    /// u = θ / π, with θ the angle from +z; v = 1 − φ / 2π, with φ the angle around z, from +x towards +y.
     Spherical,
     /// u = ½ + φ / 2π with φ in (−π, π], from +x towards +y; v = 1 − z.
     Cylindrical,
-    /// u = x, v = 1 − y − ⌊z⌋: ⌊u⌋ + ⌊1 − v⌋ is even where ⌊x⌋ + ⌊y⌋ + ⌊z⌋ is, so that a checkerboard of the plane is one of space.
+    /// u = x, v = 1 − y − ⌊z⌋. ⌊u⌋ + ⌊1 − v⌋ is even where ⌊x⌋ + ⌊y⌋ + ⌊z⌋ is, so a 2D checkerboard becomes a 3D one.
     Cells,
 }
 
 /// The mapping of a picture onto a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureMap {
-    /// The picture.
+    /// The picture that is mapped.
     pub image: ImageId,
-    /// Which texture coordinates: 0 or 1, those of the surface; from [`SURFACE_UV_SETS`] on, those of
+    /// Set of texture coordinates: 0 or 1, those of the surface; from [`SURFACE_UV_SETS`] on, those of
     /// [`Scene::mappings`](crate::Scene::mappings).
     pub uv_set: u8,
-    /// Applied to the texture coordinates first (KHR_texture_transform).
+    /// Transformation of the texture coordinates before lookup (KHR_texture_transform).
     pub picture_from_uv: Affine2,
-    /// Along u.
+    /// Wrap mode along u.
     pub wrap_u: Wrap,
-    /// Along v.
+    /// Wrap mode along v.
     pub wrap_v: Wrap,
-    /// Whether texels are interpolated (else the nearest one is taken).
+    /// `true`: texels are interpolated. `false`: nearest texel.
     pub smooth: bool,
 }
 
 impl TextureMap {
-    /// The picture as it is: first set of texture coordinates, repeated, interpolated.
+    /// Maps a picture by the first set of texture coordinates, repeated and interpolated.
     pub fn new(image: ImageId) -> Self {
         Self {
             image,

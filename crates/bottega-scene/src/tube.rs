@@ -11,36 +11,37 @@ use crate::Mesh;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ring {
     pub(crate) center: DVec3,
-    /// Where the tube goes, of unit length: the ring is perpendicular to it.
+    /// Direction of the tube, unit length; the ring is perpendicular to it.
     pub(crate) axis: DVec3,
     pub(crate) radius: f64,
-    /// The normals' share along the axis, in [−1, 1]: 0 where the radius stays the same, above 0 where it shrinks.
+    /// Component of the normals along the axis, in [−1, 1]: 0 where the radius is constant, above 0 where it shrinks.
     pub(crate) lean: f64,
     /// Texture coordinate along the tube.
     pub(crate) v: f64,
 }
 
-/// Control points of a cubic Bézier curve that is a segment of a uniform B-spline.
+/// Returns the Bézier control points of a segment of a uniform cubic B-spline.
 pub(crate) fn bezier_of_bspline<V: Copy + Add<Output = V> + Mul<f64, Output = V>>([a, b, c, d]: [V; 4]) -> [V; 4] {
     let (third, sixth) = (1.0 / 3.0, 1.0 / 6.0);
     [(a + b * 4.0 + c) * sixth, (b * 2.0 + c) * third, (b + c * 2.0) * third, (b + c * 4.0 + d) * sixth]
 }
 
-/// What the radius of a cross-section with so many corners is multiplied with so that seen from all around it is as wide
-/// as the circle on the average: a convex shape is as wide as its perimeter over π.
+/// Returns the factor of the radius of a polygonal cross-section that makes it as wide on average, over all viewing
+/// directions, as the circle. (The mean width of a convex shape is its perimeter over π.)
 pub(crate) fn widening(sides: u32) -> f64 {
     PI / (f64::from(sides) * (PI / f64::from(sides)).sin())
 }
 
-/// Bytes that [`add`] makes of so many rings.
+/// Returns the memory that [`add`] uses for `rings` rings, in bytes.
 pub(crate) fn memory_bytes(rings: usize, sides: u32) -> usize {
     let vertex = size_of::<[f32; 8]>();
     rings.saturating_mul((sides as usize + 1) * vertex + 2 * sides as usize * size_of::<[u32; 3]>())
 }
 
-/// Adds a tube through `rings` to a mesh, front outside. u grows around it, from where `azimuth` says for each axis.
+/// Adds a tube through `rings` to a mesh, front outside. u grows around it.
 ///
-/// - `azimuth`: where u = 0 for an axis, perpendicular to it. The cross-section itself turns no more than the curve does.
+/// - `azimuth`: direction at which u = 0 for an axis, perpendicular to it. The cross-section itself twists no more than
+///   the curve does.
 pub(crate) fn add(mesh: &mut Mesh, rings: &[Ring], sides: u32, azimuth: impl Fn(DVec3) -> DVec3) {
     let Some(first) = rings.first() else { return };
     let wider = widening(sides);
@@ -52,12 +53,12 @@ pub(crate) fn add(mesh: &mut Mesh, rings: &[Ring], sides: u32, azimuth: impl Fn(
         let y = ring.axis.cross(x);
         let zero = azimuth(ring.axis);
         let here = x.dot(ring.axis.cross(zero)).atan2(x.dot(zero)) / TAU;
-        // Whole turns are all the same to a texture that repeats, but not between two rings.
+        // Choose the nearest whole turn: a repeating texture is unaffected, but u must not jump between rings.
         turn = here + (turn - here).round();
         let across = (1.0 - ring.lean * ring.lean).max(0.0).sqrt();
         for side in 0..=sides {
             let share = f64::from(side) / f64::from(sides);
-            // The last corner is where the first is, to the bit.
+            // Make the last corner bit-identical to the first.
             let (sin, cos) = (TAU * f64::from(side % sides) / f64::from(sides)).sin_cos();
             let out = x * cos + y * sin;
             mesh.positions.push((ring.center + out * (ring.radius * wider)).as_vec3());
@@ -69,7 +70,7 @@ pub(crate) fn add(mesh: &mut Mesh, rings: &[Ring], sides: u32, azimuth: impl Fn(
         let a = start + index as u32 * (sides + 1);
         let b = a + sides + 1;
         for side in 0..sides {
-            // Where a ring is a point, one of the two triangles is none.
+            // Where a ring is a point, omit the degenerate triangle.
             if pair[0].radius > 0.0 {
                 mesh.triangles.push([a + side, a + side + 1, b + side + 1]);
             }

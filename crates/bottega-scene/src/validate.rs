@@ -1,4 +1,4 @@
-//! The promises of the scene model, checked.
+//! Validation of the scene model.
 
 use std::fmt::Display;
 
@@ -11,9 +11,13 @@ use crate::{
 };
 
 impl Scene {
-    /// Checks what every reader of a scene relies on: no index out of range, no array of the wrong length, no NaN, no
-    /// triangle with a vertex out of reach, no singular or mirroring instance, no empty sphere. The error names
-    /// the first part that breaks a promise. Zero-area triangles and a missing camera are allowed.
+    /// Checks the invariants that every user of a scene relies on: no index out of range, no array of the wrong length,
+    /// no NaN, no coordinate beyond [`COORDINATE_MAX`], no singular or mirroring instance, no empty sphere. Triangles
+    /// of zero area and a missing camera are allowed.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::Inconsistent`] names the first part that violates one.
     pub fn validate(&self) -> Result<(), SceneError> {
         let meshes = self.meshes.par_iter().enumerate();
         let checked: Vec<Result<(), SceneError>> = meshes
@@ -103,7 +107,7 @@ impl Scene {
             check(map.picture_from_uv.is_finite(), "a texture transformation is not finite")?;
         }
         let emission = material.emission.texture.as_ref();
-        // Lights are measured triangle by triangle.
+        // Emission is sampled per triangle, so it needs the surface's coordinates.
         check(
             emission.is_none_or(|map| map.uv_set < SURFACE_UV_SETS),
             "its emission has other texture coordinates than those of the surface",

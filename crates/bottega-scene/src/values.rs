@@ -1,15 +1,16 @@
-//! Numbers that files hold and that cannot be computed with: no numbers, infinite ones, and those beyond all that shines.
+//! Limits of values, and replacement of NaN, infinite and huge ones.
 
-/// The largest value of a texel, a vertex color or a cell of a grid: some hundred times the disk of the sun in cd/m².
+/// The maximum of a texel, a vertex colour component or a grid cell: a few hundred times the luminance of the sun's
+/// disk in cd/m².
 pub const VALUE_MAX: f32 = 1e12;
 
-/// The largest factor of a light or a material. Its product with [`VALUE_MAX`], and what comes of that on the way from a lamp
-/// to a wall a millimetre away, is still a number.
+/// The maximum of a factor of a light or material. Its product with [`VALUE_MAX`] stays finite in an `f32`, even lit
+/// from a millimetre away.
 pub const FACTOR_MAX: f32 = 1e15;
 
-/// Makes sound numbers of all values: 0 of what is none, and of what is infinite or beyond [`VALUE_MAX`] the largest of the
-/// others, so that a sun that is too bright for its file stays the brightest place. Returns what was done, to be told:
-/// `None` where all were sound.
+/// Replaces unusable values: NaN by 0, and infinite ones or those beyond [`VALUE_MAX`] by the largest of the others
+/// with their sign, so a sun that is too bright for its file stays the brightest spot. Returns a note for a warning,
+/// `None` if nothing changed.
 pub(crate) fn mend(values: &mut [f32]) -> Option<String> {
     let (mut nones, mut enormous, mut largest) = (0_usize, 0_usize, 0.0_f32);
     for value in values.iter() {

@@ -1,34 +1,36 @@
-//! The color of an OpenEXR file: which of its channels hold it.
+//! The choice of an OpenEXR file's color channels.
 
 use exr::meta::header::Header;
 
-/// Which channels of which part of the file are the color.
+/// The color channels of one part of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Color {
     pub(super) part: usize,
-    /// Channel of red, green and blue, or of X, Y and Z; the same one three times for gray.
+    /// Channels of red, green and blue, or of X, Y and Z; the same one three times for gray.
     pub(super) channels: [usize; 3],
     pub(super) alpha: Option<usize>,
-    /// The channels are X, Y and Z.
+    /// `true`: the channels are X, Y and Z.
     pub(super) is_xyz: bool,
-    /// What was chosen where a viewer would have to choose; for people.
+    /// A note for the user if there was a choice.
     pub(super) note: Option<String>,
 }
 
-/// How likely a layer is the picture itself, by its name.
+/// The likelihood, by its name, that a layer is the picture itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Likeness {
-    /// It has no name.
+    /// No name.
     Plain,
-    /// It is called so as the whole picture usually is.
+    /// A usual name of the whole picture.
     Beauty,
     Other,
-    /// It is called like an AOV.
+    /// A name of an AOV.
     Aov,
 }
 
 impl Likeness {
-    /// - `name`: of the layer, with those that it lies in: `ViewLayer.Combined`.
+    /// Classifies a layer.
+    ///
+    /// - `name`: full name of the layer, such as `ViewLayer.Combined`.
     fn of(name: &str) -> Self {
         const BEAUTY: [&str; 6] = ["combined", "rgba", "rgb", "color", "beauty", "image"];
         const AOVS: [&str; 8] = ["albedo", "normal", "position", "uv", "depth", "crypto", "motion", "mist"];
@@ -43,7 +45,7 @@ impl Likeness {
     }
 }
 
-/// What a layer's channels can be taken for, the best first.
+/// The interpretation of a layer's channels, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum ColorKind {
     Rgb,
@@ -51,10 +53,10 @@ enum ColorKind {
     Luminance,
 }
 
-/// Channels of one part whose names begin alike, up to their last dot.
+/// Channels of one part with the same prefix, up to their last dot.
 struct ChannelGroup<'a> {
     part: usize,
-    /// With its dot; empty for none.
+    /// Prefix with its dot; may be empty.
     prefix: &'a str,
     /// Index and last part of the name of each channel.
     channels: Vec<(usize, &'a str)>,
@@ -70,13 +72,13 @@ impl ChannelGroup<'_> {
         Some([a?, b?, c?])
     }
 
-    /// The channels that are color, if any are.
+    /// Returns the color channels, if any.
     fn color(&self, likeness: Likeness) -> Option<(ColorKind, [usize; 3])> {
         let rgb = self.triple(["R", "G", "B"]).or_else(|| self.triple(["red", "green", "blue"]));
         if let Some(channels) = rgb {
             return Some((ColorKind::Rgb, channels));
         }
-        // Of other layers they are places, normals or motion.
+        // In other layers they are positions, normals or motion.
         let xyz = self.triple(["X", "Y", "Z"]).filter(|_| likeness <= Likeness::Beauty);
         if let Some(channels) = xyz {
             return Some((ColorKind::Xyz, channels));
@@ -85,9 +87,9 @@ impl ChannelGroup<'_> {
     }
 }
 
-/// The best of: R, G, B without a layer; of a layer called by a usual name of the whole picture; of any other layer that is no
-/// AOV; X, Y, Z and then Y of the same; what AOVs have of these; the only channel that there is. Parts in the order of the
-/// file. Names are told apart without regard to case.
+/// Finds the color channels. In order of preference: R, G, B without a layer; in a layer with a usual name of the whole
+/// picture; in any other layer that is not an AOV; X, Y, Z and then Y of those; the same of AOVs; the only channel of
+/// the file. Parts are taken in file order. Names are compared without case.
 pub(super) fn find_color(headers: &[Header]) -> Option<Color> {
     let names: Vec<Vec<String>> = headers
         .iter()
@@ -97,7 +99,7 @@ pub(super) fn find_color(headers: &[Header]) -> Option<Color> {
         |part: usize| headers[part].own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
     let layers: Vec<ChannelGroup<'_>> =
         (0..headers.len()).filter(|&part| !headers[part].deep).flat_map(|part| layers(part, &names[part])).collect();
-    // A part has a name in files of one part as well.
+    // In a file with a single part, ignore the part's name.
     let label = |layer: &ChannelGroup<'_>| {
         let inner = layer.prefix.trim_matches('.');
         let outer = if headers.len() > 1 { part_name(layer.part) } else { String::new() };
@@ -109,7 +111,7 @@ pub(super) fn find_color(headers: &[Header]) -> Option<Color> {
         Some(((likeness == Likeness::Aov, kind, likeness), layer, channels))
     });
     let candidates: Vec<_> = ranked.collect();
-    // The first of equals.
+    // Of equals, take the first.
     let best = candidates.iter().min_by_key(|(rank, ..)| *rank);
     if let Some(&((_, kind, likeness), layer, channels)) = best {
         let others: Vec<String> = candidates.iter().map(|(_, other, _)| label(other)).collect();
@@ -125,7 +127,7 @@ pub(super) fn find_color(headers: &[Header]) -> Option<Color> {
     single(&layers, &names)
 }
 
-/// The one channel of a file that is no alpha, as gray.
+/// Returns the only channel of a file that is not alpha, as gray.
 fn single(layers: &[ChannelGroup<'_>], names: &[Vec<String>]) -> Option<Color> {
     let is_alpha = |name: &str| name.eq_ignore_ascii_case("A") || name.eq_ignore_ascii_case("alpha");
     let channels = layers.iter().flat_map(|layer| layer.channels.iter().map(move |channel| (layer, channel)));
@@ -144,7 +146,7 @@ fn single(layers: &[ChannelGroup<'_>], names: &[Vec<String>]) -> Option<Color> {
     })
 }
 
-/// The layers of a part, in the order of its channels.
+/// Returns the layers of a part, in the order of its channels.
 fn layers(part: usize, names: &[String]) -> Vec<ChannelGroup<'_>> {
     let mut layers: Vec<ChannelGroup<'_>> = Vec::new();
     for (index, name) in names.iter().enumerate() {
@@ -157,7 +159,7 @@ fn layers(part: usize, names: &[String]) -> Vec<ChannelGroup<'_>> {
     layers
 }
 
-/// The first few names, for people.
+/// Lists the first few names, for a message.
 fn list(names: &[String]) -> String {
     let shown: Vec<String> = names.iter().take(5).map(|name| format!("`{name}`")).collect();
     let rest = names.len().saturating_sub(shown.len());

@@ -1,4 +1,4 @@
-//! Pictures from OpenEXR files, ours and other programs'.
+//! Reading of OpenEXR files.
 
 mod color;
 
@@ -28,13 +28,13 @@ use crate::{
     source::{ImageFile, PictureSource, file_bytes},
 };
 
-/// The most bytes that one compressed block of a file may unfold to.
+/// Maximal size of a decompressed block, in bytes.
 const MAX_BLOCK_BYTES: u64 = 1 << 30;
 
-/// Planes of further channels, in the order in which they were asked for; `None` where the file has no such channel.
+/// Planes of further channels, in the requested order; `None` if the file has no such channel.
 pub type Planes = Vec<Option<Vec<f32>>>;
 
-/// What is wanted of a file beside its color.
+/// The channels to read beside the color.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct WantedChannels<'a> {
     /// Full names of further channels.
@@ -42,20 +42,20 @@ pub(crate) struct WantedChannels<'a> {
     pub(crate) alpha: bool,
 }
 
-/// What a file holds.
+/// The contents of a file.
 pub(crate) struct Read {
     pub(crate) file: ImageFile,
     pub(crate) planes: Planes,
-    /// `None` where it was not asked for, or the color has none.
+    /// Alpha; `None` if not requested or absent.
     pub(crate) alpha: Option<Vec<f32>>,
-    /// What was chosen, and what was not followed; for people.
+    /// Notes for the user about choices and omissions.
     pub(crate) notes: Vec<String>,
 }
 
-/// What the header of a file tells of its color.
+/// The color channels and windows of a file.
 pub(crate) struct ColorHeader {
     color: Color,
-    /// Columns and rows of the data window, its upper left corner, and columns and rows of the display window.
+    /// Data and display window.
     window: ExrWindow,
 }
 
@@ -69,7 +69,7 @@ impl ColorHeader {
     }
 }
 
-/// The pixels that a file holds, and where they lie in the whole picture.
+/// The data window of a file, and its position in the display window.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExrWindow {
     pub(crate) size: (u32, u32),
@@ -89,7 +89,7 @@ impl ExrWindow {
     }
 }
 
-/// Chooses the color of a file and checks its size; allocates nothing by it.
+/// Chooses the color channels of a file and checks its size, before anything is allocated.
 pub(crate) fn describe<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) -> Result<ColorHeader, ImageError> {
     let bytes_of_file = file_bytes(source, &mut input)?;
     let reader = exr::block::read(input, false).map_err(|error| failed(source, error))?;
@@ -100,7 +100,7 @@ pub(crate) fn describe<R: BufRead + Seek>(source: &PictureSource<'_>, mut input:
     Ok(ColorHeader { color, window })
 }
 
-/// The full names of all channels.
+/// Returns the full names of all channels.
 pub(crate) fn channel_names<R: BufRead + Seek>(
     source: &PictureSource<'_>,
     input: R,
@@ -112,7 +112,7 @@ pub(crate) fn channel_names<R: BufRead + Seek>(
         let full = |name: String| if part.is_empty() || name.contains('.') { name } else { format!("{part}.{name}") };
         names.map(full).collect::<Vec<String>>()
     };
-    // The channels of the first part are those of no layer, whatever it is called.
+    // Channels of the first part have no layer, whatever the part's name.
     let first =
         reader.headers().first().map(|header| header.channels.list.iter().map(|it| it.name.to_string()).collect());
     let others = reader.headers().iter().skip(1).flat_map(of_part);
@@ -126,7 +126,7 @@ fn choose(source: &PictureSource<'_>, headers: &[Header]) -> Result<Color, Image
     })
 }
 
-/// What a part announces must be within the limits, and within what the file can hold.
+/// Checks the size that a part announces against the limits and the size of the file.
 fn check_header(source: &PictureSource<'_>, header: &Header, file_bytes: u64) -> Result<(), ImageError> {
     let size = (header.layer_size.0 as u64, header.layer_size.1 as u64);
     source.check_size(size.0, size.1)?;
@@ -138,23 +138,23 @@ fn check_header(source: &PictureSource<'_>, header: &Header, file_bytes: u64) ->
         .map_err(|problem| source.malformed("EXR", problem))
 }
 
-/// How far a block can unfold at most.
+/// Returns the greatest compression ratio of a method.
 fn packing(compression: Compression) -> Packing {
     match compression {
         Compression::Uncompressed => Packing::None,
         Compression::RLE => Packing::RUNS,
-        // Of 32 bits 24 are kept.
+        // Keeps 24 of 32 bits.
         Compression::PXR24 => Packing::Ratio(1032 * 4 / 3),
-        // 32 bytes in 3, or in 14; what is no half is stored as it is.
+        // 32 bytes in 3 or 14; values other than half floats are stored unchanged.
         Compression::B44 | Compression::B44A => Packing::Ratio(11),
-        // Of 64 values of a block the first is kept, and where the others are nothing one word more, both deflated.
+        // Of the 64 values of a block at least the first is stored, plus one word, both deflated.
         Compression::DWAA(_) | Compression::DWAB(_) => Packing::Ratio(1 << 16),
-        // PIZ: runs of 255 values of two bytes in some nine bits; and whatever is still to be invented.
+        // PIZ: runs of 255 two-byte values in about nine bits; also any future method.
         _ => Packing::DEFLATE,
     }
 }
 
-/// The color of a file, and what else is wanted of it.
+/// Reads the color of a file and the other requested channels.
 pub(crate) fn read<R: BufRead + Seek>(
     source: &PictureSource<'_>,
     mut input: R,
@@ -185,7 +185,7 @@ pub(crate) fn read<R: BufRead + Seek>(
     Ok(Read { file, planes: canvas.planes, alpha: canvas.alpha, notes })
 }
 
-/// From the colors of a file to ours, by its chromaticities.
+/// Returns the conversion from the file's color space, by its chromaticities.
 fn conversion(header: &Header, color: &Color, white_point: WhitePoint, notes: &mut Vec<String>) -> Conversion {
     if color.is_xyz {
         return Conversion::from_xyz();
@@ -201,7 +201,7 @@ fn conversion(header: &Header, color: &Color, white_point: WhitePoint, notes: &m
     })
 }
 
-/// The channels to read. A part of another size is another picture.
+/// Lists the channels to read. A part of another size is another picture.
 fn targets(headers: &[Header], color: &Color, wanted: WantedChannels<'_>) -> Vec<Target> {
     let (part, size) = (color.part, headers[color.part].layer_size);
     let components = color.channels.iter().enumerate();
@@ -217,7 +217,7 @@ fn targets(headers: &[Header], color: &Color, wanted: WantedChannels<'_>) -> Vec
     targets
 }
 
-/// Reads all blocks with targets into the canvas, which must then be covered.
+/// Reads all blocks with targets into the canvas, and checks that they cover it.
 fn read_blocks<R: BufRead + Seek>(
     source: &PictureSource<'_>,
     reader: exr::block::reader::Reader<R>,
@@ -251,7 +251,7 @@ fn read_blocks<R: BufRead + Seek>(
     }
 }
 
-/// A channel of the file, and where its values go.
+/// A channel of the file, and the destination of its values.
 struct Target {
     part: usize,
     channel: usize,
@@ -260,21 +260,22 @@ struct Target {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum ChannelTarget {
-    /// A component of the picture.
+    /// A component of the color.
     Color(usize),
     Alpha,
     /// A plane of its own.
     Plane(usize),
 }
 
-/// What is read.
+/// The destination of all channels.
 struct Canvas {
     picture: Picture,
     planes: Planes,
     alpha: Option<Vec<f32>>,
 }
 
-/// The channel of this name: as it stands, in the part of the color first, or in a part that has the name of its layer.
+/// Finds a channel by name: its full name, in the color's part first, or its last part within a part named like its
+/// layer.
 fn find_channel(headers: &[Header], first: usize, name: &str) -> Option<(usize, usize)> {
     let place = |part: usize, name: &str| {
         let found = headers[part].channels.list.iter().position(|channel| channel.name.to_string() == name)?;
@@ -303,15 +304,15 @@ fn failed(source: &PictureSource<'_>, error: Error) -> ImageError {
     }
 }
 
-/// Bytes of the largest block of a part, unfolded.
+/// Returns the size of a part's largest block after decompression, in bytes.
 fn block_bytes(header: &Header) -> u64 {
     let (block, layer) = (header.max_block_pixel_size(), header.layer_size);
     let pixels = (block.0.min(layer.0) as u64).saturating_mul(block.1.min(layer.1) as u64);
     pixels.saturating_mul(header.channels.bytes_per_pixel as u64)
 }
 
-/// A block of DWA compression announces in eleven numbers of 64 bits what it unfolds to, and the decoder allocates
-/// that: no part of it can be larger than twice the block, padded to squares of 8 pixels.
+/// Returns true if a DWA block announces more than it can hold. It stores the sizes of its parts as eleven 64-bit
+/// numbers, which the decoder allocates; no part can be larger than twice the block, padded to squares of 8 pixels.
 fn announces_too_much(chunk: &Chunk, header: &Header) -> bool {
     const UNFOLDED: [usize; 5] = [1, 6, 7, 8, 9];
     if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
@@ -324,12 +325,12 @@ fn announces_too_much(chunk: &Chunk, header: &Header) -> bool {
     };
     let place = header.get_block_data_indices(&chunk.compressed_block);
     let Ok(bounds) = place.and_then(|place| header.get_absolute_block_pixel_coordinates(place)) else {
-        // Not there: the decoder says so.
+        // The decoder reports a missing block.
         return false;
     };
     let bytes = |width: usize, height: usize| (width * height) as u64 * header.channels.bytes_per_pixel as u64;
     if pixels.len() as u64 == bytes(bounds.size.0, bounds.size.1) {
-        // Stored as it is.
+        // The block is stored uncompressed.
         return false;
     }
     let limit = 2 * bytes(bounds.size.0.next_multiple_of(8), bounds.size.1.next_multiple_of(8));
@@ -337,7 +338,8 @@ fn announces_too_much(chunk: &Chunk, header: &Header) -> bool {
     UNFOLDED.iter().filter_map(|&i| numbers.get(i)).any(|number| u64::from_le_bytes(*number) > limit)
 }
 
-/// Copies what is wanted of a block; the number of its pixels, or `None` when they are not all in the picture.
+/// Copies the requested channels of a block. Returns the number of its pixels, or `None` if some are outside of the
+/// picture.
 fn copy_block(block: &UncompressedBlock, header: &Header, wanted: &[&Target], canvas: &mut Canvas) -> Option<usize> {
     let Vec2(x, y) = block.index.pixel_position;
     let Vec2(width, height) = block.index.pixel_size;
@@ -377,7 +379,7 @@ fn copy_block(block: &UncompressedBlock, header: &Header, wanted: &[&Target], ca
     Some(width * height)
 }
 
-/// Native-endian samples to floats.
+/// Converts native-endian samples to floats.
 fn decode<'a>(bytes: &[u8], sample_type: SampleType, to: impl Iterator<Item = &'a mut f32>) {
     match sample_type {
         SampleType::F16 => bytes.as_chunks().0.iter().zip(to).for_each(|(b, v)| *v = f16::from_ne_bytes(*b).to_f32()),

@@ -1,6 +1,6 @@
-//! Planes of floats, and convolution with kernels that are products of a row and a column.
+//! Planes of floats, and convolution with separable kernels.
 
-/// One value a pixel, row-major.
+/// One value per pixel, row-major.
 #[derive(Clone)]
 pub(super) struct FloatPlane {
     pub(super) width: usize,
@@ -12,8 +12,7 @@ impl FloatPlane {
         Self { width, values }
     }
 
-    /// Convolves with the product of two kernels of odd length, centered; outside, the nearest pixel of the edge
-    /// counts.
+    /// Convolves with the product of two centered kernels of odd length; outside, the nearest edge pixel is used.
     pub(super) fn convolved(&self, along_x: &[f32], along_y: &[f32]) -> Self {
         self.convolved_x(along_x).convolved_y(along_y)
     }

@@ -1,42 +1,42 @@
-//! FLIP: how different two pictures look when one flips between them.
+//! FLIP: the perceived difference of two pictures when flipping between them.
 //!
 //! Sources: Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild 2020, *FLIP: A Difference Evaluator for
 //! Alternating Images*; Andersson, Nilsson, Shirley, Akenine-Möller 2021, *Visualizing Errors in Rendered High Dynamic
-//! Range Images*. Built here because the only binding is to a C++ library. The filters are applied as products of a row
-//! and a column, which they are; the results are those of the authors' program to five digits (see the tests).
+//! Range Images*. Implemented here because the only binding is to a C++ library. The filters are applied as separable
+//! convolutions; results match the authors' program to five digits (see the tests).
 
 use std::f64::consts::PI;
 
 use super::{check_sizes, convolve::FloatPlane};
 use crate::{ImageError, Picture, ToneMap, luminance, tone::displayed};
 
-/// The viewing conditions of the pictures.
+/// The exposure and tone mapping of the comparison.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum FlipView {
-    /// HDR-FLIP: at every exposure from that which shows the brightest light to that which shows the darker half, and
-    /// of each pixel the largest difference. Depends on no choice of exposure or tone map.
+    /// HDR-FLIP: the largest difference per pixel over all exposures, from the one that shows the brightest light to
+    /// the one that shows the darker half. Independent of exposure and tone map.
     #[default]
     AllExposures,
-    /// LDR-FLIP of what a display shows.
+    /// LDR-FLIP, of displayed values.
     Displayed {
-        /// Stops by which the pictures are made brighter.
+        /// Exposure, in stops; positive: brighter.
         exposure_stops: f32,
-        /// How bright light is brought into range.
+        /// Tone map.
         tone: ToneMap,
     },
 }
 
-/// Conditions of [`flip`].
+/// Options of [`flip`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlipOptions {
-    /// How the pictures are looked at.
+    /// Exposure and tone mapping.
     pub view: FlipView,
-    /// Pixels in one degree of the field of view.
+    /// Pixels per degree of the field of view.
     pub pixels_per_degree: f32,
 }
 
 impl Default for FlipOptions {
-    /// All exposures, on a display of 0.7 m and 3840 pixels width, seen from 0.7 m.
+    /// Returns all exposures, on a display 0.7 m and 3840 pixels wide, seen from 0.7 m.
     fn default() -> Self {
         Self { view: FlipView::default(), pixels_per_degree: 0.7 * (3840.0 / 0.7) * std::f32::consts::PI / 180.0 }
     }
@@ -45,13 +45,13 @@ impl Default for FlipOptions {
 /// The result of [`flip`].
 #[derive(Clone, Debug)]
 pub struct FlipError {
-    /// Mean over the picture, from 0 (no difference) to 1.
+    /// Mean error of the picture, in [0, 1]; 0: no difference.
     pub mean: f64,
-    /// The error of every pixel, in [0, 1]: `[height × width]`.
+    /// Error of every pixel, in [0, 1]: `[height × width]`.
     pub map: Vec<f32>,
 }
 
-/// Measures how different two pictures look. Values that are negative or not a number count as 0.
+/// Computes the perceived difference of two pictures. Negative values and NaN count as 0.
 pub fn flip(reference: &Picture, test: &Picture, options: &FlipOptions) -> Result<FlipError, ImageError> {
     check_sizes(reference, test)?;
     if reference.data.is_empty() {
@@ -79,8 +79,8 @@ pub fn flip(reference: &Picture, test: &Picture, options: &FlipOptions) -> Resul
     Ok(FlipError { mean, map })
 }
 
-/// Numerator and denominator, highest power first, of the curve by which HDR-FLIP shows an exposure: K. Narkowicz' fit
-/// of ACES, made darker by 0.6, as in the paper.
+/// Numerator and denominator, highest power first, of HDR-FLIP's tone curve: K. Narkowicz' fit of ACES, darkened by
+/// 0.6, as in the paper.
 const FILM_CURVE: ([f32; 3], [f32; 3]) = ([0.6 * 0.6 * 2.51, 0.6 * 0.03, 0.0], [0.6 * 0.6 * 2.43, 0.6 * 0.59, 0.14]);
 
 fn film_curve(color: [f32; 3]) -> [f32; 3] {
@@ -92,8 +92,8 @@ fn film_curve(color: [f32; 3]) -> [f32; 3] {
     })
 }
 
-/// Exposures, in stops: from where the brightest pixel reaches 0.85 of the display's white to where the median does
-/// (2021, §3.3).
+/// Returns exposures, in stops: from where the brightest pixel reaches 0.85 of the display's white to where the median
+/// does (2021, §3.3).
 fn exposures(reference: &Picture) -> Vec<f32> {
     const BRIGHT: f32 = 0.85;
     let [a, b, c] = std::array::from_fn(|i| FILM_CURVE.0[i] - BRIGHT * FILM_CURVE.1[i]);
@@ -108,7 +108,7 @@ fn exposures(reference: &Picture) -> Vec<f32> {
     }
     let largest = luminances.iter().copied().fold(0.0, f32::max);
     let median = *luminances.select_nth_unstable_by(middle, f32::total_cmp).1;
-    // Black has no exposure that shows it: 20 stops below the brightest is as dark as any display shows.
+    // For black pictures, limit the range to 20 stops below the brightest, darker than any display.
     let least = (largest * 2.0f32.powi(-20)).max(1e-30);
     let start = (bright / largest.max(least)).log2();
     let stop = (bright / median.max(least)).log2();
@@ -116,9 +116,9 @@ fn exposures(reference: &Picture) -> Vec<f32> {
     (0..count).map(|i| start + (stop - start) * i as f32 / (count - 1) as f32).collect()
 }
 
-/// The filters for one viewing distance.
+/// The filters for a viewing distance.
 struct Kernels {
-    /// Contrast sensitivity of the achromatic, red-green and blue-yellow channel: sums of kernels.
+    /// Contrast sensitivity of the achromatic, red-green and blue-yellow channel, as sums of kernels.
     sensitivity: [Vec<Vec<f32>>; 3],
     gaussian: Vec<f32>,
     edge: Vec<f32>,
@@ -161,23 +161,23 @@ impl Kernels {
     }
 }
 
-/// Scaled such that what is positive sums to 1 and what is negative to −1.
+/// Scales a kernel so that its positive values sum to 1 and its negative ones to −1.
 fn balanced(kernel: &[f64]) -> Vec<f32> {
     let positive: f64 = kernel.iter().filter(|v| **v > 0.0).sum();
     let negative: f64 = -kernel.iter().filter(|v| **v < 0.0).sum::<f64>();
     kernel.iter().map(|&v| (v / if v > 0.0 { positive } else { negative }) as f32).collect()
 }
 
-/// What the eye makes of a picture.
+/// A picture as perceived.
 struct PerceivedPicture {
-    /// CIELAB with Hunt's adjustment, after the filters of contrast sensitivity.
+    /// CIELAB with Hunt's adjustment, after contrast sensitivity filtering.
     lab: Vec<[f32; 3]>,
     /// Strength of edges and of points.
     features: Vec<[f32; 2]>,
 }
 
 impl PerceivedPicture {
-    /// Looks at linear display values in [0, 1].
+    /// Filters linear display values in [0, 1].
     fn new(kernels: &Kernels, width: usize, colors: impl Iterator<Item = [f32; 3]>) -> Self {
         let opponent: Vec<[f32; 3]> = colors.map(opponent_from_rgb).collect();
         let channel = |c: usize| FloatPlane::new(width, opponent.iter().map(|value| value[c]).collect());
@@ -209,7 +209,7 @@ impl PerceivedPicture {
     }
 }
 
-/// 2020, §4.1.3, §4.2 and §4.3: difference of color, made larger where edges or points differ.
+/// Computes the color difference, amplified where edges or points differ (2020, §4.1.3, §4.2 and §4.3).
 fn difference(reference: &PerceivedPicture, test: &PerceivedPicture) -> Vec<f32> {
     const COLOR_EXPONENT: f32 = 0.7;
     const KNEE: f32 = 0.4;
@@ -233,7 +233,7 @@ fn difference(reference: &PerceivedPicture, test: &PerceivedPicture) -> Vec<f32>
     colors.zip(features).map(|(color, feature)| color.powf(1.0 - feature).clamp(0.0, 1.0)).collect()
 }
 
-/// XYZ of the display's white, which is the sum of the rows below.
+/// XYZ of the display's white: the sums of the rows below.
 const WHITE: [f32; 3] = [0.950_428_5, 1.0, 1.088_900_4];
 const XYZ_FROM_RGB: [[f32; 3]; 3] = [
     [0.412_386_56, 0.357_591_5, 0.180_450_5],
@@ -250,7 +250,7 @@ fn multiply(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// Y Cx Cz: linear opponent colors.
+/// Converts to Y Cx Cz, linear opponent colors.
 fn opponent_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     let xyz = multiply(&XYZ_FROM_RGB, rgb);
     let [x, y, z] = std::array::from_fn(|i| xyz[i] / WHITE[i]);
@@ -263,7 +263,7 @@ fn rgb_from_opponent([yy, cx, cz]: [f32; 3]) -> [f32; 3] {
     multiply(&RGB_FROM_XYZ, std::array::from_fn(|i| normalized[i] * WHITE[i]))
 }
 
-/// CIELAB, with a and b scaled by lightness: colors differ less in the dark (Hunt).
+/// Converts to CIELAB, with a and b scaled by lightness: colors differ less in the dark (Hunt).
 fn hunt_lab_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     let xyz = multiply(&XYZ_FROM_RGB, rgb);
@@ -273,7 +273,7 @@ fn hunt_lab_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
     [lightness, 500.0 * (x - y) * 0.01 * lightness, 200.0 * (y - z) * 0.01 * lightness]
 }
 
-/// Distance of large differences of color: city block in lightness, Euclidean in a and b.
+/// Returns the distance for large color differences: city block in lightness, Euclidean in a and b.
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + ((a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)).sqrt()
 }

@@ -1,4 +1,4 @@
-//! The statistical yardstick of picture tests: whether two pictures are of the same distribution.
+//! Statistical tests of whether two noisy pictures have the same expectation.
 
 use crate::{Film, Layout, picture::luminance};
 
@@ -14,8 +14,8 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Moments of the luminance of every pixel of a film, row by row. A pixel of fewer than two samples has infinite
-    /// variance: it differs from nothing.
+    /// Returns the moments of the luminance of every pixel of a film, row by row. A pixel with fewer than two samples
+    /// has infinite variance, so it is never rejected.
     pub fn of_film(film: &Film) -> Vec<Self> {
         film.rect()
             .pixels()
@@ -38,34 +38,33 @@ impl Moments {
     }
 }
 
-/// Share of values that differ by more than chance explains: a two-sided z-test on each, with the Šidák correction for
-/// n tests, α₁ = 1 − (1 − α)^(1/n). A share of 0.0025 at α = 0.01 is what Mitsuba's tests accept.
+/// Returns the share of values that differ significantly: a two-sided z-test on each, with the Šidák correction for n
+/// tests, α₁ = 1 − (1 − α)^(1/n). Mitsuba's tests accept a share of 0.0025 at α = 0.01.
 ///
-/// The standard error is taken to be at least 10⁻⁶, so that values without noise may differ by rounding. Panics when
-/// the lengths differ.
+/// The standard error is at least 10⁻⁶, so values without noise may differ by rounding. Panics if the lengths differ.
 pub fn rejected_share(a: &[Moments], b: &[Moments], significance: f64) -> f64 {
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
     if a.is_empty() {
         return 0.0;
     }
-    // 1 − (1 − α)^(1/n) without cancellation.
+    // Compute 1 − (1 − α)^(1/n) without cancellation.
     let significance_of_one = -((-significance).ln_1p() / a.len() as f64).exp_m1();
     let differs = |(a, b): &(&Moments, &Moments)| {
         let standard_error = (a.variance_of_mean() + b.variance_of_mean()).sqrt().max(1e-6);
-        // Not a number differs from everything.
+        // NaN is always rejected.
         let accepted = two_sided_p((a.mean - b.mean) / standard_error) >= significance_of_one;
         !accepted
     };
     a.iter().zip(b).filter(differs).count() as f64 / a.len() as f64
 }
 
-/// [`rejected_share`] of the luminance of two films of equal size.
+/// Computes [`rejected_share`] of the luminance of two films of equal size.
 pub fn rejected_share_of_films(a: &Film, b: &Film, significance: f64) -> f64 {
     rejected_share(&Moments::of_film(a), &Moments::of_film(b), significance)
 }
 
-/// By how many standard errors the means of two whole pictures differ: sees the one percent of energy lost everywhere
-/// that no test of single pixels can see. Values of unknown variance are left out. Panics when the lengths differ.
+/// Returns the difference of the means of two whole pictures in standard errors: it detects one percent of lost energy,
+/// which tests of single pixels cannot. Values of unknown variance are left out. Panics if the lengths differ.
 pub fn mean_z_score(a: &[Moments], b: &[Moments]) -> f64 {
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
     let (mut difference, mut variance) = (0.0, 0.0);
@@ -79,12 +78,12 @@ pub fn mean_z_score(a: &[Moments], b: &[Moments]) -> f64 {
     difference / variance.sqrt().max(1e-9 * a.len().max(1) as f64)
 }
 
-/// Probability that a standard normal value lies at least as far from 0 as `z`: erfc(|z| / √2).
+/// Returns the probability that a standard normal value is at least as far from 0 as `z`: erfc(|z| / √2).
 pub(super) fn two_sided_p(z: f64) -> f64 {
     erfc_of_positive(z.abs() / std::f64::consts::SQRT_2)
 }
 
-/// Complementary error function of x ≥ 0, with relative error below 10⁻¹⁰, also where it is tiny.
+/// Returns the complementary error function of x ≥ 0, with relative error below 10⁻¹⁰, also where it is tiny.
 fn erfc_of_positive(x: f64) -> f64 {
     if x < 2.5 {
         // erf(x) = 2/√π · e^(−x²) · Σ 2ⁿ x^(2n+1) / (1·3·…·(2n+1)); Abramowitz and Stegun 7.1.6.
@@ -96,7 +95,8 @@ fn erfc_of_positive(x: f64) -> f64 {
         }
         return 1.0 - std::f64::consts::FRAC_2_SQRT_PI * (-x * x).exp() * sum;
     }
-    // √π·e^(x²)·erfc(x) = 1/(x + (1/2)/(x + 1/(x + (3/2)/(x + …)))); Abramowitz and Stegun 7.1.14, from the inside.
+    // Continued fraction √π·e^(x²)·erfc(x) = 1/(x + (1/2)/(x + 1/(x + (3/2)/(x + …)))), from the inside; Abramowitz and
+    // Stegun 7.1.14.
     let fraction = (1..=60).rev().fold(x, |inner, n| x + 0.5 * f64::from(n) / inner);
     0.5 * std::f64::consts::FRAC_2_SQRT_PI * (-x * x).exp() / fraction
 }

@@ -1,29 +1,28 @@
-//! Seams: whether the edges of zones can be seen in a picture.
+//! Detection of seams: visible edges of zones in a picture.
 
 use super::{check_sizes, moments::two_sided_p};
 use crate::{ImageError, Picture, Rect, luminance};
 
-/// Pixels of an edge that are judged together: what differs on both sides adds up, noise averages out.
+/// Length of an edge piece, in pixels: the step across it adds up, noise averages out.
 const PIECE: usize = 16;
-/// Shorter pieces are left out.
+/// Least length of an edge piece.
 const PIECE_MIN: usize = 6;
-/// How far beside an edge the steps lie that it is compared with, in pixels. They have no pixel in common.
+/// Distances from the edge of the steps to compare with, in pixels; they share no pixels.
 const BESIDE: [i64; 3] = [2, 4, 6];
 
-/// What edges of zones look like beside what is inside of the zones; made by [`seams`].
+/// The visibility of zone edges, measured by [`seams`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seams {
-    /// Pieces of edges that could be compared.
+    /// Number of edge pieces compared.
     pub pieces: usize,
-    /// By how many standard deviations steps across edges are larger than steps inside; normally distributed about 0 where
-    /// there are no seams.
+    /// Excess of steps across edges over steps inside, in standard deviations; standard normal without seams.
     pub z: f64,
-    /// Median step across edges over median step inside; 1 where there are no seams, or nothing to compare.
+    /// Median step across edges over median step inside; 1 without seams, or with nothing to compare.
     pub ratio: f64,
 }
 
 impl Seams {
-    /// The probability of so large a [`z`](Self::z) without any seam.
+    /// Returns the probability of a [`z`](Self::z) that large without any seam.
     pub fn p(&self) -> f64 {
         let two_sided = two_sided_p(self.z);
         if self.z > 0.0 { 0.5 * two_sided } else { 1.0 - 0.5 * two_sided }
@@ -32,16 +31,16 @@ impl Seams {
 
 /// Compares the steps across the edges of zones with steps a few pixels beside them, in the same rows.
 ///
-/// - `reference`: the same picture without noise, if there is one. What is left without it is free of the scene's own
-///   edges, and smaller seams are found.
-/// - `zones`: in pixels of the picture; what reaches out of it is left out.
+/// - `reference`: the same picture without noise, if available. Subtracting it removes the scene's own edges and
+///   reveals smaller seams.
+/// - `zones`: in pixels of the picture; parts outside are ignored.
 ///
-/// Along a piece of an edge of up to 16 pixels the differences of the pixels on both sides are averaged, and so are those of
-/// pixels 2, 4 and 6 pixels off on either side. Without a seam all seven means have the same distribution, whatever that
-/// is, so each rank of the one across the edge is equally likely: no outlier decides, and no noise must be known. The ranks
-/// of all pieces together make a z-score. Brightness that rises evenly has the edge in the middle of the ranks.
+/// Along a piece of an edge of up to 16 pixels, the differences across the edge are averaged, and so are those 2, 4 and
+/// 6 pixels away on either side. Without a seam all seven means have the same distribution, whatever it is, so each
+/// rank of the one across the edge is equally likely: outliers do not dominate, and the noise need not be known. The
+/// ranks of all pieces together give a z-score. On a uniform gradient the edge has the middle rank.
 ///
-/// Values are brought into range by v / (v + mean luminance). Non-finite ones count as 0.
+/// Values are compressed by v / (v + mean luminance). Non-finite ones count as 0.
 pub fn seams(picture: &Picture, reference: Option<&Picture>, zones: &[Rect]) -> Result<Seams, ImageError> {
     if let Some(reference) = reference {
         check_sizes(reference, picture)?;
@@ -54,15 +53,15 @@ pub fn seams(picture: &Picture, reference: Option<&Picture>, zones: &[Rect]) -> 
     Ok(found.seams())
 }
 
-/// A piece of an edge. In a direction across it, pixel `at − 1` is the last of one zone and pixel `at` the first of another.
+/// A piece of an edge. Across it, pixel `at − 1` is the last of one zone and pixel `at` the first of another.
 struct EdgePiece {
     is_upright: bool,
     at: i64,
-    /// First place along the edge, and the one past the last.
+    /// First position along the edge, and one past the last.
     along: (i64, i64),
 }
 
-/// Values that seams are looked for in, and which zone each is in.
+/// The values to examine, and the zone of each pixel.
 struct SeamField {
     width: i64,
     height: i64,
@@ -70,7 +69,7 @@ struct SeamField {
     zones: Vec<u32>,
 }
 
-/// The zone of a pixel that is in none.
+/// The zone of a pixel outside of all zones.
 const NO_ZONE: u32 = u32::MAX;
 
 impl SeamField {
@@ -97,7 +96,7 @@ impl SeamField {
         Self { width: picture.width.into(), height: picture.height.into(), values, zones: labels }
     }
 
-    /// The index of the pixel `across` the edge and `along` it.
+    /// Returns the index of the pixel at `across` and `along` the edge.
     fn index(&self, is_upright: bool, across: i64, along: i64) -> Option<usize> {
         let (x, y) = if is_upright { (across, along) } else { (along, across) };
         let is_in = (0..self.width).contains(&x) && (0..self.height).contains(&y);
@@ -108,7 +107,7 @@ impl SeamField {
         self.index(is_upright, across, along).map_or(NO_ZONE, |index| self.zones[index])
     }
 
-    /// All pieces between two zones.
+    /// Returns all pieces between two zones.
     fn edges(&self) -> Vec<EdgePiece> {
         let mut pieces = Vec::new();
         for is_upright in [true, false] {
@@ -133,8 +132,8 @@ impl SeamField {
         pieces
     }
 
-    /// The mean step from one pixel to the next, `beside` pixels from the edge, as its length in colours. `None` where it
-    /// is not within the zone on that side.
+    /// Returns the length of the mean color step between adjacent pixels, `beside` pixels from the edge. `None` if it
+    /// leaves the zone on that side.
     fn step(&self, piece: &EdgePiece, beside: i64) -> Option<f64> {
         let EdgePiece { is_upright, at, along: (first, last) } = *piece;
         let mut sum = [0.0f64; 3];
@@ -155,19 +154,19 @@ impl SeamField {
     }
 }
 
-/// What was found so far.
+/// The steps and ranks so far.
 #[derive(Default)]
 struct SeamTally {
     across: Vec<f64>,
     inside: Vec<f64>,
-    /// Sum over the pieces of the rank in standard deviations from its mean.
+    /// Sum over the pieces of the rank's deviation from its mean, in standard deviations.
     ranks: f64,
 }
 
 impl SeamTally {
     fn judge(&mut self, field: &SeamField, piece: &EdgePiece) {
         let Some(across) = field.step(piece, 0) else { return };
-        // On both sides or on none: what rises evenly is then in the middle.
+        // Use both sides or neither, so that a uniform gradient has the middle rank.
         let pairs = BESIDE.iter().filter_map(|&d| Some([field.step(piece, -d)?, field.step(piece, d)?]));
         let inside: Vec<f64> = pairs.flatten().collect();
         let all = || inside.iter().copied().chain([across]);
@@ -179,7 +178,7 @@ impl SeamTally {
         let count = inside.len() as f64 + 1.0;
         let mean = 0.5 * (count + 1.0);
         let variance = all().map(|value| (rank(value) - mean).powi(2)).sum::<f64>() / count;
-        // Where nothing differs, or there is nothing to compare with, nothing can be said.
+        // Skip pieces without differences, or with nothing to compare with.
         if variance > 0.0 {
             self.ranks += (rank(across) - mean) / variance.sqrt();
             self.across.push(across);

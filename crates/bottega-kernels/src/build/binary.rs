@@ -1,4 +1,4 @@
-//! A binary tree over shapes in world space, for those who write nodes of their own: a device's, say.
+//! Binary trees over shapes in world space, for callers with their own node format, such as a GPU.
 
 use super::bins::{self, Binary};
 use super::item::Item;
@@ -9,26 +9,26 @@ use glam::Vec3;
 /// A shape in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// Its corners.
+    /// A triangle, by its corners.
     Triangle([Vec3; 3]),
-    /// All that is known of it is where it is.
+    /// Any other shape, by its bounds.
     Within(Aabb),
 }
 
-/// A binary tree, built as [`Accel`](crate::Accel) builds its own: the surface area heuristic over bins, long triangles cut before,
-/// subtrees that lie badly put elsewhere after. The same for any number of threads.
+/// A binary tree, built like [`Accel`](crate::Accel)'s: surface area heuristic over bins, with long triangles split
+/// before and badly placed subtrees reinserted after. Independent of the number of threads.
 #[derive(Clone, Debug, Default)]
 pub struct BinaryTree {
-    /// In preorder, the root first: none where there are no shapes.
+    /// Nodes in preorder, the root first; empty without shapes.
     pub nodes: Vec<Binary>,
-    /// The shapes' numbers in the order of the leaves. One that was cut is there several times.
+    /// Indices of the shapes in the order of the leaves. A split shape occurs several times.
     pub items: Vec<u32>,
 }
 
 impl BinaryTree {
-    /// Builds over `shapes`, all of them finite, fewer than 2³¹. Triangles without an area are in no leaf.
+    /// Builds over `shapes`, all finite, fewer than 2³¹. Triangles without area are in no leaf.
     ///
-    /// - `leaf_size`: nodes of at most so many shapes are not divided.
+    /// - `leaf_size`: maximal number of shapes in a leaf.
     /// - `threads`: 0: all.
     pub fn build(shapes: &[Shape], leaf_size: usize, threads: usize) -> Self {
         with_threads(threads, |parallel| {
@@ -36,7 +36,7 @@ impl BinaryTree {
                 Shape::Triangle(corners) => corners.map(|corner| corner.to_array()),
                 Shape::Within(bounds) => [bounds.min, bounds.max, bounds.max].map(|corner| corner.to_array()),
             };
-            // With room for those that are cut.
+            // Reserve capacity for splits.
             let (mut items, mut others) = (Vec::with_capacity(shapes.len() + shapes.len() / SPLIT_BUDGET), Vec::new());
             for (shape, id) in shapes.iter().zip(0..) {
                 match shape {

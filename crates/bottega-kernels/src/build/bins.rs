@@ -1,8 +1,8 @@
 //! The first stage: a binary tree by the surface area heuristic over bins (Wald 2007, "On fast Construction of
 //! SAH-based Bounding Volume Hierarchies").
 //!
-//! Deterministic whatever the number of threads: minima, maxima and counts do not depend on the order in which they
-//! are taken, and the partition of one node is serial.
+//! Deterministic for any number of threads: minima, maxima and counts do not depend on their order, and each node is
+//! partitioned serially.
 
 use super::item::{Item, ItemSpan, half_area};
 use crate::Aabb;
@@ -12,34 +12,34 @@ use crate::traverse::lanes::Lanes;
 use crate::tree::MAX_DEPTH;
 use rayon::prelude::*;
 
-/// A node of the binary tree. Nodes lie in preorder: the first child follows its parent.
+/// A node of the binary tree. Nodes are in preorder: the first child follows its parent.
 #[derive(Clone, Copy, Debug)]
 pub struct Binary {
-    /// Around all that is below.
+    /// Bounds of all items below.
     pub bounds: Aabb,
-    /// The first of the items below, which follow each other.
+    /// Index of the first item below; they are consecutive.
     pub first: u32,
-    /// How many there are.
+    /// Number of items below.
     pub count: u32,
-    /// Distance to the second child; 0 for a leaf.
+    /// Index of the second child minus that of this node; 0 for a leaf.
     pub second: u32,
 }
 
-/// Below this depth nodes are halved by count, so that 30 more levels suffice for any number of items.
+/// Depth from which nodes are halved by count, so that 30 more levels suffice for any number of items.
 const SAH_DEPTH: usize = MAX_DEPTH - 32;
 const BINS: usize = 16;
-/// So many items ahead memory is asked for: the processor does not look beyond a page of its own accord.
+/// Prefetch distance in items: the hardware prefetcher stops at page boundaries.
 const AHEAD: usize = 16;
-/// Smaller nodes are not worth another thread, nor are those with less than a part of all that many threads would share.
+/// Least number of items for which a node is worth another thread; and at least this fraction of a thread's share.
 const PARALLEL_ITEMS: usize = 16 * 1024;
 const PARALLEL_SHARE: usize = 8;
-/// So many are looked at by one thread where many look at the items of a node.
+/// Items per thread where several threads process the items of one node.
 const SHARED_ITEMS: usize = 1 << 16;
 
 /// Builds the tree and sorts the items so that each node has a range of them.
 ///
-/// - `leaf_size`: nodes of at most so many items are not divided.
-/// - `parallel`: whether to use the threads of the current pool.
+/// - `leaf_size`: maximal number of items in a leaf.
+/// - `parallel`: use the threads of the current pool.
 pub(super) fn build(items: &mut [Item], leaf_size: usize, parallel: bool) -> Vec<Binary> {
     if items.is_empty() {
         return Vec::new();
@@ -51,7 +51,7 @@ pub(super) fn build(items: &mut [Item], leaf_size: usize, parallel: bool) -> Vec
     joined(builder.pieces(items, &extent, 0, 0))
 }
 
-/// One sequence of all.
+/// Concatenates the pieces.
 fn joined(mut pieces: Vec<Vec<Binary>>) -> Vec<Binary> {
     if pieces.len() == 1 {
         return pieces.swap_remove(0);
@@ -68,7 +68,7 @@ fn joined(mut pieces: Vec<Vec<Binary>>) -> Vec<Binary> {
     (0..count).into_par_iter().with_min_len(4096).map(at).collect()
 }
 
-/// A box over items and one over (doubled) centers.
+/// The bounds of items, and the bounds of their (doubled) centers.
 #[derive(Clone, Copy)]
 struct Extent {
     items: ItemSpan,
@@ -96,24 +96,24 @@ impl Extent {
         compiled::run_in_lanes(Of(items))
     }
 
-    /// The same by many threads.
+    /// Computes the extent with several threads.
     fn of_many(items: &[Item]) -> Self {
         let union = |a: Self, b: Self| Self { items: a.items.union(&b.items), centers: a.centers.union(&b.centers) };
         items.par_chunks(SHARED_ITEMS).map(Self::of).reduce(|| Self::EMPTY, union)
     }
 }
 
-/// Which bin a center falls into.
+/// A mapping from centers to bins.
 #[derive(Clone, Copy)]
 struct Binning {
-    /// Where the first bin has its middle.
+    /// Middle of the first bin.
     base: [f32; 8],
     scale: [f32; 8],
     bins: usize,
 }
 
 impl Binning {
-    /// Added to a small number, leaves its integral part, rounded, in the lowest bits: cheaper than a conversion.
+    /// Added to a small number, it leaves the rounded integer in the lowest bits: cheaper than a conversion.
     const ROUND: f32 = 12_582_912.0;
 
     fn new(centers: &ItemSpan, count: usize) -> Self {
@@ -122,7 +122,7 @@ impl Binning {
         for axis in 0..3 {
             let size = centers.upper(axis) - centers.lower(axis);
             scale[axis] = if size > 0.0 { (bins as f32 * 0.9999 / size).min(f32::MAX) } else { 0.0 };
-            // Beyond the scale of floats an axis is as good as flat.
+            // An axis with an extent beyond the range of floats counts as flat.
             let half = if scale[axis] > f32::MIN_POSITIVE { 0.5 / scale[axis] } else { 0.0 };
             base[axis] = centers.lower(axis) + half;
         }
@@ -140,9 +140,10 @@ impl Binning {
     }
 }
 
-/// A [`Binning`] in a vector unit's registers.
+/// A [`Binning`] in vector registers.
 ///
-/// (No closures here: only functions can be forced inline, and what is not is compiled without the vector unit.)
+/// (Not a closure: only functions can be forced inline, and without inlining they are compiled without the vector
+/// unit.)
 struct Finder<S: Lanes> {
     base: S::F,
     scale: S::F,
@@ -151,7 +152,7 @@ struct Finder<S: Lanes> {
 }
 
 impl<S: Lanes> Finder<S> {
-    /// The bins of an item on each axis, which are less than `LIMIT`, a power of two.
+    /// Returns the bin of an item on each axis, less than `LIMIT`, a power of two.
     #[inline(always)]
     fn find<const LIMIT: usize>(&self, s: S, item: &Item) -> [usize; 3] {
         let at = s.add(s.mul(s.sub(item.centers(s), self.base), self.scale), self.first);
@@ -160,12 +161,12 @@ impl<S: Lanes> Finder<S> {
     }
 }
 
-/// Where items are divided: before a bin, which is neither the first nor beyond the last, on one axis.
+/// A split: before a bin of an axis, neither the first nor beyond the last.
 struct SplitPlane {
     axis: usize,
     base: f32,
     scale: f32,
-    /// The bits of the bin's number, as [`Binning::ROUND`] leaves them.
+    /// The bin's number, as bits in the form of [`Binning::ROUND`].
     bin: i32,
 }
 
@@ -175,7 +176,7 @@ impl SplitPlane {
         Self { axis, base: binning.base[axis], scale: binning.scale[axis], bin }
     }
 
-    /// Whether an item is before it.
+    /// Returns true if an item is before the plane.
     #[inline(always)]
     fn follows(&self, item: &Item) -> bool {
         let at = (item.center(self.axis) - self.base) * self.scale + Binning::ROUND;
@@ -187,12 +188,12 @@ const _: () = assert!(Binning::ROUND.to_bits().is_multiple_of(BINS as u32));
 
 struct BinaryBuilder {
     leaf_size: usize,
-    /// How many items a node must have to be shared among threads.
+    /// Least number of items of a node that threads share.
     parallel_items: usize,
 }
 
 impl BinaryBuilder {
-    /// A subtree in consecutive pieces: single nodes where threads share what is below.
+    /// Builds a subtree as consecutive pieces: single nodes where threads share what is below.
     fn pieces(&self, items: &mut [Item], extent: &Extent, first: u32, depth: usize) -> Vec<Vec<Binary>> {
         let count = items.len();
         if count < self.parallel_items {
@@ -225,10 +226,12 @@ impl BinaryBuilder {
         self.node(right, &extents[1], first + middle as u32, depth + 1, nodes);
     }
 
-    /// Sorts the items into two parts; returns the size of the first, which is neither 0 nor all, and what both fill.
+    /// Partitions the items in two. Returns the size of the first part, which is neither 0 nor all, and the extents of
+    /// both.
     ///
-    /// - `shared`: whether all threads may look at the items.
+    /// - `shared`: several threads may process the items.
     fn divide(&self, items: &mut [Item], extent: &Extent, depth: usize, shared: bool) -> (usize, [Extent; 2]) {
+        // Split by the surface area heuristic
         if depth < SAH_DEPTH {
             let binning = Binning::new(&extent.centers, items.len());
             let bins = shared.then(|| Bins::of_many(items, &binning));
@@ -236,6 +239,7 @@ impl BinaryBuilder {
                 return parts;
             }
         }
+        // Otherwise halve along the longest axis of the centers
         let size = |axis: usize| extent.centers.upper(axis) - extent.centers.lower(axis);
         let axis = if size(0) >= size(1) && size(0) >= size(2) { 0 } else { 1 + usize::from(size(2) > size(1)) };
         let middle = items.len() / 2;
@@ -245,11 +249,11 @@ impl BinaryBuilder {
     }
 }
 
-/// A division by bins; comes to nothing when all centers coincide.
+/// A split by bins; `None` if all centers coincide.
 struct Divide<'a> {
     items: &'a mut [Item],
     binning: Binning,
-    /// What is in them, where it is known.
+    /// The filled bins, if already computed.
     bins: Option<&'a Bins<BINS>>,
 }
 
@@ -261,7 +265,7 @@ impl LaneTask for Divide<'_> {
         let Self { items, binning, bins } = self;
         if let Some(bins) = bins {
             divide(unit, items, &binning, bins)
-        // Most nodes are small, and clearing bins takes time.
+        // Most nodes are small, and clearing bins takes time: use fewer.
         } else if binning.bins <= BINS / 2 {
             let mut bins = Bins::<{ BINS / 2 }>::EMPTY;
             bins.fill(unit, items, &binning);
@@ -316,7 +320,7 @@ impl<const BINS: usize> Bins<BINS> {
         }
     }
 
-    /// The same by many threads.
+    /// Fills the bins with several threads.
     fn of_many(items: &[Item], binning: &Binning) -> Self {
         struct Of<'a, const BINS: usize>(&'a [Item], &'a Binning);
         impl<const BINS: usize> LaneTask for Of<'_, BINS> {
@@ -343,7 +347,7 @@ impl<const BINS: usize> Bins<BINS> {
         self
     }
 
-    /// Axis and first bin of the second part of the split with the least cost; `None` when all centers coincide.
+    /// Returns axis and first bin of the second part of the cheapest split; `None` if all centers coincide.
     #[inline(always)]
     fn best_split<S: Lanes>(&self, s: S, binning: &Binning) -> Option<(usize, usize)> {
         let mut best = (f32::INFINITY, 0, 0);
@@ -351,6 +355,7 @@ impl<const BINS: usize> Bins<BINS> {
             if binning.scale[axis] == 0.0 {
                 continue;
             }
+            // Sweep from the right
             let mut right_cost = [0.0; BINS];
             let (mut right, mut count) = (s.load(&ItemSpan::EMPTY.0), 0);
             for i in (1..binning.bins).rev() {
@@ -358,6 +363,7 @@ impl<const BINS: usize> Bins<BINS> {
                 count += self.counts[i][axis];
                 right_cost[i] = if count == 0 { f32::INFINITY } else { half_area(s, right) * count as f32 };
             }
+            // Sweep from the left and compare costs
             let (mut left, mut count) = (s.load(&ItemSpan::EMPTY.0), 0);
             for (i, right_cost) in right_cost.iter().enumerate().take(binning.bins).skip(1) {
                 left = s.min(s.load(&self.boxes[i - 1][axis].0), left);
@@ -374,10 +380,10 @@ impl<const BINS: usize> Bins<BINS> {
     }
 }
 
-/// Moves the items before a plane to the front; returns how many there are, and what the centers of both parts fill.
+/// Moves the items before a plane to the front. Returns their number, and the center bounds of both parts.
 #[inline(always)]
 fn partition<S: Lanes>(s: S, items: &mut [Item], plane: &SplitPlane) -> (usize, [ItemSpan; 2]) {
-    // Which part an item belongs to is as good as random: nothing here branches on it.
+    // The side of an item is unpredictable, so avoid branches.
     const OTHER: [[f32; 8]; 2] = [[f32::INFINITY; 8], [0.0; 8]];
     let (mut left, mut right) = (s.load(&ItemSpan::EMPTY.0), s.load(&ItemSpan::EMPTY.0));
     let mut middle = 0;

@@ -1,4 +1,4 @@
-//! The second stage: which nodes of the binary tree become nodes of the wide one, by dynamic programming.
+//! The second stage: choice of the binary nodes that become wide nodes, by dynamic programming.
 //!
 //! Source: Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs",
 //! section 3 (the cost C(n, i) of representing the subtree of n by a forest of at most i wide trees). Here a leaf costs
@@ -11,31 +11,31 @@ use crate::tree::WIDTH;
 const NODE_COST: f32 = 1.0;
 const LEAF_COST: f32 = 1.0;
 
-/// What becomes of a binary node.
+/// The choice for a binary node.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CollapseChoice {
-    /// Number of roots that go to the first child: `[0]` when the node becomes a wide node with 8 children (0: it becomes a
-    /// leaf), `[i]` when it is represented by up to i + 1 roots (0: by i).
+    /// Number of roots given to the first child: `[0]` if the node becomes a wide node with 8 children (0: a leaf),
+    /// `[i]` if up to i + 1 roots represent it (0: i suffice).
     split: [u8; WIDTH],
 }
 
 impl CollapseChoice {
-    /// Whether the node, where it is one root, is a leaf.
+    /// Returns true if the node is a leaf when a single root represents it.
     pub(super) fn is_leaf(&self) -> bool {
         self.split[0] == 0
     }
 }
 
-/// Costs of a binary node represented by up to 1, 2 ... 7 roots.
+/// Costs of representing a binary node by up to 1, 2 ... 7 roots.
 type Costs = [f32; WIDTH - 1];
 
-/// Smaller subtrees are not worth another thread.
+/// Least number of nodes for which a subtree is worth another thread.
 const PARALLEL_NODES: usize = 1 << 15;
 
-/// Chooses for every node.
+/// Makes the choice for every node.
 ///
-/// - `leaf_limit`: how many items a leaf may hold. Every leaf of the binary tree must keep to it.
-/// - `parallel`: whether to use the threads of the current pool.
+/// - `leaf_limit`: maximal number of items in a leaf. Every leaf of the binary tree must respect it.
+/// - `parallel`: use the threads of the current pool.
 pub(super) fn choose(nodes: &[Binary], leaf_limit: u32, parallel: bool) -> Vec<CollapseChoice> {
     let mut costs = vec![Costs::default(); nodes.len()];
     let mut choices = vec![CollapseChoice::default(); nodes.len()];
@@ -44,7 +44,7 @@ pub(super) fn choose(nodes: &[Binary], leaf_limit: u32, parallel: bool) -> Vec<C
     choices
 }
 
-/// Chooses for the nodes of a subtree; bottom-up, so backwards through the preorder.
+/// Makes the choices in a subtree, bottom-up: backwards through the preorder.
 fn subtree(nodes: &[Binary], leaf_limit: u32, costs: &mut [Costs], choices: &mut [CollapseChoice], least: usize) {
     let mut done = nodes.len();
     if nodes.len() >= least && nodes[0].second != 0 {
@@ -61,7 +61,7 @@ fn subtree(nodes: &[Binary], leaf_limit: u32, costs: &mut [Costs], choices: &mut
     }
 }
 
-/// What is best for a node whose children are known.
+/// Returns costs and choice of a node whose children's costs are known.
 fn choice(nodes: &[Binary], costs: &[Costs], index: usize, leaf_limit: u32) -> (Costs, CollapseChoice) {
     let node = &nodes[index];
     let area = node.bounds.half_area();
@@ -78,6 +78,7 @@ fn choice(nodes: &[Binary], costs: &[Costs], index: usize, leaf_limit: u32) -> (
             if cost < best.0 { (cost, k as u8) } else { best }
         })
     };
+    // One root: compare a leaf with a wide node
     let mut cost = Costs::default();
     let (below, k) = distribute(WIDTH);
     let inner_cost = area * NODE_COST + below;
@@ -87,6 +88,7 @@ fn choice(nodes: &[Binary], costs: &[Costs], index: usize, leaf_limit: u32) -> (
         cost[0] = inner_cost;
         choice.split[0] = k.max(1);
     }
+    // Several roots: compare a forest with fewer roots
     for roots in 2..WIDTH {
         let (forest, k) = distribute(roots);
         cost[roots - 1] = cost[roots - 2];
@@ -98,7 +100,7 @@ fn choice(nodes: &[Binary], costs: &[Costs], index: usize, leaf_limit: u32) -> (
     (cost, choice)
 }
 
-/// The children of the wide node made of binary node `index`, at most eight; returns their number.
+/// Collects the children of the wide node made of binary node `index`, at most eight. Returns their number.
 pub(super) fn children(nodes: &[Binary], choices: &[CollapseChoice], index: usize, out: &mut [usize; WIDTH]) -> usize {
     let mut count = 0;
     let left = choices[index].split[0] as usize;
@@ -107,7 +109,7 @@ pub(super) fn children(nodes: &[Binary], choices: &[CollapseChoice], index: usiz
     count
 }
 
-/// The roots of the forest that represents a subtree by at most `roots` of them.
+/// Collects the roots of the forest that represents a subtree by at most `roots` of them.
 fn collect(
     nodes: &[Binary],
     choices: &[CollapseChoice],

@@ -1,4 +1,4 @@
-//! The third stage: the wide tree is written into the arenas.
+//! The third stage: writing the wide tree into the arena.
 
 use super::bins::Binary;
 use super::collapse::{CollapseChoice, children};
@@ -7,7 +7,7 @@ use crate::tree::{Child, MAX_DEPTH, TriangleBlock, WIDTH, WideNode};
 use crate::{Aabb, BuildError, Precision};
 use rayon::prelude::*;
 
-/// A wide node to be written: its binary node, and the indices of its first child node and first leaf.
+/// A wide node to write: its binary node, and the indices of its first child node and first leaf.
 #[derive(Clone, Copy)]
 struct Outline {
     binary: u32,
@@ -16,27 +16,27 @@ struct Outline {
 }
 
 impl Outline {
-    /// The same node of a plan that begins elsewhere.
+    /// Returns the same node in a plan with other base indices.
     fn moved(self, node_base: u32, leaf_base: u32) -> Self {
         let Self { binary, first_node, first_leaf } = self;
         Self { binary, first_node: first_node + node_base, first_leaf: first_leaf + leaf_base }
     }
 }
 
-/// Which nodes and leaves there will be. Children of a node have consecutive indices.
+/// The list of nodes and leaves to write. Children of a node have consecutive indices.
 struct EmitPlan {
     nodes: Vec<Outline>,
     /// Binary node of each leaf.
     leaves: Vec<u32>,
 }
 
-/// Smaller subtrees are not worth another thread, in items.
+/// Least number of items for which a subtree is worth another thread.
 const PARALLEL_ITEMS: u32 = 1 << 17;
 
-/// Plans the wide tree below a binary node, which is not a leaf. Indices count from the node itself, and its first leaf.
+/// Plans the wide tree below a binary node that is not a leaf. Indices are relative to the node and its first leaf.
 ///
-/// - `depth`: of the node.
-/// - `least`: nodes of so many items and more are shared among threads. The plan does not depend on it.
+/// - `depth`: depth of the node.
+/// - `least`: least number of items of nodes that threads share. The plan does not depend on it.
 fn plan(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: usize, least: u32) -> EmitPlan {
     if binary[top].count < least {
         return plan_alone(binary, choices, top, depth);
@@ -50,9 +50,9 @@ fn plan(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: usize,
     nodes.extend(parts.iter().map(|part| part.nodes[0]));
     let mut leaves: Vec<u32> = leaves.into_iter().map(|leaf| leaf as u32).collect();
     leaves.reserve_exact(parts.iter().map(|part| part.leaves.len()).sum());
-    // What is below the last child follows first: see `plan_alone`.
+    // The last child's subtree comes first, as in `plan_alone`.
     for (slot, part) in parts.iter().enumerate().rev() {
-        // Its first node lies with its siblings already.
+        // The first node of each part is already among its siblings.
         let (node_base, leaf_base) = (nodes.len() as u32 - 1, leaves.len() as u32);
         nodes[1 + slot] = part.nodes[0].moved(node_base, leaf_base);
         nodes.extend(part.nodes[1..].iter().map(|node| node.moved(node_base, leaf_base)));
@@ -61,7 +61,7 @@ fn plan(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: usize,
     EmitPlan { nodes, leaves }
 }
 
-/// As [`plan`], on one thread.
+/// Plans as [`plan`] does, on one thread.
 fn plan_alone(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: usize) -> EmitPlan {
     let mut nodes = vec![Outline { binary: top as u32, first_node: 0, first_leaf: 0 }];
     let mut leaves = Vec::new();
@@ -84,19 +84,20 @@ fn plan_alone(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: 
     EmitPlan { nodes, leaves }
 }
 
-/// Where a tree has gone.
+/// A tree written into the arena.
 pub(super) struct EmittedTree<'a> {
     pub(super) root: Child,
     pub(super) bounds: Aabb,
-    /// For each leaf the range of items, and its lines, as many as were asked for.
+    /// Range of items of each leaf.
     pub(super) leaves: Vec<(u32, u32)>,
+    /// Lines reserved for the leaves.
     pub(super) lines: &'a mut [CacheLine],
 }
 
-/// Appends the wide nodes, and leaves room for the leaves behind them.
+/// Appends the wide nodes, and reserves lines for the leaves behind them.
 ///
-/// - `leaf_lines`: how much room for each.
-/// - `leaf`: makes the reference to a leaf, from the line where its room begins and the items it has.
+/// - `leaf_lines`: lines per leaf.
+/// - `leaf`: makes the reference to a leaf, from its first line and its binary node.
 pub(super) fn nodes<'a>(
     binary: &[Binary],
     choices: &[CollapseChoice],
@@ -154,7 +155,7 @@ pub(super) fn nodes<'a>(
     Ok(EmittedTree { root, bounds: top.bounds, leaves, lines })
 }
 
-/// The places of boxes in the order of their centers along the axis on which these lie farthest apart.
+/// Returns the indices of boxes sorted by their centers along the axis on which these are farthest apart.
 fn along_longest_axis(binary: &[Binary], boxes: &[usize]) -> [usize; WIDTH] {
     let center = |place: usize| binary[boxes[place]].bounds.min + binary[boxes[place]].bounds.max;
     let all = (0..boxes.len()).fold(Aabb::EMPTY, |all, place| all.with(center(place)));
@@ -165,11 +166,11 @@ fn along_longest_axis(binary: &[Binary], boxes: &[usize]) -> [usize; WIDTH] {
     places
 }
 
-/// Writes the leaf blocks of a tree of triangles.
+/// Writes the leaf blocks of a triangle tree.
 ///
-/// - `lines`: where.
-/// - `leaves`: ranges of `items`, which are numbers of triangles, a block each.
-/// - `vertices`: the corners of the triangle with a number.
+/// - `lines`: destination.
+/// - `leaves`: ranges of `items`, which are triangle numbers; one block each.
+/// - `vertices`: corners of a triangle.
 pub(super) fn blocks(
     lines: &mut [CacheLine],
     leaves: &[(u32, u32)],
@@ -181,7 +182,7 @@ pub(super) fn blocks(
     let make = |&(first, count): &(u32, u32)| {
         let mut ids = [u32::MAX; WIDTH];
         ids[..count as usize].copy_from_slice(&items[first as usize..(first + count) as usize]);
-        // Parts of a triangle that was cut may meet again.
+        // Remove duplicates: parts of a split triangle may end up in one leaf.
         ids[..count as usize].sort_unstable();
         let mut distinct = 1;
         for lane in 1..count as usize {
@@ -206,7 +207,7 @@ pub(super) fn blocks(
     }
 }
 
-/// Refuses more than a [`Child`] can number.
+/// Checks that a [`Child`] can number that many.
 pub(super) fn check(what: &'static str, count: usize) -> Result<(), BuildError> {
     if count > Child::LIMIT { Err(BuildError::TooMany { what, count, limit: Child::LIMIT }) } else { Ok(()) }
 }

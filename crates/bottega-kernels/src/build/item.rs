@@ -1,10 +1,10 @@
-//! The items of a tree: boxes with numbers, eight lanes each.
+//! The items of a tree: numbered boxes, eight lanes each.
 
 use crate::Aabb;
 use crate::traverse::lanes::Lanes;
 use glam::Vec3;
 
-/// A box by its least coordinates and, turned over, its greatest: what is smaller is wider, in all lanes alike. The fourth of each half
+/// A box as its minimum and its negated maximum: the smaller a lane, the larger the box. The fourth lane of each half
 /// is free.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
@@ -13,7 +13,7 @@ pub(super) struct ItemSpan(pub(super) [f32; 8]);
 impl ItemSpan {
     pub(super) const EMPTY: Self = Self([f32::INFINITY; 8]);
 
-    /// Around both.
+    /// Returns the box around both.
     #[inline(always)]
     pub(super) fn union(&self, other: &Self) -> Self {
         Self(std::array::from_fn(|lane| self.0[lane].min(other.0[lane])))
@@ -33,20 +33,20 @@ impl ItemSpan {
     }
 }
 
-/// Half the surface of a [`ItemSpan`].
+/// Returns half the surface area of an [`ItemSpan`].
 #[inline(always)]
 pub(super) fn half_area<S: Lanes>(s: S, span: S::F) -> f32 {
-    // Sides turned over, as factors of products of two.
+    // The sides are negated, which cancels in the products of two.
     let [x, y, z, ..] = s.store(s.add(span, s.swap_halves(span)));
     x * y + y * z + z * x
 }
 
-/// A primitive while the tree is built: its box, and its number in the bits of the free lane (see [`NUMBER`]).
+/// A primitive during the build: its box, and its number in the bits of the free lane (see [`NUMBER`]).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Item(pub(super) ItemSpan);
 
-/// Turned over in a number that lies in the fourth lane, which takes part in all that is computed: makes it a float between 1 and 2.
-/// By itself a small number would be a denormal float, and each product with one would take a hundred times as long.
+/// XORed into the number in the fourth lane, which takes part in all computations: makes it a float between 1 and 2. A
+/// small number by itself is a denormal float, and products with those are a hundred times slower.
 const NUMBER: u32 = 1f32.to_bits();
 
 impl Item {
@@ -63,7 +63,7 @@ impl Item {
         self.0.bounds()
     }
 
-    /// Whether it is a box around nothing.
+    /// Returns true if its box is empty.
     pub(super) fn is_empty(&self) -> bool {
         self.0.lower(0) > self.0.upper(0)
     }
@@ -73,13 +73,13 @@ impl Item {
         bounds.min.is_finite() && bounds.max.is_finite()
     }
 
-    /// Twice its center on an axis.
+    /// Returns twice its center on an axis.
     #[inline(always)]
     pub(super) fn center(&self, axis: usize) -> f32 {
         self.0.0[axis] - self.0.0[axis + 4]
     }
 
-    /// Twice its center, as a [`ItemSpan`] of no extent.
+    /// Returns twice its center, as an [`ItemSpan`] without extent.
     #[inline(always)]
     pub(super) fn centers<S: Lanes>(&self, s: S) -> S::F {
         let span = s.load(&self.0.0);

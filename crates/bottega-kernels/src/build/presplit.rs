@@ -1,15 +1,16 @@
-//! Before the first stage: triangles whose boxes are mostly empty are cut, so that several tight boxes refer to them.
+//! Splitting of triangles whose boxes are mostly empty, before the first stage, so that several tight boxes refer to
+//! them.
 //!
-//! A long thin triangle at an angle fills its box badly, and every ray through the box tests it in vain. Cutting the box
-//! in two along the longest side (and the triangle with it) leaves boxes with less area in sum. As in Karras and Aila 2013,
-//! "Fast Parallel Construction of High-Quality Bounding Volume Hierarchies", section 4, planes are taken from one grid over the
-//! scene where one fits, so that neighbors are cut alike. Unlike there, the cuts that save most area are made first, in a few rounds
-//! that threads may share, and none that saves less than a quarter of what an average triangle has; evenly tessellated meshes are
-//! left alone.
+//! A long thin triangle at an angle fills its box badly, and most rays through the box test it in vain. Splitting the
+//! box along its longest side (and the triangle with it) gives boxes of less total area. As in Karras and Aila 2013,
+//! "Fast Parallel Construction of High-Quality Bounding Volume Hierarchies", section 4, split planes are taken from one
+//! grid over the scene where possible, so that neighbors are split alike. Unlike there, the splits that save most area
+//! come first, in a few rounds that threads may share, and none that saves less than a quarter of an average triangle's
+//! area; evenly tessellated meshes stay unsplit.
 //!
-//! What counts is the area without the box's largest face. A wall that is aligned with the axes is all largest face: whatever
-//! ray gets into its box is at its end, and all that lies in the same wall is tested at once. Cut up, it would only lie in many
-//! leaves (measured: a fifth more steps in a room of such walls).
+//! The measure is the area without the box's largest face. An axis-aligned wall is all largest face: a ray into its box
+//! ends there, and everything in the wall is tested at once. Splitting it only puts it into many leaves (measured: a
+//! fifth more steps in a room of such walls).
 
 use super::item::Item;
 use crate::Aabb;
@@ -18,32 +19,32 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::ops::Range;
 
-/// A cut must save this part of the area of an average triangle's box.
+/// Least saving of a split, as a share of an average triangle box's area.
 const WORTHWHILE: f32 = 0.25;
 
-/// Once so small a part of the budget is left, all of it is spent at once.
+/// Once this fraction of the budget is left, all of it is spent in one round.
 const REST: usize = 16;
 
-/// A cut that could be made.
+/// A possible split, and the area that it saves.
 #[derive(Clone, Copy)]
 struct Cut {
     saved: f32,
-    /// Which item.
+    /// Index of the item.
     index: u32,
 }
 
 impl Cut {
-    /// Those that save most come first.
+    /// Orders by decreasing saving.
     fn order(&self, other: &Self) -> Ordering {
         other.saved.total_cmp(&self.saved).then(self.index.cmp(&other.index))
     }
 }
 
-/// Cuts items where it pays.
+/// Splits items where it pays.
 ///
-/// - `budget`: how many items may be added.
-/// - `parallel`: whether to use the threads of the current pool; the result does not depend on it.
-/// - `corners`: the corners of the triangle with a number.
+/// - `budget`: maximal number of items to add.
+/// - `parallel`: use the threads of the current pool; the result does not depend on it.
+/// - `corners`: corners of a triangle.
 pub(super) fn presplit(
     items: &mut Vec<Item>,
     budget: usize,
@@ -52,7 +53,7 @@ pub(super) fn presplit(
 ) {
     let (scene, total) = survey(items, parallel);
     let least = WORTHWHILE * (total / items.len().max(1) as f64) as f32;
-    // `whole`: the item is a whole triangle, of which much is known before it is clipped.
+    // `whole`: the item is an unsplit triangle, which allows a quick bound before clipping.
     let consider = |items: &[Item], index: u32, whole: bool| {
         let item = &items[index as usize];
         let bounds = item.bounds();
@@ -76,11 +77,12 @@ pub(super) fn presplit(
         Some(clipped(&bounds, &halves, &corners(item.id())).map(|half| Item::new(&half, item.id())))
     };
     let mut left = budget.min((u32::MAX as usize).saturating_sub(items.len()));
+    // Find the first candidates
     let mut cuts = collect(0..items.len() as u32, parallel, |index| consider(items, index, true));
     while left > 0 && !cuts.is_empty() {
-        // More than these cannot be made.
+        // Keep no more candidates than the budget allows.
         keep_first(&mut cuts, left, parallel);
-        // The best half, so that what their parts save then counts beside the others.
+        // Make the best half, so that their parts compete with the other candidates in the next round.
         let count = if left > budget / REST { left.div_ceil(2) } else { left };
         let rest = keep_first(&mut cuts, count, parallel);
         left -= cuts.len();
@@ -94,6 +96,7 @@ pub(super) fn presplit(
         if left == 0 {
             break;
         }
+        // Consider splitting the new parts
         let fresh = collect(0..2 * cuts.len() as u32, parallel, |half| {
             let made = half / 2;
             consider(items, if half % 2 == 0 { cuts[made as usize].index } else { first + made }, false)
@@ -103,7 +106,7 @@ pub(super) fn presplit(
     }
 }
 
-/// What `find` finds, in the order of the numbers.
+/// Collects the results of `find` that are not `None`, in the order of the numbers.
 fn collect<T: Send>(numbers: Range<u32>, parallel: bool, find: impl Fn(u32) -> Option<T> + Sync) -> Vec<T> {
     if parallel {
         numbers.into_par_iter().with_min_len(1024).filter_map(&find).collect()
@@ -112,14 +115,14 @@ fn collect<T: Send>(numbers: Range<u32>, parallel: bool, find: impl Fn(u32) -> O
     }
 }
 
-/// Leaves the best `count` in the order of the items, and returns the rest.
+/// Keeps the best `count` cuts, in the order of the items, and returns the rest.
 fn keep_first(cuts: &mut Vec<Cut>, count: usize, parallel: bool) -> Vec<Cut> {
     if count >= cuts.len() {
         return Vec::new();
     }
     cuts.select_nth_unstable_by(count, Cut::order);
     let rest = cuts.split_off(count);
-    // So that neighbors are near in memory, and nothing hangs on how selection moves what it does not sort.
+    // Sort by item for locality, and because the order after selection is unspecified.
     if parallel {
         cuts.par_sort_unstable_by_key(|cut| cut.index);
     } else {
@@ -128,7 +131,8 @@ fn keep_first(cuts: &mut Vec<Cut>, count: usize, parallel: bool) -> Vec<Cut> {
     rest
 }
 
-/// The box around all items, and the sum of half their areas: taken in pieces, the same whoever takes them.
+/// Returns the box around all items and the sum of their half areas, summed in fixed pieces and so independent of
+/// threads.
 fn survey(items: &[Item], parallel: bool) -> (Aabb, f64) {
     let piece = |items: &[Item]| {
         items.iter().fold((Aabb::EMPTY, 0.0), |(all, sum), item| {
@@ -142,23 +146,23 @@ fn survey(items: &[Item], parallel: bool) -> (Aabb, f64) {
     pieces.iter().fold((Aabb::EMPTY, 0.0), |(all, sum), piece| (all.union(&piece.0), sum + piece.1))
 }
 
-/// Half of the surface without the largest face: 0 for a box that is flat.
+/// Returns half the surface area without the largest face: 0 for a flat box.
 fn thickness(bounds: &Aabb) -> f32 {
     let d = bounds.max - bounds.min;
     let faces = [d.x * d.y, d.y * d.z, d.z * d.x];
     faces[0] + faces[1] + faces[2] - faces[0].max(faces[1]).max(faces[2])
 }
 
-/// The [`thickness`] that is left when the triangle's [`parallelogram`] has been cut into boxes without number: what it casts as
-/// shadows along the axes, without the largest.
+/// Returns the limit of [`thickness`] when the triangle's [`parallelogram`] is split into ever more boxes: its
+/// projected areas along the axes, without the largest.
 fn shadows(corners: &[[f32; 3]; 3]) -> f32 {
     let [a, b, c] = corners.map(Vec3::from);
     let shadows = (b - a).cross(c - a).abs();
     shadows.element_sum() - shadows.max_element()
 }
 
-/// The triangle and its mirror image at the longest side. Most triangles are halves of such a shape, and as both halves
-/// share a leaf, cutting away the other half saves nothing.
+/// Returns the triangle and its mirror image at the longest side. Most triangles are halves of such a shape, and as
+/// both halves share a leaf, cutting away the other half saves nothing.
 fn parallelogram(corners: &[[f32; 3]; 3]) -> [[f32; 3]; 4] {
     let length = |i: usize| -> f32 { (0..3).map(|k| (corners[(i + 1) % 3][k] - corners[i][k]).powi(2)).sum() };
     let longest =
@@ -167,7 +171,7 @@ fn parallelogram(corners: &[[f32; 3]; 3]) -> [[f32; 3]; 4] {
     [a, std::array::from_fn(|k| a[k] + b[k] - c[k]), b, c]
 }
 
-/// The two halves of a box; `None` when it cannot be cut.
+/// Returns the two halves of a box; `None` if it cannot be split.
 fn cut(bounds: &Aabb, scene: &Aabb) -> Option<[Aabb; 2]> {
     let size = bounds.max - bounds.min;
     let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
@@ -181,7 +185,8 @@ fn cut(bounds: &Aabb, scene: &Aabb) -> Option<[Aabb; 2]> {
     Some([low, high])
 }
 
-/// The plane of the coarsest power-of-two grid over the scene that lies in the middle half of an interval, or its middle.
+/// Returns the plane of the coarsest power-of-two grid over the scene that lies in the middle half of an interval, or
+/// else its middle.
 fn grid_plane(low: f32, high: f32, scene_low: f32, scene_high: f32) -> f32 {
     const CELLS: f32 = 1_048_576.0;
     let (middle, quarter) = (low + (high - low) * 0.5, (high - low) * 0.25);
@@ -195,11 +200,12 @@ fn grid_plane(low: f32, high: f32, scene_low: f32, scene_high: f32) -> f32 {
     if middle - quarter <= plane && plane <= middle + quarter { plane } else { middle }
 }
 
-/// Boxes around the parts of a convex polygon in both halves of `bounds`, never too small.
+/// Returns conservative boxes around the parts of a convex polygon in both halves of `bounds`.
 fn clipped(bounds: &Aabb, halves: &[Aabb; 2], corners: &[[f32; 3]]) -> [Aabb; 2] {
     let (mut polygon, mut other) = (Polygon::new(corners), Polygon::EMPTY);
     let (mut polygon, mut other) = (&mut polygon, &mut other);
     let (low, high) = polygon.extent();
+    // Clip the polygon to the box
     for axis in 0..3 {
         for (sign, limit, beyond) in [
             (1.0, f64::from(bounds.min[axis]), low[axis] < f64::from(bounds.min[axis])),
@@ -211,6 +217,7 @@ fn clipped(bounds: &Aabb, halves: &[Aabb; 2], corners: &[[f32; 3]]) -> [Aabb; 2]
             }
         }
     }
+    // Divide it at the split plane
     let axis = if halves[0].max.x < bounds.max.x { 0 } else { 1 + usize::from(halves[0].max.z < bounds.max.z) };
     let parts = polygon.divided(axis, f64::from(halves[0].max[axis]));
     std::array::from_fn(|half| {
@@ -227,17 +234,17 @@ fn clipped(bounds: &Aabb, halves: &[Aabb; 2], corners: &[[f32; 3]]) -> [Aabb; 2]
     })
 }
 
-/// Four corners, and two more for each of six planes, though a polygon that is exactly convex gains no more than one.
+/// Four corners, and two more for each of six planes, though an exactly convex polygon gains at most one.
 const CORNERS: usize = 16;
 
-/// The least and the greatest of some points' coordinates.
+/// Least and greatest coordinates of points.
 type PointBounds = ([f64; 3], [f64; 3]);
 
 const NOTHING: PointBounds = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
 
 #[inline(always)]
 fn widen(span: &mut PointBounds, point: &[f64; 3]) {
-    // One instruction each, where `min` and `max` would ask for NaN too.
+    // Compiles to one instruction each; `min` and `max` also check for NaN.
     for (low, &x) in span.0.iter_mut().zip(point) {
         *low = if x < *low { x } else { *low };
     }
@@ -283,7 +290,7 @@ impl Polygon {
         }
     }
 
-    /// Sutherland and Hodgman 1974: the part where `sign · (p − limit) >= 0` on an axis.
+    /// Clips to the part where `sign · (p − limit) >= 0` on an axis (Sutherland and Hodgman 1974).
     fn clip(&self, axis: usize, sign: f64, limit: f64, out: &mut Self) {
         out.count = 0;
         let Some(mut p) = self.points().last() else { return };
@@ -301,7 +308,7 @@ impl Polygon {
         }
     }
 
-    /// What the parts on both sides of a plane across an axis span.
+    /// Returns the bounds of the parts on both sides of a plane perpendicular to an axis.
     fn divided(&self, axis: usize, plane: f64) -> [PointBounds; 2] {
         let mut parts = [NOTHING; 2];
         let Some(mut p) = self.points().last() else { return parts };
@@ -323,7 +330,7 @@ impl Polygon {
     }
 }
 
-/// The point of an edge that is in a plane across an axis.
+/// Returns the intersection of an edge with a plane perpendicular to an axis.
 #[inline(always)]
 fn crossing(p: &[f64; 3], q: &[f64; 3], t: f64, axis: usize, plane: f64) -> [f64; 3] {
     let mut x = std::array::from_fn(|k| p[k] + (q[k] - p[k]) * t);

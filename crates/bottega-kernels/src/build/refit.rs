@@ -1,4 +1,4 @@
-//! A tree made to fit geometry that has moved: boxes and leaves are written anew, what is below what stays.
+//! Refitting of a tree to moved geometry: boxes and leaves are rewritten, the topology stays.
 
 use super::world::BuildWorld;
 use crate::Aabb;
@@ -7,12 +7,12 @@ use crate::instance::{self, Affine};
 use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use glam::Vec3;
 
-/// Which mesh each instance has, and how many triangles that has: what must not change between build and refit.
+/// Returns mesh index and triangle count of each instance, which must not change between build and refit.
 pub(crate) fn topology(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometry]) -> Box<[(u32, u32)]> {
     instances.iter().map(|i| (i.mesh, meshes[i.mesh as usize].triangles.len() as u32)).collect()
 }
 
-/// Fits the tree; returns the box around everything. On an error nothing has changed.
+/// Refits the tree. Returns the box around everything. An error leaves the tree unchanged.
 pub(crate) fn refit(
     tree: &mut SceneTrees,
     known: &[(u32, u32)],
@@ -32,7 +32,7 @@ pub(crate) fn refit(
         let inverse = Affine::new(&instances[instance].world_from_object).inverse();
         placed.object_from_world = inverse.ok_or(BuildError::Changed)?.rows;
     }
-    // Vertices that leave the range of numbers; boxes of shared meshes are looked at below, as they are made.
+    // Check vertices for overflow; boxes of shared meshes are checked below.
     for &(_, instance) in &world.starts {
         let map = Affine::new(&instances[instance as usize].world_from_object);
         let positions = meshes[instances[instance as usize].mesh as usize].positions;
@@ -46,10 +46,12 @@ pub(crate) fn refit(
     if let Some(bad) = boxes.iter().position(|b| !(b.min.is_finite() && b.max.is_finite())) {
         return Err(BuildError::TransformNotFinite { instance: placed[bad].instance as usize });
     }
+    // Everything is valid: write placements and spheres
     tree.placed = placed;
     for (to, from) in tree.spheres.iter_mut().zip(spheres) {
         *to = Sphere { center: from.center.to_array(), radius: from.radius };
     }
+    // Refit the trees of shared meshes, then the top-level tree
     let mut done = vec![false; meshes.len()];
     for index in 0..tree.placed.len() {
         let PlacedTree { root, instance, .. } = tree.placed[index];
@@ -64,13 +66,13 @@ pub(crate) fn refit(
     Ok(subtree(tree, root, precision, &boxes, &|id| world.corners(id)))
 }
 
-/// The box of an instance. That of all the mesh's vertices is as large as that of its tree, or larger.
+/// Returns the box of an instance. The box of all the mesh's vertices contains that of its tree.
 fn placed_bounds(placed: &PlacedTree, instances: &[InstanceGeometry], meshes: &[Aabb]) -> Aabb {
     let instance = &instances[placed.instance as usize];
     Affine::new(&instance.world_from_object).bounds(&meshes[instance.mesh as usize])
 }
 
-/// Writes everything below a child; returns the box around it. No deeper than the tree may be.
+/// Rewrites everything below a child. Returns the box around it. Recursion is limited by the depth of the tree.
 fn subtree(
     tree: &mut SceneTrees,
     child: Child,

@@ -1,10 +1,10 @@
-//! Between the first and the second stage: subtrees that lie badly are taken out and put where they cost least.
+//! Reinsertion of badly placed subtrees where they cost least, between the first and second stage.
 //!
-//! Source: Bittner, Hapala and Havran 2013, "Fast Insertion-Based Optimization of Bounding Volume Hierarchies". Nodes are
-//! taken by decreasing area; the best place is found by branch and bound over the whole tree, then the tree is refitted.
-//! A top-down build decides near the root with little knowledge of what is below; this repairs it.
+//! Source: Bittner, Hapala and Havran 2013, "Fast Insertion-Based Optimization of Bounding Volume Hierarchies". Nodes
+//! are taken by decreasing area; the best place is found by branch and bound over the whole tree, then the tree is
+//! refitted. A top-down build decides near the root with little knowledge of what is below; this repairs it.
 //!
-//! Of a large tree only the top is taken apart; what is small below hangs on it as it is.
+//! Only the top of a large tree is changed; small subtrees stay intact.
 
 use super::bins::Binary;
 use crate::Aabb;
@@ -15,26 +15,26 @@ use std::collections::BinaryHeap;
 use std::ops::Range;
 
 const NONE: u32 = u32::MAX;
-/// One node in so many is taken out in each round.
+/// One node in so many is reinserted per round.
 const SHARE: usize = 6;
 const ROUNDS: usize = 2;
-/// And no more than this, so that the time is bounded: the largest matter most.
+/// Maximal number of nodes reinserted per round, to bound the time: the largest matter most.
 const MOST: usize = 20_000;
-/// Nodes looked at for one insertion, at most.
+/// Maximal number of nodes visited per insertion.
 const PATIENCE: usize = 4096;
 
-/// Subtrees with at most this part of all items stay as they are.
+/// Subtrees with at most one in so many of all items stay intact.
 const TOP: usize = 1 << 16;
 
 #[derive(Clone, Copy)]
 struct TreeLink {
     bounds: Aabb,
     parent: u32,
-    /// For a leaf [`LEAF`] | the binary node, and nothing.
+    /// Children, or for a leaf [`LEAF`] | its binary node, and nothing.
     children: [u32; 2],
 }
 
-/// No node has this bit in its number.
+/// Flag of a leaf; not set in any node number.
 const LEAF: u32 = 1 << 31;
 
 impl TreeLink {
@@ -48,7 +48,7 @@ struct Links {
     root: u32,
 }
 
-/// A place that may be worth a look: what inserting below it costs at least.
+/// A candidate position, with a lower bound of the cost of inserting below it.
 struct InsertionPlace {
     least: f32,
     index: u32,
@@ -66,7 +66,7 @@ impl PartialOrd for InsertionPlace {
     }
 }
 impl Ord for InsertionPlace {
-    /// The heap gives the largest; the cheapest shall come first.
+    /// Orders in reverse, because the heap returns the largest and the cheapest must come first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.least.total_cmp(&self.least).then(other.index.cmp(&self.index))
     }
@@ -76,7 +76,7 @@ impl Links {
     fn new(binary: &[Binary]) -> Self {
         let small = binary[0].count / TOP as u32;
         let mut nodes: Vec<TreeLink> = Vec::new();
-        // Binary node, and the parent with the slot where it hangs.
+        // Binary node, parent, and slot in the parent.
         let mut stack = vec![(0usize, NONE, 0)];
         while let Some((index, parent, slot)) = stack.pop() {
             let this = nodes.len() as u32;
@@ -99,7 +99,7 @@ impl Links {
         &mut self.nodes[index as usize]
     }
 
-    /// Puts `new` where `old` hangs.
+    /// Replaces the child `old` of a parent by `new`.
     fn replace(&mut self, parent: u32, old: u32, new: u32) {
         self.at(new).parent = parent;
         if parent == NONE {
@@ -123,17 +123,19 @@ impl Links {
         }
     }
 
-    /// Takes a subtree out, with its parent, and puts both where they add the least area.
+    /// Removes a subtree with its parent, and inserts both where they add the least area.
     fn reinsert(&mut self, index: u32, heap: &mut BinaryHeap<InsertionPlace>) {
         let parent = self.nodes[index as usize].parent;
         if parent == NONE || self.nodes[parent as usize].parent == NONE {
             return;
         }
+        // Remove the subtree and its parent
         let grandparent = self.nodes[parent as usize].parent;
         let [a, b] = self.nodes[parent as usize].children;
         let sibling = if a == index { b } else { a };
         self.replace(grandparent, parent, sibling);
         self.refit(grandparent);
+        // Find the best position, and insert both there
         let place = self.best_place(&self.nodes[index as usize].bounds, sibling, heap);
         let above = self.nodes[place as usize].parent;
         self.replace(above, place, parent);
@@ -144,7 +146,7 @@ impl Links {
         self.refit(above);
     }
 
-    /// The node to pair with: the new pair's area plus the growth of everything above is the least.
+    /// Returns the node to pair with: the one with the least area of the new pair plus growth of all its ancestors.
     fn best_place(&self, bounds: &Aabb, first: u32, heap: &mut BinaryHeap<InsertionPlace>) -> u32 {
         let area = bounds.half_area();
         let (mut best, mut best_cost) = (first, self.cost(bounds, first));
@@ -180,7 +182,7 @@ impl Links {
     }
 }
 
-/// Levels below a node.
+/// Returns the number of levels below a node.
 fn height(binary: &[Binary], index: usize) -> usize {
     match binary[index].second {
         0 => 0,
@@ -188,7 +190,7 @@ fn height(binary: &[Binary], index: usize) -> usize {
     }
 }
 
-/// The nodes of a subtree, which lie one after the other.
+/// Returns the nodes of a subtree, which are consecutive.
 fn subtree(binary: &[Binary], index: usize) -> &[Binary] {
     let mut last = index;
     while binary[last].second != 0 {
@@ -197,10 +199,10 @@ fn subtree(binary: &[Binary], index: usize) -> &[Binary] {
     &binary[index..=last]
 }
 
-/// An improved tree, and the items' numbers in its order. `None` where it is best left as it is, or when the result would be too
-/// deep.
+/// Returns an improved tree, and the items' numbers in its order. `None` if the tree is too small or too large, or the
+/// result too deep.
 ///
-/// - `parallel`: whether to use the threads of the current pool; the result does not depend on it.
+/// - `parallel`: use the threads of the current pool; the result does not depend on it.
 pub(super) fn optimize(binary: &[Binary], ids: &[u32], parallel: bool) -> Option<(Vec<Binary>, Vec<u32>)> {
     if binary.len() < 8 || binary.len() >= LEAF as usize {
         return None;
@@ -208,6 +210,7 @@ pub(super) fn optimize(binary: &[Binary], ids: &[u32], parallel: bool) -> Option
     let mut links = Links::new(binary);
     let mut heap = BinaryHeap::new();
     for _ in 0..ROUNDS {
+        // Choose the nodes of largest area
         let mut order: Vec<u32> = (0..links.nodes.len() as u32).filter(|&i| i != links.root).collect();
         let area = |i: &u32| links.nodes[*i as usize].bounds.half_area();
         let larger = |a: &u32, b: &u32| area(b).total_cmp(&area(a)).then(a.cmp(b));
@@ -224,19 +227,19 @@ pub(super) fn optimize(binary: &[Binary], ids: &[u32], parallel: bool) -> Option
     links.rebuild(binary, ids, parallel)
 }
 
-/// A subtree that has moved as it is.
+/// An intact subtree in the new tree.
 struct MovedNode {
-    /// Its first node before.
+    /// Its first node in the old tree.
     from: u32,
-    /// Its nodes, and the first of them now.
+    /// Its nodes in the new tree.
     nodes: Range<u32>,
-    /// Its first item now.
+    /// Its first item in the new tree.
     first: u32,
-    /// Levels above it.
+    /// Number of levels above it.
     depth: usize,
 }
 
-/// Inner nodes of the top, each with its number, and what hangs on them; both in preorder.
+/// Inner nodes of the top, each with its number, and the subtrees below them; both in preorder.
 #[derive(Default)]
 struct SubtreeOrder {
     inner: Vec<(u32, Binary)>,
@@ -244,7 +247,7 @@ struct SubtreeOrder {
 }
 
 impl Links {
-    /// The tree in preorder again.
+    /// Rebuilds the tree in preorder.
     fn rebuild(self, binary: &[Binary], ids: &[u32], parallel: bool) -> Option<(Vec<Binary>, Vec<u32>)> {
         let SubtreeOrder { inner, moved } = self.order(binary);
         let (mut nodes, mut order) = (Vec::new(), Vec::new());
@@ -257,7 +260,7 @@ impl Links {
             order.copy_from_slice(&ids[old as usize..][..order.len()]);
             moved.depth + height(nodes, 0) + 2 < MAX_DEPTH
         };
-        // Whoever finds one too deep may leave the rest: then the tree is of no use.
+        // Stop early if one is too deep: then the result is discarded.
         let is_shallow = if parallel { pieces.into_par_iter().all(copy) } else { pieces.into_iter().all(copy) };
         if !is_shallow {
             return None;
@@ -270,11 +273,11 @@ impl Links {
         Some((nodes, order))
     }
 
-    /// Where everything goes. The items of the inner nodes are not counted.
+    /// Assigns new positions. The item counts of inner nodes are not yet known.
     fn order(&self, binary: &[Binary]) -> SubtreeOrder {
         let mut order = SubtreeOrder::default();
         let (mut next, mut first) = (0, 0);
-        // Node, depth, and where the parent is among the inner ones, of which it is the second child.
+        // Node, depth, and the index of the parent among the inner nodes if this is its second child.
         let mut stack = vec![(self.root, 0, None::<usize>)];
         while let Some((index, depth, parent)) = stack.pop() {
             if let Some(parent) = parent {
@@ -300,9 +303,9 @@ impl Links {
     }
 }
 
-/// For each subtree that has moved where its nodes and its items go.
+/// Returns for each moved subtree the destinations of its nodes and items.
 ///
-/// - `nodes`, `items`: made as long as `lengths` say.
+/// - `nodes`, `items`: resized to `lengths`.
 fn pieces<'a>(
     moved: &'a [MovedNode],
     nodes: &'a mut Vec<Binary>,
@@ -312,7 +315,7 @@ fn pieces<'a>(
 ) -> Vec<(&'a MovedNode, &'a mut [Binary], &'a mut [u32])> {
     const NOTHING: Binary = Binary { bounds: Aabb::EMPTY, first: 0, count: 0, second: 0 };
     if parallel {
-        // Memory is had from the system by touching it, which takes as long as what is written there.
+        // Touch the memory in parallel: page faults take as long as the writes.
         rayon::join(
             || (0..lengths.0).into_par_iter().map(|_| NOTHING).collect_into_vec(nodes),
             || (0..lengths.1).into_par_iter().map(|_| 0).collect_into_vec(items),

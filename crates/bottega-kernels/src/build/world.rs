@@ -1,4 +1,4 @@
-//! The triangles of a build, wherever their meshes stand.
+//! The triangles of a build in world space.
 
 use crate::geometry::{BuildError, InstanceGeometry, MeshGeometry};
 use crate::instance::Affine;
@@ -11,9 +11,9 @@ use super::item::Item;
 pub(super) struct BuildWorld<'a> {
     pub(super) meshes: &'a [MeshGeometry<'a>],
     pub(super) instances: &'a [InstanceGeometry],
-    /// (number of the first triangle, instance), ascending in both.
+    /// Number of the first triangle and instance, ascending in both.
     pub(super) starts: Vec<(u32, u32)>,
-    /// Where the instance of each start is put; `None` where it stays in its place.
+    /// World-from-object map of each entry of `starts`; `None` for the identity.
     pub(super) maps: Vec<Option<Affine>>,
     pub(super) count: u32,
 }
@@ -43,7 +43,7 @@ impl<'a> BuildWorld<'a> {
         Ok(Self { meshes, instances, starts, maps, count: count as u32 })
     }
 
-    /// Which start a triangle belongs to.
+    /// Returns the index in `starts` that a triangle belongs to.
     pub(super) fn find(&self, id: u32) -> usize {
         self.starts.partition_point(|f| f.0 <= id) - 1
     }
@@ -59,7 +59,7 @@ impl<'a> BuildWorld<'a> {
         }
     }
 
-    /// Refuses triangles that their transform moved out of the range of numbers.
+    /// Checks that no transform moved a triangle out of the range of floats.
     pub(super) fn check(&self, items: &[Item], parallel: bool) -> Result<(), BuildError> {
         let bad = |item: &&Item| !item.is_finite();
         let bad = if parallel { items.par_iter().find_first(bad) } else { items.iter().find(bad) };

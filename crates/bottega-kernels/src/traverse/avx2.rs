@@ -1,4 +1,4 @@
-//! The vector unit of x86-64 processors since 2013 (AVX2 and FMA, with the bit instructions of the same time).
+//! AVX2: the vector unit of x86-64 processors since 2013, with FMA and bit manipulation instructions.
 #![allow(unsafe_code)]
 
 use super::Query;
@@ -13,7 +13,7 @@ use std::arch::x86_64::*;
 pub(crate) struct Avx2(());
 
 impl Avx2 {
-    /// Asks the processor.
+    /// Detects the features of the processor.
     pub(crate) fn detect() -> Option<Self> {
         let vector = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
         let bits = is_x86_feature_detected!("bmi1") && is_x86_feature_detected!("bmi2");
@@ -22,7 +22,7 @@ impl Avx2 {
     }
 }
 
-/// [`super::run`], compiled for this unit.
+/// Runs [`super::run`], compiled for this unit.
 #[inline(always)]
 pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -33,7 +33,7 @@ pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &SceneTrees, r
     unsafe { compiled::<Q, ROBUST>(unit, tree, ray, query) }
 }
 
-/// For each mask of eight bits the positions of its set bits: lowest first, and highest first.
+/// The positions of the set bits of each eight-bit mask: lowest first, and highest first.
 static COMPRESS: [[[u8; WIDTH]; 256]; 2] = {
     let mut table = [[[0; WIDTH]; 256]; 2];
     let mut mask = 0;
@@ -53,7 +53,7 @@ static COMPRESS: [[[u8; WIDTH]; 256]; 2] = {
     table
 };
 
-// SAFETY (of every block below, but for what is said there): `self` proves that the processor has the instructions;
+// SAFETY (of every block below without a comment of its own): `self` proves that the processor has the instructions;
 // they touch registers only.
 impl Lanes for Avx2 {
     type F = __m256;
@@ -75,7 +75,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn load_row<const ROWS: usize>(self, rows: &[[f32; WIDTH]; ROWS], row: LaneRow<ROWS>) -> __m256 {
-        // SAFETY: reads 32 bytes that lie within `rows`, as every `LaneRow<ROWS>` promises.
+        // SAFETY: reads 32 bytes within `rows`, as every `LaneRow<ROWS>` guarantees.
         unsafe { _mm256_loadu_ps(rows.as_ptr().cast::<u8>().add(row.offset()).cast()) }
     }
     #[inline(always)]
@@ -155,7 +155,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn prefetch<const LINES: usize>(self, memory: *const u8) {
-        // SAFETY: prefetching reads nothing; any address will do.
+        // SAFETY: prefetching reads nothing; any address is allowed.
         unsafe {
             for line in 0..LINES {
                 _mm_prefetch::<_MM_HINT_T0>(memory.wrapping_add(64 * line).cast());
@@ -176,9 +176,9 @@ impl Lanes for Avx2 {
         order: u32,
     ) -> usize {
         let (near_out, child_out) = stack.room();
-        // SAFETY: `Child` is a transparent `u32`, so `children` is 32 readable bytes, and so are both outputs writable;
-        // a table row is the 8 bytes that `_mm_loadl_epi64` reads. `permutevar8x32` takes three bits of each lane.
-        // The first `count` entries are written, as `grow` asks: all eight are.
+        // SAFETY: `Child` is a transparent `u32`, so `children` is 32 readable bytes, and both outputs are 32 writable
+        // bytes; a table row is the 8 bytes that `_mm_loadl_epi64` reads. `permutevar8x32` uses three bits of each
+        // lane. All eight entries are written, at least the `count` that `grow` requires.
         unsafe {
             let shifts = _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21);
             let slots = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
@@ -189,14 +189,14 @@ impl Lanes for Avx2 {
             _mm256_storeu_ps(near_out.as_mut_ptr().cast(), _mm256_permutevar8x32_ps(near, slots));
             _mm256_storeu_si256(child_out.as_mut_ptr().cast(), child);
             stack.grow((hit.count_ones() as usize).wrapping_sub(1) & 7);
-            // The last slot, without the way through memory: its node is what everything waits for.
+            // Compute the last slot without going through memory: its node is the critical path.
             (order >> (3 * (hit as u32 | 1).ilog2()) & 7) as usize
         }
     }
     #[inline(always)]
     fn push_slots(self, stack: &mut Stack<'_>, children: &[Child; WIDTH], slots: u32, highest_last: usize) {
         let (near_out, child_out) = stack.room();
-        // SAFETY: as in `push_ordered`. Where a child is entered is not looked at, but counts as written.
+        // SAFETY: as in `push_ordered`. Entries are unused, but must be initialized.
         unsafe {
             let row = _mm_loadl_epi64(COMPRESS[(highest_last ^ 1) & 1][slots as usize & 255].as_ptr().cast());
             let child = _mm256_loadu_si256(children.as_ptr().cast());

@@ -1,4 +1,4 @@
-//! The vector unit that every processor has: arrays. It is the oracle for the others.
+//! The portable vector unit: arrays. It is the reference for the others.
 
 use super::lanes::{LaneJob, LaneRow, Lanes};
 use super::stack::Stack;

@@ -1,22 +1,22 @@
 //! The setup of a ray: scales and shifts of the slab tests, and the shear of the triangle test.
 //!
-//! All of it in lanes from the beginning, each a broadcast of what is read from the ray: numbers that were put together in
-//! memory and read back as vectors cost a cheap ray a tenth of its time.
+//! Everything is computed in lanes, each a broadcast of the ray's numbers: numbers assembled in memory and read back as
+//! vectors cost a cheap ray a tenth of its time.
 
 use super::lanes::{LaneRow, Lanes};
 use super::triangle::{BlockHits, WideRay};
 use crate::Ray;
 use crate::tree::{TriangleBlock, WIDTH};
 
-/// Scales and shifts of near and far planes by axis; all finite, and no scale is 0, so that no crossing is NaN, not even of a
-/// plane at infinity.
+/// Scales and shifts of near and far planes by axis; all finite, and no scale is 0, so no crossing is NaN, not even of
+/// a plane at infinity.
 ///
-/// A plane at `b` on an axis is crossed at `b · scale + shift`, in one fused operation. For origin `o` and direction
-/// `d` that should be `(b − o) / d`. Error bound, with ε = 2⁻²⁴: the inverse of `d`, its product with 1 ± k and the
-/// fused operation each err by a factor 1 ± ε; the triangle test rounds `p − o` and its shear, three more. A k of
-/// 16 ε covers these six. What is left, the product `o · scale` and its sum, err by at most |o · scale| · 2 ε; `shift`
-/// is moved outward by 8 ε of it. Parameters are never negative where it matters (`t_min ≥ 0`), so a factor below 1 moves a near
-/// plane towards the viewer and a factor above 1 a far plane away.
+/// A plane at `b` on an axis is crossed at `b · scale + shift`, one fused operation, for `(b − o) / d` with origin `o`
+/// and direction `d`. Error bound, with ε = 2⁻²⁴: the inverse of `d`, its product with 1 ± k and the fused operation
+/// each err by a factor 1 ± ε; the triangle test rounds `p − o` and its shear, three more. A k of 16 ε covers these
+/// six. The rest, the product `o · scale` and its sum, err by at most |o · scale| · 2 ε; `shift` is moved outward by 8
+/// ε of it. Relevant parameters are never negative (`t_min ≥ 0`), so a factor below 1 moves a near plane towards the
+/// viewer and a factor above 1 a far plane away.
 struct Slabs<F> {
     near_scale: [F; 3],
     near_shift: [F; 3],
@@ -25,16 +25,17 @@ struct Slabs<F> {
 }
 
 impl<F: Copy> Slabs<F> {
-    /// `None` for a ray that hits nothing: with NaN, infinity, or no direction.
+    /// Returns `None` for a ray that hits nothing: with NaN, infinity or no direction.
     #[inline(always)]
     fn new<S: Lanes<F = F>, const ROBUST: bool>(s: S, ray: &Ray, origin: &[F; 3], direction: &[F; 3]) -> Option<Self> {
         const EPSILON: f32 = f32::EPSILON / 2.0;
         const NEAR: f32 = 1.0 - 16.0 * EPSILON;
         const FAR: f32 = 1.0 + 16.0 * EPSILON;
+        // Invert the direction
         let sign = [s.sign(direction[0]), s.sign(direction[1]), s.sign(direction[2])];
         let size = |axis: usize| s.turn(direction[axis], sign[axis]);
         let largest = s.max_bits(s.max_bits(size(0), size(1)), size(2));
-        // A component this small moves nothing within the range of a float. Division by it would overflow.
+        // Clamp tiny components, by which division overflows; they move nothing within the range of a float.
         let smallest = s.mul(largest, s.splat(1e-24));
         let one = s.splat(1.0);
         let inverse_size = |axis: usize| s.div(one, s.max_bits(size(axis), smallest));
@@ -42,13 +43,14 @@ impl<F: Copy> Slabs<F> {
         let turned = |axis: usize| s.turn(inverse_size[axis], sign[axis]);
         let inverse = [turned(0), turned(1), turned(2)];
         let slabs = if ROBUST {
-            // Beside the relative slack a tiny absolute one, for planes that pass through the very origin.
+            // Besides the relative slack, add a tiny absolute one for planes through the origin itself.
             let least = s.mul(largest, s.splat(1e-20));
             let slack = |axis: usize| {
                 let distance = s.turn(origin[axis], s.sign(origin[axis]));
                 s.mul(s.mul_add(distance, s.splat(8.0 * EPSILON), least), inverse_size[axis])
             };
             let slack = [slack(0), slack(1), slack(2)];
+            // Scale and shift near and far planes outward by the error bound
             let (near_factor, far_factor, minus) = (s.splat(NEAR), s.splat(FAR), s.splat(-0.0));
             let scaled = |factor: F| [s.mul(inverse[0], factor), s.mul(inverse[1], factor), s.mul(inverse[2], factor)];
             let (near_scale, far_scale) = (scaled(near_factor), scaled(far_factor));
@@ -61,7 +63,7 @@ impl<F: Copy> Slabs<F> {
             let shift = [shift(0), shift(1), shift(2)];
             Self { near_scale: inverse, near_shift: shift, far_scale: inverse, far_shift: shift }
         };
-        // Everything times 0: not 0 where something is infinite or no number.
+        // Multiply everything by 0, which gives 0 only for finite numbers.
         let zero = s.splat(0.0);
         let odd = |axis: usize| {
             let shifts = s.mul_add(slabs.near_shift[axis], zero, s.mul(slabs.far_shift[axis], zero));
@@ -91,8 +93,8 @@ impl<F: Copy> Slabs<F> {
 }
 
 impl Slabs<f32> {
-    /// Lets go of axes whose crossings leave the range of numbers: crossed by each plane before and after everything. `None`: the
-    /// ray itself is at fault.
+    /// Disables axes whose crossings exceed the range of floats: they are crossed before and after everything. `None`:
+    /// the ray itself is invalid.
     #[cold]
     #[inline(never)]
     fn freed(mut self, ray: &Ray) -> Option<Self> {
@@ -108,23 +110,23 @@ impl Slabs<f32> {
     }
 }
 
-/// The planes of a node.
+/// The planes of a node, in the order of [`WideNode::planes`](crate::tree::WideNode::planes).
 pub(crate) type Planes = [[f32; WIDTH]; 6];
 
 /// A ray prepared for traversal, spread over lanes.
 pub(crate) struct Wide<S: Lanes, const ROBUST: bool> {
     slabs: Slabs<S::F>,
     floor: S::F,
-    /// Which planes are near, and which are far, on each axis.
+    /// Rows of the near and far planes, on each axis.
     near: [LaneRow<6>; 3],
     far: [LaneRow<6>; 3],
-    /// Bit `axis` is set where the direction is negative.
+    /// Bit `axis` is set if the direction is negative there.
     pub(crate) octant: usize,
     triangle: WideRay<S>,
 }
 
 impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
-    /// `None` for a ray that hits nothing: with NaN, infinity, or no direction.
+    /// Returns `None` for a ray that hits nothing: with NaN, infinity or no direction.
     #[inline(always)]
     pub(crate) fn new(s: S, ray: &Ray, floor: f32, t_min: f32) -> Option<Self> {
         let (origin, direction) = (s.splat3(ray.origin.as_ref()), s.splat3(ray.direction.as_ref()));
@@ -146,10 +148,11 @@ impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
         })
     }
 
-    /// Where the ray enters each of eight boxes, not before the floor, and which it does *not* meet up to `t_max`.
+    /// Returns where the ray enters each of eight boxes, at least the floor, and a mask of the boxes that it *misses*
+    /// up to `t_max`.
     ///
-    /// Crossings are compared by their bits: no floor and no `t_max` is negative, and a box that is left at a negative
-    /// parameter is missed whatever its order among negatives.
+    /// Crossings are compared by their bits: floor and `t_max` are not negative, and a box with a negative exit is
+    /// missed whatever the order of negatives.
     #[inline(always)]
     pub(crate) fn boxes(&self, s: S, planes: &Planes, t_max: S::F) -> (S::F, S::Mask) {
         let Slabs { near_scale, near_shift, far_scale, far_shift } = &self.slabs;
@@ -161,7 +164,7 @@ impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
         (entry, s.gt_bits(entry, exit))
     }
 
-    /// See [`WideRay`].
+    /// Tests a block of triangles; see [`WideRay`].
     #[inline(always)]
     pub(crate) fn triangles(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<BlockHits<S>> {
         if ROBUST { self.triangle.test_sheared(s, block, t_max) } else { self.triangle.test_edges(s, block, t_max) }

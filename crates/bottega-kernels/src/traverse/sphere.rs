@@ -1,11 +1,11 @@
-//! A sphere against a ray.
+//! The intersection of a ray and a sphere.
 
 use crate::Ray;
 use crate::tree::Sphere;
 
-/// Where the ray enters and leaves the sphere, ascending; NaN where it misses. A grazing touch is a miss.
+/// Returns where the ray enters and leaves the sphere, ascending; NaN for a miss. A grazing touch is a miss.
 ///
-/// In double precision, and by the distance of the center from the ray instead of the textbook's b² − 4ac, whose
+/// Computed in double precision, by the distance of the center from the ray instead of the textbook's b² − 4ac, whose
 /// difference cancels for small and for huge spheres (Haines et al. 2019, Ray Tracing Gems, chapter 7).
 pub(crate) fn roots(sphere: &Sphere, ray: &Ray) -> [f32; 2] {
     let d = ray.direction.to_array().map(f64::from);
@@ -21,7 +21,7 @@ pub(crate) fn roots(sphere: &Sphere, ray: &Ray) -> [f32; 2] {
     }
     let half = (discriminant / squared).sqrt();
     let (enter, leave) = (middle - half, middle + half);
-    // The root nearer to the origin by the product of both, where the difference would cancel.
+    // Compute the root nearer to the origin from the product of both, to avoid cancellation.
     let product = (dot(to_center, to_center) - radius * radius) / squared;
     let (enter, leave) = if middle > 0.0 { (product / leave, leave) } else { (enter, product / enter) };
     [enter as f32, leave as f32]

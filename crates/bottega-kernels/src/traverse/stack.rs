@@ -1,40 +1,40 @@
-//! The stack of subtrees still to be visited.
+//! The stack of subtrees to visit.
 #![allow(unsafe_code)]
 
 use crate::tree::{Child, MAX_DEPTH, WIDTH};
 use std::mem::MaybeUninit;
 
-/// The mark of the end, at most seven siblings left behind by each level, and room for a vector store of eight.
+/// The end marker, at most seven siblings per level, and room for a vector store of eight.
 const CAPACITY: usize = 1 + (WIDTH - 1) * MAX_DEPTH + WIDTH;
 
-/// Room for the entries of a [`Stack`]. Apart from the stack itself, since compilers that see the length beside the
-/// uninitialized entries fill all with zeros.
+/// Storage of a [`Stack`]'s entries. Separate from the stack, because compilers that see the length beside
+/// uninitialized entries zero all of them.
 pub(crate) struct Storage {
     near: [MaybeUninit<f32>; CAPACITY],
     child: [MaybeUninit<Child>; CAPACITY],
 }
 
 impl Storage {
-    /// Not initialized: a ray uses a few entries only.
+    /// Returns uninitialized storage: a ray uses few entries.
     #[inline(always)]
     pub(crate) fn new() -> MaybeUninit<Self> {
         MaybeUninit::uninit()
     }
 }
 
-/// Subtrees with the parameter where the ray enters them.
+/// A stack of subtrees, with the parameters where the ray enters them.
 pub(crate) struct Stack<'a> {
     near: &'a mut [MaybeUninit<f32>; CAPACITY],
     child: &'a mut [MaybeUninit<Child>; CAPACITY],
-    /// Entries below are initialized; never 0, as the last entry popped is the mark of the end.
+    /// Number of initialized entries; at least 1 until the end marker is popped.
     len: usize,
 }
 
 impl<'a> Stack<'a> {
-    /// A stack with nothing but the mark of the end.
+    /// Makes a stack with only the end marker.
     #[inline(always)]
     pub(crate) fn new(storage: &'a mut MaybeUninit<Storage>) -> Self {
-        // SAFETY: every part of `Storage` is itself a `MaybeUninit`, for which any bytes will do.
+        // SAFETY: every part of `Storage` is a `MaybeUninit`, for which any bytes are valid.
         let Storage { near, child } = unsafe { storage.assume_init_mut() };
         near[0].write(f32::NEG_INFINITY);
         child[0].write(Child::EMPTY);
@@ -48,23 +48,24 @@ impl<'a> Stack<'a> {
         self.len += 1;
     }
 
-    /// The entry on top, [`Child::EMPTY`] from the end on.
+    /// Pops the top entry; [`Child::EMPTY`] at the end.
     #[inline(always)]
     pub(crate) fn pop(&mut self) -> (Child, f32) {
         self.len = self.len.saturating_sub(1);
-        // SAFETY: `len` grows only in `push`, which writes both entries, and in `grow`, whose caller vouches for them; the
-        // first entry was written at the beginning.
+        // SAFETY: `len` grows only in `push`, which writes both entries, and in `grow`, whose caller guarantees them;
+        // the first entry was written on creation.
         unsafe { (self.child[self.len].assume_init(), self.near[self.len].assume_init()) }
     }
 
-    /// The subtree on top.
+    /// Returns the subtree on top.
     #[inline(always)]
     pub(crate) fn top(&self) -> Child {
         // SAFETY: as in `pop`.
         self.child.get(self.len.wrapping_sub(1)).map_or(Child::EMPTY, |child| unsafe { child.assume_init() })
     }
 
-    /// The next eight entries, for a vector store. Panics when there is no room, which the bound on depth excludes.
+    /// Returns the next eight entries, for a vector store. Panics if there is no room, which the bound on depth
+    /// excludes.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) fn room(&mut self) -> (&mut [MaybeUninit<f32>; WIDTH], &mut [MaybeUninit<Child>; WIDTH]) {
@@ -77,10 +78,11 @@ impl<'a> Stack<'a> {
         }
     }
 
-    /// Counts `count` more entries in.
+    /// Adds `count` entries.
     ///
     /// # Safety
-    /// The first `count` of the entries of [`Self::room`] have been written.
+    ///
+    /// The first `count` entries of [`Self::room`] are initialized.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(crate) unsafe fn grow(&mut self, count: usize) {

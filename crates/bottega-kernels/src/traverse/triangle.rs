@@ -1,33 +1,33 @@
-//! Eight triangles against a ray.
+//! The intersection of a ray and eight triangles.
 
 use super::lanes::{LaneRow, Lanes, cross, dot};
 use crate::Ray;
 use crate::tree::{TriangleBlock, WIDTH};
 
-/// A ray spread over lanes, as the tests below want it.
+/// A ray in lanes, prepared for one of the tests.
 ///
-/// Both tests decide by numerators, with the sign of the determinant moved over to them; the division comes last, for the few
-/// blocks that pass. A first look at the parameter is a little generous, the second is exact.
+/// Both tests compare numerators, multiplied by the sign of the determinant, and divide last, for the few blocks that
+/// pass. The first check of the parameter is slightly generous, the second exact.
 pub(crate) struct WideRay<S: Lanes> {
     axes: [LaneRow<3>; 3],
-    /// Robust: along `axes`. Fast: along x, y, z.
+    /// Origin. Robust: along `axes`. Fast: along x, y, z.
     origin: [S::F; 3],
     /// Robust: shear in x and y, inverse direction in z. Fast: direction.
     direction: [S::F; 3],
     t_min: S::F,
-    /// A little less than `t_min`.
+    /// Slightly less than `t_min`.
     early: S::F,
 }
 
-/// What a block gave.
+/// The hits of a block.
 pub(crate) struct BlockHits<S: Lanes> {
-    /// Parameters; meaningless where there is no hit.
+    /// Parameters; meaningless in lanes without a hit.
     pub(crate) t: S::F,
     /// Barycentric coordinates of vertices 1 and 2 times `det`.
     pub(crate) u: S::F,
     pub(crate) v: S::F,
     pub(crate) det: S::F,
-    /// A bit where there is a hit.
+    /// One bit per lane, set for a hit.
     pub(crate) bits: u32,
 }
 
@@ -35,7 +35,7 @@ const LESS: f32 = 1.0 - 8.0 * f32::EPSILON;
 const MORE: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 impl<S: Lanes> WideRay<S> {
-    /// For [`WideRay::test_sheared`]: seen along the axis with the largest direction.
+    /// Prepares for [`WideRay::test_sheared`]: along the axis with the largest direction component.
     #[inline(always)]
     pub(crate) fn watertight(s: S, ray: &Ray, t_min: f32) -> Self {
         let (origin, direction): (&[f32; 3], &[f32; 3]) = (ray.origin.as_ref(), ray.direction.as_ref());
@@ -54,35 +54,38 @@ impl<S: Lanes> WideRay<S> {
         }
     }
 
-    /// For [`WideRay::test_edges`].
+    /// Prepares for [`WideRay::test_edges`].
     #[inline(always)]
     pub(crate) fn moeller_trumbore(s: S, origin: [S::F; 3], direction: [S::F; 3], t_min: f32) -> Self {
         let axes = [LaneRow::new(0), LaneRow::new(1), LaneRow::new(2)];
         Self { axes, origin, direction, t_min: s.splat(t_min), early: s.splat(t_min * LESS) }
     }
 
-    /// The watertight test: see the head of the parent module. `None`: no hit.
+    /// Tests watertightly; see the head of the parent module. `None`: no hit.
     #[inline(always)]
     pub(crate) fn test_sheared(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<BlockHits<S>> {
+        // Shear the vertices
         let (ax, ay, az) = self.sheared(s, &block.p[0]);
         let (bx, by, bz) = self.sheared(s, &block.p[1]);
         let (cx, cy, cz) = self.sheared(s, &block.p[2]);
-        // Each product rounded by itself, so that the neighbor gets exactly the negative.
+        // Round each product separately, so that the neighbor gets exactly the negative.
         let u = s.sub(s.mul(cx, by), s.mul(cy, bx));
         let v = s.sub(s.mul(ax, cy), s.mul(ay, cx));
         let w = s.sub(s.mul(bx, ay), s.mul(by, ax));
-        // Where all three have one sign, so has the sum.
+        // If all three have the same sign, so does the sum.
         let det = s.add(s.add(u, v), w);
         let sign = s.sign(det);
         let (turned_v, turned_w) = (s.turn(v, sign), s.turn(w, sign));
         let least = s.min(s.min(s.turn(u, sign), turned_v), turned_w);
+        // Inside if all edge functions have the sign of the determinant
         let inside = s.le(s.splat(0.0), least);
+        // Compute the scaled distance
         let distance = s.mul_add(u, az, s.mul_add(v, bz, s.mul(w, cz)));
         let distance = s.turn(s.mul(distance, self.direction[2]), sign);
         self.parameter(s, inside, distance, [turned_v, turned_w, s.turn(det, sign)], t_max)
     }
 
-    /// A vertex where the ray starts at the origin and runs along z.
+    /// Returns a vertex in the space where the ray starts at the origin and runs along z.
     #[inline(always)]
     fn sheared(&self, s: S, p: &[[f32; WIDTH]; 3]) -> (S::F, S::F, S::F) {
         let [kx, ky, kz] = self.axes;
@@ -92,7 +95,7 @@ impl<S: Lanes> WideRay<S> {
         (x, y, z)
     }
 
-    /// The test by Möller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection"; not watertight.
+    /// Tests by Möller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection"; not watertight.
     #[inline(always)]
     pub(crate) fn test_edges(&self, s: S, block: &TriangleBlock, t_max: S::F) -> Option<BlockHits<S>> {
         let (p0, e1, e2) = (load3(s, &block.p[0]), load3(s, &block.p[1]), load3(s, &block.p[2]));
@@ -104,12 +107,12 @@ impl<S: Lanes> WideRay<S> {
         let u = s.turn(dot(s, &from_p0, &h), sign);
         let v = s.turn(dot(s, &self.direction, &q), sign);
         let det = s.turn(det, sign);
-        // NaN in one of them is NaN in the sum.
+        // NaN in one of them makes the sum NaN.
         let inside = s.and(s.le(s.splat(0.0), s.min(u, v)), s.le(s.add(u, v), det));
         self.parameter(s, inside, s.turn(dot(s, &e2, &q), sign), [u, v, det], t_max)
     }
 
-    /// The parameter is `distance / det`, and `det` is not negative. With a `det` of 0 there is none.
+    /// Computes the parameter `distance / det`, where `det` is not negative. A `det` of 0 is a miss.
     #[inline(always)]
     fn parameter(
         &self,
@@ -119,7 +122,7 @@ impl<S: Lanes> WideRay<S> {
         [u, v, det]: [S::F; 3],
         t_max: S::F,
     ) -> Option<BlockHits<S>> {
-        // Not a number where infinity meets a `det` of 0: then, too, there is no hit.
+        // An infinite `t_max` times a `det` of 0 is NaN, which is also a miss.
         let early = s.le(distance, s.mul(det, s.mul(t_max, s.splat(MORE))));
         let late = s.lt(s.mul(det, self.early), distance);
         let valid = s.and(inside, s.and(early, late));

@@ -1,11 +1,11 @@
-//! Typed, bounds-checked reading of the numbers in buffers: glTF 2.0, section 3.6.
+//! Typed, bounds-checked reading of numbers in buffers: glTF 2.0, section 3.6.
 //!
-//! Every range is checked when an [`Accessor`] is made; after that, reading cannot fail. Nothing is allocated that
-//! the buffers do not hold, except for the zeros of an accessor without buffer view, whose number the caller bounds.
+//! All ranges are checked when an [`Accessor`] is made; after that, reading cannot fail. Allocations are limited to
+//! what the buffers hold, except for the zeros of an accessor without buffer view, whose number the caller limits.
 
 use super::document::{self, Document};
 
-/// How one number is stored.
+/// The storage of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Component {
     I8,
@@ -38,28 +38,28 @@ impl Component {
     }
 }
 
-/// Elements in a buffer; `None` in place of the bytes stands for zeros.
+/// Elements in a buffer; without bytes, all are 0.
 #[derive(Clone, Copy, Debug)]
 struct Elements<'a> {
     bytes: Option<&'a [u8]>,
     stride: usize,
 }
 
-/// The bytes that a document's buffer views show.
+/// The bytes of a document's buffers and buffer views.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bytes<'a> {
-    /// One slice for each buffer; empty where it has no bytes of its own.
+    /// A slice for each buffer; empty if it has no bytes of its own.
     pub(super) buffers: &'a [&'a [u8]],
-    /// One for each buffer view that is compressed.
+    /// Contents of each compressed buffer view; `None` for others.
     pub(super) decompressed: &'a [Option<Vec<u8>>],
 }
 
-/// A checked view of `count` elements of `width` components each.
+/// A validated view of `count` elements of `width` components each.
 #[derive(Clone, Debug)]
 pub(super) struct Accessor<'a> {
     elements: Elements<'a>,
     pub(super) count: usize,
-    /// Components of an element: 1 for SCALAR, 3 for VEC3, 16 for MAT4.
+    /// Components per element: 1 for SCALAR, 3 for VEC3, 16 for MAT4.
     pub(super) width: usize,
     pub(super) component: Component,
     pub(super) normalized: bool,
@@ -68,24 +68,24 @@ pub(super) struct Accessor<'a> {
 
 #[derive(Clone, Debug)]
 struct Sparse<'a> {
-    /// Strictly increasing, below the accessor's count.
+    /// Indices of replaced elements: strictly increasing, below the accessor's count.
     indices: Vec<u32>,
     values: &'a [u8],
 }
 
-/// What a mesh can hold: vertex indices are 32 bits wide.
+/// Maximal number of elements: vertex indices have 32 bits.
 const COUNT_MAX: u64 = u32::MAX as u64;
 
 impl<'a> Accessor<'a> {
-    /// Follows an index into the document's accessors and checks all ranges. An error says what is out of range.
+    /// Resolves an accessor index and checks all ranges. The error says what is out of range.
     ///
-    /// - `data`: the bytes of the document's buffers.
+    /// - `data`: bytes of the document's buffers.
     pub(super) fn new(document: &Document, data: Bytes<'a>, index: usize) -> Result<Self, String> {
         let description = find("accessor", &document.accessors, index)?;
         Self::of(document, data, description).map_err(|problem| format!("accessor {index}: {problem}"))
     }
 
-    /// Elements that lie one after the other in `bytes`, which holds a whole number of them.
+    /// Makes an accessor of consecutive elements in `bytes`, whose length is a multiple of theirs.
     pub(super) fn packed(bytes: &'a [u8], width: usize, component: Component, normalized: bool) -> Self {
         let stride = width * component.bytes();
         let elements = Elements { bytes: Some(bytes), stride };
@@ -126,16 +126,18 @@ impl<'a> Accessor<'a> {
         Ok(Self { elements, count, width, component, normalized, sparse })
     }
 
-    /// Whether no buffer holds the elements, so that their number is the document's word alone.
+    /// Returns true if no buffer holds the elements, so their number is not limited by any data.
     pub(super) fn is_unbacked(&self) -> bool {
         self.elements.bytes.is_none()
     }
 
-    /// Reads elements as floats: integers as such, or mapped to [0, 1] or [−1, 1] where normalized.
+    /// Reads elements as floats: integers as numbers, or mapped to [0, 1] or [−1, 1] if normalized.
     ///
-    /// - `selection`: which elements, in order, each below `count`; `None`: all.
+    /// - `selection`: indices of the elements, in order, each below `count`; `None`: all.
     ///
-    /// Panics unless elements have `N` components.
+    /// # Panics
+    ///
+    /// Unless elements have `N` components.
     pub(super) fn read<const N: usize, T>(&self, selection: Option<&[u32]>, make: impl Fn([f32; N]) -> T) -> Vec<T> {
         assert_eq!(self.width, N, "components of an element");
         let component = |bytes: &[u8], index: usize| float(bytes, index, self.component, self.normalized);
@@ -173,12 +175,12 @@ impl<'a> Accessor<'a> {
         values
     }
 
-    /// Bytes of the list of replaced elements.
+    /// Returns the memory of the list of replaced elements, in bytes.
     pub(super) fn sparse_bytes(&self) -> usize {
         self.sparse.as_ref().map_or(0, |sparse| size_of_val(sparse.indices.as_slice()))
     }
 
-    /// One element as [`read`](Self::read) reads it. Panics unless `index < count` and elements have `N` components.
+    /// Reads one element as [`read`](Self::read) does. Panics unless `index < count` and elements have `N` components.
     pub(super) fn at<const N: usize>(&self, index: usize) -> [f32; N] {
         assert!(index < self.count && self.width == N, "element {index} of {}", self.count);
         let replaced = self.sparse.as_ref().and_then(|sparse| {
@@ -191,8 +193,8 @@ impl<'a> Accessor<'a> {
         })
     }
 
-    /// The `index`-th scalar as an unsigned integer; what is negative or no integer becomes `u32::MAX`.
-    /// Panics unless `index < count`.
+    /// Reads the `index`-th scalar as an unsigned integer; negative and non-integer values become `u32::MAX`. Panics
+    /// unless `index < count`.
     pub(super) fn index_at(&self, index: usize) -> u32 {
         assert!(index < self.count, "element {index} of {}", self.count);
         if let Some(sparse) = &self.sparse
@@ -204,7 +206,7 @@ impl<'a> Accessor<'a> {
     }
 }
 
-/// The bytes of a buffer view, and its stride where it has one.
+/// Returns the bytes of a buffer view, and its stride if it has one.
 pub(super) fn view_bytes<'a>(
     document: &Document,
     data: Bytes<'a>,
@@ -212,7 +214,7 @@ pub(super) fn view_bytes<'a>(
 ) -> Result<(&'a [u8], Option<usize>), String> {
     let view = find("buffer view", &document.buffer_views, index)?;
     let stride = view.byte_stride.filter(|&stride| stride > 0);
-    // Beyond the buffer's length a stride says no more than that there is one element.
+    // A stride beyond the buffer's length is valid for a single element.
     let stride = stride.map(|stride| usize::try_from(stride).unwrap_or(usize::MAX));
     if let Some(Some(bytes)) = data.decompressed.get(index) {
         return Ok((bytes, stride));
@@ -260,7 +262,7 @@ fn read_sparse<'a>(
     Ok(Sparse { indices, values })
 }
 
-/// The bytes from the first element to the end of the last one.
+/// Returns the bytes from the first element to the end of the last.
 fn range(bytes: &[u8], offset: u64, count: usize, stride: usize, size: usize) -> Result<&[u8], String> {
     let length = match count.checked_sub(1) {
         None => Some(0),
@@ -272,7 +274,7 @@ fn range(bytes: &[u8], offset: u64, count: usize, stride: usize, size: usize) ->
     })
 }
 
-/// Follows an index of the document; an error says that it leads nowhere.
+/// Resolves an index of the document; the error says that it is out of range.
 pub(super) fn find<'a, T>(what: &str, list: &'a [T], index: usize) -> Result<&'a T, String> {
     list.get(index).ok_or_else(|| format!("refers to {what} {index}, but there are {}", list.len()))
 }
@@ -282,7 +284,7 @@ fn head<const N: usize>(bytes: &[u8]) -> [u8; N] {
     *bytes.first_chunk().expect("ranges were checked when the accessor was made")
 }
 
-/// One component of an element. Normalization: glTF 2.0, section 3.6.2.2.
+/// Reads one component of an element. Normalization: glTF 2.0, section 3.6.2.2.
 #[inline]
 fn float(bytes: &[u8], index: usize, component: Component, normalized: bool) -> f32 {
     let bytes = &bytes[index * component.bytes()..];

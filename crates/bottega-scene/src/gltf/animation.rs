@@ -1,4 +1,4 @@
-//! Animations: where nodes stand, and how their shapes morph, at one time. glTF 2.0, section 3.11 and appendix C.
+//! Evaluation of animations at one time: node transformations and morph weights. glTF 2.0, section 3.11 and appendix C.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -13,11 +13,11 @@ use super::{document, pointer, shortened};
 use crate::SceneError;
 use crate::error::Warnings;
 
-/// What animations say of a node; `None`: what the node itself says.
+/// Animated properties of a node; `None`: not animated, use the node's own.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct NodePose {
     pub(super) translation: Option<[f64; 3]>,
-    /// As the file has it or interpolated; not always of unit length.
+    /// Quaternion, interpolated or as in the file; not always of unit length.
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
     pub(super) weights: Option<Vec<f32>>,
@@ -29,20 +29,20 @@ impl NodePose {
     }
 }
 
-/// The parts of a node's movement.
+/// The animated properties of a node.
 const MOVEMENTS: [&str; 4] = ["translation", "rotation", "scale", "weights"];
 
-/// Nodes that animations move.
+/// The animated nodes, by index.
 pub(super) type Pose = BTreeMap<usize, NodePose>;
 
-/// Animations at a time.
+/// Animations at a time, in seconds.
 #[derive(Clone, Debug)]
 pub(super) struct Moment {
     animations: Range<usize>,
     time: f32,
 }
 
-/// The animations that the options ask for, and when. `None`: nothing moves.
+/// Returns the animations and time that the options select. `None`: nothing is animated.
 pub(super) fn moment(source: &GltfSource<'_>, warnings: &mut Warnings) -> Result<Option<Moment>, SceneError> {
     let animations = &source.document.animations;
     let chosen = match &source.options.animation {
@@ -70,7 +70,7 @@ pub(super) fn moment(source: &GltfSource<'_>, warnings: &mut Warnings) -> Result
 }
 
 impl Moment {
-    /// All channels, in the order of the file.
+    /// Iterates over all channels, in file order.
     fn channels<'a, 's>(&self, source: &'s GltfSource<'a>) -> impl Iterator<Item = AnimationChannel<'a, 's>> {
         self.animations.clone().flat_map(move |animation| {
             let count = source.document.animations[animation].channels.len();
@@ -78,15 +78,15 @@ impl Moment {
         })
     }
 
-    /// Where nodes stand. Where several animations move the same thing, the first one does.
+    /// Evaluates the node transformations. If several animations move the same property, the first one is used.
     pub(super) fn pose(&self, source: &GltfSource<'_>, warnings: &mut Warnings) -> Result<Pose, SceneError> {
         let mut pose = Pose::new();
         self.channels(source).try_for_each(|channel| channel.apply(self.time, &mut pose, warnings))?;
         Ok(pose)
     }
 
-    /// What KHR_animation_pointer says of all but the movement of nodes: pointers, and values as JSON has them. Of
-    /// several values of the same thing, the first.
+    /// Evaluates KHR_animation_pointer for all but node transformations: pointers, and JSON values. Of several values
+    /// of the same property, the first one is used.
     pub(super) fn pointed(
         &self,
         source: &GltfSource<'_>,
@@ -135,7 +135,7 @@ impl AnimationChannel<'_, '_> {
         sampler.map_err(|problem| self.invalid(".sampler", problem))
     }
 
-    /// The node that it moves, and which part of its movement.
+    /// Returns the node that it moves, and the property.
     fn moved(&self) -> Option<(usize, &str)> {
         let target = self.target();
         if target.path != "pointer" {
@@ -169,13 +169,13 @@ impl AnimationChannel<'_, '_> {
         Ok(())
     }
 
-    /// The value of what a pointer leads to; `None`: there is no key.
+    /// Returns the value of a pointer's property; `None`: the sampler has no keys.
     fn value(&self, time: f32, pointer: &str) -> Result<Option<Value>, SceneError> {
         let sampler = self.sampler()?;
         let counts = |index: usize| self.source.document.accessors.get(index).map(|accessor| accessor.count);
         let width = |index: usize| self.source.document.accessors.get(index).map(|accessor| accessor.kind.as_str());
         let parts = if sampler.interpolation.as_deref() == Some("CUBICSPLINE") { 3 } else { 1 };
-        // A list has as many numbers as its keys hold.
+        // A list has as many numbers as each key.
         let elements = match (counts(sampler.output), counts(sampler.input)) {
             (Some(values), Some(times)) if times > 0 && pointer.ends_with("/weights") => values / times / parts,
             _ => 1,
@@ -196,7 +196,7 @@ impl AnimationChannel<'_, '_> {
             4 => track.interpolate::<4>(span, 0).into(),
             _ => (0..elements).map(|element| track.interpolate::<1>(span, element)[0]).collect(),
         };
-        // In single precision, as the file would say it.
+        // Round to single precision, as in a file.
         let number = |number: f64| Value::from(number as f32);
         Ok(Some(match &numbers[..] {
             [flag] if pointer::is_flag(pointer) => Value::Bool(*flag != 0.0),
@@ -205,7 +205,7 @@ impl AnimationChannel<'_, '_> {
         }))
     }
 
-    /// The weights of a node's morph targets, which a key holds one after the other.
+    /// Returns the weights of a node's morph targets, which a key holds consecutively.
     fn weights(
         &self,
         node: &document::Node,
@@ -223,10 +223,10 @@ impl AnimationChannel<'_, '_> {
         Ok(Some((0..count).map(|weight| track.interpolate::<1>(span, weight)[0] as f32).collect()))
     }
 
-    /// The keys of a sampler, checked.
+    /// Returns the validated keys of a sampler.
     ///
-    /// - `width`: components of an element.
-    /// - `elements`: elements of a key.
+    /// - `width`: components per element.
+    /// - `elements`: elements per key.
     fn track(
         &self,
         sampler: &document::AnimationSampler,
@@ -236,7 +236,7 @@ impl AnimationChannel<'_, '_> {
         let accessor = |index: usize| {
             let accessor = Accessor::new(self.source.document, self.source.bytes, index);
             let accessor = accessor.map_err(|problem| self.invalid(".sampler", problem))?;
-            // The list of replaced elements was gone through, and will be for every channel that refers to it.
+            // The list of replaced elements is scanned for every channel that refers to it.
             self.source.budget.take(self.source.path, "animations", accessor.sparse_bytes())?;
             Ok(accessor)
         };
@@ -271,25 +271,25 @@ enum Interpolation {
     CubicSpline,
 }
 
-/// Times, and values at these times.
+/// The keys of a sampler: times and values.
 struct Track<'a> {
     times: Accessor<'a>,
-    /// For each time one key: `elements` values, for a spline between as many tangents before and after them.
+    /// One key per time: `elements` values; for a spline, with as many tangents before and after.
     values: Accessor<'a>,
     interpolation: Interpolation,
     elements: usize,
 }
 
-/// Two keys and where between them a time is, from 0 to 1.
+/// Two keys, and the position of a time between them in [0, 1].
 #[derive(Clone, Copy)]
 struct KeySpan {
     keys: [usize; 2],
     fraction: f64,
-    /// From key to key, in seconds.
+    /// Time between the keys, in seconds.
     duration: f64,
 }
 
-/// What a key of a spline holds.
+/// A part of a spline key.
 #[derive(Clone, Copy)]
 enum SplinePart {
     TangentIn,
@@ -298,7 +298,7 @@ enum SplinePart {
 }
 
 impl Track<'_> {
-    /// Before the first and after the last key, these hold. `None`: there is no key.
+    /// Finds the keys around a time; before the first and after the last key, these hold. `None`: there are no keys.
     fn span(&self, time: f32) -> Option<KeySpan> {
         let last = self.times.count.checked_sub(1)?;
         let time_of = |key: usize| self.times.at::<1>(key)[0];
@@ -328,7 +328,7 @@ impl Track<'_> {
         self.values.at::<N>(index).map(f64::from)
     }
 
-    /// One of the elements of the keys, component by component.
+    /// Interpolates one element of the keys, per component.
     fn interpolate<const N: usize>(&self, span: KeySpan, element: usize) -> [f64; N] {
         let [before, after] = span.keys.map(|key| self.value::<N>(key, element, SplinePart::Value));
         let s = span.fraction;
@@ -337,7 +337,7 @@ impl Track<'_> {
             Interpolation::Step => before,
             Interpolation::Linear => std::array::from_fn(|k| before[k] + (after[k] - before[k]) * s),
             Interpolation::CubicSpline => {
-                // Appendix C.5: Hermite, with tangents per second.
+                // Cubic Hermite, with tangents per second: appendix C.5.
                 let leaving = self.value::<N>(span.keys[0], element, SplinePart::TangentOut);
                 let arriving = self.value::<N>(span.keys[1], element, SplinePart::TangentIn);
                 let (s2, s3) = (s * s, s * s * s);
@@ -355,7 +355,7 @@ impl Track<'_> {
         self.span(time).map(|span| self.interpolate(span, 0))
     }
 
-    /// Linear keys are joined by the shortest arc.
+    /// Interpolates a rotation; linear keys follow the shortest arc.
     fn rotation(&self, time: f32) -> Option<[f64; 4]> {
         let span = self.span(time)?;
         if self.interpolation != Interpolation::Linear {

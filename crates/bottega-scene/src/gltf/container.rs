@@ -1,10 +1,10 @@
-//! The binary container, GLB: glTF 2.0, section 4.4.
+//! GLB, the binary container: glTF 2.0, section 4.4.
 
-/// The two parts of a file.
+/// The JSON and binary parts of a file.
 #[derive(Debug, PartialEq)]
 pub(super) struct Parts<'a> {
     pub(super) json: &'a [u8],
-    /// The BIN chunk, which is the first buffer; only in a GLB.
+    /// The BIN chunk, which is the first buffer; `None` if the file is not a GLB or has none.
     pub(super) bin: Option<&'a [u8]>,
 }
 
@@ -12,7 +12,7 @@ pub(super) const MAGIC: &[u8; 4] = b"glTF";
 const JSON: u32 = u32::from_le_bytes(*b"JSON");
 const BIN: u32 = u32::from_le_bytes(*b"BIN\0");
 
-/// Splits a file into its parts; one without the magic of a GLB is JSON from start to end. An error says what is wrong.
+/// Splits a file into its parts; a file without the magic of GLB is all JSON. The error says what is wrong.
 pub(super) fn split(file: &[u8]) -> Result<Parts<'_>, String> {
     let Some(after_magic) = file.strip_prefix(MAGIC) else {
         return Ok(Parts { json: file, bin: None });
@@ -26,7 +26,7 @@ pub(super) fn split(file: &[u8]) -> Result<Parts<'_>, String> {
     if length > file.len() {
         return Err(format!("its header announces {length} bytes, there are {}", file.len()));
     }
-    // Bytes beyond the announced length belong to nobody.
+    // Ignore bytes beyond the announced length.
     let Some(mut chunks) = file.get(12..length) else {
         return Err(format!("its header announces {length} bytes, fewer than the header itself has"));
     };
@@ -40,7 +40,7 @@ pub(super) fn split(file: &[u8]) -> Result<Parts<'_>, String> {
             (0, JSON) => parts.json = data,
             (0, _) => return Err("its first chunk is not JSON".into()),
             (1, BIN) => parts.bin = Some(data),
-            // Chunks of other kinds are to be ignored.
+            // Chunks of other types are ignored.
             _ => {}
         }
         chunks = rest;

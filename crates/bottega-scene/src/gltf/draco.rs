@@ -1,4 +1,4 @@
-//! KHR_draco_mesh_compression: primitives whose triangles and attributes are kept compressed.
+//! KHR_draco_mesh_compression: primitives with compressed triangles and attributes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,19 +14,19 @@ use crate::SceneError;
 /// A decompressed primitive.
 pub(super) struct DracoMesh {
     pub(super) triangles: Vec<[u32; 3]>,
-    /// By their number within the compressed data.
+    /// Attributes by their id within the compressed data.
     attributes: BTreeMap<u32, Attribute>,
 }
 
 struct Attribute {
-    /// Element after element, without gaps.
+    /// Consecutive elements.
     bytes: Vec<u8>,
     width: usize,
     component: Component,
 }
 
 impl DracoMesh {
-    /// An attribute by its number. An error says what is wrong.
+    /// Returns an attribute by its id. The error says what is wrong.
     pub(super) fn accessor(&self, number: usize, normalized: bool) -> Result<Accessor<'_>, String> {
         let attribute = u32::try_from(number).ok().and_then(|number| self.attributes.get(&number));
         let attribute = attribute
@@ -35,10 +35,10 @@ impl DracoMesh {
     }
 }
 
-/// Decompressed primitives by their buffer view.
+/// Decompressed primitives, by their buffer view.
 pub(super) type DracoMeshes = BTreeMap<usize, DracoMesh>;
 
-/// Decompresses what the shapes need.
+/// Decompresses the primitives of the shapes.
 pub(super) fn decompress(source: &GltfSource<'_>, shapes: &[PrimitiveShape]) -> Result<DracoMeshes, SceneError> {
     let mut places: BTreeMap<usize, (String, BTreeSet<u32>)> = BTreeMap::new();
     for shape in shapes {
@@ -46,7 +46,7 @@ pub(super) fn decompress(source: &GltfSource<'_>, shapes: &[PrimitiveShape]) -> 
         let place = || (shape.place(".extensions.KHR_draco_mesh_compression"), BTreeSet::new());
         places.entry(draco.buffer_view).or_insert_with(place).1.extend(numbers(&draco.attributes));
     }
-    // What unfolds to more than the scene may take is refused while it is decoded; what remains is booked afterwards.
+    // The decoder stops at the remaining memory budget; the result is booked afterwards.
     let left = source.budget.left() as u64;
     let limits = DecodeLimits::default()
         .with_max_decoded_bytes(left)
@@ -61,7 +61,7 @@ pub(super) fn decompress(source: &GltfSource<'_>, shapes: &[PrimitiveShape]) -> 
     decoded.into_iter().collect()
 }
 
-/// The attributes that are asked for.
+/// Iterates over the ids of the attributes that are used.
 fn numbers(attributes: &document::Attributes) -> impl Iterator<Item = u32> {
     let document::Attributes {
         position,
@@ -113,7 +113,7 @@ fn element_bytes(attribute: &PointAttribute) -> usize {
     usize::from(attribute.num_components()) * attribute.data_type().byte_length()
 }
 
-/// One element for each vertex. Where the data has none, it is zeros.
+/// Expands an attribute to one element per vertex; zeros where the data has none.
 fn unfold(attribute: &PointAttribute, vertex_count: usize) -> Vec<u8> {
     let size = element_bytes(attribute);
     let stride = usize::try_from(attribute.byte_stride()).unwrap_or(size);

@@ -1,19 +1,19 @@
-//! Meshes that a transformation makes flat: a scale with one zero, as exporters write it for decals and shadows.
+//! Meshes flattened by their transformation: exporters scale by 0 along an axis for decals and shadows.
 //!
-//! No instance can be singular, so what is left of such a mesh is put into the world itself.
+//! An instance cannot be singular, so such a mesh is transformed to world space.
 
 use glam::{DAffine3, DVec3, Vec3};
 
 use crate::{COORDINATE_MAX, Mesh};
 
-/// A vertex would be beyond [`COORDINATE_MAX`].
+/// The error that a vertex is beyond [`COORDINATE_MAX`].
 #[derive(Debug, PartialEq)]
 pub(super) struct OutOfReach;
 
-/// A height below this share of the longest edge is what rounding leaves of none.
+/// Heights below this share of the longest edge count as 0.
 const HEIGHT_MIN: f64 = 1e-6;
 
-/// What is left of a mesh, in world space. `None`: nothing that has an area.
+/// Returns the flattened mesh in world space; `None`: nothing of it has an area.
 pub(super) fn flattened(mesh: &Mesh, world_from_object: &DAffine3) -> Result<Option<Mesh>, OutOfReach> {
     let positions = mesh.positions.iter().map(|p| world_from_object.transform_point3(p.as_dvec3()).as_vec3());
     let mut flat = Mesh { positions: positions.collect(), ..mesh.clone() };
@@ -26,14 +26,14 @@ pub(super) fn flattened(mesh: &Mesh, world_from_object: &DAffine3) -> Result<Opt
         let [a, b, c] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
         let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
         let double_area = (b - a).cross(c - a).length();
-        // What single precision cannot tell from none, no ray hits.
+        // Drop triangles whose area is 0 in single precision: no ray hits them.
         (double_area as f32).is_normal() && double_area > HEIGHT_MIN * longest
     });
     if flat.triangles.is_empty() {
         return Ok(None);
     }
     if flat.tangents.is_empty() {
-        // A flat surface has the normals of its triangles.
+        // A flat surface uses the normals of its triangles.
         flat.normals = Vec::new();
         return Ok(Some(flat));
     }

@@ -1,4 +1,4 @@
-//! The tree of nodes: which of them are shown, and where they stand.
+//! The tree of nodes: visibility and transformations.
 
 use std::collections::BTreeSet;
 
@@ -11,20 +11,20 @@ use super::source::GltfSource;
 use crate::SceneError;
 use crate::error::Warnings;
 
-/// The nodes of the scene that is shown, and where they are.
+/// The nodes of the shown scene, with their transformations.
 pub(super) struct Hierarchy {
-    /// Every node of the scene, parents before their children, in the order of the file.
+    /// Nodes of the scene, parents before children, in file order.
     pub(super) nodes: Vec<usize>,
     /// Node space to world space, for every node of the document; `None` outside of the scene.
     pub(super) world_from_node: Vec<Option<DAffine3>>,
-    /// Nodes that are not to be seen, nor what is below them (KHR_node_visibility).
+    /// Invisible nodes, including all below an invisible one (KHR_node_visibility).
     hidden: BTreeSet<usize>,
-    /// What animations say instead of the nodes.
+    /// Animated properties of the nodes.
     pub(super) pose: Pose,
 }
 
 impl Hierarchy {
-    /// Walks the default scene, or the first one, or all nodes where there is no scene.
+    /// Traverses the default scene, or the first one, or all nodes if there is no scene.
     pub(super) fn new(source: &GltfSource<'_>, pose: Pose, warnings: &mut Warnings) -> Result<Self, SceneError> {
         let document = source.document;
         let has_parent = check_forest(source)?;
@@ -62,13 +62,14 @@ impl Hierarchy {
         Ok(Self { nodes, world_from_node, hidden, pose })
     }
 
-    /// The nodes whose meshes and lights are to be seen.
+    /// Iterates over the visible nodes.
     pub(super) fn visible(&self) -> impl Iterator<Item = usize> {
         self.nodes.iter().copied().filter(|node| !self.hidden.contains(node))
     }
 }
 
-/// Checks that every node has at most one parent and none is its own ancestor. Returns which have a parent.
+/// Checks that every node has at most one parent and is not its own ancestor. Returns for each node whether it has a
+/// parent.
 fn check_forest(source: &GltfSource<'_>) -> Result<Vec<bool>, SceneError> {
     let nodes = &source.document.nodes;
     let mut has_parent = vec![false; nodes.len()];
@@ -82,7 +83,7 @@ fn check_forest(source: &GltfSource<'_>) -> Result<Vec<bool>, SceneError> {
             has_parent[child] = true;
         }
     }
-    // With one parent each, the nodes that no root reaches are those that run in circles.
+    // As each node has at most one parent, nodes that no root reaches form cycles.
     let mut reached = vec![false; nodes.len()];
     let mut pending: Vec<usize> = (0..nodes.len()).filter(|&node| !has_parent[node]).collect();
     while let Some(index) = pending.pop() {
@@ -103,7 +104,7 @@ fn parent_from_node(node: &document::Node, pose: Option<&NodePose>) -> DAffine3 
         if pose.is_none() {
             return matrix;
         }
-        // Nodes that are animated should have no matrix. Those that have one are taken apart.
+        // Animated nodes should not have a matrix; decompose it if they do.
         let parts = matrix.to_scale_rotation_translation();
         (scale, rotation, translation) = (Some(parts.0.into()), Some(parts.1.into()), Some(parts.2.into()));
     }
@@ -116,7 +117,7 @@ fn parent_from_node(node: &document::Node, pose: Option<&NodePose>) -> DAffine3 
 pub(super) fn affine(scale: Option<[f64; 3]>, rotation: Option<[f64; 4]>, translation: Option<[f64; 3]>) -> DAffine3 {
     let rotation = rotation.map_or(DQuat::IDENTITY, |q| {
         let q = DQuat::from_array(q);
-        // A rotation of length 0 is none at all: the matrix becomes singular, and is found later.
+        // A rotation of length 0 is invalid: make the matrix singular, which is detected later.
         if q.length_squared() > 0.0 && q.is_finite() {
             q / q.length()
         } else {

@@ -12,7 +12,7 @@ use crate::{
     SceneError, Sides, Surface, TextureMap,
 };
 
-/// Converts one material of the document; `None` is the default material of the specification.
+/// Converts a material of the document; `None`: the default material of the specification.
 pub(super) fn convert(
     source: &GltfSource<'_>,
     index: Option<usize>,
@@ -85,8 +85,8 @@ impl Converter<'_, '_> {
         })
     }
 
-    /// What fills a solid. A thickness of 0 is a sheet; how thick a solid is, its geometry says, the number is for
-    /// rasterizers.
+    /// Returns the medium of a solid. A thickness of 0 is a thin sheet; otherwise the geometry gives the thickness, and
+    /// the number is for rasterizers.
     fn volume(&mut self, extensions: &document::MaterialExtensions, layered: &mut Layered) -> Option<MediumId> {
         let volume = extensions.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0)?;
         layered.thin = false;
@@ -98,8 +98,7 @@ impl Converter<'_, '_> {
             self.warn(place, format!("{distance} is no distance; there is no absorption"));
             return None;
         }
-        // Light has the colour after the distance. A black channel would be infinitely thick; e⁻⁸⁰ is as black as single
-        // precision needs.
+        // Light has the colour after the distance. For a black channel use e⁻⁸⁰, which is 0 in single precision.
         let coefficient = |color: f32| if color < 1e-30 { 80.0 } else { -f64::from(color).ln() } / f64::from(distance);
         let absorption = Vec3::from_array(color.to_array().map(|color| coefficient(color).min(1e30) as f32));
         if absorption == Vec3::ZERO {
@@ -125,7 +124,7 @@ impl Converter<'_, '_> {
         }
     }
 
-    /// Returns alpha.
+    /// Adds the metallic-roughness parameters. Returns alpha.
     fn add_metallic_roughness(
         &mut self,
         description: &document::MetallicRoughness,
@@ -142,9 +141,9 @@ impl Converter<'_, '_> {
         Ok(self.number("baseColorFactor", a, 0.0, 1.0))
     }
 
-    /// Specular-glossiness is a dielectric whose reflection at normal incidence is given outright: KHR_materials_ior
-    /// keeps the index 0, reflecting everything, for this very purpose, and the colour of KHR_materials_specular
-    /// brings it down to what is wanted. Returns alpha.
+    /// Adds the specular-glossiness parameters. They describe a dielectric by its reflection at normal incidence.
+    /// KHR_materials_ior reserves the index 0, total reflection, for this; the colour of KHR_materials_specular scales
+    /// it. Returns alpha.
     fn add_specular_glossiness(
         &mut self,
         description: &document::SpecularGlossiness,
@@ -221,7 +220,7 @@ impl Converter<'_, '_> {
         Ok(())
     }
 
-    /// Anisotropy, iridescence, dispersion and diffuse transmission.
+    /// Adds anisotropy, iridescence, dispersion and diffuse transmission.
     fn add_effects(
         &mut self,
         extensions: &document::MaterialExtensions,
@@ -261,7 +260,7 @@ impl Converter<'_, '_> {
         Ok(())
     }
 
-    /// `None`: there is no film, or it does nothing.
+    /// Converts a thin film; `None`: there is none, or it has no effect.
     fn iridescence(&mut self, description: &document::Iridescence) -> Result<Option<Iridescence>, SceneError> {
         let place = "KHR_materials_iridescence.iridescenceFactor";
         let texture = description.iridescence_texture.as_deref();
@@ -286,7 +285,7 @@ impl Converter<'_, '_> {
         self.warnings.add(format!("{}.{member}", self.place), message);
     }
 
-    /// A number within its range; brought there with a warning.
+    /// Clamps a number to its range, with a warning.
     fn number(&mut self, member: &str, value: f32, least: f32, greatest: f32) -> f32 {
         if (least..=greatest).contains(&value) {
             return value;
@@ -320,7 +319,7 @@ impl Converter<'_, '_> {
         channel: Channel,
     ) -> Result<ScalarParam, SceneError> {
         let factor = self.number(member, factor, 0.0, 1.0);
-        // Sheen roughness and specular strength are alpha channels of colour pictures: alpha is linear in both.
+        // Sheen roughness and specular strength are alpha channels of colour pictures; alpha is linear in both.
         let picture = if channel == Channel::A { Use::Color } else { Use::Data };
         let texture = texture.map(|info| self.texture(member, info, picture)).transpose()?;
         Ok(ScalarParam { factor, texture: texture.map(|map| (map, channel)) })

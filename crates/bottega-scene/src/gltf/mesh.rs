@@ -1,4 +1,4 @@
-//! Primitives: from accessors to triangles. glTF 2.0, section 3.7.2.
+//! Primitives: conversion of accessors to triangles. glTF 2.0, section 3.7.2.
 
 use glam::{Vec2, Vec3, Vec4};
 
@@ -12,7 +12,7 @@ use crate::error::Warnings;
 use crate::model::COORDINATE_MAX;
 use crate::{Material, Mesh, SceneError};
 
-/// How vertices make triangles.
+/// The topology of a primitive.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Mode {
     Triangles,
@@ -30,7 +30,7 @@ fn mode(primitive: &document::Primitive) -> Result<Option<Mode>, String> {
     })
 }
 
-/// Whether a primitive has triangles; else a warning says that it is left out.
+/// Returns true if a primitive has triangles; otherwise warns that it is left out.
 pub(super) fn is_surface(
     source: &GltfSource<'_>,
     shape: &PrimitiveShape,
@@ -43,11 +43,11 @@ pub(super) fn is_surface(
     Ok(mode.is_some())
 }
 
-/// Reads a primitive. `None`: no triangle is left of it.
+/// Reads a primitive. `None`: no triangle remains.
 ///
-/// Left out, with a warning that counts them: triangles without area, and those with a vertex that is not finite or
-/// beyond [`COORDINATE_MAX`]. Vertices that no triangle uses are left out, and so are texture coordinates and tangents
-/// that `material` has no use for.
+/// Triangles without area, and those with a vertex that is not finite or beyond [`COORDINATE_MAX`], are left out, with
+/// a warning that counts them. Unused vertices are left out, and so are texture coordinates and tangents that
+/// `material` does not need.
 pub(super) fn read(
     source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
@@ -103,17 +103,17 @@ pub(super) fn read(
 const POSITION: &str = ".attributes.POSITION";
 const INDICES: &str = ".indices";
 
-/// Which accessor, or which part of compressed data, an attribute is.
+/// A function that selects an attribute's accessor, or its id in compressed data.
 type AttributeChoice = fn(&document::Attributes) -> Option<usize>;
 
 struct PrimitiveReader<'s> {
     source: &'s GltfSource<'s>,
     shape: &'s PrimitiveShape,
     primitive: &'s document::Primitive,
-    /// What the primitive has in compressed form, and its attributes there.
+    /// Compressed data of the primitive, and its attribute ids.
     draco: Option<(&'s DracoMesh, &'s document::Attributes)>,
     vertex_count: usize,
-    /// The vertices that are used, where not all are.
+    /// Indices of the used vertices; `None`: all.
     selection: Option<Vec<u32>>,
 }
 
@@ -126,7 +126,7 @@ impl<'s> PrimitiveReader<'s> {
         self.source.invalid(self.shape.place(member), problem)
     }
 
-    /// The numbers of an attribute. Those that are compressed come before those that are not.
+    /// Returns the accessor of an attribute. Compressed data takes precedence.
     fn find(&self, which: AttributeChoice, member: &str) -> Result<Option<Accessor<'s>>, SceneError> {
         let index = which(&self.primitive.attributes);
         if let Some((mesh, attributes)) = self.draco
@@ -150,12 +150,12 @@ impl<'s> PrimitiveReader<'s> {
         Ok(positions)
     }
 
-    /// The triangles, with indices that are all below `vertex_count`.
+    /// Returns the triangles, whose indices are all below `vertex_count`.
     fn triangles(&self, vertex_count: usize) -> Result<Vec<[u32; 3]>, SceneError> {
         let mode = mode(self.primitive).map_err(|problem| self.invalid(".mode", problem))?;
         let Some(mode) = mode else { return Ok(Vec::new()) };
         if let Some((mesh, _)) = self.draco {
-            // Whatever the mode, these are triangles.
+            // Draco data are triangles in any mode.
             self.book_triangles(Mode::Triangles, 3 * mesh.triangles.len())?;
             return self.in_range(mesh.triangles.clone(), vertex_count);
         }
@@ -184,7 +184,7 @@ impl<'s> PrimitiveReader<'s> {
         }
     }
 
-    /// Takes the memory for the triangles of so many vertices.
+    /// Books memory for the triangles of `count` vertices.
     fn book_triangles(&self, mode: Mode, count: usize) -> Result<(), SceneError> {
         let triangles = if mode == Mode::Triangles { count / 3 } else { count };
         let bytes = triangles.saturating_mul(size_of::<[u32; 3]>());
@@ -209,7 +209,7 @@ impl<'s> PrimitiveReader<'s> {
         Ok(accessor.read(self.selection.as_deref(), make))
     }
 
-    /// Empty where the primitive does not have it.
+    /// Reads an attribute; empty if the primitive lacks it.
     fn attribute<const N: usize, T>(
         &self,
         which: AttributeChoice,
@@ -222,11 +222,11 @@ impl<'s> PrimitiveReader<'s> {
         }
     }
 
-    /// COLOR_0: RGB or RGBA. White everywhere is as good as nothing.
+    /// Reads COLOR_0: RGB or RGBA. Empty if all are white.
     fn colors(&self) -> Result<Vec<Vec4>, SceneError> {
         let member = ".attributes.COLOR_0";
         let Some(mut accessor) = self.find(|a| a.color, member)? else { return Ok(Vec::new()) };
-        // Integers must be normalized; those that do not say so mean it all the same.
+        // Integers must be normalized; treat others as such.
         accessor.normalized = true;
         let clean = |color: Vec4| Vec4::select(color.cmpge(Vec4::ZERO), color.min(Vec4::splat(f32::MAX)), Vec4::ZERO);
         let colors = if accessor.width == 3 {
@@ -263,7 +263,7 @@ impl<'s> PrimitiveReader<'s> {
                 *to += delta.extend(0.0);
             }
             for (set, name, index) in [(0, "TEXCOORD_0", target.uv0), (1, "TEXCOORD_1", target.uv1)] {
-                // A set that the material has no use for was not read.
+                // Sets that the material does not use were not read.
                 let Some(index) = index.filter(|_| !mesh.uvs[set].is_empty()) else { continue };
                 let member = format!(".targets[{number}].{name}");
                 let deltas = self.read(&self.accessor(index, &member)?, &member, Vec2::from_array)?;
@@ -278,7 +278,7 @@ impl<'s> PrimitiveReader<'s> {
         Ok(())
     }
 
-    /// Adds what a morph target does to the colours; what comes out stays between 0 and 1.
+    /// Adds a morph target's colours; results are clamped to [0, 1].
     fn add_target_colors(
         &self,
         colors: &mut Vec<Vec4>,
@@ -293,17 +293,17 @@ impl<'s> PrimitiveReader<'s> {
         } else {
             self.read(&accessor, &member, Vec4::from_array)?
         };
-        // White everywhere was as good as nothing.
+        // White colours were dropped: restore them.
         colors.resize(deltas.len(), Vec4::ONE);
         for (to, delta) in colors.iter_mut().zip(deltas) {
             let sum = *to + delta * weight;
-            // What is no number becomes 0.
+            // NaN becomes 0.
             *to = Vec4::select(sum.cmpge(Vec4::ZERO), sum.min(Vec4::ONE), Vec4::ZERO);
         }
         Ok(())
     }
 
-    /// Which joints move a vertex, and how much: up to two sets of four.
+    /// Reads the joints and weights of the vertices: up to two sets of four.
     fn influences(&self, warnings: &mut Warnings) -> Result<Vec<Vec<skin::Influence>>, SceneError> {
         if self.primitive.attributes.joints2.is_some() {
             let message = "only the first eight joints of a vertex move it";
@@ -330,7 +330,7 @@ impl<'s> PrimitiveReader<'s> {
     }
 }
 
-/// Vertices to triangles; glTF 2.0, section 3.7.2.1, gives the order for each mode.
+/// Assembles vertices to triangles; glTF 2.0, section 3.7.2.1, gives the order for each mode.
 fn assemble(mode: Mode, count: usize, vertex: impl Fn(usize) -> u32) -> Vec<[u32; 3]> {
     let overlapping = count.saturating_sub(2);
     match mode {
@@ -340,7 +340,7 @@ fn assemble(mode: Mode, count: usize, vertex: impl Fn(usize) -> u32) -> Vec<[u32
     }
 }
 
-/// Finds the vertices that triangles use and makes the triangles count among them. `None`: all are used.
+/// Finds the vertices that triangles use, and renumbers the triangles' indices. `None`: all are used.
 fn select_used(triangles: &mut [[u32; 3]], vertex_count: usize) -> Option<Vec<u32>> {
     let vertices = || triangles.iter().flatten().copied();
     let (first, last) = (vertices().min()?, vertices().max()?);
@@ -359,7 +359,7 @@ fn select_used(triangles: &mut [[u32; 3]], vertex_count: usize) -> Option<Vec<u3
     Some(selection)
 }
 
-/// Leaves out what no ray can hit, and mends what would poison the shading.
+/// Drops triangles that no ray can hit, and replaces invalid normals and tangents.
 fn clean(mesh: &mut Mesh, shape: &PrimitiveShape, warnings: &mut Warnings) {
     let is_sound = |p: &Vec3| p.abs().max_element() <= COORDINATE_MAX;
     let unsound = mesh.positions.iter().any(|p| !is_sound(p) || !p.is_finite());
@@ -403,7 +403,7 @@ fn clean(mesh: &mut Mesh, shape: &PrimitiveShape, warnings: &mut Warnings) {
     }
 }
 
-/// Keeps only vertices of the triangles that are left, so that no position is unsound.
+/// Drops the vertices without triangles, among them those with invalid positions.
 fn drop_unused_vertices(mesh: &mut Mesh) {
     let count = mesh.positions.len();
     let Some(selection) =

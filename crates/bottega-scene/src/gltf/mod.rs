@@ -1,20 +1,20 @@
-//! glTF 2.0, as `.gltf` and as `.glb`.
+//! Importer of glTF 2.0, `.gltf` and `.glb`.
 //!
-//! Read with our own types for the document and our own checked reader for its buffers: the libraries for the format
-//! panic on indices out of range, cut 64-bit indices down to 32 bits, and do not know all of the extensions below.
+//! Uses its own types for the document and its own checked reader for buffers: the libraries for the format panic on
+//! indices out of range, truncate 64-bit indices to 32 bits, and lack some of the extensions below.
 //!
-//! Beyond the core specification: `KHR_materials_anisotropy`, `_clearcoat`, `_diffuse_transmission`, `_dispersion`,
+//! Supported extensions: `KHR_materials_anisotropy`, `_clearcoat`, `_diffuse_transmission`, `_dispersion`,
 //! `_emissive_strength`, `_ior`, `_iridescence`, `_pbrSpecularGlossiness`, `_sheen`, `_specular`, `_transmission`,
 //! `_unlit`, `_variants`, `_volume`; `KHR_lights_punctual`, `KHR_mesh_quantization`, `EXT_mesh_gpu_instancing`,
 //! `EXT_meshopt_compression`, `KHR_meshopt_compression`, `KHR_draco_mesh_compression`; `KHR_texture_basisu`,
-//! `KHR_texture_transform`, `EXT_texture_webp`; `KHR_node_visibility`, `KHR_animation_pointer`. Another extension that the file requires is refused by name; one that it
-//! merely uses is left out with a warning.
+//! `KHR_texture_transform`, `EXT_texture_webp`; `KHR_node_visibility`, `KHR_animation_pointer`. Another extension that
+//! the file requires is an error that names it; one that it only uses is ignored with a warning.
 //!
-//! Animations are shown at one time: meshes are posed by their skins and morph targets as they are read, and the scene
-//! knows nothing of either.
+//! Animations are evaluated at one time: meshes are posed by skins and morph targets on import, and the scene has
+//! neither.
 //!
-//! Light units: candela and lux are taken as W·sr⁻¹ and W·m⁻², one to one, and `emissiveFactor` as radiance, so that
-//! emissive surfaces and punctual lights keep the balance that other glTF viewers show.
+//! Light units: candela and lux are taken as W·sr⁻¹ and W·m⁻², one to one, and `emissiveFactor` as radiance, so the
+//! ratio of emissive surfaces and punctual lights is as in other glTF viewers.
 
 mod accessor;
 mod animation;
@@ -50,7 +50,7 @@ use crate::import::{ImportRequest, Imported};
 use crate::text::{decode_utf8, shortened};
 use crate::{Scene, SceneError, objects_only};
 
-/// The extensions whose meaning is understood.
+/// The supported extensions.
 const EXTENSIONS: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -81,15 +81,15 @@ const EXTENSIONS: &[&str] = &[
     "KHR_xmp_json_ld",
 ];
 
-/// Whether a file looks like one of ours: by its first bytes, or as JSON by its name and its first letter.
+/// Recognizes a file by its first bytes, or as JSON by its extension and first character.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
     let has_name = |name| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
-    // JSON in whatever encoding, with a mark or without.
+    // JSON in any encoding, with or without a byte order mark.
     let first = || file.iter().find(|byte| byte.is_ascii_graphic());
     file.starts_with(container::MAGIC) || has_name("gltf") || (has_name("glb") && first() == Some(&b'{'))
 }
 
-/// Builds the scene of a document whose bytes are `file`, read from `path`. Lights and cameras may be missing from it.
+/// Imports a file with the contents `file`, read from `path`. The scene may lack lights and cameras.
 pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let budget = resources.budget();
@@ -151,7 +151,7 @@ fn parse(path: &Path, json: &[u8], budget: &MemoryBudget) -> Result<Document, Sc
     budget.take(path, "", objects.saturating_mul(document::OBJECT_BYTES_MAX))?;
     objects_only::from_json(json).map_err(|error| {
         let problem = error.to_string();
-        // The position has fields of its own.
+        // The message repeats the location.
         let problem = problem.rsplit_once(" at line ").map_or(problem.as_str(), |(problem, _)| problem);
         let (line, column) = (error.line(), error.column());
         SceneError::Json {
@@ -166,7 +166,7 @@ fn parse(path: &Path, json: &[u8], budget: &MemoryBudget) -> Result<Document, Sc
 
 fn check_version(path: &Path, document: &Document) -> Result<(), SceneError> {
     let needed = document.asset.min_version.as_ref().unwrap_or(&document.asset.version);
-    // A later minor version can be read by its compatible part; `minVersion` says when not.
+    // Later minor versions are compatible unless `minVersion` is set.
     let readable = match &document.asset.min_version {
         Some(min_version) => min_version == "2.0",
         None => document.asset.version.starts_with("2."),

@@ -1,4 +1,4 @@
-//! Nodes: where things stand.
+//! Placement of meshes by nodes.
 
 use std::collections::BTreeMap;
 
@@ -17,10 +17,10 @@ use crate::error::Warnings;
 use crate::model::is_placeable;
 use crate::{Instance, Material, Mesh, SceneError};
 
-/// What the scene shows, and where.
+/// The shapes of the scene and their placements.
 #[derive(Default)]
 pub(super) struct Placements {
-    /// In the order of their first placement.
+    /// Shapes, in the order of their first placement.
     pub(super) shapes: Vec<PrimitiveShape>,
     list: Vec<Placement>,
 }
@@ -32,7 +32,7 @@ struct Placement {
     world_from_object: DAffine3,
 }
 
-/// Lists what the nodes of the scene show.
+/// Lists the shapes and placements of the scene's nodes.
 pub(super) fn placements(
     source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
@@ -46,7 +46,7 @@ pub(super) fn placements(
         let (Some(mesh_index), Some(world)) = (node.mesh, hierarchy.world_from_node[index]) else { continue };
         let mesh = find("mesh", &source.document.meshes, mesh_index);
         let mesh = mesh.map_err(|problem| source.invalid(format!("nodes[{index}].mesh"), problem))?;
-        // A skin says where its vertices are in the world; the node then has no say (glTF 2.0, section 3.7.3.3).
+        // A skin gives world-space vertices and overrides the node's transformation (glTF 2.0, section 3.7.3.3).
         let transforms = match node.extensions.as_ref().and_then(|extensions| extensions.instancing.as_ref()) {
             _ if node.skin.is_some() => vec![DAffine3::IDENTITY],
             None => vec![world],
@@ -76,7 +76,7 @@ pub(super) fn placements(
     Ok(placements)
 }
 
-/// The material of a primitive, in the variant that the options ask for (KHR_materials_variants).
+/// Returns the material of a primitive in the selected variant (KHR_materials_variants).
 fn material(source: &GltfSource<'_>, primitive: &document::Primitive) -> Option<usize> {
     let variants = primitive.extensions.variants.as_ref();
     let mapping = source
@@ -86,7 +86,7 @@ fn material(source: &GltfSource<'_>, primitive: &document::Primitive) -> Option<
     mapping.map(|mapping| mapping.material).or(primitive.material)
 }
 
-/// EXT_mesh_gpu_instancing: node space from instance space, for each instance.
+/// Returns the instance transformations of EXT_mesh_gpu_instancing: instance space to node space.
 fn instances(
     source: &GltfSource<'_>,
     node: usize,
@@ -123,10 +123,10 @@ fn instances(
     Ok((0..count).map(at).collect())
 }
 
-/// Reads every shape that is placed, once, and makes instances of it.
+/// Reads every placed shape once, and makes instances of it.
 ///
-/// - `hierarchy`: where the joints of skins are.
-/// - `draco`: what the shapes have in compressed form.
+/// - `hierarchy`: transformations of the joints.
+/// - `draco`: decompressed primitives.
 pub(super) fn build(
     source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
@@ -165,13 +165,13 @@ pub(super) fn build(
     Ok(placed.finish())
 }
 
-/// Meshes and instances in the making. A mirroring placement gets a mirrored mesh, so that no instance mirrors; one that
-/// makes its mesh flat gets a flat mesh.
+/// Meshes and instances under construction. A mirroring placement gets a mirrored mesh, so that no instance mirrors; a
+/// flattening one gets a flat mesh.
 #[derive(Default)]
 struct PlacedMeshes {
-    /// `None`: no triangle is left of it.
+    /// Shapes that were read; `None`: no triangle remains.
     shapes: Vec<Option<PlacedShape>>,
-    /// Meshes in world space.
+    /// Flattened meshes in world space.
     flat: Vec<Mesh>,
     instances: Vec<(InstancedMesh, Affine3A)>,
 }
@@ -179,34 +179,34 @@ struct PlacedMeshes {
 struct PlacedShape {
     mesh: Mesh,
     bounds: (Vec3, Vec3),
-    /// Where its middle was in its own space, if it was moved.
+    /// Former centre of the mesh in its own space, if it was moved to the origin.
     center: DVec3,
-    /// Whether it is placed as it is, and whether it is placed mirrored.
+    /// True if it is placed unmirrored; true if it is placed mirrored.
     used: [bool; 2],
 }
 
 /// The mesh of an instance.
 enum InstancedMesh {
-    /// A shape, and whether it is mirrored.
+    /// Index of a shape, and true if it is mirrored.
     Shape(usize, bool),
-    /// A flat one.
+    /// Index of a flattened mesh.
     Flat(usize),
 }
 
 impl PlacedShape {
-    /// - `is_far`: whether the scene is far from the origin, and the mesh may be, too.
+    /// - `is_far`: the scene is far from the origin, and the mesh may also be far from its own.
     fn new(mut mesh: Mesh, is_far: bool) -> Self {
         let center = if is_far { crate::origin::centered(&mut mesh) } else { None };
         Self { bounds: mesh.bounds(), center: center.unwrap_or(DVec3::ZERO), mesh, used: [false; 2] }
     }
 }
 
-/// The scale that turns a mirrored mesh back.
+/// The scale that undoes the mirroring of a mesh.
 const MIRROR: DVec3 = DVec3::new(-1.0, 1.0, 1.0);
 
 impl PlacedMeshes {
-    /// Places a shape, or says why it cannot be placed there. Shapes without triangles are placed nowhere, silently, and so
-    /// are those that are scaled to a point, which is how they are hidden (glTF 2.0, section 5.25).
+    /// Places a shape, or returns why it cannot be placed. Shapes without triangles, and those scaled to a point (the
+    /// usual way to hide them; glTF 2.0, section 5.25), are skipped silently.
     fn add(&mut self, source: &GltfSource<'_>, placement: &Placement) -> Result<Option<&'static str>, SceneError> {
         let Some(shape) = &mut self.shapes[placement.shape] else { return Ok(None) };
         let world = match shape.center {
@@ -231,7 +231,7 @@ impl PlacedMeshes {
         if !world.is_finite() {
             return Ok(Some("the transformation is not finite"));
         }
-        // Three corners of their own for each triangle, at most.
+        // At most three vertices per triangle.
         source.budget.take(source.path, "meshes", shape.mesh.memory_bytes().saturating_mul(4))?;
         Ok(match flat::flattened(&shape.mesh, &world) {
             Ok(Some(mesh)) => {

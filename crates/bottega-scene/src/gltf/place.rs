@@ -1,14 +1,14 @@
-//! The path to a place in a JSON text.
+//! Paths to locations in a JSON text.
 
-/// The path to the value that contains byte `offset`, such as `materials[2].alphaCutoff`. Empty at the top. The text
-/// must be valid JSON up to there.
+/// Returns the path to the value that contains byte `offset`, such as `materials[2].alphaCutoff`. Empty at the top. The
+/// text must be valid JSON up to there.
 pub(super) fn place(json: &[u8], offset: usize) -> String {
     enum Step {
         Member(String),
         Element(usize),
     }
     let mut steps: Vec<Step> = Vec::new();
-    // Whether the next string in the innermost object is a member's name.
+    // True if the next string in the innermost object is a member's name.
     let mut expects_name = false;
     let mut index = 0;
     let end = offset.min(json.len());
@@ -55,7 +55,7 @@ pub(super) fn place(json: &[u8], offset: usize) -> String {
     })
 }
 
-/// The byte at a line and column, both counted from 1.
+/// Returns the byte offset of a line and column, both counted from 1.
 pub(super) fn offset(text: &[u8], line: usize, column: usize) -> usize {
     let lines = text.split_inclusive(|&byte| byte == b'\n');
     let before: usize = lines.take(line.saturating_sub(1)).map(<[u8]>::len).sum();

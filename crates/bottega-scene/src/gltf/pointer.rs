@@ -1,7 +1,7 @@
-//! KHR_animation_pointer: values of the document that animations change, by JSON pointers (RFC 6901).
+//! KHR_animation_pointer: document values animated by JSON pointers (RFC 6901).
 //!
-//! They are put into the JSON, which is then read again: whatever the importer understands can be animated so, but for the
-//! movement of nodes, which [`animation`](super::animation) sees to.
+//! Values are put into the JSON, which is then parsed again. So everything that the importer supports can be animated,
+//! except node transformations, which [`animation`](super::animation) evaluates.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,7 +16,8 @@ use crate::budget::MemoryBudget;
 use crate::error::Warnings;
 use crate::objects_only::ObjectsOnly;
 
-/// What can be animated. `{}` is a number, `*` any name; a texture's transformation may follow the name of each.
+/// The properties that can be animated. `{}` is a number, `*` any name; a texture's transformation may follow each
+/// texture name.
 const KNOWN: &[&str] = &[
     "nodes/{}/extensions/KHR_node_visibility/visible",
     "meshes/{}/weights",
@@ -63,10 +64,10 @@ const KNOWN: &[&str] = &[
     "materials/{}/extensions/*/*",
 ];
 
-/// The end of a pointer into the transformation of a texture.
+/// The part of a pointer that precedes a texture's transformation properties.
 const TRANSFORM: &str = "/extensions/KHR_texture_transform/";
 
-/// Whether what a pointer leads to can be animated.
+/// Returns true if the pointer's property can be animated.
 pub(super) fn is_known(pointer: &str) -> bool {
     let Some(path) = pointer.strip_prefix('/') else { return false };
     let (path, is_transform) = match path.rsplit_once(TRANSFORM) {
@@ -75,7 +76,7 @@ pub(super) fn is_known(pointer: &str) -> bool {
         None => (path, false),
     };
     KNOWN.iter().any(|pattern| {
-        // Names of textures are known by their ends alone.
+        // Texture names are recognized only by their suffix.
         let is_of_texture = pattern.starts_with("materials") && pattern.ends_with('*');
         is_of_texture == is_transform && fits(pattern, path)
     })
@@ -91,14 +92,14 @@ fn fits(pattern: &str, path: &str) -> bool {
     pattern.split('/').all(fits) && parts.next().is_none()
 }
 
-/// Whether a pointer leads to something that is true or false.
+/// Returns true if the pointer's property is a boolean.
 pub(super) fn is_flag(pointer: &str) -> bool {
     pointer.ends_with("/visible")
 }
 
-/// The document with other values.
+/// Returns the document with other values.
 ///
-/// - `json`: its text, which was read before.
+/// - `json`: its text, which has been parsed before.
 pub(super) fn replaced(
     path: &Path,
     json: &[u8],
@@ -106,7 +107,7 @@ pub(super) fn replaced(
     budget: &MemoryBudget,
     warnings: &mut Warnings,
 ) -> Result<Document, SceneError> {
-    // Each value takes two bytes of text at least.
+    // Each value takes at least two bytes of text.
     let _held = budget.hold(path, (json.len() / 2).saturating_mul(size_of::<Value>()))?;
     let damaged = |error: serde_json::Error| SceneError::Damaged {
         path: path.into(),
@@ -121,7 +122,7 @@ pub(super) fn replaced(
     Document::deserialize(ObjectsOnly(document)).map_err(damaged)
 }
 
-/// Replaces what a pointer leads to. Objects that are not there have their defaults, and are made.
+/// Sets the value at a pointer. Missing objects are created with their defaults.
 fn set(document: &mut Value, pointer: &str, value: Value) -> bool {
     let mut place = document;
     for part in pointer.split('/').skip(1) {

@@ -12,7 +12,7 @@ use super::{document, shortened};
 use crate::error::Warnings;
 use crate::{Camera, Clip, Light, LightKind, Projection, Scene, SceneError, SpotFalloff};
 
-/// Adds the cameras that stand in the scene, in the order of its nodes.
+/// Adds the cameras of the scene, in the order of its nodes.
 pub(super) fn add_cameras(
     source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
@@ -35,7 +35,7 @@ pub(super) fn add_cameras(
             warnings.add(place(), format!("{problem}; they are left out"));
             Clip::NONE
         });
-        // A camera's own name, unless it is not the only one of that name.
+        // Use the camera's name if it is unique, otherwise the node's.
         let is_own = !description.name.is_empty() && taken.insert(&description.name);
         let name = if is_own { &description.name } else { &node.name };
         scene.cameras.push(Camera {
@@ -71,7 +71,7 @@ fn projection(camera: &document::Camera) -> Result<(Projection, Option<f32>), St
     }
 }
 
-/// Without a far plane a camera sees without end.
+/// Returns the clip planes; without a far plane it is infinite.
 fn clip(camera: &document::Camera) -> Result<Clip, String> {
     let planes = match camera.kind.as_str() {
         "orthographic" => camera.orthographic.as_ref().map(|it| (it.znear, it.zfar)),
@@ -81,8 +81,8 @@ fn clip(camera: &document::Camera) -> Result<Clip, String> {
     Clip::new(near.unwrap_or(0.0).into(), far.unwrap_or(f32::INFINITY).into())
 }
 
-/// The rotation and translation of a transformation that keep its −z and, as far as possible, its +y.
-/// `None`: it leaves no direction.
+/// Returns the rotation and translation of a transformation that keep its −z and, as far as possible, its +y. `None`:
+/// it has no direction.
 fn without_scale(m: &DAffine3) -> Option<DAffine3> {
     let z = m.matrix3.z_axis.try_normalize()?;
     let x = m.matrix3.y_axis.cross(z).try_normalize()?;
@@ -90,7 +90,7 @@ fn without_scale(m: &DAffine3) -> Option<DAffine3> {
     (rigid.is_finite() && rigid.as_affine3a().is_finite()).then_some(rigid)
 }
 
-/// Adds the lights that stand in the scene, in the order of its nodes.
+/// Adds the lights of the scene, in the order of its nodes.
 pub(super) fn add_lights(
     source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
@@ -143,7 +143,7 @@ fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, String> 
             }
             let cos = |angle: f32| f64::from(angle).cos() as f32;
             let cos_outer = cos(outer).max(0.0);
-            // The specification keeps the two apart by as much.
+            // Separate the angles by the margin of the specification.
             let cos_inner = cos(inner).max(cos_outer + 1e-3).min(1.0);
             let cos_outer = cos_outer.min(cos_inner - 1e-3);
             Ok(LightKind::Spot {

@@ -1,15 +1,15 @@
-//! Primitives as nodes show them.
+//! Primitives in the state in which nodes show them.
 
 use super::document;
 use super::source::GltfSource;
 
-/// One primitive as one or more nodes show it.
+/// A primitive with its material, morph weights and skin, shown by one or more nodes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PrimitiveShape {
     pub(super) mesh: usize,
     pub(super) primitive: usize,
     pub(super) material: Option<usize>,
-    /// Bits of the weights of the morph targets; absent ones are 0.
+    /// Bits of the morph weights; absent ones are 0.
     pub(super) weights: Vec<u32>,
     pub(super) skin: Option<usize>,
 }

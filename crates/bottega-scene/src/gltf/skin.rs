@@ -1,4 +1,4 @@
-//! Skins: vertices that joints move. glTF 2.0, section 3.7.3.
+//! Skinning: vertices moved by joints. glTF 2.0, section 3.7.3.
 
 use glam::{Affine3A, DAffine3, DMat4, Mat3A, Vec3A};
 use rayon::prelude::*;
@@ -9,16 +9,16 @@ use super::source::GltfSource;
 use crate::error::Warnings;
 use crate::{Mesh, SceneError};
 
-/// Four joints of a skin and the weights with which they move a vertex.
+/// Four joints of a skin, and their weights for a vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Influence {
     pub(super) joints: [u32; 4],
     pub(super) weights: [f32; 4],
 }
 
-/// Moves the vertices to where the joints of the skin stand, in world space.
+/// Moves the vertices by the joints of the skin, to world space.
 ///
-/// - `influences`: sets of four joints, each `[vertices]`; none: the mesh stays where it was modelled.
+/// - `influences`: sets of four joints per vertex, each `[vertices]`; without any, the mesh stays as modelled.
 pub(super) fn apply(
     source: &GltfSource<'_>,
     hierarchy: &Hierarchy,
@@ -51,7 +51,7 @@ pub(super) fn apply(
     Ok(())
 }
 
-/// The weighted mean of the joints that move a vertex, and how many of them the skin does not have.
+/// Returns the weighted mean of the joint matrices of a vertex, and the number of joints that the skin lacks.
 fn blend<'a>(matrices: &[Affine3A], influences: impl Iterator<Item = &'a Influence>) -> (Affine3A, u64) {
     let mut blend = Affine3A::ZERO;
     let mut total = 0.0;
@@ -70,12 +70,12 @@ fn blend<'a>(matrices: &[Affine3A], influences: impl Iterator<Item = &'a Influen
             }
         }
     }
-    // Weights should add up to 1, and do not always after quantization.
+    // Weights should add up to 1, but may not after quantization: normalize.
     let blend = if total > 0.0 { sum(Affine3A::ZERO, &blend, 1.0 / total) } else { Affine3A::IDENTITY };
     (blend, stray)
 }
 
-/// World space from the space in which the mesh was modelled, for every joint.
+/// Returns for every joint the transformation from model space to world space.
 fn joint_matrices(source: &GltfSource<'_>, hierarchy: &Hierarchy, index: usize) -> Result<Vec<Affine3A>, SceneError> {
     let skin = find("skin", &source.document.skins, index).map_err(|problem| source.invalid("nodes", problem))?;
     let place = |member: &str| format!("skins[{index}].{member}");
@@ -108,7 +108,7 @@ fn sum(a: Affine3A, b: &Affine3A, weight: f32) -> Affine3A {
     Affine3A { matrix3: a.matrix3 + b.matrix3 * weight, translation: a.translation + b.translation * weight }
 }
 
-/// The matrix that turns normals as `m` turns surfaces, up to length: the inverse transpose times the determinant.
+/// Returns the matrix of cofactors, which transforms normals as `m` transforms surfaces, up to length.
 fn cofactors(m: &Mat3A) -> Mat3A {
     Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }

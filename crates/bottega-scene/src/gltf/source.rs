@@ -1,4 +1,4 @@
-//! The source that all parts of the importer look at.
+//! The shared context of the importer.
 
 use std::path::Path;
 
@@ -12,17 +12,17 @@ use crate::options::LoadOptions;
 use crate::resource::Resources;
 use crate::text::shortened;
 
-/// What all parts of the importer look at.
+/// The document, its bytes and the options.
 pub(super) struct GltfSource<'a> {
     pub(super) path: &'a Path,
     pub(super) document: &'a Document,
     pub(super) bytes: Bytes<'a>,
     pub(super) options: &'a LoadOptions,
-    /// The variant of materials that is shown (KHR_materials_variants).
+    /// Selected material variant (KHR_materials_variants).
     pub(super) variant: Option<usize>,
     pub(super) budget: &'a MemoryBudget,
     pub(super) resources: &'a Resources<'a>,
-    /// What is taken from all places of the world.
+    /// Offset that is subtracted from all world positions.
     pub(super) origin: DVec3,
 }
 
@@ -31,7 +31,7 @@ impl GltfSource<'_> {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }
 
-    /// The index of what the options ask for, by its name or else by its number.
+    /// Returns the index of a selected part, by its name or else its number.
     pub(super) fn by_name<'n>(
         &self,
         what: &'static str,
@@ -53,7 +53,7 @@ impl GltfSource<'_> {
         })
     }
 
-    /// Buffers together, in bytes: no honest count of anything is greater.
+    /// Returns the size of all buffers, in bytes: an upper bound of any valid count.
     pub(super) fn buffer_bytes(&self) -> usize {
         let decompressed = self.bytes.decompressed.iter().flatten().map(Vec::len);
         self.bytes.buffers.iter().map(|buffer| buffer.len()).chain(decompressed).sum()

@@ -1,4 +1,4 @@
-//! Textures: pictures, samplers and transformations. glTF 2.0, section 3.8.
+//! Textures: images, samplers and transformations. glTF 2.0, section 3.8.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -14,24 +14,24 @@ use crate::error::Warnings;
 use crate::image::{DecodedImage, Encoding, PictureFault, PictureHeader, unreadable};
 use crate::{Image, ImageId, Material, SceneError, Surface, TextureMap, Wrap};
 
-/// What a picture is used for. A picture with several uses is decoded once and kept once for each.
+/// The use of a picture. A picture with several uses is decoded once and stored once per use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Use {
     /// Colours encoded as sRGB.
     Color,
-    /// Numbers as they are.
+    /// Linear numbers.
     Data,
     /// Roughness, 1 − factor × glossiness, from the alpha channel of KHR_materials_pbrSpecularGlossiness.
     RoughnessOfGlossiness { factor_bits: u32 },
 }
 
-/// The pictures that materials ask for, loaded all at once in the end.
+/// The pictures that materials use, loaded together at the end.
 pub(super) struct Textures<'a> {
     source: &'a GltfSource<'a>,
-    /// The image of the document (`None`: the one for what is missing) and its use.
+    /// Index of the image in the document (`None`: the replacement of a missing one) and its use.
     wanted: Vec<(Option<usize>, Use)>,
     id_of: BTreeMap<(Option<usize>, Use), ImageId>,
-    /// Of each image of the document the first one with the same bytes.
+    /// For each image of the document, the first one with the same source.
     first: Vec<usize>,
 }
 
@@ -47,7 +47,7 @@ impl<'a> Textures<'a> {
         Self { source, wanted: Vec::new(), id_of: BTreeMap::new(), first: first.collect() }
     }
 
-    /// Understands a reference to a texture, and remembers its picture.
+    /// Resolves a reference to a texture, and requests its picture.
     pub(super) fn map(
         &mut self,
         place: &str,
@@ -93,9 +93,9 @@ impl<'a> Textures<'a> {
         })
     }
 
-    /// Decodes every picture that was asked for, all limits checked before the first one.
+    /// Decodes all requested pictures, after all limits are checked.
     pub(super) fn load(self, warnings: &mut Warnings) -> Result<LoadedImages, SceneError> {
-        // Each picture with its uses, in the order of the document.
+        // Group the uses of each picture, in document order.
         let mut uses: BTreeMap<usize, Vec<(Use, usize)>> = BTreeMap::new();
         for (number, &(image, picture)) in self.wanted.iter().enumerate() {
             if let Some(image) = image {
@@ -137,7 +137,7 @@ impl<'a> Textures<'a> {
             let name = || index.map_or_else(|| "no picture".into(), |index| name(source, index));
             image.unwrap_or_else(|| match picture {
                 Use::Color => Image::missing(name()),
-                // Left to the factors that numbers are multiplied with.
+                // White, so that only the numeric factors have an effect.
                 Use::Data | Use::RoughnessOfGlossiness { .. } => Image::from_gray8(name(), 1, 1, vec![255], false),
             })
         };
@@ -151,12 +151,12 @@ const STANDS_FOR_MISSING: &str = "magenta stands for its colours, 1 for its numb
 /// The pictures of a scene.
 pub(super) struct LoadedImages {
     pub(super) images: Vec<Image>,
-    /// For each, whether something stands for it because it could not be read.
+    /// For each picture, true if it is a replacement of an unreadable one.
     is_missing: Vec<bool>,
 }
 
 impl LoadedImages {
-    /// Removes maps of directions that could not be read: what stands for them would bend the surface.
+    /// Removes unreadable normal and direction maps, whose replacement bends the surface.
     pub(super) fn remove_missing_directions(&self, materials: &mut [Material]) {
         let is_there = |map: &TextureMap| !self.is_missing[map.image.0 as usize];
         for material in materials {
@@ -179,8 +179,8 @@ fn wrap(code: Option<u64>) -> Wrap {
     }
 }
 
-/// KHR_texture_transform: translation × rotation × scale. Angles turn counter-clockwise in a picture whose v points
-/// down, hence the sign.
+/// Converts KHR_texture_transform: translation × rotation × scale. Angles are counter-clockwise in a picture whose v
+/// points down, hence the sign.
 fn picture_from_uv(transform: &document::TextureTransform) -> Affine2 {
     let (sin, cos) = f64::from(transform.rotation).sin_cos();
     let (sin, cos) = (sin as f32, cos as f32);
@@ -192,7 +192,7 @@ fn picture_from_uv(transform: &document::TextureTransform) -> Affine2 {
     if map.is_finite() { map } else { Affine2::IDENTITY }
 }
 
-/// What is known of a picture, for messages.
+/// Returns the name of a picture, for messages.
 fn name(source: &GltfSource<'_>, index: usize) -> String {
     let image = &source.document.images[index];
     match &image.uri {
@@ -202,7 +202,7 @@ fn name(source: &GltfSource<'_>, index: usize) -> String {
     }
 }
 
-/// The bytes of a picture. The inner error is worth a warning.
+/// The bytes of a picture. The error is only a warning.
 type Bytes<'a> = Result<Cow<'a, [u8]>, String>;
 
 fn bytes<'a>(source: &GltfSource<'a>, index: usize) -> Result<Bytes<'a>, SceneError> {
@@ -223,7 +223,7 @@ fn bytes<'a>(source: &GltfSource<'a>, index: usize) -> Result<Bytes<'a>, SceneEr
     }
 }
 
-/// Reads the header of a picture and books the memory for its uses. The inner error is worth a warning.
+/// Reads the header of a picture and books the memory of its uses. The inner error is only a warning.
 fn check(source: &GltfSource<'_>, index: usize, uses: usize) -> Result<Result<PictureHeader, String>, SceneError> {
     let place = format!("images[{index}]");
     let bytes = match bytes(source, index)? {
@@ -245,7 +245,7 @@ fn check(source: &GltfSource<'_>, index: usize, uses: usize) -> Result<Result<Pi
     }
 }
 
-/// Decodes a picture, once for each use. Returns what is to be told, too.
+/// Decodes a picture, once per use. Also returns notes for warnings.
 fn load_picture(
     source: &GltfSource<'_>,
     index: usize,

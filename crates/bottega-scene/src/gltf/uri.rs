@@ -1,4 +1,4 @@
-//! The URIs of a document: buffers and pictures, in files beside it or within itself.
+//! URIs of buffers and images: files beside the document, or embedded data.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -12,29 +12,29 @@ use super::shortened;
 use crate::SceneError;
 use crate::resource::Resources;
 
-/// Where the bytes of a reference are.
+/// A resolved reference.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Reference {
-    /// In a file: its path, relative to the folder of the scene.
+    /// A file: its path, relative to the folder of the scene.
     File(String),
-    /// In the reference itself.
+    /// Embedded data.
     Data(Vec<u8>),
 }
 
-/// Why a reference cannot be followed.
+/// An error about an invalid reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum BadReference {
     Forbidden(&'static str),
     Malformed(&'static str),
 }
 
-/// Understands a URI of a document. Only `data:` URIs and paths pass; whether a path is allowed, [`Resources`] decide.
+/// Resolves a URI of a document: a `data:` URI or a path. [`Resources`] checks later whether the path is allowed.
 pub(super) fn resolve(uri: &str) -> Result<Reference, BadReference> {
     if let Some(rest) = strip_prefix_ignoring_case(uri, "data:") {
         return decode_data(rest).map(Reference::Data).map_err(BadReference::Malformed);
     }
     let uri = uri.split('#').next().unwrap_or(uri);
-    // A file has no query: what follows the sign names a version for browsers.
+    // Drop a query, which names a version for browsers.
     let uri = uri.split('?').next().unwrap_or(uri);
     if let Some(file) = strip_prefix_ignoring_case(uri, "file:") {
         let path = percent_decode(file).ok_or(BadReference::Malformed(NOT_ENCODED))?;
@@ -63,7 +63,7 @@ fn strip_prefix_ignoring_case<'a>(text: &'a str, prefix: &str) -> Option<&'a str
     head.eq_ignore_ascii_case(prefix).then_some(rest)
 }
 
-/// The bytes of a `data:` URI after its scheme (RFC 2397).
+/// Decodes a `data:` URI after its scheme (RFC 2397).
 fn decode_data(rest: &str) -> Result<Vec<u8>, &'static str> {
     const LENIENT: GeneralPurpose = GeneralPurpose::new(
         &base64::alphabet::STANDARD,
@@ -79,7 +79,7 @@ fn decode_data(rest: &str) -> Result<Vec<u8>, &'static str> {
     }
 }
 
-/// A percent sign that two hexadecimal digits do not follow stands for itself.
+/// Decodes percent-encoding; a percent sign without two hexadecimal digits is kept.
 fn percent_decode(text: &str) -> Option<String> {
     percent_decode_str(text).decode_utf8().ok().map(Cow::into_owned)
 }
@@ -102,7 +102,7 @@ pub(super) fn load_buffers<'a>(
                 Reference::File(file) => Cow::Owned(resources.open(&file, &place())?),
             },
             (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
-            // Views of such a buffer are decompressed from another one. Who reads it otherwise is told that it is empty.
+            // Fallback buffer: its views are decompressed from another one, and direct reads find it empty.
             (None, _) => {
                 buffers.push(Cow::Borrowed(&[][..]));
                 continue;

@@ -1,10 +1,10 @@
-//! Color spaces that files of integers name, which are left out: they count as sRGB, or as numbers.
+//! Detection of colour profiles and gammas in integer pictures, which are ignored: colours count as sRGB.
 
 use image::{ImageDecoder, ImageFormat};
 
-/// Describes a color space that a file names and that is not sRGB, said of "it"; `None` where there is none.
+/// Describes a profile or gamma that differs from sRGB, as a clause about "it"; `None`: there is none.
 ///
-/// glTF wants all of this left out, and so do the formats of other renderers; what differs from sRGB is worth a word.
+/// glTF ignores them, and so do other renderers' formats, so a difference is only reported.
 pub(super) fn left_out(bytes: &[u8], format: ImageFormat, decoder: &mut impl ImageDecoder) -> Option<String> {
     let profile = decoder.icc_profile().ok().flatten();
     if let Some(name) = profile.as_deref().and_then(profile_name) {
@@ -15,7 +15,7 @@ pub(super) fn left_out(bytes: &[u8], format: ImageFormat, decoder: &mut impl Ima
     (format == ImageFormat::Png).then(|| png_gamma(bytes)).flatten()
 }
 
-/// The name of an ICC profile: its `desc` tag, as text of one byte a letter or of UTF-16.
+/// Returns the name of an ICC profile: its `desc` tag, in ASCII or UTF-16.
 fn profile_name(profile: &[u8]) -> Option<String> {
     let word = |at: usize| Some(u32::from_be_bytes(*profile.get(at..)?.first_chunk()?) as usize);
     let count = word(128)?.min(200);
@@ -38,7 +38,7 @@ fn profile_name(profile: &[u8]) -> Option<String> {
     (!text.trim().is_empty()).then(|| text.trim().to_owned())
 }
 
-/// A gamma of a PNG file that is not that of sRGB, where nothing better is said.
+/// Describes a PNG's gamma that is not that of sRGB, unless an sRGB chunk comes first.
 fn png_gamma(bytes: &[u8]) -> Option<String> {
     let mut at = 8;
     loop {

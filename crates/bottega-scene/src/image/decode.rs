@@ -1,7 +1,7 @@
-//! Picture files to texels: PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, Radiance HDR, OpenEXR, KTX2.
+//! Decoding of picture files to texels: PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, Radiance HDR, OpenEXR, KTX2.
 //!
-//! The header alone decides how much memory a picture will take, so that whoever asks for it can refuse before a few
-//! bytes of file unfold to gigabytes.
+//! The header alone gives the memory of a picture, so the caller can reject a file before a few bytes unpack to
+//! gigabytes.
 
 use std::io::Cursor;
 
@@ -15,36 +15,36 @@ use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limit
 use super::texels::{DecodedTexels, zeroed};
 use super::{Encoding, Image, color_space, ktx2, pfm};
 
-/// Why there is no picture.
+/// An error of decoding a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum PictureFault {
-    /// It is larger than allowed.
+    /// It has more pixels than allowed.
     TooLarge {
-        /// How large, and what the limit is.
+        /// Its size and the limit.
         problem: String,
     },
-    /// The bytes are no picture in a known format.
+    /// The bytes are not a picture in a supported format.
     Unreadable {
-        /// What is wrong.
+        /// The cause.
         problem: String,
     },
 }
 
-/// What a picture says of itself before it is decoded.
+/// The header of a picture: its size and format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PictureHeader {
     format: Format,
     pub(super) width: u32,
     pub(super) height: u32,
     texel_bytes: usize,
-    /// How the white of the file becomes ours.
+    /// Adaptation of the file's white point to ours.
     white_point: WhitePoint,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Library(ImageFormat),
-    /// OpenEXR and Radiance.
+    /// OpenEXR or Radiance HDR.
     Float,
     Pfm,
     Ktx2,
@@ -68,7 +68,7 @@ impl Format {
     }
 }
 
-/// TGA has no first bytes of its own, but few headers make sense: a known kind of pixels, with or without a palette.
+/// Recognizes TGA, which has no magic number, by the few valid headers: a known pixel type, with or without a palette.
 fn looks_like_tga(bytes: &[u8]) -> bool {
     let Some(header) = bytes.first_chunk::<18>() else { return false };
     let [_, palette, kind, .., depth, _] = *header;
@@ -80,7 +80,7 @@ fn looks_like_tga(bytes: &[u8]) -> bool {
     is_known && matches!(depth, 8 | 15 | 16 | 24 | 32)
 }
 
-/// What a file that we cannot read seems to be.
+/// Describes a file in an unsupported format.
 fn describe(bytes: &[u8]) -> &'static str {
     match bytes {
         [] => "it is empty",
@@ -94,7 +94,7 @@ fn describe(bytes: &[u8]) -> &'static str {
 }
 
 impl PictureHeader {
-    /// Reads the header of a file, whose bytes these are. More than `pixels_max` pixels are refused.
+    /// Reads the header of a file, of which `bytes` are the whole. Rejects more than `pixels_max` pixels.
     pub(crate) fn read(bytes: &[u8], pixels_max: u64) -> Result<Self, PictureFault> {
         let unreadable = |problem: String| PictureFault::Unreadable { problem };
         let format = Format::of(bytes).ok_or_else(|| unreadable(describe(bytes).into()))?;
@@ -125,17 +125,17 @@ impl PictureHeader {
         Ok(Self { format, width, height, texel_bytes, white_point: WhitePoint::default() })
     }
 
-    /// The same picture, its white as it is asked for.
+    /// Returns the header with another white point.
     pub(crate) fn with_white_point(self, white_point: WhitePoint) -> Self {
         Self { white_point, ..self }
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows.
     pub(crate) fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
-    /// Bytes that the picture takes in memory, its mip levels included.
+    /// Returns the memory of the decoded picture with its mip levels, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         (self.width as usize * self.height as usize).saturating_mul(self.texel_bytes.max(1)).saturating_mul(4) / 3
     }
@@ -146,7 +146,7 @@ fn too_many_pixels(width: u64, height: u64, pixels_max: u64) -> PictureFault {
     PictureFault::TooLarge { problem }
 }
 
-/// What is wrong with a file of floats, said of "it".
+/// Converts an error of a float picture to one about "it".
 fn float_fault(error: &FloatError) -> PictureFault {
     let problem = match error {
         FloatError::TooLarge { width, height, max_pixels, .. } => {
@@ -163,29 +163,29 @@ fn float_fault(error: &FloatError) -> PictureFault {
     PictureFault::Unreadable { problem }
 }
 
-/// How a picture lies in its file: bits of a pixel, at least, and how far they are packed.
+/// Returns a lower bound of the bits per stored pixel, and the greatest compression ratio of the format.
 fn stored(format: Format, bytes: &[u8], texel_bytes: usize) -> (u64, Packing) {
     let byte = |at: usize| bytes.get(at).copied().unwrap_or(0);
     let texel_bits = 8 * texel_bytes as u64;
     match format {
-        // Checked already.
+        // These are checked when their header is read.
         Format::Float | Format::Pfm => (0, Packing::None),
         Format::Library(ImageFormat::Png) => (1, Packing::DEFLATE),
         Format::Library(ImageFormat::Jpeg) => (8, Packing::JPEG),
         Format::Library(ImageFormat::Tiff) => (1, Packing::LZW),
-        // At least a bit for each of black and white.
+        // A bitmap has one bit per pixel.
         Format::Library(ImageFormat::Pnm) => (1, Packing::None),
-        // Kinds 9 to 11 are runs; of a palette a byte is enough.
+        // Types 9 to 11 are run-length encoded; palette indices have one byte.
         Format::Library(ImageFormat::Tga) if byte(2) >= 9 => (8, Packing::Ratio(128)),
         Format::Library(ImageFormat::Tga) => (u64::from(byte(16)), Packing::None),
-        // Headers of 40 bytes and more tell the kind of packing and the bits of a pixel.
+        // Headers of 40 bytes or more give the compression and the bits per pixel.
         Format::Library(ImageFormat::Bmp) if byte(14) >= 40 && byte(30) == 0 => (u64::from(byte(28)), Packing::None),
-        // One colour takes no bytes, and what Zstandard and BasisLZ make of one neither.
+        // A uniform picture may compress to almost nothing.
         _ => (texel_bits, Packing::Unbounded),
     }
 }
 
-/// Bytes of a texel as it is kept: gray with alpha becomes RGBA, and so does all of 16 bits.
+/// Returns the bytes per texel in memory: gray with alpha becomes RGBA, and so do all 16-bit formats.
 fn kept_bytes(color_type: ColorType) -> usize {
     match color_type {
         ColorType::La8 => 4,
@@ -194,7 +194,7 @@ fn kept_bytes(color_type: ColorType) -> usize {
     }
 }
 
-/// A decoded picture that does not know yet whether its codes are sRGB.
+/// A decoded picture, before its encoding is chosen.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DecodedImage {
     width: u32,
@@ -204,7 +204,7 @@ pub(crate) struct DecodedImage {
 }
 
 impl DecodedImage {
-    /// Decodes the file whose header was read. An error says what is wrong with it.
+    /// Decodes the file of a header. The error says what is wrong with it.
     pub(crate) fn read(bytes: &[u8], header: PictureHeader) -> Result<Self, String> {
         let mut notes = Vec::new();
         let mut texels = match header.format {
@@ -217,12 +217,12 @@ impl DecodedImage {
         Ok(Self { width: header.width, height: header.height, texels, notes })
     }
 
-    /// What was chosen, changed or left out when it was decoded: to be told, said of "it".
+    /// Takes the notes about choices, changes and omissions of decoding, as clauses about "it".
     pub(crate) fn take_notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
     }
 
-    /// Makes an image of it. Pictures of high dynamic range are linear whatever `encoding` says.
+    /// Converts it to an image. Float pictures are linear, whatever `encoding` is.
     pub(crate) fn into_image(self, name: &str, encoding: Encoding) -> Image {
         let (width, height, srgb) = (self.width, self.height, encoding == Encoding::Srgb);
         match self.texels {
@@ -235,7 +235,7 @@ impl DecodedImage {
         }
     }
 
-    /// Width, height and alpha, 255 where there is none.
+    /// Returns width, height and alpha; 255 if the picture has none.
     pub(crate) fn into_alpha8(self) -> (u32, u32, Vec<u8>) {
         let count = self.width as usize * self.height as usize;
         let alpha = match self.texels {
@@ -268,7 +268,7 @@ fn float_texels(bytes: &[u8], header: PictureHeader, notes: &mut Vec<String>) ->
 
 fn decoder(bytes: &[u8], format: ImageFormat) -> Result<impl ImageDecoder + '_, ImageError> {
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    // The size of the picture itself is limited by our caller, who knows why; this is for what decoders need besides.
+    // The caller limits the size of the picture; this limits the decoder's other memory.
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(1 << 40);
     reader.limits(limits);
@@ -413,7 +413,7 @@ mod tests {
         assert_eq!(texel(&[("R", 7.0)]), Vec4::new(7.0, 7.0, 7.0, 1.0));
         assert_eq!(texel(&[("b", 3.0), ("g", 2.0), ("r", 1.0)]), Vec4::new(1.0, 2.0, 3.0, 1.0));
         assert!(PictureHeader::read(&exr_file(&[("Z", 7.0), ("id", 1.0)]), 100).is_err());
-        // What is no radiance becomes black.
+        // Invalid radiance becomes black.
         assert_eq!(texel(&[("R", f32::NAN), ("G", -1.0), ("B", f32::INFINITY)]), Vec4::W);
     }
 

@@ -1,7 +1,7 @@
 //! KTX2, the container of compressed textures: <https://registry.khronos.org/KTX/specs/2.0/ktxspec.v2.html>.
 //!
-//! What textures are distributed in: both codecs of Basis Universal (KHR_texture_basisu), blocks of BC1, BC3 and BC7,
-//! and plain bytes. Only the finest level is decoded, for mip levels are made of it as of any other picture.
+//! Supported are the common formats: both codecs of Basis Universal (KHR_texture_basisu), BC1, BC3 and BC7 blocks, and
+//! plain bytes. Only the finest level is decoded; mip levels are computed from it as for other pictures.
 
 use std::io::Read;
 
@@ -10,23 +10,23 @@ use ruzstd::decoding::StreamingDecoder;
 
 pub(super) const MAGIC: &[u8; 12] = b"\xabKTX 20\xbb\r\n\x1a\n";
 
-/// Pixels that the transcoder can count.
+/// Maximal number of pixels of the transcoder.
 const PIXELS_MAX: u64 = 1 << 30;
 
-/// How texels are stored.
+/// The storage of texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ktx2Layout {
-    /// ETC1S blocks behind the codebooks of BasisLZ.
+    /// ETC1S blocks with BasisLZ codebooks.
     BasisLz,
     Blocks(Block),
-    /// So many bytes a texel; `bgr`: the blue one first.
+    /// Plain bytes, `channels` per texel; `bgr`: blue comes first.
     Bytes {
         channels: usize,
         bgr: bool,
     },
 }
 
-/// 4 × 4 texels.
+/// A block compression format of 4 × 4 texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Block {
     Uastc,
@@ -39,12 +39,12 @@ struct Ktx2Picture<'a> {
     width: u32,
     height: u32,
     layout: Ktx2Layout,
-    /// The finest level, still packed.
+    /// The finest level, still supercompressed.
     level: &'a [u8],
     packing: Packing,
 }
 
-/// What a level is compressed by once more, as a whole.
+/// Supercompression of a level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Packing {
     None,
@@ -52,13 +52,13 @@ enum Packing {
     Zlib,
 }
 
-/// Width, height and bytes of a texel as it is kept. An error says what is wrong.
+/// Returns width, height and bytes per texel in memory. The error says what is wrong.
 pub(super) fn header(bytes: &[u8]) -> Result<(u32, u32, usize), String> {
     let picture = Ktx2Picture::of(bytes)?;
     Ok((picture.width, picture.height, 4))
 }
 
-/// The texels of a picture whose header was read, `[width × height]`. An error says what is wrong.
+/// Decodes the texels, `[width × height]`. The error says what is wrong.
 pub(super) fn texels(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
     let picture = Ktx2Picture::of(bytes)?;
     if picture.layout == Ktx2Layout::BasisLz {
@@ -76,10 +76,10 @@ pub(super) fn texels(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
     }
 }
 
-/// Colour models of a file without a format number, as its data format descriptor names them.
+/// Colour models in the data format descriptor, for files without a Vulkan format.
 const MODEL_ETC1S: u8 = 163;
 const MODEL_UASTC: u8 = 166;
-/// The supercompression scheme that keeps codebooks for all levels.
+/// The supercompression scheme BasisLZ, with codebooks for all levels.
 const SCHEME_BASIS_LZ: u32 = 1;
 
 impl<'a> Ktx2Picture<'a> {
@@ -87,14 +87,14 @@ impl<'a> Ktx2Picture<'a> {
         Self::parse(bytes).ok_or("its KTX2 container is cut off")?
     }
 
-    /// Follows the header: section 3 of the specification. `None`: it leads out of the file.
+    /// Parses the header: section 3 of the specification. `None`: it points beyond the end of the file.
     fn parse(bytes: &'a [u8]) -> Option<Result<Self, String>> {
         let word = |at: usize| Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
         let long = |at: usize| Some(u64::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
         let (format, width, height) = (word(12)?, word(20)?, word(24)?);
         let (depth, layers, faces) = (word(28)?, word(32)?, word(36)?);
         let scheme = word(44)?;
-        // The colour model stands in the descriptor's first block, behind its total size and the block's own header.
+        // The colour model is in the descriptor's first block, after the total size and the block header.
         let model = *bytes.get((word(48)? as usize).checked_add(12)?)?;
         let (start, length) = (usize::try_from(long(80)?).ok()?, usize::try_from(long(88)?).ok()?);
         let level = bytes.get(start..start.checked_add(length)?)?;
@@ -131,7 +131,7 @@ impl<'a> Ktx2Picture<'a> {
         })
     }
 
-    /// Bytes of the finest level.
+    /// Returns the size of the unpacked finest level, in bytes.
     fn level_bytes(&self) -> Result<usize, String> {
         let (width, height) = (self.width as usize, self.height as usize);
         let bytes = match self.layout {
@@ -174,7 +174,7 @@ impl<'a> Ktx2Picture<'a> {
     }
 }
 
-/// By the number of the format in Vulkan.
+/// Returns the layout of a Vulkan format number.
 fn layout(format: u32) -> Option<Ktx2Layout> {
     Some(match format {
         23 | 29 => Ktx2Layout::Bytes { channels: 3, bgr: false },
@@ -192,7 +192,7 @@ impl Block {
         if self == Self::Bc1 { 8 } else { 16 }
     }
 
-    /// Row by row. A block that means nothing is magenta.
+    /// Decodes a block row by row. An invalid one is magenta.
     fn decode(self, bytes: &[u8]) -> [[u8; 4]; 16] {
         let mut texels = [[0; 4]; 16];
         let pitch = 4 * size_of::<[u8; 4]>();
@@ -216,7 +216,7 @@ fn basis_lz(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
     Ok(texels.as_chunks().0.to_vec())
 }
 
-/// Reads `length` bytes out of what unpacks them.
+/// Reads exactly `length` bytes from a decompressor.
 fn unpack(decoder: impl Read, length: usize) -> Result<Vec<u8>, String> {
     let mut unpacked = Vec::new();
     unpacked.try_reserve_exact(length).map_err(|_| format!("there is no memory for {length} bytes"))?;

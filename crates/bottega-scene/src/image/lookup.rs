@@ -1,4 +1,4 @@
-//! Looking a picture up: wrapping, bilinear within a mip level, linear between levels.
+//! Texture lookup: wrapping, bilinear filtering within a mip level, linear between levels.
 //!
 //! Nothing here depends on the platform: the level of detail uses the bits of a float instead of a logarithm.
 
@@ -9,17 +9,18 @@ use super::{Image, Texels, with_pyramid};
 use crate::{TextureMap, Wrap};
 
 impl Image {
-    /// Linear RGBA of the picture as `map` lays it on a surface.
+    /// Returns the linear RGBA of the picture at a point of a surface.
     ///
+    /// - `map`: mapping of the picture.
     /// - `uv`: texture coordinates before the transformation of `map`; one that is not finite counts as 0.
-    /// - `footprint`: width of the lookup in units of `uv`; 0 (or NaN): as sharp as the picture is. A picture that is
-    ///   not `smooth` has square texels from near, and is filtered like any other from afar.
+    /// - `footprint`: width of the lookup in units of `uv`; 0 (or NaN): the finest level. A picture that is not
+    ///   `smooth` shows square texels in close-up, and is filtered as usual when minified.
     pub fn eval(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> Vec4 {
         let at = map.picture_from_uv.transform_point2(uv);
         with_pyramid!(&self.texels, pyramid => pyramid.lookup(map, at, footprint))
     }
 
-    /// By how much the linear RGBA of [`eval`](Self::eval) grows with u and with v. Nothing grows where texels are not
+    /// Returns the derivatives of [`eval`](Self::eval)'s linear RGBA along u and v. 0 where texels are not
     /// interpolated.
     pub fn slopes(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> [Vec4; 2] {
         let at = map.picture_from_uv.transform_point2(uv);
@@ -28,7 +29,7 @@ impl Image {
             .map(|axis| along_x * axis.x + along_y * axis.y)
     }
 
-    /// Alpha of the picture as `map` lays it on a surface; see [`eval`](Self::eval). Free where there is no alpha.
+    /// Returns the alpha of [`eval`](Self::eval), without a lookup if the picture has none.
     pub fn alpha(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> f32 {
         if self.has_alpha() { self.eval(map, uv, footprint).w } else { 1.0 }
     }
@@ -53,7 +54,7 @@ impl<T: Texel> Pyramid<T> {
         fine + (coarse - fine) * (detail - level as f32)
     }
 
-    /// By how much [`lookup`](Self::lookup) grows along the picture's own axes, whose lengths are 1.
+    /// Returns the derivatives of [`lookup`](Self::lookup) along the picture's axes, whose lengths are 1.
     fn slopes(&self, map: &TextureMap, at: Vec2, footprint: f32) -> [Vec4; 2] {
         let table = self.table();
         let finest = &self.levels[0];
@@ -73,7 +74,7 @@ impl<T: Texel> Pyramid<T> {
     }
 }
 
-/// log₂ of the footprint in texels of the finest level, along that axis where it covers more of them.
+/// Returns log₂ of the footprint in texels of the finest level, along the axis where it covers more of them.
 #[inline]
 fn level_of_detail(map: &TextureMap, width: u32, height: u32, footprint: f32) -> f32 {
     if footprint.is_nan() || footprint <= 0.0 {
@@ -85,8 +86,8 @@ fn level_of_detail(map: &TextureMap, width: u32, height: u32, footprint: f32) ->
     0.5 * log2_piecewise(columns.max(rows) * footprint * footprint)
 }
 
-/// log₂ between its values at powers of two, linearly: at most 0.09 below the true value, which no eye sees in a
-/// blend of two mip levels. 128 for infinity and NaN.
+/// Approximates log₂, piecewise linear between powers of two: at most 0.09 below the true value, invisible in a blend
+/// of two mip levels. 128 for infinity and NaN.
 #[inline]
 fn log2_piecewise(x: f32) -> f32 {
     let bits = x.abs().to_bits().min(f32::INFINITY.to_bits());
@@ -94,7 +95,7 @@ fn log2_piecewise(x: f32) -> f32 {
     exponent as f32 + (bits & 0x7f_ffff) as f32 * (1.0 / 8_388_608.0)
 }
 
-/// A texture coordinate brought into [0, 1].
+/// Wraps a texture coordinate into [0, 1].
 #[inline]
 fn wrapped(x: f32, wrap: Wrap) -> f32 {
     match wrap {
@@ -108,7 +109,7 @@ fn wrapped(x: f32, wrap: Wrap) -> f32 {
     }
 }
 
-/// x − ⌊x⌋, or 0 where a float has no fraction any more (also for infinity and NaN).
+/// Returns x − ⌊x⌋, or 0 where a float has no fraction (also for infinity and NaN).
 #[inline]
 fn fraction(x: f32) -> f32 {
     if x.abs() < 8_388_608.0 {
@@ -119,7 +120,7 @@ fn fraction(x: f32) -> f32 {
     }
 }
 
-/// The two neighbouring texels along one axis, and the weight of the second one.
+/// Returns the two neighbouring texels along one axis, and the weight of the second.
 #[inline]
 fn neighbors(x: f32, wrap: Wrap, size: u32) -> (usize, usize, f32) {
     let last = size as i32 - 1;
@@ -134,7 +135,7 @@ fn neighbors(x: f32, wrap: Wrap, size: u32) -> (usize, usize, f32) {
     (first as usize, second as usize, weight)
 }
 
-/// The four texels around a point, upper row first, and the weights of the second column and row.
+/// Returns the four texels around a point, upper row first, and the weights of the second column and row.
 #[inline]
 fn around<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at: Vec2) -> ([Vec4; 4], f32, f32) {
     let (x0, x1, u) = neighbors(at.x, map.wrap_u, level.width);
@@ -152,13 +153,13 @@ fn bilinear<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at
     upper * (1.0 - v) + lower * v
 }
 
-/// By how much [`bilinear`] grows along either axis.
+/// Returns the derivatives of [`bilinear`] along both axes.
 fn bilinear_slopes<T: Texel>(level: &Level<T>, table: &[f32; 256], map: &TextureMap, at: Vec2) -> [Vec4; 2] {
     let ([a, b, c, d], u, v) = around(level, table, map, at);
     let along_x = (b - a) * (1.0 - v) + (d - c) * v;
     let along_y = (c - a) * (1.0 - u) + (d - b) * u;
     let sign = |x: f32, wrap: Wrap| match wrap {
-        // Every other copy is turned round.
+        // Every second copy is mirrored.
         Wrap::Mirror if fraction(0.5 * x) > 0.5 => -1.0,
         _ => 1.0,
     };

@@ -1,4 +1,4 @@
-//! Pictures with their mip levels: decoding, storage, lookup.
+//! Pictures with mip levels: decoding, storage, lookup.
 
 mod color_space;
 mod decode;
@@ -19,19 +19,18 @@ pub use pyramid::Encoding;
 use pyramid::{Pyramid, Texel};
 pub use raw::{LevelTexels, linear_of_srgb_codes};
 
-/// A picture with its mip levels, decoded to linear values on lookup.
+/// A picture with mip levels, decoded to linear values on lookup.
 ///
-/// Row 0 is the upper row; v = 0 is its upper edge (glTF's convention). It keeps the precision of its file: 8-bit
-/// pictures take 1, 3 or 4 bytes a texel, 16-bit ones 8, those of high dynamic range 12 or 16; the mip levels add
-/// a third.
+/// Row 0 is the upper row, with v = 0 at its upper edge (glTF's convention). It keeps the precision of its file: 8-bit
+/// pictures take 1, 3 or 4 bytes per texel, 16-bit ones 8, float ones 12 or 16; the mip levels add a third.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
-    /// Where it came from, for messages.
+    /// Its source, for messages.
     pub name: String,
     texels: Texels,
 }
 
-/// The closed set of formats.
+/// The texels, in one of the supported formats.
 #[derive(Clone, Debug, PartialEq)]
 enum Texels {
     Gray8(Pyramid<u8>),
@@ -42,7 +41,7 @@ enum Texels {
     Rgba32(Pyramid<[f32; 4]>),
 }
 
-/// Runs one generic expression on the pyramid, whatever its format.
+/// Evaluates an expression on the pyramid, generic over its format.
 macro_rules! with_pyramid {
     ($texels:expr, $pyramid:ident => $body:expr) => {
         match $texels {
@@ -57,7 +56,7 @@ macro_rules! with_pyramid {
 }
 use with_pyramid;
 
-/// An image whose texels are those that a method of the pyramid makes, in the same format.
+/// Makes an image of the same format from a method of the pyramid.
 macro_rules! rearranged {
     ($image:expr, $method:ident) => {{
         let texels = match &$image.texels {
@@ -73,33 +72,37 @@ macro_rules! rearranged {
 }
 
 impl Image {
-    /// A picture of linear RGB without alpha, row-major from the upper row. What is not finite, or negative, becomes 0, and what
-    /// is above [`VALUE_MAX`](crate::VALUE_MAX) becomes that.
+    /// Makes a picture of linear RGB without alpha, row-major from the upper row. Values that are negative or not
+    /// finite become 0, those above [`VALUE_MAX`](crate::VALUE_MAX) become that.
     ///
-    /// Panics unless `texels` has `width × height` elements, at least one.
+    /// # Panics
+    ///
+    /// Unless `texels` has `width × height` elements, at least one.
     pub fn from_linear_rgb(name: impl Into<String>, width: u32, height: u32, mut texels: Vec<[f32; 3]>) -> Self {
         texels.iter_mut().flatten().for_each(make_radiance);
         Self { name: name.into(), texels: Texels::Rgb32(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
-    /// A picture of numbers, which may be negative; see [`from_linear_rgb`](Self::from_linear_rgb).
+    /// Makes a picture of numbers, which may be negative; see [`from_linear_rgb`](Self::from_linear_rgb).
     pub(crate) fn from_numbers(name: impl Into<String>, width: u32, height: u32, texels: Vec<[f32; 3]>) -> Self {
         Self { name: name.into(), texels: Texels::Rgb32(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
-    /// A picture of linear RGBA (alpha not multiplied in), row-major from the upper row; see
+    /// Makes a picture of linear RGBA with straight alpha, row-major from the upper row; see
     /// [`from_linear_rgb`](Self::from_linear_rgb).
     pub fn from_linear_rgba(name: impl Into<String>, width: u32, height: u32, mut texels: Vec<[f32; 4]>) -> Self {
         texels.iter_mut().flatten().for_each(make_radiance);
         Self { name: name.into(), texels: Texels::Rgba32(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
-    /// A picture of 8-bit RGBA codes, row-major from the upper row; `srgb`: the colours are encoded as sRGB.
+    /// Makes a picture of 8-bit RGBA, row-major from the upper row; `srgb`: the colours are encoded as sRGB.
     ///
-    /// Panics unless `texels` has `width × height` elements, at least one.
+    /// # Panics
+    ///
+    /// Unless `texels` has `width × height` elements, at least one.
     pub fn from_rgba8(name: impl Into<String>, width: u32, height: u32, texels: Vec<[u8; 4]>, srgb: bool) -> Self {
         let encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
-        // Alpha that says nothing need not be kept, nor asked for.
+        // Drop alpha if the picture is opaque.
         let texels = if texels.iter().all(|texel| texel[3] == 255) {
             let opaque = texels.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
             Texels::Rgb8(Pyramid::new(width, height, opaque, encoding))
@@ -109,21 +112,23 @@ impl Image {
         Self { name: name.into(), texels }
     }
 
-    /// A picture of 8-bit RGB codes; see [`from_rgba8`](Self::from_rgba8).
+    /// Makes a picture of 8-bit RGB; see [`from_rgba8`](Self::from_rgba8).
     pub fn from_rgb8(name: impl Into<String>, width: u32, height: u32, texels: Vec<[u8; 3]>, srgb: bool) -> Self {
         let encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
         Self { name: name.into(), texels: Texels::Rgb8(Pyramid::new(width, height, texels, encoding)) }
     }
 
-    /// A picture of 8-bit gray codes; see [`from_rgba8`](Self::from_rgba8).
+    /// Makes a picture of 8-bit gray; see [`from_rgba8`](Self::from_rgba8).
     pub fn from_gray8(name: impl Into<String>, width: u32, height: u32, texels: Vec<u8>, srgb: bool) -> Self {
         let encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
         Self { name: name.into(), texels: Texels::Gray8(Pyramid::new(width, height, texels, encoding)) }
     }
 
-    /// A picture of 16-bit RGBA codes; `srgb`: the colours are encoded as sRGB, and are decoded here.
+    /// Makes a picture of 16-bit RGBA; `srgb`: the colours are encoded as sRGB, and are converted to linear here.
     ///
-    /// Panics unless `texels` has `width × height` elements, at least one.
+    /// # Panics
+    ///
+    /// Unless `texels` has `width × height` elements, at least one.
     pub fn from_rgba16(
         name: impl Into<String>,
         width: u32,
@@ -141,12 +146,12 @@ impl Image {
         Self { name: name.into(), texels: Texels::Rgba16(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
-    /// The picture that stands for one that is missing: one texel of magenta.
+    /// Returns the replacement of a missing picture: one magenta texel.
     pub fn missing(name: impl Into<String>) -> Self {
         Self::from_rgb8(name, 1, 1, vec![[255, 0, 255]], false)
     }
 
-    /// Its luminance in all channels (Rec. 709), opaque; itself where it is gray.
+    /// Returns the luminance (Rec. 709) in all channels, opaque; the picture itself if it is gray.
     pub(crate) fn luminance(self) -> Self {
         const WEIGHTS: glam::Vec3 = glam::Vec3::new(0.2126, 0.7152, 0.0722);
         let (width, height) = self.size();
@@ -158,38 +163,38 @@ impl Image {
         Self::from_linear_rgb(self.name, width, height, texels)
     }
 
-    /// The picture with an edge of black texels without opacity around it.
+    /// Returns the picture with a border of one transparent black texel.
     pub(crate) fn framed(self) -> Self {
         rearranged!(self, framed)
     }
 
-    /// Twice as wide and high: itself above on the left and below on the right, and turned by half a turn in the other
-    /// two places.
+    /// Returns one period of an octahedral map, twice as wide and high: itself at the upper left and lower right,
+    /// rotated by 180° in the other two quadrants.
     pub(crate) fn octahedral_period(self) -> Self {
         rearranged!(self, octahedral_period)
     }
 
-    /// Columns and rows of the finest level.
+    /// Returns columns and rows of the finest level.
     pub fn size(&self) -> (u32, u32) {
         self.level_size(0)
     }
 
-    /// Number of mip levels, at least 1; the last one has a single texel.
+    /// Returns the number of mip levels, at least 1; the last one has a single texel.
     pub fn level_count(&self) -> usize {
         with_pyramid!(&self.texels, pyramid => pyramid.levels.len())
     }
 
-    /// Columns and rows of a mip level; level 0 is the finest. Panics when there is no such level.
+    /// Returns columns and rows of a mip level; level 0 is the finest. Panics if there is no such level.
     pub fn level_size(&self, level: usize) -> (u32, u32) {
         with_pyramid!(&self.texels, pyramid => (pyramid.levels[level].width, pyramid.levels[level].height))
     }
 
-    /// Linear RGBA of one texel of the finest level. Panics outside of it.
+    /// Returns the linear RGBA of one texel of the finest level. Panics outside of it.
     pub fn texel(&self, x: u32, y: u32) -> Vec4 {
         self.level_texel(0, x, y)
     }
 
-    /// Linear RGBA of one texel. Panics when the level, the column or the row does not exist.
+    /// Returns the linear RGBA of one texel. Panics if the level, column or row does not exist.
     pub fn level_texel(&self, level: usize, x: u32, y: u32) -> Vec4 {
         with_pyramid!(&self.texels, pyramid => {
             let table = pyramid.table();
@@ -199,27 +204,27 @@ impl Image {
         })
     }
 
-    /// Mean of all texels, linear RGBA.
+    /// Returns the mean of all texels, linear RGBA.
     pub fn mean(&self) -> Vec4 {
         self.level_texel(self.level_count() - 1, 0, 0)
     }
 
-    /// Whether it has one channel only, which stands for all colours.
+    /// Returns true if it has a single channel, used for all colours.
     pub(crate) fn is_gray(&self) -> bool {
         matches!(self.texels, Texels::Gray8(_))
     }
 
-    /// Whether some texel may have an alpha below 1.
+    /// Returns true if a texel may have an alpha below 1.
     pub fn has_alpha(&self) -> bool {
         matches!(self.texels, Texels::Rgba8(_) | Texels::Rgba16(_) | Texels::Rgba32(_))
     }
 
-    /// Whether its values may exceed 1.
+    /// Returns true if its values may exceed 1.
     pub fn is_high_dynamic_range(&self) -> bool {
         matches!(self.texels, Texels::Rgb32(_) | Texels::Rgba32(_))
     }
 
-    /// Bytes that the texels of all levels take.
+    /// Returns the memory of all levels, in bytes.
     pub fn memory_bytes(&self) -> usize {
         with_pyramid!(&self.texels, pyramid => pyramid.memory_bytes())
     }
@@ -229,7 +234,7 @@ fn make_radiance(value: &mut f32) {
     *value = if value.is_finite() && *value > 0.0 { value.min(crate::VALUE_MAX) } else { 0.0 };
 }
 
-/// sRGB to linear, for one channel in [0, 1]. Codes of 8 bits are looked up.
+/// Converts one channel in [0, 1] from sRGB to linear. 8-bit codes are looked up.
 pub(crate) fn linear_of_srgb(encoded: f64) -> f64 {
     let code = encoded * 255.0;
     let nearest = code.round();

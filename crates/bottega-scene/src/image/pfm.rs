@@ -1,4 +1,4 @@
-//! PFM, portable float maps: `PF` for colours or `Pf` for gray, the size, a scale whose sign gives the order of bytes, and
+//! PFM, portable float maps: `PF` for colours or `Pf` for gray, the size, a scale whose sign gives the byte order, and
 //! rows of floats, the lowest row first.
 
 use super::texels::{DecodedTexels, zeroed};
@@ -8,17 +8,17 @@ pub(super) struct PfmHeader {
     width: u32,
     height: u32,
     is_color: bool,
-    /// Multiplies all values.
+    /// Factor of all values.
     scale: f32,
     big_endian: bool,
-    /// Where the rows begin.
+    /// Offset of the first row.
     body: usize,
 }
 
 pub(super) fn header(bytes: &[u8]) -> Result<PfmHeader, String> {
     let mut at = 0;
     let mut word = || {
-        // A number ends at one space or the end of its line; no header is longer than this.
+        // A header word ends at one white space; no header is longer than 64 bytes from here.
         let rest = bytes.get(at..bytes.len().min(at + 64))?;
         let start = rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
         let end = start + rest[start..].iter().position(u8::is_ascii_whitespace)?;
@@ -43,7 +43,7 @@ pub(super) fn header(bytes: &[u8]) -> Result<PfmHeader, String> {
 }
 
 impl PfmHeader {
-    /// Width, height and bytes of a texel as it is kept.
+    /// Returns width, height and bytes per texel in memory.
     pub(super) fn size(&self) -> (u32, u32, usize) {
         (self.width, self.height, 12)
     }

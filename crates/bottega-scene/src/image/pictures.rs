@@ -1,4 +1,4 @@
-//! The pictures that a scene refers to by name: asked for one by one, decoded all at once.
+//! The pictures that a scene refers to: requested one by one, decoded in parallel.
 
 use std::collections::BTreeMap;
 
@@ -12,19 +12,19 @@ use crate::resource::{Location, Resources};
 use crate::text::shortened;
 use crate::{ImageId, SceneError};
 
-/// What a picture is used for. It says what stands for the picture where it is missing.
+/// The use of a picture, which selects its replacement if it is missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum PictureUse {
-    /// Colours.
+    /// Colours; the replacement is magenta.
     Color,
-    /// Numbers that multiply others.
+    /// Numeric factors; the replacement is 1.
     Number,
-    /// Normals of the surface.
+    /// Surface normals; the replacement is a flat surface.
     Normals,
 }
 
 impl PictureUse {
-    /// What stands for a missing picture, in words and as a picture.
+    /// Returns the replacement of a missing picture, as words and as a picture.
     fn stand_in(self, name: &str) -> (&'static str, Image) {
         match self {
             Self::Color => ("magenta", Image::missing(name)),
@@ -34,50 +34,50 @@ impl PictureUse {
     }
 }
 
-/// How a picture is read.
+/// The interpretation of a picture file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PictureKind {
-    /// What its codes of 8 bits mean.
+    /// Encoding of 8-bit codes.
     pub(crate) encoding: Encoding,
     pub(crate) purpose: PictureUse,
 }
 
 impl PictureKind {
-    /// Colours, encoded as sRGB.
+    /// Colours encoded as sRGB.
     pub(crate) const COLORS: Self = Self { encoding: Encoding::Srgb, purpose: PictureUse::Color };
-    /// Numbers as they are.
+    /// Linear numbers.
     pub(crate) const NUMBERS: Self = Self { encoding: Encoding::Linear, purpose: PictureUse::Number };
     /// A normal map.
     pub(crate) const NORMALS: Self = Self { encoding: Encoding::Linear, purpose: PictureUse::Normals };
 }
 
-/// Pictures in files beside the scene. The same file for the same use is one image, however often it is asked for.
+/// Requested pictures. The same file with the same use is one image, however often it is requested.
 pub(crate) struct Pictures<'a> {
     resources: &'a Resources<'a>,
     pixels_max: u64,
     white_point: WhitePoint,
     wanted: Vec<WantedPicture>,
     id_of: BTreeMap<(Location, bool, PictureChange, PictureUse), ImageId>,
-    /// Pictures that are there already: where they go in the list.
+    /// Index and image of the pictures that are not in files.
     made: Vec<(usize, Image)>,
 }
 
-/// What is done to a picture after it is decoded.
+/// A change to a picture after decoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum PictureChange {
     None,
-    /// Its luminance in all channels.
+    /// Luminance in all channels.
     Gray,
-    /// An edge of black texels around it.
+    /// A border of black texels.
     Framed,
-    /// Beside itself turned by half a turn, so that the two repeated go on as an octahedron does.
+    /// One period of an octahedral map; see [`Image::octahedral_period`].
     Octahedral,
 }
 
-/// A picture with an edge of black texels around it.
+/// A picture with a border of black texels.
 pub(crate) struct FramedTexture {
     pub(crate) id: ImageId,
-    /// Columns and rows without the edge.
+    /// Columns and rows without the border.
     pub(crate) size: (u32, u32),
 }
 
@@ -85,7 +85,7 @@ struct WantedPicture {
     location: Location,
     kind: PictureKind,
     change: PictureChange,
-    /// Where it was first asked for.
+    /// Location of the first request.
     place: String,
 }
 
@@ -101,20 +101,20 @@ impl<'a> Pictures<'a> {
         }
     }
 
-    /// Colours of files whose white is another than ours become ours so.
+    /// Sets the white point from which colours are adapted.
     pub(crate) fn with_white_point(self, white_point: WhitePoint) -> Self {
         Self { white_point, ..self }
     }
 
-    /// Asks for a picture. Its id is its index in what [`load`](Self::load) returns.
+    /// Requests a picture. Its id is its index in the result of [`load`](Self::load).
     ///
-    /// - `reference`: relative to the folder of the scene; see [`Resources::locate`] for what is refused.
-    /// - `place`: where the reference stands, for messages.
+    /// - `reference`: relative to the folder of the scene; see [`Resources::locate`] for forbidden ones.
+    /// - `place`: location of the reference, for messages.
     pub(crate) fn want(&mut self, reference: &str, kind: PictureKind, place: &str) -> Result<ImageId, SceneError> {
         self.want_in(&[""], reference, kind, place)
     }
 
-    /// The same for a reference that is relative to one of several folders; see [`Resources::locate_in`].
+    /// Requests a picture relative to one of several folders; see [`Resources::locate_in`].
     pub(crate) fn want_in(
         &mut self,
         folders: &[&str],
@@ -126,15 +126,14 @@ impl<'a> Pictures<'a> {
         Ok(self.want_at(location, kind, false, place))
     }
 
-    /// Asks for a picture whose place is known; see [`want`](Self::want).
+    /// Requests a picture at a resolved location; see [`want`](Self::want).
     ///
-    /// - `gray`: its luminance (Rec. 709) is wanted in all channels.
+    /// - `gray`: replace all channels by the luminance (Rec. 709).
     pub(crate) fn want_at(&mut self, location: Location, kind: PictureKind, gray: bool, place: &str) -> ImageId {
         self.want_changed(location, kind, if gray { PictureChange::Gray } else { PictureChange::None }, place)
     }
 
-    /// Asks for a picture with an edge of black texels around it; see [`want`](Self::want). `None`: it cannot be read, and
-    /// would be replaced.
+    /// Requests a picture with a border of black texels; see [`want`](Self::want). `None`: it cannot be read.
     pub(crate) fn want_framed(
         &mut self,
         reference: &str,
@@ -148,8 +147,7 @@ impl<'a> Pictures<'a> {
         Ok(Some(FramedTexture { id, size: header.size() }))
     }
 
-    /// Asks for one period of what an octahedral picture of a sphere is beyond its edges: itself, and beside and below it
-    /// itself turned by half a turn; see [`want`](Self::want).
+    /// Requests one period of an octahedral map of a sphere; see [`Image::octahedral_period`] and [`want`](Self::want).
     pub(crate) fn want_octahedral(
         &mut self,
         reference: &str,
@@ -171,22 +169,22 @@ impl<'a> Pictures<'a> {
         next
     }
 
-    /// Adds a picture that is in no file.
+    /// Adds a picture that is not in a file.
     pub(crate) fn add(&mut self, image: Image) -> ImageId {
         let id = self.wanted.len() + self.made.len();
         self.made.push((id, image));
         ImageId(id as u32)
     }
 
-    /// Puts another picture in the place of one that was [added](Self::add).
+    /// Replaces a picture that was [added](Self::add).
     pub(crate) fn replace(&mut self, id: ImageId, image: Image) {
         if let Some((_, known)) = self.made.iter_mut().find(|(index, _)| *index == id.0 as usize) {
             *known = image;
         }
     }
 
-    /// Decodes all that was asked for, in parallel, after all of their headers have passed the limits. One that cannot be
-    /// read is replaced by what its use says, with a warning.
+    /// Decodes all requested pictures in parallel, after all headers have passed the limits. An unreadable one is
+    /// replaced according to its use, with a warning.
     pub(crate) fn load(self, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
         let checked: Vec<Result<PictureHeader, String>> =
             self.wanted.par_iter().map(|wanted| self.check(wanted)).collect::<Result<_, SceneError>>()?;
@@ -227,7 +225,7 @@ impl<'a> Pictures<'a> {
         Ok(images)
     }
 
-    /// Reads the header of a picture and books its memory. The inner error is worth a warning.
+    /// Reads the header of a picture and books its memory. The inner error is only a warning.
     fn check(&self, wanted: &WantedPicture) -> Result<Result<PictureHeader, String>, SceneError> {
         let bytes = match self.resources.read(&wanted.location) {
             Ok(bytes) => bytes,
@@ -237,11 +235,11 @@ impl<'a> Pictures<'a> {
             Ok(header) => {
                 let factor = match wanted.change {
                     PictureChange::None => 1,
-                    // What becomes gray is kept as floats.
+                    // Gray is stored as floats.
                     PictureChange::Gray => 12,
-                    // A single texel becomes nine, beside itself on the way.
+                    // A single texel becomes nine, with the original still in memory.
                     PictureChange::Framed => 10,
-                    // Four times as many texels, beside itself on the way.
+                    // Four times as many texels, with the original still in memory.
                     PictureChange::Octahedral => 5,
                 };
                 let bytes = header.memory_bytes().saturating_mul(factor);
@@ -257,7 +255,7 @@ impl<'a> Pictures<'a> {
     }
 }
 
-/// A picture that exceeds the limit of pixels.
+/// Returns the error for a picture with too many pixels.
 pub(crate) fn too_large(path: &std::path::Path, problem: String) -> SceneError {
     SceneError::Limit {
         path: path.into(),
@@ -267,7 +265,7 @@ pub(crate) fn too_large(path: &std::path::Path, problem: String) -> SceneError {
     }
 }
 
-/// Why a picture's file could not be read, for a warning that the scene goes on without it.
+/// Describes why a picture file cannot be read, for a warning.
 pub(crate) fn unreadable(error: &SceneError) -> String {
     match error {
         SceneError::Read { path, source, .. } => format!("cannot read `{}` ({source})", printable_path(path)),

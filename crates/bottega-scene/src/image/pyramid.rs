@@ -1,14 +1,14 @@
-//! Texels in memory, and their mip levels.
+//! Texels in memory, and mip levels.
 
 use glam::Vec4;
 use rayon::prelude::*;
 
 use super::srgb;
 
-/// The encoding of a picture's 8-bit codes. Pictures of other formats are linear.
+/// The encoding of a picture's 8-bit codes. Other formats are linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
-    /// Colour channels by the transfer function of sRGB, alpha linear.
+    /// Colour channels by the sRGB transfer function, alpha linear.
     Srgb,
     /// All channels linear.
     Linear,
@@ -40,11 +40,11 @@ fn unorm16(linear: f32) -> u16 {
     (linear * 65535.0 + 0.5) as u16
 }
 
-/// One texel as it lies in memory.
+/// A texel in memory.
 pub(super) trait Texel: Copy + Send + Sync {
-    /// To linear RGBA. `table` holds the linear values of the 8-bit colour codes.
+    /// Converts to linear RGBA. `table` holds the linear values of 8-bit colour codes.
     fn decode(self, table: &[f32; 256]) -> Vec4;
-    /// From linear RGBA, to the nearest.
+    /// Converts from linear RGBA, rounding to nearest.
     fn encode(linear: Vec4, encoding: Encoding) -> Self;
 }
 
@@ -84,7 +84,7 @@ impl Texel for [u8; 4] {
     }
 }
 
-/// Always linear: at 16 bits nothing is lost by decoding early.
+/// Always linear: 16 bits lose nothing by converting early.
 impl Texel for [u16; 4] {
     #[inline]
     fn decode(self, _: &[f32; 256]) -> Vec4 {
@@ -123,7 +123,7 @@ impl Texel for [f32; 4] {
 pub(super) struct Level<T> {
     pub(super) width: u32,
     pub(super) height: u32,
-    /// `[width × height]`, never empty.
+    /// Texels, `[width × height]`, never empty.
     pub(super) texels: Vec<T>,
 }
 
@@ -131,12 +131,12 @@ pub(super) struct Level<T> {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pyramid<T> {
     pub(super) encoding: Encoding,
-    /// Never empty; the last one has one texel.
+    /// Mip levels, at least one; the last has one texel.
     pub(super) levels: Vec<Level<T>>,
 }
 
 impl<T: Texel> Pyramid<T> {
-    /// Panics unless `texels` has `width × height` elements, at least one.
+    /// Computes the mip levels. Panics unless `texels` has `width × height` elements, at least one.
     pub(super) fn new(width: u32, height: u32, texels: Vec<T>, encoding: Encoding) -> Self {
         assert!(width > 0 && height > 0, "a picture of {width} × {height} has no texel");
         assert_eq!(texels.len(), width as usize * height as usize, "texels of a {width} × {height} picture");
@@ -150,7 +150,7 @@ impl<T: Texel> Pyramid<T> {
         Self { encoding, levels }
     }
 
-    /// The same with an edge of texels around it that are all 0.
+    /// Returns the picture with a border of texels that are all 0.
     pub(super) fn framed(&self) -> Self {
         let Level { width, height, texels } = &self.levels[0];
         let nothing = T::encode(Vec4::ZERO, self.encoding);
@@ -162,7 +162,8 @@ impl<T: Texel> Pyramid<T> {
         Self::new(width + 2, height + 2, framed, self.encoding)
     }
 
-    /// Itself and, beside and below, itself turned by half a turn.
+    /// Returns the picture, and beside and below it the picture rotated by 180°; see
+    /// [`Image::octahedral_period`](super::Image::octahedral_period).
     pub(super) fn octahedral_period(&self) -> Self {
         let Level { width, height, texels } = &self.levels[0];
         let mut period = Vec::with_capacity(4 * texels.len());
@@ -185,7 +186,7 @@ impl<T: Texel> Pyramid<T> {
     }
 }
 
-/// The up to three texels of the finer level that one texel of the coarser level covers, and their weights.
+/// The up to three texels of a level that one texel of the next coarser level covers, and their weights.
 #[derive(Clone, Copy)]
 struct Taps {
     start: usize,
@@ -193,7 +194,8 @@ struct Taps {
     weights: [f32; 3],
 }
 
-/// A box filter between sizes n and ⌊n/2⌋: exact for odd n too, where each texel covers 2 + 1/⌊n/2⌋ finer ones.
+/// Returns a box filter between sizes n and ⌊n/2⌋: exact also for odd n, where each texel covers 2 + 1/⌊n/2⌋ finer
+/// ones.
 fn taps(fine: u32) -> Vec<Taps> {
     let coarse = (fine / 2).max(1);
     (0..coarse)
@@ -212,7 +214,7 @@ fn taps(fine: u32) -> Vec<Taps> {
         .collect()
 }
 
-/// The next coarser level: averages of linear values.
+/// Returns the next coarser level: averages of linear values.
 fn halve<T: Texel>(fine: &Level<T>, encoding: Encoding) -> Level<T> {
     let (columns, rows) = (taps(fine.width), taps(fine.height));
     let table = encoding.table();

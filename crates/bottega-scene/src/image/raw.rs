@@ -1,4 +1,4 @@
-//! Texels as they lie in memory, for who copies them somewhere else.
+//! Texels as they are in memory, for copying, for example to a GPU.
 
 use super::pyramid::Encoding;
 use super::{Image, Texels, srgb, with_pyramid};
@@ -6,22 +6,22 @@ use super::{Image, Texels, srgb, with_pyramid};
 /// The texels of one mip level, row-major from the upper row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LevelTexels<'a> {
-    /// Codes of gray, opaque.
+    /// 8-bit gray codes, opaque.
     Gray8(&'a [u8]),
-    /// Codes of red, green and blue, opaque.
+    /// 8-bit RGB codes, opaque.
     Rgb8(&'a [[u8; 3]]),
-    /// The same with alpha, which is always linear.
+    /// 8-bit RGBA codes; alpha is linear.
     Rgba8(&'a [[u8; 4]]),
-    /// Linear, 65535 for 1.
+    /// 16-bit linear RGBA; 65535 is 1.
     Rgba16(&'a [[u16; 4]]),
-    /// Linear, opaque.
+    /// Linear RGB floats, opaque.
     Rgb32(&'a [[f32; 3]]),
-    /// Linear.
+    /// Linear RGBA floats.
     Rgba32(&'a [[f32; 4]]),
 }
 
 impl Image {
-    /// The texels of a mip level; level 0 is the finest. Panics when there is no such level.
+    /// Returns the texels of a mip level; level 0 is the finest. Panics if there is no such level.
     pub fn level_texels(&self, level: usize) -> LevelTexels<'_> {
         match &self.texels {
             Texels::Gray8(pyramid) => LevelTexels::Gray8(&pyramid.levels[level].texels),
@@ -33,13 +33,13 @@ impl Image {
         }
     }
 
-    /// Whether 8-bit codes of colours are to be read by [`linear_of_srgb_codes`].
+    /// Returns true if 8-bit colour codes convert by [`linear_of_srgb_codes`].
     pub fn is_srgb(&self) -> bool {
         with_pyramid!(&self.texels, pyramid => pyramid.encoding == Encoding::Srgb)
     }
 }
 
-/// Linear value of each 8-bit code of sRGB.
+/// Returns the linear value of each 8-bit sRGB code.
 pub fn linear_of_srgb_codes() -> &'static [f32; 256] {
     &srgb::LINEAR_OF_SRGB
 }

@@ -1,8 +1,8 @@
-//! The transfer function of sRGB (IEC 61966-2-1), by tables.
+//! The sRGB transfer function (IEC 61966-2-1), by tables.
 //!
-//! The tables are computed by the compiler with nothing but + − × ÷, so they have the same bits on every platform.
+//! The tables are computed at compile time with only + − × ÷, so they are bit-identical on every platform.
 
-/// Linear value of each 8-bit sRGB code.
+/// The linear value of each 8-bit sRGB code.
 pub(super) const LINEAR_OF_SRGB: [f32; 256] = {
     let mut table = [0.0; 256];
     let mut code = 0;
@@ -13,7 +13,7 @@ pub(super) const LINEAR_OF_SRGB: [f32; 256] = {
     table
 };
 
-/// Value of each 8-bit code that is already linear.
+/// The value of each 8-bit linear code.
 pub(super) const LINEAR_OF_UNORM: [f32; 256] = {
     let mut table = [0.0; 256];
     let mut code = 0;
@@ -24,7 +24,7 @@ pub(super) const LINEAR_OF_UNORM: [f32; 256] = {
     table
 };
 
-/// Linear value half-way (in the encoding) between code i and code i + 1.
+/// The linear value half-way (in the encoding) between code i and code i + 1.
 const THRESHOLDS: [f32; 255] = {
     let mut table = [0.0; 255];
     let mut code = 0;
@@ -51,12 +51,12 @@ const GUESSES: [u8; GUESS_CELLS] = {
     table
 };
 
-/// sRGB to linear, for one channel in [0, 1].
+/// Converts one channel in [0, 1] from sRGB to linear.
 pub(super) const fn decode(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { power_2_4((encoded + 0.055) / 1.055) }
 }
 
-/// x^2.4 = (x · x^⅕)², the fifth root by Newton's method; `x` in [0.08, 1].
+/// Computes x^2.4 = (x · x^⅕)², the fifth root by Newton's method; `x` in [0.08, 1].
 const fn power_2_4(x: f64) -> f64 {
     let mut root = 1.0;
     let mut step = 0;
@@ -68,7 +68,7 @@ const fn power_2_4(x: f64) -> f64 {
     (x * root) * (x * root)
 }
 
-/// The nearest 8-bit sRGB code of a linear value; values outside [0, 1] and NaN go to the ends.
+/// Returns the nearest 8-bit sRGB code of a linear value, clamped to [0, 1].
 pub(super) fn srgb_of_linear(linear: f32) -> u8 {
     let inside = linear.clamp(0.0, 1.0);
     let cell = ((inside * GUESS_CELLS as f32) as usize).min(GUESS_CELLS - 1);

@@ -15,7 +15,7 @@ pub(super) enum DecodedTexels {
 }
 
 impl DecodedTexels {
-    /// Makes sound numbers of floats; see [`values::mend`].
+    /// Replaces NaN, infinite and huge floats; see [`values::mend`].
     pub(super) fn mend(&mut self) -> Option<String> {
         match self {
             Self::Rgb32(texels) => values::mend(texels.as_flattened_mut()),

@@ -1,5 +1,5 @@
-//! Curves as Mitsuba 3 has them: a control point a line, `x y z radius`, and an empty line before each further curve
-//! (its documentation, Shapes, `bsplinecurve`). What follows the radius is left out, as there.
+//! Curve files of Mitsuba 3: a control point per line, `x y z radius`, and an empty line between curves (its
+//! documentation, Shapes, `bsplinecurve`). Further numbers on a line are ignored, as there.
 
 use std::path::Path;
 
@@ -11,16 +11,16 @@ use crate::budget::MemoryBudget;
 use crate::text::{decode, shortened};
 use crate::{COORDINATE_MAX, SceneError};
 
-/// Control points of curves, w the radius.
+/// Control points of curves; w is the radius.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Curves {
     points: Vec<Vec4>,
-    /// Where each of them ends in `points`.
+    /// End of each curve in `points`.
     ends: Vec<usize>,
 }
 
 impl Curves {
-    /// The control points of each curve.
+    /// Iterates over the control points of each curve.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &[Vec4]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| &self.points[start..end])
@@ -29,7 +29,7 @@ impl Curves {
 
 /// Reads a file of curves.
 ///
-/// - `least`: control points that each of them needs.
+/// - `least`: required number of control points per curve.
 pub(crate) fn read(path: &Path, bytes: &[u8], least: usize, budget: &MemoryBudget) -> Result<Curves, SceneError> {
     let source = MeshSource { path, budget };
     let text = decode(path, bytes, budget)?.text;
@@ -38,7 +38,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], least: usize, budget: &MemoryBudge
     budget.take(path, "", lines.saturating_mul(size_of::<Vec4>()))?;
     let mut curves = Curves::default();
     let block = LineBlock { text: bytes, first_line: 1 };
-    // Of the curve that is being read, its first line.
+    // First line of the current curve.
     let mut start = None;
     for (number, line) in block.lines() {
         let locate = |fault| source.located(block.locate(number, fault));

@@ -1,4 +1,4 @@
-//! Compressed files: unfolded to no more than what the scene may take.
+//! Decompression within the scene's memory limit.
 
 use std::io::Read;
 
@@ -9,13 +9,13 @@ use crate::budget::HeldBytes;
 /// The first bytes of a gzip file (RFC 1952).
 pub(super) const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
 
-/// The most that deflate can unfold one byte to.
+/// The greatest compression ratio of deflate.
 pub(super) const RATIO_MAX: usize = 1032;
 
-/// Unfolds a gzip file. The memory is booked as long as the second result is kept.
+/// Decompresses a gzip file. Its memory stays booked until the second result is dropped.
 pub(super) fn gunzip<'a>(source: MeshSource<'a>, bytes: &[u8]) -> Result<(Vec<u8>, HeldBytes<'a>), SceneError> {
     let limit = source.budget.limit();
-    // The last four bytes are the length modulo 2³²: a hint, where it can be true.
+    // The last four bytes are the length modulo 2³²: only a hint.
     let length = bytes.last_chunk().map_or(0, |length| u32::from_le_bytes(*length) as usize);
     let mut unfolded = Vec::new();
     let likely = length.min(bytes.len().saturating_mul(RATIO_MAX)).min(limit);

@@ -1,24 +1,24 @@
-//! Text of many lines, in pieces that threads share.
+//! Text files of many lines, split into blocks for several threads.
 
 use rayon::prelude::*;
 
 use crate::text::column;
 
-/// Bytes of a piece, about.
+/// Approximate size of a block, in bytes.
 const BLOCK_BYTES: usize = 1 << 20;
 
-/// Whole lines of a text.
+/// A block of whole lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineBlock<'a> {
     pub(super) text: &'a [u8],
-    /// The number of the first line in its file, counted from 1.
+    /// Number of the first line in the file, counted from 1.
     pub(super) first_line: usize,
 }
 
-/// What is wrong with a part of a text.
+/// An error at a part of a text.
 #[derive(Debug)]
 pub(super) struct LineFault<'t> {
-    /// The word, or where one is missing.
+    /// The invalid word, or the position of a missing one.
     pub(super) at: &'t [u8],
     pub(super) problem: String,
 }
@@ -29,7 +29,7 @@ impl<'t> LineFault<'t> {
     }
 }
 
-/// What is wrong with a file, and its place there: line and column, counted from 1.
+/// An error at a line and column of a file, counted from 1.
 #[derive(Debug)]
 pub(super) struct LocatedFault {
     pub(super) line: usize,
@@ -37,9 +37,9 @@ pub(super) struct LocatedFault {
     pub(super) problem: String,
 }
 
-/// Cuts a text whose first line has the number `first_line` into pieces.
+/// Splits a text, whose first line has the number `first_line`, into blocks.
 ///
-/// - `continues`: whether a line that ends with a backslash goes on in the next one; such lines stay together.
+/// - `continues`: a trailing backslash continues a line; such lines stay together.
 pub(super) fn blocks(text: &[u8], first_line: usize, continues: bool) -> Vec<LineBlock<'_>> {
     let mut pieces = Vec::new();
     let mut rest = text;
@@ -69,18 +69,18 @@ pub(super) fn blocks(text: &[u8], first_line: usize, continues: bool) -> Vec<Lin
     pieces.into_iter().zip(counts).map(block).collect()
 }
 
-/// Whether a line, without its newline, goes on in the next one.
+/// Returns true if a line, without its newline, continues on the next one.
 pub(super) fn ends_with_backslash(line: &[u8]) -> bool {
     line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\")
 }
 
 fn newline_count(text: &[u8]) -> usize {
-    // Counted in bytes of 255 lines at most, the compiler makes it wide.
+    // Sums of at most 255 fit into a byte, so the compiler can vectorize them.
     text.chunks(255).map(|chunk| usize::from(chunk.iter().map(|&byte| u8::from(byte == b'\n')).sum::<u8>())).sum()
 }
 
 impl<'a> LineBlock<'a> {
-    /// Its lines with their numbers, without spaces around them.
+    /// Iterates over the lines with their numbers, trimmed.
     pub(super) fn lines(self) -> impl Iterator<Item = (usize, &'a [u8])> {
         let text = self.text.strip_suffix(b"\n").unwrap_or(self.text);
         let lines = text.split(|&byte| byte == b'\n');
@@ -89,7 +89,7 @@ impl<'a> LineBlock<'a> {
 }
 
 impl LineBlock<'_> {
-    /// The place of a fault. `line`: what is told where its part is not of this text, being of lines that were joined.
+    /// Returns the position of a fault. `line`: reported instead if its part is not in this text, as in joined lines.
     pub(super) fn locate(self, line: usize, fault: LineFault<'_>) -> LocatedFault {
         let LineFault { at, problem } = fault;
         let offset = at.as_ptr().addr().checked_sub(self.text.as_ptr().addr());
@@ -100,8 +100,8 @@ impl LineBlock<'_> {
         LocatedFault { line: self.first_line + newline_count(before), column: column(&self.text[start..], at), problem }
     }
 
-    /// Its lines, those that a backslash continues as one, without comments, which end with their line. `visit` gets the number
-    /// of the first line.
+    /// Visits the lines, joined where a backslash continues them, without comments, which end with their line. `visit`
+    /// gets the number of the first line.
     pub(super) fn for_each_statement(
         self,
         mut visit: impl for<'t> FnMut(usize, &'t [u8]) -> Result<(), LineFault<'t>>,
@@ -135,7 +135,7 @@ impl LineBlock<'_> {
     }
 }
 
-/// Whether a comment follows numbers. Names may contain the sign.
+/// Returns true if a line of numbers has a comment. Names may contain `#`.
 fn has_comment(line: &[u8]) -> bool {
     let mut words = line;
     let may_have_one = matches!(next_word(&mut words), Some(word) if !word.first().is_some_and(u8::is_ascii_alphabetic))
@@ -143,7 +143,7 @@ fn has_comment(line: &[u8]) -> bool {
     may_have_one && std::iter::from_fn(|| next_word(&mut words)).any(|word| word.starts_with(b"#"))
 }
 
-/// Takes the next word off a line, or off numbers before a comment.
+/// Takes the next word off a line of numbers; `None` at a comment or the end.
 pub(super) fn next_number<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
     let mut rest = *line;
     let word = next_word(&mut rest).filter(|word| !word.starts_with(b"#"))?;
@@ -151,7 +151,7 @@ pub(super) fn next_number<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
     Some(word)
 }
 
-/// Takes the next word off a line. `None`: there is none.
+/// Takes the next word off a line; `None` at the end.
 pub(super) fn next_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
     let start = line.iter().position(|byte| !byte.is_ascii_whitespace())?;
     let rest = &line[start..];
@@ -160,12 +160,12 @@ pub(super) fn next_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
     Some(&rest[..end])
 }
 
-/// A decimal number, rounded to the nearest `f32`.
+/// Parses a decimal number, rounded to the nearest `f32`.
 pub(super) fn float(word: &[u8]) -> Option<f32> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// A whole number that fits.
+/// Parses an integer of at most 18 digits.
 pub(super) fn integer(word: &[u8]) -> Option<i64> {
     let (digits, negative) = match word {
         [b'-', digits @ ..] => (digits, true),

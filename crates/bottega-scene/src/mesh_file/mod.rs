@@ -1,8 +1,7 @@
-//! Files that hold a mesh: PLY, OBJ with its materials, Mitsuba's serialized meshes. Mitsuba's files of curves, too.
+//! Readers of mesh files: PLY, OBJ with materials, Mitsuba's serialized meshes and curves.
 //!
-//! Texture coordinates are those of the file: whoever asked for the mesh knows whether v points up or down there, and
-//! calls [`Mesh::flip_v`] where it points up. Numbers that are no positions, and indices of vertices that are not
-//! there, are errors that name the place; normals without direction are mended.
+//! Texture coordinates are as in the file: the caller knows whether v points up, and then calls [`Mesh::flip_v`].
+//! Invalid positions and vertex indices are errors with a location; invalid normals are replaced.
 
 pub(crate) mod curves;
 mod inflate;
@@ -26,8 +25,7 @@ use crate::{Mesh, SceneError};
 
 pub(crate) use scene::{import, recognizes};
 
-/// Unfolds a gzip file, or gives the bytes back where they are none. The memory is booked as long as the second result is
-/// kept.
+/// Decompresses a gzip file; returns other bytes unchanged. The memory stays booked until the second result is dropped.
 pub(crate) fn unfolded<'a>(
     path: &'a Path,
     bytes: Vec<u8>,
@@ -39,12 +37,12 @@ pub(crate) fn unfolded<'a>(
     inflate::gunzip(MeshSource { path, budget }, &bytes).map(|(bytes, held)| (bytes, Some(held)))
 }
 
-/// A colour that can be computed with: no channel is negative, infinite or not a number.
+/// Replaces negative, infinite and NaN channels of a colour.
 fn clean(color: Vec4) -> Vec4 {
     Vec4::select(color.cmpge(Vec4::ZERO), color.min(Vec4::splat(f32::MAX)), Vec4::ZERO)
 }
 
-/// Mends what would poison the shading, and drops what says nothing.
+/// Replaces invalid normals, texture coordinates and colours, and drops colours that are all white.
 fn finish(mut mesh: Mesh) -> Mesh {
     mesh.mend_normals();
     mesh.uvs[0].par_iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = Vec2::ZERO);

@@ -1,4 +1,4 @@
-//! Libraries of materials for OBJ files, with the extension for physically based rendering that exporters share.
+//! MTL, material libraries of OBJ files, with the common extension for physically based rendering.
 
 use std::path::Path;
 
@@ -10,10 +10,10 @@ use crate::SceneError;
 use crate::budget::MemoryBudget;
 use crate::text::{Text, decode, shortened};
 
-/// A material as the file describes it. `None` where it is silent.
+/// A material of the file. `None`: not given.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct MtlMaterial {
-    /// The name after `newmtl`.
+    /// Name after `newmtl`.
     pub(crate) name: String,
     /// Line of `newmtl`.
     pub(crate) line: usize,
@@ -23,33 +23,33 @@ pub(crate) struct MtlMaterial {
     pub(crate) specular: Option<Vec3>,
     /// `Ke`: emission.
     pub(crate) emission: Option<Vec3>,
-    /// `Ns`: exponent of Phong's highlight.
+    /// `Ns`: exponent of a Phong highlight.
     pub(crate) exponent: Option<f32>,
     /// `Ni`: index of refraction.
     pub(crate) ior: Option<f32>,
     /// `d`, or 1 − `Tr`: opacity.
     pub(crate) opacity: Option<f32>,
-    /// `Tf`: colour of what is transmitted.
+    /// `Tf`: colour of the transmitted light.
     pub(crate) transmission: Option<Vec3>,
     /// `Pr`: perceptual roughness.
     pub(crate) roughness: Option<f32>,
     /// `Pm`: metalness.
     pub(crate) metallic: Option<f32>,
-    /// `illum`: the model of illumination.
+    /// `illum`: illumination model.
     pub(crate) illum: Option<u32>,
-    /// `map_Kd`.
+    /// `map_Kd`: map of [`diffuse`](Self::diffuse).
     pub(crate) diffuse_map: Option<MtlMap>,
-    /// `map_Ks`.
+    /// `map_Ks`: map of [`specular`](Self::specular).
     pub(crate) specular_map: Option<MtlMap>,
-    /// `map_Ke`.
+    /// `map_Ke`: map of [`emission`](Self::emission).
     pub(crate) emission_map: Option<MtlMap>,
-    /// `map_d`.
+    /// `map_d`: map of [`opacity`](Self::opacity).
     pub(crate) opacity_map: Option<MtlMap>,
-    /// `map_Pr`.
+    /// `map_Pr`: map of [`roughness`](Self::roughness).
     pub(crate) roughness_map: Option<MtlMap>,
-    /// `map_Pm`.
+    /// `map_Pm`: map of [`metallic`](Self::metallic).
     pub(crate) metallic_map: Option<MtlMap>,
-    /// `map_bump` and `bump`: heights.
+    /// `map_bump` or `bump`: heights.
     pub(crate) bump_map: Option<MtlMap>,
     /// `norm`: a normal map.
     pub(crate) normal_map: Option<MtlMap>,
@@ -58,36 +58,36 @@ pub(crate) struct MtlMaterial {
 /// A picture with its options.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct MtlMap {
-    /// As it stands in the file: relative to the folder of the library.
+    /// Reference in the file, relative to the folder of the library.
     pub(crate) reference: String,
     /// Line of the statement.
     pub(crate) line: usize,
-    /// `-s`: multiplies the texture coordinates.
+    /// `-s`: factor of the texture coordinates.
     pub(crate) scale: Vec2,
-    /// `-o`: added to them.
+    /// `-o`: offset of the texture coordinates.
     pub(crate) offset: Vec2,
-    /// `-clamp on`: not repeated.
+    /// `-clamp on`: `true` if the picture is not repeated.
     pub(crate) clamp: bool,
     /// `-bm`: strength of a bump map.
     pub(crate) strength: Option<f32>,
 }
 
-/// A library of materials.
+/// A material library.
 #[derive(Debug, Default)]
 pub(crate) struct MtlFile {
     pub(crate) materials: Vec<MtlMaterial>,
-    /// Lines, and what is to be told of them.
+    /// Lines, and warnings about them.
     pub(crate) notes: Vec<(usize, String)>,
 }
 
-/// Statements that are told of, at most.
+/// Maximal number of warnings about statements.
 const NOTES_MAX: usize = 20;
 
-/// Statements that change nothing here: ambient light is what rasterizers have in place of the light that goes on from surface to surface,
-/// and the rest says how they look pictures up.
+/// Statements without effect here: ambient light, which rasterizers use instead of indirect light, and texture
+/// filtering.
 const NEEDLESS: [&[u8]; 5] = [b"ka", b"map_ka", b"map_aat", b"sharpness", b"km"];
 
-/// Reads a library. Statements that are not followed, or damaged, are left out and reported.
+/// Reads a library. Unsupported and damaged statements are left out and reported.
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.
@@ -123,7 +123,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
 }
 
 impl MtlMaterial {
-    /// Takes a statement in. What of it is not followed is added to `notes`.
+    /// Parses a statement. Warnings about unsupported parts are added to `notes`.
     fn set<'t>(
         &mut self,
         keyword: &[u8],
@@ -152,7 +152,7 @@ impl MtlMaterial {
             b"map_pm" => self.metallic_map = map(),
             b"map_bump" | b"bump" => self.bump_map = map(),
             b"norm" | b"map_kn" => self.normal_map = map(),
-            // Exporters write them with 0, too.
+            // Exporters also write these with 0.
             b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" if number(words)? == 0.0 => {}
             needless if NEEDLESS.contains(&needless) => {}
             _ => {
@@ -164,7 +164,7 @@ impl MtlMaterial {
     }
 }
 
-/// A number that is one: finite.
+/// Parses a finite number.
 fn number(mut words: &[u8]) -> Result<f32, LineFault<'_>> {
     let word = next_word(&mut words).ok_or_else(|| LineFault::new(words, "a number is missing"))?;
     let value = float(word).filter(|value| value.is_finite());
@@ -172,7 +172,7 @@ fn number(mut words: &[u8]) -> Result<f32, LineFault<'_>> {
         .ok_or_else(|| LineFault::new(word, format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word)))))
 }
 
-/// One number for all, or three. `None`: a spectrum or XYZ, which nobody writes.
+/// Parses one number for all channels, or three. `None`: a spectrum or XYZ, which are unsupported.
 fn color(words: &[u8]) -> Result<Option<Vec3>, LineFault<'_>> {
     let mut rest = words;
     if matches!(next_word(&mut rest), Some(b"spectral" | b"xyz")) {
@@ -192,8 +192,8 @@ fn color(words: &[u8]) -> Result<Option<Vec3>, LineFault<'_>> {
     Ok(Some(color.max(Vec3::ZERO)))
 }
 
-/// Options, then the name, which may contain spaces. `None`: there is no name. Options that are not followed are added to `notes`, but for
-/// those that only say how a picture is filtered.
+/// Parses options, then the name, which may contain spaces. `None`: there is no name. Unsupported options are added to
+/// `notes`, except those of texture filtering.
 fn map(words: &[u8], line: usize, notes: &mut Vec<String>) -> Option<MtlMap> {
     let mut map =
         MtlMap { reference: String::new(), line, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: None };
@@ -236,7 +236,7 @@ fn map(words: &[u8], line: usize, notes: &mut Vec<String>) -> Option<MtlMap> {
     }
 }
 
-/// One to three numbers; of them the first two. Absent ones are `default`.
+/// Takes one to three numbers, of which the first two are returned. Absent ones are `default`.
 fn vector(words: &mut &[u8], default: f32) -> Vec2 {
     let mut values = [default; 3];
     for value in &mut values {

@@ -1,4 +1,4 @@
-//! Changes to whole meshes that the formats ask for.
+//! Changes of whole meshes that formats require.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use crate::Mesh;
 
 impl Mesh {
-    /// Gives every vertex the mean of the normals of the triangles around it, weighted by their angles there (Thürmer and
-    /// Wüthrich, Computing vertex normals from polygonal facets, 1998), whatever its normals were.
+    /// Replaces the normals by the means of the adjacent triangles' normals, weighted by their angles at the vertex
+    /// (Thürmer and Wüthrich, Computing vertex normals from polygonal facets, 1998).
     pub(crate) fn smooth_normals(&mut self) {
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
         for triangle in &self.triangles {
@@ -23,7 +23,7 @@ impl Mesh {
         self.mend_normals();
     }
 
-    /// Turns v over: from a format where it points up to ours, where it points down. Both sets.
+    /// Flips v of both sets, from pointing up to pointing down.
     pub(crate) fn flip_v(&mut self) {
         for uvs in &mut self.uvs {
             uvs.par_iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);

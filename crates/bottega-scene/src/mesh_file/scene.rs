@@ -1,4 +1,4 @@
-//! A file that holds a mesh as a scene of its own: its surfaces, and nothing else.
+//! Import of a mesh file as a scene: its surfaces, and nothing else.
 
 use std::path::Path;
 
@@ -14,12 +14,12 @@ use crate::origin::rounding;
 use crate::resource::Resources;
 use crate::{Layered, Material, Mesh, Scene, SceneError, Spectrum};
 
-/// Whether a file holds a mesh in a format of ours, by its first bytes or its name.
+/// Recognizes a mesh file by its first bytes or its name.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
     ply::recognizes(path, file) || serialized::recognizes(file) || obj::recognizes(path)
 }
 
-/// Builds the scene of a file that [`recognizes`] accepts. It has neither lights nor cameras, unless a material shines.
+/// Imports a file that [`recognizes`] accepts. The scene has no cameras, and no lights except emissive materials.
 pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let budget = resources.budget();
@@ -55,12 +55,12 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
     Ok((scene, Metadata { format, ..Metadata::default() }, RenderHints::default()))
 }
 
-/// Plain, light gray: for surfaces that no material is known for.
+/// Returns the material for surfaces without one: light gray.
 fn default_material() -> Material {
     Layered { base_color: Spectrum::splat(0.8).into(), roughness: 0.6.into(), ..Layered::default() }.into()
 }
 
-/// Shows a mesh with the plain material, which has no use for texture coordinates.
+/// Places a mesh with the default material, without texture coordinates.
 fn add(scene: &mut Scene, mesh: Mesh) {
     if mesh.triangles.is_empty() {
         return;

@@ -1,7 +1,7 @@
-//! Meshes as Mitsuba serializes them: several in one file, each compressed, and a table of them at the end.
+//! Mitsuba's serialized meshes: several compressed meshes per file, with a table at the end.
 //!
 //! The format is described with the `serialized` shape in the documentation of Mitsuba 3: little-endian; each mesh
-//! begins with the magic number and the version, uncompressed, and goes on as a zlib stream.
+//! begins with the magic number and version, uncompressed, followed by a zlib stream.
 
 use std::io::Read;
 use std::path::Path;
@@ -18,23 +18,23 @@ use crate::{Mesh, SceneError};
 
 const MAGIC: u16 = 0x041c;
 
-/// Bits of a mesh's flags.
+/// Flags of a mesh.
 const HAS_NORMALS: u32 = 0x0001;
 const HAS_UVS: u32 = 0x0002;
 const HAS_COLORS: u32 = 0x0008;
 const IS_FACETED: u32 = 0x0010;
 const IS_DOUBLE: u32 = 0x2000;
 
-/// Whether a file is one of ours, by its first bytes.
+/// Recognizes a file by its first bytes.
 pub(crate) fn recognizes(bytes: &[u8]) -> bool {
     bytes.starts_with(&MAGIC.to_le_bytes()) && matches!(bytes.get(2..4), Some([3 | 4, 0]))
 }
 
-/// Reads one of the meshes of a file.
+/// Reads one mesh of a file.
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.
-/// - `shape_index`: which mesh, counted from 0.
+/// - `shape_index`: index of the mesh, from 0.
 pub(crate) fn read(path: &Path, bytes: &[u8], shape_index: u32, budget: &MemoryBudget) -> Result<Mesh, SceneError> {
     let source = MeshSource { path, budget };
     if !recognizes(bytes) {
@@ -51,12 +51,12 @@ pub(crate) fn read(path: &Path, bytes: &[u8], shape_index: u32, budget: &MemoryB
     let compressed = &bytes[4..];
     let decoder = flate2::bufread::ZlibDecoder::new(compressed);
     let place = format!("shape {shape_index} at byte {start}");
-    // Each array is checked against what so much data can unfold to, before it is allocated.
+    // Before allocating, check each array against the greatest size of the decompressed data.
     let capacity = compressed.len().saturating_mul(inflate::RATIO_MAX);
     Stream { source, decoder, capacity, unfolded: 0, place }.mesh(bytes[2] == 4)
 }
 
-/// How many meshes a file holds.
+/// Returns the number of meshes in a file.
 pub(crate) fn count(path: &Path, bytes: &[u8]) -> Result<u32, SceneError> {
     table(bytes).map(|table| table.count as u32).ok_or_else(|| no_table(path))
 }
@@ -64,7 +64,7 @@ pub(crate) fn count(path: &Path, bytes: &[u8]) -> Result<u32, SceneError> {
 /// The table at the end of a file: offsets, then their number.
 struct OffsetTable {
     start: usize,
-    /// Bytes of an offset.
+    /// Size of an offset, in bytes.
     width: usize,
     count: usize,
 }
@@ -80,7 +80,7 @@ fn no_table(path: &Path) -> SceneError {
     SceneError::Damaged { path: path.into(), problem: "the table at its end is not there".into() }
 }
 
-/// Where a mesh is.
+/// Returns the byte range of a mesh.
 fn find(source: MeshSource<'_>, bytes: &[u8], shape_index: u32) -> Result<std::ops::Range<usize>, SceneError> {
     let OffsetTable { start: table, width, count } = table(bytes).ok_or_else(|| no_table(source.path))?;
     let offset = |index: usize| {
@@ -103,13 +103,13 @@ fn find(source: MeshSource<'_>, bytes: &[u8], shape_index: u32) -> Result<std::o
     }
 }
 
-/// The unfolding data of one mesh.
+/// The decompressor of one mesh.
 struct Stream<'a, R> {
     source: MeshSource<'a>,
     decoder: R,
-    /// Bytes that may still come, at most.
+    /// Maximal number of bytes to come.
     capacity: usize,
-    /// Bytes that came already.
+    /// Bytes read so far.
     unfolded: usize,
     place: String,
 }
@@ -166,7 +166,7 @@ impl<R: Read> Stream<'_, R> {
         self.source.invalid(self.place.as_str(), problem)
     }
 
-    /// What is wrong with what was just read, or is to be read next.
+    /// Makes an error at the current position.
     fn invalid_here(&self, problem: impl Into<String>) -> SceneError {
         self.source.invalid(format!("{}, byte {} of its data when unfolded", self.place, self.unfolded), problem)
     }
@@ -193,7 +193,7 @@ impl<R: Read> Stream<'_, R> {
         usize::try_from(count).map_err(|_| self.invalid_here(format!("announces {count} elements")))
     }
 
-    /// Text up to a zero byte.
+    /// Reads text up to a zero byte.
     fn name(&mut self) -> Result<String, SceneError> {
         const LENGTH_MAX: usize = 1 << 12;
         let mut name = Vec::new();
@@ -208,7 +208,7 @@ impl<R: Read> Stream<'_, R> {
         }
     }
 
-    /// `count` numbers or groups of numbers of 4 bytes each, little-endian.
+    /// Reads `count` elements of 4-byte numbers, little-endian.
     fn numbers<T: Pod>(&mut self, count: usize) -> Result<Vec<T>, SceneError> {
         if count.saturating_mul(size_of::<T>()) > self.capacity {
             return Err(self.invalid_here(format!("announces {count} elements, more than its data can unfold to")));
@@ -222,7 +222,7 @@ impl<R: Read> Stream<'_, R> {
         Ok(values)
     }
 
-    /// Vectors of `N` floats, or of `N` doubles that are rounded.
+    /// Reads vectors of `N` floats, or of `N` doubles, which are rounded.
     fn vectors<const N: usize, T: Pod>(&mut self, count: usize, is_double: bool) -> Result<Vec<T>, SceneError> {
         if !is_double {
             return self.numbers(count);

@@ -1,4 +1,4 @@
-//! The file that a reader of meshes reads.
+//! The file of a mesh reader, for errors and memory.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use super::lines::LocatedFault;
 use crate::SceneError;
 use crate::budget::MemoryBudget;
 
-/// The file that is being read, for errors and for the memory that it may take.
+/// The file that is being read, for errors and for the memory budget.
 #[derive(Clone, Copy)]
 pub(super) struct MeshSource<'a> {
     pub(super) path: &'a Path,
@@ -28,10 +28,10 @@ impl MeshSource<'_> {
         SceneError::Damaged { path: self.path.into(), problem: problem.into() }
     }
 
-    /// Books memory and takes it, all zero. The caller has checked that the file can hold so many.
+    /// Books and allocates zeroed memory. The caller has checked that the file can hold that many.
     pub(super) fn zeroed<T: Pod>(&self, count: usize) -> Result<Vec<T>, SceneError> {
         self.budget.take(self.path, "", count.saturating_mul(size_of::<T>()))?;
-        // Fresh zeros of the system are touched first by the threads that fill them.
+        // The system's zero pages are first touched by the threads that fill them.
         bytemuck::allocation::try_zeroed_vec(count).map_err(|()| SceneError::Read {
             path: self.path.into(),
             by: String::new(),

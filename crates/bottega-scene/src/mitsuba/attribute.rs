@@ -1,7 +1,7 @@
-//! Values by vertex and by face, which textures of the type `mesh_attribute` read.
+//! Textures of the type `mesh_attribute`: values per vertex or per face.
 //!
-//! They become pictures: each triangle has four texels of its own, between which bilinear interpolation is what
-//! interpolation over the triangle is. So they can stand wherever a picture can.
+//! They become pictures: each triangle has four texels, and bilinear interpolation of those equals interpolation over
+//! the triangle. So they can be used like any picture.
 
 use glam::{Affine2, Vec2, Vec3};
 
@@ -12,17 +12,17 @@ use crate::mesh_file::ply::{self, Attribute};
 use crate::text::shortened;
 use crate::{Channel, Image, Mesh, SceneError, Spectrum, TextureMap, Wrap};
 
-/// Texture coordinates are so many times as large as the picture: the width of lookups, which is that of other pictures,
-/// is nothing beside them, and no lookup leaves its triangle.
+/// Ratio of the texture coordinates to the picture: lookup footprints, sized for other pictures, become negligible, and
+/// no lookup leaves its triangle.
 const UNITS: f32 = 1_048_576.0;
 
-/// Where the corners of a triangle lie between its four texels: far enough from the edges that rounding leads over none.
+/// The positions of a triangle's corners between its four texels: far enough from the edges that rounding crosses none.
 const CORNERS: [Vec2; 3] = [Vec2::new(0.125, 0.125), Vec2::new(0.875, 0.125), Vec2::new(0.125, 0.875)];
 
 impl Importer<'_> {
-    /// A texture of the attribute of a name. Its picture is made when the mesh is there.
+    /// Returns a texture of the named attribute. Its picture is made once the mesh is read.
     ///
-    /// - `is_number`: its luminance is wanted.
+    /// - `is_number`: its luminance is used.
     pub(super) fn await_attribute(&mut self, name: &str, is_number: bool, scale: f32) -> Texture {
         let image = self.pictures.add(Image::from_linear_rgb(shortened(name), 1, 1, vec![[0.5; 3]]));
         self.awaited.push(AwaitedTexture { name: name.into(), image, is_number });
@@ -37,7 +37,7 @@ impl Importer<'_> {
         Texture { factor: Spectrum::splat(scale), map: Some((map, Some(Channel::R))) }
     }
 
-    /// Makes the pictures that the material of a mesh waits for, and lays them on it.
+    /// Makes the pictures that the material of a mesh needs, and adds texture coordinates for them.
     pub(super) fn with_attributes(
         &mut self,
         object: &Object,
@@ -73,7 +73,7 @@ impl Importer<'_> {
             return Ok(mesh);
         }
         let tiles = Tiles::new(mesh.triangles.len());
-        // Four texels with their mip levels for each attribute, and corners of its own for each triangle.
+        // Four texels with mip levels per attribute, and three vertices per triangle.
         let texels = found.len().saturating_mul(mesh.triangles.len()).saturating_mul(6 * size_of::<[f32; 3]>());
         self.take(object.at, texels.saturating_add(mesh.memory_bytes().saturating_mul(3)))?;
         for (awaited, Attribute { channels, mut values }) in found {
@@ -89,7 +89,7 @@ impl Importer<'_> {
             };
             self.pictures.replace(awaited.image, image);
         }
-        // Triangles that share no vertices have no smooth normals.
+        // Unshared vertices cannot have smooth normals: compute these first.
         if mesh.normals.is_empty() {
             mesh.smooth_normals();
         }
@@ -98,7 +98,7 @@ impl Importer<'_> {
         Ok(mesh)
     }
 
-    /// An attribute of the file itself, or the colours of its faces.
+    /// Returns an attribute of the file, or the colours of its faces.
     fn attribute(
         &self,
         location: &crate::resource::Location,
@@ -117,7 +117,7 @@ impl Importer<'_> {
     }
 }
 
-/// How the triangles of a mesh share a picture out: two by two texels each, row by row.
+/// The arrangement of triangles in a picture: two by two texels each, row by row.
 #[derive(Clone, Copy, Debug)]
 struct Tiles {
     columns: usize,
@@ -130,29 +130,29 @@ impl Tiles {
         Self { columns, rows: count.div_ceil(columns).max(1) }
     }
 
-    /// Texture coordinates of the corners of a triangle.
+    /// Returns the texture coordinates of a triangle's corners.
     fn corners(&self, triangle: usize) -> [Vec2; 3] {
         let tile = Vec2::new((triangle % self.columns) as f32, (triangle / self.columns) as f32);
         let size = Vec2::new(self.columns as f32, self.rows as f32);
-        // From the centre of the first texel to that of the second is half a tile.
+        // Adjacent texel centres are half a tile apart.
         CORNERS.map(|corner| (tile + 0.25 + 0.5 * corner) / size * UNITS)
     }
 
-    /// A picture of one value for each triangle.
+    /// Makes a picture of one value per triangle.
     fn face_image(&self, name: &str, values: &[[f32; 3]]) -> Image {
         let mut texels = values.to_vec();
         texels.resize(self.columns * self.rows, [0.0; 3]);
         Image::from_linear_rgb(name, self.columns as u32, self.rows as u32, texels)
     }
 
-    /// A picture of one value for each vertex.
+    /// Makes a picture of one value per vertex.
     fn vertex_image(&self, name: &str, values: &[[f32; 3]], triangles: &[[u32; 3]]) -> Image {
         let width = 2 * self.columns;
         let mut texels = vec![[0.0; 3]; width * 2 * self.rows];
         let span = CORNERS[1].x - CORNERS[0].x;
         for (number, triangle) in triangles.iter().enumerate() {
             let [a, b, c] = triangle.map(|vertex| Vec3::from_array(values[vertex as usize]));
-            // So that no rounding makes what is 0 somewhere negative there.
+            // Add a margin, so that rounding makes no value negative.
             let above = a.max(b).max(c) * f32::EPSILON;
             let (along_x, along_y) = ((b - a) / span, (c - a) / span);
             let origin = a + above - (along_x + along_y) * CORNERS[0].x;

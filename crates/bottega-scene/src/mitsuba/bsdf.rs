@@ -1,4 +1,4 @@
-//! Materials: bsdfs with what emits and what lies on either side.
+//! Materials: bsdfs combined with emission and media.
 
 use super::color::{Role, Use};
 use super::document::{Class, Object, ObjectId};
@@ -13,12 +13,12 @@ use crate::{
     Shadowing, Sides, Spectrum, Surface,
 };
 
-/// A bsdf, before there is an emitter.
+/// A converted bsdf, before emission is added.
 #[derive(Clone, Debug)]
 struct LoweredBsdf {
     surface: Surface,
     back: Back,
-    /// `None`: opaque.
+    /// Opacity; `None`: opaque.
     opacity: Option<ScalarParam>,
     relief: Option<Relief>,
 }
@@ -29,7 +29,7 @@ impl LoweredBsdf {
         Self { surface, back, opacity: None, relief: None }
     }
 
-    /// What scatters on the back.
+    /// Returns the surface of the back.
     fn back_surface(&self) -> Surface {
         match &self.back {
             Back::Same => self.surface.clone(),
@@ -38,13 +38,13 @@ impl LoweredBsdf {
         }
     }
 
-    /// Whether light may go through.
+    /// Returns true if light may pass through.
     fn transmits(&self) -> bool {
         self.surface.transmits() || self.opacity.is_some()
     }
 
-    /// The same as a surface that every ray meets, and that lets through what it is not there for: Mitsuba's `mask` and `null`
-    /// are bsdfs of surfaces that are there, which shows where they shine, and where they are parts of others.
+    /// Turns opacity into a blend with a clear sheet, which every ray hits: Mitsuba's `mask` and `null` are bsdfs of
+    /// surfaces that exist, which matters for emission and within blends.
     fn met_everywhere(mut self) -> Self {
         let clear = |opacity: &ScalarParam, surface| Surface::blend(opacity.clone(), [Surface::Null, surface]);
         if let Some(opacity) = self.opacity.take() {
@@ -59,7 +59,7 @@ impl LoweredBsdf {
     }
 }
 
-/// What scatters on the back of a surface as another one does on the front.
+/// Returns the surface for the back that scatters there as the given one does on the front.
 fn mirrored(mut surface: Surface) -> Surface {
     match &mut surface {
         Surface::Dielectric(dielectric) if !dielectric.thin => dielectric.eta = dielectric.eta.recip(),
@@ -75,7 +75,7 @@ fn mirrored(mut surface: Surface) -> Surface {
 }
 
 impl Importer<'_> {
-    /// The material of a shape, made once for all shapes that share its parts.
+    /// Returns the material of a shape, shared by all shapes with the same parts.
     pub(super) fn material(&mut self, key: MaterialKey) -> Result<(u32, MeshNeeds), SceneError> {
         if let Some(&known) = self.materials.get(&key) {
             return Ok(known);
@@ -85,7 +85,7 @@ impl Importer<'_> {
         self.awaited.clear();
         let lowered = match bsdf {
             Some(bsdf) => self.bsdf(bsdf)?,
-            // What only shines is black.
+            // An emitter without a bsdf is black.
             None if emitter.is_some() => LoweredBsdf::one_sided(Surface::matte(Spectrum::ZERO)),
             None => LoweredBsdf::one_sided(Surface::matte(Spectrum::splat(0.5))),
         };
@@ -93,7 +93,7 @@ impl Importer<'_> {
             Some(emitter) => self.area_radiance(emitter)?,
             None => ColorParam::default(),
         };
-        // What is emitted does not go by opacity.
+        // Opacity does not affect emission.
         let shines = emission.factor.max_element() > 0.0;
         let lowered = if shines { lowered.met_everywhere() } else { lowered };
         let name = bsdf.map_or_else(String::new, |bsdf| self.document.get(bsdf).id.clone());
@@ -162,7 +162,7 @@ impl Importer<'_> {
         Ok(match object.plugin.as_str() {
             "null" => Surface::Null,
             "diffuse" => Surface::Diffuse(Diffuse {
-                // The old line has two names for it.
+                // Mitsuba 0.x has two names for it.
                 reflectance: match object.property("diffuse_reflectance").is_some()
                     || object.child("diffuse_reflectance").is_some()
                 {
@@ -180,7 +180,7 @@ impl Importer<'_> {
                     roughness,
                 })
             }
-            // What they do to polarized light is nothing to us.
+            // Their effect on polarization is ignored.
             "polarizer" | "circular" | "retarder" => {
                 let mut transmittance = self.color(object, "transmittance", Role::Reflectance, Spectrum::ONE)?;
                 transmittance.factor *= if object.plugin == "retarder" { 1.0 } else { 0.5 };
@@ -231,20 +231,20 @@ impl Importer<'_> {
         })
     }
 
-    /// What belongs to something that is not supported is not told of again.
+    /// Marks everything within an unsupported object as read, so that it is not reported again.
     pub(super) fn accept_all(&self, object: &Object) {
         object.properties.iter().for_each(|property| property.used.set(true));
         object.children.iter().for_each(|child| child.used.set(true));
     }
 
-    /// The bsdfs within one, in order.
+    /// Returns the nested bsdfs, in order.
     fn inner_bsdfs(&self, object: &Object) -> Vec<ObjectId> {
         let is_bsdf = |id: ObjectId| self.document.get(id).class == Class::Bsdf;
         let children = object.children.iter().filter(|child| is_bsdf(child.object));
         children.inspect(|child| child.used.set(true)).map(|child| child.object).collect()
     }
 
-    /// The only bsdf within one.
+    /// Converts the first nested bsdf.
     fn inner(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
         match self.inner_bsdfs(object).first() {
             Some(&id) => self.bsdf(id),
@@ -274,7 +274,7 @@ impl Importer<'_> {
             }
             (relief, back) = (relief.or(other.relief), other.surface);
         }
-        // The other side is this one seen in a mirror.
+        // The back is the mirror image of the front.
         if let Some(Relief { rule: ReliefRule::Mitsuba { mirrored, .. }, .. }) = &mut relief {
             *mirrored = true;
         }
@@ -292,7 +292,7 @@ impl Importer<'_> {
         Ok(LoweredBsdf { opacity: Some(opacity), ..inner })
     }
 
-    /// The texture within a bsdf, whatever its name.
+    /// Returns the first nested texture, whatever its name.
     fn inner_texture(&self, object: &Object) -> Option<ObjectId> {
         let is_texture = |id: ObjectId| self.document.get(id).class == Class::Texture;
         let child = object.children.iter().find(|child| is_texture(child.object))?;
@@ -345,7 +345,7 @@ impl Importer<'_> {
         Ok(self.blended(object, weight, first, second))
     }
 
-    /// Two bsdfs side by side. `weight` is the share of the second.
+    /// Blends two bsdfs. `weight` is the share of the second.
     fn blended(
         &mut self,
         object: &Object,
@@ -372,7 +372,7 @@ impl Importer<'_> {
         }
     }
 
-    /// Of the old line: any number of bsdfs, whose weights may leave a rest that absorbs.
+    /// Converts a mixture of Mitsuba 0.x: any number of bsdfs, whose weights may sum to less than 1; the rest absorbs.
     fn mixture(&mut self, object: &Object) -> Result<LoweredBsdf, SceneError> {
         let inner = self.inner_bsdfs(object);
         let text = self.bad(object.string("weights"))?.unwrap_or_default();
@@ -437,13 +437,13 @@ impl Importer<'_> {
         })
     }
 
-    /// Index of refraction inside over that outside.
+    /// Returns the index of refraction of the inside over the outside.
     fn eta(&mut self, object: &Object, interior: &str) -> Result<f32, SceneError> {
         let (inside, outside) = (self.ior(object, "int_ior", interior)?, self.ior(object, "ext_ior", "air")?);
         Ok(inside / outside)
     }
 
-    /// An index of refraction, by number or by name.
+    /// Returns an index of refraction, given by number or name.
     fn ior(&mut self, object: &Object, name: &str, default: &str) -> Result<f32, SceneError> {
         let by_name = |name: &str| mitsuba_ior(name).unwrap_or(1.5);
         let Some(property) = object.property(name) else { return Ok(by_name(default)) };
@@ -510,7 +510,7 @@ impl Importer<'_> {
     }
 }
 
-/// The same material on a surface that is turned inside out. `None` where that is another material altogether.
+/// Returns the material for a surface turned inside out. `None`: it cannot be expressed.
 pub(super) fn turned(material: &Material) -> Option<Material> {
     let mut turned = material.clone();
     turned.emission_sides = match material.emission_sides {

@@ -1,4 +1,4 @@
-//! Colours and numbers of properties: plain, spectral, or textures.
+//! Colours and numbers of properties: constants, spectra or textures.
 
 use glam::Vec3;
 
@@ -9,34 +9,34 @@ use super::xml::XmlPlace;
 use crate::spectrum::{Sampled, read_spd};
 use crate::{Channel, ColorParam, ScalarParam, SceneError, Spectrum};
 
-/// What a colour stands for.
+/// The quantity that a colour describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
-    /// A share of light, in [0, 1].
+    /// A reflectance or transmittance, in [0, 1].
     Reflectance,
-    /// What is emitted.
+    /// Emitted radiance.
     Radiance,
-    /// Any other spectrum, such as an index of refraction.
+    /// Another spectrum, such as an index of refraction.
     Unbounded,
 }
 
-/// What a texture is asked for.
+/// The use of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
-    /// The main colour of a surface, which that of a mesh multiplies.
+    /// The main reflectance of a surface, which mesh colours multiply.
     Base,
     Color(Role),
-    /// Its luminance.
+    /// A number: the texture's luminance.
     Number,
-    /// Its numbers as they are: a normal map.
+    /// A vector, unconverted: a normal map.
     Vector,
 }
 
-/// Least and greatest wavelength that Mitsuba takes for visible, in nm.
+/// Mitsuba's range of visible wavelengths, in nm.
 const VISIBLE: [f64; 2] = [360.0, 830.0];
 
 impl Importer<'_> {
-    /// A colour, which may be a texture.
+    /// Returns a colour or colour texture.
     pub(super) fn color(
         &mut self,
         object: &Object,
@@ -48,7 +48,7 @@ impl Importer<'_> {
             return Ok(self.property_color(property, role)?.into());
         }
         let Some(child) = object.child(name) else { return Ok(default.into()) };
-        // Colours of a mesh multiply what a surface mainly reflects, and nothing else.
+        // Mesh colours multiply only the main reflectance of a surface.
         let is_base = matches!(name, "reflectance" | "diffuse_reflectance" | "base_color");
         let wanted = if is_base { Use::Base } else { Use::Color(role) };
         let texture = self.texture(child.object, wanted)?;
@@ -56,7 +56,7 @@ impl Importer<'_> {
         Ok(ColorParam { factor, texture: texture.map.map(|(map, _)| map) })
     }
 
-    /// A colour that cannot be a texture: of one, the factor counts.
+    /// Returns a colour that cannot be a texture; the factor of a texture is used, with a warning.
     pub(super) fn plain_color(
         &mut self,
         object: &Object,
@@ -74,7 +74,7 @@ impl Importer<'_> {
         Ok(color.factor)
     }
 
-    /// A number, which may be a texture.
+    /// Returns a number or number texture.
     pub(super) fn scalar(&mut self, object: &Object, name: &str, default: f64) -> Result<ScalarParam, SceneError> {
         if let Some(property) = object.property(name) {
             let number = match property.value {
@@ -96,7 +96,7 @@ impl Importer<'_> {
         })
     }
 
-    /// The colour of a property.
+    /// Returns the colour of a property.
     pub(super) fn property_color(&mut self, property: &ObjectProperty, role: Role) -> Result<Spectrum, SceneError> {
         let color = match &property.value {
             Value::Rgb(rgb) => *rgb,
@@ -115,8 +115,8 @@ impl Importer<'_> {
         Ok(self.in_range(color, role, property.at))
     }
 
-    /// The same at all wavelengths: white for surfaces. Emitted, it has the colour of equal energy, which the old line
-    /// took for white too.
+    /// Returns the colour of a constant spectrum: white for surfaces. Emitted, it has the colour of equal energy,
+    /// except in Mitsuba 0.x, where it is also white.
     fn uniform(&self, value: f64, role: Role) -> Spectrum {
         if role == Role::Radiance && !self.document.is_old {
             Sampled::constant(value).mitsuba_radiance()
@@ -125,7 +125,7 @@ impl Importer<'_> {
         }
     }
 
-    /// The colour of a plugin for spectra. `None`: it is another texture.
+    /// Returns the colour of a spectrum plugin. `None`: it is another texture.
     pub(super) fn spectrum_plugin(&mut self, id: ObjectId, role: Role) -> Result<Option<Spectrum>, SceneError> {
         let object = self.document.get(id);
         if object.class != Class::Texture {
@@ -187,7 +187,7 @@ impl Importer<'_> {
         }))
     }
 
-    /// Brings a colour into the range of its role.
+    /// Clamps a colour to the range of its role, with a warning.
     fn in_range(&mut self, color: Vec3, role: Role, at: XmlPlace) -> Vec3 {
         let most = if role == Role::Reflectance { 1.0 } else { f32::MAX };
         let clamped = color.clamp(Vec3::ZERO, Vec3::splat(most));
@@ -206,7 +206,7 @@ fn spectrum_color(sampled: &Sampled, role: Role) -> Spectrum {
     }
 }
 
-/// Rec. 709.
+/// Returns the luminance of linear Rec. 709.
 pub(super) fn luminance(color: Spectrum) -> f32 {
     if color.x == color.y && color.y == color.z { color.x } else { color.dot(Vec3::new(0.2126, 0.7152, 0.0722)) }
 }

@@ -1,8 +1,8 @@
-//! Curves, `bsplinecurve` and `linearcurve` (Mitsuba 3's documentation, Shapes), as tubes of triangles.
+//! The shapes `bsplinecurve` and `linearcurve` (Mitsuba 3's documentation, Shapes), as tubes of triangles.
 //!
-//! `to_world` moves the control points and leaves their radii alone, as there. Tubes of B-splines are open at their ends;
-//! linear pieces meet in spheres, and end in them. Mitsuba culls the insides of curves: rays that start within leave them
-//! unhindered. Here they have an inside, black where the material has one side; it is seen through open ends.
+//! Like Mitsuba, `to_world` transforms the control points but not their radii. Tubes of B-splines are open at their
+//! ends; linear pieces meet and end in spheres. Mitsuba culls the insides of curves, so rays that start within pass
+//! unhindered. Here they have an inside, black if the material is one-sided, which is visible through open ends.
 
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4};
 
@@ -14,11 +14,11 @@ use crate::mesh_file::curves::{self, Curves};
 use crate::tube::{self, Ring, bezier_of_bspline};
 use crate::{COORDINATE_MAX, Mesh, SceneError};
 
-/// Pieces of one segment of a B-spline, at most.
+/// Maximal number of pieces per B-spline segment.
 const PIECES_MAX: f64 = 64.0;
 
 impl Importer<'_> {
-    /// The tubes of a shape.
+    /// Converts the curves of a shape to tubes.
     pub(super) fn curves(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
         let is_spline = object.plugin == "bsplinecurve";
         let location = self.filename(object)?;
@@ -40,9 +40,9 @@ impl Importer<'_> {
         self.finish(object, mesh, DMat4::IDENTITY, Normals::default(), false)
     }
 
-    /// The mesh of all curves. `None`: a point of theirs is out of reach.
+    /// Makes a mesh of all curves. `None`: a point is out of range.
     ///
-    /// - `rings`: cross-sections of a curve, whose `v` counts its segments.
+    /// - `rings`: returns the cross-sections of a curve, whose `v` counts its segments.
     fn tubes(
         &self,
         object: &Object,
@@ -75,7 +75,8 @@ impl Importer<'_> {
     }
 }
 
-/// Corners of a cross-section: fewer where there are so many curves that each is thin in the picture.
+/// Returns the number of corners of a cross-section: fewer if there are many curves, each of which is then small in the
+/// picture.
 fn sides(segments: usize) -> u32 {
     match segments {
         ..1_000 => 32,
@@ -85,26 +86,26 @@ fn sides(segments: usize) -> u32 {
     }
 }
 
-/// A control point in the space that a matrix leads to, with its own radius.
+/// Transforms a control point; the radius is unchanged.
 fn moved(point: &Vec4, matrix: &DMat4) -> DVec4 {
     matrix.transform_point3(point.truncate().as_dvec3()).extend(f64::from(point.w))
 }
 
-/// Where u = 0, measured on Mitsuba 3.9: u = ¼ is as far up +z as the axis allows.
+/// Returns the direction of u = 0, as measured on Mitsuba 3.9: u = ¼ is as close to +z as the axis allows.
 fn azimuth(axis: DVec3) -> DVec3 {
     (DVec3::Z - axis * axis.z).try_normalize().unwrap_or(DVec3::Y).cross(axis)
 }
 
-/// Cross-sections along a cubic B-spline; its ends are open.
+/// Returns cross-sections along a cubic B-spline with open ends.
 fn spline_rings(points: &[DVec4], sides: u32) -> Vec<Ring> {
     let mut rings = Vec::new();
     let mut last_axis = None;
     for (index, segment) in points.array_windows::<4>().enumerate() {
         let [a, b, c, d] = bezier_of_bspline(*segment);
-        // The chord of a cubic is off by at most an eighth of its greatest second derivative (de Boor).
+        // A chord deviates from a cubic by at most an eighth of its greatest second derivative (de Boor).
         let bend = (a - b * 2.0 + c).length().max((b - c * 2.0 + d).length());
         let length = (b - a).length() + (c - b).length() + (d - c).length();
-        // As round along the curve as it is around it.
+        // Use the same tolerance along the curve as around it.
         let radius = a.w.max(b.w).max(c.w).max(d.w);
         let sagitta = 1.0 - (std::f64::consts::PI / f64::from(sides)).cos();
         let tolerance = (2.0 * sagitta * radius).max(1e-5 * length).max(f64::MIN_POSITIVE);
@@ -130,9 +131,9 @@ fn spline_rings(points: &[DVec4], sides: u32) -> Vec<Ring> {
     rings
 }
 
-/// Cross-sections along straight pieces: the hull of the spheres around the points of each.
+/// Returns cross-sections along straight pieces: the hulls of the spheres around adjacent points.
 fn linear_rings(points: &[DVec4], sides: u32) -> Vec<Ring> {
-    // Pieces without length have nothing that their spheres have not.
+    // Merge coincident points: the larger sphere covers the smaller.
     let mut knots: Vec<(DVec4, f64)> = Vec::with_capacity(points.len());
     for (index, &point) in points.iter().enumerate() {
         match knots.last_mut() {
@@ -165,7 +166,7 @@ fn linear_rings(points: &[DVec4], sides: u32) -> Vec<Ring> {
             });
         } else if index > 0 && index + 1 < knots.len() {
             push(from, lean_from);
-            // Straight on, the same ring again would have triangles without area.
+            // On a straight line, skip a repeated ring, whose triangles have no area.
             if (lean_to - lean_from).abs() > 1e-6 {
                 push(to, lean_to);
             }
@@ -178,20 +179,20 @@ fn linear_rings(points: &[DVec4], sides: u32) -> Vec<Ring> {
     rings
 }
 
-/// The direction from one sphere to the next, and how far along it the normals of the cone lean that touches both. A sphere
-/// that swallows the next one has its whole front there.
+/// Returns the direction from one sphere to the next, and the component along it of the normals of the cone tangent to
+/// both, clamped if one sphere contains the other.
 fn piece(a: DVec4, b: DVec4) -> (DVec3, f64) {
     let way = b.truncate() - a.truncate();
     (way.normalize(), ((a.w - b.w) / way.length()).clamp(-1.0, 1.0))
 }
 
-/// The ring of a sphere where its normals lean along an axis.
+/// Returns the ring of a sphere where its normals have the component `lean` along an axis.
 fn on_sphere(sphere: DVec4, axis: DVec3, lean: f64, v: f64) -> Ring {
     let radius = sphere.w * (1.0 - lean * lean).max(0.0).sqrt();
     Ring { center: sphere.truncate() + axis * (lean * sphere.w), axis, radius, lean, v }
 }
 
-/// Visits the angles from one to another, both of them too, in steps of a size at most.
+/// Visits angles from `start` to `end`, both included, at most `step` apart.
 fn arc(start: f64, end: f64, step: f64, mut visit: impl FnMut(f64)) {
     let count = ((end - start) / step).ceil().clamp(1.0, 1e3) as u32;
     visit(start);

@@ -1,4 +1,4 @@
-//! The objects of a scene file, and how they are asked for their values. What nobody asks for is told at the end.
+//! The objects of a scene file, and access to their values. Values that are not read are reported at the end.
 
 use std::cell::Cell;
 
@@ -13,7 +13,7 @@ use crate::text::shortened;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct ObjectId(pub(super) usize);
 
-/// What a plugin is for; its tag.
+/// The class of a plugin: its tag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Class {
     Bsdf,
@@ -28,7 +28,7 @@ pub(super) enum Class {
     Shape,
     Texture,
     Volume,
-    /// Subsurface models, random generators and other things of the past.
+    /// Subsurface models, random generators and other obsolete classes.
     Other,
 }
 
@@ -52,7 +52,7 @@ impl Class {
         })
     }
 
-    /// As it is called in messages.
+    /// Returns the name for messages.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Bsdf => "bsdf",
@@ -81,10 +81,10 @@ pub(super) struct ObjectProperty {
     pub(super) used: Cell<bool>,
 }
 
-/// An object within another one.
+/// A nested object.
 #[derive(Debug)]
 pub(super) struct Child {
-    /// Its role; empty where its class alone tells.
+    /// Name of its role; empty if only its class matters.
     pub(super) name: String,
     pub(super) object: ObjectId,
     pub(super) at: XmlPlace,
@@ -95,65 +95,65 @@ pub(super) struct Child {
 #[derive(Debug)]
 pub(super) struct Object {
     pub(super) class: Class,
-    /// The name of the plugin.
+    /// Name of the plugin.
     pub(super) plugin: String,
-    /// Its id in the file; may be empty.
+    /// Id in the file; may be empty.
     pub(super) id: String,
     pub(super) at: XmlPlace,
     pub(super) properties: Vec<ObjectProperty>,
     pub(super) children: Vec<Child>,
 }
 
-/// A scene file and all that it includes.
+/// A scene file with all included files.
 #[derive(Debug)]
 pub(super) struct Document {
     pub(super) objects: Vec<Object>,
-    /// What stands in the scene itself, in order.
+    /// Objects at the top of the scene, in order.
     pub(super) roots: Vec<ObjectId>,
-    /// Whether it is of the line before Mitsuba 2: some defaults differ.
+    /// `true`: a Mitsuba 0.x file, which has some other defaults.
     pub(super) is_old: bool,
-    /// Folders beside that of the scene in which files are looked for.
+    /// Further folders in which files are searched.
     pub(super) search_folders: Vec<String>,
 }
 
 impl Document {
-    /// The object of an id.
+    /// Returns the object of an id.
     pub(super) fn get(&self, id: ObjectId) -> &Object {
         &self.objects[id.0]
     }
 }
 
 impl Object {
-    /// The property of a name, which counts as known from now on.
+    /// Returns a property by name, and marks it as read.
     pub(super) fn property(&self, name: &str) -> Option<&ObjectProperty> {
         let property = self.properties.iter().find(|property| property.name == name)?;
         property.used.set(true);
         Some(property)
     }
 
-    /// The object in a role, which counts as known from now on.
+    /// Returns the nested object of a role, and marks it as read.
     pub(super) fn child(&self, name: &str) -> Option<&Child> {
         let child = self.children.iter().find(|child| child.name == name)?;
         child.used.set(true);
         Some(child)
     }
 
-    /// The class and the plugin, for messages.
+    /// Returns class and plugin, for messages.
     pub(super) fn describe(&self) -> String {
         format!("{} `{}`", self.class.name(), shortened(&self.plugin))
     }
 
-    /// A name for what is made of it: its id.
+    /// Returns the name for what is made of it: its id.
     pub(super) fn label(&self) -> String {
         self.id.clone()
     }
 
-    /// A transformation; the identity where there is none.
+    /// Returns a transformation; the identity if it is not given.
     pub(super) fn transform(&self, name: &str) -> Result<DMat4, (XmlPlace, String)> {
         self.full_transform(name).map(|transform| transform.matrix)
     }
 
-    /// The same with what Mitsuba takes for its inverse.
+    /// Returns a transformation with Mitsuba's inverse of it.
     pub(super) fn full_transform(&self, name: &str) -> Result<Transform, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(Transform::IDENTITY),
@@ -162,7 +162,7 @@ impl Object {
         }
     }
 
-    /// A number.
+    /// Returns a number.
     pub(super) fn float(&self, name: &str) -> Result<Option<f64>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
@@ -172,7 +172,7 @@ impl Object {
         }
     }
 
-    /// A whole number.
+    /// Returns an integer.
     pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
@@ -184,7 +184,7 @@ impl Object {
         }
     }
 
-    /// Yes or no.
+    /// Returns a boolean.
     pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(default),
@@ -193,7 +193,7 @@ impl Object {
         }
     }
 
-    /// A text.
+    /// Returns a text.
     pub(super) fn string(&self, name: &str) -> Result<Option<&str>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
@@ -202,7 +202,7 @@ impl Object {
         }
     }
 
-    /// A point or a direction.
+    /// Returns a point or vector.
     pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, (XmlPlace, String)> {
         match self.property(name) {
             None => Ok(None),
@@ -213,7 +213,7 @@ impl Object {
 }
 
 impl ObjectProperty {
-    /// That its value is of the wrong kind.
+    /// Makes the error for a value of the wrong type.
     pub(super) fn wrong(&self, wanted: &str) -> (XmlPlace, String) {
         (self.at, format!("`{}` is not {wanted}", shortened(&self.name)))
     }

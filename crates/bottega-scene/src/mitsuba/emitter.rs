@@ -1,4 +1,4 @@
-//! Emitters: those of surfaces, those without extent, and environments.
+//! Emitters: surfaces, lights without extent, and environments.
 
 use glam::{DMat3, DMat4, DVec3};
 
@@ -14,13 +14,13 @@ use crate::{
 };
 
 impl Importer<'_> {
-    /// What a surface emits, from its front.
+    /// Returns the radiance that a surface emits from its front.
     pub(super) fn area_radiance(&mut self, id: ObjectId) -> Result<ColorParam, SceneError> {
         let object = self.visit(id)?;
         self.color(object, "radiance", Role::Radiance, Spectrum::ONE)
     }
 
-    /// An emitter of the scene itself.
+    /// Adds an emitter at the top of the scene.
     pub(super) fn add_emitter(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.visit(id)?;
         let has_extent = !matches!(object.plugin.as_str(), "point" | "spot" | "directional" | "projector");
@@ -79,7 +79,7 @@ impl Importer<'_> {
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
         let place = self.report.show(object.at);
         let image = self.pictures.want_at(location, PictureKind::COLORS, false, &place);
-        // Mitsuba's picture begins at −z, ours has −z in the middle.
+        // Mitsuba's picture begins at −z; ours has −z at the centre.
         let half_turn = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
         let world_from_environment = self.rotation(object, to_world) * half_turn;
         let environment = Environment::picture(image, Spectrum::splat(scale), world_from_environment.as_mat3());
@@ -88,7 +88,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// The orthonormal part of a transformation; it may mirror.
+    /// Returns the orthonormal part of a transformation; it may mirror.
     pub(super) fn rotation(&mut self, object: &Object, to_world: &DMat4) -> DMat3 {
         match standing(to_world) {
             Some((rotation, _, is_pure)) => {
@@ -107,7 +107,7 @@ impl Importer<'_> {
     fn spot(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
         let cutoff = self.number_at_least(object, "cutoff_angle", 0.01, 20.0)?.min(179.0);
         let beam = self.number_at_least(object, "beam_width", 0.0, cutoff * 0.75)?;
-        // A sharp edge still needs some width.
+        // The falloff needs a non-empty transition.
         let beam = beam.min(cutoff * 0.9999);
         let Some(direction) = to_world.transform_vector3(DVec3::Z).try_normalize() else {
             return Err(self.report.invalid(object.at, "the light has no direction"));
@@ -141,7 +141,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// A spot whose picture fills the square around its cone.
+    /// Adds a spot light whose picture fills the square around its cone.
     fn spot_with_picture(
         &mut self,
         object: &Object,
@@ -158,7 +158,7 @@ impl Importer<'_> {
         let vertical_fov = 2.0 * slide.cutoff as f32;
         self.slides.push((self.scene.lights.len(), slide));
         let world_from_light = super::sensor::looking(&rotation, position);
-        // The picture follows when that of the file is there.
+        // Set the picture later, once the file's is decoded.
         let picture = TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..TextureMap::new(ImageId(u32::MAX)) };
         self.add_light(
             object,
@@ -169,7 +169,8 @@ impl Importer<'_> {
 
     fn projector(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)? as f32;
-        // Its `irradiance` is the radiance of a white wall across the axis at distance 1: π times as much arrives there.
+        // Its `irradiance` is the radiance of a white wall perpendicular to the axis at distance 1, whose irradiance is
+        // π times as much.
         let mut factor = Spectrum::splat(scale * std::f32::consts::PI);
         let mut picture = None;
         let mut aspect = 1.0;
@@ -179,7 +180,7 @@ impl Importer<'_> {
             picture = texture.map.map(|(map, _)| map);
             let inner = self.document.get(child.object);
             if inner.plugin == "bitmap" {
-                // Its proportions are wanted before it is decoded.
+                // Read the header for the aspect ratio.
                 let bytes = self.resources.read(&self.filename(inner)?)?;
                 if let Ok(header) = PictureHeader::read(&bytes, u64::MAX) {
                     let (width, height) = header.size();

@@ -1,4 +1,4 @@
-//! The scene as it grows, and what all parts of the importer ask of it.
+//! The importer's state, shared by all its parts.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -17,52 +17,52 @@ use crate::resource::{Location, Resources};
 use crate::text::shortened;
 use crate::{ImageId, MediumId, Scene, SceneError};
 
-/// Conversions for each object of the file, on average: references that double at every step would never end.
+/// Limit of conversions per object of the file, on average: nested references can grow exponentially.
 const CONVERSIONS_PER_OBJECT: usize = 64;
 
-/// Conversions that are always allowed.
+/// Number of conversions that is always allowed.
 const CONVERSIONS_MIN: usize = 1 << 14;
 
-/// The scene as it grows.
+/// The scene under construction.
 pub(super) struct Importer<'a> {
     pub(super) document: &'a Document,
     pub(super) resources: &'a Resources<'a>,
-    /// What is taken from all places of the world.
+    /// Offset that is subtracted from all world positions.
     pub(super) origin: DVec3,
     pub(super) report: ImportReport,
     pub(super) pictures: Pictures<'a>,
     pub(super) scene: Scene,
     pub(super) hints: RenderHints,
-    /// Pictures of spots, each with the index of its light.
+    /// Pictures of spot lights, each with the index of its light.
     pub(super) slides: Vec<(usize, Slide)>,
     pub(super) manner: Manner,
     pub(super) conversions: usize,
-    /// What was made of a bsdf with an emitter and media.
+    /// Material and mesh needs of each combination of bsdf, emitter and media.
     pub(super) materials: BTreeMap<MaterialKey, (u32, MeshNeeds)>,
     pub(super) media: BTreeMap<ObjectId, MediumId>,
     pub(super) groups: BTreeMap<ObjectId, Group>,
     pub(super) shared: SharedMeshes,
-    /// Objects that were looked at: what they hold and nobody asked for is not known.
+    /// Objects that were converted: their unread values are reported.
     pub(super) visited: Vec<bool>,
-    /// Whether a texture of the material that is being made is the colours of the mesh.
+    /// `true`: a texture of the current material uses the mesh's vertex colours.
     pub(super) wants_vertex_colors: bool,
-    /// The same of the colours of its faces.
+    /// `true`: a texture of the current material uses the mesh's face colours.
     pub(super) wants_face_colors: bool,
-    /// Whether the bsdf that is being made is one of several of its material.
+    /// `true`: the current bsdf is one of several of its material.
     pub(super) is_blended: bool,
-    /// Attributes of the mesh that textures of the material that is being made wait for.
+    /// Mesh attributes that textures of the current material use.
     pub(super) awaited: Vec<AwaitedTexture>,
-    /// The same, by the material.
+    /// Mesh attributes that each material uses.
     pub(super) awaited_by: BTreeMap<u32, Vec<AwaitedTexture>>,
 }
 
 impl<'a> Importer<'a> {
-    /// Where an object of the world stands.
+    /// Returns the world transformation of an object.
     pub(super) fn to_world(&self, object: &Object) -> Result<DMat4, SceneError> {
         Ok(DMat4::from_translation(-self.origin) * self.bad(object.transform("to_world"))?)
     }
 
-    /// An object that is about to be converted.
+    /// Returns an object for conversion, and marks it as visited.
     pub(super) fn visit(&mut self, id: ObjectId) -> Result<&'a Object, SceneError> {
         let document = self.document;
         let object = document.get(id);
@@ -74,12 +74,12 @@ impl<'a> Importer<'a> {
         Ok(object)
     }
 
-    /// Books memory for what stands at a place.
+    /// Books memory for something at a location.
     pub(super) fn take(&self, at: XmlPlace, bytes: usize) -> Result<(), SceneError> {
         self.placed(at, self.resources.budget().take(self.report.path(at.file), "", bytes))
     }
 
-    /// Adds the place to a refusal of memory. Only then: shapes may be millions.
+    /// Adds the location to a memory error, which is formatted only then: there may be millions of shapes.
     pub(super) fn placed(&self, at: XmlPlace, taken: Result<(), SceneError>) -> Result<(), SceneError> {
         taken.map_err(|error| match error {
             SceneError::Limit { path, problem, remedy, .. } => {
@@ -89,12 +89,12 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// A problem with a value as an error.
+    /// Converts a problem with a value to an error.
     pub(super) fn bad<T>(&self, result: Result<T, (XmlPlace, String)>) -> Result<T, SceneError> {
         result.map_err(|(at, problem)| self.report.invalid(at, problem))
     }
 
-    /// A number that is at least `least`, else the default.
+    /// Returns a number that is at least `least`, or the default if it is not given.
     pub(super) fn number_at_least(
         &self,
         object: &Object,
@@ -110,8 +110,7 @@ impl<'a> Importer<'a> {
         Ok(number)
     }
 
-    /// Finds a file that the scene refers to: beside the scene, in the folders that it names, or beside the file that
-    /// refers to it.
+    /// Finds a referenced file: beside the scene, in the search folders, or beside the referring file.
     pub(super) fn find(&self, reference: &str, at: XmlPlace) -> Result<Location, SceneError> {
         let place = self.report.show(at);
         let beside = match self.report.name(at.file).rsplit_once('/') {
@@ -123,7 +122,7 @@ impl<'a> Importer<'a> {
         self.resources.locate_in(&folders, reference, &place)
     }
 
-    /// The name of a file that must be there.
+    /// Returns the location of a required `filename`.
     pub(super) fn filename(&self, object: &Object) -> Result<Location, SceneError> {
         let Some(name) = self.bad(object.string("filename"))? else {
             return Err(self.report.invalid(object.at, format!("the {} has no `filename`", object.describe())));
@@ -132,7 +131,7 @@ impl<'a> Importer<'a> {
         self.find(name, at)
     }
 
-    /// Tells of properties and children that nobody asked for, but for those that change nothing.
+    /// Reports properties and nested objects that were not read, except those that have no effect.
     pub(super) fn report_unused(&mut self) {
         let document = self.document;
         for (object, visited) in document.objects.iter().zip(&self.visited) {
@@ -153,27 +152,27 @@ impl<'a> Importer<'a> {
     }
 }
 
-/// What a material is made of: bsdf, emitter, interior and exterior medium.
+/// The key of a material: bsdf, emitter, interior and exterior medium.
 pub(super) type MaterialKey = (Option<ObjectId>, Option<ObjectId>, Option<MediumId>, Option<MediumId>);
 
-/// A texture that waits for its mesh.
+/// A texture that needs its mesh.
 #[derive(Clone, Debug)]
 pub(super) struct AwaitedTexture {
     pub(super) name: String,
-    /// Its picture, which is 0.5 until the mesh is there.
+    /// Its picture, which is 0.5 until the mesh is read.
     pub(super) image: ImageId,
-    /// Whether its luminance is wanted.
+    /// `true`: its luminance is used.
     pub(super) is_number: bool,
 }
 
-/// What an integrator makes of the scene beside following its light.
+/// The effects of an integrator on the scene beyond light transport.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Manner {
-    /// Whether what goes straight through thin panes is no bounce, and lamps shine through them.
+    /// `true`: passing straight through a thin sheet is not a bounce, and lights are visible through it.
     pub(super) sees_through_panes: bool,
-    /// Whether there are no media for it.
+    /// `true`: media are ignored.
     pub(super) ignores_media: bool,
-    /// Whether the camera does not see what shines.
+    /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
     pub(super) at: XmlPlace,
 }

@@ -1,18 +1,18 @@
-//! Integrators of Mitsuba.
+//! Integrators.
 
 use super::document::{Class, Object, ObjectId};
 use super::importer::{Importer, Manner};
 use crate::{Follows, IntegratorHint, PhotonHints, SceneError, Spectrum, Surface};
 
 impl Importer<'_> {
-    /// How light is found: by which of our integrators, over how many bounces.
+    /// Reads the integrator: which of ours replaces it, and the number of bounces.
     pub(super) fn read_integrator(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.visit(id)?;
         if matches!(object.plugin.as_str(), "aov" | "moment" | "adaptive" | "irrcache" | "multichannel" | "stokes") {
             return self.read_inner_integrator(object);
         }
         let depth = self.bad(object.integer("max_depth"))?.unwrap_or(-1);
-        // Mitsuba counts the edges of a path: 1 shows what shines, 2 direct light.
+        // Mitsuba counts the edges of a path: 1 is emission, 2 direct light.
         let mut bounces = u32::try_from(depth).map_or(u32::MAX, |depth| depth.saturating_sub(1));
         let hides_emitters = self.bad(object.boolean("hide_emitters", false))?;
         let mut follows = Follows::Paths { is_ours: true };
@@ -64,11 +64,11 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// One that only does something with what another one finds.
+    /// Reads the nested integrator of one that only processes its result.
     fn read_inner_integrator(&mut self, object: &Object) -> Result<(), SceneError> {
         self.accept_all(object);
         let inner = object.children.iter().find(|child| self.document.get(child.object).class == Class::Integrator);
-        // That only says how long to paint.
+        // `adaptive` only controls the sample count.
         if object.plugin != "adaptive" {
             let message = format!("the {} is not supported; only what it colours is painted", object.describe());
             self.report.warn(object.at, message);
@@ -76,7 +76,7 @@ impl Importer<'_> {
         inner.map_or(Ok(()), |child| self.read_integrator(child.object))
     }
 
-    /// What the photon mappers of the old line say of photons.
+    /// Reads the parameters of Mitsuba 0.x's photon mappers.
     fn photon_hints(&mut self, object: &Object) -> Result<PhotonHints, SceneError> {
         let count = |importer: &Self, name: &str| -> Result<Option<u32>, SceneError> {
             let number = importer.bad(object.integer(name))?;
@@ -98,7 +98,7 @@ impl Importer<'_> {
         })
     }
 
-    /// Does to the finished scene what its integrator would.
+    /// Applies the integrator's effects to the finished scene.
     pub(super) fn apply_manner(&mut self) {
         let Manner { sees_through_panes, ignores_media, hides_emitters, at } = self.manner;
         for camera in &mut self.scene.cameras {
@@ -113,7 +113,7 @@ impl Importer<'_> {
         if self.scene.leave_out_media() {
             self.report.note(at, "the integrator of the file knows no media: they are left out");
         }
-        // Where there are no media, what is there to part them is a bounce, and hides lamps.
+        // Without media, their boundaries are bounces and hide lights.
         for material in self.scene.materials.iter_mut().filter(|material| material.surface == Surface::Null) {
             material.surface = Surface::clear_sheet(Spectrum::ONE.into());
         }

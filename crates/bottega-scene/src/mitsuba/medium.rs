@@ -10,14 +10,14 @@ use super::importer::Importer;
 use super::volume::{self, Volume};
 use crate::{Blend, Density, Grid, Medium, MediumId, SceneError, Spectrum, Variation};
 
-/// A property of a medium.
+/// A coefficient of a medium.
 enum MediumField {
     Constant(Spectrum),
     Grid(Grid, Affine3A),
 }
 
 impl MediumField {
-    /// Of one that varies, its mean.
+    /// Returns the value, or the mean of a grid.
     fn mean(&self) -> Spectrum {
         match self {
             Self::Constant(value) => *value,
@@ -25,7 +25,7 @@ impl MediumField {
         }
     }
 
-    /// A coefficient, and what multiplies it in space.
+    /// Returns the factor of a coefficient and its grid.
     fn into_factor_and_grid(self) -> (Spectrum, Grid) {
         match self {
             Self::Constant(value) => (value, Grid::one()),
@@ -34,7 +34,7 @@ impl MediumField {
     }
 }
 
-/// Coefficients per unit of length, and what multiplies them in space.
+/// Coefficients per scene unit, and their spatial variation.
 struct MediumContents {
     absorption: Spectrum,
     scattering: Spectrum,
@@ -42,7 +42,7 @@ struct MediumContents {
 }
 
 impl Importer<'_> {
-    /// A medium. `None`: it has no effect.
+    /// Converts a medium. `None`: it has no effect.
     pub(super) fn medium(&mut self, id: ObjectId) -> Result<Option<MediumId>, SceneError> {
         if let Some(&known) = self.media.get(&id) {
             return Ok(Some(known));
@@ -53,8 +53,8 @@ impl Importer<'_> {
             self.report.warn(object.at, message);
         }
         let is_given = |name: &str| object.property(name).is_some() || object.child(name).is_some();
-        // The old line may give scattering and absorption apart.
-        // What varies in space ends at the box of its extinction, even where that is the same everywhere within.
+        // Mitsuba 0.x may give scattering and absorption separately. A heterogeneous medium ends at the box of its
+        // extinction, even if that is constant.
         let is_boxed = object.plugin == "heterogeneous" && !self.document.is_old;
         let stuff = if is_given("sigma_s") || is_given("sigma_a") {
             self.coefficients(object)?
@@ -81,7 +81,7 @@ impl Importer<'_> {
         Ok(Some(made))
     }
 
-    /// What `sigma_s` and `sigma_a` say.
+    /// Reads `sigma_s` and `sigma_a`.
     fn coefficients(&mut self, object: &Object) -> Result<MediumContents, SceneError> {
         let scattering = self.field(object, "sigma_s", Role::Unbounded, Spectrum::ZERO)?;
         let absorption = self.field(object, "sigma_a", Role::Unbounded, Spectrum::ZERO)?;
@@ -106,9 +106,9 @@ impl Importer<'_> {
         })
     }
 
-    /// What the extinction, of this name, and `albedo` say.
+    /// Reads the extinction, named `density`, and `albedo`.
     ///
-    /// - `is_boxed`: whether there is nothing beyond the box of the extinction.
+    /// - `is_boxed`: the medium is empty outside of the extinction's box.
     fn extinction_and_albedo(
         &mut self,
         object: &Object,
@@ -154,7 +154,7 @@ impl Importer<'_> {
         Ok(of(coefficient, Some(Variation { density, emission: None, grid_from_world })))
     }
 
-    /// A property of a medium.
+    /// Reads a coefficient of a medium.
     fn field(&mut self, object: &Object, name: &str, role: Role, default: Spectrum) -> Result<MediumField, SceneError> {
         let child = object.child(name).filter(|child| self.document.get(child.object).class == Class::Volume);
         let Some(child) = child else {
@@ -173,7 +173,7 @@ impl Importer<'_> {
         }
     }
 
-    /// The box of a constant volume: the unit cube under its transformation.
+    /// Returns the box of a constant volume: world space to the unit cube.
     fn box_of(&self, object: &Object, name: &str) -> Result<Affine3A, SceneError> {
         let Some(child) = object.child(name) else { return Ok(Affine3A::IDENTITY) };
         let volume = self.document.get(child.object);
@@ -210,7 +210,7 @@ impl Importer<'_> {
         Ok(MediumField::Grid(grid, grid_from_world))
     }
 
-    /// Mean cosine of the phase function.
+    /// Returns the mean cosine of the phase function.
     fn asymmetry(&mut self, object: &Object) -> Result<f64, SceneError> {
         let phase = object.children.iter().find(|child| self.document.get(child.object).class == Class::Phase);
         let Some(child) = phase else { return Ok(0.0) };

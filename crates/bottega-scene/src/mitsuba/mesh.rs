@@ -1,4 +1,4 @@
-//! Meshes: from files, moved to where they belong, with their sides as Mitsuba sees them.
+//! Meshes: reading from files, transformation, and orientation of their fronts.
 
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -11,19 +11,19 @@ use crate::origin::{far_center, rounding};
 use crate::text::shortened;
 use crate::{COORDINATE_MAX, Mesh, SceneError};
 
-/// How normals are treated.
+/// The treatment of normals.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Normals {
-    /// Those of the triangles alone count.
+    /// `true`: use only the normals of the triangles.
     pub(super) flat: bool,
-    /// They are turned over.
+    /// `true`: flip them.
     pub(super) flipped: bool,
-    /// What turns them, where it is not what the transformation of the shape says.
+    /// Transformation of the normals, if it is not that of the shape.
     pub(super) matrix: Option<DMat3>,
 }
 
 impl Importer<'_> {
-    /// The mesh of a shape that is in a file, in its own space.
+    /// Reads the mesh file of a shape, in object space.
     pub(super) fn read_mesh(&mut self, object: &Object) -> Result<Mesh, SceneError> {
         let location = self.filename(object)?;
         let bytes = self.resources.read(&location)?;
@@ -55,7 +55,7 @@ impl Importer<'_> {
             }
         };
         let mut mesh = self.resources.attribute(&location, read)?;
-        // Of OBJ files v usually points up.
+        // In OBJ files v usually points up.
         if self.bad(object.boolean("flip_tex_coords", object.plugin == "obj"))? {
             mesh.flip_v();
         }
@@ -66,7 +66,7 @@ impl Importer<'_> {
         Ok(mesh)
     }
 
-    /// The same triangles with the attribute `vertex_color` as the colours of their vertices.
+    /// Returns the mesh with the attribute `vertex_color` as vertex colours.
     pub(super) fn with_vertex_colors(&mut self, object: &Object, mut mesh: Mesh) -> Result<Mesh, SceneError> {
         let colors = self.named_colors(object, "vertex_color")?.unwrap_or_default();
         if colors.len() == mesh.positions.len() {
@@ -78,7 +78,7 @@ impl Importer<'_> {
         Ok(mesh)
     }
 
-    /// An attribute of a file as colours. `None`: it has none of that name.
+    /// Returns an attribute of a file as colours. `None`: there is none of that name.
     fn named_colors(&self, object: &Object, name: &str) -> Result<Option<Vec<Vec4>>, SceneError> {
         if object.plugin != "ply" {
             return Ok(None);
@@ -90,7 +90,7 @@ impl Importer<'_> {
         Ok(attribute.map(|attribute| attribute.values.iter().map(color).collect()))
     }
 
-    /// The same triangles, each in the colour of its face.
+    /// Returns the mesh with the colour of each face.
     pub(super) fn with_face_colors(&mut self, object: &Object, mut mesh: Mesh) -> Result<Mesh, SceneError> {
         mesh.colors = Vec::new();
         let mut colors = None;
@@ -107,7 +107,7 @@ impl Importer<'_> {
             self.report.warn(object.at, format!("the {} has no colours of faces; they are white", object.describe()));
             return Ok(mesh);
         };
-        // Faces that share no vertices have no smooth normals.
+        // Unshared vertices cannot have smooth normals: compute these first.
         if mesh.normals.is_empty() {
             mesh.smooth_normals();
         }
@@ -117,7 +117,7 @@ impl Importer<'_> {
         }))
     }
 
-    /// Whether normals are flat or flipped.
+    /// Reads the options of normals.
     pub(super) fn normals(&self, object: &Object) -> Result<Normals, SceneError> {
         Ok(Normals {
             flat: self.bad(object.boolean("face_normals", false))?,
@@ -127,7 +127,7 @@ impl Importer<'_> {
     }
 }
 
-/// Moves a mesh, and makes the winding of its triangles say which side is the front. `None`: it would be out of reach.
+/// Transforms a mesh, and winds its triangles counter-clockwise seen from the front. `None`: it is out of range.
 pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: MeshNeeds) -> Option<Mesh> {
     let linear = DMat3::from_mat4(*to_world);
     if *to_world != DMat4::IDENTITY {
@@ -166,14 +166,14 @@ pub(super) fn place(mut mesh: Mesh, to_world: &DMat4, normals: Normals, needs: M
     Some(mesh)
 }
 
-/// Turns normals as the transposed inverse of a matrix does, but for their lengths.
+/// Returns the matrix that transforms normals as the inverse transpose does, up to length.
 pub(super) fn cofactors(linear: &DMat3) -> DMat3 {
     let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
     let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
     DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign
 }
 
-/// Turns the triangles over that disagree with their vertex normals.
+/// Flips the triangles that disagree with their vertex normals.
 fn turn_triangles(mesh: &mut Mesh) {
     if mesh.normals.is_empty() {
         return;
@@ -188,7 +188,8 @@ fn turn_triangles(mesh: &mut Mesh) {
     });
 }
 
-/// Tangents along u. Mitsuba's second axis is the vector product of normal and tangent, whichever way v runs.
+/// Adds tangents along u. Mitsuba's second axis is the cross product of normal and tangent, whatever the direction of
+/// v.
 fn add_tangents(mesh: &mut Mesh) {
     let needs_normals = mesh.normals.is_empty();
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
@@ -200,7 +201,7 @@ fn add_tangents(mesh: &mut Mesh) {
         triangle.iter().for_each(|&vertex| sums[vertex as usize] += tangent);
     }
     if needs_normals {
-        // Tangents mean nothing without normals: each triangle gets corners of its own.
+        // Tangents need normals: give each triangle its own vertices.
         *mesh = mesh.unshared();
         let corner = |triangle: &[u32; 3]| mesh.cross(*triangle).as_dvec3().normalize_or_zero().as_vec3();
         mesh.normals = mesh.triangles.iter().flat_map(|triangle| [corner(triangle); 3]).collect();

@@ -1,13 +1,14 @@
-//! Mitsuba 3 scenes in XML, and those of the 0.x line, whose names run their words together (`maxDepth`).
+//! Importer of Mitsuba 3 and Mitsuba 0.x scenes in XML; names of the latter are in camel case (`maxDepth`).
 //!
-//! What is not supported is named with file, line and column, and replaced: a bsdf by gray diffuse, others are left out.
-//! Unknown properties are named too. With [`LoadOptions::strict`](crate::LoadOptions::strict) each of these is an error.
+//! Unsupported features are reported with file, line and column; an unsupported bsdf is replaced by gray diffuse,
+//! others are left out. Unknown properties are also reported. With [`LoadOptions::strict`](crate::LoadOptions::strict)
+//! each of these is an error.
 //!
-//! Sides: Mitsuba decides them by the shading frame, we by the winding of triangles; triangles that disagree with their
-//! vertex normals are turned over. Curved shapes that we have no analytic one for (cylinders, disks, unevenly scaled
-//! spheres) become triangles with exact normals, whose chords stay within 10⁻⁴ of the radius. Curves become tubes of
-//! triangles: round ones of 32 sides, down to 5 where there are very many. Surfaces of grids of distances become some million
-//! triangles.
+//! Mitsuba determines the front by the shading frame, we by the winding of triangles, so triangles that disagree with
+//! their vertex normals are flipped. Curved shapes without an analytic equivalent (cylinders, disks, unevenly scaled
+//! spheres) become triangles with exact normals, whose chords deviate by at most 10⁻⁴ of the radius. Curves become
+//! tubes of triangles with 32 sides, down to 5 if there are very many. Surfaces of signed distance grids become about
+//! half a million triangles.
 
 mod attribute;
 mod bsdf;
@@ -52,7 +53,7 @@ use crate::image::Pictures;
 use crate::import::{ImportRequest, Imported};
 use crate::{Scene, SceneError};
 
-/// Whether a file looks like one of ours: by its name, or by its outermost element.
+/// Recognizes a file by its extension or its root element.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
     // UTF-16 has zeros between the letters.
     let start: Vec<u8> = file.iter().take(4096).copied().filter(|&byte| byte != 0).collect();
@@ -60,7 +61,7 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
         || start.windows(7).any(|window| window == b"<scene " || window == b"<scene>")
 }
 
-/// Builds the scene of a file. Lights and cameras may be missing from it.
+/// Imports a file. The scene may lack lights and cameras.
 pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let mut report = ImportReport::new(path);
@@ -105,7 +106,7 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
 }
 
 impl Importer<'_> {
-    /// An object of the scene itself.
+    /// Converts an object at the top of the scene.
     pub(super) fn root(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.document.get(id);
         match object.class {
@@ -113,7 +114,7 @@ impl Importer<'_> {
             Class::Emitter => self.add_emitter(id),
             Class::Sensor => self.add_sensor(id),
             Class::Integrator => self.read_integrator(id),
-            // Used where they are referred to.
+            // Converted where they are referred to.
             Class::Bsdf | Class::Texture | Class::Medium | Class::Phase | Class::Volume => Ok(()),
             Class::Film | Class::Filter | Class::Sampler | Class::Other => {
                 self.report.warn(object.at, format!("the {} belongs nowhere and is left out", object.describe()));

@@ -1,4 +1,4 @@
-//! Mitsuba's parameters that change nothing here.
+//! Mitsuba parameters that have no effect here.
 
 use super::document::Class;
 use crate::needless::{Needless, Reason};
@@ -12,7 +12,7 @@ const fn row(
     Needless { kind, of, names, reason }
 }
 
-/// By class, plugins and names as they are after `maxDepth` became `max_depth`.
+/// The table by class, plugins and names, in snake case.
 pub(super) const NEEDLESS: &[Needless<Class>] = &[
     row(Class::Sampler, &[], &[], Reason::Estimate),
     row(Class::Sensor, &[], &["shutter_open", "shutter_close"], Reason::Meaningless),

@@ -1,13 +1,13 @@
-//! Transformations as Mitsuba keeps them: with an inverse that may be wrong.
+//! Transformations with Mitsuba's inverse, which may be wrong.
 
 use glam::{DMat3, DMat4, DVec3};
 
-/// A transformation as Mitsuba keeps it.
+/// A transformation with the inverse that Mitsuba uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
     pub(super) matrix: DMat4,
-    /// What Mitsuba takes for the transposed inverse of the matrix, where it is not: after rotations about axes of another length
-    /// than 1, which it does not normalize.
+    /// Mitsuba's transposed inverse of the matrix, if it is wrong: after rotations about axes that are not of unit
+    /// length, which it does not normalize.
     pub(super) taken_inverse: Option<DMat4>,
 }
 
@@ -20,7 +20,7 @@ impl From<DMat4> for Transform {
 impl Transform {
     pub(super) const IDENTITY: Self = Self { matrix: DMat4::IDENTITY, taken_inverse: None };
 
-    /// First `self`, then `next`.
+    /// Composes transformations: first `self`, then `next`.
     pub(super) fn then(self, next: Self) -> Self {
         let matrix = next.matrix * self.matrix;
         let taken = |it: &Self| it.taken_inverse.unwrap_or_else(|| it.matrix.inverse().transpose());
@@ -28,8 +28,8 @@ impl Transform {
         Self { matrix, taken_inverse: is_odd.then(|| taken(&next) * taken(&self)) }
     }
 
-    /// A rotation about an axis by an angle in radians, by the formula of Rodrigues. Of an axis of another length than 1 it makes more
-    /// than a rotation.
+    /// Returns a rotation about an axis, by an angle in radians (Rodrigues' formula). If the axis is not of unit
+    /// length, it also scales.
     pub(super) fn rodrigues(axis: DVec3, angle: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
         let outer = DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
@@ -42,13 +42,13 @@ impl Transform {
         Self { matrix, taken_inverse: Some(matrix) }
     }
 
-    /// Where a shape is that Mitsuba looks for with the rays that its inverse moves.
+    /// Returns the transformation of a shape that Mitsuba intersects with rays transformed by its inverse.
     pub(super) fn by_inverse(&self) -> DMat4 {
         self.taken_inverse.map_or(self.matrix, |taken| taken.transpose().inverse())
     }
 }
 
-/// The parts of a matrix: a symmetric one of scales and shears first, then a rotation (which may mirror).
+/// Splits a matrix into a symmetric one of scales and shears, applied first, and a rotation (which may mirror).
 ///
 /// Source: Higham 1986, *Computing the Polar Decomposition*.
 pub(super) fn polar(matrix: &DMat3) -> (DMat3, DMat3) {

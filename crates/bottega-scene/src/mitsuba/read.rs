@@ -1,4 +1,4 @@
-//! The reader from text to objects: files included, parameters put in, properties understood, references resolved.
+//! Reader from XML to objects: includes, parameters, properties, references.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -14,20 +14,20 @@ use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::{decode_xml, shortened};
 
-/// Files that a scene may include, all together.
+/// Maximal number of included files.
 const INCLUDES_MAX: usize = 1000;
 
-/// How deep files may include one another.
+/// Maximal depth of includes.
 const INCLUDE_DEPTH_MAX: usize = 16;
 
-/// Length of an attribute after parameters were put in, in bytes.
+/// Maximal length of an attribute after parameter substitution, in bytes.
 const EXPANDED_MAX: usize = 1 << 16;
 
-/// How deep objects may contain one another, by references too.
+/// Maximal depth of nested objects, including by references.
 const DEPTH_MAX: usize = 64;
 
 impl Document {
-    /// Reads a scene and all that it includes.
+    /// Reads a scene with all included files.
     pub(super) fn read(
         text: &[u8],
         options: &LoadOptions,
@@ -78,33 +78,33 @@ impl Document {
     }
 }
 
-/// Properties and children as they are gathered.
+/// The properties and nested objects of an element.
 #[derive(Default)]
 struct Container {
     properties: Vec<ObjectProperty>,
     children: Vec<Child>,
-    /// Positions in `children` whose object is still a reference: an index into [`DocumentReader::references`].
+    /// Positions in `children` that are unresolved, with their indices in [`DocumentReader::references`].
     pending: Vec<(usize, usize)>,
 }
 
 struct DocumentReader<'a, 'b> {
     resources: &'a Resources<'b>,
     report: &'a mut ImportReport,
-    /// Value, and whether it was asked for.
+    /// Value of each parameter; `true`: it was used.
     defines: BTreeMap<String, (String, bool)>,
     objects: Vec<Object>,
     ids: BTreeMap<String, (ObjectId, XmlPlace)>,
-    /// New name, old name.
+    /// New id, existing id and location.
     aliases: Vec<(String, String, XmlPlace)>,
-    /// Object and child that wait for an id.
+    /// Object, index of its child, and the id that it refers to, with location.
     references: Vec<(ObjectId, usize, String, XmlPlace)>,
     search_folders: Vec<String>,
-    /// The files that are being read, innermost last.
+    /// Files being read, innermost last.
     included: Vec<Location>,
     include_count: usize,
-    /// Objects that are open.
+    /// Current depth of nested objects.
     depth: usize,
-    /// See [`Document::is_old`].
+    /// `true`: a Mitsuba 0.x file; see [`Document::is_old`].
     is_old: bool,
 }
 
@@ -133,7 +133,7 @@ impl DocumentReader<'_, '_> {
         })
     }
 
-    /// Understands what an element contains.
+    /// Reads the contents of an element.
     fn contents(
         &mut self,
         elements: Vec<Element>,
@@ -249,15 +249,15 @@ impl DocumentReader<'_, '_> {
         Ok(())
     }
 
-    /// Names the attributes of an object, a property and the operations of a transformation that mean nothing to us.
+    /// Reports unused attributes of an object, a property or the operations of a transformation.
     ///
-    /// - `more`: attributes that it may have beside those of its tag.
+    /// - `more`: allowed attributes beyond those of its tag.
     fn report_attributes(&mut self, element: &Element, more: &[&str]) {
         let known: &[&str] = match element.name.as_str() {
             "translate" | "scale" | "point" | "vector" => &["x", "y", "z"],
             "rotate" => &["x", "y", "z", "angle"],
             "lookat" | "lookAt" => &["origin", "target", "up"],
-            // The intent tells spectra from one another.
+            // The intent distinguishes kinds of spectra.
             "spectrum" | "color" => &["filename", "intent"],
             "blackbody" => &["temperature", "scale"],
             "transform" => &["time"],
@@ -274,7 +274,7 @@ impl DocumentReader<'_, '_> {
         }
     }
 
-    /// Splices the contents of another file in.
+    /// Inserts the contents of another file.
     fn include(&mut self, element: &mut Element, container: &mut Container, is_scene: bool) -> Result<(), SceneError> {
         let reference = self.required(element, "filename")?;
         let at = element.at;
@@ -288,7 +288,7 @@ impl DocumentReader<'_, '_> {
             return Err(self.report.invalid(at, format!("more than {INCLUDES_MAX} files are included")));
         }
         let place = self.report.show(at);
-        // Beside the scene, or else beside the file that includes it.
+        // Look beside the scene first, then beside the including file.
         let folders: Vec<&str> = std::iter::once("").chain(self.included.last().map(Location::folder)).collect();
         let location = self.resources.locate_in(&folders, &reference, &place)?;
         if self.resources.is_scene(&location) || self.included.contains(&location) {
@@ -308,7 +308,7 @@ impl DocumentReader<'_, '_> {
         Ok(())
     }
 
-    /// An attribute that must be there, parameters put in.
+    /// Returns a required attribute, with parameters substituted.
     fn required(&mut self, element: &Element, name: &str) -> Result<String, SceneError> {
         let Some(text) = element.attribute(name) else {
             return Err(self.report.invalid(element.at, format!("<{}> has no `{name}`", element.name)));
@@ -316,7 +316,7 @@ impl DocumentReader<'_, '_> {
         self.with_parameters(text, element.at)
     }
 
-    /// Puts parameters into all attributes of an element and of the operations of a transformation.
+    /// Substitutes parameters in all attributes of an element and of the operations of a transformation.
     fn expand(&mut self, element: &mut Element) -> Result<(), SceneError> {
         let at = element.at;
         for index in 0..element.attributes.len() {
@@ -331,7 +331,7 @@ impl DocumentReader<'_, '_> {
         Ok(())
     }
 
-    /// Replaces each `$name` by the value of the parameter with the longest name that fits.
+    /// Replaces each `$name` by the value of the parameter with the longest matching name.
     fn with_parameters(&mut self, text: &str, at: XmlPlace) -> Result<String, SceneError> {
         if !text.contains('$') {
             return Ok(text.to_owned());
@@ -360,7 +360,7 @@ impl DocumentReader<'_, '_> {
         Ok(expanded)
     }
 
-    /// Finds what was referred to, also where it stands later.
+    /// Resolves references, also to later objects.
     fn resolve(&mut self, scene: &mut Container) -> Result<(), SceneError> {
         for (alias, id, at) in std::mem::take(&mut self.aliases) {
             let Some(&target) = self.ids.get(&id) else { return Err(self.no_such_id(&id, at)) };
@@ -384,7 +384,7 @@ impl DocumentReader<'_, '_> {
     }
 }
 
-/// Whether objects contain themselves, by references.
+/// Checks that no object contains itself by references, and that nesting is limited.
 fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneError> {
     #[derive(Clone, Copy, PartialEq)]
     enum ReadState {
@@ -393,14 +393,14 @@ fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneEr
         Done,
     }
     let mut states = vec![ReadState::New; objects.len()];
-    // Levels below each object that is done.
+    // Number of levels below each finished object.
     let mut depths = vec![0; objects.len()];
     for start in 0..objects.len() {
         if states[start] != ReadState::New {
             continue;
         }
         states[start] = ReadState::Open;
-        // Object and its next child; no recursion, since references may chain as long as the file is.
+        // Object and its next child. Not recursive, as references may chain through the whole file.
         let mut path = vec![(start, 0)];
         while let Some((object, next)) = path.last_mut() {
             let object = *object;
@@ -430,7 +430,7 @@ fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneEr
     Ok(())
 }
 
-/// Names of the 0.x line run their words together: `maxDepth`, `intIOR`.
+/// Converts camel-case names of Mitsuba 0.x (`maxDepth`, `intIOR`) to snake case.
 fn snake_case(name: &str) -> String {
     let mut snake = String::with_capacity(name.len() + 4);
     let mut was_lower = false;

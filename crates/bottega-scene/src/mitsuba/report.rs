@@ -7,26 +7,26 @@ use super::xml::XmlPlace;
 use crate::SceneError;
 use crate::error::Warnings;
 
-/// The files of a scene, and what is worth telling of them. Equal messages become one, with the first of their places.
+/// The files of a scene, and warnings about them. Equal messages are merged, with the first location.
 #[derive(Debug)]
 pub(super) struct ImportReport {
-    /// Name and path; 0 is the scene.
+    /// Name and path of each file; 0 is the scene.
     files: Vec<(String, PathBuf)>,
     entries: Vec<ReportEntry>,
     index_of: BTreeMap<String, usize>,
 }
 
-/// A message, and at how many places it was told.
+/// A message, with the number of its locations.
 #[derive(Debug)]
 struct ReportEntry {
     at: XmlPlace,
     message: String,
     count: usize,
-    /// Whether something was left out or replaced that the file's own renderer would show.
+    /// `true`: something visible was left out or replaced.
     is_lack: bool,
 }
 
-/// Different messages that are kept.
+/// Maximal number of different messages.
 const ENTRIES_MAX: usize = 1000;
 
 impl ImportReport {
@@ -35,40 +35,40 @@ impl ImportReport {
         Self { files: vec![(name, path.to_path_buf())], entries: Vec::new(), index_of: BTreeMap::new() }
     }
 
-    /// Another file; returns its index.
+    /// Registers a file. Returns its index.
     pub(super) fn add_file(&mut self, name: String, path: PathBuf) -> u32 {
         self.files.push((name, path));
         self.files.len() as u32 - 1
     }
 
-    /// Where a file is.
+    /// Returns the path of a file.
     pub(super) fn path(&self, file: u32) -> &Path {
         &self.files[file as usize].1
     }
 
-    /// The name of a file, relative to the folder of the scene.
+    /// Returns the name of a file, relative to the folder of the scene.
     pub(super) fn name(&self, file: u32) -> &str {
         &self.files[file as usize].0
     }
 
-    /// A place as `file:line:column`.
+    /// Formats a location as `file:line:column`.
     pub(super) fn show(&self, at: XmlPlace) -> String {
         let name = &self.files[at.file as usize].0;
         if at.line == 0 { String::new() } else { format!("{name}:{}:{}", at.line, at.column) }
     }
 
-    /// An error at a place.
+    /// Makes an error at a location.
     pub(super) fn invalid(&self, at: XmlPlace, problem: impl Into<String>) -> SceneError {
         let (line, column) = (at.line as usize, at.column as usize);
         SceneError::Text { path: self.path(at.file).into(), line, column, problem: problem.into() }
     }
 
-    /// Something that was left out or replaced.
+    /// Warns that something was left out or replaced.
     pub(super) fn warn(&mut self, at: XmlPlace, message: impl Into<String>) {
         self.tell(at, message.into(), true);
     }
 
-    /// Something that the user may wonder about, though the picture is as the file wants it.
+    /// Notes something unexpected that does not change the picture.
     pub(super) fn note(&mut self, at: XmlPlace, message: impl Into<String>) {
         self.tell(at, message.into(), false);
     }
@@ -82,7 +82,7 @@ impl ImportReport {
         }
     }
 
-    /// Hands the warnings on.
+    /// Passes the warnings on.
     pub(super) fn finish(self, warnings: &mut Warnings) {
         for ReportEntry { at, message, count, is_lack } in &self.entries {
             let more = match count - 1 {

@@ -1,8 +1,8 @@
-//! Surfaces where a grid of signed distances is 0 (Mitsuba's `sdfgrid`), as triangles.
+//! Mitsuba's `sdfgrid`: zero surfaces of signed distance grids, as triangles.
 //!
-//! Between the samples of the grid the distance is trilinear. Each cell that the surface goes through is cut into finer ones, and these
-//! into six tetrahedra (Kuhn 1960), which are the same on either side of a face: so the triangles leave no holes. Vertices are where the
-//! trilinear distance is 0 along an edge, and have the normals that Mitsuba has there.
+//! Between grid samples the distance is trilinear. Each cell that the surface crosses is subdivided, and each piece
+//! split into six tetrahedra (Kuhn 1960) that match across faces, so the mesh has no holes. Vertices are at zeros of
+//! the trilinear distance along edges, and have Mitsuba's normals.
 
 use std::collections::HashMap;
 
@@ -10,38 +10,38 @@ use glam::{DVec3, UVec3, Vec3};
 
 use crate::Mesh;
 
-/// Triangles that a surface is to have, about: cells are cut as finely as that allows.
+/// Approximate number of triangles of a surface; determines the subdivision of cells.
 const TRIANGLES: usize = 1 << 19;
-/// Pieces of a cell along each axis, at most.
+/// Maximal number of pieces of a cell along each axis.
 const PIECES_MAX: u32 = 16;
-/// Triangles for each piece of a cell's face that the surface goes through, about.
+/// Approximate number of triangles for each piece of a cell's face that the surface crosses.
 const TRIANGLES_PER_PIECE: usize = 6;
-/// Bytes of a triangle with its share of vertices, and of what finds these.
+/// Memory of a triangle with its share of vertices and lookup tables, in bytes.
 const TRIANGLE_BYTES: usize = 96;
-/// Steps towards the place on an edge where the distance is 0.
+/// Iterations to find the zero on an edge.
 const STEPS: u32 = 6;
 
-/// How normals are found.
+/// The computation of normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SdfNormals {
-    /// The slope of the distance within a cell, with edges between cells.
+    /// Gradient of the distance within a cell, discontinuous between cells.
     Analytic,
-    /// Slopes of neighbouring cells, blended (Hansson-Söderlund, Evans and Akenine-Möller 2022, *Ray Tracing of Signed Distance
-    /// Function Grids*).
+    /// Blended gradients of neighbouring cells (Hansson-Söderlund, Evans and Akenine-Möller 2022, *Ray Tracing of
+    /// Signed Distance Function Grids*).
     Smooth,
 }
 
 /// Signed distances at the corners of cells that fill the unit cube.
 #[derive(Clone, Debug)]
 pub(super) struct SdfGrid {
-    /// Samples along x, y and z: two or more.
+    /// Samples along x, y and z; at least two each.
     size: [u32; 3],
-    /// x runs fastest.
+    /// Distances; x runs fastest.
     values: Vec<f32>,
 }
 
 impl SdfGrid {
-    /// Of one number for each sample.
+    /// Makes a grid of one number per sample.
     pub(super) fn new(size: [u32; 3], values: Vec<f32>) -> Result<Self, String> {
         if size.iter().any(|&side| side < 2) {
             let [x, y, z] = size;
@@ -56,7 +56,7 @@ impl SdfGrid {
         f64::from(self.values[(z * rows + y) * columns + x])
     }
 
-    /// Values at the corners of a cell, x + 2 y + 4 z.
+    /// Returns the values at the corners of a cell, x + 2 y + 4 z.
     fn corners(&self, cell: UVec3) -> [f64; 8] {
         let cell = cell.to_array().map(i64::from);
         std::array::from_fn(|i| {
@@ -65,7 +65,7 @@ impl SdfGrid {
         })
     }
 
-    /// The cells that the surface goes through.
+    /// Returns the cells that the surface crosses.
     fn crossed(&self) -> Vec<UVec3> {
         let [columns, rows, layers] = self.size.map(|side| side - 1);
         let mut cells = Vec::new();
@@ -83,14 +83,14 @@ impl SdfGrid {
         cells
     }
 
-    /// The slope at a place, counted in cells, as Mitsuba blends it.
+    /// Returns the gradient at a position in cells, blended as in Mitsuba.
     fn smooth_slope(&self, place: DVec3) -> DVec3 {
         let cells = self.size.map(|side| f64::from(side) - 1.0);
         let place = place.to_array();
-        // The corner of the grid that is nearest, and the cells about it: a lower and an upper one along each axis.
+        // Find the nearest grid corner and the cells around it: a lower and an upper one along each axis.
         let lower = place.map(|x| x.round() as i64 - 1);
         let own: [i64; 3] = std::array::from_fn(|axis| (place[axis].floor() as i64).clamp(0, cells[axis] as i64 - 1));
-        // The distance on the plane of samples with this index along an axis.
+        // Interpolates the distance on the plane of samples with this index along an axis.
         let plane = |axis: usize, index: i64| {
             let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
             let at = |i: i64, j: i64| {
@@ -127,13 +127,13 @@ fn lerp(a: f64, b: f64, t: f64) -> f64 {
     a + (b - a) * t
 }
 
-/// The value at a place of a cell, both from 0 to 1.
+/// Interpolates the value at a position within a cell, in [0, 1] along each axis.
 fn trilinear(corners: &[f64; 8], p: DVec3) -> f64 {
     let along_x = |i: usize| lerp(corners[i], corners[i + 1], p.x);
     lerp(lerp(along_x(0), along_x(2), p.y), lerp(along_x(4), along_x(6), p.y), p.z)
 }
 
-/// Its slope, by the size of a cell.
+/// Returns the gradient, per cell size.
 fn slope(corners: &[f64; 8], p: DVec3) -> DVec3 {
     let across = |axis: usize| {
         let mut ends = [p; 2];
@@ -143,20 +143,20 @@ fn slope(corners: &[f64; 8], p: DVec3) -> DVec3 {
     DVec3::new(across(0), across(1), across(2))
 }
 
-/// A surface under way to triangles.
+/// The state of tessellating a surface.
 struct Mesher<'a> {
     grid: &'a SdfGrid,
     normals: SdfNormals,
-    /// Pieces of a cell along each axis.
+    /// Number of pieces of a cell along each axis.
     pieces: u32,
     mesh: Mesh,
-    /// Places where the surface crosses edges of pieces, by their ends.
+    /// Zeros on edges of pieces, by their ends.
     places: HashMap<[u64; 2], DVec3>,
-    /// Vertices by the edge, and by the cell where each has its own.
+    /// Vertices by their edge, and by cell if each cell has its own.
     vertices: HashMap<([u64; 2], u32), u32>,
 }
 
-/// The triangles of a surface, and the bytes that they may take, of which `take` is asked first.
+/// Tessellates a surface; `take` is called first with the memory in bytes.
 pub(super) fn triangles<E>(
     grid: &SdfGrid,
     normals: SdfNormals,
@@ -170,7 +170,7 @@ pub(super) fn triangles<E>(
     Ok(mesh(grid, normals, &cells, pieces))
 }
 
-/// The triangles in these cells, each cut into so many pieces along each axis.
+/// Tessellates cells, each subdivided into `pieces` pieces along each axis.
 fn mesh(grid: &SdfGrid, normals: SdfNormals, cells: &[UVec3], pieces: u32) -> Mesh {
     let mut mesher =
         Mesher { grid, normals, pieces, mesh: Mesh::default(), places: HashMap::new(), vertices: HashMap::new() };
@@ -182,7 +182,7 @@ fn mesh(grid: &SdfGrid, normals: SdfNormals, cells: &[UVec3], pieces: u32) -> Me
 
 impl Mesher<'_> {
     fn add_cell(&mut self, cell: UVec3, number: u32) {
-        /// Paths along the edges of a cube from its first corner to its last one: a tetrahedron each.
+        /// The tetrahedra: paths along the edges of a cube from its first corner to its last one.
         const PATHS: [[usize; 2]; 6] = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]];
         let corners = self.grid.corners(cell);
         let side = self.pieces + 1;
@@ -205,7 +205,7 @@ impl Mesher<'_> {
         }
     }
 
-    /// The triangles within a tetrahedron: none, one, or two that share an edge.
+    /// Adds the triangles within a tetrahedron: none, one, or two that share an edge.
     fn add_tetrahedron(&mut self, cell: UVec3, number: u32, corners: &[f64; 8], nodes: [UVec3; 4], values: [f64; 4]) {
         let (inside, outside): (Vec<usize>, Vec<usize>) = (0..4).partition(|&i| values[i] < 0.0);
         let mut edge = |a: usize, b: usize| self.vertex(cell, number, corners, [nodes[a], nodes[b]]);
@@ -224,12 +224,12 @@ impl Mesher<'_> {
         }
     }
 
-    /// Cells along each axis.
+    /// Returns the number of cells along each axis.
     fn cell_counts(&self) -> DVec3 {
         UVec3::from_array(self.grid.size.map(|side| side - 1)).as_dvec3()
     }
 
-    /// The vertex on the edge between two nodes of a cell.
+    /// Returns the vertex on the edge between two nodes of a cell.
     fn vertex(&mut self, cell: UVec3, number: u32, corners: &[f64; 8], mut ends: [UVec3; 2]) -> u32 {
         let nodes = self.grid.size.map(|side| u64::from(side - 1) * u64::from(self.pieces) + 1);
         let index = |node: UVec3| {
@@ -257,8 +257,8 @@ impl Mesher<'_> {
     }
 }
 
-/// Where the distance is 0 between two places of a cell at which its signs differ: by secants that keep both signs, the value of an
-/// end that stays being halved (the Illinois method).
+/// Finds the zero between two points of a cell with different signs, by the Illinois method: secants that keep both
+/// signs, halving the value of an end that is kept.
 fn crossing(corners: &[f64; 8], [mut a, mut b]: [DVec3; 2]) -> DVec3 {
     let (mut value_a, mut value_b) = (trilinear(corners, a), trilinear(corners, b));
     let mut place = a;

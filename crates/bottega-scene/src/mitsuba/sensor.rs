@@ -1,4 +1,4 @@
-//! Cameras, and how they want to be painted: film, samples, integrator.
+//! Cameras and render hints: film, sampler, integrator.
 
 use glam::{Affine3A, DMat3, DMat4, DVec3, Vec2};
 
@@ -9,11 +9,11 @@ use crate::hints::FilmFilter;
 use crate::text::shortened;
 use crate::{Camera, Clip, FovAxis, Projection, SceneError};
 
-/// Columns and rows of a film, where the file is silent.
+/// Default columns and rows of a film.
 const FILM: [u32; 2] = [768, 576];
 
 impl Importer<'_> {
-    /// A camera of the scene. The first one says how the scene wants to be painted.
+    /// Adds a camera. The first one gives the render hints.
     pub(super) fn add_sensor(&mut self, id: ObjectId) -> Result<(), SceneError> {
         let object = self.visit(id)?;
         let mut film = None;
@@ -53,7 +53,7 @@ impl Importer<'_> {
                 self.clip(object, &mut camera, 1.0)?;
             }
             "orthographic" => {
-                // It shows [−1, 1] across; the scales of its transformation say how wide that is, and stretch what pixels show.
+                // The view is [−1, 1] wide; the scales of its transformation scale that, and stretch pixels.
                 let (x, y) = (to_world.x_axis.truncate().length(), to_world.y_axis.truncate().length());
                 camera.projection = Projection::Orthographic { height: (2.0 * y / aspect) as f32 };
                 camera.pixel_aspect = (x / y) as f32;
@@ -79,10 +79,10 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// The planes between which a projective sensor sees.
+    /// Reads the clip planes of a projective sensor.
     ///
-    /// - `scale`: length of its line of sight, by which the near plane is moved away; the far one is as far behind it as
-    ///   without scale.
+    /// - `scale`: length of its viewing axis, which scales the near distance; the far plane keeps its unscaled distance
+    ///   from the near one.
     fn clip(&mut self, object: &Object, camera: &mut Camera, scale: f64) -> Result<(), SceneError> {
         let near = self.bad(object.float("near_clip"))?.unwrap_or(1e-2);
         let far = self.bad(object.float("far_clip"))?.unwrap_or(1e4);
@@ -115,8 +115,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// The angle of a field of view in radians, along the axis that [`fov_axis`] tells; a focal length is along the
-    /// diagonal.
+    /// Returns the field of view in radians, along the axis of [`fov_axis`]; a focal length gives the diagonal.
     pub(super) fn fov(&mut self, object: &Object) -> Result<f64, SceneError> {
         if let Some(fov) = self.bad(object.float("fov"))? {
             if !(fov > 0.0 && fov < 180.0) {
@@ -151,7 +150,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// Returns columns and rows.
+    /// Reads a film. Returns columns and rows.
     fn read_film(&mut self, id: ObjectId) -> Result<[u32; 2], SceneError> {
         let object = self.visit(id)?;
         let format = self.bad(object.string("pixel_format"))?.unwrap_or_default().to_ascii_lowercase();
@@ -160,7 +159,7 @@ impl Importer<'_> {
             let message = format!("the pixels are RGB, and not `{}` as `pixel_format` says", shortened(&format));
             self.report.warn(object.at, message);
         }
-        // The old line: −1 is sRGB.
+        // In Mitsuba 0.x, −1 is sRGB.
         if object.plugin != "specfilm" && self.bad(object.float("gamma"))?.is_some_and(|gamma| gamma != -1.0) {
             self.report.warn(object.at, "`gamma` of the film is left out: a PNG is sRGB");
         }
@@ -227,7 +226,7 @@ impl Importer<'_> {
         })
     }
 
-    /// B or C of Mitchell and Netravali.
+    /// Reads Mitchell and Netravali's parameter B or C.
     fn mitchell_parameter(&mut self, object: &Object, name: &str) -> Result<f32, SceneError> {
         let given = self.bad(object.float(name))?.unwrap_or(1.0 / 3.0);
         let number = given.clamp(0.0, 1.0);
@@ -238,7 +237,7 @@ impl Importer<'_> {
     }
 }
 
-/// Along which axis the field of view of a sensor or projector is given.
+/// Returns the axis of a sensor's or projector's field of view.
 pub(super) fn fov_axis(importer: &mut Importer<'_>, object: &Object) -> Result<FovAxis, SceneError> {
     let axis = importer.bad(object.string("fov_axis"))?;
     if object.property("fov").is_none() {
@@ -258,7 +257,7 @@ pub(super) fn fov_axis(importer: &mut Importer<'_>, object: &Object) -> Result<F
     })
 }
 
-/// The angle from the lower to the upper edge, in radians.
+/// Returns the angle from the lower to the upper edge, in radians.
 ///
 /// - `aspect`: width over height.
 pub(super) fn vertical_fov(fov: f64, axis: FovAxis, aspect: f64) -> f64 {
@@ -273,11 +272,11 @@ pub(super) fn vertical_fov(fov: f64, axis: FovAxis, aspect: f64) -> f64 {
     2.0 * tan_y.atan()
 }
 
-/// Rotation (it may mirror) and position of something that stands in the world, and whether there was nothing else.
-/// `None`: the transformation is singular.
+/// Returns rotation (which may mirror) and position of a transformation, and true if it has no other part. `None`: it
+/// is singular.
 pub(super) fn standing(to_world: &DMat4) -> Option<(DMat3, DVec3, bool)> {
     let linear = DMat3::from_mat4(*to_world);
-    // The direction of sight is kept, the others are made perpendicular to it.
+    // Keep the viewing direction and make the other axes perpendicular to it.
     let z = linear.z_axis.try_normalize()?;
     let y = (linear.y_axis - z * z.dot(linear.y_axis)).try_normalize()?;
     let x = linear.x_axis - z * z.dot(linear.x_axis);
@@ -287,7 +286,8 @@ pub(super) fn standing(to_world: &DMat4) -> Option<(DMat3, DVec3, bool)> {
     (rotation.is_finite() && position.is_finite()).then(|| (rotation, position, linear.abs_diff_eq(rotation, 1e-3)))
 }
 
-/// From our camera space, which looks along −z with +x to the right, where Mitsuba's looks along +z with +x to the left.
+/// Returns world from camera space. Our camera looks along −z with +x to the right, Mitsuba's along +z with +x to the
+/// left.
 pub(super) fn looking(rotation: &DMat3, position: DVec3) -> Affine3A {
     let turned = *rotation * DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
     Affine3A { matrix3: turned.as_mat3().into(), translation: position.as_vec3().into() }

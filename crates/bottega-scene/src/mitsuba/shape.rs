@@ -1,4 +1,4 @@
-//! Shapes: in the scene, and in groups that instances place.
+//! Shapes: in the scene, and in groups that are instanced.
 
 use std::collections::BTreeMap;
 
@@ -18,14 +18,14 @@ use crate::origin::{centered, rounding};
 use crate::text::shortened;
 use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
 
-/// Meshes with fewer triangles are not worth an instance.
+/// Meshes with fewer triangles are not instanced.
 const SHARED_MIN: usize = 256;
 
-/// A shape in the space of its group.
+/// A part of a shape, in the space of its group.
 #[derive(Clone, Debug)]
 pub(super) enum GroupPart {
     Mesh(Mesh),
-    /// A mesh of the scene that other shapes show as well.
+    /// A mesh of the scene that several shapes use.
     Shared(u32, DMat4),
     Sphere(Ball),
     /// An instance of a group.
@@ -33,10 +33,10 @@ pub(super) enum GroupPart {
 }
 
 impl Importer<'_> {
-    /// Shows a shape of the scene.
+    /// Adds a shape of the scene.
     pub(super) fn add_shape(&mut self, id: ObjectId, to_world: DMat4) -> Result<(), SceneError> {
         if self.document.get(id).plugin == "shapegroup" {
-            // Seen where it is instanced.
+            // Placed by its instances.
             return Ok(());
         }
         for part in self.parts(id, to_world)? {
@@ -50,7 +50,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// What a shape is made of, in the space that `to_group` leads to.
+    /// Converts a shape to parts, in the space of `to_group`.
     fn parts(&mut self, id: ObjectId, to_group: DMat4) -> Result<Vec<GroupPart>, SceneError> {
         let object = self.visit(id)?;
         let own = self.bad(object.full_transform("to_world"))?;
@@ -99,12 +99,12 @@ impl Importer<'_> {
             }
             normals.matrix = Some(cofactors(&DMat3::from_mat4(to_group)) * DMat3::from_mat4(taken));
         }
-        // The triangles say it all.
+        // Triangle normals suffice.
         let is_flat = matches!(object.plugin.as_str(), "rectangle" | "cube" | "disk") && normals.matrix.is_none();
         self.finish(object, mesh, matrix, normals, is_flat)
     }
 
-    /// The surface of a grid of signed distances.
+    /// Tessellates a signed distance grid.
     fn distance_grid(&mut self, object: &Object) -> Result<Mesh, SceneError> {
         let normals = match self.bad(object.string("normals"))? {
             Some("analytic") => SdfNormals::Analytic,
@@ -127,7 +127,7 @@ impl Importer<'_> {
         })
     }
 
-    /// The mesh that several shapes show, made for the first of them. `None`: each is to have its own.
+    /// Returns the mesh that several shapes share, made for the first of them. `None`: the shape has its own mesh.
     fn shared_mesh(&mut self, object: &Object) -> Result<Option<u32>, SceneError> {
         let Some(key) = mesh_key(object).filter(|key| self.shared.meshes.contains_key(key)) else { return Ok(None) };
         if let Some((_, Some(known))) = self.shared.meshes.get(&key) {
@@ -148,7 +148,7 @@ impl Importer<'_> {
         Ok(Some(made))
     }
 
-    /// Shows a mesh of the scene.
+    /// Places a mesh of the scene.
     fn show(&mut self, mesh: u32, matrix: &DMat4, at: XmlPlace) -> Result<(), SceneError> {
         self.take(at, size_of::<Instance>())?;
         let matrix = &(*matrix * DMat4::from_translation(self.center(mesh, at)));
@@ -174,7 +174,8 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// Where the middle of a mesh was in its own space, if it was moved: in scenes far from the origin, meshes may be, too.
+    /// Returns the former centre of a mesh, if it was moved: in scenes far from the origin, meshes may also be far from
+    /// theirs.
     fn center(&mut self, mesh: u32, at: XmlPlace) -> DVec3 {
         if self.origin == DVec3::ZERO {
             return DVec3::ZERO;
@@ -195,7 +196,7 @@ impl Importer<'_> {
         self.accept_all(object);
     }
 
-    /// The material of a shape by what stands within it.
+    /// Returns the material of a shape, from its nested objects.
     fn shape_material(&mut self, object: &Object) -> Result<(u32, MeshNeeds), SceneError> {
         let (mut bsdf, mut emitter, mut interior, mut exterior) = (None, None, None, None);
         for child in &object.children {
@@ -215,7 +216,7 @@ impl Importer<'_> {
         self.material((bsdf, emitter, interior, exterior))
     }
 
-    /// Gives a mesh its material and its place.
+    /// Finishes a mesh: sets its material and transforms it.
     pub(super) fn finish(
         &mut self,
         object: &Object,
@@ -304,13 +305,13 @@ impl Importer<'_> {
         Ok(vec![GroupPart::Group(child.object, matrix)])
     }
 
-    /// Makes the meshes of a group, once.
+    /// Makes the meshes of a group once.
     fn load_group(&mut self, id: ObjectId) -> Result<(), SceneError> {
         if self.groups.contains_key(&id) {
             return Ok(());
         }
         let object = self.visit(id)?;
-        // Groups of groups multiply: what is too much is refused before any of it is made.
+        // Nested groups multiply: check the memory before building.
         let shapes = self.shape_count(id, &mut BTreeMap::new());
         let bytes = shapes.saturating_mul(size_of::<(u32, DMat4)>());
         self.placed(object.at, self.resources.budget().check(self.report.path(object.at.file), bytes))?;
@@ -331,7 +332,7 @@ impl Importer<'_> {
                         let bytes =
                             inner.meshes.len() * size_of::<(u32, DMat4)>() + inner.balls.len() * size_of::<Ball>();
                         self.take(object.at, bytes)?;
-                        // Groups in groups grow as fast as their depth.
+                        // The lists of nested groups grow exponentially with depth.
                         let room = group.meshes.try_reserve(inner.meshes.len());
                         if room.and_then(|()| group.balls.try_reserve(inner.balls.len())).is_err() {
                             return Err(self.report.invalid(object.at, "there is no memory for what is in this group"));
@@ -347,7 +348,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// How many shapes an object stands for: itself, or what the groups within it hold.
+    /// Counts the shapes in an object, including nested groups.
     fn shape_count(&self, id: ObjectId, known: &mut BTreeMap<ObjectId, usize>) -> usize {
         if let Some(&count) = known.get(&id) {
             return count;
@@ -385,7 +386,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// Shows a sphere of world space: as it is where it is round, else as triangles.
+    /// Adds a sphere in world space: analytic if it is round, otherwise triangles.
     fn add_ball(&mut self, ball: Ball, at: XmlPlace) -> Result<(), SceneError> {
         let linear = DMat3::from_mat4(ball.to_group);
         let center = ball.to_group.w_axis.truncate();
@@ -394,7 +395,7 @@ impl Importer<'_> {
         let rotation = linear * (1.0 / (radius * determinant.signum()));
         let gram = rotation.transpose() * rotation;
         let is_round = gram.abs_diff_eq(DMat3::IDENTITY, 1e-5);
-        // Only a picture on it would tell a mirrored sphere from a turned one.
+        // Only a texture distinguishes a mirrored sphere from a rotated one.
         let is_mirrored_picture = determinant < 0.0 && ball.needs.uvs;
         let in_reach = center.abs().max_element() + radius < f64::from(COORDINATE_MAX) && radius as f32 > 0.0;
         if is_round && !is_mirrored_picture && in_reach {
@@ -418,7 +419,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// The material for a surface that is turned inside out.
+    /// Returns the material for a surface turned inside out.
     fn turned_material(&mut self, material: u32) -> Option<u32> {
         let turned = turned(&self.scene.materials[material as usize])?;
         let known = self.scene.materials.iter().position(|known| *known == turned);
@@ -426,19 +427,18 @@ impl Importer<'_> {
     }
 }
 
-/// What Mitsuba makes of the transformation of a sphere or a cylinder: the rotation and the place that are in it, and of its scales one for
-/// each axis.
+/// Returns Mitsuba's transformation of a sphere or cylinder: rotation, position and one scale per axis.
 ///
-/// - `axes`: by which axis each of the three is scaled.
+/// - `axes`: source axis of each of the three scales.
 fn scaled_along_axes(placed: &DMat4, axes: [usize; 3]) -> DMat4 {
     let (scale, rotation) = polar(&DMat3::from_mat4(*placed));
     let scale = DVec3::from_array(axes.map(|axis| scale.col(axis)[axis]));
     DMat4::from(DAffine3::from_mat3_translation(rotation * DMat3::from_diagonal(scale), placed.w_axis.truncate()))
 }
 
-/// The orientation of a sphere: Mitsuba's poles lie along z, ours along y.
+/// Returns the orientation of a sphere: Mitsuba's pole is z, ours is y.
 fn orientation(rotation: &DMat3) -> Quat {
-    // Ours runs from u = 0 at −z towards −x, Mitsuba's from +x towards +y.
+    // Our u starts at −z and increases towards −x; Mitsuba's starts at +x and increases towards +y.
     let ours = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
     DQuat::from_mat3(&(*rotation * ours)).normalize().as_quat().normalize()
 }

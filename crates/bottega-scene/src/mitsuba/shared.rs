@@ -1,4 +1,4 @@
-//! Meshes that several shapes share: from the same file, and groups.
+//! Meshes that several shapes share: from the same file, or in groups.
 
 use std::collections::BTreeMap;
 
@@ -7,16 +7,16 @@ use glam::{DMat4, DVec3};
 use super::document::{Class, Document, Object, ObjectId};
 use crate::model::MeshBounds;
 
-/// What a mesh from a file is made of, apart from where it is: plugin, properties, and what stands within it.
+/// The key of a mesh from a file, without its transformation: plugin, properties and nested objects.
 pub(super) type MeshKey = (String, Vec<String>, Vec<ObjectId>);
 
-/// The key of a shape that is in a file.
+/// Returns the key of a shape from a mesh file.
 pub(super) fn mesh_key(object: &Object) -> Option<MeshKey> {
     if !matches!(object.plugin.as_str(), "obj" | "ply" | "serialized") {
         return None;
     }
     let properties = object.properties.iter().filter(|property| property.name != "to_world");
-    // Files are looked for beside the one that asks for them, too.
+    // Include the referring file, as its folder is searched too.
     let mut texts: Vec<String> =
         properties.map(|property| format!("{} {:?} {}", property.name, property.value, property.at.file)).collect();
     texts.sort();
@@ -25,20 +25,20 @@ pub(super) fn mesh_key(object: &Object) -> Option<MeshKey> {
     Some((object.plugin.clone(), texts, parts))
 }
 
-/// Meshes that several shapes show.
+/// The shared meshes.
 #[derive(Debug, Default)]
 pub(super) struct SharedMeshes {
-    /// How many shapes, and the mesh once it is there; of one with few triangles every shape gets its own.
+    /// Number of shapes, and the mesh once it is made; small meshes are removed, and each shape gets its own.
     pub(super) meshes: BTreeMap<MeshKey, (usize, Option<u32>)>,
-    /// Mirrored copies, where they were asked for.
+    /// Mirrored copies of meshes.
     pub(super) mirrored: BTreeMap<u32, u32>,
-    /// Where the middles of meshes were that were moved.
+    /// Former centres of the meshes that were moved to their origin.
     pub(super) centers: BTreeMap<u32, DVec3>,
     pub(super) bounds: MeshBounds,
 }
 
 impl SharedMeshes {
-    /// Counts the shapes of a document.
+    /// Finds the meshes that several shapes of a document use.
     pub(super) fn new(document: &Document) -> Self {
         let mut shared = Self::default();
         for key in document.objects.iter().filter(|object| object.class == Class::Shape).filter_map(mesh_key) {
@@ -49,32 +49,32 @@ impl SharedMeshes {
     }
 }
 
-/// An analytic sphere: the unit sphere, transformed.
+/// An analytic sphere: the transformed unit sphere.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ball {
     pub(super) to_group: DMat4,
-    /// Whether its front is inside: because its normals are flipped, or because its own transformation mirrors it. That of
-    /// an instance does not count.
+    /// `true`: its front is inside, because its normals are flipped or its own transformation mirrors it. An instance's
+    /// transformation does not count.
     pub(super) inward: bool,
     pub(super) material: u32,
     pub(super) needs: MeshNeeds,
 }
 
-/// What instances of a group place: nested groups are flattened.
+/// The contents of a group; nested groups are flattened.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Group {
-    /// Mesh of the scene, and where it is.
+    /// Meshes of the scene and their transformations.
     pub(super) meshes: Vec<(u32, DMat4)>,
     pub(super) balls: Vec<Ball>,
 }
 
-/// What a material asks of its mesh.
+/// The attributes that a material needs of its mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct MeshNeeds {
     pub(super) uvs: bool,
     pub(super) tangents: bool,
-    /// Colours of its vertices.
+    /// Vertex colours.
     pub(super) colors: bool,
-    /// Colours of its faces.
+    /// Face colours.
     pub(super) face_colors: bool,
 }

@@ -1,8 +1,8 @@
-//! `sunsky`, `sky` and `sun`: painted into an environment picture when they are read.
+//! The emitters `sunsky`, `sky` and `sun`: rendered to an environment picture on import.
 //!
-//! The sky is that of Hosek and Wilkie 2012, *An Analytic Model for Full Spectral Sky-Dome Radiance*, in its version for three
-//! colours, and the sun is a disk of the radiance that Mitsuba 3.9 gives it, without limb darkening: both as in the `*_rgb`
-//! variants of Mitsuba 3. The 0.x line, which had other units, gets the same.
+//! The sky is the RGB version of Hosek and Wilkie 2012, *An Analytic Model for Full Spectral Sky-Dome Radiance*; the
+//! sun is a disk with the radiance of Mitsuba 3.9, without limb darkening. Both match Mitsuba's `*_rgb` variants.
+//! Mitsuba 0.x, which has other units, is treated alike.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -14,22 +14,22 @@ use super::document::Object;
 use super::importer::Importer;
 use crate::{Environment, Image, SceneError, Spectrum};
 
-/// Columns and rows of the picture.
+/// Size of the picture, in texels.
 const WIDTH: u32 = 1024;
 const HEIGHT: u32 = 512;
 
-/// The angle that the sun takes, in degrees.
+/// Angular diameter of the sun, in degrees.
 const SUN_APERTURE: f64 = 0.5358;
 
-/// From the model's radiance, in W·m⁻²·sr⁻¹ with 683 lm·W⁻¹, to the unit in which Mitsuba paints. Found as the ratio of both,
-/// which is the same in all directions, for all suns and turbidities.
+/// Factor from the model's radiance, in W·m⁻²·sr⁻¹ with 683 lm·W⁻¹, to Mitsuba's unit. Measured as their ratio, which
+/// is the same for all directions, sun positions and turbidities.
 const MITSUBA_PER_MODEL: f64 = 0.009_367_66;
 
 struct Sky {
-    /// Towards the sun, +z the zenith.
+    /// Direction to the sun; +z is the zenith.
     sun: DVec3,
     turbidity: f64,
-    /// `None`: the sun is below the horizon.
+    /// State of the sky model; `None`: the sun is below the horizon.
     state: Option<SkyState>,
 }
 
@@ -52,12 +52,12 @@ impl Importer<'_> {
             (if has("sky") { sky_scale } else { 0.0 }, if has("sun") { sun_scale } else { 0.0 });
         let aperture = self.number_at_least(object, "sun_aperture", 0.01, SUN_APERTURE)?.min(90.0)
             * self.number_at_least(object, "sun_radius_scale", 0.0, 1.0)?.clamp(0.05, 100.0);
-        // The old line has its zenith along +y; both are turned to +z here.
+        // The zenith is +y in Mitsuba 0.x; rotate it to +z.
         let zenith_up =
             if self.document.is_old { DMat3::from_cols(DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y) } else { DMat3::IDENTITY };
         let world_from_sky = self.rotation(object, to_world) * zenith_up;
         let sun = match self.bad(object.vector("sun_direction"))? {
-            // A direction of the world, however the sky is turned.
+            // A world direction, independent of the sky's rotation.
             Some(direction) => world_from_sky.transpose() * direction,
             None => self.sun_by_time(object)?,
         };
@@ -65,7 +65,7 @@ impl Importer<'_> {
         if sun.z < 0.0 {
             self.report.warn(object.at, "the sun is below the horizon: it is night");
         }
-        // What is painted has +y as its zenith: x of the sky is −z of the picture, y is −x.
+        // The zenith of the picture is +y: x of the sky is −z of the picture, y is −x.
         let sky_from_picture = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
         let bytes = (WIDTH * HEIGHT * 16) as usize;
         self.take(object.at, bytes)?;
@@ -76,16 +76,18 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// Where the sun is by date, hour and place, to about half a degree: +z up, +x south, +y west.
+    /// Returns the direction to the sun by date, time and location, accurate to about half a degree: +z up, +x south,
+    /// +y west.
     ///
-    /// Source: Meeus, *Astronomical Algorithms*, chapter 25 (low accuracy), without the equation of time's small terms.
+    /// Source: Meeus, *Astronomical Algorithms*, chapter 25 (low accuracy), without the small terms of the equation of
+    /// time.
     fn sun_by_time(&self, object: &Object) -> Result<DVec3, SceneError> {
         let number = |name: &str, default: f64| Ok::<_, SceneError>(self.bad(object.float(name))?.unwrap_or(default));
         let (latitude, longitude) = (number("latitude", 35.6894)?, number("longitude", 139.6917)?);
         let (year, month, day) = (number("year", 2010.0)?, number("month", 7.0)?, number("day", 10.0)?);
         let hour = number("hour", 15.0)? + number("minute", 0.0)? / 60.0 + number("second", 0.0)? / 3600.0;
         let universal = hour - number("timezone", 9.0)?;
-        // Days since noon of the first of January 2000.
+        // Days since noon of 1 January 2000.
         let months = (month - 14.0) / 12.0;
         let months = months.trunc();
         let julian = ((1461.0 * (year + 4800.0 + months)) / 4.0).trunc()
@@ -120,7 +122,7 @@ impl Sky {
         Self { sun, turbidity, state }
     }
 
-    /// Radiance of the sky; black below the horizon.
+    /// Returns the radiance of the sky; black below the horizon.
     fn radiance(&self, direction: DVec3) -> DVec3 {
         let Some(state) = self.state.as_ref().filter(|_| direction.z >= 0.0) else { return DVec3::ZERO };
         let theta = direction.z.clamp(0.0, 1.0).acos() as f32;
@@ -129,7 +131,7 @@ impl Sky {
         Vec3::new(r, g, b).as_dvec3().max(DVec3::ZERO) * MITSUBA_PER_MODEL
     }
 
-    /// Radiance of the sun's disk, where that has its true size.
+    /// Returns the radiance of the sun's disk at its true size.
     fn sun_radiance(&self) -> DVec3 {
         if self.sun.z <= 0.0 {
             return DVec3::ZERO;
@@ -140,7 +142,7 @@ impl Sky {
             .map(|line| line.split(' ').filter_map(|number| number.parse().ok()).collect())
             .collect();
         let steps = (table.first().map_or(0, Vec::len) / 3).saturating_sub(1);
-        // Between four entries.
+        // Interpolate between four entries.
         let at = (self.sun.z.min(1.0).asin() / FRAC_PI_2).cbrt() * steps as f64;
         let (column, row) =
             ((at as usize).min(steps.saturating_sub(1)), ((self.turbidity - 1.0) as usize).min(table.len() - 2));
@@ -152,11 +154,11 @@ impl Sky {
 
     fn image(&self, sky_from_picture: &DMat3, sky_scale: f64, sun_scale: f64, aperture: f64) -> Image {
         use rayon::prelude::*;
-        // A sun of another size brings the same light.
+        // A sun of another size emits the same light.
         let size = |aperture: f64| 1.0 - (0.5 * aperture.to_radians()).cos();
         let sun = self.sun_radiance() * (sun_scale * size(SUN_APERTURE) / size(aperture));
         let cos_sun = (0.5 * aperture.to_radians()).cos();
-        // Texels that may touch the sun are looked at more closely, and the sun's light is kept as a whole.
+        // Supersample texels near the sun, and preserve its total light.
         let texel_angle = PI / f64::from(HEIGHT);
         let cos_near = (0.5 * aperture.to_radians() + 1.5 * texel_angle).min(FRAC_PI_2).cos();
         let toward = |u: f64, v: f64| {

@@ -1,4 +1,4 @@
-//! The pictures that spots throw.
+//! Projected pictures of spot lights.
 
 use std::path::Path;
 
@@ -8,28 +8,30 @@ use rayon::prelude::*;
 use crate::budget::MemoryBudget;
 use crate::{Image, ImageId, LightKind, Scene, SceneError, TextureMap};
 
-/// Texels along a side of what a spot with a picture throws: so many at least, for how it fades towards its edge.
+/// Least side of a spot light's picture, in texels, to resolve the falloff towards the edge.
 const SLIDE_SIDE_MIN: f32 = 512.0;
 
-/// The most texels along a side. A finer picture is averaged.
+/// Maximal side, in texels. A finer picture is averaged.
 const SLIDE_SIDE_MAX: f32 = 4096.0;
 
-/// The picture that a spot throws, and how it fades towards the edge of the cone.
+/// The picture of a spot light, and its falloff towards the edge of the cone.
 pub(super) struct Slide {
     map: TextureMap,
-    /// Half angles in radians: of full intensity, and beyond which there is nothing.
+    /// Half angles in radians: of full intensity (`beam`), and where it reaches 0 (`cutoff`).
     beam: f64,
     pub(super) cutoff: f64,
 }
 
 impl Slide {
+    /// Makes a slide.
+    ///
     /// - `beam`, `cutoff`: half angles in degrees.
     pub(super) fn new(map: TextureMap, beam: f64, cutoff: f64) -> Self {
         Self { map, beam: beam.to_radians(), cutoff: cutoff.to_radians() }
     }
 
-    /// Columns and rows of what is thrown: those of the picture, or so many times as many, so that its texels stay where they
-    /// are; fewer where there are too many.
+    /// Returns the size of the projected picture: a multiple of the original's size, so that texel edges stay aligned,
+    /// but within the limit.
     fn size(&self, picture: &Image) -> UVec2 {
         let (width, height) = picture.size();
         let texels = Vec2::new(width as f32, height as f32);
@@ -42,10 +44,10 @@ impl Slide {
         UVec2::new(along(matrix.x_axis), along(matrix.y_axis))
     }
 
-    /// The picture of a projector that throws the same.
+    /// Renders the picture of an equivalent projector.
     fn image(&self, picture: &Image, size: UVec2) -> Image {
         let sides = size.as_dvec2();
-        // Where texels of the picture are smaller than ours, its mean over each is taken, by quarters.
+        // If the original has smaller texels, average four lookups per texel.
         let footprint = (1.0 / sides).max_element() as f32;
         let (width, height) = picture.size();
         let scale = self.map.picture_from_uv.matrix2 * glam::Mat2::from_diagonal((1.0 / sides).as_vec2());
@@ -53,7 +55,7 @@ impl Slide {
             [scale.x_axis, scale.y_axis].map(|axis| (axis * Vec2::new(width as f32, height as f32)).length());
         let is_finer = texel_extent.iter().any(|extent| *extent > 1.001);
         let color = |place: DVec2| {
-            // Seen along our axes, the texture is turned half round.
+            // The texture is rotated by 180° in our axes.
             let look = |place: DVec2, footprint: f32| {
                 picture.eval(&self.map, (1.0 - place).as_vec2(), footprint).truncate().as_dvec3()
             };
@@ -70,7 +72,7 @@ impl Slide {
             let cosine = 1.0 / (1.0 + ((2.0 * place - 1.0) * half_width).length_squared()).sqrt();
             let angle = cosine.acos();
             let fading = ((self.cutoff - angle) / (self.cutoff - self.beam)).clamp(0.0, 1.0);
-            // A projector divides by the cube of the cosine.
+            // Compensate for the projector's division by the cosine cubed.
             (color(place) * (fading * cosine.powi(3))).as_vec3().to_array()
         };
         let texels = (0..size.x * size.y).into_par_iter().map(texel).collect();
@@ -78,7 +80,7 @@ impl Slide {
     }
 }
 
-/// Puts the pictures of spots into a scene that has those of the file. Each has the index of its light.
+/// Adds the pictures of spot lights to a scene whose file pictures are loaded. Each has the index of its light.
 pub(super) fn add_slides(
     scene: &mut Scene,
     slides: &[(usize, Slide)],
@@ -90,7 +92,7 @@ pub(super) fn add_slides(
         let size = slide.size(thrown);
         budget.take(path, "", (size.x * size.y) as usize * size_of::<[f32; 3]>() * 4 / 3)?;
         let made = slide.image(thrown, size);
-        // What fades is not to have steps where texels are large.
+        // Interpolate enlarged texels, so that the falloff has no steps.
         let is_enlarged = size.x > thrown.size().0 || size.y > thrown.size().1;
         let next = ImageId(scene.images.len() as u32);
         if let LightKind::Projector { picture, .. } = &mut scene.lights[*light].kind {

@@ -1,4 +1,4 @@
-//! Simple shapes as triangles, laid out as Mitsuba 3 has them.
+//! Simple shapes as triangles, with the parameterization of Mitsuba 3.
 
 use std::f64::consts::{PI, TAU};
 
@@ -6,10 +6,10 @@ use glam::{DVec3, Vec2, Vec3};
 
 use crate::Mesh;
 
-/// Pieces of a circle: their chords stay within 1 − cos(π ∕ 256) < 10⁻⁴ of the radius.
+/// Segments of a circle: chords deviate by at most 1 − cos(π ∕ 256) < 10⁻⁴ of the radius.
 const SEGMENTS: u32 = 256;
 
-/// The square [−1, 1]² at z = 0, front towards +z.
+/// Returns the square [−1, 1]² at z = 0, front towards +z.
 pub(super) fn rectangle() -> Mesh {
     let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(u, v)| Vec2::new(u as f32, v as f32));
     Mesh {
@@ -21,9 +21,9 @@ pub(super) fn rectangle() -> Mesh {
     }
 }
 
-/// The cube [−1, 1]³, front outside.
+/// Returns the cube [−1, 1]³, front outside.
 pub(super) fn cube() -> Mesh {
-    // Of each side: its normal, and the directions of growing u and v.
+    // Normal, u direction and v direction of each side.
     const SIDES: [[Vec3; 3]; 6] = [
         [Vec3::NEG_Y, Vec3::Z, Vec3::X],
         [Vec3::Y, Vec3::NEG_X, Vec3::NEG_Z],
@@ -40,20 +40,20 @@ pub(super) fn cube() -> Mesh {
             mesh.normals.push(normal);
             mesh.uvs[0].push(uv);
         }
-        // On some sides the picture is mirrored.
+        // The texture is mirrored on some sides.
         let (second, last) = if u.cross(v).dot(normal) > 0.0 { (first + 1, first + 3) } else { (first + 3, first + 1) };
         mesh.triangles.extend([[first, second, first + 2], [first, first + 2, last]]);
     }
     mesh
 }
 
-/// The unit disk at z = 0, front towards +z. u grows along the radius, v around.
+/// Returns the unit disk at z = 0, front towards +z. u grows along the radius, v around.
 pub(super) fn disk() -> Mesh {
     let mut mesh = Mesh::default();
     for segment in 0..=SEGMENTS {
         let v = f64::from(segment) / f64::from(SEGMENTS);
         let (sin, cos) = (v * TAU).sin_cos();
-        // Each segment has a centre of its own, half-way round.
+        // Each segment has its own centre vertex, half-way in v.
         let middle = ((f64::from(segment) + 0.5) / f64::from(SEGMENTS)) as f32;
         mesh.positions.extend([Vec3::new(cos as f32, sin as f32, 0.0), Vec3::ZERO]);
         mesh.uvs[0].extend([Vec2::new(1.0, v as f32), Vec2::new(0.0, middle)]);
@@ -65,7 +65,7 @@ pub(super) fn disk() -> Mesh {
     mesh
 }
 
-/// The unit cylinder around z from 0 to 1 without lids, front outside. u grows around, v along.
+/// Returns the unit cylinder around z from 0 to 1 without caps, front outside. u grows around, v along.
 pub(super) fn cylinder() -> Mesh {
     let mut mesh = Mesh::default();
     for segment in 0..=SEGMENTS {
@@ -83,7 +83,7 @@ pub(super) fn cylinder() -> Mesh {
     mesh
 }
 
-/// The unit sphere, front outside. u grows around +z from +x, v from +z down.
+/// Returns the unit sphere, front outside. u grows around +z from +x, v from +z down.
 pub(super) fn sphere() -> Mesh {
     const ROWS: u32 = SEGMENTS / 2;
     let mut mesh = Mesh::default();

@@ -1,4 +1,4 @@
-//! Textures: pictures in files, and patterns that are made into pictures.
+//! Textures: picture files, and patterns converted to pictures.
 
 use glam::{Affine2, DMat4, DVec2, DVec3, Vec2, Vec3};
 
@@ -13,7 +13,7 @@ use crate::{Channel, Image, SceneError, Spectrum, TextureMap, Wrap};
 #[derive(Clone, Debug)]
 pub(super) struct Texture {
     pub(super) factor: Spectrum,
-    /// The picture, and the channel where the file names one.
+    /// Map of the picture, and the channel if the file names one.
     pub(super) map: Option<(TextureMap, Option<Channel>)>,
 }
 
@@ -24,7 +24,7 @@ impl From<Spectrum> for Texture {
 }
 
 impl Importer<'_> {
-    /// Converts a texture or a spectrum.
+    /// Converts a texture or spectrum.
     pub(super) fn texture(&mut self, id: ObjectId, wanted: Use) -> Result<Texture, SceneError> {
         let object = self.visit(id)?;
         let role = match wanted {
@@ -71,7 +71,7 @@ impl Importer<'_> {
     fn bitmap(&mut self, object: &Object, wanted: Use) -> Result<Texture, SceneError> {
         let location = self.filename(object)?;
         let raw = self.bad(object.boolean("raw", wanted == Use::Vector))?;
-        // The old line: 1 is linear, −1 what the file says.
+        // In Mitsuba 0.x, 1 is linear and −1 follows the file.
         let gamma = self.bad(object.float("gamma"))?;
         let encoding = if raw || gamma == Some(1.0) { Encoding::Linear } else { Encoding::Srgb };
         let channel = match self.bad(object.string("channel"))? {
@@ -103,8 +103,8 @@ impl Importer<'_> {
         Ok(Texture { factor: Spectrum::ONE, map: Some((map, channel)) })
     }
 
-    /// Two colours, in four squares of a picture. Read as a number Mitsuba 3 has them the other way round (its `eval_1`), and
-    /// scenes are made to look right there.
+    /// Converts a checkerboard of two colours, as a 2 × 2 picture. Mitsuba 3 swaps the colours if it is used as a
+    /// number (its `eval_1`); so do we.
     fn checkerboard(&mut self, object: &Object, wanted: Use, role: Role) -> Result<Texture, SceneError> {
         let mut first = self.plain_color(object, "color0", role, Vec3::splat(0.4))?;
         let mut second = self.plain_color(object, "color1", role, Vec3::splat(0.2))?;
@@ -120,7 +120,7 @@ impl Importer<'_> {
         Ok(Texture { factor: Spectrum::ONE, map: Some((map, None)) })
     }
 
-    /// How a picture is laid on the surface. Mitsuba's v is 0 in the upper row, as ours.
+    /// Returns the mapping of a picture. Mitsuba's v is 0 in the upper row, as ours.
     fn map(&mut self, object: &Object, image: crate::ImageId) -> Result<TextureMap, SceneError> {
         let mut wraps = [Wrap::Repeat; 2];
         for (name, axes) in [("wrap_mode", 0..2), ("wrap_mode_u", 0..1), ("wrap_mode_v", 1..2)] {
@@ -163,7 +163,7 @@ impl Importer<'_> {
     }
 }
 
-/// What a transformation of space does to the plane z = 0.
+/// Returns the effect of a 3D transformation on the plane z = 0.
 fn affine2(matrix: &DMat4) -> Affine2 {
     let at = |x: f64, y: f64| matrix.project_point3(DVec3::new(x, y, 0.0)).truncate();
     let origin = at(0.0, 0.0);

@@ -1,4 +1,4 @@
-//! Transformations: operations one after the other.
+//! Transformations as sequences of operations.
 
 use glam::{DMat4, DVec3, DVec4};
 
@@ -8,12 +8,12 @@ use super::value::{number, numbers, triple, vector};
 use super::xml::{Element, XmlFault};
 use crate::text::shortened;
 
-/// How far from 1 the square of an axis' length may be.
+/// Tolerance of a rotation axis' squared length around 1.
 const AXIS_TOLERANCE: f64 = 1e-6;
 
-/// The operations of a `<transform>`, the first one applied first.
+/// Reads the operations of a `<transform>`, the first one applied first.
 ///
-/// - `is_old`: whether axes of rotations are normalized, as before Mitsuba 2.
+/// - `is_old`: rotation axes are normalized, as before Mitsuba 2.
 pub(super) fn read(element: &Element, is_old: bool, report: &mut ImportReport) -> Result<Transform, XmlFault> {
     let mut transform = Transform::IDENTITY;
     for operation in &element.children {
@@ -66,12 +66,13 @@ fn read_operation(operation: &Element, is_old: bool) -> Result<Transform, String
     Ok(matrix.into())
 }
 
-/// Moves +z to the direction of the target, +y as near to `up` as may be, and +x to the left.
+/// Returns the transformation of +z to the direction of the target, +y as close to `up` as possible, and +x to the
+/// left.
 fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DMat4, String> {
     let direction = (target - origin).try_normalize().ok_or("<lookat> looks at its own origin")?;
     let left = match up.cross(direction).try_normalize() {
         Some(left) => left,
-        // No `up`, or one along the line of sight: any will do.
+        // Without `up`, or with one along the line of sight, choose any.
         None => direction.any_orthonormal_vector(),
     };
     let up = direction.cross(left);

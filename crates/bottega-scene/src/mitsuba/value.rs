@@ -1,4 +1,4 @@
-//! The values of properties, from the attributes of their elements.
+//! Values of properties, parsed from XML attributes.
 
 use glam::{DVec3, Vec3};
 
@@ -7,7 +7,7 @@ use super::xml::{Element, XmlFault};
 use crate::spectrum::Sampled;
 use crate::text::shortened;
 
-/// A value.
+/// The value of a property.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
     Float(f64),
@@ -16,18 +16,18 @@ pub(super) enum Value {
     String(String),
     Vector(DVec3),
     Transform(Box<Transform>),
-    /// Linear Rec. 709.
+    /// A colour, linear Rec. 709.
     Rgb(Vec3),
-    /// The same at all wavelengths.
+    /// A constant spectrum.
     Uniform(f64),
     Spectrum(Sampled),
-    /// A spectrum in a file.
+    /// The name of a spectrum file.
     SpectrumFile(String),
-    /// The tag means nothing to us.
+    /// An unknown tag.
     Unknown,
 }
 
-/// Reads the element of a property.
+/// Reads the value of a property element.
 pub(super) fn read(element: &Element) -> Result<Value, XmlFault> {
     let fault = |problem: String| XmlFault { at: element.at, problem };
     let text = || {
@@ -68,10 +68,10 @@ pub(super) fn read(element: &Element) -> Result<Value, XmlFault> {
     })
 }
 
-/// A finite number.
+/// Parses a finite number.
 pub(super) fn number(text: &str) -> Result<f64, String> {
     let text = text.trim();
-    // C programs write 1.0f, some of ours would too.
+    // Accept the suffix of C, as in 1.0f.
     let number = text.parse::<f64>().or_else(|error| text.strip_suffix('f').map_or(Err(error), str::parse));
     match number {
         Ok(number) if number.is_finite() => Ok(number.clamp(-f64::from(f32::MAX), f64::from(f32::MAX))),
@@ -84,7 +84,7 @@ fn integer(text: &str) -> Result<i64, String> {
     text.parse().map_err(|_| format!("`{}` is no whole number", shortened(text)))
 }
 
-/// Numbers between spaces or commas.
+/// Parses numbers separated by spaces, commas or semicolons.
 pub(super) fn numbers(text: &str) -> Result<Vec<f64>, String> {
     text.split(|c: char| c.is_whitespace() || c == ',' || c == ';')
         .filter(|part| !part.is_empty())
@@ -92,7 +92,7 @@ pub(super) fn numbers(text: &str) -> Result<Vec<f64>, String> {
         .collect()
 }
 
-/// From `x`, `y`, `z`, or from `value` with one number or three.
+/// Reads a vector from `x`, `y`, `z`, or from `value` with one or three numbers.
 pub(super) fn vector(element: &Element, default: f64) -> Result<DVec3, String> {
     if let Some(text) = element.attribute("value") {
         return triple(text);
@@ -106,7 +106,7 @@ pub(super) fn vector(element: &Element, default: f64) -> Result<DVec3, String> {
     Ok(vector)
 }
 
-/// One number for all three, or three of them.
+/// Parses one number for all components, or three.
 pub(super) fn triple(text: &str) -> Result<DVec3, String> {
     match numbers(text)?.as_slice() {
         &[all] => Ok(DVec3::splat(all)),
@@ -115,7 +115,7 @@ pub(super) fn triple(text: &str) -> Result<DVec3, String> {
     }
 }
 
-/// One or three numbers, or `#rrggbb` encoded as sRGB.
+/// Parses one or three numbers, or `#rrggbb` encoded as sRGB.
 fn rgb(text: &str) -> Result<Vec3, String> {
     let Some(digits) = text.strip_prefix('#') else { return triple(text).map(glam::DVec3::as_vec3) };
     let code = (digits.len() == 6).then(|| u32::from_str_radix(digits, 16).ok()).flatten();
@@ -124,12 +124,12 @@ fn rgb(text: &str) -> Result<Vec3, String> {
     Ok(Vec3::new(channel(16), channel(8), channel(0)))
 }
 
-/// IEC 61966-2-1.
+/// Decodes sRGB, IEC 61966-2-1.
 fn decode(code: f64) -> f64 {
     if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
-/// One value, three of them (the old line took them for RGB), pairs of a wavelength and a value, or the name of a file.
+/// Parses one value, three (RGB in Mitsuba 0.x), pairs of wavelength and value, or a file name.
 fn spectrum(element: &Element) -> Result<Value, String> {
     if let Some(name) = element.attribute("filename") {
         return Ok(Value::SpectrumFile(name.to_owned()));

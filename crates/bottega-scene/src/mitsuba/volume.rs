@@ -1,38 +1,38 @@
-//! Grids of Mitsuba's `gridvolume` and `sdfgrid`.
+//! Volume files of Mitsuba's `gridvolume` and `sdfgrid`.
 
 use glam::{DAffine3, DVec3};
 
 use crate::{Blend, Grid, VALUE_MAX};
 
-/// A grid, and the place that its file gives it.
+/// A grid with the box that its file gives.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Volume {
     pub(super) grid: Grid,
-    /// The unit cube to the box that the file names.
+    /// Unit cube to the box of the file.
     pub(super) file_from_cube: DAffine3,
 }
 
-/// The numbers of a file.
+/// The parsed numbers of a volume file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Numbers {
     /// Samples along x, y and z.
     pub(super) size: [u32; 3],
-    /// 1 or 3.
+    /// Channels: 1 or 3.
     pub(super) channels: usize,
-    /// Those of a sample together; x runs fastest.
+    /// Values, those of a sample adjacent; x runs fastest.
     pub(super) values: Vec<f32>,
-    /// The unit cube to the box that the file names.
+    /// Unit cube to the box of the file.
     file_from_cube: DAffine3,
 }
 
-/// Reads a grid of densities or the like, of which none is below 0; see [`numbers`].
+/// Reads a grid of densities or the like, which are at least 0; see [`numbers`].
 pub(super) fn read(bytes: &[u8], blend: Blend) -> Result<Volume, String> {
     let Numbers { size, values, file_from_cube, .. } = numbers(bytes)?;
     let grid = Grid::new(size, values, blend).map_err(|problem| problem.to_string())?;
     Ok(Volume { grid, file_from_cube })
 }
 
-/// Reads a `.vol` file of version 3 with floats, in one channel or three (of six, the first three count).
+/// Reads a `.vol` file of version 3 with floats, in one or three channels (of six, the first three are used).
 pub(super) fn numbers(bytes: &[u8]) -> Result<Numbers, String> {
     const HEADER_BYTES: usize = 48;
     if !bytes.starts_with(b"VOL\x03") {

@@ -1,37 +1,37 @@
-//! XML text as elements that know where they stand.
+//! XML parser to elements with locations.
 //!
-//! Entities other than the five predefined ones and character references are errors, wherever a document type
-//! declaration may define them: nothing expands.
+//! Entities other than the five predefined ones and character references are errors, even if a document type
+//! declaration defines them: nothing expands.
 
 use quick_xml::errors::Error;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-/// How deep elements may be nested.
+/// Maximal depth of nested elements.
 const DEPTH_MAX: usize = 64;
 
-/// A place in one of the files of a scene.
+/// A location in a file of the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct XmlPlace {
     /// Index of the file: 0 is the scene, others are included.
     pub(super) file: u32,
-    /// Counted from 1.
+    /// Line, counted from 1.
     pub(super) line: u32,
-    /// In characters, counted from 1.
+    /// Column in characters, counted from 1.
     pub(super) column: u32,
 }
 
-/// An element with all that it contains.
+/// An element with its attributes and nested elements.
 #[derive(Debug, PartialEq)]
 pub(super) struct Element {
     pub(super) name: String,
     pub(super) attributes: Vec<(String, String)>,
     pub(super) children: Vec<Element>,
-    /// Where its tag begins.
+    /// Location of its start tag.
     pub(super) at: XmlPlace,
 }
 
-/// What is wrong with a text, and where.
+/// An error at a location.
 #[derive(Debug, PartialEq)]
 pub(super) struct XmlFault {
     pub(super) at: XmlPlace,
@@ -39,23 +39,23 @@ pub(super) struct XmlFault {
 }
 
 impl Element {
-    /// The value of an attribute.
+    /// Returns the value of an attribute.
     pub(super) fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|attribute| attribute.0 == name).map(|attribute| attribute.1.as_str())
     }
 
-    /// Bytes that it takes, without its children.
+    /// Returns its memory without its children, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         let attribute = |(name, value): &(String, String)| name.len() + value.len() + size_of::<(String, String)>();
         2 * size_of::<Self>() + self.name.len() + self.attributes.iter().map(attribute).sum::<usize>()
     }
 }
 
-/// Reads a text with one outermost element.
+/// Parses a text with one root element.
 ///
-/// - `file`: its index, for places.
-/// - `book`: books so many bytes of memory.
-/// - `left_out`: is told where character data stands that means nothing.
+/// - `file`: index of the file, for locations.
+/// - `book`: books memory, in bytes.
+/// - `left_out`: called with the location of ignored character data.
 pub(super) fn parse<E: From<XmlFault>>(
     text: &str,
     file: u32,
@@ -90,7 +90,7 @@ pub(super) fn parse<E: From<XmlFault>>(
                 book(element.memory_bytes())?;
                 element
             }
-            // That it fits the start is checked by the reader.
+            // The reader checks that it matches the start tag.
             Event::End(_) => match open.pop() {
                 Some(element) => element,
                 None => return Err(fault("an element ends that has not begun".into())),
@@ -135,11 +135,11 @@ fn element(tag: &BytesStart<'_>, at: XmlPlace) -> Result<Element, String> {
 
 fn explain(error: &Error) -> String {
     let text = error.to_string();
-    // The reader names its own kinds of errors first.
+    // The reader's message begins with the kind of error.
     text.rsplit_once("error: ").map_or(text.as_str(), |(_, rest)| rest).to_owned()
 }
 
-/// Finds lines and columns of growing offsets.
+/// Converts increasing byte offsets to lines and columns.
 struct Lines<'a> {
     text: &'a str,
     file: u32,
@@ -152,14 +152,14 @@ impl Lines<'_> {
     fn place(&mut self, offset: u64) -> XmlPlace {
         let offset = usize::try_from(offset).unwrap_or(usize::MAX).min(self.text.len());
         if offset < self.offset {
-            // An error may lie before what was read last.
+            // An error may be located before the last position.
             (self.offset, self.line, self.column) = (0, 1, 1);
         }
         for byte in &self.text.as_bytes()[self.offset..offset] {
             if *byte == b'\n' {
                 (self.line, self.column) = (self.line.saturating_add(1), 1);
             } else if byte & 0xc0 != 0x80 {
-                // All but the continuing bytes of UTF-8.
+                // Count all bytes except continuation bytes of UTF-8.
                 self.column = self.column.saturating_add(1);
             }
         }

@@ -1,4 +1,4 @@
-//! Textures that no single picture shows, made into one.
+//! Baking of texture trees that no single picture can represent.
 
 use std::rc::Rc;
 
@@ -10,30 +10,30 @@ use super::texture_tree::{PictureNode, TextureNode, constant};
 use super::token::PbrtPlace;
 use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
 
-/// The longest side of a baked picture.
+/// The longest side of a baked picture, in texels.
 const SIDE_MAX: f32 = 4096.0;
 
-/// Texels that a cell of a checkerboard with textures gets.
+/// Texels per cell of a checkerboard with textures.
 const CELL_TEXELS: f32 = 64.0;
 
-/// A picture to be made of a texture.
+/// A picture to bake from a texture.
 pub(super) struct Bake {
     node: Rc<TextureNode>,
     is_scalar: bool,
-    /// Applied to every colour in the end.
+    /// Final transformation of every colour.
     change: Option<fn(DVec3) -> DVec3>,
     at: PbrtPlace,
     layout: BakeLayout,
 }
 
-/// What the baked picture covers.
+/// The area that a baked picture covers.
 #[derive(Clone, Debug, PartialEq)]
 enum BakeLayout {
-    /// Two times two cells of a checkerboard of constants.
+    /// Two by two cells of a checkerboard of constants.
     Cells(PlacedMapping),
-    /// What all its pictures cover in common.
+    /// The common area of all its pictures.
     Picture(PictureNode),
-    /// A square of texture coordinates with that edge.
+    /// A square of texture coordinates with that side.
     Square(f32),
 }
 
@@ -48,10 +48,10 @@ impl Bake {
         Self { node, is_scalar, change, at, layout }
     }
 
-    /// From texture coordinates to the baked picture.
+    /// Returns the transformation from texture coordinates to the baked picture.
     pub(super) fn picture_from_uv(&self) -> Affine2 {
         match &self.layout {
-            // Both count t upwards: row 0 is the lower row of cells.
+            // Row 0 is the lower row of cells, as both count t upwards.
             BakeLayout::Cells(laid) => {
                 Affine2::from_cols_array(&[0.5, 0.0, 0.0, -0.5, 0.0, 0.5]) * laid.picture_from_uv
             }
@@ -72,12 +72,12 @@ impl Bake {
         }
     }
 
-    /// Whether the picture repeats as the texture does.
+    /// Returns true if the picture repeats with the period of the texture.
     pub(super) fn repeats(&self) -> bool {
         if let BakeLayout::Square(edge) = self.layout { repeats_within(&self.node, edge) } else { true }
     }
 
-    /// The sets of texture coordinates by which its parts are laid, in the order of the tree.
+    /// Returns the sets of texture coordinates of its parts, in the order of the tree.
     pub(super) fn uv_sets(&self) -> Vec<u8> {
         fn gather(node: &TextureNode, sets: &mut Vec<u8>) {
             let mut add = |laid: &PlacedMapping| {
@@ -102,9 +102,9 @@ impl Bake {
         sets
     }
 
-    /// Makes it.
+    /// Bakes the picture.
     ///
-    /// - `pictures`: what the tree refers to.
+    /// - `pictures`: pictures that the tree refers to.
     pub(super) fn image(&self, context: &Context<'_>, pictures: &[Image]) -> Result<Image, SceneError> {
         let (width, height) = match &self.layout {
             BakeLayout::Cells(_) => (2, 2),
@@ -154,11 +154,11 @@ fn layout(node: &Rc<TextureNode>) -> BakeLayout {
     {
         return BakeLayout::Picture((*first).clone());
     }
-    // Two cells of a checkerboard that has one in a unit.
+    // A checkerboard of unit cells has a period of two.
     BakeLayout::Square(if !repeats_within(node, 1.0) && repeats_within(node, 2.0) { 2.0 } else { 1.0 })
 }
 
-/// Whether a tree repeats beyond a square with that edge as it is within.
+/// Returns true if a tree is periodic over a square with that side.
 fn repeats_within(node: &TextureNode, edge: f32) -> bool {
     let whole = |laid: &PlacedMapping, period: f32| {
         let scale = laid.picture_from_uv.matrix2;
@@ -171,12 +171,12 @@ fn repeats_within(node: &TextureNode, edge: f32) -> bool {
         TextureNode::Scale(a, b) => all(&[a, b]),
         TextureNode::Mix(a, b, amount) => all(&[a, b, amount]),
         TextureNode::Checkerboard(laid, a, b) => whole(laid, 2.0) && all(&[a, b]),
-        // Beyond the unit square it goes on growing.
+        // Values continue to grow beyond the unit square.
         TextureNode::Bilinear(..) => false,
     }
 }
 
-/// Gathers the pictures of a tree. Whether there is nothing else that depends on the place.
+/// Collects the pictures of a tree. Returns true if nothing else in it varies.
 fn gather<'a>(node: &'a TextureNode, leaves: &mut Vec<&'a PictureNode>) -> bool {
     match node {
         TextureNode::Constant(_) => true,
@@ -190,7 +190,7 @@ fn gather<'a>(node: &'a TextureNode, leaves: &mut Vec<&'a PictureNode>) -> bool 
     }
 }
 
-/// How many texels show all of a tree: of its pictures, or of the unit square where these may repeat.
+/// Returns the number of texels that resolve a tree: those of its pictures, or of the unit square if these may repeat.
 fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
     let scale = |laid: &PlacedMapping| {
         let scale = laid.picture_from_uv.matrix2;
@@ -215,9 +215,9 @@ fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
     }
 }
 
-/// The value of a tree.
+/// Evaluates a tree.
 ///
-/// - `at`: texture coordinates; with `on_picture` those of the pictures themselves.
+/// - `at`: texture coordinates; with `on_picture`, coordinates of the pictures themselves.
 fn value(node: &TextureNode, at: Vec2, on_picture: bool, pictures: &[Image]) -> DVec3 {
     let place = |laid: &PlacedMapping| if on_picture { at } else { laid.picture_from_uv.transform_point2(at) };
     match node {
@@ -256,7 +256,7 @@ fn picture_value(node: &PictureNode, at: Vec2, pictures: &[Image]) -> DVec3 {
     if node.invert { (DVec3::ONE - value).max(DVec3::ZERO) } else { value }
 }
 
-/// What pbrt takes for a number from a picture: its alpha where it has one, else the mean of its colours.
+/// Converts a picture to numbers as pbrt does: its alpha if it has one, else the mean of its colours.
 pub(super) fn scalar_image(image: Image) -> Image {
     if image.is_gray() {
         return image;
@@ -272,10 +272,10 @@ pub(super) fn scalar_image(image: Image) -> Image {
     Image::from_linear_rgb(image.name.clone(), width, height, texels.map(number).collect())
 }
 
-/// Sides of a thrown picture, at least: its texels are cut up until the cosine hardly changes within the parts.
+/// Least side of a projected picture: texels are subdivided until the cosine is almost constant within each.
 const PROJECTION_SIDE: u32 = 512;
 
-/// A picture times the cube of the cosine to the axis of its projection.
+/// Multiplies a picture by the cube of the cosine to the axis of its projection.
 ///
 /// - `fov`: angle of the shorter side, in degrees.
 pub(super) fn projection_image(image: &Image, fov: f64) -> Image {
@@ -292,7 +292,7 @@ pub(super) fn projection_image(image: &Image, fov: f64) -> Image {
     Image::from_linear_rgb(image.name.clone(), width, height, (0..width * height).map(texel).collect())
 }
 
-/// Texture coordinates for pictures that are made here.
+/// Returns the texture coordinates of a texel's centre.
 fn texel_center(x: u32, y: u32, width: u32, height: u32) -> Vec2 {
     Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32)
 }

@@ -1,4 +1,4 @@
-//! The build of the scene from a file's descriptions: shapes get their materials, files of meshes are read, objects are placed.
+//! Building of the scene: materials of shapes, reading of mesh files, placement of objects.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,24 +27,24 @@ use crate::{
     Sides, Sphere, Surface,
 };
 
-/// Meshes with fewer triangles are joined with others of the same material: files may describe each of a million
-/// triangles as a shape of its own.
+/// Meshes with fewer triangles are joined with others of the same material: a file may describe each of a million
+/// triangles as a shape.
 const SMALL: usize = 256;
 
-/// What the material of the scene is made from. Equal keys share it.
+/// The key of a scene material; shapes with equal keys share it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct MaterialKey {
     material: usize,
-    /// Index of the area light, and where its power matters the bits of the area and the number of primitives.
+    /// Index of the area light, and if its power matters, bits of the area and the number of primitives.
     light: Option<(usize, Option<(u64, usize)>)>,
     media: [Option<MediumId>; 2],
-    /// Name of the texture, or bits of the number.
+    /// Name of the alpha texture, or bits of the number.
     alpha: Option<Result<String, u64>>,
-    /// Of a sphere whose inside is its front.
+    /// `true`: for a sphere whose inside is its front.
     inside_out: bool,
 }
 
-/// A mesh of the scene, by what it was made of.
+/// The key of a mesh from a PLY file.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct PlyKey {
     name: String,
@@ -52,7 +52,7 @@ struct PlyKey {
     reversed: bool,
 }
 
-/// A part of the scene that can be placed again and again.
+/// A part of the scene that can be placed repeatedly.
 enum PlaceablePart {
     Mesh { mesh: u32, world_from_mesh: DAffine3, at: PbrtPlace },
     Sphere { radius: f64, world_from_sphere: DAffine3, material: u32, tessellated_material: u32, at: PbrtPlace },
@@ -67,13 +67,13 @@ pub(super) struct SceneBuilder<'c, 'a, 'w> {
     exposure: Exposure,
     scene: Scene,
     material_of: BTreeMap<MaterialKey, u32>,
-    /// Materials whose emission waits for its picture.
+    /// Materials whose emission needs the mean of a picture.
     by_power: Vec<u32>,
-    /// Files of meshes, and how many meshes of the scene will be made of each.
+    /// Mesh files, and the number of scene meshes still to be made of each.
     files: BTreeMap<String, (Option<Mesh>, usize)>,
     ply_meshes: BTreeMap<PlyKey, u32>,
     mirrored: BTreeMap<u32, u32>,
-    /// Where the middles of meshes were that were moved.
+    /// Former centres of the meshes that were moved to their origin.
     centers: BTreeMap<u32, DVec3>,
     bounds: MeshBounds,
 }
@@ -99,7 +99,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         })
     }
 
-    /// Makes the scene. The geometry is taken out of `shapes` and `objects`.
+    /// Builds the scene. The geometry is taken out of `shapes` and `objects`.
     pub(super) fn build(
         mut self,
         shapes: Vec<PlacedShape>,
@@ -170,7 +170,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         Ok(self.context.resources.budget().take(self.context.path(at.file), &self.context.place(at), bytes)?)
     }
 
-    /// Reads all files of meshes, in parallel.
+    /// Reads all mesh files, in parallel.
     fn read_files<'s>(&mut self, shapes: impl Iterator<Item = &'s PlacedShape>) -> PbrtResult<()> {
         let mut locations: BTreeMap<&str, &Location> = BTreeMap::new();
         for shape in shapes {
@@ -196,9 +196,9 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         Ok(())
     }
 
-    /// The shapes with their materials; small ones joined.
+    /// Makes parts from shapes with their materials, and joins small ones.
     fn parts(&mut self, shapes: Vec<PlacedShape>) -> PbrtResult<Vec<PlaceablePart>> {
-        // Materials first: they tell how often each file is needed.
+        // Find the materials first: they determine how often each file is used.
         let mut materials = Vec::with_capacity(shapes.len());
         for shape in &shapes {
             let material = self.material(shape, false)?;
@@ -237,7 +237,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                     if mesh.triangles.is_empty() {
                         continue;
                     }
-                    // The width of curves is that of their own space.
+                    // The width of a curve is measured in its own space.
                     let keeps_space = mesh.curves.is_some() && scaling(&shape.world_from_object).is_none();
                     if mesh.triangles.len() < SMALL && !keeps_space {
                         let mesh = baked(self.context, mesh, &shape.world_from_object, at)?;
@@ -263,7 +263,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         PlyKey { name: location.name.clone(), material, reversed: shape.reverse_orientation }
     }
 
-    /// The mesh of the scene that a file and a material make.
+    /// Returns the scene mesh of a file and a material.
     fn ply_mesh(&mut self, key: &PlyKey, at: PbrtPlace) -> PbrtResult<u32> {
         if let Some(&mesh) = self.ply_meshes.get(key)
             && mesh != u32::MAX
@@ -273,7 +273,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         let mesh = match self.files.get_mut(&key.name) {
             Some((mesh, uses)) => {
                 *uses = uses.saturating_sub(1);
-                // Objects come later, and may need it again.
+                // Objects are placed later and may need it again.
                 if *uses == 0 && self.world.instances.is_empty() { mesh.take() } else { mesh.clone() }
             }
             None => None,
@@ -287,7 +287,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         Ok(mesh)
     }
 
-    /// A mesh with its material, its front where it belongs, and no more than what the material asks for.
+    /// Finishes a mesh: sets its material, flips its front, and drops attributes that the material does not need.
     fn dressed(&mut self, mut mesh: Mesh, material: u32, reversed: bool, at: PbrtPlace) -> PbrtResult<Mesh> {
         if reversed {
             mesh.turn_over();
@@ -307,7 +307,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         Ok(mesh)
     }
 
-    /// The material of a shape.
+    /// Returns the material of a shape.
     fn material(&mut self, shape: &PlacedShape, inside_out: bool) -> PbrtResult<u32> {
         let material = self.materials.find(&shape.material)?;
         let look = self.materials.look(self.context, &mut self.textures, material)?;
@@ -390,7 +390,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         Ok(index)
     }
 
-    /// The area of a shape in world space, and the number of its primitives.
+    /// Returns the area of a shape in world space, and the number of its primitives.
     fn area(&self, shape: &PlacedShape) -> (f64, usize) {
         let of_mesh = |mesh: &Mesh| -> f64 {
             let linear = shape.world_from_object.matrix3;
@@ -408,14 +408,14 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             },
             Geometry::Sphere { radius } => {
                 let (_, scale) = axes_and_scale(&shape.world_from_object);
-                // Exact for scales that are equal in all directions.
+                // Exact for uniform scales.
                 let scale = scale.element_product().abs().powf(2.0 / 3.0);
                 (4.0 * std::f64::consts::PI * radius * radius * scale, 1)
             }
         }
     }
 
-    /// Shows a part of the scene.
+    /// Places a part of the scene.
     fn place(&mut self, part: &PlaceablePart, world_from_parent: DAffine3) -> PbrtResult<()> {
         match *part {
             PlaceablePart::Mesh { mesh, world_from_mesh, at } => {
@@ -428,7 +428,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                     None => {
                         let mut mesh = sphere_mesh(radius);
                         self.take(at, mesh.memory_bytes())?;
-                        // A material that is turned inside out is for spheres that are not.
+                        // Inside-out materials are for analytic spheres only.
                         let reversed = material != tessellated_material;
                         mesh = self.dressed(mesh, tessellated_material, reversed, at)?;
                         let mesh = self.scene.push_mesh(mesh);
@@ -472,7 +472,8 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         Ok(())
     }
 
-    /// Where the middle of a mesh was in its own space, if it was moved: in scenes far from the origin, meshes may be, too.
+    /// Returns the former centre of a mesh, if it was moved: in scenes far from the origin, meshes may also be far from
+    /// theirs.
     fn center(&mut self, mesh: u32, at: PbrtPlace) -> DVec3 {
         if self.world.origin == DVec3::ZERO {
             return DVec3::ZERO;
@@ -489,7 +490,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         center
     }
 
-    /// Shows a mesh that its transformation makes flat, as a mesh of its own.
+    /// Places a mesh that its transformation flattens, as a mesh of its own.
     fn place_flattened(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: PbrtPlace) -> PbrtResult<()> {
         self.context.warn(at, "the transformation in force here makes the shape flat; it is taken without its normals");
         let original = &self.scene.meshes[mesh as usize];
@@ -504,7 +505,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     }
 }
 
-/// Whether all numbers of a material can be computed with.
+/// Returns true if all parameters of a material are finite and not negative.
 fn is_sound(material: &Material) -> bool {
     let (colors, scalars) = material.surface.params();
     let is_sound = |factor: f32| factor.is_finite() && factor >= 0.0;
@@ -516,7 +517,7 @@ fn is_sound(material: &Material) -> bool {
         }
 }
 
-/// Makes a material behave on the outside as it would on the inside.
+/// Swaps the inside and outside of a material.
 fn turn_inside_out(material: &mut Material) {
     std::mem::swap(&mut material.interior, &mut material.exterior);
     material.emission_sides = match material.emission_sides {

@@ -1,4 +1,4 @@
-//! The camera.
+//! Cameras.
 
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
@@ -10,7 +10,7 @@ use crate::text::shortened;
 use crate::{Camera, FovAxis, MediumId, Panorama, Projection};
 
 impl PbrtWorld {
-    /// The camera of the file; pbrt's own where it has none.
+    /// Returns the camera of the file; pbrt's default if it has none.
     ///
     /// - `resolution`: columns and rows of the picture.
     pub(super) fn camera(
@@ -29,7 +29,8 @@ impl PbrtWorld {
             return Err(at.fault("the transformation of the camera is singular or skewed").into());
         }
 
-        // What is seen of the plane one unit before the camera: pbrt's screen window times the tangent of half the angle.
+        // Compute the visible part of the plane one unit before the camera: pbrt's screen window times the tangent of
+        // half the angle.
         let film_aspect = f64::from(width) / f64::from(height);
         let aspect = params.float("frameaspectratio")?.unwrap_or(film_aspect);
         if !(aspect > 1e-6 && aspect < 1e6) {
@@ -41,15 +42,15 @@ impl PbrtWorld {
             let place = params.place_of("screenwindow");
             window = *given.as_array().ok_or_else(|| place.fault("`screenwindow` has not four values"))?;
         }
-        // Its own window is one unit up to the nearer edges; one that is given stands, whatever the picture's shape.
+        // The default window spans one unit to the nearer edges; a given one does not depend on the picture's aspect.
         let is_own = params.floats("screenwindow").is_none() && params.float("frameaspectratio")?.is_none();
         let fov_axis = if is_own { FovAxis::Smaller } else { FovAxis::Y };
         let [x0, x1, y0, y1] = window;
-        // Scales of the camera's own axes widen what it sees.
+        // Scales of the camera's axes widen its view.
         let half = DVec3::new(0.5 * (x1 - x0) * scale.x, 0.5 * (y1 - y0) * scale.y, scale.z);
         let center = DVec3::new(0.5 * (x0 + x1) * scale.x, 0.5 * (y0 + y1) * scale.y, scale.z);
         let sees_all_around = entity.kind == "spherical";
-        // A window that is turned over mirrors the picture.
+        // A flipped window mirrors the picture.
         let flip = if sees_all_around { DVec3::ONE } else { DVec3::new(half.x.signum(), half.y.signum(), 1.0) };
         let half = half.abs();
         if sees_all_around && scale.max_element() > scale.min_element() * 1.001 {
@@ -58,7 +59,7 @@ impl PbrtWorld {
         if half.min_element().is_nan() || half.min_element() <= 0.0 {
             return Err(at.fault("the screen window of the camera is empty").into());
         }
-        // A window of another shape than the film stretches what pixels show.
+        // A window of another aspect than the film stretches pixels.
         let pixel_aspect = match half.x / half.y / film_aspect {
             square if (square - 1.0).abs() < 1e-5 => 1.0,
             stretched => stretched,
@@ -88,7 +89,7 @@ impl PbrtWorld {
                 Projection::Perspective { vertical_fov: (2.0 * (tan * half.y / half.z).atan()) as f32 }
             }
         };
-        // The film asked for them, too.
+        // Mark as read: the film uses them.
         params.float("shutteropen")?;
         params.float("shutterclose")?;
         let lens_radius = params.float("lensradius")?.unwrap_or(0.0) * scale.x;
@@ -100,7 +101,7 @@ impl PbrtWorld {
             return Err(at.fault("the camera is out of reach, or its lens too large").into());
         }
         context.report_unused(Directive::Camera, &entity.kind, params);
-        // pbrt looks along +z, we look along −z.
+        // pbrt's camera looks along +z, ours along −z.
         let axes = axes * DMat3::from_diagonal(DVec3::new(flip.x, flip.y, -1.0));
         let is_sound = match projection {
             Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,

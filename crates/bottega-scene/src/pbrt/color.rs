@@ -1,4 +1,4 @@
-//! Colours and spectra as parameters give them.
+//! Colours and spectra of parameters.
 
 use glam::DVec3;
 
@@ -10,17 +10,17 @@ use crate::Spectrum;
 use crate::spectrum::{self, Sampled};
 use crate::text::shortened;
 
-/// A colour as it was given.
+/// The colour of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Color {
     Rgb(DVec3, ColorSpace),
     Samples(Sampled),
-    /// An illuminant, with luminance 1.
+    /// Colour of an illuminant, with luminance 1.
     Illuminant(Spectrum),
 }
 
 impl Color {
-    /// Linear Rec. 709.
+    /// Converts to linear Rec. 709.
     pub(super) fn to_rec709(&self, meaning: Meaning) -> Spectrum {
         match (self, meaning) {
             (Self::Rgb(rgb, space), meaning) => space.to_rec709(*rgb, meaning),
@@ -32,7 +32,7 @@ impl Color {
 }
 
 impl Context<'_> {
-    /// The colour of a parameter, if it is given.
+    /// Returns the colour of a parameter; `None` if it is not given.
     pub(super) fn color(&mut self, params: &Params, name: &str) -> PbrtResult<Option<Color>> {
         let Some(param) = params.find(name, &["rgb", "spectrum", "blackbody"]) else { return Ok(None) };
         let at = param.at;
@@ -47,7 +47,7 @@ impl Context<'_> {
                 Color::Rgb(rgb, params.color_space_of(param))
             }
             ("blackbody", Values::Numbers(numbers)) => {
-                // pbrt-v3 had a scale as second number.
+                // pbrt-v3 has a scale as second number, which is unsupported.
                 let &[kelvin] = numbers.as_slice() else { return Err(count(numbers.len()).into()) };
                 let radiation = Sampled::blackbody(kelvin);
                 let peak = (360..=830).map(|nm| radiation.at(f64::from(nm))).fold(0.0, f64::max);
@@ -76,7 +76,7 @@ impl Context<'_> {
         Ok(Some(color))
     }
 
-    /// A spectrum by name, or from a file.
+    /// Returns a spectrum by name, or from a file.
     fn named_spectrum(&mut self, name: &str, at: PbrtPlace) -> PbrtResult<Color> {
         if let Some(metal) = name.strip_prefix("metal-")
             && let Some((metal, quantity)) = metal.rsplit_once('-')

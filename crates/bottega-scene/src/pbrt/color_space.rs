@@ -1,4 +1,4 @@
-//! The colour spaces that a file may name.
+//! The colour spaces of pbrt.
 
 use bottega_image::adaptation;
 use glam::{DMat3, DVec3};
@@ -6,13 +6,13 @@ use glam::{DMat3, DVec3};
 use crate::Spectrum;
 use crate::spectrum::Sampled;
 
-/// What `rgb` values mean.
+/// The colour space of `rgb` values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum ColorSpace {
-    /// The primaries of Rec. 709, which are ours.
+    /// Rec. 709 primaries, as in our scenes.
     #[default]
     Srgb,
-    /// The display of digital cinema, with the white D65.
+    /// DCI-P3 with the white D65.
     DciP3,
     /// ITU-R BT.2020.
     Rec2020,
@@ -20,19 +20,19 @@ pub(super) enum ColorSpace {
     Aces,
 }
 
-/// What a colour is of.
+/// The quantity that a colour describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Meaning {
-    /// A share of light; white is the white of its colour space.
+    /// A reflectance or transmittance; white is the white of its colour space.
     Reflectance,
-    /// A number for each wavelength: absorption, index of refraction.
+    /// An absorption, an index of refraction or the like, which may exceed 1.
     Unbounded,
-    /// Emission. pbrt scales every spectrum of a light so that its luminance is 1.
+    /// Emission. pbrt scales every light spectrum to luminance 1.
     Light,
 }
 
 impl ColorSpace {
-    /// The colour space that pbrt calls so.
+    /// Returns the colour space of a pbrt name.
     pub(super) fn named(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "srgb" => Self::Srgb,
@@ -43,7 +43,7 @@ impl ColorSpace {
         })
     }
 
-    /// Linear Rec. 709 of linear values in this space; what is out of its gamut becomes 0.
+    /// Converts linear values in this space to linear Rec. 709; values out of gamut become 0.
     pub(super) fn to_rec709(self, rgb: DVec3, meaning: Meaning) -> Spectrum {
         if self == Self::Srgb {
             return rgb.as_vec3();
@@ -55,7 +55,7 @@ impl ColorSpace {
         (Self::Srgb.xyz_from_rgb().inverse() * xyz).max(DVec3::ZERO).as_vec3()
     }
 
-    /// Chromaticities of red, green, blue and white.
+    /// Returns the chromaticities of red, green, blue and white.
     fn chromaticities(self) -> [(f64, f64); 4] {
         const D65: (f64, f64) = (0.3127, 0.329);
         match self {
@@ -77,19 +77,20 @@ impl ColorSpace {
     }
 }
 
-/// The tristimulus values of a chromaticity, with Y = 1 (where y is negative, of a virtual primary, as well).
+/// Returns the tristimulus values of a chromaticity with Y = 1, also for a virtual primary with negative y.
 fn xyz_of((x, y): (f64, f64)) -> DVec3 {
     if y == 0.0 { DVec3::new(x, 0.0, 1.0 - x) } else { DVec3::new(x / y, 1.0, (1.0 - x - y) / y) }
 }
 
-/// Rec. 709 after a white balance that makes light of that colour temperature white, which is 1000 K or more: daylight, and
-/// below 4000 K, where there is none, a black body.
+/// Returns the white balance, in Rec. 709, that makes a colour temperature of 1000 K or more white: daylight, or a
+/// black body below 4000 K.
 pub(super) fn white_balance(kelvin: f64) -> DMat3 {
     let rgb_from_xyz = ColorSpace::Srgb.xyz_from_rgb().inverse();
     rgb_from_xyz * adaptation(xyz_of(illuminant(kelvin)), ColorSpace::Srgb.white()) * rgb_from_xyz.inverse()
 }
 
-/// The chromaticity of daylight (CIE 015:2018, equations 4.1 and 4.2), or of a black body, with the correction of 1968 for c₂.
+/// Returns the chromaticity of daylight (CIE 015:2018, equations 4.1 and 4.2) or of a black body, with the correction
+/// of 1968 for c₂.
 fn illuminant(kelvin: f64) -> (f64, f64) {
     let t = kelvin * 1.4388 / 1.4380;
     if t < 4000.0 {
@@ -103,7 +104,7 @@ fn illuminant(kelvin: f64) -> (f64, f64) {
     (x, -3.0 * x * x + 2.87 * x - 0.275)
 }
 
-/// Luminance of linear Rec. 709.
+/// Weights of the luminance of linear Rec. 709.
 pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 #[cfg(test)]

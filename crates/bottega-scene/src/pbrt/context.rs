@@ -1,4 +1,4 @@
-//! The context that all parts of the importer share: the files that were read, and what there is to say about them.
+//! The shared context of the importer: files, options and warnings.
 
 use std::path::{Path, PathBuf};
 
@@ -13,12 +13,12 @@ use crate::options::LoadOptions;
 use crate::resource::Resources;
 use crate::text::shortened;
 
-/// Why the scene cannot be read.
+/// An error that ends the import.
 #[derive(Debug)]
 pub(super) enum Stop {
-    /// Something in the text.
+    /// An error in the text.
     Fault(PbrtFault),
-    /// Something else: a file that is missing or damaged, too little memory …
+    /// Another error: a missing or damaged file, too little memory …
     Scene(Box<SceneError>),
 }
 
@@ -34,17 +34,17 @@ impl From<SceneError> for Stop {
     }
 }
 
-/// The result of a part of the import.
+/// The result of an import step.
 pub(super) type PbrtResult<T> = Result<T, Stop>;
 
-/// Files, options, warnings.
+/// Files, options and warnings of an import.
 pub(super) struct Context<'a> {
     pub(super) resources: &'a Resources<'a>,
     pub(super) options: &'a LoadOptions,
-    /// What is taken from all places of the world.
+    /// Offset that is subtracted from all world positions.
     pub(super) origin: DVec3,
     warnings: &'a mut Warnings,
-    /// Name for people and path, by the number of a file in [`PbrtPlace`].
+    /// Display name and path of each file, by [`PbrtPlace::file`].
     files: Vec<(String, PathBuf)>,
 }
 
@@ -60,29 +60,29 @@ impl<'a> Context<'a> {
         context
     }
 
-    /// Remembers a file, and gives it a number.
+    /// Registers a file. Returns its number.
     pub(super) fn add_file(&mut self, name: impl Into<String>, path: impl Into<PathBuf>) -> u32 {
         self.files.push((name.into(), path.into()));
         self.files.len() as u32 - 1
     }
 
-    /// The file with that number.
+    /// Returns the path of a file.
     pub(super) fn path(&self, file: u32) -> &Path {
         &self.files[file as usize].1
     }
 
-    /// The place for people: file, line and column.
+    /// Formats a location: file, line and column.
     pub(super) fn place(&self, at: PbrtPlace) -> String {
         format!("{}:{}:{}", shortened(&self.files[at.file as usize].0), at.line, at.column)
     }
 
-    /// Tells of something that is odd, or differs in the last detail.
+    /// Warns about something unusual or slightly different.
     pub(super) fn warn(&mut self, at: PbrtPlace, message: impl Into<String>) {
         let place = self.place(at);
         self.warnings.add(place, message);
     }
 
-    /// Tells of something that the scene asks for and does not get.
+    /// Reports an unsupported feature.
     pub(super) fn unsupported(&mut self, at: PbrtPlace, message: impl Into<String>) {
         let place = self.place(at);
         self.warnings.unsupported(place, message);
@@ -92,9 +92,9 @@ impl<'a> Context<'a> {
         self.warnings
     }
 
-    /// Tells of parameters that nobody asked for, but for those that change nothing.
+    /// Reports parameters that were not read, except those that have no effect.
     ///
-    /// - `kind`: the type that follows the directive.
+    /// - `kind`: type that follows the directive.
     pub(super) fn report_unused(&mut self, directive: Directive, kind: &str, params: &Params) {
         let is_needless = |name: &str| NEEDLESS.iter().any(|row| row.covers(&directive, kind, name));
         for param in params.unused().filter(|param| !is_needless(&param.name)) {
@@ -103,7 +103,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// What the user is told.
+    /// Converts to the error for the user.
     pub(super) fn error(&self, stop: Stop) -> SceneError {
         match stop {
             Stop::Scene(error) => *error,

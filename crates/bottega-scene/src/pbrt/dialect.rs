@@ -1,9 +1,9 @@
-//! The dialects of pbrt: a file for pbrt-v3, or one for pbrt-v4.
+//! Detection of pbrt-v3 files.
 
 use super::params::UPGRADE;
 use super::token::{PbrtFault, PbrtPlace, Token};
 
-/// Directives and their types that only pbrt-v3 (or v2) has.
+/// Directives and types that exist only in pbrt-v3 or earlier.
 const OLD: &[(&str, &[&str])] = &[
     ("Texture type", &["color"]),
     ("directive", &["Renderer", "SurfaceIntegrator", "VolumeIntegrator", "Volume", "SearchPath"]),
@@ -33,18 +33,18 @@ const OLD_MATERIALS: &[&str] = &[
     "shinymetal",
 ];
 
-/// Says so where a directive or its type is of pbrt-v3.
+/// Returns an error for a directive or type of pbrt-v3.
 pub(super) fn check(directive: &str, kind: &str, at: PbrtPlace) -> Result<(), PbrtFault> {
     let is_old = OLD.iter().any(|(old, kinds)| *old == directive && kinds.contains(&kind));
     if is_old { Err(old_version(at, directive, kind)) } else { Ok(()) }
 }
 
-/// What to say of a file for pbrt-v3.
+/// Makes the error for a pbrt-v3 file.
 fn old_version(at: PbrtPlace, what: &str, name: &str) -> PbrtFault {
     at.fault(format!("{what} \"{name}\" is of pbrt-v3, and pbrt-v4 differs in much; {UPGRADE}"))
 }
 
-/// Whether an option changes the picture.
+/// Returns true if an option may change the picture.
 pub(super) fn option_matters(name: &str, value: &Token<'_>) -> bool {
     let name: String = name.chars().filter(|c| *c != '_' && *c != '-').flat_map(char::to_lowercase).collect();
     let is_false = matches!(value, Token::Word(word) | Token::Text(word) if word == "false");
@@ -52,7 +52,7 @@ pub(super) fn option_matters(name: &str, value: &Token<'_>) -> bool {
         name.as_str(),
         "disablepixeljitter" | "disabletexturefiltering" | "forcediffuse" | "displacementedgescale"
     );
-    // What is left speaks of noise, statistics and where pbrt computes, or is unknown.
+    // Known options without effect concern noise, statistics and hardware.
     let is_known = matches!(
         name.as_str(),
         "disablewavelengthjitter"

@@ -1,4 +1,4 @@
-//! Light from all around: `infinite`, also through portals.
+//! The light `infinite`: environments, optionally through portals.
 
 use std::f64::consts::PI;
 
@@ -18,29 +18,29 @@ use crate::{COORDINATE_MAX, Environment, EnvironmentMapping, Image, ImageId, Por
 /// The infinite lights of a scene.
 #[derive(Default)]
 pub(super) struct InfiniteLights {
-    /// What comes from everywhere.
+    /// Sum of the constant lights.
     constant: Spectrum,
     picture: Option<Sky>,
-    /// What is seen through portals: the same sky through all of them.
+    /// The light behind portals, and its portals.
     beyond: Option<(Sky, Vec<Portal>)>,
 }
 
-/// One infinite light.
+/// An infinite light.
 #[derive(Clone, Debug)]
 struct Sky {
-    /// `None`: the same everywhere.
+    /// The picture; `None`: constant.
     image: Option<ImageId>,
     factor: Spectrum,
-    /// Of a picture: wanted on a surface that faces +z of the light's own space, before the exposure.
+    /// With a picture: requested illuminance of a surface that faces +z of the light's space, before the exposure.
     illuminance: Option<f64>,
     world_from_light: DMat3,
     at: PbrtPlace,
 }
 
 impl InfiniteLights {
-    /// Understands one more light.
+    /// Adds a light.
     ///
-    /// - `color`: its `L`, if that is given.
+    /// - `color`: its `L`, if given.
     pub(super) fn add(
         &mut self,
         context: &mut Context<'_>,
@@ -72,7 +72,7 @@ impl InfiniteLights {
         Ok(())
     }
 
-    /// The environment of a scene whose pictures are there.
+    /// Returns the environment, once the scene's pictures are loaded.
     pub(super) fn finish(self, context: &mut Context<'_>, scene: &mut Scene) -> PbrtResult<Option<Environment>> {
         let open = match self.picture {
             None if self.constant == Spectrum::ZERO => None,
@@ -88,7 +88,7 @@ impl InfiniteLights {
     }
 }
 
-/// The light but for its portal.
+/// Reads a light without its portal.
 fn sky(
     context: &mut Context<'_>,
     textures: &mut Textures<'_, '_>,
@@ -116,10 +116,10 @@ fn sky(
     })
 }
 
-/// The four corners of `portal`, which pbrt takes in world space. Light comes in from the side to which the vector product of
-/// the edges towards the fourth and the second corner points.
+/// Reads the four corners of `portal`, which pbrt takes in world space. Light comes in from the side of the cross
+/// product of the edges to the fourth and the second corner.
 ///
-/// - `origin`: taken from all places.
+/// - `origin`: offset subtracted from all positions.
 fn portal(params: &Params, origin: DVec3) -> PbrtResult<Option<Portal>> {
     let Some(points) = params.points3("portal", "point3")? else { return Ok(None) };
     let fault = |problem: &str| params.place_of("portal").fault(problem.to_owned());
@@ -135,7 +135,7 @@ fn portal(params: &Params, origin: DVec3) -> PbrtResult<Option<Portal>> {
     if !is_rectangle || !lengths.is_normal() {
         return Err(fault("a portal must be a rectangle, corner after corner").into());
     }
-    // Exactly perpendicular.
+    // Make the edges exactly perpendicular.
     let y = y - x * (x.dot(y) / x.length_squared());
     Ok(Some(Portal { corner: (p0 - origin).as_vec3(), edges: [x.as_vec3(), y.as_vec3()] }))
 }
@@ -156,7 +156,7 @@ impl Sky {
             let message = "the picture is not square, so it is taken for one by latitude and longitude with +z up, as \
                            pbrt's `imgtool makeequiarea` takes it; pbrt itself wants a square one of equal areas";
             context.warn(self.at, message);
-            // Azimuth counts from +x towards +y, at the left edge.
+            // Azimuth runs from +x towards +y, starting at the left edge.
             let columns = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X);
             (EnvironmentMapping::LatitudeLongitude, columns)
         };
@@ -187,8 +187,8 @@ impl Sky {
     }
 }
 
-/// What a picture brings to a surface that faces +z of the light's own space, as pbrt counts it: it takes 2 π for the solid
-/// angle of the whole sphere, so that lights with an `illuminance` are twice as bright there as they say.
+/// Returns the illuminance of a surface that faces +z of the light's space, as pbrt computes it: with 2 π as the solid
+/// angle of the whole sphere, so lights with an `illuminance` are twice as bright as specified.
 fn illuminance(image: &Image, mapping: EnvironmentMapping) -> f64 {
     let (width, height) = image.size();
     let mut sum = 0.0;
@@ -196,7 +196,7 @@ fn illuminance(image: &Image, mapping: EnvironmentMapping) -> f64 {
         let v = (f64::from(y) + 0.5) / f64::from(height);
         for x in 0..width {
             let u = (f64::from(x) + 0.5) / f64::from(width);
-            // Cosine to +z, and the texel's part of the sphere times the number of texels.
+            // Cosine to +z, and the texel's share of the sphere times the number of texels.
             let (cosine, part) = match mapping {
                 EnvironmentMapping::EqualArea => {
                     let from_edge = 1.0 - (2.0 * u - 1.0).abs() - (2.0 * v - 1.0).abs();

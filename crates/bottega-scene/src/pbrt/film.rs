@@ -1,4 +1,4 @@
-//! Film, filter, sampler and integrator: how the picture is to be painted, and how bright.
+//! Film, filter, sampler and integrator: render hints and exposure.
 
 use glam::{DMat3, DVec3};
 
@@ -10,27 +10,27 @@ use super::world::{Entity, PbrtWorld};
 use crate::text::shortened;
 use crate::{FilmFilter, Follows, IntegratorHint, PhotonHints, RenderHints, Spectrum};
 
-/// pbrt's film when none is given.
+/// The resolution without a film.
 const RESOLUTION: [i64; 2] = [1280, 720];
 
-/// The longest side of a picture that is believed.
+/// Maximal side of a picture, in pixels.
 const SIDE_MAX: i64 = 1 << 20;
 
-/// What the sensor makes of light. We fold it into the lights: the picture is the same, and is as bright as it should be.
+/// The response of the sensor. It is folded into the lights, which gives the same picture.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exposure {
     matrix: DMat3,
 }
 
 impl Exposure {
-    /// The colour of a light so that the picture is exposed.
+    /// Applies the exposure to the colour of a light.
     pub(super) fn apply(&self, color: Spectrum) -> Spectrum {
         (self.matrix * color.as_dvec3()).max(DVec3::ZERO).as_vec3()
     }
 }
 
 impl PbrtWorld {
-    /// How the file wants to be painted.
+    /// Returns the render settings of the file.
     pub(super) fn hints(&self, context: &mut Context<'_>) -> PbrtResult<RenderHints> {
         let (resolution, crop) = self.film_size(context)?;
         Ok(RenderHints {
@@ -45,14 +45,14 @@ impl PbrtWorld {
         })
     }
 
-    /// Names parameters of the film that are not followed. All that know some of it have asked before.
+    /// Reports unused parameters of the film, after all users have read theirs.
     pub(super) fn report_film(&self, context: &mut Context<'_>) {
         if let Some(film) = &self.film {
             context.report_unused(Directive::Film, &film.kind, &film.params);
         }
     }
 
-    /// Columns and rows, and the part that is painted.
+    /// Returns columns and rows, and the crop window.
     fn film_size(&self, context: &mut Context<'_>) -> PbrtResult<([u32; 2], Option<[u32; 4]>)> {
         let plain = Entity::plain("rgb");
         let film = self.film.as_ref().unwrap_or(&plain);
@@ -118,14 +118,14 @@ impl PbrtWorld {
         Ok((resolution, crop))
     }
 
-    /// The greatest value that a channel of a sample may have.
+    /// Returns the maximal value of a channel of a sample.
     fn sample_max(&self) -> PbrtResult<Option<f32>> {
         let Some(film) = &self.film else { return Ok(None) };
         let Some(most) = film.params.float("maxcomponentvalue")? else { return Ok(None) };
         positive(most, film.params.place_of("maxcomponentvalue")).map(Some)
     }
 
-    /// What the sensor makes of light: the exposure time, the ISO number, the white balance.
+    /// Returns the response of the sensor: exposure time, ISO number, white balance.
     pub(super) fn exposure(&self, context: &mut Context<'_>) -> PbrtResult<Exposure> {
         let plain = (Entity::plain("rgb"), Entity::plain("perspective"));
         let film = self.film.as_ref().unwrap_or(&plain.0);
@@ -136,7 +136,7 @@ impl PbrtWorld {
         }
         let params = &film.params;
         let iso = params.float("iso")?.unwrap_or(100.0);
-        // Early versions had a factor of its own for the time.
+        // Early versions of pbrt-v4 have a separate exposure time.
         let seconds = params.float("exposuretime")?.unwrap_or(1.0);
         let ratio = shutter * seconds * iso / 100.0;
         if !(1e-18..1e18).contains(&ratio) {
@@ -181,7 +181,7 @@ impl PbrtWorld {
         })
     }
 
-    /// pbrt counts as we do: 0 shows what is emitted towards the camera, 1 direct light.
+    /// Returns the maximal depth. pbrt counts as we do: 0 is emission, 1 direct light.
     fn max_depth(&self, context: &mut Context<'_>) -> PbrtResult<u32> {
         let plain = Entity::plain("volpath");
         let integrator = self.integrator.as_ref().unwrap_or(&plain);
@@ -216,7 +216,7 @@ impl PbrtWorld {
             params.mark_told(&["cossample", "maxdistance"]);
         }
         if integrator.kind == "sppm" {
-            // Asked for where its photons are counted.
+            // Mark as read: the integrator hint uses them.
             params.integer("photonsperiteration")?;
             params.float("radius")?;
         }
@@ -224,7 +224,7 @@ impl PbrtWorld {
         u32::try_from(depth).map_err(|_| params.place_of("maxdepth").fault("`maxdepth` is negative").into())
     }
 
-    /// The integrator as the file names it.
+    /// Returns the integrator that the file names.
     fn integrator_hint(
         &self,
         context: &Context<'_>,
@@ -235,7 +235,7 @@ impl PbrtWorld {
         let Some(mut follows) = follows(&integrator.kind) else { return Ok(None) };
         if let Follows::Photons(hints) = &mut follows {
             let params = &integrator.params;
-            // Its photons are as many as its pixels, where it is silent.
+            // By default there are as many photons as pixels.
             let [width, height] = crop.map_or(resolution, |[_, _, width, height]| [width, height]);
             let pixels = u64::from(width) * u64::from(height);
             let count = match params.integer("photonsperiteration")?.unwrap_or(-1) {
@@ -300,14 +300,14 @@ impl PbrtWorld {
 }
 
 impl PbrtWorld {
-    /// Whether there are no media for the integrator of the file.
+    /// Returns true if the integrator of the file ignores media.
     pub(super) fn ignores_media(&self) -> bool {
         let kind = self.integrator.as_ref().map_or("volpath", |integrator| integrator.kind.as_str());
         matches!(kind, "path" | "simplepath" | "randomwalk" | "lightpath" | "sppm")
     }
 }
 
-/// From where an integrator follows light; `None`: it does something else, or is not known.
+/// Returns the transport paths of an integrator; `None` if it is not light transport, or unknown.
 fn follows(kind: &str) -> Option<Follows> {
     Some(match kind {
         "path" | "volpath" => Follows::Paths { is_ours: true },
@@ -318,7 +318,7 @@ fn follows(kind: &str) -> Option<Follows> {
     })
 }
 
-/// A number above 0 in single precision.
+/// Converts to a normal positive single-precision number.
 fn positive(number: f64, at: PbrtPlace) -> PbrtResult<f32> {
     let rounded = number as f32;
     if rounded.is_normal() && rounded > 0.0 { Ok(rounded) } else { Err(at.fault("it must be above 0").into()) }

@@ -1,4 +1,4 @@
-//! Media that vary in space: `uniformgrid` and `rgbgrid`.
+//! Heterogeneous media: `uniformgrid` and `rgbgrid`.
 
 use glam::{DAffine3, DVec3};
 
@@ -11,7 +11,7 @@ use super::transform::rounded;
 use super::world::Entity;
 use crate::{Blend, Density, Grid, Spectrum, VALUE_MAX, Variation};
 
-/// The grid of a `uniformgrid`: densities that multiply both coefficients.
+/// Reads a `uniformgrid`: densities that multiply both coefficients.
 pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<Variation> {
     let (params, at) = (&entity.params, entity.at);
     let size = size(params, at)?;
@@ -33,7 +33,7 @@ pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<
     Ok(Variation { density, emission, grid_from_world: place(params, entity)? })
 }
 
-/// The grids of an `rgbgrid`: the coefficients themselves.
+/// Reads an `rgbgrid`: the coefficients themselves.
 pub(super) fn colored(entity: &Entity, exposure: Exposure) -> PbrtResult<Variation> {
     let (params, at) = (&entity.params, entity.at);
     let size = size(params, at)?;
@@ -54,13 +54,13 @@ pub(super) fn colored(entity: &Entity, exposure: Exposure) -> PbrtResult<Variati
         return Err(at.fault("`rgbgrid` needs \"rgb sigma_a\" or \"rgb sigma_s\"").into());
     }
     let emission = colors("Le", Meaning::Light, &|color| exposure.apply(color))?;
-    // What is not given is 1 everywhere.
+    // A missing grid is 1 everywhere.
     let [absorption, scattering] = [absorption, scattering].map(|grid| grid.unwrap_or_else(Grid::one));
     let density = Density::Each { absorption, scattering };
     Ok(Variation { density, emission, grid_from_world: place(params, entity)? })
 }
 
-/// Cells along x, y and z.
+/// Returns the number of cells along x, y and z.
 fn size(params: &Params, at: PbrtPlace) -> Result<[u32; 3], PbrtFault> {
     let mut size = [1; 3];
     for (side, name) in size.iter_mut().zip(["nx", "ny", "nz"]) {
@@ -78,7 +78,7 @@ fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: PbrtPlace) -> Result
     Grid::new(size, values, blend).map_err(|problem| at.fault(problem.to_string()))
 }
 
-/// World space to the unit cube.
+/// Returns the transformation from world space to the unit cube.
 fn place(params: &Params, entity: &Entity) -> PbrtResult<glam::Affine3A> {
     let low = params.point3("p0", "point3")?.unwrap_or(DVec3::ZERO);
     let high = params.point3("p1", "point3")?.unwrap_or(DVec3::ONE);

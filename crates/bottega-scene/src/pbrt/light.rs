@@ -1,7 +1,7 @@
-//! Lights: those without extent, and the emission of surfaces.
+//! Lights without extent, and emission of surfaces.
 //!
-//! pbrt scales the spectrum of every light so that its luminance is 1 where `L` or `I` says no more than a spectrum; the
-//! numbers of `rgb` are taken as they are. `power` and `illuminance` are in watts and W·m⁻², seen with the eye's luminance.
+//! pbrt scales a light spectrum to luminance 1 where `L` or `I` is a spectrum; `rgb` values are used unchanged. `power`
+//! and `illuminance` are in watts and W·m⁻², weighted by luminance.
 
 use std::f64::consts::PI;
 
@@ -20,19 +20,19 @@ use crate::image::PictureKind;
 use crate::text::shortened;
 use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff, TextureMap, Wrap};
 
-/// The lights of a scene, some of which wait for their pictures.
+/// The lights of a scene, some of which need their pictures.
 #[derive(Default)]
 pub(super) struct Lights {
     list: Vec<Light>,
-    /// Lights with pictures that are to have a power, in watts: where they are in the list.
+    /// Index and power, in watts, of lights with pictures.
     powers: Vec<(usize, f64)>,
-    /// Pictures of goniometric lights, and where they are asked for.
+    /// Pictures of goniometric lights, and their locations in the file.
     goniometric: Vec<(ImageId, PbrtPlace)>,
     environment: InfiniteLights,
 }
 
 impl Lights {
-    /// Understands all lights that are no surfaces.
+    /// Reads all lights that are not surfaces.
     pub(super) fn new(
         context: &mut Context<'_>,
         textures: &mut Textures<'_, '_>,
@@ -137,17 +137,17 @@ impl Lights {
         let axes = axes * DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
         Ok(LightKind::Projector {
             world_from_light: Affine3A { matrix3: Mat3A::from(axes.as_mat3()), translation: Vec3A::from(position) },
-            // Its texels have sharp edges in pbrt.
+            // pbrt does not interpolate the texels.
             picture: TextureMap { smooth: false, ..TextureMap::new(image) },
             intensity: strength.times(1.0),
-            // Of the shorter side; it is known when the picture is.
+            // Angle of the shorter side, corrected once the picture is loaded.
             vertical_fov: fov.to_radians() as f32,
             aspect: 1.0,
         })
     }
 
-    /// The axes and the place of a light with a picture, which is to be the next of the list. Its power waits for the
-    /// picture.
+    /// Returns axes and position of a light with a picture, which must be the next in the list. Its power is applied
+    /// once the picture is loaded.
     fn pictured(
         &mut self,
         context: &mut Context<'_>,
@@ -159,7 +159,7 @@ impl Lights {
         Ok((axes, position(&entity.ctm, DVec3::ZERO, entity.at)?))
     }
 
-    /// Adds the lights to a scene whose pictures are there.
+    /// Adds the lights to a scene, once its pictures are loaded.
     pub(super) fn finish(mut self, context: &mut Context<'_>, scene: &mut Scene) -> PbrtResult<()> {
         for (image, at) in self.goniometric {
             let (width, height) = scene.images[image.0 as usize].size();
@@ -182,7 +182,7 @@ impl Lights {
                     (intensity, 4.0 * PI * f64::from(mean))
                 }
                 LightKind::Projector { intensity, picture, vertical_fov, aspect, .. } => {
-                    // Its area at distance 1; the cubes of the cosines are in the picture.
+                    // Area at distance 1; the cubes of the cosines are baked into the picture.
                     let area = 4.0 * (0.5 * f64::from(*vertical_fov)).tan().powi(2) * f64::from(*aspect);
                     (intensity, area * mean_luminance(&scene.images[picture.image.0 as usize]))
                 }
@@ -197,13 +197,13 @@ impl Lights {
     }
 }
 
-/// How bright a light is.
+/// The strength of a light.
 #[derive(Clone, Copy)]
 struct Strength {
-    /// After the exposure.
+    /// Colour after the exposure.
     color: Spectrum,
     scale: f64,
-    /// In watts, where that is given.
+    /// Power in watts, if given.
     power: Option<f64>,
 }
 
@@ -212,7 +212,7 @@ impl Strength {
         self.color * (self.scale * factor) as f32
     }
 
-    /// The intensity of a light that shines into a solid angle.
+    /// Returns the intensity of a light that emits into a solid angle.
     fn intensity(self, solid_angle: f64) -> Spectrum {
         self.times(self.power.map_or(1.0, |power| power / solid_angle))
     }
@@ -232,7 +232,7 @@ fn spot(entity: &Entity, strength: Strength, from: DVec3, to: DVec3) -> PbrtResu
     let cos_outer = outer.to_radians().cos();
     let cos_inner = (outer - delta).max(0.0).to_radians().cos();
     let solid_angle = 2.0 * PI * ((1.0 - cos_inner) + 0.5 * (cos_inner - cos_outer));
-    // The edge is never quite sharp here.
+    // Our cone needs a non-empty transition.
     let cos_outer = (cos_outer as f32).max(-1.0);
     let cos_inner = (cos_inner as f32).max(cos_outer + 1e-6).min(1.0);
     Ok(LightKind::Spot {
@@ -245,18 +245,18 @@ fn spot(entity: &Entity, strength: Strength, from: DVec3, to: DVec3) -> PbrtResu
     })
 }
 
-/// What a surface emits.
+/// The emission of a surface.
 #[derive(Clone, Debug)]
 pub(super) struct Emission {
     pub(super) color: ColorParam,
     pub(super) sides: Sides,
-    /// Whether it is to be divided by the luminance of its picture, when that is there.
+    /// `true`: divide it by the luminance of its picture, once that is loaded.
     pub(super) by_power: bool,
 }
 
-/// What an area light makes a surface emit.
+/// Returns the emission of an area light.
 ///
-/// - `area`: of the surface, in world space.
+/// - `area`: area of the surface, in world space.
 /// - `primitive_count`: pbrt makes a light of each primitive, and gives the power to each.
 pub(super) fn emission(
     context: &mut Context<'_>,
@@ -280,7 +280,7 @@ pub(super) fn emission(
                 return Err(at.fault("an area light has either `L` or a `filename`").into());
             }
             let picture = textures.picture(context, file, PictureKind::COLORS, params.place_of("filename"))?;
-            // Unlike a texture, it ends at its edges.
+            // Unlike a texture, the picture does not repeat.
             Some(TextureMap { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..picture })
         }
         None => None,
@@ -300,7 +300,7 @@ pub(super) fn emission(
     })
 }
 
-/// Mean luminance of a picture.
+/// Returns the mean luminance of a picture.
 pub(super) fn mean_luminance(image: &Image) -> f64 {
     image.mean().truncate().as_dvec3().dot(LUMINANCE)
 }

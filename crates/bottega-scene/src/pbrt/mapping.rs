@@ -1,4 +1,4 @@
-//! Texture mappings: the point of a picture at a point of a surface.
+//! Texture mappings: from surface points to texture coordinates.
 
 use glam::{Affine2, Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
@@ -8,26 +8,26 @@ use super::world::Entity;
 use crate::text::shortened;
 use crate::{Mapping, MappingKind, SURFACE_UV_SETS};
 
-/// How a texture is laid: what is applied to which coordinates (v downwards).
+/// The mapping of a texture: a coordinate set and its transformation (v downwards).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PlacedMapping {
-    /// As of [`TextureMap`](crate::TextureMap).
+    /// Coordinate set, as in [`TextureMap`](crate::TextureMap).
     pub(super) uv_set: u8,
     pub(super) picture_from_uv: Affine2,
 }
 
-/// The mappings of a scene, each once.
+/// The distinct mappings of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Mappings(Vec<Mapping>);
 
-/// From a picture of that size to the same with an edge of one texel around it.
+/// Maps coordinates of a picture to those of the same picture with a border of one texel.
 pub(super) fn within_frame((width, height): (u32, u32)) -> Affine2 {
     let size = Vec2::new(width as f32, height as f32);
     Affine2::from_scale_angle_translation(size / (size + 2.0), 0.0, 1.0 / (size + 2.0))
 }
 
 impl Mappings {
-    /// How a texture says that it is laid.
+    /// Returns the mapping of a texture.
     pub(super) fn laid(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<PlacedMapping> {
         let params = &texture.params;
         let space = match params.text("mapping")?.unwrap_or("uv") {
@@ -46,7 +46,7 @@ impl Mappings {
         self.in_space(context, texture, space)
     }
 
-    /// How cells of space are laid, which no mapping but the transformation in force says.
+    /// Returns the mapping of 3D cells, which depends only on the current transformation.
     pub(super) fn cells(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<PlacedMapping> {
         self.in_space(context, texture, MappingKind::Cells)
     }
@@ -85,12 +85,12 @@ impl Mappings {
         }
     }
 
-    /// For [`Scene::mappings`](crate::Scene::mappings).
+    /// Returns the list for [`Scene::mappings`](crate::Scene::mappings).
     pub(super) fn into_inner(self) -> Vec<Mapping> {
         self.0
     }
 
-    /// How the coordinates of that set lie in space; `None`: they are the surface's own.
+    /// Returns the kind of a coordinate set; `None` for the surface's own.
     pub(super) fn kind(&self, uv_set: u8) -> Option<MappingKind> {
         let index = uv_set.checked_sub(SURFACE_UV_SETS)?;
         Some(self.0[usize::from(index)].kind)
@@ -113,7 +113,7 @@ fn on_surface(params: &Params) -> PbrtResult<PlacedMapping> {
     let scale = |name| params.float(name).map(|scale| scale.unwrap_or(1.0));
     let delta = |name| params.float(name).map(|delta| delta.unwrap_or(0.0));
     let (scale_u, scale_v, delta_u, delta_v) = (scale("uscale")?, scale("vscale")?, delta("udelta")?, delta("vdelta")?);
-    // t = scale_v · (1 − v) + delta_v, counted upwards; 1 − t, downwards.
+    // t = scale_v · (1 − v) + delta_v, upwards; 1 − t, downwards.
     let mapping = Affine2::from_cols_array(&[
         scale_u as f32,
         0.0,
@@ -129,12 +129,12 @@ fn on_surface(params: &Params) -> PbrtResult<PlacedMapping> {
     }
 }
 
-/// To the space whose x and y are the coordinates s and t, and what is to be added to u and v.
+/// Returns the transformation to the space with x = s and y = t, and the offset of u and v.
 fn planar(params: &Params, texture_from_world: DAffine3) -> PbrtResult<(DAffine3, Vec2)> {
     let along_s = params.point3("v1", "vector3")?.unwrap_or(DVec3::X);
     let along_t = params.point3("v2", "vector3")?.unwrap_or(DVec3::Y);
     let (delta_s, delta_t) = (params.float("udelta")?.unwrap_or(0.0), params.float("vdelta")?.unwrap_or(0.0));
-    // Nothing is asked of what lies above the plane.
+    // The height above the plane is not used.
     let plane_from_texture = DMat3::from_cols(along_s, along_t, DVec3::ZERO).transpose();
     let mapping = DAffine3::from_mat3(plane_from_texture) * texture_from_world;
     Ok((mapping, Vec2::new(delta_s as f32, -delta_t as f32)))

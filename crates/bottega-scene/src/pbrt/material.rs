@@ -20,10 +20,10 @@ use crate::{
     ScalarParam, Shadowing, Spectrum, Surface,
 };
 
-/// Mixtures of mixtures of mixtures.
+/// Maximal nesting of mixtures.
 const MIX_DEPTH_MAX: usize = 16;
 
-/// How a surface scatters, and its relief.
+/// The surface of a material, and its relief.
 #[derive(Clone, Debug)]
 pub(super) struct MaterialLook {
     pub(super) name: String,
@@ -31,7 +31,7 @@ pub(super) struct MaterialLook {
     pub(super) relief: Option<Relief>,
 }
 
-/// The materials that are used.
+/// The materials in use.
 pub(super) struct Materials<'w> {
     world: &'w PbrtWorld,
     looks: BTreeMap<usize, MaterialLook>,
@@ -42,7 +42,7 @@ impl<'w> Materials<'w> {
         Self { world, looks: BTreeMap::new() }
     }
 
-    /// Index of a material.
+    /// Returns the index of a material.
     pub(super) fn find(&self, material: &MaterialRef) -> PbrtResult<usize> {
         match material {
             MaterialRef::Index(index) => Ok(*index),
@@ -55,7 +55,7 @@ impl<'w> Materials<'w> {
         }
     }
 
-    /// How the material with that index looks.
+    /// Returns the look of the material with that index.
     pub(super) fn look(
         &mut self,
         context: &mut Context<'_>,
@@ -203,9 +203,9 @@ fn convert(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &
     })
 }
 
-/// Roughness along u and v.
+/// Reads the roughness along u and v.
 ///
-/// - `prefix`: before the names of the parameters.
+/// - `prefix`: prefix of the parameter names.
 fn facets(
     context: &mut Context<'_>,
     textures: &mut Textures<'_, '_>,
@@ -228,7 +228,7 @@ fn facets(
     Ok(Facets { distribution: Distribution::Ggx, roughness, scale, shadowing: Shadowing::Correlated })
 }
 
-/// An index of refraction that is a number, or a spectrum of which the yellow is taken.
+/// Reads an index of refraction: a number, or a spectrum of which the value at yellow is used.
 fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, default: f64) -> PbrtResult<f32> {
     let eta = match context.color(params, name)? {
         Some(Color::Samples(samples)) => {
@@ -246,7 +246,7 @@ fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, d
             None => params.float(name)?.unwrap_or(default),
         },
     };
-    // pbrt takes 0 for a vacuum.
+    // pbrt treats 0 as vacuum.
     let eta = if eta == 0.0 { 1.0 } else { eta as f32 };
     if eta > 0.0 && eta.is_normal() { Ok(eta) } else { Err(params.place_of(name).fault("it must be above 0").into()) }
 }
@@ -260,7 +260,7 @@ fn conductor(
 ) -> PbrtResult<Conductor> {
     let name = |name: &str| format!("{prefix}{name}");
     let reflectance = Spectrum::ONE.into();
-    // A metal of η = 1 that reflects this at normal incidence.
+    // A metal with η = 1 and this reflectance at normal incidence.
     let k_of = |r: DVec3| {
         let r = r.clamp(DVec3::ZERO, DVec3::splat(0.9999));
         DVec3::new(r.x / (1.0 - r.x), r.y / (1.0 - r.y), r.z / (1.0 - r.z)).powf(0.5) * 2.0
@@ -286,14 +286,14 @@ fn conductor(
     Ok(Conductor { eta: eta.into(), k: k.into(), reflectance, facets })
 }
 
-/// The metal of conductors of which nothing is said.
+/// Returns copper, the default metal.
 fn copper() -> (Sampled, Sampled) {
     let nothing = || (Sampled::constant(1.0), Sampled::constant(1.0));
     crate::spectrum::metal_spectra("Cu").unwrap_or_else(nothing)
 }
 
-/// A metal in three colours: η is what an observer sees of it, and k is such that the reflection at normal incidence
-/// has the colour which the spectra have.
+/// Converts a metal to three colours: η as an observer sees it, and k such that the reflection at normal incidence has
+/// the colour of the spectra.
 fn metal_color(eta: &Sampled, k: &Sampled) -> (Spectrum, Spectrum) {
     let reflected = |nm: f64| {
         let (eta, k) = (eta.at(nm), k.at(nm));
@@ -335,7 +335,7 @@ fn coated(
     })))
 }
 
-/// A coat over the colour that the light comes back with.
+/// Approximates a subsurface material by a coat over its diffuse reflectance.
 fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     context.unsupported(at, "light leaves the subsurface material where it enters: a coated matte one stands for it");
@@ -355,7 +355,8 @@ fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity
     let reflectance = match textures.color(context, params, "reflectance", Meaning::Reflectance)? {
         Some(color) => color,
         None => {
-            // Of a half space without boundary (Jensen et al. 2001, equation 4 integrated, with A = 1).
+            // Diffuse reflectance of a half space without boundary (Jensen et al. 2001, equation 4 integrated, with A =
+            // 1).
             let albedo = sigma[1] / (sigma[0] + sigma[1]).max(DVec3::splat(1e-12));
             let root = (3.0 * (1.0 - albedo)).powf(0.5);
             (albedo * 0.5 * (1.0 + (-root * (4.0 / 3.0)).exp()) * (-root).exp()).as_vec3().into()
@@ -367,7 +368,7 @@ fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity
     coated(context, textures, params, eta, facets, base)
 }
 
-/// A coat over the colour of the hair.
+/// Approximates hair by a coat over its colour.
 fn hair(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     context.unsupported(at, "hair scatters as a coated matte surface of its colour does");

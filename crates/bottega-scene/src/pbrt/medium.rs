@@ -1,4 +1,4 @@
-//! Media: what fills space.
+//! Participating media.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,12 +15,12 @@ use super::world::{Entity, MediumInterface, PbrtWorld};
 use crate::text::shortened;
 use crate::{Medium, MediumId, Spectrum};
 
-/// The media that are used, by name.
+/// The media in use, by name.
 pub(super) struct Media<'w> {
     world: &'w PbrtWorld,
     exposure: Exposure,
     pub(super) list: Vec<Medium>,
-    /// `None`: one that we do not have, and leave out.
+    /// Ids of the media; `None`: unsupported, left out.
     id_of: BTreeMap<String, Option<MediumId>>,
 }
 
@@ -29,8 +29,8 @@ impl<'w> Media<'w> {
         Self { world, exposure, list: Vec::new(), id_of: BTreeMap::new() }
     }
 
-    /// What is behind and before a surface. Equal where the surface parts nothing, so that light stays in whatever it
-    /// came through.
+    /// Returns the media behind and before a surface. Both are `None` if they are equal, so that light stays in its
+    /// current medium.
     pub(super) fn interface(
         &mut self,
         context: &mut Context<'_>,
@@ -43,7 +43,7 @@ impl<'w> Media<'w> {
         Ok([inside, self.find(context, interface.outside.as_deref(), interface.at)?])
     }
 
-    /// The medium of that name; `None`: vacuum.
+    /// Returns the medium of a name; `None`: vacuum.
     pub(super) fn find(
         &mut self,
         context: &mut Context<'_>,
@@ -102,7 +102,7 @@ fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Pb
         }
     }
     let [absorption, scattering] = sigma.map(|sigma| (sigma * scale).as_vec3());
-    // pbrt emits in proportion to the absorption. A list of strengths is that of a grid.
+    // Emission is proportional to absorption, as in pbrt. A list of strengths belongs to a grid.
     let strength = match params.floats("Lescale") {
         Some(&[strength]) => strength,
         _ => 1.0,
@@ -128,7 +128,7 @@ fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Pb
     Ok(Some(Medium { name: String::new(), absorption, scattering, emission, g: g as f32, variation }))
 }
 
-/// Absorption and reduced scattering of a substance, per millimetre.
+/// Returns absorption and reduced scattering of a substance, per millimetre.
 pub(super) fn preset_coefficients(name: &str) -> Option<[DVec3; 2]> {
     let lines = include_str!("presets.txt").lines().filter(|line| !line.starts_with('#'));
     for line in lines {

@@ -1,19 +1,18 @@
-//! pbrt-v4.
+//! Importer of pbrt-v4 files.
 //!
-//! Read with a parser of our own: what there is on crates.io for the format panics on several directives, and does not
-//! say where in a file something is wrong.
+//! Uses its own parser: the crates for the format panic on several directives, and give no error locations.
 //!
-//! Understood: all directives; triangle, bilinear and subdivision meshes, `plymesh` (also compressed), spheres, disks,
-//! cylinders and curves; all materials but `measured` (with `hair` and `subsurface` replaced by what comes near); image,
-//! constant, scale, mix, checkerboard and bilerp textures; all lights, also through portals; homogeneous media;
-//! perspective and orthographic cameras. What else a file asks for is named with file, line and column, and replaced or
-//! left out, or refused with [`LoadOptions::strict`](crate::LoadOptions::strict). Things that move stand where they start.
+//! Supported: all directives; triangle, bilinear and subdivision meshes, `plymesh` (also compressed), spheres, disks,
+//! cylinders and curves; all materials but `measured` (with `hair` and `subsurface` approximated); image, constant,
+//! scale, mix, checkerboard and bilerp textures; all lights, also through portals; homogeneous media; perspective and
+//! orthographic cameras. Anything else is reported with file, line and column, and replaced or left out, or an error
+//! with [`LoadOptions::strict`](crate::LoadOptions::strict). Moving objects are shown at their start.
 //!
-//! Flat and cylindrical curves turn to each ray ([`FacingCurves`](crate::FacingCurves)), as pbrt's do.
+//! Flat and cylindrical curves face each ray ([`FacingCurves`](crate::FacingCurves)), as in pbrt.
 //!
-//! Conventions: pbrt's camera looks along its +z with +y up and +x to the right, that is, its space is left-handed; ours
-//! mirrors instead, and world space is what the file says. The exposure of the film is folded into the lights. Texture
-//! coordinates are turned over so that v grows downwards.
+//! Conventions: pbrt's camera looks along its +z with +y up and +x to the right, so its space is left-handed; ours
+//! mirrors instead, and world space is as in the file. The exposure of the film is folded into the lights. Texture
+//! coordinates are flipped so that v grows downwards.
 
 mod bake;
 mod build;
@@ -52,12 +51,12 @@ use crate::hints::{Metadata, RenderHints};
 use crate::import::{ImportRequest, Imported};
 use crate::{Scene, SceneError};
 
-/// Whether a file looks like one of ours, by its name.
+/// Recognizes a file by its extension.
 pub(crate) fn recognizes(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("pbrt"))
 }
 
-/// Builds the scene of a file whose bytes are `file`, read from `path`.
+/// Imports a file with the contents `file`, read from `path`.
 pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let mut context = Context::new(path, resources, options, warnings);

@@ -1,4 +1,4 @@
-//! Directives that change the transformation in force.
+//! Directives that change the current transformation.
 
 use glam::{DAffine3, DVec3};
 
@@ -10,7 +10,7 @@ use super::transform::{from_columns, look_at};
 use crate::text::shortened;
 
 impl Parser<'_, '_> {
-    /// Changes the transformation in force, or remembers it.
+    /// Changes or stores the current transformation.
     pub(super) fn transformation(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
         match word {
             "Identity" => self.state.transform(|_| DAffine3::IDENTITY),
@@ -74,7 +74,7 @@ impl Parser<'_, '_> {
     }
 }
 
-/// The numbers that follow a directive, with or without brackets.
+/// Reads the numbers that follow a directive, with or without brackets.
 fn numbers<const N: usize>(tokens: &mut Tokens<'_>, at: PbrtPlace, word: &str) -> Result<[f64; N], PbrtFault> {
     let mut numbers = [0.0; N];
     let has_brackets = matches!(tokens.peek()?, Some((Token::Open, _)));

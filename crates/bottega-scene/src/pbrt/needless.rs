@@ -1,8 +1,8 @@
-//! pbrt's parameters that change nothing here.
+//! pbrt parameters that have no effect here.
 
 use crate::needless::{Needless, Reason};
 
-/// A directive that has parameters.
+/// A directive with parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Directive {
     Camera,
@@ -26,7 +26,7 @@ const fn row(
     Needless { kind, of, names, reason }
 }
 
-/// By directive, types and names.
+/// The table by directive, types and names.
 pub(super) const NEEDLESS: &[Needless<Directive>] = &[
     row(Directive::Film, &[], &["filename", "savefp16"], Reason::Storage),
     row(Directive::Film, &[], &["diagonal"], Reason::Meaningless),

@@ -1,4 +1,4 @@
-//! Parameter lists: `"float radius" [ 1 ]`.
+//! Parameter lists, such as `"float radius" [ 1 ]`.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -9,7 +9,7 @@ use super::color_space::ColorSpace;
 use super::token::{PbrtFault, PbrtPlace, Token, Tokens};
 use crate::text::shortened;
 
-/// The values of a parameter, all of one kind.
+/// The values of a parameter, all of one type.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Values {
     Numbers(Vec<f64>),
@@ -17,28 +17,28 @@ pub(super) enum Values {
     Bools(Vec<bool>),
 }
 
-/// One parameter.
+/// A parameter.
 #[derive(Clone, Debug)]
 pub(super) struct Param {
-    /// `float`, `rgb` …
+    /// Type, such as `float` or `rgb`.
     pub(super) kind: String,
     pub(super) name: String,
     pub(super) values: Values,
     pub(super) at: PbrtPlace,
-    /// What its `rgb` values mean, where that was settled before the list that it is part of.
+    /// Colour space of its `rgb` values, if set by an attribute rather than by its list.
     color_space: Option<ColorSpace>,
-    /// Whether somebody asked for it.
+    /// `true`: it was read.
     used: Cell<bool>,
-    /// Whether nobody need ask for it.
+    /// `true`: it is not reported if it was not read.
     may_be_unused: bool,
 }
 
 /// A parameter list.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Params {
-    /// The directive that it belongs to.
+    /// Location of its directive.
     pub(super) at: PbrtPlace,
-    /// Later ones go before earlier ones.
+    /// Parameters; later ones take precedence.
     list: Vec<Rc<Param>>,
     color_space: ColorSpace,
 }
@@ -97,7 +97,7 @@ impl Params {
         Ok(Self { at, list, color_space })
     }
 
-    /// The parameters as attributes that later lists fall back to.
+    /// Returns the parameters as attributes, defaults of later lists.
     pub(super) fn into_attributes(self) -> impl Iterator<Item = Rc<Param>> {
         let color_space = self.color_space;
         self.list.into_iter().rev().map(move |param| {
@@ -106,32 +106,32 @@ impl Params {
         })
     }
 
-    /// Lets a list fall back to attributes, the latest of which is last.
+    /// Adds attributes as defaults; the last attribute takes precedence.
     pub(super) fn with_attributes(mut self, attributes: &[Rc<Param>]) -> Self {
         self.list.extend(attributes.iter().rev().cloned());
         self
     }
 
-    /// The parameters of that name that go first: the latest of all.
+    /// Returns the parameter of a name and one of the types that takes precedence.
     pub(super) fn find(&self, name: &str, kinds: &[&str]) -> Option<&Param> {
         let found = self.list.iter().find(|param| param.name == name && kinds.contains(&param.kind.as_str()))?;
-        // Those that it hides are used up with it.
+        // Mark the overridden ones as read, too.
         let same = |param: &&Rc<Param>| param.name == name && kinds.contains(&param.kind.as_str());
         self.list.iter().filter(same).for_each(|param| param.used.set(true));
         Some(found)
     }
 
-    /// What `rgb` values of a parameter of this list mean.
+    /// Returns the colour space of the `rgb` values of a parameter of this list.
     pub(super) fn color_space_of(&self, param: &Param) -> ColorSpace {
         param.color_space.unwrap_or(self.color_space)
     }
 
-    /// The colour space in force where the list stands.
+    /// Returns the colour space at the location of the list.
     pub(super) fn color_space(&self) -> ColorSpace {
         self.color_space
     }
 
-    /// Bytes that it takes.
+    /// Returns its memory, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         let values = |param: &Rc<Param>| match &param.values {
             Values::Numbers(numbers) => size_of_val(&numbers[..]),
@@ -141,18 +141,18 @@ impl Params {
         self.list.iter().map(|param| size_of::<Param>() + param.name.len() + param.kind.len() + values(param)).sum()
     }
 
-    /// Where the parameter stands, or else the list.
+    /// Returns the location of the parameter, or else of the list.
     pub(super) fn place_of(&self, name: &str) -> PbrtPlace {
         self.list.iter().find(|param| param.name == name).map_or(self.at, |param| param.at)
     }
 
-    /// Parameters of something of which it was told that it is replaced or left out.
+    /// Marks parameters as read that belong to a feature already reported as replaced or left out.
     pub(super) fn mark_told(&self, names: &[&str]) {
         let ignored = self.list.iter().filter(|param| names.contains(&param.name.as_str()));
         ignored.for_each(|param| param.used.set(true));
     }
 
-    /// What nobody asked for.
+    /// Iterates over the parameters that were not read.
     pub(super) fn unused(&self) -> impl Iterator<Item = &Param> {
         self.list.iter().map(AsRef::as_ref).filter(|param| !param.used.get() && !param.may_be_unused)
     }
@@ -162,17 +162,17 @@ impl Params {
         if let Values::Numbers(numbers) = &param.values { Some((numbers, param.at)) } else { None }
     }
 
-    /// A single number.
+    /// Returns a single number.
     pub(super) fn float(&self, name: &str) -> Result<Option<f64>, PbrtFault> {
         self.numbers(name, "float").map(|(numbers, at)| one(numbers, at, name)).transpose()
     }
 
-    /// A single integer.
+    /// Returns a single integer.
     pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, PbrtFault> {
         self.numbers(name, "integer").map(|(numbers, at)| one(numbers, at, name).map(|x| x as i64)).transpose()
     }
 
-    /// `true` or `false`.
+    /// Returns a single boolean.
     pub(super) fn bool(&self, name: &str) -> Result<Option<bool>, PbrtFault> {
         let Some(param) = self.find(name, &["bool"]) else { return Ok(None) };
         match &param.values {
@@ -181,18 +181,18 @@ impl Params {
         }
     }
 
-    /// A single text.
+    /// Returns a single text.
     pub(super) fn text(&self, name: &str) -> Result<Option<&str>, PbrtFault> {
         self.texts(name).map(|(texts, at)| one_of(texts, at, name).map(String::as_str)).transpose()
     }
 
-    /// Texts.
+    /// Returns a list of texts.
     pub(super) fn texts(&self, name: &str) -> Option<(&[String], PbrtPlace)> {
         let param = self.find(name, &["string"])?;
         if let Values::Texts(texts) = &param.values { Some((texts, param.at)) } else { None }
     }
 
-    /// The name of a texture.
+    /// Returns the name of a texture.
     pub(super) fn texture(&self, name: &str) -> Result<Option<(&str, PbrtPlace)>, PbrtFault> {
         let Some(param) = self.find(name, &["texture"]) else { return Ok(None) };
         match &param.values {
@@ -201,27 +201,27 @@ impl Params {
         }
     }
 
-    /// Numbers.
+    /// Returns a list of numbers.
     pub(super) fn floats(&self, name: &str) -> Option<&[f64]> {
         self.numbers(name, "float").map(|(numbers, _)| numbers)
     }
 
-    /// Integers.
+    /// Returns a list of integers.
     pub(super) fn integers(&self, name: &str) -> Option<&[f64]> {
         self.numbers(name, "integer").map(|(numbers, _)| numbers)
     }
 
-    /// Points in the plane.
+    /// Returns a list of 2D points.
     pub(super) fn points2(&self, name: &str) -> Result<Option<Vec<DVec2>>, PbrtFault> {
         self.tuples(name, "point2", |[x, y]| DVec2::new(x, y))
     }
 
-    /// Points, or with the kind `normal` or `vector3` those.
+    /// Returns a list of 3D points, or normals or vectors for `kind` `normal` or `vector3`.
     pub(super) fn points3(&self, name: &str, kind: &str) -> Result<Option<Vec<DVec3>>, PbrtFault> {
         self.tuples(name, kind, |[x, y, z]| DVec3::new(x, y, z))
     }
 
-    /// One point or vector.
+    /// Returns a single point or vector.
     pub(super) fn point3(&self, name: &str, kind: &str) -> Result<Option<DVec3>, PbrtFault> {
         let Some(points) = self.points3(name, kind)? else { return Ok(None) };
         one(&points, self.place_of(name), name).map(Some)
@@ -242,7 +242,7 @@ impl Params {
     }
 }
 
-/// What to do with a file for pbrt-v3.
+/// The remedy for a pbrt-v3 file.
 pub(super) const UPGRADE: &str = "convert the file with `pbrt --upgrade old.pbrt > new.pbrt`";
 
 fn one_of<'a, T>(values: &'a [T], at: PbrtPlace, name: &str) -> Result<&'a T, PbrtFault> {
@@ -261,7 +261,7 @@ fn read_values(tokens: &mut Tokens<'_>, at: PbrtPlace, kind: &str) -> Result<Val
     let mut values = match kind {
         "bool" => Values::Bools(Vec::new()),
         "string" | "texture" => Values::Texts(Vec::new()),
-        // A spectrum may be given by numbers or by name: the first value decides.
+        // A spectrum is given by numbers or names: the first value decides.
         _ => Values::Numbers(Vec::new()),
     };
     let (first, place) = tokens.next()?.ok_or_else(ended)?;
@@ -292,7 +292,7 @@ fn push_value(values: &mut Values, token: &Token<'_>, at: PbrtPlace, kind: &str)
             *values = Values::Texts(vec![text.clone().into_owned()]);
         }
         (Values::Texts(texts), Token::Text(text)) => texts.push(text.clone().into_owned()),
-        // pbrt-v3 wrote truth values in quotes.
+        // pbrt-v3 has booleans in quotes.
         (Values::Bools(bools), Token::Word(word) | Token::Text(word)) => match word.as_ref() {
             "true" => bools.push(true),
             "false" => bools.push(false),
@@ -305,9 +305,9 @@ fn push_value(values: &mut Values, token: &Token<'_>, at: PbrtPlace, kind: &str)
     Ok(())
 }
 
-/// A finite number.
+/// Parses a finite number.
 pub(super) fn number(word: &str) -> Option<f64> {
-    // What `f64` understands beyond numbers starts with a letter: inf, nan, infinity.
+    // Other words that `f64` parses start with a letter: inf, nan, infinity.
     let is_number = word.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E'));
     if !is_number {
         return None;

@@ -1,4 +1,4 @@
-//! Directives, one after the other.
+//! Parsing of directives.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -15,30 +15,30 @@ use super::{dialect, shape};
 use crate::mesh_file::unfolded;
 use crate::text::{Text, decode, shortened};
 
-/// Files within files within files.
+/// Maximal depth of included files.
 const INCLUDE_DEPTH_MAX: usize = 64;
 
-/// Files that are included, one by one; the same file may be included again and again.
+/// Maximal number of included files; the same file may be included repeatedly.
 const INCLUDE_COUNT_MAX: usize = 100_000;
 
-/// `AttributeBegin` within `AttributeBegin`.
+/// Maximal depth of `AttributeBegin`.
 const ATTRIBUTE_DEPTH_MAX: usize = 1024;
 
-/// Reads a file and all that it includes.
+/// Parses a file and all files that it includes.
 pub(super) struct Parser<'c, 'a> {
     context: &'c mut Context<'a>,
     pub(super) world: PbrtWorld,
     pub(super) state: GraphicsState,
-    /// What was saved, by what, and where.
+    /// Saved states, with the block and location that saved them.
     saved: Vec<(GraphicsState, Block, PbrtPlace)>,
     pub(super) coordinate_systems: BTreeMap<String, [DAffine3; 2]>,
     in_world: bool,
-    /// The object that is being described.
+    /// Name of the current object, between `ObjectBegin` and `ObjectEnd`.
     object: Option<String>,
-    /// Names of the files that are open, outermost first.
+    /// Names of the open files, outermost first.
     open_files: Vec<String>,
     include_count: usize,
-    /// Bytes of text that may still be read.
+    /// Remaining limit of text, in bytes.
     bytes_left: usize,
 }
 
@@ -77,7 +77,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         }
     }
 
-    /// Reads the scene file, and checks that everything that was begun is ended.
+    /// Parses the scene file, and checks that all blocks are closed.
     pub(super) fn read_scene(&mut self, bytes: &[u8]) -> PbrtResult<()> {
         let end = self.read_file(0, bytes)?;
         if let Some((_, block, at)) = self.saved.last() {
@@ -89,7 +89,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    /// Returns where the file ends.
+    /// Parses a file. Returns the location of its end.
     fn read_file(&mut self, file: u32, bytes: &[u8]) -> PbrtResult<PbrtPlace> {
         let Text { text, guess } = decode(self.context.path(file), bytes, self.context.resources.budget())?;
         if let Some((line, message)) = guess {
@@ -262,7 +262,7 @@ impl<'c, 'a> Parser<'c, 'a> {
             "Sampler" => self.world.sampler = entity,
             "Integrator" => self.world.integrator = entity,
             "PixelFilter" => self.world.filter = entity,
-            // How rays find surfaces is our own affair.
+            // Accelerators have no effect here.
             _ => {}
         }
         Ok(())
@@ -355,7 +355,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         let (state, depth) = (self.state.clone(), self.saved.len());
         self.read_file(file, &bytes)?;
         self.open_files.pop();
-        // Files that are imported change nothing but what they name.
+        // An imported file does not change the graphics state.
         if word == "Import" {
             if self.saved.len() != depth {
                 return Err(at.fault("the file that is imported does not end what it begins").into());
@@ -394,7 +394,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         }
     }
 
-    /// The quoted type and the parameters that follow a directive.
+    /// Reads the quoted type and the parameters of a directive.
     fn entity(&self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>, target: Option<Target>) -> PbrtResult<Entity> {
         let (kind, kind_at) = text(tokens, at, word)?;
         dialect::check(word, &kind, kind_at)?;
@@ -403,14 +403,14 @@ impl<'c, 'a> Parser<'c, 'a> {
             Some(target) => self.state.complete(params, target),
             None => params,
         };
-        // Shapes book what they become.
+        // Shapes book their geometry instead.
         if word != "Shape" {
             self.book(at, size_of::<Entity>() + params.memory_bytes())?;
         }
         Ok(Entity { kind, params, at, ctm: self.state.ctm[0] })
     }
 
-    /// The parameters that follow the name, with the type among them.
+    /// Reads the parameters after a name; the type is one of them.
     fn typed_entity(&self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>, target: Target) -> PbrtResult<Entity> {
         let params = self.state.complete(Params::read(tokens, at, self.state.color_space)?, target);
         let Some(kind) = params.text("type")? else {
@@ -421,7 +421,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(Entity { kind: kind.into(), params, at, ctm: self.state.ctm[0] })
     }
 
-    /// Books memory for what is kept of a directive.
+    /// Books memory for the data of a directive.
     fn book(&self, at: PbrtPlace, bytes: usize) -> PbrtResult<()> {
         let (path, place) = (self.context.path(at.file), self.context.place(at));
         Ok(self.context.resources.budget().take(path, &place, bytes)?)
@@ -443,7 +443,7 @@ impl<'c, 'a> Parser<'c, 'a> {
 }
 
 impl Entity {
-    /// Without parameters, at the start of the file.
+    /// Returns an entity without parameters, located at the start of the file.
     pub(super) fn plain(kind: &str) -> Self {
         Self {
             kind: kind.into(),
@@ -458,7 +458,7 @@ pub(super) fn ended(at: PbrtPlace, word: &str) -> PbrtFault {
     at.fault(format!("the file ends within {word}"))
 }
 
-/// The quoted text that follows a directive.
+/// Reads the quoted text that follows a directive.
 pub(super) fn text(tokens: &mut Tokens<'_>, at: PbrtPlace, word: &str) -> Result<(String, PbrtPlace), PbrtFault> {
     match tokens.next()? {
         Some((Token::Text(text), at)) => Ok((text.into_owned(), at)),

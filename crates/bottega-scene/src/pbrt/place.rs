@@ -1,4 +1,4 @@
-//! The placement of shapes: spheres that stay spheres, and small meshes that are moved into the world and joined.
+//! Placement of shapes: analytic spheres, and small meshes transformed to world space and joined.
 
 use std::collections::BTreeMap;
 
@@ -9,12 +9,12 @@ use super::token::PbrtPlace;
 use super::transform::axes_and_scale;
 use crate::{CurveLook, Mesh, Sphere};
 
-/// A joined mesh with more vertices is closed.
+/// Vertex count from which no more meshes are joined to a mesh.
 const JOINED_MAX: usize = 1 << 22;
 
-/// The sphere that a transformation makes of one; `None` where it makes none.
+/// Returns the transformed sphere; `None` if it is not a sphere.
 ///
-/// - `needs_azimuth`: whether it matters where its texture begins.
+/// - `needs_azimuth`: the orientation of its texture matters.
 pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: bool) -> Option<Sphere> {
     let (axes, scale) = axes_and_scale(world_from_sphere);
     let is_round = scale.max_element() <= scale.min_element() * (1.0 + 1e-5)
@@ -24,7 +24,7 @@ pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: b
         return None;
     }
     let axes = if mirrors { axes * DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)) } else { axes };
-    // Our pole is +y, and our azimuth begins at −z; pbrt's are +z and +x.
+    // Our pole is +y, with azimuth 0 at −z; pbrt's are +z and +x.
     let pbrt_from_ours = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
     let rotation = DQuat::from_mat3(&(axes * pbrt_from_ours)).normalize();
     let (center, radius) = (world_from_sphere.translation.as_vec3(), (radius * scale.max_element()) as f32);
@@ -33,14 +33,14 @@ pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: b
     (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object: rotation, material: 0 })
 }
 
-/// The factor by which a transformation makes everything larger; `None`: it is not the same in all directions.
+/// Returns the uniform scale of a transformation; `None` if it is not uniform.
 pub(super) fn scaling(transform: &DAffine3) -> Option<f64> {
     let (axes, scale) = axes_and_scale(transform);
     let is_equal = scale.max_element() <= scale.min_element() * (1.0 + 1e-5);
     (is_equal && (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-5)).then(|| scale.max_element())
 }
 
-/// A mesh in the space that a transformation leads to. That of curves makes everything larger by a factor.
+/// Transforms a mesh. Curves need a uniform scale.
 pub(super) fn baked(
     context: &mut Context<'_>,
     mut mesh: Mesh,
@@ -50,7 +50,7 @@ pub(super) fn baked(
     let linear = transform.matrix3;
     let normal_matrix: Option<Mat3> = {
         let inverse = linear.inverse().transpose();
-        // Normals keep their direction whatever the scale.
+        // Scale does not affect the direction of normals.
         let scale = inverse.to_cols_array().iter().fold(0.0f64, |greatest, x| greatest.max(x.abs()));
         let matrix = inverse * (1.0 / scale);
         matrix.is_finite().then(|| matrix.as_mat3())
@@ -86,7 +86,7 @@ pub(super) fn baked(
     Ok(mesh)
 }
 
-/// Every triangle with corners of its own, and pbrt's texture coordinates for triangles that have none.
+/// Gives every triangle its own vertices, with pbrt's default texture coordinates.
 pub(super) fn with_own_corners(mesh: &Mesh) -> Mesh {
     let corners = || mesh.triangles.iter().flatten().map(|&vertex| vertex as usize);
     let count = mesh.triangles.len() as u32;
@@ -105,18 +105,17 @@ pub(super) fn with_own_corners(mesh: &Mesh) -> Mesh {
     }
 }
 
-/// What meshes that are joined have in common: the material, whether vertices have normals, texture coordinates and tangents, and the
-/// look of curves.
+/// The key of joined meshes: material, presence of normals, texture coordinates and tangents, and the look of curves.
 type JoinKey = (u32, [bool; 3], Option<CurveLook>);
 
-/// Small meshes, joined by material and by what their vertices have.
+/// Small meshes, joined by their key.
 #[derive(Default)]
 pub(super) struct JoinedMeshes {
     meshes: BTreeMap<JoinKey, (Mesh, PbrtPlace)>,
 }
 
 impl JoinedMeshes {
-    /// Returns a mesh that has become large.
+    /// Adds a mesh. Returns a joined mesh that has become large.
     pub(super) fn add(&mut self, mesh: Mesh, at: PbrtPlace) -> Option<Mesh> {
         let has = [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()];
         let key = (mesh.material, has, mesh.curves.as_ref().map(|curves| curves.look));
@@ -148,7 +147,7 @@ impl JoinedMeshes {
     }
 }
 
-/// The axes of a transformation, orthonormal; they may mirror.
+/// Returns the orthonormal axes of a transformation; they may mirror.
 pub(super) fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: PbrtPlace) -> PbrtResult<DMat3> {
     let (axes, scale) = axes_and_scale(ctm);
     let is_perpendicular = (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3);

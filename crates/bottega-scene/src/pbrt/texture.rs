@@ -1,4 +1,4 @@
-//! Textures: a small tree for each, reduced to factor × picture where that is exact, and else baked into a picture.
+//! Textures: a small tree for each, reduced to factor × picture where that is exact, otherwise baked to a picture.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -21,30 +21,30 @@ use crate::{
     Channel, ColorParam, Image, ImageId, Mapping, MappingKind, ScalarParam, SceneError, Spectrum, TextureMap, Wrap,
 };
 
-/// Trees with more parts are replaced.
+/// Trees with more nodes are replaced.
 const PARTS_MAX: usize = 64;
 
-/// What an image of the scene will be made of.
+/// The source of an image of the scene.
 enum Slot {
     Picture(ImageId),
-    /// One number for each texel.
+    /// A picture with one number per texel.
     Scalar(ImageId),
     Baked(Bake),
-    /// A picture that is thrown, with the angle of its shorter side in degrees.
+    /// A projected picture, with the angle of its shorter side in degrees.
     Projection(ImageId, f64),
 }
 
-/// The textures that materials ask for.
+/// The textures that materials use.
 pub(super) struct Textures<'a, 'w> {
     world: &'w PbrtWorld,
     pictures: Pictures<'a>,
     mappings: Mappings,
-    /// One for each image of the scene.
+    /// One slot for each image of the scene.
     slots: Vec<Slot>,
     slot_of: BTreeMap<(ImageId, bool), ImageId>,
-    /// By name and whether they are of type float.
+    /// Trees by name and type; `true`: of type float.
     nodes: BTreeMap<(String, bool), Rc<TextureNode>>,
-    /// Names that are being understood: none may refer to itself.
+    /// Names being resolved, to detect a texture that refers to itself.
     open: Vec<(String, bool)>,
 }
 
@@ -62,7 +62,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         }
     }
 
-    /// A colour parameter, if it is given.
+    /// Returns a colour parameter; `None` if it is not given.
     pub(super) fn color(
         &mut self,
         context: &mut Context<'_>,
@@ -83,7 +83,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(Some(color.into()))
     }
 
-    /// A number or a texture of numbers, if it is given.
+    /// Returns a number or float texture; `None` if it is not given.
     pub(super) fn scalar(
         &mut self,
         context: &mut Context<'_>,
@@ -96,7 +96,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(params.float(name)?.map(|number| (number as f32).into()))
     }
 
-    /// A texture of numbers by its name.
+    /// Returns a float texture by name.
     pub(super) fn named_scalar(
         &mut self,
         context: &mut Context<'_>,
@@ -108,7 +108,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(ScalarParam { factor: factor.x as f32, texture: map.map(|map| (map, Channel::R)) })
     }
 
-    /// A file as a picture, upright.
+    /// Returns a map of a picture file, upright.
     pub(super) fn picture(
         &mut self,
         context: &Context<'_>,
@@ -120,7 +120,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(TextureMap::new(self.slot(picture, false)))
     }
 
-    /// A picture that is thrown. Its intensity is that of the picture in pbrt, and lights a screen evenly here.
+    /// Requests a projected picture. Its intensity equals pbrt's, whose screens are not lit evenly as ours are.
     ///
     /// - `fov`: angle of the shorter side, in degrees.
     pub(super) fn projection(
@@ -135,7 +135,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(ImageId(self.slots.len() as u32 - 1))
     }
 
-    /// A texture with every colour transformed by `change` after it is read, such as a reflectance to what reflects it.
+    /// Returns a texture whose colours are transformed by `change`, such as from reflectance to k.
     pub(super) fn changed(
         &mut self,
         context: &mut Context<'_>,
@@ -158,7 +158,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(Some(ColorParam { factor: Spectrum::ONE, texture: map }))
     }
 
-    /// The pictures of the scene, decoded and baked, and the mappings by which they are laid.
+    /// Decodes and bakes the pictures of the scene. Returns them and the mappings.
     pub(super) fn load(self, context: &mut Context<'_>) -> PbrtResult<(Vec<Image>, Vec<Mapping>)> {
         let pictures = self.pictures.load(context.warnings())?;
         let mut uses = vec![0usize; pictures.len()];
@@ -209,7 +209,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok(ColorParam { factor: factor.as_vec3(), texture })
     }
 
-    /// Factor and map that are the same as a tree.
+    /// Reduces a tree to a factor and a map.
     fn reduce(
         &mut self,
         context: &mut Context<'_>,
@@ -256,7 +256,7 @@ impl<'a, 'w> Textures<'a, 'w> {
             context.unsupported(at, "parts of this texture are laid by different mappings; all are laid by the first");
         }
         let uv_set = sets.first().copied().unwrap_or(0);
-        // What a sphere is asked for lies within [0, 1].
+        // Spherical coordinates stay within [0, 1].
         let is_cut = !bake.repeats() && self.mappings.kind(uv_set) != Some(MappingKind::Spherical);
         if is_cut {
             context
@@ -275,7 +275,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         Ok((DVec3::ONE, Some(map)))
     }
 
-    /// The tree of a texture that is called by name.
+    /// Returns the tree of a named texture.
     fn named(
         &mut self,
         context: &mut Context<'_>,
@@ -364,13 +364,13 @@ impl<'a, 'w> Textures<'a, 'w> {
                     at,
                     "the texture \"dots\" is replaced by the mean of what is inside and outside of them",
                 );
-                // A dot in half of the cells, of radius 0.35.
+                // A dot of radius 0.35 in half of the cells.
                 TextureNode::Mix(outside, inside, Rc::new(TextureNode::Constant(DVec3::splat(0.19))))
             }
             kind => {
                 params.mark_told(&["octaves", "roughness", "scale", "variation", "filename", "encoding", "dimension"]);
                 let (mean, what) = match kind {
-                    // The means of what pbrt makes of its noise.
+                    // Mean values of pbrt's noise.
                     "fbm" => (0.0, "0"),
                     "wrinkled" | "windy" => (0.5, "0.5"),
                     _ => (0.5, "gray"),
@@ -381,7 +381,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         })
     }
 
-    /// A part of a texture: another texture, a colour, or a number.
+    /// Returns an input of a texture: another texture, a colour or a number.
     fn part(
         &mut self,
         context: &mut Context<'_>,
@@ -437,8 +437,8 @@ impl<'a, 'w> Textures<'a, 'w> {
                 picture
             }
             None if wrap == "octahedralsphere" => {
-                // It is one quarter of its period. pbrt goes on with the second texel at the left and upper edge, and with
-                // the last one at the others; here all edges are as these.
+                // Scale to a quarter of the period. At the left and upper edge pbrt continues with the second texel, at
+                // the others with the last; here all edges are as the latter.
                 laid.picture_from_uv = Affine2::from_scale(Vec2::splat(0.5)) * laid.picture_from_uv;
                 self.pictures.want_octahedral(file, kind, &place)?
             }
@@ -446,7 +446,7 @@ impl<'a, 'w> Textures<'a, 'w> {
         };
         let wrap = match wrap {
             "repeat" | "octahedralsphere" => Wrap::Repeat,
-            // Black is what lies around a picture with a black edge.
+            // A picture with a black border continues black when clamped.
             "clamp" | "black" => Wrap::Clamp,
             other => {
                 let message = format!("the wrap mode \"{}\" is replaced by \"clamp\"", shortened(other));

@@ -1,4 +1,4 @@
-//! A texture as a tree of pictures, constants and what joins them.
+//! Texture trees of pictures, constants and operators.
 
 use std::rc::Rc;
 
@@ -7,38 +7,38 @@ use glam::DVec3;
 use super::mapping::PlacedMapping;
 use crate::{ImageId, Wrap};
 
-/// A texture.
+/// A node of a texture tree.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum TextureNode {
     Constant(DVec3),
     Picture(PictureNode),
-    /// The product of both.
+    /// The product of two textures.
     Scale(Rc<TextureNode>, Rc<TextureNode>),
-    /// From the first to the second by the third.
+    /// The interpolation from the first to the second by the third.
     Mix(Rc<TextureNode>, Rc<TextureNode>, Rc<TextureNode>),
-    /// The first where both coordinates are even, or both odd.
+    /// The first where the cell coordinates are both even or both odd, else the second.
     Checkerboard(PlacedMapping, Rc<TextureNode>, Rc<TextureNode>),
-    /// The values at (0, 0), (0, 1), (1, 0) and (1, 1).
+    /// The bilinear interpolation of values at (0, 0), (0, 1), (1, 0) and (1, 1).
     Bilinear(PlacedMapping, [DVec3; 4]),
 }
 
-/// A picture laid on a surface.
+/// A mapped picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PictureNode {
-    /// As [`Pictures`] counts.
+    /// Index in [`Pictures`].
     pub(super) picture: ImageId,
-    /// Whether it stands for a number: pbrt takes alpha, or else the mean of the colours.
+    /// `true`: it gives a number: alpha, or else the mean of the colours, as in pbrt.
     pub(super) is_scalar: bool,
     pub(super) laid: PlacedMapping,
     pub(super) wrap: Wrap,
     pub(super) smooth: bool,
     pub(super) scale: f64,
     pub(super) invert: bool,
-    /// Exponent by which the codes of the file become linear, where that is not sRGB.
+    /// Exponent that linearizes the file's codes, if they are not sRGB.
     pub(super) gamma: Option<f64>,
 }
 
-/// The value of a tree that is the same everywhere.
+/// Returns the value of a constant tree.
 pub(super) fn constant(node: &TextureNode) -> Option<DVec3> {
     match node {
         TextureNode::Constant(value) => Some(*value),
@@ -53,7 +53,7 @@ pub(super) fn constant(node: &TextureNode) -> Option<DVec3> {
     }
 }
 
-/// How many parts a tree has, seen as a tree.
+/// Counts the nodes of a tree, shared ones repeatedly.
 pub(super) fn parts(node: &TextureNode) -> usize {
     match node {
         TextureNode::Constant(_) | TextureNode::Picture(_) | TextureNode::Bilinear(..) => 1,

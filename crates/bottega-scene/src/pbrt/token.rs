@@ -1,8 +1,8 @@
-//! Text to tokens, each with its place.
+//! Tokenizer, with locations.
 
 use std::borrow::Cow;
 
-/// Where something stands: which of the files that were read, line and column from 1.
+/// A location: file number, line and column from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PbrtPlace {
     pub(super) file: u32,
@@ -10,7 +10,7 @@ pub(super) struct PbrtPlace {
     pub(super) column: u32,
 }
 
-/// What is wrong at a place of a file.
+/// An error at a location.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct PbrtFault {
     pub(super) at: PbrtPlace,
@@ -23,20 +23,20 @@ impl PbrtPlace {
     }
 }
 
-/// The smallest unit of the language.
+/// A token.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Token<'a> {
     /// A directive, a number, `true` or `false`.
     Word(Cow<'a, str>),
-    /// What stands between quotes.
+    /// A text in quotes.
     Text(Cow<'a, str>),
-    /// `[`
+    /// An opening bracket, `[`.
     Open,
-    /// `]`
+    /// A closing bracket, `]`.
     Close,
 }
 
-/// Cuts a file into tokens.
+/// A tokenizer of a file.
 pub(super) struct Tokens<'a> {
     bytes: &'a [u8],
     position: usize,
@@ -46,7 +46,7 @@ pub(super) struct Tokens<'a> {
     peeked: Option<Option<(Token<'a>, PbrtPlace)>>,
 }
 
-/// Words and texts that are longer are no numbers, names or paths.
+/// Maximal length of a word or text.
 const LENGTH_MAX: usize = 1 << 16;
 
 impl<'a> Tokens<'a> {
@@ -54,13 +54,13 @@ impl<'a> Tokens<'a> {
         Self { bytes: text.as_bytes(), position: 0, file, line: 1, line_start: 0, peeked: None }
     }
 
-    /// The place of the next byte.
+    /// Returns the location of the next byte.
     pub(super) fn here(&self) -> PbrtPlace {
         let column = self.position - self.line_start + 1;
         PbrtPlace { file: self.file, line: self.line, column: u32::try_from(column).unwrap_or(u32::MAX) }
     }
 
-    /// The next token; `None` at the end of the file.
+    /// Takes the next token; `None` at the end of the file.
     pub(super) fn next(&mut self) -> Result<Option<(Token<'a>, PbrtPlace)>, PbrtFault> {
         match self.peeked.take() {
             Some(token) => Ok(token),
@@ -68,7 +68,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    /// The next token, which stays.
+    /// Returns the next token without taking it.
     pub(super) fn peek(&mut self) -> Result<Option<&(Token<'a>, PbrtPlace)>, PbrtFault> {
         if self.peeked.is_none() {
             self.peeked = Some(self.scan()?);
@@ -118,7 +118,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    /// Reads from the opening quote to behind the closing one.
+    /// Scans from the opening quote to behind the closing one.
     fn scan_text(&mut self, at: PbrtPlace) -> Result<Token<'a>, PbrtFault> {
         let start = self.position + 1;
         let mut escaped: Option<Vec<u8>> = None;

@@ -4,7 +4,7 @@ use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
 
 use super::token::{PbrtFault, PbrtPlace};
 
-/// pbrt's `LookAt`: world space to a left-handed camera that looks along its +z.
+/// Returns pbrt's `LookAt`: world space to a left-handed camera that looks along its +z.
 pub(super) fn look_at(eye: DVec3, look: DVec3, up: DVec3) -> Option<DAffine3> {
     let z = (look - eye).try_normalize()?;
     let x = up.try_normalize()?.cross(z).try_normalize()?;
@@ -12,7 +12,7 @@ pub(super) fn look_at(eye: DVec3, look: DVec3, up: DVec3) -> Option<DAffine3> {
     Some(world_from_camera.inverse())
 }
 
-/// The 16 numbers of `Transform` and `ConcatTransform`, column by column.
+/// Converts the 16 numbers of `Transform` and `ConcatTransform`, column by column.
 pub(super) fn from_columns(numbers: &[f64; 16], at: PbrtPlace) -> Result<DAffine3, PbrtFault> {
     let matrix = DMat4::from_cols_array(numbers);
     let w = matrix.row(3);
@@ -22,7 +22,7 @@ pub(super) fn from_columns(numbers: &[f64; 16], at: PbrtPlace) -> Result<DAffine
     Ok(DAffine3::from_mat4(matrix * (1.0 / w.w)))
 }
 
-/// Rounds to single precision. A matrix that cannot be inverted, or is too large or too small for it, is a fault.
+/// Rounds to single precision; an error if the result is singular or out of range.
 pub(super) fn rounded(transform: &DAffine3, at: PbrtPlace) -> Result<Affine3A, PbrtFault> {
     let rounded = transform.as_affine3a();
     let determinant = rounded.matrix3.determinant();
@@ -33,7 +33,7 @@ pub(super) fn rounded(transform: &DAffine3, at: PbrtPlace) -> Result<Affine3A, P
     }
 }
 
-/// Orthonormal axes (which may mirror) and the scale along each, of a transformation whose axes are perpendicular.
+/// Returns the orthonormal axes (which may mirror) and the scales of a transformation with perpendicular axes.
 pub(super) fn axes_and_scale(transform: &DAffine3) -> (DMat3, DVec3) {
     let m = transform.matrix3;
     let scale = DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length());

@@ -1,4 +1,4 @@
-//! The world of a file: everything that its directives name, before it becomes a scene.
+//! The parsed contents of a file, before the scene is built.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -10,27 +10,27 @@ use super::params::{Param, Params};
 use super::shape::geometry::Geometry;
 use super::token::PbrtPlace;
 
-/// A thing with a type and parameters: `Material "diffuse" …`.
+/// A typed entity with parameters, such as `Material "diffuse" …`.
 #[derive(Clone, Debug)]
 pub(super) struct Entity {
-    /// `diffuse`, `perspective` …
+    /// Type, such as `diffuse` or `perspective`.
     pub(super) kind: String,
     pub(super) params: Params,
     pub(super) at: PbrtPlace,
-    /// Object space to world space; of the camera the other way round.
+    /// Object space to world space; for the camera, world space to camera space.
     pub(super) ctm: DAffine3,
 }
 
-/// Which material a shape is made of.
+/// A reference to a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum MaterialRef {
     /// Index into [`PbrtWorld::materials`].
     Index(usize),
-    /// By a name that may be given later.
+    /// A name that may be defined later.
     Named(Rc<str>, PbrtPlace),
 }
 
-/// A shape where it was described.
+/// A shape with its graphics state.
 #[derive(Debug)]
 pub(super) struct PlacedShape {
     pub(super) geometry: Geometry,
@@ -41,11 +41,11 @@ pub(super) struct PlacedShape {
     /// Index into [`PbrtWorld::area_lights`].
     pub(super) area_light: Option<usize>,
     pub(super) media: MediumInterface,
-    /// Opacity: constant, or the name of a texture.
+    /// Opacity; `None`: opaque.
     pub(super) alpha: Option<Alpha>,
 }
 
-/// Opacity of a shape.
+/// The opacity of a shape: a constant or a texture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Alpha {
     Constant(f64),
@@ -60,7 +60,7 @@ pub(super) struct MediumInterface {
     pub(super) at: PbrtPlace,
 }
 
-/// A use of an object.
+/// An instance of an object.
 #[derive(Debug)]
 pub(super) struct ObjectInstance {
     pub(super) name: String,
@@ -68,18 +68,18 @@ pub(super) struct ObjectInstance {
     pub(super) at: PbrtPlace,
 }
 
-/// All that was described.
+/// Everything that the file describes.
 #[derive(Debug, Default)]
 pub(super) struct PbrtWorld {
     pub(super) camera: Option<Entity>,
-    /// What the camera stands in.
+    /// Medium around the camera.
     pub(super) camera_media: MediumInterface,
     pub(super) film: Option<Entity>,
     pub(super) filter: Option<Entity>,
     pub(super) sampler: Option<Entity>,
     pub(super) integrator: Option<Entity>,
     pub(super) materials: Vec<Entity>,
-    /// Indices into `materials`.
+    /// Indices into `materials`, by name.
     pub(super) named_materials: BTreeMap<String, usize>,
     pub(super) float_textures: BTreeMap<String, Entity>,
     pub(super) spectrum_textures: BTreeMap<String, Entity>,
@@ -87,17 +87,17 @@ pub(super) struct PbrtWorld {
     pub(super) lights: Vec<Entity>,
     pub(super) media: BTreeMap<String, Entity>,
     pub(super) shapes: Vec<PlacedShape>,
-    /// What stands between `ObjectBegin` and `ObjectEnd`, by name.
+    /// Shapes of each object, by its name.
     pub(super) objects: BTreeMap<String, Vec<PlacedShape>>,
     pub(super) instances: Vec<ObjectInstance>,
-    /// Where something moves while the shutter is open, for the first such thing, and how many there are.
+    /// Location of the first entity that moves while the shutter is open, and their number.
     pub(super) moving: Option<(PbrtPlace, usize)>,
-    /// What has been taken from all places.
+    /// Offset that was subtracted from all positions.
     pub(super) origin: DVec3,
 }
 
 impl PbrtWorld {
-    /// Takes a place from all others. What stands in objects follows by their instances.
+    /// Subtracts an offset from all positions. Objects move with their instances.
     pub(super) fn move_to(&mut self, origin: DVec3) {
         if origin == DVec3::ZERO {
             return;
@@ -120,7 +120,7 @@ impl PbrtWorld {
     }
 }
 
-/// What `Attribute` sets defaults for.
+/// The entities for which `Attribute` sets defaults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     Shape,
@@ -130,19 +130,19 @@ pub(super) enum Target {
     Texture,
 }
 
-/// What `AttributeBegin` saves and `AttributeEnd` brings back.
+/// The graphics state, saved by `AttributeBegin` and restored by `AttributeEnd`.
 #[derive(Clone, Debug)]
 pub(super) struct GraphicsState {
-    /// At the start and at the end of the time that the file speaks of.
+    /// Current transformation at the start and end of the shutter time.
     pub(super) ctm: [DAffine3; 2],
-    /// Which of the two are changed.
+    /// Flags of the transformations that directives change.
     pub(super) active: [bool; 2],
     pub(super) reverse_orientation: bool,
     pub(super) material: MaterialRef,
     pub(super) area_light: Option<usize>,
     pub(super) media: MediumInterface,
     pub(super) color_space: ColorSpace,
-    /// For each [`Target`].
+    /// Defaults for each [`Target`].
     pub(super) attributes: [Rc<Vec<Rc<Param>>>; 5],
 }
 
@@ -175,14 +175,14 @@ impl Target {
 }
 
 impl GraphicsState {
-    /// Changes the transformations that are active.
+    /// Changes the active transformations.
     pub(super) fn transform(&mut self, change: impl Fn(&DAffine3) -> DAffine3) {
         for (ctm, _) in self.ctm.iter_mut().zip(self.active).filter(|(_, active)| *active) {
             *ctm = change(ctm);
         }
     }
 
-    /// A list that falls back to the attributes of that kind.
+    /// Adds the defaults of a target to a parameter list.
     pub(super) fn complete(&self, params: Params, target: Target) -> Params {
         params.with_attributes(&self.attributes[target as usize])
     }

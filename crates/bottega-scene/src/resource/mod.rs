@@ -1,7 +1,9 @@
-//! Files that a scene refers to: found, allowed or refused, counted, and remembered in the scene's digest.
+//! Access to the files that a scene refers to: path resolution, permission, memory, and their share in the scene's
+//! digest.
 //!
-//! Exporters write names as their own machine had them. A reference that leads to no file is tried without the quotes around
-//! it, with other case, and, where it is a path of another machine, by the end of it beside the scene. What is found so is told.
+//! Exporters write paths as on their own machine. If a reference leads to no file, it is tried without enclosing
+//! quotes, in another letter case and, for an absolute path from another machine, by its trailing parts beside the
+//! scene. A file found that way gets a warning.
 
 mod spelling;
 
@@ -24,48 +26,48 @@ const OUTSIDE: &str = "it lies outside the folder of the scene; copy it there, n
 
 /// Reads the files that a scene refers to. Several threads may share it.
 ///
-/// A reference may not lead out of the folder of the scene file, neither by `..`, nor as an absolute path, nor by a
-/// symbolic link, unless into a folder of [`LoadOptions::asset_roots`], or where [`LoadOptions::allow_outside`] says so.
+/// A reference must not leave the folder of the scene file, by `..`, by an absolute path or by a symbolic link, except
+/// into a folder of [`LoadOptions::asset_roots`] or with [`LoadOptions::allow_outside`].
 #[derive(Debug)]
 pub(crate) struct Resources<'a> {
     path: &'a Path,
     folder: PathBuf,
     allow_outside: bool,
-    /// The scene's folder and the other ones that it may refer to, as the file system has them.
+    /// Canonical paths of the scene's folder and of the asset roots.
     roots: Vec<PathBuf>,
     budget: &'a MemoryBudget,
-    /// What was read, by reference.
+    /// Hash and path of each file that was read, by name.
     hashes: Mutex<BTreeMap<String, (blake3::Hash, PathBuf)>>,
-    /// Where each location was first asked for, by its name.
+    /// Location in the scene file of the first reference to each name.
     places: Mutex<BTreeMap<String, String>>,
     spellings: Spellings,
-    /// What is to be told of references.
+    /// Warnings about references.
     news: Mutex<Warnings>,
 }
 
-/// A file that a scene was read from.
+/// A file that a scene refers to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneFile {
-    /// How the scene refers to it: without detours, relative to the folder of the scene (or absolute).
+    /// The reference in normal form: relative to the folder of the scene, or absolute.
     pub name: String,
-    /// Where it is.
+    /// Path on this machine.
     pub path: PathBuf,
-    /// BLAKE3 of what was read.
+    /// BLAKE3 of the bytes that were read.
     pub hash: [u8; 32],
 }
 
-/// A reference that was understood.
+/// A resolved reference.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct Location {
-    /// The reference without detours, relative to the folder of the scene (or absolute): the same for the same file.
+    /// The reference in normal form, relative to the folder of the scene or absolute: equal for equal files.
     pub(crate) name: String,
     file: PathBuf,
-    /// Whether the scene may read it.
+    /// `true`: the scene may read it.
     is_allowed: bool,
 }
 
 impl<'a> Resources<'a> {
-    /// For the references of the scene file `path`.
+    /// Makes the access for the scene file `path`.
     pub(crate) fn new(path: &'a Path, options: &LoadOptions, budget: &'a MemoryBudget) -> Self {
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
@@ -85,22 +87,22 @@ impl<'a> Resources<'a> {
         }
     }
 
-    /// The memory that the scene may take.
+    /// Returns the memory budget of the scene.
     pub(crate) fn budget(&self) -> &'a MemoryBudget {
         self.budget
     }
 
-    /// Understands a reference: a path as it stands in the file, relative to the folder of the scene. Backslashes
-    /// separate too. The file need not exist, and where it may not be read, [`read`](Self::read) says so.
+    /// Resolves a reference: a path as in the file, relative to the folder of the scene. Backslashes also separate. The
+    /// file need not exist; [`read`](Self::read) reports a forbidden one.
     ///
-    /// - `place`: where the reference stands, for messages.
+    /// - `place`: location of the reference, for messages.
     pub(crate) fn locate(&self, reference: &str, place: &str) -> Result<Location, SceneError> {
         self.locate_in(&[""], reference, place)
     }
 
-    /// The same for a reference that is relative to one of several folders, the first of them that has it.
+    /// Resolves a reference that is relative to the first of several folders that has it.
     ///
-    /// - `folders`: relative to the folder of the scene, at least one; it is that folder where empty.
+    /// - `folders`: relative to the folder of the scene, at least one; empty text is that folder.
     pub(crate) fn locate_in(&self, folders: &[&str], reference: &str, place: &str) -> Result<Location, SceneError> {
         let location = self.find(folders, reference, place)?;
         let mut places = self.places.lock().unwrap_or_else(PoisonError::into_inner);
@@ -154,16 +156,16 @@ impl<'a> Resources<'a> {
         }
     }
 
-    /// The location of a name without detours.
+    /// Returns the location of a normalized name.
     fn at(&self, mut name: String) -> Location {
         let mut file = self.folder.join(&name);
         let mut is_allowed = self.allow_outside;
         if !is_allowed {
             match file.canonicalize() {
-                // Symbolic links are followed once, here.
+                // Resolve symbolic links once, here.
                 Ok(real) => {
                     is_allowed = self.roots.iter().any(|root| real.starts_with(root));
-                    // By whatever path: what is below the scene's folder is called so.
+                    // Name everything below the scene's folder relative to it, whatever path led there.
                     let below = self.roots.first().and_then(|folder| real.strip_prefix(folder).ok());
                     if is_absolute(&name)
                         && let Some(below) = below.and_then(Path::to_str)
@@ -180,10 +182,10 @@ impl<'a> Resources<'a> {
         Location { name, file, is_allowed }
     }
 
-    /// Whether a file of that name might be read if it were there.
+    /// Returns true if a missing file of that name may be read if it appears.
     fn would_be_allowed(&self, name: &str) -> bool {
         let leaves = is_absolute(name) || name.starts_with("../");
-        // On other systems than its own, a drive is no place.
+        // A drive letter is a location only on the system that has drives.
         let is_place = !is_absolute(name) || Path::new(name).is_absolute();
         let whole = self.roots.first().map(|folder| folder.join(name).to_string_lossy().replace('\\', "/"));
         let is_below = |whole: String| {
@@ -193,13 +195,13 @@ impl<'a> Resources<'a> {
         !leaves || is_place && whole.is_some_and(is_below)
     }
 
-    /// A file whose name differs in case alone.
+    /// Finds a file whose name differs only in letter case.
     fn other_spelling(&self, name: &str) -> Option<Location> {
         let name = self.spellings.find(&self.folder, name)?;
         Some(self.at(name)).filter(Location::is_file)
     }
 
-    /// Of a path of another machine, the longest end of it that leads to a file.
+    /// Finds a file by the longest tail of an absolute path from another machine.
     fn end_of_foreign_path(&self, folders: &[&str], path: &str) -> Option<Location> {
         const PARTS_MAX: usize = 32;
         if !is_absolute(path) {
@@ -222,12 +224,12 @@ impl<'a> Resources<'a> {
         if is_strict { news.unsupported(place, message) } else { news.add(place, message) }
     }
 
-    /// Whether a reference leads back to the scene file itself.
+    /// Returns true if the location is the scene file itself.
     pub(crate) fn is_scene(&self, location: &Location) -> bool {
         self.path.file_name().is_some_and(|name| name.to_string_lossy() == location.name)
     }
 
-    /// Reads a file. Its hash will be part of the scene's digest.
+    /// Reads a file and adds its hash to the scene's digest.
     pub(crate) fn read(&self, location: &Location) -> Result<Vec<u8>, SceneError> {
         if !location.is_allowed {
             let place = self.place_of(location);
@@ -247,7 +249,7 @@ impl<'a> Resources<'a> {
         Ok(bytes)
     }
 
-    /// Adds to an error about a file that is not there or too large, where it was asked for.
+    /// Adds the location of the reference to an error about a missing or too large file.
     pub(crate) fn attribute<T>(&self, location: &Location, result: Result<T, SceneError>) -> Result<T, SceneError> {
         result.map_err(|error| {
             let scene = self.path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
@@ -259,19 +261,19 @@ impl<'a> Resources<'a> {
         })
     }
 
-    /// Where a location was first asked for.
+    /// Returns where a location was first referred to.
     fn place_of(&self, location: &Location) -> String {
         let places = self.places.lock().unwrap_or_else(PoisonError::into_inner);
         places.get(&location.name).cloned().unwrap_or_default()
     }
 
-    /// Finds and reads a file; see [`locate`](Self::locate).
+    /// Resolves a reference and reads the file; see [`locate`](Self::locate).
     pub(crate) fn open(&self, reference: &str, place: &str) -> Result<Vec<u8>, SceneError> {
         self.read(&self.locate(reference, place)?)
     }
 
-    /// Adds what was read to the digest of the scene, in an order that does not depend on when it was read. Returns the
-    /// files in the same order.
+    /// Adds the hashes of all files to the digest of the scene, sorted by name and so independent of the reading order.
+    /// Returns the files in the same order.
     pub(crate) fn finish(self, digest: &mut blake3::Hasher, warnings: &mut Warnings) -> Vec<SceneFile> {
         warnings.append(self.news.into_inner().unwrap_or_else(PoisonError::into_inner));
         let hashes = self.hashes.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -284,28 +286,28 @@ impl<'a> Resources<'a> {
 }
 
 impl Location {
-    /// The file on disk.
+    /// Returns the path on this machine.
     pub(crate) fn path(&self) -> &Path {
         &self.file
     }
 
-    /// Whether there is such a file, which may be read.
+    /// Returns true if the file exists and may be read.
     pub(crate) fn is_file(&self) -> bool {
         self.is_allowed && self.file.is_file()
     }
 
-    /// The folder that it is in, relative to the folder of the scene; empty: in that one.
+    /// Returns its folder, relative to the folder of the scene; empty for that folder.
     pub(crate) fn folder(&self) -> &str {
         self.name.rsplit_once('/').map_or("", |(folder, _)| folder)
     }
 }
 
-/// A path that is not relative, on any system.
+/// Returns true for a path that is absolute on any system.
 fn is_absolute(slashed: &str) -> bool {
     slashed.starts_with('/') || slashed.as_bytes().get(1) == Some(&b':')
 }
 
-/// A path as it is seen from outside of the folder that it is relative to.
+/// Joins a path to the folder that it is relative to.
 fn within(folder: &str, path: &str) -> String {
     if folder.is_empty() || is_absolute(path) { path.into() } else { format!("{folder}/{path}") }
 }
@@ -316,7 +318,7 @@ fn without_quotes(text: &str) -> &str {
     inner.unwrap_or(text)
 }
 
-/// Takes `.`, `x/..` and doubled slashes out of a path.
+/// Removes `.`, `x/..` and repeated slashes from a path.
 fn without_detours(path: &str) -> String {
     let mut parts: Vec<&str> = Vec::new();
     for part in path.split('/') {
@@ -361,7 +363,7 @@ mod tests {
         check(&Resources::new(&folder.scene, options, &budget));
     }
 
-    /// What was told, strict people last.
+    /// The warnings, those of strict mode last.
     fn told(resources: &Resources<'_>) -> (Vec<String>, usize) {
         let mut news = std::mem::take(&mut *resources.news.lock().unwrap());
         let strict = news.take_unsupported().len();
@@ -459,7 +461,7 @@ mod tests {
             });
         }
         with(&folder, false, |resources| {
-            // Quotes are no part of a name, and nothing to tell of, unless the file has them.
+            // Quotes around a name are dropped without a warning, unless the file name has them.
             assert_eq!(resources.locate("\"sub/a\"", "").unwrap().name, "sub/a");
             assert_eq!(resources.locate_in(&["x", "sub"], "a", "").unwrap().name, "sub/a");
             assert!(told(resources).0.is_empty());

@@ -1,28 +1,28 @@
-//! Files whose names differ from what is asked for in case alone.
+//! Lookup of files whose names differ only in letter case.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Entries of a folder that are looked at.
+/// Maximal number of entries of a folder that are read.
 const ENTRIES_MAX: usize = 1 << 16;
 
-/// Folders that are remembered.
+/// Maximal number of folders that are cached.
 const FOLDERS_MAX: usize = 256;
 
-/// The names in a folder by their lower case; of several that differ in case alone, the first in the order of their bytes.
+/// The names in a folder by their lower case; of several that differ only in case, the first in byte order.
 type Names = BTreeMap<String, String>;
 
-/// Looks for names in folders, each of which is listed once.
+/// A cache of folder listings.
 #[derive(Debug, Default)]
 pub(super) struct Spellings {
     folders: Mutex<BTreeMap<PathBuf, Arc<Names>>>,
 }
 
 impl Spellings {
-    /// A path as the file system spells it.
+    /// Returns a path with the case of the file system; `None` if there is no such file.
     ///
-    /// - `name`: below `folder` or beside it, without detours, separated by slashes.
+    /// - `name`: below or beside `folder`, normalized, separated by slashes.
     pub(super) fn find(&self, folder: &Path, name: &str) -> Option<String> {
         let mut folder = folder.to_path_buf();
         let mut found: Vec<String> = Vec::new();

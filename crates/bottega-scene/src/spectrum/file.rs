@@ -1,4 +1,4 @@
-//! Files of spectra: a wavelength in nanometres and a value on each line, as Mitsuba and pbrt read them.
+//! Spectrum files: a wavelength in nanometres and a value per line, as in Mitsuba and pbrt.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::SceneError;
 use crate::budget::MemoryBudget;
 use crate::text::{column, decode, shortened};
 
-/// Reads a file such as `gold.eta.spd`. What follows a `#` is a comment.
+/// Reads a file such as `gold.eta.spd`. `#` starts a comment.
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.

@@ -1,8 +1,8 @@
-//! Spectra in scene files, to linear Rec. 709.
+//! Conversion of spectra in scene files to linear Rec. 709.
 //!
-//! We compute with three colours; a spectrum is projected onto them once, when it is read. How, differs between the
-//! formats, so each convention has its function here: [`Sampled::mitsuba_reflectance`] and others do what Mitsuba 3 does in
-//! its variants `*_rgb`; [`Sampled::pbrt_illuminant`] and others give what pbrt-v4 shows in an RGB film.
+//! Rendering uses three colours; a spectrum is projected onto them once, on import. Formats differ in how, so each
+//! convention has a function: [`Sampled::mitsuba_reflectance`] and others follow Mitsuba 3's variants `*_rgb`;
+//! [`Sampled::pbrt_illuminant`] and others match what pbrt-v4 shows in an RGB film.
 
 mod file;
 mod named;
@@ -16,15 +16,16 @@ use observer::{Observer, WAVELENGTH_MAX, WAVELENGTH_MIN, rec709_of_xyz};
 
 use crate::Spectrum;
 
-/// A spectrum by its values at some wavelengths, linear in between.
+/// A spectrum by values at some wavelengths, linearly interpolated.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sampled {
-    /// Wavelength in nanometres, strictly increasing, and value; finite; never empty.
+    /// Wavelengths in nanometres, strictly increasing, and values; finite, never empty.
     samples: Vec<(f64, f64)>,
 }
 
 impl Sampled {
-    /// From wavelengths in nanometres, in increasing order, and values. An error says which one is wrong.
+    /// Makes a spectrum from wavelengths in nanometres, in increasing order, and values. The error names the invalid
+    /// one.
     pub(crate) fn new(samples: Vec<(f64, f64)>) -> Result<Self, String> {
         if samples.is_empty() {
             return Err("a spectrum needs at least one wavelength and value".into());
@@ -43,12 +44,12 @@ impl Sampled {
         Ok(Self { samples })
     }
 
-    /// The same value everywhere.
+    /// Returns a constant spectrum.
     pub(crate) fn constant(value: f64) -> Self {
         Self { samples: vec![(WAVELENGTH_MIN, value), (WAVELENGTH_MAX, value)] }
     }
 
-    /// Planck's law: spectral radiance of a black body, in W·m⁻²·sr⁻¹·nm⁻¹.
+    /// Returns the spectral radiance of a black body by Planck's law, in W·m⁻²·sr⁻¹·nm⁻¹.
     pub(crate) fn blackbody(kelvin: f64) -> Self {
         let samples = (0..=94).map(|index| {
             let nm = WAVELENGTH_MIN + 5.0 * f64::from(index);
@@ -57,7 +58,7 @@ impl Sampled {
         Self { samples: samples.collect() }
     }
 
-    /// The value at a wavelength in nanometres; that of the nearest end outside.
+    /// Returns the value at a wavelength in nanometres; outside of the samples, that of the nearest end.
     pub(crate) fn at(&self, nm: f64) -> f64 {
         let after = self.samples.partition_point(|sample| sample.0 <= nm);
         match (after.checked_sub(1).map(|before| self.samples[before]), self.samples.get(after)) {
@@ -67,29 +68,30 @@ impl Sampled {
         }
     }
 
-    /// The same spectrum times a number.
+    /// Returns the spectrum multiplied by a number.
     pub(crate) fn scaled(mut self, factor: f64) -> Self {
         self.samples.iter_mut().for_each(|(_, value)| *value *= factor);
         self
     }
 
-    /// As Mitsuba 3 (`*_rgb`) takes a `spectrum` that is not emitted: seen under the illuminant D65, in [0, 1].
+    /// Converts as Mitsuba 3 (`*_rgb`) does for a `spectrum` that is not emitted: under illuminant D65, clamped to [0,
+    /// 1].
     pub(crate) fn mitsuba_reflectance(&self) -> Spectrum {
         rgb(self.mitsuba_integral(true)).min(Spectrum::ONE)
     }
 
-    /// As Mitsuba 3 (`*_rgb`) takes a `spectrum` that may exceed 1 and is not emitted, such as `eta`.
+    /// Converts as Mitsuba 3 (`*_rgb`) does for a `spectrum` that may exceed 1 and is not emitted, such as `eta`.
     pub(crate) fn mitsuba_unbounded(&self) -> Spectrum {
         rgb(self.mitsuba_integral(true))
     }
 
-    /// As Mitsuba 3 (`*_rgb`) takes a `spectrum` within an emitter, and the files of its metals: 1 everywhere has the
+    /// Converts as Mitsuba 3 (`*_rgb`) does for a `spectrum` of an emitter and for its metal files: constant 1 has
     /// luminance 1 and the colour of equal energy.
     pub(crate) fn mitsuba_radiance(&self) -> Spectrum {
         rgb(self.mitsuba_integral(false))
     }
 
-    /// Mitsuba's sum over 1000 wavelengths, 0 outside of the samples.
+    /// Integrates as Mitsuba does: a sum over 1000 wavelengths, 0 outside of the samples.
     fn mitsuba_integral(&self, under_d65: bool) -> DVec3 {
         const STEPS: u32 = 1000;
         let range = WAVELENGTH_MAX - WAVELENGTH_MIN;
@@ -105,27 +107,27 @@ impl Sampled {
         sum * (range / f64::from(STEPS) / observer::Y_INTEGRAL)
     }
 
-    /// As pbrt-v4 shows what is emitted: every light is scaled so that its spectrum has the luminance 1, and keeps its
-    /// colour. Black where the spectrum is dark.
+    /// Converts as pbrt-v4 does for emission: scaled to luminance 1, with its colour. Black if the spectrum is 0.
     pub(crate) fn pbrt_illuminant(&self) -> Spectrum {
         let xyz = self.xyz(|_| 1.0);
         if xyz.y > 0.0 { rgb(xyz / xyz.y) } else { Spectrum::ZERO }
     }
 
-    /// As pbrt-v4 shows a reflectance, an absorption and the like under the white of its colour space, D65: 1 everywhere
-    /// is white.
+    /// Converts as pbrt-v4 does for reflectance, absorption and the like, under the white of its colour space, D65:
+    /// constant 1 is white.
     pub(crate) fn pbrt_reflectance(&self) -> Spectrum {
         let white = Self::constant(1.0).xyz(|seen| seen.d65);
         rgb(self.xyz(|seen| seen.d65) / white.y)
     }
 
-    /// CIE x and y of light of this spectrum, which is not dark.
+    /// Returns the CIE x and y of light of this spectrum, which must not be 0.
     pub(crate) fn chromaticity(&self) -> (f64, f64) {
         let xyz = self.xyz(|_| 1.0);
         (xyz.x / xyz.element_sum(), xyz.y / xyz.element_sum())
     }
 
-    /// What an observer sees, relative to the luminance of 1 everywhere. By 1 nm; nearest end outside of the samples.
+    /// Returns CIE XYZ relative to the luminance of a constant 1, in steps of 1 nm; outside of the samples, with the
+    /// nearest end.
     fn xyz(&self, weight: impl Fn(&Observer) -> f64) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for nm in WAVELENGTH_MIN as u32..=WAVELENGTH_MAX as u32 {
@@ -136,7 +138,7 @@ impl Sampled {
     }
 }
 
-/// Spectral radiance in W·m⁻²·sr⁻¹·nm⁻¹ (constants of the SI, 2019).
+/// Returns the spectral radiance of a black body, in W·m⁻²·sr⁻¹·nm⁻¹ (SI constants of 2019).
 fn planck(nm: f64, kelvin: f64) -> f64 {
     const C: f64 = 299_792_458.0;
     const H: f64 = 6.626_070_15e-34;
@@ -148,7 +150,7 @@ fn planck(nm: f64, kelvin: f64) -> f64 {
     1e-9 * (2.0 * H * C * C) / (metres.powi(5) * ((H * C / (metres * K * kelvin)).exp() - 1.0))
 }
 
-/// Rec. 709 of CIE XYZ; what is out of its gamut becomes 0.
+/// Converts CIE XYZ to Rec. 709; values out of gamut become 0.
 fn rgb(xyz: DVec3) -> Spectrum {
     rec709_of_xyz(xyz).max(DVec3::ZERO).as_vec3()
 }

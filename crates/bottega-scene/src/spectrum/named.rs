@@ -1,15 +1,15 @@
-//! Spectra that scene files call by name: metals, glasses, illuminants.
+//! Spectra by name: metals, glasses, illuminants.
 
 use glam::DVec3;
 
 use super::{Sampled, rgb};
 use crate::Spectrum;
 
-/// Index of refraction and absorption of a metal, per colour, as Mitsuba 3 takes them in its variants `*_rgb`.
+/// Returns index of refraction and absorption of a metal, per colour, as in Mitsuba 3's variants `*_rgb`.
 ///
-/// - `name`: as in Mitsuba's `material` ("Au"), or between "metal-" and "-eta" in pbrt-v4.
+/// - `name`: as in Mitsuba's `material` ("Au"), or the part between "metal-" and "-eta" in pbrt-v4.
 pub(crate) fn metal(name: &str) -> Option<(Spectrum, Spectrum)> {
-    // Mitsuba's perfect mirror.
+    // Mitsuba's name for a perfect mirror.
     if name == "none" {
         return Some((Spectrum::ZERO, Spectrum::ONE));
     }
@@ -17,7 +17,7 @@ pub(crate) fn metal(name: &str) -> Option<(Spectrum, Spectrum)> {
     Some((eta.mitsuba_radiance(), k.mitsuba_radiance()))
 }
 
-/// The measured n and k of a metal.
+/// Returns the measured n and k of a metal.
 pub(crate) fn metal_spectra(name: &str) -> Option<(Sampled, Sampled)> {
     let (mut eta, mut k) = (Vec::new(), Vec::new());
     let mut is_found = false;
@@ -40,7 +40,8 @@ pub(crate) fn metal_spectra(name: &str) -> Option<(Sampled, Sampled)> {
     Some((Sampled::new(eta).ok()?, Sampled::new(k).ok()?))
 }
 
-/// Index of refraction at 587.6 nm (the yellow line of helium, n_d) of the glasses of pbrt-v4, from refractiveindex.info.
+/// Returns the index of refraction at 587.6 nm (the yellow helium line, n_d) of pbrt-v4's glasses, from
+/// refractiveindex.info.
 ///
 /// - `name`: with or without "glass-".
 pub(crate) fn glass(name: &str) -> Option<f32> {
@@ -56,7 +57,7 @@ pub(crate) fn glass(name: &str) -> Option<f32> {
     })
 }
 
-/// Index of refraction of what Mitsuba 3 calls by name in `int_ior` and `ext_ior`.
+/// Returns the index of refraction of a name in Mitsuba 3's `int_ior` and `ext_ior`.
 pub(crate) fn mitsuba_ior(name: &str) -> Option<f32> {
     Some(match name.to_ascii_lowercase().as_str() {
         "vacuum" => 1.0,
@@ -86,7 +87,7 @@ pub(crate) fn mitsuba_ior(name: &str) -> Option<f32> {
     })
 }
 
-/// The colour, with luminance 1, of an illuminant of the CIE that pbrt-v4 knows by name.
+/// Returns the colour, with luminance 1, of a CIE illuminant that pbrt-v4 names.
 ///
 /// - `name`: with or without "stdillum-".
 pub(crate) fn illuminant(name: &str) -> Option<Spectrum> {

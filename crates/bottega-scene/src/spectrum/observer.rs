@@ -1,21 +1,21 @@
-//! The standard observer of the CIE, its illuminant D65, and the primaries of Rec. 709.
+//! The CIE standard observer, illuminant D65, and the primaries of Rec. 709.
 
 use std::sync::LazyLock;
 
 use glam::{DMat3, DVec3};
 
-/// Where the tables begin and end, in nanometres.
+/// Range of the tables, in nanometres.
 pub(super) const WAVELENGTH_MIN: f64 = 360.0;
 pub(super) const WAVELENGTH_MAX: f64 = 830.0;
 const STEP: f64 = 5.0;
 
-/// The integral of ȳ in nanometres, by 1 nm.
+/// The integral of ȳ over the wavelength in nanometres, in steps of 1 nm.
 pub(super) const Y_INTEGRAL: f64 = 106.750_259_4;
 
-/// Mitsuba's factor for the table of D65: light of that spectrum then has the luminance 1.
+/// Mitsuba's factor for its D65 table, which then has luminance 1.
 pub(super) const D65_SCALE: f64 = 0.010_101_273_6;
 
-/// The tables at one wavelength.
+/// The tables' values at one wavelength.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observer {
     /// Colour matching functions.
@@ -36,7 +36,7 @@ static TABLE: LazyLock<Vec<Observer>> = LazyLock::new(|| {
 });
 
 impl Observer {
-    /// Linear between the lines of the table, 0 outside.
+    /// Returns the values at a wavelength in nanometres, linear between table entries, 0 outside.
     pub(super) fn at(nm: f64) -> Self {
         let position = (nm - WAVELENGTH_MIN) / STEP;
         let table = &*TABLE;
@@ -50,7 +50,7 @@ impl Observer {
     }
 }
 
-/// Linear Rec. 709 of XYZ, whose white is D65 with Y = 1 (ITU-R BT.709-6, section 1.3 and 1.4).
+/// Converts XYZ to linear Rec. 709, whose white is D65 with Y = 1 (ITU-R BT.709-6, section 1.3 and 1.4).
 pub(super) fn rec709_of_xyz(xyz: DVec3) -> DVec3 {
     DMat3::from_cols(
         DVec3::new(3.240_479, -0.969_256, 0.055_648),

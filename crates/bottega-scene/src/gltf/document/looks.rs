@@ -1,4 +1,4 @@
-//! Materials, textures and pictures.
+//! Materials, textures and images of the document.
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -27,7 +27,7 @@ strict_object!(TextureInfo {
     index: usize,
     #[serde(default)]
     tex_coord: u64,
-    /// Of a normal texture.
+    /// Scale of a normal texture.
     scale: Option<f32>,
     #[serde(default)]
     extensions: TextureInfoExtensions,
@@ -165,7 +165,7 @@ object!(TextureSource {
 });
 
 impl Texture {
-    /// The picture. Those of extensions come before the one for readers that do not know them.
+    /// Returns the image index. An extension's image takes precedence over the fallback.
     pub(in crate::gltf) fn picture(&self) -> Option<usize> {
         let extensions = [&self.extensions.basisu, &self.extensions.webp];
         extensions.into_iter().flatten().find_map(|extension| extension.source).or(self.source)

@@ -1,12 +1,12 @@
-//! The glTF 2.0 document as its JSON says it: <https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html>, section 5.
+//! The glTF 2.0 document as in its JSON: <https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html>, section 5.
 //!
-//! Only what the importer uses. Nothing is checked here but the JSON types: an index may point nowhere, a count may be
-//! absurd. Whoever follows an index checks it, and names the place.
+//! Only the parts that the importer uses. Only JSON types are checked here: an index may be out of range, a count
+//! absurd. The code that follows an index checks it and reports its location.
 
 use serde::Deserialize;
 
-/// A `struct` of the document: camelCase names, absent members have their default. What is rare is boxed, so that a
-/// small text cannot become large in memory.
+/// Declares a struct of the document: camelCase names; absent members have their default. Rare members are boxed, so
+/// that a small text cannot become large in memory.
 macro_rules! object {
     ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }) => {
         $(#[$meta])*
@@ -18,7 +18,7 @@ macro_rules! object {
     };
 }
 
-/// Like `object!`, but members are required unless they are optional or have a default of their own.
+/// Declares a struct like `object!`, but members are required unless they are optional or have a default of their own.
 macro_rules! strict_object {
     ($name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }) => {
         #[derive(Clone, Debug, Default, Deserialize)]
@@ -139,7 +139,7 @@ object!(PrimitiveExtensions {
 
 strict_object!(Draco {
     buffer_view: usize,
-    /// Numbers of attributes within the compressed data.
+    /// Ids of the attributes within the compressed data.
     attributes: Box<Attributes>,
 });
 
@@ -170,7 +170,7 @@ object!(Attributes {
     joints1: Option<usize>,
     #[serde(rename = "WEIGHTS_1")]
     weights1: Option<usize>,
-    /// Only for saying that it is left out.
+    /// Present only to report that it is left out.
     #[serde(rename = "JOINTS_2")]
     joints2: Option<usize>,
 });
@@ -236,7 +236,7 @@ object!(BufferViewExtensions {
 });
 
 impl BufferViewExtensions {
-    /// How the view is compressed, and the name of the extension that says so.
+    /// Returns the compression of the view, and the name of its extension.
     pub(in crate::gltf) fn meshopt(&self) -> Option<(&'static str, &Meshopt)> {
         let khr = self.khr_meshopt.as_deref().map(|meshopt| ("KHR_meshopt_compression", meshopt));
         khr.or(self.ext_meshopt.as_deref().map(|meshopt| ("EXT_meshopt_compression", meshopt)))
@@ -269,7 +269,7 @@ object!(BufferExtensions {
 });
 
 impl BufferExtensions {
-    /// Whether the buffer is only for those who cannot decompress its views.
+    /// Returns true if the buffer is only for readers without the decompression extension.
     pub(in crate::gltf) fn is_fallback(&self) -> bool {
         [&self.ext_meshopt, &self.khr_meshopt].into_iter().flatten().any(|meshopt| meshopt.fallback)
     }
@@ -321,7 +321,7 @@ object!(TargetExtensions {
 object!(AnimationPointer { pointer: String });
 
 impl AnimationTarget {
-    /// What is animated, by KHR_animation_pointer.
+    /// Returns the JSON pointer of KHR_animation_pointer.
     pub(in crate::gltf) fn pointer(&self) -> Option<&str> {
         self.extensions.as_ref()?.pointer.as_ref().map(|pointer| pointer.pointer.as_str())
     }
@@ -348,7 +348,7 @@ object!(Light {
     intensity: Option<f32>,
     #[serde(rename = "type")]
     kind: String,
-    /// Only for saying that it is not followed.
+    /// Present only to report that it is ignored.
     range: Option<f32>,
     spot: Spot,
 });
@@ -358,7 +358,7 @@ object!(Spot {
     outer_cone_angle: Option<f32>,
 });
 
-/// No object takes more memory than this, so that the count of objects in a text bounds the memory of its document.
+/// Maximal memory of an object, so that the number of objects in a text bounds the memory of its document.
 pub(in crate::gltf) const OBJECT_BYTES_MAX: usize = 320;
 
 const _: () = {

@@ -1,17 +1,17 @@
 //! The attribute codec of meshopt: EXT_meshopt_compression, appendix A, mode 0, and version 1 of
 //! KHR_meshopt_compression.
 //!
-//! Elements come in blocks. Within a block each byte position of the element is a lane of its own: differences to the
-//! element before, in groups of sixteen with as many bits as the group needs. Four lanes make a channel, which says
-//! what kind of difference is meant.
+//! Elements are in blocks. Within a block each byte position of the element is a lane: differences to the previous
+//! element, in groups of sixteen with as many bits as the group needs. Four lanes form a channel, which gives the kind
+//! of difference.
 
-/// Elements of a group.
+/// Elements per group.
 const GROUP: usize = 16;
-/// Elements of a block at most.
+/// Maximal number of elements per block.
 const BLOCK_MAX: usize = 256;
 
-/// Decodes `count` elements of `stride` bytes each. The caller has checked that so much memory may be taken, and that
-/// the stride is a multiple of 4 in 4..=256. An error says what is wrong with the data.
+/// Decodes `count` elements of `stride` bytes each. The caller has booked the memory, and checked that the stride is a
+/// multiple of 4 in 4..=256. The error says what is wrong with the data.
 pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, &'static str> {
     let (&header, rest) = data.split_first().ok_or(CUT_OFF)?;
     let version = match header {
@@ -29,7 +29,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     };
 
     let block_elements = ((8192 / stride) & !(GROUP - 1)).min(BLOCK_MAX);
-    // Every block has at least this many bytes, so that a lie about the count is found before memory is taken.
+    // Every block has at least this many bytes: reject a wrong count before allocating.
     let least = count.div_ceil(block_elements).saturating_mul(stride / 4);
     if blocks.len() < least {
         return Err(CUT_OFF);
@@ -50,14 +50,14 @@ enum Version {
     V1,
 }
 
-/// What the differences of four lanes mean.
+/// The meaning of the differences in four lanes.
 #[derive(Clone, Copy)]
 enum LaneMeaning {
     /// Zigzag differences of single bytes.
     Bytes,
     /// Zigzag differences of two 16-bit numbers.
     Words,
-    /// Exclusive or of 32-bit numbers, turned left by so many bits.
+    /// Exclusive or of 32-bit numbers, rotated left by `rotation` bits.
     Xor { rotation: u32 },
 }
 
@@ -72,15 +72,15 @@ impl LaneMeaning {
     }
 }
 
-/// Four lanes of differences of one block.
+/// The differences of four lanes in one block.
 type BlockLanes = [[u8; BLOCK_MAX]; 4];
 
 struct Decoder<'a> {
     rest: &'a [u8],
     version: Version,
-    /// One for each four bytes of an element.
+    /// Meaning of each four bytes of an element.
     channels: Vec<LaneMeaning>,
-    /// The element before the next block.
+    /// The last element of the previous block.
     previous: Vec<u8>,
 }
 
@@ -115,7 +115,7 @@ impl<'a> Decoder<'a> {
         Some(())
     }
 
-    /// Reads one lane: for each group two bits that choose among four widths, then the groups.
+    /// Reads one lane: two bits per group that select one of four widths, then the groups.
     fn groups(&mut self, count: usize, widths: [usize; 4], lane: &mut [u8; BLOCK_MAX]) -> Option<()> {
         let count = count.div_ceil(GROUP);
         let choices = self.take(count.div_ceil(4))?;
@@ -127,7 +127,7 @@ impl<'a> Decoder<'a> {
         Some(())
     }
 
-    /// Reads sixteen differences of `width` bits each; one with all bits set stands for a whole byte that follows.
+    /// Reads sixteen differences of `width` bits each; if all bits are set, a whole byte follows instead.
     fn group(&mut self, width: usize, group: &mut [u8; GROUP]) -> Option<()> {
         match width {
             0 => group.fill(0),
@@ -138,7 +138,7 @@ impl<'a> Decoder<'a> {
                 let in_byte = 8 / width;
                 for (index, value) in group.iter_mut().enumerate() {
                     let place = index % in_byte;
-                    // Single bits stand from the lowest to the highest, pairs and nibbles the other way round.
+                    // Single bits are packed from the lowest, pairs and nibbles from the highest.
                     let shift = if width == 1 { place } else { 8 - width * (place + 1) };
                     *value = packed[index / in_byte] >> shift & escape;
                     if *value == escape {
@@ -150,7 +150,7 @@ impl<'a> Decoder<'a> {
         Some(())
     }
 
-    /// From differences to values, for the four bytes of one channel.
+    /// Accumulates the differences of the four bytes of one channel.
     fn add_up(&mut self, channel: usize, lanes: &BlockLanes, out: &mut [u8]) {
         let stride = self.previous.len();
         let at = 4 * channel;

@@ -1,9 +1,9 @@
-//! Filters of attributes after they were decoded: EXT_meshopt_compression, appendix B, and the filter for colours
-//! of KHR_meshopt_compression.
+//! Filters of decoded attributes: EXT_meshopt_compression, appendix B, and the colour filter of
+//! KHR_meshopt_compression.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
-/// Undoes a filter in place.
+/// An attribute filter, undone in place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Filter {
     Octahedral,
@@ -13,7 +13,7 @@ pub(super) enum Filter {
 }
 
 impl Filter {
-    /// Filters by their names; an unknown one is an error.
+    /// Returns the filter of a name; the error reports an unknown one.
     pub(super) fn of(name: Option<&str>) -> Result<Option<Self>, String> {
         Ok(match name {
             None | Some("NONE") => None,
@@ -25,7 +25,7 @@ impl Filter {
         })
     }
 
-    /// Whether elements of so many bytes can have been filtered so.
+    /// Returns true if the filter supports elements of `stride` bytes.
     pub(super) fn fits(self, stride: usize) -> bool {
         match self {
             Self::Octahedral | Self::Color => stride == 4 || stride == 8,
@@ -34,7 +34,7 @@ impl Filter {
         }
     }
 
-    /// Undoes the filter on elements of `stride` bytes, which [`fits`](Self::fits).
+    /// Undoes the filter on elements of `stride` bytes, which [`fits`](Self::fits) accepts.
     pub(super) fn undo(self, stride: usize, elements: &mut [u8]) {
         match (self, stride) {
             (Self::Octahedral, 4) => for_each_4x8(elements, |v| {
@@ -79,18 +79,18 @@ fn for_each_4x16(elements: &mut [u8], undo: impl Fn([u16; 4]) -> [u16; 4]) {
     }
 }
 
-/// From the faces of an octahedron to a unit vector, in units of `greatest`; the third number stands for 1.
+/// Decodes an octahedral unit vector, in units of `greatest`; the third number stands for 1.
 fn octahedral([x, y, one, _]: [f32; 4], greatest: f32) -> [f32; 3] {
     let (x, y) = (x / one, y / one);
     let z = 1.0 - x.abs() - y.abs();
-    // Below the equator the faces are folded outwards.
+    // Unfold the lower half.
     let fold = z.min(0.0);
     let (x, y) = (x - fold.copysign(x), y - fold.copysign(y));
     let scale = greatest / (x * x + y * y + z * z).sqrt();
     [x, y, z].map(|v| (v * scale).round())
 }
 
-/// Three components and the place of the fourth, the greatest.
+/// Decodes three components and the index of the fourth, the greatest.
 fn quaternion(coded: [u16; 4]) -> [u16; 4] {
     let [a, b, c, last] = coded.map(|v| v as i16);
     let scale = FRAC_1_SQRT_2 / f32::from(last | 3);
@@ -104,7 +104,7 @@ fn quaternion(coded: [u16; 4]) -> [u16; 4] {
     q
 }
 
-/// Mantissa times a power of two.
+/// Decodes a mantissa and an exponent of two.
 fn exponential(coded: i32) -> f32 {
     let mantissa = f64::from(coded << 8 >> 8);
     let exponent = i64::from(coded >> 24);
@@ -112,7 +112,7 @@ fn exponential(coded: i32) -> f32 {
     (mantissa * power) as f32
 }
 
-/// Luma, two chromas and alpha, whose highest bit says how many bits there are.
+/// Decodes luma, two chromas and alpha, whose highest bit gives the number of bits.
 fn color([y, co, cg, coded_alpha]: [i32; 4], greatest: f32) -> [f32; 4] {
     let bits = 32 - (coded_alpha as u32).leading_zeros();
     let all = (1i32 << bits) - 1;

@@ -2,7 +2,7 @@
 
 use super::attributes::CUT_OFF;
 
-/// Decodes the indices of a list of triangles. `count` is a multiple of 3. An error says what is wrong with the data.
+/// Decodes the indices of a triangle list. `count` is a multiple of 3. The error says what is wrong with the data.
 pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
     let [0xe1, rest @ ..] = data else { return Err("it does not begin like triangles") };
     let (codes, rest) = rest.split_at_checked(count / 3).ok_or(CUT_OFF)?;
@@ -15,7 +15,7 @@ pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, &'static 
     if decoder.extra.is_empty() { Ok(indices) } else { Err("it goes on after its last triangle") }
 }
 
-/// Decodes indices that are no triangles. An error says what is wrong with the data.
+/// Decodes a sequence of indices. The error says what is wrong with the data.
 pub(super) fn sequence(data: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
     let [0xd1, rest @ ..] = data else { return Err("it does not begin like a sequence of indices") };
     let (mut rest, _) = rest.split_last_chunk::<4>().ok_or(CUT_OFF)?;
@@ -33,7 +33,7 @@ pub(super) fn sequence(data: &[u8], count: usize) -> Result<Vec<u32>, &'static s
     if rest.is_empty() { Ok(indices) } else { Err("it goes on after its last index") }
 }
 
-/// The last sixteen of what was pushed.
+/// A queue of the last sixteen entries.
 #[derive(Default)]
 struct Fifo<T> {
     entries: [T; 16],
@@ -46,20 +46,20 @@ impl<T: Copy> Fifo<T> {
         self.pushed += 1;
     }
 
-    /// 0 is the one that was pushed last.
+    /// Returns an entry by age; 0 is the last one pushed.
     fn get(&self, age: u8) -> T {
         self.entries[self.pushed.wrapping_sub(1 + usize::from(age)) % 16]
     }
 }
 
 struct Triangles<'a> {
-    /// What does not fit into the codes.
+    /// Data that does not fit into the codes.
     extra: &'a [u8],
-    /// The common pairs of places of the second and third vertex.
+    /// The common pairs of codes for the second and third vertex.
     pairs: &'a [u8; 16],
-    /// The first vertex that was not seen yet.
+    /// The next new vertex.
     next: u32,
-    /// The vertex that was spelled out last.
+    /// The last vertex that was coded explicitly.
     last: u32,
     edges: Fifo<[u32; 2]>,
     vertices: Fifo<u32>,
@@ -94,7 +94,7 @@ impl Triangles<'_> {
             }
             (if low == 14 { self.fresh() } else { self.explicit()? }, pair)
         };
-        // The table has no vertices that are spelled out; a damaged one that has reads them all the same.
+        // A valid table has no explicit vertices; those of a damaged one are read as well.
         let b = self.at(pair >> 4)?;
         let c = self.at(pair & 15)?;
         self.edges.push([b, a]);
@@ -134,7 +134,7 @@ impl Triangles<'_> {
     }
 }
 
-/// An unsigned LEB128 of at most five bytes.
+/// Takes an unsigned LEB128 of at most five bytes.
 fn take_varint(bytes: &mut &[u8]) -> Option<u32> {
     let mut value = 0;
     for shift in (0..35).step_by(7) {

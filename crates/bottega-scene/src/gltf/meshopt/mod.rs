@@ -1,4 +1,4 @@
-//! EXT_meshopt_compression and KHR_meshopt_compression: buffer views that are kept compressed.
+//! EXT_meshopt_compression and KHR_meshopt_compression: compressed buffer views.
 
 mod attributes;
 mod filters;
@@ -15,7 +15,7 @@ use super::shortened;
 use crate::SceneError;
 use crate::budget::MemoryBudget;
 
-/// Decompresses every buffer view that is compressed; `None` for the others.
+/// Decompresses every compressed buffer view; `None` for the others.
 pub(super) fn decompress(
     document: &Document,
     buffers: &[&[u8]],
@@ -31,12 +31,12 @@ pub(super) fn decompress(
         budget.take(path, &place, layout.count.saturating_mul(layout.stride))?;
         layout.decode(data).map(Some).map_err(|problem| invalid(problem.into()))
     };
-    // All are decoded though one may fail, so that the error does not depend on who was first.
+    // Decode all even if one fails, so that the error does not depend on thread timing.
     let decoded: Vec<_> = document.buffer_views.par_iter().enumerate().map(decompress).collect();
     decoded.into_iter().collect()
 }
 
-/// The compressed bytes.
+/// Returns the compressed bytes.
 fn bytes<'a>(compressed: &Meshopt, buffers: &[&'a [u8]]) -> Result<&'a [u8], String> {
     let buffer = find("buffer", buffers, compressed.buffer)?;
     let end = compressed.byte_offset.checked_add(compressed.byte_length).filter(|&end| end <= buffer.len() as u64);
@@ -53,7 +53,7 @@ enum Mode {
     Indices,
 }
 
-/// What is to come out of the compressed bytes.
+/// The expected layout of the decompressed bytes.
 struct BufferLayout {
     mode: Mode,
     count: usize,

@@ -1,4 +1,4 @@
-//! An OBJ file as it was read.
+//! A parsed OBJ file.
 
 use glam::{Vec2, Vec3};
 
@@ -8,29 +8,29 @@ use crate::budget::HeldBytes;
 /// One corner of a polygon: position, texture coordinates, normal; [`NONE`] where absent.
 pub(super) type Corner = [u32; 3];
 
-/// Stands for an absent index.
+/// An absent index.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// A file as it was read.
+/// A parsed file.
 pub(crate) struct ObjFile<'a> {
     pub(super) source: MeshSource<'a>,
     pub(super) positions: Vec<Vec3>,
-    /// Linear; empty where no vertex has a colour.
+    /// Linear vertex colours; empty if no vertex has one.
     pub(super) colors: Vec<Vec3>,
     pub(super) uvs: Vec<Vec2>,
     pub(super) normals: Vec<Vec3>,
     pub(super) triangles: Vec<[Corner; 3]>,
-    /// What holds from a triangle on.
+    /// Start of each run of triangles with the same material and smoothing group.
     pub(super) runs: Vec<Run>,
     /// Names of the materials, in the order of their first use.
     pub(super) materials: Vec<String>,
-    /// The libraries of materials that it names, and the line of each.
+    /// Names of the material libraries, and their lines.
     pub(crate) libraries: Vec<(String, usize)>,
-    /// Each keyword that was left out, and the line of the first one.
+    /// Each unsupported keyword, with the line of the first one.
     pub(super) left_out: Vec<(String, usize)>,
-    /// Lines, and what else is to be told of them.
+    /// Lines, and other warnings about them.
     pub(super) notes: Vec<(usize, String)>,
-    /// The memory of all this.
+    /// The booked memory.
     pub(super) _held: Vec<HeldBytes<'a>>,
 }
 
@@ -38,8 +38,8 @@ pub(crate) struct ObjFile<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Run {
     pub(super) first: usize,
-    /// Index into the names; `None`: before the first `usemtl`.
+    /// Index into the material names; `None`: before the first `usemtl`.
     pub(super) material: Option<usize>,
-    /// 0: flat.
+    /// Smoothing group; 0: flat.
     pub(super) smoothing: u32,
 }

@@ -1,8 +1,8 @@
-//! Materials of MTL as ours.
+//! Conversion of MTL materials.
 //!
-//! MTL describes highlights, not surfaces. Programs agree on little: a highlight of exponent `Ns` stands for microfacets
-//! with α² = 2 / (Ns + 2) (Walter et al. 2007, section 5.2); `illum` 4, 6, 7 and 9 stand for glass; 3, 5 and 8 for a
-//! mirror where `Ks` outshines `Kd`. `Pr`, `Pm` and their maps, where they are, say it plainly.
+//! MTL describes highlights, not surfaces, and programs agree on little. A highlight of exponent `Ns` becomes
+//! microfacets with α² = 2 / (Ns + 2) (Walter et al. 2007, section 5.2); `illum` 4, 6, 7 and 9 become glass; 3, 5 and 8
+//! a mirror if `Ks` exceeds `Kd`. `Pr`, `Pm` and their maps take precedence.
 
 use std::collections::BTreeMap;
 
@@ -22,13 +22,13 @@ use crate::{
 
 /// The materials of all libraries that a file names.
 pub(crate) struct Library<'a> {
-    /// By name; of those with the same name, the first one.
+    /// Materials by name; of equal names, the first one.
     materials: BTreeMap<String, (Location, MtlMaterial)>,
     pictures: Pictures<'a>,
 }
 
 impl<'a> Library<'a> {
-    /// Reads libraries: names as they stand in the file, and their lines. One that is missing is warned of.
+    /// Reads libraries, given as names in the file and their lines. A missing one gets a warning.
     pub(crate) fn open(
         names: &[(String, usize)],
         options: &LoadOptions,
@@ -38,7 +38,7 @@ impl<'a> Library<'a> {
         let mut materials = BTreeMap::new();
         for (name, line) in names {
             let place = format!("line {line}");
-            // One name with spaces, or several names.
+            // The text may be one name with spaces, or several names.
             let whole = resources.locate(name, &place)?;
             let locations = if whole.is_file() {
                 vec![whole]
@@ -69,7 +69,7 @@ impl<'a> Library<'a> {
         Ok(Self { materials, pictures: Pictures::new(resources, options) })
     }
 
-    /// The material of that name. `None`: no library has it, which is warned of.
+    /// Returns the material of a name. `None`: no library has it, which gets a warning.
     pub(crate) fn material(&mut self, name: &str, warnings: &mut Warnings) -> Result<Option<Material>, SceneError> {
         let Some((location, description)) = self.materials.get(name) else {
             warnings.unsupported(
@@ -81,7 +81,7 @@ impl<'a> Library<'a> {
         Converter { location, pictures: &mut self.pictures, warnings }.convert(description).map(Some)
     }
 
-    /// The pictures of all materials that were asked for.
+    /// Decodes the pictures of all requested materials.
     pub(crate) fn into_images(self, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
         self.pictures.load(warnings)
     }
@@ -110,7 +110,7 @@ impl Converter<'_, '_> {
             ior: mtl.ior.filter(|&ior| (1.0..=10.0).contains(&ior)).unwrap_or(1.5),
             ..Layered::default()
         };
-        // Without a highlight there is no gloss, unless the physical parameters ask for it.
+        // Without a highlight, disable the specular reflection, unless physical parameters are given.
         let is_physical = mtl.roughness.is_some() || mtl.metallic.is_some();
         if !is_physical {
             let strength = if illum < 2 { 0.0 } else { (2.0 * specular.max_element()).min(1.0) };
@@ -151,7 +151,7 @@ impl Converter<'_, '_> {
         Ok(ColorParam { factor, texture })
     }
 
-    /// A number in [0, 1] and its map. Where there is a map but no number, the map stands alone.
+    /// Combines a number in [0, 1] with its map. With a map but no number, the factor is 1.
     fn scalar(&mut self, value: Option<f32>, default: f32, map: Option<&MtlMap>) -> Result<ScalarParam, SceneError> {
         let factor = value.unwrap_or(if map.is_some() { 1.0 } else { default }).clamp(0.0, 1.0);
         let texture = map.map(|map| self.texture(map, PictureKind::NUMBERS)).transpose()?;
@@ -160,7 +160,7 @@ impl Converter<'_, '_> {
 
     fn opacity(&mut self, factor: f32, mtl: &MtlMaterial) -> Result<ScalarParam, SceneError> {
         let Some(map) = &mtl.opacity_map else { return Ok(factor.into()) };
-        // The picture of the colour names its own alpha; any other picture is the opacity.
+        // If it is also the colour map, its alpha is the opacity; otherwise its red channel.
         let is_alpha = mtl.diffuse_map.as_ref().is_some_and(|diffuse| diffuse.reference == map.reference);
         let (channel, kind) =
             if is_alpha { (Channel::A, PictureKind::COLORS) } else { (Channel::R, PictureKind::NUMBERS) };
@@ -183,11 +183,11 @@ impl Converter<'_, '_> {
 
     fn texture(&mut self, map: &MtlMap, kind: PictureKind) -> Result<TextureMap, SceneError> {
         let place = self.place(map.line);
-        // Beside the library, or else beside the scene.
+        // Look beside the library first, then beside the scene.
         let folders = [self.location.folder(), ""];
         let image = self.pictures.want_in(&folders, &map.reference, kind, &place)?;
         let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
-        // In the file, v points up: v' = 1 − v.
+        // v points up in the file: v' = 1 − v.
         let picture_from_uv = Affine2 {
             matrix2: Mat2::from_diagonal(map.scale),
             translation: Vec2::new(map.offset.x, 1.0 - map.scale.y - map.offset.y),
@@ -200,7 +200,7 @@ impl Converter<'_, '_> {
     }
 }
 
-/// Perceptual roughness √α for a highlight of that exponent.
+/// Returns the perceptual roughness √α of a highlight exponent.
 fn roughness_of_exponent(exponent: Option<f32>) -> f32 {
     let Some(exponent) = exponent else { return 1.0 };
     let alpha_squared = 2.0 / (f64::from(exponent.max(0.0)) + 2.0);

@@ -1,7 +1,7 @@
-//! Wavefront OBJ: polygons, their groups by material, and the names of their libraries of materials.
+//! Wavefront OBJ: polygons by material, and the names of material libraries.
 //!
-//! Read in pieces by several threads. Points, lines, and free-form surfaces are left out, and named; so are faces that refer
-//! to what is not there, or to vertices that are none.
+//! Several threads parse blocks of the file. Points, lines and free-form surfaces are left out with a warning, and so
+//! are faces that refer to missing or invalid vertices.
 
 mod file;
 pub(super) mod materials;
@@ -27,12 +27,12 @@ pub(crate) use file::ObjFile;
 
 /// The triangles of one material.
 pub(crate) struct ObjPart {
-    /// The name after `usemtl`.
+    /// Name after `usemtl`.
     pub(crate) material: Option<String>,
     pub(crate) mesh: Mesh,
 }
 
-/// Reads a file. Polygons become fans of triangles.
+/// Reads a file. Polygons become triangle fans.
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.
@@ -43,7 +43,7 @@ pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -
     let parsed = (blocks.par_iter())
         .map(|block| {
             let parsed = parse::parse(*block).map_err(|fault| source.located(fault))?;
-            // Threads take pieces as they come, so what is too much is noticed after a few of them.
+            // Book memory per block, so that too large a file fails early.
             let held = budget.hold(path, parsed.memory_bytes())?;
             Ok((parsed, held))
         })
@@ -56,7 +56,7 @@ pub(crate) fn read<'a>(path: &'a Path, bytes: &[u8], budget: &'a MemoryBudget) -
     Ok(file)
 }
 
-/// Whether a file is an OBJ file, by its name: it has no first bytes of its own.
+/// Recognizes an OBJ file by its extension: the format has no magic number.
 pub(crate) fn recognizes(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"))
 }
@@ -82,7 +82,7 @@ fn resolve(
         return Err(source.damaged("it has more vertices than can be indexed"));
     }
     let unsound = parsed.iter().zip(&bases).flat_map(|(parsed, base)| {
-        // Checked above: all fit.
+        // Counts are checked above, so all fit.
         parsed.unsound.iter().map(|vertex| vertex + base[0] as u32)
     });
     let unsound: Vec<u32> = unsound.collect();
@@ -157,15 +157,15 @@ impl<'a> ObjFile<'a> {
         file
     }
 
-    /// What was left out or guessed: lines, and what to tell of them.
+    /// Takes the warnings about omissions and guesses, with their lines.
     pub(crate) fn take_notes(&mut self) -> Vec<(usize, String)> {
         let unknown = std::mem::take(&mut self.left_out).into_iter();
         let unknown = unknown.map(|(keyword, line)| (line, format!("`{keyword}` is not supported and left out")));
         unknown.chain(std::mem::take(&mut self.notes)).collect()
     }
 
-    /// One mesh for each material, in the order of their first triangles. Smoothing groups make smooth normals where the
-    /// file has none.
+    /// Makes one mesh per material, in the order of their first triangles. Smoothing groups make smooth normals where
+    /// the file has none.
     pub(crate) fn into_parts(self) -> Result<Vec<ObjPart>, SceneError> {
         let mut parts: Vec<(Option<usize>, Vec<weld::Range>)> = Vec::new();
         let mut part_of: BTreeMap<Option<usize>, usize> = BTreeMap::new();
@@ -189,7 +189,7 @@ impl<'a> ObjFile<'a> {
         parts.into_iter().map(weld).collect()
     }
 
-    /// One mesh of all triangles, with the normals of the file or without any: as Mitsuba's `obj` shape takes it.
+    /// Makes one mesh of all triangles, with the file's normals or none, as Mitsuba's `obj` shape does.
     pub(crate) fn into_single(self) -> Result<Mesh, SceneError> {
         weld::Welder::new(&self).weld(&[(0, self.triangles.len(), 0)], false).map(finish)
     }

@@ -1,4 +1,4 @@
-//! The statements of a piece of an OBJ file.
+//! Parsing of the statements of a block of an OBJ file.
 
 use std::ops::Range;
 
@@ -10,27 +10,27 @@ use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
 use crate::text::shortened;
 
-/// More vertices than this cannot be told apart.
+/// Maximal number of vertices.
 pub(super) const COUNT_MAX: usize = 1 << 30;
 
-/// Marks an index that counts from the first vertex of the piece: it is itself, plus [`COUNT_MAX`], plus this bit.
+/// Flag of an index relative to the first vertex of the block: the index plus [`COUNT_MAX`], with this bit set.
 const RELATIVE: u32 = 1 << 31;
 
-/// A piece of a file. Indices are absolute, or relative to the piece.
+/// A parsed block. Indices are absolute, or relative to the block.
 #[derive(Default)]
 pub(super) struct ParsedLines {
-    /// Zero where the file has none that can be used.
+    /// Positions; invalid ones are 0.
     pub(super) positions: Vec<Vec3>,
-    /// Those of the positions that cannot be used.
+    /// Indices of the invalid positions.
     pub(super) unsound: Vec<u32>,
-    /// Linear; shorter than the positions where the last ones have none, white in between.
+    /// Linear colours, white where a vertex has none. Shorter than the positions if the last ones have none.
     pub(super) colors: Vec<Vec3>,
     pub(super) uvs: Vec<Vec2>,
     pub(super) normals: Vec<Vec3>,
     pub(super) triangles: Vec<[Corner; 3]>,
-    /// The first triangle of each face of several triangles, and how many they are.
+    /// First triangle and number of triangles of each face with several.
     polygons: Vec<[u32; 2]>,
-    /// With the number of triangles of the piece before each.
+    /// Statements, each with the number of triangles before it in the block.
     pub(super) statements: Vec<(usize, Statement)>,
     pub(super) left_out: LeftOut,
 }
@@ -42,11 +42,11 @@ pub(super) enum Statement {
     Unknown(String, usize),
 }
 
-/// Statements that are damaged, by their kind: the first one and how many there are.
+/// Damaged statements by kind: the first one, and their number.
 #[derive(Default)]
 pub(super) struct LeftOut([Option<(LocatedFault, usize)>; KINDS.len()]);
 
-/// Kinds of damage, and what becomes of it.
+/// The effects of each kind of damage.
 const KINDS: [&str; 5] = [
     "the vertex is left out with its faces",
     "0 stands for these texture coordinates",
@@ -61,7 +61,7 @@ const FACE: usize = 3;
 const NO_AREA: usize = 4;
 
 impl LeftOut {
-    /// Counts one; its place is asked for if it is the first.
+    /// Counts a damaged statement; `locate` is called for the first one.
     fn add(&mut self, kind: usize, locate: impl FnOnce() -> LocatedFault) {
         match &mut self.0[kind] {
             Some((_, count)) => *count += 1,
@@ -69,7 +69,7 @@ impl LeftOut {
         }
     }
 
-    /// Adds what later pieces of the file have left out.
+    /// Adds those of a later block.
     pub(super) fn append(&mut self, later: Self) {
         for (mine, later) in self.0.iter_mut().zip(later.0) {
             match (&mut *mine, later) {
@@ -80,7 +80,7 @@ impl LeftOut {
         }
     }
 
-    /// Line and message of each kind.
+    /// Returns line and message of each kind.
     pub(super) fn notes(self) -> Vec<(usize, String)> {
         let note = |(found, kind): (Option<(LocatedFault, usize)>, &str)| {
             let (LocatedFault { line, column, problem }, count) = found?;
@@ -96,20 +96,20 @@ impl LeftOut {
     }
 }
 
-/// Reads a piece. What is damaged in it is left out, unless the whole is no OBJ file.
+/// Parses a block. Damaged statements are left out, unless the whole is not an OBJ file.
 pub(super) fn parse(block: LineBlock<'_>) -> Result<ParsedLines, LocatedFault> {
     parse_watching(block, |_, _, _| ())
 }
 
-/// Tells where the corner of a triangle of a piece is, before any triangle was left out.
+/// Locates a corner of a triangle, numbered before any triangle was left out.
 fn locate_corner(block: LineBlock<'_>, [triangle, corner]: [usize; 2], problem: String) -> LocatedFault {
     let mut found = LocatedFault { line: block.first_line, column: 1, problem };
-    // A piece that could be read once can be read again.
+    // Parsing again cannot fail, as it succeeded before.
     let _same = parse_watching(block, |triangles, line, words| {
         if triangles.contains(&triangle) {
             let mut rest = words;
             let corners: Vec<&[u8]> = std::iter::from_fn(|| next_number(&mut rest)).collect();
-            // A fan: all triangles of a face share its first corner.
+            // All triangles of a fan share the first corner of the face.
             let index = if corner == 0 { 0 } else { triangle - triangles.start + corner };
             let place = block.locate(line, LineFault::new(corners.get(index).copied().unwrap_or(words), ""));
             (found.line, found.column) = (place.line, place.column);
@@ -118,9 +118,9 @@ fn locate_corner(block: LineBlock<'_>, [triangle, corner]: [usize; 2], problem: 
     found
 }
 
-/// Reads a piece.
+/// Parses a block.
 ///
-/// - `watch`: is told the triangles of each face, its line, and its corners.
+/// - `watch`: called with the triangles of each face, its line, and its corners.
 fn parse_watching(
     block: LineBlock<'_>,
     mut watch: impl FnMut(Range<usize>, usize, &[u8]),
@@ -173,7 +173,7 @@ fn wrong(word: &[u8]) -> LineFault<'_> {
     LineFault::new(word, format!("`{}` is not a number", shortened(&String::from_utf8_lossy(word))))
 }
 
-/// Up to `N` numbers, and how many there are.
+/// Parses up to `N` numbers. Returns them and their count.
 fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), LineFault<'_>> {
     let mut values = [0.0; N];
     let mut count = 0;
@@ -185,19 +185,19 @@ fn floats<const N: usize>(mut words: &[u8]) -> Result<([f32; N], usize), LineFau
     Ok((values, count))
 }
 
-/// Tells of all the words of a statement, from the first one on.
+/// Makes a fault that spans all words of a statement.
 fn few(words: &[u8], problem: String) -> LineFault<'_> {
     LineFault::new(words.trim_ascii_start(), problem)
 }
 
 impl ParsedLines {
-    /// Positions, texture coordinates, normals.
+    /// Returns the numbers of positions, texture coordinates and normals.
     pub(super) fn counts(&self) -> [usize; 3] {
         [self.positions.len(), self.uvs.len(), self.normals.len()]
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
-        // Twice: joined with the other pieces they exist again for a moment.
+        // Twice: they are copied when the blocks are joined.
         2 * (size_of_val(&self.positions[..])
             + size_of_val(&self.colors[..])
             + size_of_val(&self.uvs[..])
@@ -212,7 +212,7 @@ impl ParsedLines {
         Ok(())
     }
 
-    /// Damaged ones count too: faces refer to those that follow by their numbers.
+    /// Parses a position. An invalid one is stored as well, because faces refer to the following ones by number.
     fn position<'t>(&mut self, words: &'t [u8]) -> Result<(), LineFault<'t>> {
         let read = floats(words).and_then(|([x, y, z, r, g, b], count)| {
             if count < 3 {
@@ -222,7 +222,7 @@ impl ParsedLines {
             if !(position.is_finite() && position.abs().max_element() <= COORDINATE_MAX) {
                 return Err(few(words, "the position is not a number, or out of reach".into()));
             }
-            // Programs that write colours write what they show.
+            // Programs that write vertex colours write sRGB.
             let linear = |code: f32| linear_of_srgb(f64::from(code).clamp(0.0, 1.0)) as f32;
             Ok((position, (count == 6).then(|| Vec3::new(linear(r), linear(g), linear(b)))))
         });
@@ -259,7 +259,7 @@ impl ParsedLines {
         let group = match next_word(&mut words) {
             None | Some(b"off") => 0,
             Some(b"on") => 1,
-            // What is no group is taken for smoothing all the same.
+            // Other words also enable smoothing.
             Some(word) => integer(word).map_or(1, |group| (group & 0x3fff_ffff) as u32),
         };
         self.add(Statement::Smoothing(group))
@@ -290,7 +290,7 @@ impl ParsedLines {
         Ok(())
     }
 
-    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
+    /// Parses `v`, `v/vt`, `v//vn` or `v/vt/vn`.
     fn corner<'t>(&self, word: &'t [u8]) -> Result<Corner, LineFault<'t>> {
         let mut corner = [NONE; 3];
         let counts = self.counts();
@@ -308,12 +308,12 @@ impl ParsedLines {
         if numbers.next().is_some() { Err(wrong(word)) } else { Ok(corner) }
     }
 
-    /// Makes indices absolute, and leaves out the faces that refer to what is not there, and triangles without area.
+    /// Makes indices absolute, and leaves out faces that refer to missing vertices, and triangles without area.
     ///
     /// - `block`: its text.
-    /// - `base`: how many of each kind were before this piece.
-    /// - `totals`: how many of each kind the file has.
-    /// - `unsound`: the vertices of the file that cannot be used, in order.
+    /// - `base`: numbers of positions, texture coordinates and normals before this block.
+    /// - `totals`: their numbers in the file.
+    /// - `unsound`: the invalid positions of the file, in order.
     pub(super) fn resolve(&mut self, block: LineBlock<'_>, base: [usize; 3], totals: [usize; 3], unsound: &[u32]) {
         let (mut faces, mut flat): (Vec<Range<usize>>, Vec<usize>) = (Vec::new(), Vec::new());
         for number in 0..self.triangles.len() {
@@ -324,7 +324,7 @@ impl ParsedLines {
                 let Err(problem) = resolved else { continue };
                 if faces.last().is_none_or(|last| !last.contains(&number)) {
                     faces.push(self.face_of(number));
-                    // Vertices that were left out told of their faces.
+                    // An invalid vertex was already reported with its faces.
                     if !problem.is_empty() {
                         self.left_out.add(FACE, || locate_corner(block, [number, which], problem));
                     }
@@ -351,7 +351,7 @@ impl ParsedLines {
         }
     }
 
-    /// The triangles of the face of a triangle.
+    /// Returns the triangles of the face that a triangle belongs to.
     fn face_of(&self, triangle: usize) -> Range<usize> {
         let after = self.polygons.partition_point(|polygon| polygon[0] as usize <= triangle);
         let polygon = after.checked_sub(1).map(|index| self.polygons[index].map(|number| number as usize));
@@ -359,9 +359,9 @@ impl ParsedLines {
         polygon.unwrap_or(triangle..triangle + 1)
     }
 
-    /// Removes the triangles that are not to be kept.
+    /// Removes the triangles whose flag is false.
     fn retain(&mut self, keeps: &[bool]) {
-        // Statements stand between triangles.
+        // Shift the positions of statements between triangles.
         let mut statements = self.statements.iter_mut().peekable();
         let mut kept = 0;
         for (number, keep) in keeps.iter().chain([&true]).enumerate() {
@@ -375,7 +375,7 @@ impl ParsedLines {
     }
 }
 
-/// Makes the indices of a corner absolute. An error says which one leads nowhere; it is empty where the vertex was left out.
+/// Makes the indices of a corner absolute. The error names the missing element; it is empty for an invalid vertex.
 fn resolve_corner(corner: &mut Corner, base: [usize; 3], totals: [usize; 3], unsound: &[u32]) -> Result<(), String> {
     const NAMES: [&str; 3] = ["vertex", "texture coordinates", "normal"];
     for kind in 0..3 {
@@ -400,7 +400,7 @@ fn resolve_corner(corner: &mut Corner, base: [usize; 3], totals: [usize; 3], uns
     if unsound.binary_search(&corner[0]).is_ok() { Err(String::new()) } else { Ok(()) }
 }
 
-/// An index of the file: from 1 from the start, or from −1 backwards from where it stands.
+/// Encodes an index of the file: from 1 at the start, or from −1 backwards from here.
 fn encode(number: i64, count: usize) -> Result<u32, String> {
     let relative = count as i64 + number + COUNT_MAX as i64;
     match number {

@@ -1,22 +1,22 @@
-//! Welding of corners that have an index for each attribute into vertices with one index.
+//! Merging of corners with an index per attribute into vertices with a single index.
 
 use glam::{Vec2, Vec3, Vec4};
 
 use super::file::{Corner, NONE, ObjFile};
 use crate::{Mesh, SceneError};
 
-/// Stands for the normal of a smoothing group, together with its number.
+/// Flag of a normal index that is the number of a smoothing group.
 const GROUP: u32 = 1 << 31;
-/// Stands for the normal of a triangle, together with its number.
+/// Flag of a normal index that is the number of a flat triangle.
 const FLAT: u32 = 3 << 30;
 
-/// Triangles, from the first one to the one before the end, and their smoothing group.
+/// Triangles from the first to before the second number, and their smoothing group.
 pub(super) type Range = (usize, usize, u32);
 
-/// Makes meshes of parts of a file. Vertices are in the order in which the triangles need them.
+/// Makes meshes of parts of a file. Vertices are in the order of their first use by triangles.
 pub(super) struct Welder<'f, 'a> {
     file: &'f ObjFile<'a>,
-    /// For each position, the first vertex that was made of it.
+    /// The head of each position's list of vertices.
     first: Vec<u32>,
 }
 
@@ -31,9 +31,9 @@ impl<'f, 'a> Welder<'f, 'a> {
         Self { file, first: vec![NONE; file.positions.len()] }
     }
 
-    /// Makes a mesh of some runs of triangles.
+    /// Makes a mesh of runs of triangles.
     ///
-    /// - `smooths`: whether smoothing groups count.
+    /// - `smooths`: use smoothing groups.
     pub(super) fn weld(&mut self, runs: &[Range], smooths: bool) -> Result<Mesh, SceneError> {
         let file = self.file;
         let corners = || runs.iter().flat_map(|&(first, end, _)| file.triangles[first..end].iter().flatten());
@@ -48,7 +48,7 @@ impl<'f, 'a> Welder<'f, 'a> {
             *to = file.triangles[number].map(|[position, uv, normal]| {
                 let normal = match normal {
                     NONE if !has_normals || !smooths => NONE,
-                    // Flat triangles beside smooth ones have vertices of their own.
+                    // Beside smooth triangles, flat ones get vertices of their own.
                     NONE if group == 0 => FLAT | (number as u32 & !FLAT),
                     NONE => GROUP | group,
                     normal => normal,
@@ -63,7 +63,7 @@ impl<'f, 'a> Welder<'f, 'a> {
         mesh
     }
 
-    /// The vertex of a corner.
+    /// Finds or adds the vertex of a corner.
     fn vertex(&mut self, corner: Corner, vertices: &mut Vec<Vertex>) -> u32 {
         let first = &mut self.first[corner[0] as usize];
         let mut candidate = *first;
@@ -93,7 +93,7 @@ impl<'f, 'a> Welder<'f, 'a> {
         mesh.uvs[0] = file.source.zeroed(if has_uvs { vertices.len() } else { 0 })?;
         mesh.normals = file.source.zeroed(if has_normals { vertices.len() } else { 0 })?;
         mesh.colors = file.source.zeroed(if has_colors { vertices.len() } else { 0 })?;
-        // What is not there becomes 0; normals are mended later.
+        // Absent attributes become 0; normals are replaced later.
         let corners = || vertices.iter().map(|vertex| vertex.corner);
         set(&mut mesh.positions, corners().map(|corner| file.positions[corner[0] as usize]));
         set(&mut mesh.uvs[0], corners().map(|corner| file.uvs.get(corner[1] as usize).copied().unwrap_or(Vec2::ZERO)));

@@ -1,4 +1,4 @@
-//! Ascii PLY: one line for each row of an element.
+//! ASCII PLY: one line per row of an element.
 
 use std::ops::Range;
 
@@ -49,7 +49,7 @@ pub(super) fn read(source: MeshSource<'_>, header: &PlyHeader, bytes: &[u8]) -> 
     Ok(mesh)
 }
 
-/// See [`super::visit_rows`].
+/// Implements [`super::visit_rows`].
 pub(super) fn visit_rows(
     source: MeshSource<'_>,
     header: &PlyHeader,
@@ -91,7 +91,7 @@ pub(super) fn visit_rows(
     Ok(())
 }
 
-/// The lines that are not empty.
+/// Iterates over the lines that are not empty.
 fn rows(block: LineBlock<'_>) -> impl Iterator<Item = &[u8]> {
     block.lines().map(|(_, line)| line).filter(|line| !line.is_empty())
 }
@@ -101,7 +101,7 @@ fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
     start..a.end.min(b.end).max(start)
 }
 
-/// Which rows of the file are which element.
+/// The row ranges of the elements that are read.
 struct Elements<'a> {
     vertices: Option<(&'a Element, Range<usize>)>,
     /// Faces and triangle strips.
@@ -129,7 +129,7 @@ impl<'a> Elements<'a> {
         Ok(elements)
     }
 
-    /// Fills the vertices that a part of the text holds, and returns its triangles.
+    /// Fills the vertices in a block of text, and returns its triangles.
     fn decode<'t>(
         &self,
         block: LineBlock<'t>,
@@ -198,7 +198,7 @@ fn read_vertices<'t>(
         .map_err(|vertex| LineFault::new(starts.get(vertex).copied().unwrap_or_default(), UNSOUND))
 }
 
-/// Passes over the numbers of a list whose length is `word`.
+/// Skips the numbers of a list whose length is `word`.
 fn skip_list<'t>(word: &'t [u8], line: &mut &'t [u8]) -> Result<(), LineFault<'t>> {
     let length = integer(word).and_then(|length| usize::try_from(length).ok()).ok_or_else(|| wrong(word))?;
     for _ in 0..length {
@@ -220,7 +220,7 @@ fn read_faces<'t>(
             let word = next_word(&mut line).ok_or_else(|| missing(element, line))?;
             if Some(index) == corners {
                 read(word, &mut line, vertex_count, triangles)?;
-                // What follows means nothing to us.
+                // The remaining properties are not used.
                 break;
             } else if property.count.is_some() {
                 skip_list(word, &mut line)?;

@@ -1,5 +1,5 @@
-//! Binary PLY: rows of numbers, cut into pieces whose places are known before they are decoded, so that threads decode
-//! them straight into the mesh.
+//! Binary PLY: rows of numbers, split into pieces whose output ranges are known in advance, so that threads decode
+//! straight into the mesh.
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ use crate::{Mesh, SceneError};
 /// Rows that one thread decodes at a time.
 const PIECE_ROWS: usize = 8192;
 
-/// Runs one generic expression with the reader of a kind of number: from the first bytes of a slice.
+/// Evaluates an expression with the reader of a kind of number, which reads the first bytes of a slice.
 macro_rules! with_reader {
     ($kind:expr, $big_endian:expr, $read:ident => $body:expr) => {{
         macro_rules! arm {
@@ -42,14 +42,14 @@ macro_rules! with_reader {
     }};
 }
 
-/// The part of a file that one element takes, as far as it is known.
+/// The data of one element; its end may not be known yet.
 struct Body<'a> {
     source: MeshSource<'a>,
     element: &'a Element,
     big_endian: bool,
-    /// From its first row to the end of the file.
+    /// Bytes from its first row to the end of the file.
     bytes: &'a [u8],
-    /// Where in the file that begins.
+    /// Offset of its first row in the file.
     offset: usize,
 }
 
@@ -70,7 +70,7 @@ pub(super) fn read(
             length
         } else if let Some(corners) = element.corners().filter(|_| element.is_faces()) {
             let (faces, length) = body.triangles(corners, header.vertex_count)?;
-            // Strips may have come first; the many are not copied.
+            // Strips may have come first. Avoid copying the larger list.
             triangles = if triangles.is_empty() { faces } else { [triangles, faces].concat() };
             length
         } else if let Some(corners) = element.corners().filter(|_| element.is_strips()) {
@@ -82,7 +82,7 @@ pub(super) fn read(
     Ok(Mesh { triangles, ..mesh })
 }
 
-/// See [`super::visit_rows`].
+/// Implements [`super::visit_rows`].
 pub(super) fn visit_rows(
     source: MeshSource<'_>,
     header: &PlyHeader,
@@ -102,21 +102,21 @@ pub(super) fn visit_rows(
     Ok(())
 }
 
-/// Where a piece of the faces is, and what it becomes.
+/// A piece of the faces, and its number of triangles.
 struct FacePiece {
-    /// In the bytes of the element.
+    /// Offset within the element.
     start: usize,
     rows: usize,
     triangles: usize,
-    /// Where all its rows are alike.
+    /// The layout, if all its rows are alike.
     uniform: Option<Uniform>,
 }
 
-/// Rows of the same length, with lists of the same length at the same place.
+/// A row layout: the same length, with lists of the same length at the same offset.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Uniform {
     stride: usize,
-    /// Where in a row the list of corners is.
+    /// Offset of the list of corners within a row.
     list: usize,
     corners: usize,
 }
@@ -131,7 +131,7 @@ impl Body<'_> {
         self.source.invalid(format!("byte {}", self.offset + start), problem)
     }
 
-    /// The bytes of the row that begins at `start`, and, of the list `corners`, where it begins and its length.
+    /// Returns the bytes of the row that begins at `start`, and the start and length of the list of property `corners`.
     fn row(&self, start: usize, corners: usize) -> Option<(usize, usize, usize)> {
         let mut at = start;
         let (mut list, mut length) = (start, 0);
@@ -152,13 +152,13 @@ impl Body<'_> {
         Some((at - start, list, length))
     }
 
-    /// The length of a list; `None`: it is cut off, or negative.
+    /// Returns the length of a list; `None` if it is cut off or negative.
     fn count(&self, at: usize, kind: NumberKind) -> Option<usize> {
         let bytes = self.bytes.get(at..at + kind.bytes())?;
         usize::try_from(with_reader!(kind, self.big_endian, read => read(bytes) as i64)).ok()
     }
 
-    /// Bytes that the element takes.
+    /// Returns the bytes of the element.
     fn skip(&self) -> Result<usize, SceneError> {
         let count = self.element.count;
         if let Some(stride) = self.element.fixed_bytes() {
@@ -207,7 +207,7 @@ impl Body<'_> {
         Ok((mesh, length))
     }
 
-    /// Vertices with lists among their properties, which hardly exist: one after the other.
+    /// Reads vertices that have list properties, one after another; such files are rare.
     fn scattered_vertices(&self, mesh: &mut Mesh, roles: &[Option<Role>], has_alpha: bool) -> Result<(), SceneError> {
         let mut vertices = Slices::of(mesh);
         let mut at = 0;
@@ -251,7 +251,7 @@ impl Body<'_> {
             .into_par_iter()
             .map(|(piece, part)| {
                 let greatest = with_reader!(kind, self.big_endian, read => {
-                    // A negative index becomes one that is too large.
+                    // Map a negative index to one that is out of range.
                     self.decode(&piece, corners, kind.bytes(), part, |bytes| u32::try_from(read(bytes) as i64).unwrap_or(u32::MAX))
                 });
                 if greatest.is_none_or(|greatest| (greatest as usize) < vertex_count) {
@@ -264,7 +264,7 @@ impl Body<'_> {
         Ok((triangles, length))
     }
 
-    /// Visits the rows with the numbers of some properties, and the length of the list of corners.
+    /// Visits the rows with the values of some properties, and the length of the list of corners.
     fn visit_rows(
         &self,
         wanted: &[usize],
@@ -292,7 +292,7 @@ impl Body<'_> {
         Ok(())
     }
 
-    /// Adds the triangles of strips, one after the other. Returns the bytes that the strips take.
+    /// Appends the triangles of strips. Returns the bytes of the strips.
     fn strips(&self, corners: usize, vertex_count: usize, triangles: &mut Vec<[u32; 3]>) -> Result<usize, SceneError> {
         let kind = self.element.properties[corners].kind;
         let mut at = 0;
@@ -312,7 +312,7 @@ impl Body<'_> {
         Ok(at)
     }
 
-    /// The pieces of faces that all have the same number of corners; `None`: they have not, or are cut off.
+    /// Splits faces that all have the same number of corners; `None`: they differ or are cut off.
     fn uniform_pieces(&self, corners: usize) -> Option<(Vec<FacePiece>, usize)> {
         let count = self.element.count;
         if count == 0 {
@@ -320,7 +320,7 @@ impl Body<'_> {
         }
         let (stride, list, length) = self.row(0, corners)?;
         let total = count.checked_mul(stride).filter(|&total| total <= self.bytes.len())?;
-        // Where each list of the first row has its length, and which: the others must have the same there.
+        // Offset and width of each list length of the first row, which must be equal in all rows.
         let mut lists = Vec::new();
         let mut at = 0;
         for property in &self.element.properties {
@@ -334,7 +334,7 @@ impl Body<'_> {
         }
         let first = &self.bytes[..stride];
         let is_uniform = self.bytes[..total].par_chunks(stride * PIECE_ROWS).all(|rows| match lists[..] {
-            // By far the most common.
+            // The most common case.
             [(at, 1)] => rows.chunks_exact(stride).all(|row| row[at] == first[at]),
             _ => rows
                 .chunks_exact(stride)
@@ -348,7 +348,7 @@ impl Body<'_> {
         is_uniform.then(|| ((0..count).step_by(PIECE_ROWS).map(piece).collect(), total))
     }
 
-    /// The pieces of faces of any number of corners, found by walking over all of them.
+    /// Splits faces of any number of corners, by scanning all rows.
     fn scanned_pieces(&self, corners: usize) -> Result<(Vec<FacePiece>, usize), SceneError> {
         let mut pieces = Vec::new();
         let mut at = 0;
@@ -368,7 +368,7 @@ impl Body<'_> {
         Ok((pieces, at))
     }
 
-    /// Fills the triangles of a piece. Returns the greatest index.
+    /// Decodes the triangles of a piece. Returns the greatest index.
     fn decode(
         &self,
         piece: &FacePiece,
@@ -403,7 +403,7 @@ impl Body<'_> {
         greatest
     }
 
-    /// The error for a piece with an index that is out of range.
+    /// Returns the error for a piece with an index out of range.
     fn first_bad_face(&self, piece: &FacePiece, corners: usize, vertex_count: usize) -> SceneError {
         let kind = self.element.properties[corners].kind;
         let mut at = piece.start;
@@ -426,7 +426,7 @@ impl Body<'_> {
     }
 }
 
-/// What is read of a row of fixed length: its role, its kind, where it is.
+/// Returns role, kind and offset of the used columns of a fixed-length row.
 fn columns(properties: &[PlyProperty], roles: &[Option<Role>]) -> Vec<(Role, NumberKind, usize)> {
     let mut at = 0;
     let mut columns = Vec::new();

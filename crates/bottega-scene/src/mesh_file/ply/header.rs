@@ -13,7 +13,7 @@ pub(super) enum PlyEncoding {
     BigEndian,
 }
 
-/// How a number is stored.
+/// The storage of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NumberKind {
     I8,
@@ -54,7 +54,7 @@ impl NumberKind {
         !matches!(self, Self::F32 | Self::F64)
     }
 
-    /// What a colour of this kind is divided by.
+    /// Returns the value of a colour of this kind that stands for 1.
     pub(super) fn color_max(self) -> f64 {
         match self {
             Self::I8 | Self::U8 => 255.0,
@@ -68,9 +68,9 @@ impl NumberKind {
 #[derive(Clone, Debug)]
 pub(super) struct PlyProperty {
     name: Vec<u8>,
-    /// Of the number, or of the elements of the list.
+    /// Kind of the number, or of the elements of the list.
     pub(super) kind: NumberKind,
-    /// How the length of a list is stored; `None`: a single number.
+    /// Kind of a list's length; `None`: not a list.
     pub(super) count: Option<NumberKind>,
 }
 
@@ -79,7 +79,7 @@ pub(super) struct Element {
     name: Vec<u8>,
     pub(super) count: usize,
     pub(super) properties: Vec<PlyProperty>,
-    /// Where the header announces it.
+    /// Line of its declaration.
     pub(super) line: usize,
 }
 
@@ -96,33 +96,34 @@ impl Element {
         self.name == b"tristrips"
     }
 
-    /// Its name, for messages.
+    /// Returns its name, for messages.
     pub(super) fn name(&self) -> String {
         shortened(&String::from_utf8_lossy(&self.name)).into_owned()
     }
 
-    /// Bytes of a row, where that is the same for all: without lists.
+    /// Returns the bytes of a row if all rows have the same length: `None` with lists.
     pub(super) fn fixed_bytes(&self) -> Option<usize> {
         self.properties.iter().map(|property| property.count.is_none().then(|| property.kind.bytes())).sum()
     }
 
-    /// The least bytes of a row: empty lists.
+    /// Returns the least bytes of a row: with empty lists.
     pub(super) fn least_bytes(&self) -> usize {
         self.properties.iter().map(|property| property.count.unwrap_or(property.kind).bytes()).sum()
     }
 
-    /// What the numbers of a vertex mean, one for each property.
+    /// Returns the role of each property of a vertex; `None`: not used.
     pub(super) fn roles(&self) -> Vec<Option<Role>> {
         let mut roles: Vec<Option<Role>> = Vec::new();
         for property in &self.properties {
             let role = Role::new(&property.name).filter(|_| property.count.is_none());
-            // Of synonyms, the first one counts.
+            // Of synonyms, use the first.
             roles.push(role.filter(|role| !roles.contains(&Some(*role))));
         }
         roles
     }
 
-    /// The properties of an attribute, in the order of its channels: `NAME_0`, `NAME_1` …, or by letters, as Mitsuba 3 has it.
+    /// Returns the properties of an attribute, in the order of its channels: `NAME_0`, `NAME_1` …, or with letters, as
+    /// in Mitsuba 3.
     pub(super) fn attribute(&self, name: &str) -> Vec<usize> {
         const ENDS: [[&str; 4]; 4] =
             [["x", "y", "z", "w"], ["r", "g", "b", "a"], ["0", "1", "2", "3"], ["1", "2", "3", "4"]];
@@ -136,7 +137,7 @@ impl Element {
             .unwrap_or_default()
     }
 
-    /// Which property lists the corners of a face or of a strip.
+    /// Returns the property that lists the corners of a face or strip.
     pub(super) fn corners(&self) -> Option<usize> {
         self.properties.iter().position(|property| {
             property.count.is_some() && matches!(&property.name[..], b"vertex_indices" | b"vertex_index")
@@ -144,11 +145,11 @@ impl Element {
     }
 }
 
-/// Some numbers of the rows of an element.
+/// A selection of numbers from the rows of an element.
 pub(super) struct WantedNumbers<'a> {
-    /// Which of the elements.
+    /// Index of the element.
     pub(super) element: usize,
-    /// Which of its properties; none of them is a list.
+    /// Indices of its properties; none is a list.
     pub(super) properties: &'a [usize],
 }
 
@@ -156,9 +157,9 @@ pub(super) struct WantedNumbers<'a> {
 pub(super) struct PlyHeader {
     pub(super) encoding: PlyEncoding,
     pub(super) elements: Vec<Element>,
-    /// Where the numbers begin.
+    /// Offset of the data.
     pub(super) body: usize,
-    /// The number of the first line after the header.
+    /// Number of the first line after the header.
     pub(super) body_line: usize,
     pub(super) vertex_count: usize,
 }
@@ -169,7 +170,7 @@ impl PlyHeader {
         let mut elements: Vec<Element> = Vec::new();
         let (mut at, mut number) = (0, 0);
         loop {
-            // Old files end their lines with a carriage return alone, others with both.
+            // Lines end with a newline, with both characters, or in old files with a carriage return.
             let rest = &bytes[at..];
             let Some(length) = rest.iter().position(|&byte| byte == b'\n' || byte == b'\r') else {
                 return Err(source.damaged("its header has no `end_header`"));
@@ -230,13 +231,13 @@ impl PlyHeader {
         Ok(header)
     }
 
-    /// Checks that there are vertices and faces, and no more than the rest of the file can hold.
+    /// Checks that there are vertices and faces, and no more than fit into the rest of the file.
     fn check(&mut self, source: MeshSource<'_>, body_bytes: usize) -> Result<(), SceneError> {
         for element in &self.elements {
-            // An element is announced at the start of its line.
+            // A declaration starts its line.
             let at_element = |problem: String| source.located(LocatedFault { line: element.line, column: 1, problem });
             let announced = |problem: &str| at_element(format!("{} `{}` {problem}", element.count, element.name()));
-            // A number in ascii takes a digit and a space.
+            // A row in ASCII takes at least a digit and a newline.
             let row = match self.encoding {
                 PlyEncoding::Ascii => element.properties.len().min(1),
                 _ => element.least_bytes(),

@@ -1,7 +1,7 @@
-//! PLY, the Stanford polygon file format: ascii, binary of either byte order, and any of them within gzip.
+//! PLY, the Stanford polygon file format: ASCII, binary of either byte order, and any of them within gzip.
 //!
-//! Elements other than `vertex`, `face` and `tristrips`, and properties without a meaning for us, are skipped. Colours that are
-//! integers are taken for sRGB codes, as the programs that write them do; colours that are floats are linear.
+//! Elements other than `vertex`, `face` and `tristrips`, and unused properties, are skipped. Integer colours are read
+//! as sRGB codes, as programs write them; float colours are linear.
 
 mod ascii;
 mod binary;
@@ -22,9 +22,9 @@ use crate::budget::MemoryBudget;
 use crate::text::decode;
 use crate::{Mesh, SceneError};
 
-/// Reads a mesh. Polygons become fans of triangles; faces with fewer than three corners are left out.
+/// Reads a mesh. Polygons become triangle fans; faces with fewer than three corners are left out.
 ///
-/// - `path`: for errors and for the name of the mesh.
+/// - `path`: for errors and the name of the mesh.
 /// - `bytes`: the file.
 pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Mesh, SceneError> {
     let mesh = open(MeshSource { path, budget }, bytes, |source, header, bytes| match header.encoding {
@@ -35,7 +35,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<M
     Ok(finish(mesh))
 }
 
-/// Colours of the faces of a mesh, one for each of the triangles that [`read`] makes of it. `None`: they have none.
+/// Returns face colours, one for each triangle that [`read`] makes. `None`: there are none.
 pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Option<Vec<Vec4>>, SceneError> {
     open(MeshSource { path, budget }, bytes, |source, header, bytes| {
         let Some((element, faces)) = header.elements.iter().enumerate().find(|(_, element)| element.is_faces()) else {
@@ -65,17 +65,17 @@ pub(crate) fn face_colors(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> R
     })
 }
 
-/// Numbers that a file has for each vertex, or for each of the triangles that [`read`] makes of its faces.
+/// Values per vertex, or per triangle that [`read`] makes of a face.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Attribute {
-    /// 1 or 3.
+    /// Channels: 1 or 3.
     pub(crate) channels: usize,
-    /// A single channel thrice.
+    /// Values; a single channel is repeated three times.
     pub(crate) values: Vec<[f32; 3]>,
 }
 
-/// The numbers that Mitsuba calls `vertex_NAME` or `face_NAME`: properties `NAME_0`, `NAME_1` and so on, or with letters in place of the
-/// numbers. `None`: there are none of that name, or neither one nor three.
+/// Reads what Mitsuba calls `vertex_NAME` or `face_NAME`: properties `NAME_0`, `NAME_1` and so on, or with letters
+/// instead of numbers. `None`: there are none of that name, or neither one nor three.
 pub(crate) fn attribute(
     path: &Path,
     bytes: &[u8],
@@ -106,7 +106,7 @@ pub(crate) fn attribute(
     })
 }
 
-/// Visits the rows of an element: the numbers that are wanted, and how many corners a face has.
+/// Visits the rows of an element: the selected numbers, and the number of corners of a face.
 fn visit_rows(
     source: MeshSource<'_>,
     header: &PlyHeader,
@@ -121,7 +121,7 @@ fn visit_rows(
     }
 }
 
-/// Unfolds a file where it is compressed, and reads its header.
+/// Decompresses a file if necessary, and reads its header.
 fn open<T>(
     source: MeshSource<'_>,
     bytes: &[u8],
@@ -141,7 +141,7 @@ fn open<T>(
             return read(source, &header, body);
         }
     }
-    // Text from start to end. That the encoding of comments was guessed is nothing to tell of.
+    // Decode the whole file as text. A guessed encoding affects only comments, so it needs no warning.
     let text = decode(source.path, bytes, source.budget)?.text;
     let header = PlyHeader::parse(source, text.as_bytes())?;
     if header.encoding != PlyEncoding::Ascii {
@@ -153,7 +153,7 @@ fn open<T>(
 /// The byte order mark of UTF-8.
 const UTF8_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
 
-/// Whether a file is one of ours, by its first bytes, or by its name where it is compressed.
+/// Recognizes a file by its first bytes, or by its name if it is compressed.
 pub(crate) fn recognizes(path: &Path, bytes: &[u8]) -> bool {
     let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let start = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);

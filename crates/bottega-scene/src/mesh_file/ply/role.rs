@@ -1,6 +1,6 @@
-//! The meaning of the properties of a vertex.
+//! The meaning of vertex properties.
 
-/// What a number of a vertex means; which component of it.
+/// The meaning of a vertex property, with the index of its component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     Position(usize),
@@ -10,7 +10,7 @@ pub(super) enum Role {
 }
 
 impl Role {
-    /// By the names that exporters use.
+    /// Returns the role of a property name used by exporters.
     pub(super) fn new(name: &[u8]) -> Option<Self> {
         Some(match name {
             b"x" => Self::Position(0),

@@ -1,7 +1,7 @@
 //! Triangle strips, as some scanners write them instead of faces: each corner makes a triangle with the two before it,
-//! every other one turned round, and −1 begins anew.
+//! every second one reversed, and −1 starts a new strip.
 
-/// The corners of a strip so far.
+/// The state of a strip: its last two corners and its length.
 #[derive(Default)]
 pub(super) struct Strip {
     before: [u32; 2],
@@ -9,7 +9,7 @@ pub(super) struct Strip {
 }
 
 impl Strip {
-    /// Takes the next corner. Returns the triangle that it completes, unless that has no area by its indices.
+    /// Takes the next corner. Returns the triangle that it completes, unless two of its corners are equal.
     pub(super) fn next(&mut self, index: i64, vertex_count: usize) -> Result<Option<[u32; 3]>, String> {
         if index == -1 {
             self.length = 0;

@@ -9,7 +9,7 @@ use crate::image::linear_of_srgb;
 use crate::model::COORDINATE_MAX;
 use crate::{Mesh, SceneError};
 
-/// Part of the vertices. Absent attributes are empty.
+/// A range of the vertices. Absent attributes are empty.
 pub(super) struct Slices<'a> {
     pub(super) positions: &'a mut [Vec3],
     normals: &'a mut [Vec3],
@@ -17,7 +17,7 @@ pub(super) struct Slices<'a> {
     colors: &'a mut [Vec4],
 }
 
-/// Takes memory for the vertices of an element, those attributes that it has all of.
+/// Allocates the vertices of an element, with the attributes that are complete.
 pub(super) fn allocate(source: MeshSource<'_>, element: &Element) -> Result<Mesh, SceneError> {
     let roles = element.roles();
     let count = element.count;
@@ -36,13 +36,13 @@ pub(super) fn allocate(source: MeshSource<'_>, element: &Element) -> Result<Mesh
 }
 
 impl<'a> Slices<'a> {
-    /// All vertices of a mesh.
+    /// Returns all vertices of a mesh.
     pub(super) fn of(mesh: &'a mut Mesh) -> Self {
         let Mesh { positions, normals, uvs: [uvs, _], colors, .. } = mesh;
         Self { positions, normals, uvs, colors }
     }
 
-    /// Takes the first vertices off.
+    /// Splits off the first vertices.
     fn take(&mut self, count: usize) -> Self {
         Self {
             positions: take(&mut self.positions, count),
@@ -52,12 +52,12 @@ impl<'a> Slices<'a> {
         }
     }
 
-    /// Cuts them into parts of so many vertices each.
+    /// Splits into ranges of the given numbers of vertices.
     pub(super) fn split(mut self, counts: impl Iterator<Item = usize>) -> Vec<Self> {
         counts.map(|count| self.take(count)).collect()
     }
 
-    /// Fills one component of all vertices of the part.
+    /// Fills one component of all vertices of the range.
     pub(super) fn fill(&mut self, role: Role, kind: NumberKind, values: impl Iterator<Item = f64>) {
         match role {
             Role::Position(axis) => fill(bytemuck::cast_slice_mut(self.positions), 3, axis, values),
@@ -82,7 +82,7 @@ impl<'a> Slices<'a> {
         slices.fill(role, kind, std::iter::once(value));
     }
 
-    /// Makes colours without alpha opaque, and finds the first vertex without a usable position.
+    /// Sets alpha to 1 if the file has none. The error is the first vertex without a valid position.
     pub(super) fn complete(&mut self, has_alpha: bool) -> Result<(), usize> {
         if !has_alpha {
             self.colors.iter_mut().for_each(|color| color.w = 1.0);
@@ -94,7 +94,7 @@ impl<'a> Slices<'a> {
     }
 }
 
-/// The problem of a vertex that [`Slices::complete`] finds.
+/// The error about a vertex that [`Slices::complete`] finds.
 pub(super) const UNSOUND: &str = "the position is not a number, or out of reach";
 
 fn take<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
@@ -109,7 +109,7 @@ fn fill(to: &mut [f32], width: usize, component: usize, values: impl Iterator<It
     }
 }
 
-/// A colour of the file as linear value.
+/// Converts a colour value of the file to linear.
 pub(super) fn color(value: f64, kind: NumberKind, channel: usize) -> f64 {
     let value = value / kind.color_max();
     if kind.is_integer() && channel < 3 { linear_of_srgb(value.clamp(0.0, 1.0)) } else { value }

@@ -1,8 +1,8 @@
-//! `curve`: hair, fur and grass.
+//! The shape `curve`: hair, fur and grass.
 //!
-//! A curve is cut into straight pieces that are off by at most 2 % of its width. One that is `flat` turns its width to each
-//! ray, and so does a `cylinder`, which is round (see [`FacingCurves`]). A `ribbon` is a band of triangles. A curve that shines,
-//! which pbrt cannot sample, is a tube of triangles.
+//! A curve is divided into straight pieces that deviate by at most 2 % of its width. A `flat` curve turns its width to
+//! each ray, and so does a `cylinder`, which is round (see [`FacingCurves`]). A `ribbon` is a band of triangles. An
+//! emissive curve, which pbrt cannot sample, is a tube of triangles.
 
 use glam::{DVec3, Vec2};
 
@@ -15,21 +15,23 @@ use crate::text::shortened;
 use crate::tube::bezier_of_bspline;
 use crate::{CurveLook, CurvePoint, FacingCurves, Mesh};
 
-/// How far a straight piece may be from the curve, in widths.
+/// Maximal deviation of a straight piece from the curve, in widths.
 const TOLERANCE: f64 = 0.02;
 
-/// Corners of a tube's cross-section, and of that of a hull.
+/// Corners of a cross-section of a tube and of a hull.
 const SIDES: u32 = 5;
 const HULL_SIDES: u32 = 4;
 
-/// What the radius of a tube's cross-section is multiplied with so that seen from all around it is as wide as the curve on the
-/// average: a convex shape is as wide as its perimeter over π. From no side it is off by more than 3.5 %.
+/// Factor of a tube's radius that makes its polygonal cross-section as wide on average as the curve, over all viewing
+/// directions. (The mean width of a convex shape is its perimeter over π.) The width deviates by at most 3.5 %.
 const WIDENING: f64 = 1.068_959; // π ∕ (5 sin(π ∕ 5))
 
-/// Pieces of one Bézier segment, at most.
+/// Maximal number of pieces per Bézier segment.
 const PIECES_MAX: f64 = 32.0;
 
-/// - `shines`: whether it is an area light.
+/// Reads a curve; `None` if it is left out.
+///
+/// - `shines`: it is an area light.
 pub(super) fn read(
     context: &mut Context<'_>,
     params: &Params,
@@ -77,7 +79,7 @@ pub(super) fn read(
         }
     };
     let line = polyline(&segments, widths);
-    // Vertices and triangles, and of a hull the points of the curve.
+    // Vertices and triangles, and for a hull the points of the curve.
     let bytes = line.len() * (SIDES as usize * (32 + 24) + size_of::<CurvePoint>() + 4 * 2 * HULL_SIDES as usize);
     let place = context.place(at);
     context.resources.budget().take(context.path(at.file), &place, bytes)?;
@@ -96,7 +98,7 @@ pub(super) fn read(
     Ok(Some(Geometry::Mesh { mesh: Box::new(mesh), primitive_count: segments.len() }))
 }
 
-/// Cubic Bézier segments of a curve whose segments share their ends.
+/// Returns the cubic Bézier segments of a curve whose segments share their ends.
 fn bezier_segments(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> {
     if points.len() <= degree || !(points.len() - 1).is_multiple_of(degree) {
         return None;
@@ -108,7 +110,7 @@ fn bezier_segments(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> {
     Some((0..(points.len() - 1) / degree).map(segment).collect())
 }
 
-/// Cubic Bézier segments of a uniform B-spline.
+/// Returns the cubic Bézier segments of a uniform B-spline.
 fn bspline_segments(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> {
     if points.len() <= degree {
         return None;
@@ -120,17 +122,17 @@ fn bspline_segments(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> 
     Some(points.windows(degree + 1).map(segment).collect())
 }
 
-/// The same curve with one control point more.
+/// Elevates a quadratic segment to a cubic one.
 fn elevated([a, b, c]: [DVec3; 3]) -> [DVec3; 4] {
     [a, a.lerp(b, 2.0 / 3.0), c.lerp(b, 2.0 / 3.0), c]
 }
 
-/// A point on the way.
+/// A point on the curve.
 struct Station {
     position: DVec3,
     tangent: DVec3,
     width: f64,
-    /// Along the whole curve, from 0 to the number of segments.
+    /// Parameter along the whole curve, from 0 to the number of segments.
     u: f64,
 }
 
@@ -138,7 +140,7 @@ fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station>
     let mut line = Vec::new();
     let count = segments.len() as f64;
     for (index, &[a, b, c, d]) in segments.iter().enumerate() {
-        // The chord of a cubic is off by at most an eighth of its greatest second derivative (de Boor).
+        // A chord deviates from a cubic by at most an eighth of its greatest second derivative (de Boor).
         let bend = (a - b * 2.0 + c).length().max((b - c * 2.0 + d).length());
         let length = (b - a).length() + (c - b).length() + (d - c).length();
         let tolerance = (TOLERANCE * width0.max(width1)).max(1e-4 * length).max(f64::MIN_POSITIVE);
@@ -157,7 +159,7 @@ fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station>
     line
 }
 
-/// The hull of a curve that faces each ray, closed at its ends.
+/// Makes the hull of a ray-facing curve, closed at its ends.
 fn hull(line: &[Station], look: CurveLook) -> Mesh {
     let count = line.last().map_or(1.0, |station| station.u).max(1.0);
     let points = line.iter().enumerate().map(|(index, station)| CurvePoint {
@@ -186,11 +188,11 @@ fn hull(line: &[Station], look: CurveLook) -> Mesh {
     mesh
 }
 
-/// Visits the corners of all cross-sections: their stations, and the directions outwards.
+/// Visits the corners of all cross-sections: their stations and outward directions.
 fn each_ring(line: &[Station], sides: u32, mut visit: impl FnMut(&Station, DVec3)) {
     let mut x = line.first().map_or(DVec3::X, |station| station.tangent.any_orthonormal_vector());
     for station in line {
-        // The frame turns no more than the curve does.
+        // The frame twists no more than the curve does.
         x = (x - station.tangent * station.tangent.dot(x))
             .try_normalize()
             .unwrap_or(station.tangent.any_orthonormal_vector());
@@ -202,7 +204,7 @@ fn each_ring(line: &[Station], sides: u32, mut visit: impl FnMut(&Station, DVec3
     }
 }
 
-/// The triangles between a cross-section and the next one.
+/// Returns the triangles between a cross-section and the next.
 fn sides_between(ring: u32, sides: u32) -> impl Iterator<Item = [u32; 3]> {
     let (a, b) = (ring * sides, (ring + 1) * sides);
     (0..sides).flat_map(move |side| {
@@ -218,7 +220,7 @@ fn tube(line: &[Station]) -> Mesh {
     each_ring(line, SIDES, |station, normal| {
         mesh.positions.push((station.position + normal * (0.5 * WIDENING * station.width)).as_vec3());
         mesh.normals.push(normal.as_vec3());
-        // Across the width, from one edge to the other and back.
+        // Position across the width, to the other edge and back.
         let across = 0.5 + 0.5 * (std::f64::consts::TAU * f64::from(corner % SIDES) / f64::from(SIDES)).cos();
         mesh.uvs[0].push(Vec2::new((station.u / count) as f32, across as f32));
         corner += 1;
@@ -235,7 +237,7 @@ fn ribbon(line: &[Station], normals: &[DVec3]) -> Mesh {
     for station in line {
         let before = (station.u as usize).min(normals.len() - 2);
         let normal = turned(normals[before], normals[before + 1], station.u - before as f64);
-        // The band lies along the curve, wherever the normal points.
+        // Make the normal perpendicular to the curve.
         let normal = (normal - station.tangent * normal.dot(station.tangent)).normalize_or(normal);
         let side = normal.cross(station.tangent).normalize_or_zero() * (0.5 * station.width);
         for (sign, v) in [(-1.0, 1.0), (1.0, 0.0)] {
@@ -251,7 +253,7 @@ fn ribbon(line: &[Station], normals: &[DVec3]) -> Mesh {
     mesh
 }
 
-/// A normal on the way from one to another, by equal angles.
+/// Interpolates normals by equal angles.
 fn turned(from: DVec3, to: DVec3, share: f64) -> DVec3 {
     let (from, to) = (from.normalize_or_zero(), to.normalize_or_zero());
     let angle = from.dot(to).clamp(-1.0, 1.0).acos();

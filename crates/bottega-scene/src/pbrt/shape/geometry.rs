@@ -1,4 +1,4 @@
-//! The geometry of a shape, and the checks of its vertices.
+//! The geometry of a shape, and validation of its vertices.
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
@@ -7,18 +7,18 @@ use super::super::token::{PbrtFault, PbrtPlace};
 use crate::resource::Location;
 use crate::{COORDINATE_MAX, Mesh};
 
-/// The shape of a shape.
+/// The geometry of a shape.
 #[derive(Debug)]
 pub(in super::super) enum Geometry {
-    /// Triangles, and how many primitives pbrt makes of them: each of these has the power of a light for itself.
+    /// Triangles, and the number of pbrt primitives: each of these gets the full power of an area light.
     Mesh { mesh: Box<Mesh>, primitive_count: usize },
-    /// Triangles in a file that is not read yet.
+    /// Triangles in a file that is not yet read.
     Ply(Location),
-    /// A whole sphere around the origin, whose pole is +z.
+    /// A whole sphere around the origin, with pole +z.
     Sphere { radius: f64 },
 }
 
-/// Positions in single precision, within reach.
+/// Converts positions to single precision and checks their range.
 pub(super) fn positions(points: &[DVec3], at: PbrtPlace) -> Result<Vec<Vec3>, PbrtFault> {
     if points.iter().any(|point| point.abs().max_element() > f64::from(COORDINATE_MAX)) {
         return Err(at.fault(format!("a coordinate is beyond {COORDINATE_MAX:e}")));
@@ -26,13 +26,13 @@ pub(super) fn positions(points: &[DVec3], at: PbrtPlace) -> Result<Vec<Vec3>, Pb
     Ok(points.iter().map(|point| point.as_vec3()).collect())
 }
 
-/// Texture coordinates as we have them: v grows downwards.
+/// Converts texture coordinates: v grows downwards.
 pub(super) fn texture_coordinate(uv: DVec2) -> Vec2 {
     let uv = Vec2::new(uv.x as f32, (1.0 - uv.y) as f32);
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
 
-/// Indices of vertices, of which there are `count`.
+/// Converts and checks indices of `count` vertices.
 pub(super) fn indices(numbers: &[f64], count: usize, at: PbrtPlace) -> Result<Vec<u32>, PbrtFault> {
     let index = |&number: &f64| {
         if number >= 0.0 && number < count as f64 {
@@ -44,7 +44,7 @@ pub(super) fn indices(numbers: &[f64], count: usize, at: PbrtPlace) -> Result<Ve
     numbers.iter().map(index).collect()
 }
 
-/// Takes what `list` holds if it has as many elements as there are vertices, and says so if not.
+/// Returns `list` if it has one element per vertex; otherwise warns and drops it.
 pub(super) fn matching<T>(
     context: &mut Context<'_>,
     list: Option<Vec<T>>,

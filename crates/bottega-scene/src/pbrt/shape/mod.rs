@@ -1,8 +1,8 @@
 //! Shapes, in their object space.
 //!
-//! Fronts follow pbrt: a triangle's is the side of its vertex normals where it has any, else the one from which it runs
-//! counter-clockwise; that of a quadric is outside. `ReverseOrientation` turns them over. (pbrt turns the quadrics of
-//! mirroring transformations over when a ray finds them, and not when it samples them as lights. They face outwards here.)
+//! Fronts follow pbrt: the front of a triangle is the side of its vertex normals if it has any, else the side from
+//! which it is counter-clockwise; that of a quadric is outside. `ReverseOrientation` flips them. (For mirroring
+//! transformations, pbrt flips quadrics in ray intersection but not in light sampling. Here they face outwards.)
 
 mod curve;
 pub(super) mod geometry;
@@ -19,9 +19,9 @@ use super::world::Entity;
 use crate::Mesh;
 use crate::text::shortened;
 
-/// Reads the parameters of a shape. `None`: it is left out, which was told.
+/// Reads the parameters of a shape. `None`: it is left out, with a warning.
 ///
-/// - `shines`: whether it is an area light.
+/// - `shines`: it is an area light.
 pub(super) fn read(context: &mut Context<'_>, entity: &Entity, shines: bool) -> PbrtResult<Option<Geometry>> {
     let (params, at) = (&entity.params, entity.at);
     Ok(Some(match entity.kind.as_str() {
@@ -49,13 +49,13 @@ pub(super) fn read(context: &mut Context<'_>, entity: &Entity, shines: bool) -> 
     }))
 }
 
-/// The whole sphere as triangles, for transformations that make no sphere of it.
+/// Returns the whole sphere as triangles, for transformations that do not keep it a sphere.
 pub(super) fn sphere_mesh(radius: f64) -> Mesh {
     quadric::sphere_mesh(radius, -radius, radius, 360.0)
 }
 
 impl Mesh {
-    /// Turns every triangle to the side of its vertex normals.
+    /// Orients every triangle to the side of its vertex normals.
     pub(super) fn face_normals(&mut self) {
         if self.normals.is_empty() {
             return;

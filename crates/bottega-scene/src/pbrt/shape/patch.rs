@@ -1,4 +1,4 @@
-//! `bilinearmesh`: patches between four corners.
+//! The shape `bilinearmesh`: bilinear patches.
 
 use glam::{DVec2, DVec3};
 
@@ -8,10 +8,10 @@ use super::super::token::PbrtPlace;
 use super::geometry::{Geometry, indices, matching, positions, texture_coordinate};
 use crate::Mesh;
 
-/// How far the triangles may be from the patch, in diagonals of the patch.
+/// Maximal deviation of the triangles from the patch, in diagonals of the patch.
 const TOLERANCE: f64 = 1e-3;
 
-/// Strips in either direction, at most.
+/// Maximal number of strips in either direction.
 const STEPS_MAX: f64 = 32.0;
 
 pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
@@ -62,7 +62,7 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
                 mesh.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
             }
         }
-        // A twisted patch is smooth within.
+        // A single twisted patch has smooth normals.
         if normals.is_empty() && patches.len() == 1 && steps > 1 {
             smooth(&mut mesh, [p00, p10, p01, p11], steps);
         }
@@ -72,7 +72,7 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
     Ok(Geometry::Mesh { mesh: Box::new(mesh), primitive_count: patches.len() })
 }
 
-/// Bilinear interpolation of what the corners have.
+/// Interpolates values of the corners bilinearly.
 fn blend<T>(patch: &[u32; 4], values: &[T], uv: DVec2) -> T
 where
     T: Copy + std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>,

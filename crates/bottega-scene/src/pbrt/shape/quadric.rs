@@ -1,6 +1,8 @@
-//! `sphere`, `disk` and `cylinder`. A whole sphere stays one; parts of it, disks and cylinders become triangles with the
-//! normals of the true surface. Their corners are moved outwards a little, so that the area is that of the true surface;
-//! the edge is then off by at most 4·10⁻⁵ (disk), 2·10⁻⁴ (cylinder) and 4·10⁻⁴ (sphere) of the radius.
+//! The shapes `sphere`, `disk` and `cylinder`.
+//!
+//! A whole sphere stays analytic; parts of it, disks and cylinders become triangles with the normals of the true
+//! surface. Their corners are moved outwards slightly to keep the area; the edge is then off by at most 4·10⁻⁵ (disk),
+//! 2·10⁻⁴ (cylinder) and 4·10⁻⁴ (sphere) of the radius.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +13,7 @@ use super::super::token::{PbrtFault, PbrtPlace};
 use super::geometry::{Geometry, texture_coordinate};
 use crate::{COORDINATE_MAX, Mesh};
 
-/// Corners of a whole turn.
+/// Corners of a full circle.
 const DISK_STEPS: u32 = 256;
 const CYLINDER_STEPS: u32 = 128;
 const SPHERE_STEPS: u32 = 128;
@@ -39,7 +41,7 @@ pub(super) fn sphere_mesh(radius: f64, z_min: f64, z_max: f64, phi_max: f64) -> 
         let (sin_phi, cos_phi) = (uv.x * phi_max.to_radians()).sin_cos();
         let (sin_theta, cos_theta) = (theta_min + (theta_max - theta_min) * uv.y).sin_cos();
         let normal = DVec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta);
-        // Both directions are cut into chords of about the same length.
+        // Chords in both directions have about the same length.
         (normal * radius * equal_area(columns, phi_max), normal)
     })
 }
@@ -70,7 +72,7 @@ pub(super) fn cylinder(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtF
         return Err(at.fault("the cylinder has no height"));
     }
     let columns = steps(CYLINDER_STEPS, phi_max);
-    // Of the sides of a prism, not of its base: the perimeter is kept.
+    // Keep the perimeter, which determines the lateral area.
     let half_step = 0.5 * phi_max.to_radians() / f64::from(columns);
     let scale = half_step / half_step.sin();
     Ok(single(grid("cylinder", columns, 1, |uv| {
@@ -93,7 +95,7 @@ fn length(params: &Params, name: &str, at: PbrtPlace) -> Result<f64, PbrtFault> 
     }
 }
 
-/// `phimax`, in degrees.
+/// Reads `phimax`, in degrees.
 fn angle(params: &Params) -> Result<f64, PbrtFault> {
     let degrees = params.float("phimax")?.unwrap_or(360.0);
     let is_sound = degrees.abs() > 0.0;
@@ -108,13 +110,13 @@ fn steps(whole: u32, phi_max: f64) -> u32 {
     ((f64::from(whole) * phi_max / 360.0).ceil() as u32).max(1)
 }
 
-/// What the radius of a polygon is multiplied with so that it has the area of the circle.
+/// Returns the factor of a polygon's radius that gives it the area of the circle.
 fn equal_area(steps: u32, phi_max: f64) -> f64 {
     let step = phi_max.to_radians() / f64::from(steps);
     (step / step.sin()).sqrt()
 }
 
-/// Triangles of a parametric surface on the unit square; `at` gives position and normal of unit length.
+/// Tessellates a parametric surface over the unit square; `at` returns position and unit normal.
 fn grid(name: &str, columns: u32, rows: u32, at: impl Fn(DVec2) -> (DVec3, DVec3)) -> Mesh {
     let mut mesh = Mesh { name: name.into(), ..Mesh::default() };
     for row in 0..=rows {
@@ -131,7 +133,7 @@ fn grid(name: &str, columns: u32, rows: u32, at: impl Fn(DVec2) -> (DVec3, DVec3
             let a = row * (columns + 1) + column;
             let b = a + columns + 1;
             let triangles = [[a, a + 1, b + 1], [a, b + 1, b]];
-            // At a pole, or in the middle of a disk, one of them has no area.
+            // At a pole, or the centre of a disk, one of them has no area.
             mesh.triangles.extend(triangles.into_iter().filter(|&triangle| {
                 let [p, q, r] = triangle.map(|vertex: u32| mesh.positions[vertex as usize]);
                 (q - p).cross(r - p).length_squared() > 0.0

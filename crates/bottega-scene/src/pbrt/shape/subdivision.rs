@@ -1,5 +1,6 @@
-//! `loopsubdiv`: the subdivision surface of Loop (1987, *Smooth Subdivision Surfaces Based on Triangles*), with the
-//! boundary of Hoppe et al. (1994). Vertices end up on the limit surface; normals are those of the finest triangles.
+//! The shape `loopsubdiv`: Loop's subdivision surface (1987, *Smooth Subdivision Surfaces Based on Triangles*), with
+//! the boundary of Hoppe et al. (1994). Vertices are moved to the limit surface; normals are those of the finest
+//! triangles.
 
 use std::collections::HashMap;
 
@@ -11,10 +12,10 @@ use super::super::token::PbrtPlace;
 use super::geometry::{Geometry, indices, positions};
 use crate::Mesh;
 
-/// Each level has four times the triangles.
+/// Maximal number of levels, each of which has four times the triangles.
 const LEVELS_MAX: i64 = 12;
 
-/// Triangles that one surface may become.
+/// Maximal number of triangles of a surface.
 const TRIANGLES_MAX: usize = 1 << 23;
 
 pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
@@ -34,7 +35,7 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
         let problem = format!("{levels} levels would make more than {TRIANGLES_MAX} triangles of it");
         return Err(params.place_of("levels").fault(problem).into());
     }
-    // Vertices, triangles and what finds the edges.
+    // Vertices, triangles and the edge table.
     let bytes = (points.len() * 48 + triangles.len() * 160) << (2 * levels);
     let place = context.place(at);
     context.resources.budget().take(context.path(at.file), &place, bytes)?;
@@ -50,43 +51,43 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
     };
     mesh.smooth_normals();
     mesh.face_normals();
-    // pbrt gives every triangle the same texture coordinates, which this surface has none of.
+    // pbrt gives every triangle the same texture coordinates; this surface has none.
     mesh.uvs[0] = vec![Vec2::ZERO; mesh.positions.len()];
     let primitive_count = mesh.triangles.len();
     Ok(Geometry::Mesh { mesh: Box::new(mesh), primitive_count })
 }
 
-/// Edges by their ends, the lower one first.
+/// Edges by their end vertices, the lower one first.
 type Edges = HashMap<(u32, u32), Edge>;
 
-/// A control net.
+/// A control mesh.
 struct Net {
     points: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
 }
 
-/// What surrounds a vertex.
+/// The neighbours of a vertex.
 #[derive(Clone, Copy, Default)]
 struct Ring {
-    /// Sum of the neighbours, and how many they are.
+    /// Sum of the neighbours; `valence` is their number.
     sum: DVec3,
     valence: u32,
-    /// The same of the neighbours along the boundary.
+    /// Sum of the neighbours along the boundary; `boundary_valence` is their number.
     boundary_sum: DVec3,
     boundary_valence: u32,
 }
 
-/// An edge: the corners opposite to it, and how many triangles share it.
+/// An edge: the sum of the opposite corners, and the number of adjacent triangles.
 #[derive(Clone, Copy, Default)]
 struct Edge {
     opposite: DVec3,
     triangle_count: u32,
-    /// Index of the vertex in its middle.
+    /// Index of the vertex at its midpoint.
     middle: u32,
 }
 
 impl Net {
-    /// The edges by their ends, and in the order in which triangles meet them.
+    /// Returns the edges by their end vertices, and their order of first use by triangles.
     fn edges(&self) -> (Edges, Vec<(u32, u32)>) {
         let mut edges: Edges = HashMap::with_capacity(self.triangles.len() * 3 / 2);
         let mut order = Vec::with_capacity(self.triangles.len() * 3 / 2);
@@ -122,7 +123,7 @@ impl Net {
         rings
     }
 
-    /// Moves the vertices: by `inner` (weight of each neighbour for a valence) and by `boundary`.
+    /// Moves the vertices by the weights `inner` (of each neighbour, by valence) and `boundary`.
     fn moved(&self, rings: &[Ring], inner: impl Fn(u32) -> f64, boundary: f64) -> Vec<DVec3> {
         let vertex = |(point, ring): (&DVec3, &Ring)| match (ring.boundary_valence, ring.valence) {
             (_, 0) => *point,
@@ -131,7 +132,7 @@ impl Net {
                 *point * (1.0 - weight * f64::from(valence)) + ring.sum * weight
             }
             (2, _) => *point * (1.0 - 2.0 * boundary) + ring.boundary_sum * boundary,
-            // Where boundaries meet there is a corner.
+            // Where boundaries meet, keep a corner.
             _ => *point,
         };
         self.points.iter().zip(rings).map(vertex).collect()
@@ -152,7 +153,7 @@ impl Net {
         Self { points, triangles: self.triangles.iter().flat_map(quarter).collect() }
     }
 
-    /// Where the vertices end up after infinitely many refinements.
+    /// Returns the positions on the limit surface.
     fn limit(&self) -> Vec<DVec3> {
         let (edges, order) = self.edges();
         let rings = self.rings(&edges, &order);
@@ -164,7 +165,7 @@ fn key(a: u32, b: u32) -> (u32, u32) {
     (a.min(b), a.max(b))
 }
 
-/// Warren's weight of each neighbour (1995), which pbrt uses.
+/// Returns Warren's weight of each neighbour (1995), as in pbrt.
 fn beta(valence: u32) -> f64 {
     if valence == 3 { 0.1875 } else { 0.375 / f64::from(valence) }
 }

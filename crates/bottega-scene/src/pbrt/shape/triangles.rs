@@ -1,4 +1,4 @@
-//! `trianglemesh`.
+//! The shape `trianglemesh`.
 
 use glam::Vec4;
 
@@ -25,7 +25,7 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) ->
     let normals = params.points3("N", "normal")?;
     let normals = matching(context, normals, "N", count, params.place_of("N"));
     let uvs = match params.points2("uv")? {
-        // As pbrt-v3 had it.
+        // The name in pbrt-v3.
         None => params.points2("st")?,
         uvs => uvs,
     };
