@@ -56,9 +56,8 @@ impl Pace {
         self.ready.map_or(0.0, |ready| (ready - now).abs())
     }
 
-    /// Time until it has painted one more zone, in seconds from now.
+    /// Time until it has painted one more zone that takes `time` reference-machine seconds, in seconds from now.
     fn finish(&self, now: f64, time: f64) -> f64 {
-        /// - `time`: the zone's, in reference-machine seconds.
         self.busy(now) + self.own * time
     }
 
