@@ -221,7 +221,7 @@ fn add<'a>(accumulation: Accumulation, one: ActiveOutput<'a>, activated: &mut Ve
     }
 }
 
-/// How much a condition holds.
+/// The degree to which a condition holds.
 ///
 /// - `grade`: the degree of a term of an input, by their indices.
 pub(crate) fn degree(block: &RuleBlock, condition: &Condition, grade: &impl Fn(usize, usize) -> f64) -> f64 {
