@@ -1,6 +1,6 @@
-//! The Agent Communication Channel: where messages enter and leave the platform (FIPA00067).
+//! The Agent Communication Channel: entry and exit of messages at the platform (FIPA00067).
 //!
-//! It takes an envelope and a message in text, and says what must happen; it opens no connection itself.
+//! It takes an envelope and a message as text, and returns what to do; it opens no connections itself.
 
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
@@ -17,27 +17,27 @@ use crate::{
     },
 };
 
-/// The most messages that are remembered, so that none is taken twice.
+/// Maximum number of messages remembered to detect duplicates.
 const REMEMBERED_MAX: usize = 1 << 14;
-/// How long they are.
+/// Time for which they are remembered.
 const REMEMBERED_FOR: Duration = Duration::from_secs(300);
 
-/// A message as it came, opened and read.
+/// A received message, decoded and parsed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Letter {
-    /// What is written around it.
+    /// The envelope.
     pub envelope: Envelope,
-    /// What it says.
+    /// The message.
     pub message: WireMessage,
-    /// The same in text, for the way on.
+    /// The message as text, for forwarding.
     pub payload: String,
 }
 
 impl Letter {
-    /// Reads a message in the form and the character set that its envelope names.
+    /// Parses a message in the representation and the character set that its envelope names.
     ///
     /// # Errors
-    /// Form or character set are not known, or it does not follow them.
+    /// Representation or character set is unknown, or the message is invalid.
     pub fn open(envelope: Envelope, payload: &[u8]) -> Result<Self, AccError> {
         let payload = decode(envelope.payload_encoding.as_deref(), payload)?;
         let message = match envelope.acl_representation.to_ascii_lowercase().as_str() {
@@ -49,7 +49,7 @@ impl Letter {
     }
 }
 
-/// Text of bytes in a character set. ASCII, which stands for none given, is read as UTF-8, of which it is a part.
+/// Decodes bytes in a character set. ASCII, the default, is read as UTF-8, which includes it.
 fn decode(charset: Option<&str>, bytes: &[u8]) -> Result<String, AccError> {
     match charset.unwrap_or("us-ascii").to_ascii_lowercase().as_str() {
         "us-ascii" | "ascii" | "utf-8" | "utf8" => {
@@ -60,50 +60,50 @@ fn decode(charset: Option<&str>, bytes: &[u8]) -> Result<String, AccError> {
     }
 }
 
-/// A message on its way to another platform.
+/// A message to another platform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outbound {
-    /// Where to try, in order: the first that takes it gets it.
+    /// Addresses to try in order, until one accepts the message.
     pub addresses: Vec<String>,
-    /// The envelope, made out to the agents there.
+    /// The envelope, addressed to the agents there.
     pub envelope: Envelope,
-    /// The message in text.
+    /// The message as text.
     pub payload: String,
     /// The message.
     pub message: WireMessage,
 }
 
-/// The route of a received message: what the ACC wants done with it.
+/// The next step for a received message.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "lives for a moment, and forwarding is as common as delivery")]
 pub enum Routed {
     /// Put the message into the mailbox of an agent of this platform.
     Deliver {
-        /// Whose mailbox.
+        /// The agent.
         to: AgentId,
-        /// What goes in.
+        /// The message.
         message: WireMessage,
     },
-    /// Send it on.
+    /// Forward it to another platform.
     Forward(Outbound),
 }
 
-/// Why an ACC does nothing with what it received.
+/// An error in a received message.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AccError {
-    /// The message cannot be read.
+    /// The message is invalid.
     #[error("the message cannot be read")]
     Message(#[source] WireError),
-    /// A form of messages that is not known here.
+    /// The representation is unknown.
     #[error("messages in the form `{0}` are not taken")]
     UnknownForm(String),
-    /// A character set that is not known here.
+    /// The character set is unknown.
     #[error("messages in the character set `{0}` are not taken")]
     UnknownCharset(String),
-    /// The bytes are no text in their character set.
+    /// The bytes are not valid in their character set.
     #[error("the message is no text in its character set")]
     NotText,
-    /// The message has passed this channel already, and came back or came again.
+    /// The message has passed this channel before: a loop or a duplicate.
     #[error("the message has passed this channel already")]
     Loop,
 }
@@ -113,16 +113,16 @@ pub enum AccError {
 pub struct Acc {
     platform: String,
     calendar: Calendar,
-    /// The first of its addresses stands on its stamps.
+    /// Addresses of this channel; the first one is in its stamps.
     addresses: Vec<String>,
-    /// Who lives here, by name in small letters.
+    /// Agents in this process, by name in lower case.
     agents: BTreeMap<String, AgentId>,
-    /// Agents of this platform that live in other processes.
+    /// Agents of this platform in other processes.
     elsewhere: BTreeMap<String, AgentId>,
-    /// Digests of what came lately, and until when they are kept.
+    /// Digests of recent messages, and the times until which they are kept.
     remembered: BTreeSet<u64>,
     forget_at: VecDeque<(Time, u64)>,
-    /// Nobody outside can know what these digests are.
+    /// A secret, so that others cannot predict these digests.
     salt: u64,
 }
 
@@ -141,22 +141,22 @@ impl Acc {
         }
     }
 
-    /// From now on there is this agent.
+    /// Adds an agent of this process.
     pub fn add(&mut self, agent: AgentId) {
         self.agents.insert(agent.name.to_lowercase(), agent);
     }
 
-    /// From now on there is not.
+    /// Removes an agent of this process.
     pub fn remove(&mut self, agent: &AgentId) {
         self.agents.remove(&agent.name.to_lowercase());
     }
 
-    /// The agent of this name that lives here.
+    /// The agent with this name in this process.
     pub fn resident(&self, agent: &AgentId) -> Option<&AgentId> {
         self.agents.get(&agent.name.to_lowercase())
     }
 
-    /// The white pages say so of an agent; `None`: they know of no other place for it.
+    /// Updates an agent's address from the white pages; `None`: it has none elsewhere.
     pub fn learn(&mut self, name: &str, agent: Option<AgentId>) {
         match agent {
             Some(agent) => _ = self.elsewhere.insert(name.to_lowercase(), agent),
@@ -164,16 +164,16 @@ impl Acc {
         }
     }
 
-    /// What stands on the stamps of this channel.
+    /// The address in this channel's stamps.
     fn mark(&self) -> &str {
         self.addresses.first().unwrap_or(&self.platform)
     }
 
-    /// Takes a message. Each of its intended receivers, or else each of `to`, gets it once; the sender is told, by the
-    /// AMS, of those who cannot.
+    /// Routes a message. Each of its intended receivers, or else each of `to`, gets it once; the AMS informs the sender
+    /// of receivers that cannot be reached.
     ///
     /// # Errors
-    /// Nobody gets it: it was here before.
+    /// The message has passed this channel before.
     pub fn receive(&mut self, now: Time, letter: &Letter) -> Result<Vec<Routed>, AccError> {
         let envelope = &letter.envelope;
         if envelope.received.iter().any(|stamp| stamp.by == self.mark()) || !self.is_new(now, letter) {
@@ -205,7 +205,8 @@ impl Acc {
         Ok(routed)
     }
 
-    /// Whether it has not been here lately. Only dates tell repetition from a message sent again on purpose.
+    /// True if the message has not been seen recently. Only its date distinguishes a duplicate from a message sent
+    /// twice on purpose.
     fn is_new(&mut self, now: Time, letter: &Letter) -> bool {
         while self.forget_at.front().is_some_and(|(at, _)| *at <= now) || self.forget_at.len() >= REMEMBERED_MAX {
             if let Some((_, digest)) = self.forget_at.pop_front() {
@@ -225,10 +226,10 @@ impl Acc {
         new
     }
 
-    /// Where an agent that does not live here may be reached, other than here.
+    /// Addresses elsewhere of an agent that is not in this process.
     pub fn ways_to(&self, agent: &AgentId) -> Vec<String> {
         let known = self.elsewhere.get(&agent.name.to_lowercase()).map_or(&[][..], |known| &known.addresses);
-        // Who was born here, nobody can know better.
+        // Addresses in the name do not count for agents of this platform
         let named = if self.is_ours(agent) { &[][..] } else { &agent.addresses };
         let mut ways: Vec<String> = Vec::new();
         for address in known.iter().chain(named) {
@@ -239,7 +240,7 @@ impl Acc {
         ways
     }
 
-    /// Whether an agent was born on this platform, by its name.
+    /// True if an agent belongs to this platform, by its name.
     pub fn is_ours(&self, agent: &AgentId) -> bool {
         agent.name.rsplit_once('@').is_some_and(|(_, platform)| platform.eq_ignore_ascii_case(&self.platform))
     }
@@ -257,10 +258,10 @@ impl Acc {
         copy
     }
 
-    /// The message of an agent of this platform to one of another one.
+    /// Addresses a message from an agent of this platform to one of another platform.
     ///
     /// # Errors
-    /// It cannot be written in this form, or there is no way to the receiver.
+    /// It cannot be written in this representation, or the receiver has no address.
     pub fn dispatch(
         &self,
         now: Time,
@@ -285,7 +286,7 @@ impl Acc {
     ) -> Result<Outbound, WireError> {
         let xml = form.eq_ignore_ascii_case(XML_FORM);
         let payload = if xml { print_xml(&message) } else { print_string(&message) }?;
-        // No stamps of what it answers: the other side would see a loop.
+        // No stamps of the message it answers, because the other side would detect a loop
         let envelope = Envelope {
             to: vec![receiver.clone()],
             from: message.sender.clone(),
@@ -299,7 +300,7 @@ impl Acc {
         Ok(Outbound { addresses, envelope, payload, message })
     }
 
-    /// The AMS tells the sender that a message on its way did not arrive anywhere.
+    /// The AMS's message to the sender that a message could not be delivered.
     pub fn undelivered(&self, now: Time, outbound: &Outbound, reason: &str) -> Vec<Routed> {
         let envelope = &outbound.envelope;
         let receivers =
@@ -311,8 +312,8 @@ impl Acc {
         told.collect()
     }
 
-    /// Tells the sender that a receiver cannot be reached, in the form in which it wrote. Never for a failure or a
-    /// not-understood: such talk would not end.
+    /// The message to a sender that a receiver cannot be reached, in the representation it used. None in reply to a
+    /// failure or a not-understood, to avoid endless replies.
     pub fn failure(
         &self,
         now: Time,
@@ -344,13 +345,13 @@ impl Acc {
     }
 }
 
-/// Why a message does not leave the platform.
+/// An error in sending a message to another platform.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Undeliverable {
-    /// The receiver has no address elsewhere.
+    /// The receiver has no address.
     #[error("no address is known of the agent")]
     NoAddress,
-    /// It cannot be written.
+    /// It cannot be written in the representation.
     #[error("the message cannot be written")]
     Message(#[source] WireError),
 }

@@ -33,7 +33,7 @@ pub enum Performative {
 }
 
 impl Performative {
-    /// All of them, in the order of the standard's names.
+    /// All performatives, in the order of the standard's names.
     pub const ALL: [Self; 22] = [
         Self::AcceptProposal,
         Self::Agree,
@@ -59,7 +59,7 @@ impl Performative {
         Self::Subscribe,
     ];
 
-    /// The word of the standard, in lower case.
+    /// The standard's name, in lower case.
     pub fn word(self) -> &'static str {
         match self {
             Self::AcceptProposal => "accept-proposal",
@@ -87,7 +87,7 @@ impl Performative {
         }
     }
 
-    /// Reads the word, without case: some platforms write capitals.
+    /// Parses the standard's name, without case: some platforms use capitals.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|performative| performative.word().eq_ignore_ascii_case(word))
     }
@@ -99,35 +99,35 @@ impl fmt::Display for Performative {
     }
 }
 
-/// One message. `C` is the content: typed within one platform (nothing is encoded there), text on a wire.
+/// A message. `C` is its content: a type within one platform (where nothing is encoded), text on the wire.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AclMessage<C = String> {
-    /// What the sender does by saying it.
+    /// The communicative act.
     pub performative: Performative,
-    /// Who says it.
+    /// The sender.
     pub sender: AgentId,
-    /// To whom.
+    /// The receivers.
     pub receivers: Vec<AgentId>,
-    /// What is said.
+    /// The content.
     pub content: C,
-    /// The language of the content, as text: `fipa-sl`, `bottega-json`, …
+    /// The language of the content as text: `fipa-sl`, `bottega-json`, …
     pub language: &'static str,
-    /// The vocabulary of the content.
+    /// The ontology of the content.
     pub ontology: &'static str,
     /// The interaction protocol: `fipa-contract-net`, `fipa-request`, `fipa-subscribe`, …
     pub protocol: &'static str,
-    /// Ties the messages of one conversation together.
+    /// Identifies the conversation.
     pub conversation_id: u64,
-    /// What an answer must carry as `in_reply_to`; 0: none.
+    /// The `in_reply_to` of a reply; 0: none.
     pub reply_with: u64,
-    /// The `reply_with` of the message that this one answers; 0: none.
+    /// The `reply_with` of the message that this one replies to; 0: none.
     pub in_reply_to: u64,
-    /// When an answer is of no more use.
+    /// The time until which a reply is accepted; `None`: no limit.
     pub reply_by: Option<Time>,
 }
 
 impl<C> AclMessage<C> {
-    /// A message to one receiver that belongs to no conversation yet.
+    /// A message to one receiver, outside any conversation.
     pub fn new(performative: Performative, sender: AgentId, receiver: AgentId, content: C) -> Self {
         Self {
             performative,
@@ -144,7 +144,7 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// An answer of `from` to the sender of this message: same conversation, protocol, language and ontology.
+    /// A reply of `from` to the sender: same conversation, protocol, language and ontology.
     pub fn reply(&self, performative: Performative, from: AgentId, content: C) -> Self {
         Self {
             language: self.language,
@@ -156,7 +156,7 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// The same message with another content.
+    /// The message with its content mapped.
     pub fn map<D>(self, change: impl FnOnce(C) -> D) -> AclMessage<D> {
         AclMessage {
             performative: self.performative,
@@ -173,8 +173,8 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// The answer of `from` that it cannot make sense of this message, whose content it repeats. `None` where such an
-    /// answer could go on for ever: to a not-understood, and to a failure.
+    /// The not-understood reply of `from`, which repeats the content. `None` in reply to a not-understood or a failure,
+    /// to avoid endless replies.
     pub fn not_understood(&self, from: AgentId) -> Option<Self>
     where
         C: Clone,

@@ -1,61 +1,61 @@
-//! The bus between agents, the store and the blobs.
+//! The bus between agents, store and blobs.
 
 use std::sync::Arc;
 
 use crate::{AclMessage, Action, AgentId, Key, StoreRequest, Ticket};
 
-/// The digest by which a blob is known. Whoever makes the blob computes it; whoever reads checks it.
+/// The digest that identifies a blob. Its creator computes it; readers verify it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BlobId(pub [u8; 32]);
 
 /// The bytes of a blob, shared.
 pub type Blob = Arc<[u8]>;
 
-/// The most blobs that a bus in memory keeps.
+/// Maximum number of blobs in an in-memory bus.
 pub const BLOBS_MAX: usize = 1 << 20;
 
-/// Carries messages, store requests and blobs between agents.
+/// A carrier of messages, store requests and blobs between agents.
 ///
-/// No method waits. What comes back arrives as an [`Event`](crate::Event) in the mailbox of the agent that asked:
-/// a *request* is a message with `reply_by`, a *compare-and-set* is a [`StoreRequest`], and silence is a refusal.
+/// No method blocks. Results arrive as an [`Event`](crate::Event) in the mailbox of the agent that asked: a *request*
+/// is a message with `reply_by`, a *compare-and-set* is a [`StoreRequest`], and silence is a refusal.
 pub trait Bus {
-    /// What messages say.
+    /// The content of messages.
     type Content;
-    /// What the store holds.
+    /// The values in the store.
     type Value;
 
-    /// Brings the message to each of its receivers, or loses it.
+    /// Delivers the message to each of its receivers, or loses it.
     fn publish(&mut self, message: AclMessage<Self::Content>);
 
-    /// Brings the message to one of those who joined the queue: all take turns. Kept while nobody has joined.
+    /// Delivers the message to one of the agents that joined the queue, in turn. It is kept while there is none.
     fn enqueue(&mut self, queue: &Key, message: AclMessage<Self::Content>);
 
-    /// Lets an agent take its turn at a queue.
+    /// Adds an agent to a queue.
     fn join(&mut self, queue: &Key, agent: &AgentId);
 
-    /// Asks the store: get, put, compare-and-set, watch.
+    /// Sends a request to the store: get, put, compare-and-set, watch.
     fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<Self::Value>);
 
-    /// Tells the agent who is here, and from now on who comes and goes.
+    /// Reports to the agent who is present, and from now on every arrival and departure.
     fn watch_presence(&mut self, from: &AgentId);
 
-    /// Keeps a blob for all. `false`: there is no room.
+    /// Stores a blob. False if there is no room.
     fn put_blob(&mut self, id: BlobId, blob: Blob) -> bool;
 
-    /// Reads a blob, if it is here.
+    /// Returns a blob, if it is stored.
     fn blob(&self, id: BlobId) -> Option<Blob>;
 }
 
-/// What of an action a bus cannot carry out.
+/// The part of an action that a bus cannot carry out.
 #[derive(Debug, PartialEq)]
 pub(crate) enum OutsideAction<E> {
-    /// To be begun in the world.
+    /// An effect, for the driver.
     Effect(E),
-    /// The agent is finished.
+    /// The agent has ended.
     Stop,
 }
 
-/// Hands an action of `from` to the bus, and returns what is not a bus's business.
+/// Carries an action of `from` out on the bus. Returns the part that is not for the bus.
 pub(crate) fn carry_out<B: Bus, E>(
     bus: &mut B,
     from: &AgentId,

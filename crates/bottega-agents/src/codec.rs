@@ -1,37 +1,37 @@
-//! The form in which messages and entries of the store travel between processes of the same program: what each kind of agents
-//! gives a network, so that the network need not know what they talk about.
+//! The encoding of messages and store entries between processes of the same program. Each kind of agents gives the
+//! network a codec, so that the network does not depend on their contents.
 
-/// The layout of messages and entries. A process of another layout reads none of them; it is refused with a reason when it joins.
+/// Version of the encoding. Processes with another version are refused with a reason when they join.
 pub const WIRE_VERSION: u8 = 3;
 
-/// Writes and reads the contents of messages and the values of entries. Bytes that are read come from another process and are
-/// checked.
+/// Encodes and decodes the contents of messages and the values of entries. Decoded bytes come from other processes and
+/// are validated.
 pub trait Codec: Send + Sync + 'static {
     /// The content of messages.
     type Content: Send + 'static;
     /// The value of an entry of the store.
     type Value: Send + 'static;
-    /// The reason why bytes are refused.
+    /// The error for invalid bytes.
     type Error: std::error::Error + Send + Sync + 'static;
 
-    /// All languages, ontologies and protocols of messages, the same in each version of the layout.
+    /// All languages, ontologies and protocols of messages; the same in every process with this version.
     fn words(&self) -> &'static [&'static str];
 
-    /// Appends a content.
+    /// Appends an encoded content.
     fn write_content(&self, content: &Self::Content, bytes: &mut Vec<u8>);
 
-    /// Reads what [`Self::write_content`] wrote, and nothing else.
+    /// Decodes a content written by [`Self::write_content`].
     ///
     /// # Errors
-    /// It is something else.
+    /// The bytes are invalid.
     fn read_content(&self, bytes: &[u8]) -> Result<Self::Content, Self::Error>;
 
-    /// Appends a value.
+    /// Appends an encoded value.
     fn write_value(&self, value: &Self::Value, bytes: &mut Vec<u8>);
 
-    /// Reads what [`Self::write_value`] wrote, and nothing else.
+    /// Decodes a value written by [`Self::write_value`].
     ///
     /// # Errors
-    /// It is something else.
+    /// The bytes are invalid.
     fn read_value(&self, bytes: &[u8]) -> Result<Self::Value, Self::Error>;
 }

@@ -1,4 +1,4 @@
-//! The trait of a store that drivers need: in memory, in a file, or on a server.
+//! The trait of stores for drivers: in memory, in a file, or on a server.
 
 use std::{
     collections::BTreeSet,
@@ -10,18 +10,18 @@ use crate::{
     store::{AddressedStore, MemoryStore},
 };
 
-/// A store of entries that are watched, as [`MemoryStore`] is one.
+/// A store of watched entries, such as [`MemoryStore`].
 ///
-/// Replies to one asker come in the order in which things happened: what it is told of a write by itself or others
-/// never goes back in time.
+/// Replies to one client arrive in the order of the events: they never go back in time, neither for its own writes nor
+/// for those of others.
 pub trait EntryStore<V, W> {
-    /// Carries out a request of `from` and appends the replies, to the asker first, to those who watch after it.
+    /// Executes a request of `from` and appends the replies: first to the client, then to those that watch.
     fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<AddressedStore<V, W>>);
 
-    /// Ends all watches of one who is gone.
+    /// Ends all watches of a client that is gone.
     fn forget(&mut self, who: &W);
 
-    /// Appends what those who watch must hear of writes by other processes. To be called now and then.
+    /// Appends the changes by other processes, for those that watch. Called from time to time.
     fn poll(&mut self, _replies: &mut Vec<AddressedStore<V, W>>) {}
 }
 
@@ -35,7 +35,7 @@ impl<V: Clone, W: Clone + PartialEq> EntryStore<V, W> for MemoryStore<V, W> {
     }
 }
 
-/// A store that several drivers in one process share; each says by a number of its own who asks.
+/// A store shared by several drivers in one process, each with its own client numbers.
 #[derive(Debug)]
 pub struct SharedStore<V>(Arc<Mutex<StoreMembers<V>>>);
 
@@ -44,13 +44,13 @@ type StoreMember = (usize, usize);
 #[derive(Debug)]
 struct StoreMembers<V> {
     store: MemoryStore<V, StoreMember>,
-    /// What the members other than the one who asked must hear.
+    /// Pending replies for the members other than the one that made the request.
     waiting: Vec<Vec<AddressedStore<V, usize>>>,
-    /// Who of each member has asked.
+    /// The clients of each member.
     askers: Vec<BTreeSet<usize>>,
 }
 
-/// One driver's part in a [`SharedStore`].
+/// The access of one driver to a [`SharedStore`].
 #[derive(Debug)]
 pub struct SharedMember<V> {
     shared: Arc<Mutex<StoreMembers<V>>>,
@@ -65,7 +65,7 @@ impl<V: Clone> Default for SharedStore<V> {
 }
 
 impl<V: Clone> SharedStore<V> {
-    /// A part for one more driver.
+    /// Adds a member for one more driver.
     pub fn member(&self) -> SharedMember<V> {
         let mut shared = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         shared.waiting.push(Vec::new());
@@ -100,7 +100,7 @@ impl<V: Clone> EntryStore<V, usize> for SharedMember<V> {
         out: &mut Vec<AddressedStore<V, usize>>,
     ) {
         let mut shared = self.lock();
-        // What happened before comes first.
+        // Deliver earlier events first
         out.append(&mut shared.waiting[self.number]);
         shared.askers[self.number].insert(from);
         let mut replies = Vec::new();

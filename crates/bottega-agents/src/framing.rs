@@ -1,16 +1,17 @@
-//! Records in a log that is only added to.
+//! Records in an append-only log.
 //!
-//! A record is the length of its payload (u64, little endian), the first 16 bytes of the BLAKE3 hash of length and payload,
+//! A record consists of the length of its payload (u64, little endian), the first 16 bytes of the BLAKE3 hash of length
+//! and payload, and the payload. A record that a crash left incomplete is ignored with all that follows it.
 //! and the payload. Of a record that was torn by a crash, and of all behind it, nothing is believed.
 
 use std::io::{self, Read};
 
 const HASH_BYTES: usize = 16;
 
-/// What stands before a payload, in bytes.
+/// Length of the header of a record, in bytes.
 pub const RECORD_HEAD_BYTES: usize = 8 + HASH_BYTES;
 
-/// What stands before a payload.
+/// The header of a record with this payload.
 pub fn record_head(payload: &[u8]) -> [u8; RECORD_HEAD_BYTES] {
     let length = (payload.len() as u64).to_le_bytes();
     let mut head = [0; RECORD_HEAD_BYTES];
@@ -20,10 +21,10 @@ pub fn record_head(payload: &[u8]) -> [u8; RECORD_HEAD_BYTES] {
     head
 }
 
-/// Reads the payload of one record; `None` at the end, or where it is torn, damaged, or longer than `bytes_max`.
+/// Reads the payload of one record; `None` at the end, or if it is incomplete, damaged, or longer than `bytes_max`.
 ///
 /// # Errors
-/// Of the reader.
+/// Reading failed.
 pub fn read_record(from: &mut impl Read, bytes_max: u64) -> io::Result<Option<Vec<u8>>> {
     let mut head = [0; RECORD_HEAD_BYTES];
     match from.read_exact(&mut head) {
@@ -34,7 +35,7 @@ pub fn read_record(from: &mut impl Read, bytes_max: u64) -> io::Result<Option<Ve
     if length > bytes_max {
         return Ok(None);
     }
-    // Grows with what is there, not with what is claimed.
+    // Allocate as data arrives, not as the header claims
     let mut payload = Vec::new();
     from.take(length).read_to_end(&mut payload)?;
     let is_whole = payload.len() as u64 == length && record_head(&payload) == head;

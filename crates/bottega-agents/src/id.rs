@@ -1,31 +1,31 @@
-//! Names of agents.
+//! Identifiers of agents.
 
 use std::{fmt, sync::Arc};
 
-/// A FIPA agent identifier: a globally unique name, and where its owner can be reached.
+/// A FIPA agent identifier: a globally unique name, and addresses.
 ///
-/// Two identifiers are the same agent when their names are equal (FIPA00023, 3.1).
+/// Two identifiers denote the same agent if their names are equal (FIPA00023, 3.1).
 #[derive(Clone, Debug)]
 pub struct AgentId {
-    /// `local@platform`.
+    /// The name: `local@platform`.
     pub name: Arc<str>,
     /// Transport addresses in order of preference; empty within one platform.
     pub addresses: Arc<[String]>,
 }
 
 impl AgentId {
-    /// An agent of this platform.
+    /// The identifier of an agent of this platform.
     pub fn new(name: impl Into<Arc<str>>) -> Self {
         Self { name: name.into(), addresses: Arc::new([]) }
     }
 
-    /// The platform that it was born on: what stands behind the last `@` of its name. All of it where there is none.
+    /// The platform in which it was created: the part after the last `@` of its name; the whole name without one.
     pub fn home(&self) -> &str {
         self.name.rsplit('@').next().unwrap_or(&self.name)
     }
 }
 
-/// The machine of a process or of an agent, by its name: what stands behind the last `@`, up to the first full stop.
+/// The machine in the name of a process or agent: the part after the last `@`, up to the first full stop.
 pub fn machine_of(name: &str) -> &str {
     let process = name.rsplit_once('@').map_or(name, |(_, process)| process);
     process.split_once('.').map_or(process, |(machine, _)| machine)
@@ -33,7 +33,7 @@ pub fn machine_of(name: &str) -> &str {
 
 impl PartialEq for AgentId {
     fn eq(&self, other: &Self) -> bool {
-        // Mostly copies of one name meet.
+        // Compared names are mostly copies of one string
         Arc::ptr_eq(&self.name, &other.name) || self.name == other.name
     }
 }

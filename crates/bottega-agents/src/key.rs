@@ -1,35 +1,35 @@
-//! The names of entries in the store.
+//! Keys of entries in the store.
 
 use std::{fmt, sync::Arc};
 
-/// The name of an entry, such as `work/7/zone/12`. Watches go by prefix.
+/// The key of an entry, such as `work/7/zone/12`. Watches select keys by prefix.
 ///
-/// It is kept as a folder, which many entries share, and a name in it. Where that is a number, nothing is written as text,
-/// and the store finds the entry as in a table.
+/// Stored as a folder, which many entries share, and a name in it. A numeric name needs no formatting, and the store
+/// finds its entry by index.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Key {
-    /// All up to the last `/`, and that too.
+    /// The part up to and including the last `/`.
     pub(crate) folder: Arc<str>,
     pub(crate) name: Name,
 }
 
-/// What stands behind the last `/`.
+/// The part after the last `/`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Name {
-    /// A number as it is printed, without sign or leading zeros.
+    /// A number in its canonical form, without sign or leading zeros.
     Number(u64),
-    /// Anything else.
+    /// Any other text.
     Text(Arc<str>),
 }
 
 impl Key {
-    /// The entry of a number in a folder, whose name ends with `/`. Panics when it does not.
+    /// The key of a number in a folder. Panics unless `folder` ends with `/`.
     pub fn numbered(folder: &Arc<str>, number: u64) -> Self {
         assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
         Self { folder: Arc::clone(folder), name: Name::Number(number) }
     }
 
-    /// An entry of a folder, whose name ends with `/`. Panics when it does not.
+    /// The key of a name in a folder. Panics unless `folder` ends with `/`.
     pub fn named(folder: &Arc<str>, name: &Arc<str>) -> Self {
         assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
         if name.contains('/') {
@@ -39,7 +39,7 @@ impl Key {
         Self { folder: Arc::clone(folder), name: number.unwrap_or_else(|| Name::Text(Arc::clone(name))) }
     }
 
-    /// Whether the name, written as text, begins with that of `prefix`.
+    /// True if the key, as text, starts with `prefix`.
     pub fn starts_with(&self, prefix: &Self) -> bool {
         match &prefix.name {
             Name::Text(rest) if rest.is_empty() => self.folder.starts_with(&*prefix.folder),
@@ -48,7 +48,7 @@ impl Key {
     }
 }
 
-/// Reads a number that is printed again as it was read.
+/// Parses a number in canonical form.
 fn number(text: &str) -> Option<u64> {
     let first = text.bytes().next()?;
     let is_canonical = first.is_ascii_digit() && (first != b'0' || text.len() == 1);

@@ -1,24 +1,24 @@
 //! The FIPA agent platform: identifiers, messages, directories, life cycle, and the buses that carry them.
 //!
-//! No rendering words here. The decision that shaped it: every agent is a state machine (an event and the present
-//! time go in, actions come out) and does no I/O; *drivers* carry its actions out, over channels in one process, over
-//! a network, or in a simulator with virtual time. So one and the same value serves users and is put through a
-//! thousand bad days by a test.
+//! No rendering terms here. The decision that shaped this crate: every agent is a state machine (an event and the
+//! current time go in, actions come out) without I/O; *drivers* execute its actions, over channels in one process, over
+//! a network, or in a simulator with virtual time. So the same code serves users and is tested in simulation against
+//! thousands of failures.
 //!
-//! | where | what |
+//! | item | content |
 //! |---|---|
 //! | [`StateMachine`], [`Event`], [`Action`] | the shape of every agent |
 //! | [`store`] | shared entries with revisions: compare-and-set, watches, fencing tokens |
-//! | [`bus`], [`driver`] | what carries actions out: [`LocalPlatform`] on threads, [`Simulator`] in virtual time with faults |
-//! | [`protocol`] | contract net, request, subscribe as parts that agents are built of |
-//! | [`platform`] | Start Service, AMS, DF; [`platform::StandardAgent`] makes any machine obey the life cycle |
+//! | [`bus`], [`driver`] | execution of actions: [`LocalPlatform`] on threads, [`Simulator`] in virtual time with faults |
+//! | [`protocol`] | contract net, request and subscribe, as components of agents |
+//! | [`platform`] | Start Service, AMS, DF; [`platform::StandardAgent`] makes any state machine obey the life cycle |
 //! | [`wire`], [`sl`] | messages, envelopes and content as text |
-//! | [`acc`], [`gateway`] | the channel that messages take in and out, and what makes strangers and agents understand each other |
+//! | [`acc`], [`gateway`] | the channel for messages to and from other platforms, and the translation of their content |
 //! | `driver::http`, `driver::node` (feature `http`) | the transport over sockets, and a whole platform that JADE can talk to |
-//! | `driver::nats` (feature `nats`); [`codec`] | many machines over NATS; the form in which their messages travel |
-//! | [`entry_store`], [`file_store`] | stores that drivers can use: in memory, shared, in a file that several processes have open |
+//! | `driver::nats` (feature `nats`); [`codec`] | several machines over NATS; the encoding of their messages |
+//! | [`entry_store`], [`file_store`] | stores for drivers: in memory, shared, or in a file that several processes use |
 //!
-//! An agent that repeats what it hears, and one that asks it:
+//! Example: an agent that repeats messages, and one that asks it:
 //!
 //! ```
 //! use bottega_agents::*;
@@ -64,19 +64,19 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # Where is what
+//! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
 //! | reading and writing of SL, ACL and envelopes | `src/sl.rs`, `src/platform/ontology/`, `src/wire/` |
-//! | agents and services; how pages are kept in the store; life cycle | `src/platform/`; `src/platform/service.rs`; `src/platform/life_cycle.rs` |
+//! | agents and services; their pages in the store; life cycle | `src/platform/`; `src/platform/service.rs`; `src/platform/life_cycle.rs` |
 //! | the protocols | `src/protocol/` |
-//! | strangers: the gateway, the channel, the transport over sockets, all of it together | `src/gateway/`, `src/acc.rs`, `src/driver/http/`, `src/driver/node.rs` |
-//! | agents in one process; in virtual time, and what is planned there | `src/driver/local/`; `src/driver/simulator.rs`, `src/driver/network.rs`, `src/driver/plan.rs` |
-//! | messages, rows and pixels between machines, and the rights of a server's users | `src/driver/nats/`, `src/driver/nats/rights.rs` |
-//! | shared rows and their names | `src/store.rs`, `src/key.rs` |
+//! | other platforms: gateway, channel, HTTP transport, complete node | `src/gateway/`, `src/acc.rs`, `src/driver/http/`, `src/driver/node.rs` |
+//! | agents in one process; in virtual time, with planned faults | `src/driver/local/`; `src/driver/simulator.rs`, `src/driver/network.rs`, `src/driver/plan.rs` |
+//! | messages, rows and pixels between machines; rights of a server's users | `src/driver/nats/`, `src/driver/nats/rights.rs` |
+//! | shared entries and their keys | `src/store.rs`, `src/key.rs` |
 //! | a platform's pages in a file; the framing of logs | `src/file_store/`; `src/framing.rs` |
-//! | a platform of two processes in bad weather | `tests/sim/` |
+//! | test: a platform of two processes on a faulty network | `tests/sim/` |
 
 pub mod acc;
 mod acl;

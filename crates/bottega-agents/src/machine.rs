@@ -1,96 +1,97 @@
-//! The one shape that every agent, service and protocol role has: an event and the time go in, actions come out.
+//! State machines: the common form of every agent, service and protocol role. An event and the time go in, actions come
+//! out.
 
 use crate::{
     AclMessage, AgentId, Time,
     store::{Key, StoreReply, StoreRequest, Ticket},
 };
 
-/// An event of an agent.
+/// An event for an agent.
 ///
-/// `C` is the content of messages, `V` the value type of the store, `R` what the world reports about effects.
+/// `C` is the content of messages, `V` the value type of the store, `R` the type of completions.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event<C, V, R> {
-    /// The first event after creation, and after a restart with all memory lost.
+    /// The first event after creation, or after a restart without memory.
     Start,
     /// A message arrived.
     Message(AclMessage<C>),
     /// The store answers, or reports a change of what is watched.
     Store {
-        /// The ticket of the request.
+        /// A reply of the store, or a change of a watched entry.
         ticket: Ticket,
-        /// The answer. A watch has many.
+        /// The reply. A watch has many.
         reply: StoreReply<V>,
     },
-    /// The world reports on an effect that was begun: finished, failed, part of the way.
+    /// A completion of an effect: success, failure, or progress.
     Completed(R),
-    /// An agent came, or has not been heard of for so long that it counts as gone. It may be wrong: only a
-    /// compare-and-set decides who owns what. Goes to agents that asked by [`Action::WatchPresence`].
+    /// An agent arrived, or was silent for so long that it counts as gone. This may be wrong: only a compare-and-set
+    /// decides ownership. Sent to agents that requested it by [`Action::WatchPresence`].
     Presence {
-        /// Who.
+        /// The agent.
         agent: AgentId,
-        /// Whether it is here.
+        /// True if it is present.
         present: bool,
     },
-    /// [`StateMachine::next_deadline`] is reached. It may come when the machine has just named a later one: compare
+    /// [`StateMachine::next_deadline`] is reached. It may arrive when the machine has just set a later one, so compare
     /// with `now`.
     Deadline,
 }
 
-/// An action that an agent wants. Nothing of it has happened when `handle` returns; order is kept for each receiver.
+/// An action requested by an agent. Nothing has happened when `handle` returns; the order is kept per receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action<C, V, E> {
-    /// Sends a message to each of its receivers. It may be lost: who needs an answer sets a deadline.
+    /// Sends a message to each of its receivers. It may be lost: set a deadline if a reply is needed.
     Send(AclMessage<C>),
-    /// Asks the store. The answer carries the same ticket; it may never come.
+    /// Sends a request to the store. The reply has the same ticket; it may never arrive.
     Store {
-        /// Chosen by the asker.
+        /// The ticket, chosen by the agent.
         ticket: Ticket,
-        /// What to do.
+        /// The request.
         request: StoreRequest<V>,
     },
-    /// Begins something in the world outside of the platform; its end comes as [`Event::Completed`].
+    /// Begins an effect outside the platform; its completion arrives as [`Event::Completed`].
     Effect(E),
-    /// Puts a message into a queue: exactly one of those who joined it gets it. Its receivers are ignored.
+    /// Puts a message into a queue: exactly one agent that joined it gets the message. Its receivers are ignored.
     Enqueue {
-        /// Which queue.
+        /// The queue.
         queue: Key,
-        /// What is said.
+        /// The message.
         message: AclMessage<C>,
     },
-    /// From now on takes its turn at a queue.
+    /// Joins a queue, to receive messages from it in turn.
     JoinQueue(Key),
-    /// From now on tells who comes and goes, and at once who is here.
+    /// Requests [`Event::Presence`] events: now for all agents present, and then for changes.
     WatchPresence,
-    /// The agent is finished: it gets no more events.
+    /// Ends the agent: it gets no more events.
     Stop,
 }
 
-/// An agent, a service or a role in a protocol, without I/O: it reads no clock, opens no socket, starts no thread.
+/// An agent, a service or a protocol role without I/O: it reads no clock, opens no socket and starts no thread.
 pub trait StateMachine {
-    /// What messages say.
+    /// The content of messages.
     type Content;
-    /// What the store holds.
+    /// The values in the store.
     type Value;
-    /// What the machine can have done in the world.
+    /// The effects that it can request.
     type Effect;
-    /// What the world says of it.
+    /// The completions of effects.
     type Completion;
 
-    /// Takes one event. What must happen in the world is appended to `actions`, in order.
+    /// Handles one event. Appends the requested actions, in order.
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>);
 
-    /// When to call again with [`Event::Deadline`] even if nothing arrives. A deadline that is not later than `now`
-    /// after it was answered must not be named again, or the driver would turn in place.
+    /// The time of the next [`Event::Deadline`]; `None`: none. After a deadline was handled it must be later than
+    /// `now`, or the driver loops forever.
     fn next_deadline(&self) -> Option<Time>;
 }
 
-/// The events of a machine.
+/// The event type of a machine.
 pub type EventOf<M> = Event<<M as StateMachine>::Content, <M as StateMachine>::Value, <M as StateMachine>::Completion>;
 
-/// The actions of a machine.
+/// The action type of a machine.
 pub type ActionOf<M> = Action<<M as StateMachine>::Content, <M as StateMachine>::Value, <M as StateMachine>::Effect>;
 
-/// Any machine of a platform, where several kinds of agents share one vocabulary.
+/// A boxed machine, for several kinds of agents with one vocabulary.
 pub type BoxedMachine<C, V, E, R> =
     Box<dyn StateMachine<Content = C, Value = V, Effect = E, Completion = R> + Send + 'static>;
 

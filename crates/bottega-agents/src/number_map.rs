@@ -1,17 +1,17 @@
-//! A map whose keys are mostly 0, 1, 2, …
+//! A map for keys that are mostly 0, 1, 2, …
 
 use std::collections::BTreeMap;
 
-/// The dense part has so many slots for each entry at most, and a few more.
+/// Maximum number of slots of the dense part per entry, plus a few.
 const SLOTS_EACH: usize = 2;
 const SLOTS_MORE: usize = 64;
 
-/// A map from numbers, most of which follow each other from 0 on: those are looked up by one access. The others, which lie
-/// far beyond, are kept in a tree, so that no number costs more memory than an entry's.
+/// A map from numbers, mostly consecutive from 0, which are looked up by index. Numbers far beyond are kept in a tree,
+/// so that no key costs more memory than one entry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NumberMap<V> {
     dense: Vec<Option<V>>,
-    /// All are beyond the dense ones.
+    /// Entries beyond the dense part.
     sparse: BTreeMap<u64, V>,
     len: usize,
 }
@@ -23,17 +23,17 @@ impl<V> Default for NumberMap<V> {
 }
 
 impl<V> NumberMap<V> {
-    /// An empty map with room for 0, 1, … `count` − 1, in whatever order they come.
+    /// An empty map with room for 0, 1, … `count` − 1, inserted in any order.
     pub fn with_room_for(count: usize) -> Self {
         Self { dense: std::iter::repeat_with(|| None).take(count).collect(), ..Self::default() }
     }
 
-    /// How many entries there are.
+    /// The number of entries.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether there are none.
+    /// True if there are no entries.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -48,7 +48,7 @@ impl<V> NumberMap<V> {
         }
     }
 
-    /// The value of a number, to change it.
+    /// The value of a number, mutable.
     pub fn get_mut(&mut self, number: impl Into<u64>) -> Option<&mut V> {
         let number = number.into();
         match self.slot(number) {
@@ -58,12 +58,12 @@ impl<V> NumberMap<V> {
         }
     }
 
-    /// Whether a number has a value.
+    /// True if a number has a value.
     pub fn contains(&self, number: impl Into<u64>) -> bool {
         self.get(number).is_some()
     }
 
-    /// Gives a number a value. Returns the one before.
+    /// Sets the value of a number. Returns the old one.
     pub fn insert(&mut self, number: impl Into<u64>, value: V) -> Option<V> {
         let number = number.into();
         if self.slot(number).is_none() && number < (SLOTS_EACH * self.len + SLOTS_MORE) as u64 {
@@ -77,7 +77,7 @@ impl<V> NumberMap<V> {
         before
     }
 
-    /// Takes the value of a number away.
+    /// Removes the value of a number.
     pub fn remove(&mut self, number: impl Into<u64>) -> Option<V> {
         let number = number.into();
         let before = match self.slot(number) {
@@ -88,13 +88,13 @@ impl<V> NumberMap<V> {
         before
     }
 
-    /// All entries in the order of their numbers.
+    /// All entries in ascending order of their numbers.
     pub fn iter(&self) -> impl Iterator<Item = (u64, &V)> {
         let dense = self.dense.iter().enumerate().filter_map(|(slot, value)| Some((slot as u64, value.as_ref()?)));
         dense.chain(self.sparse.iter().map(|(&number, value)| (number, value)))
     }
 
-    /// All values in the order of their numbers.
+    /// All values in ascending order of their numbers.
     pub fn values(&self) -> impl Iterator<Item = &V> {
         self.iter().map(|(_, value)| value)
     }

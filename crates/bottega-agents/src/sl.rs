@@ -1,20 +1,20 @@
 //! The content language SL (FIPA00008): expressions of words, strings, numbers and brackets.
 //!
-//! The reader takes the brackets of all of SL, so that content of `fipa-sl1` and beyond can be looked at; what an
-//! expression means is for an ontology to say (see [`crate::platform`]). A word and a string of the same letters are
-//! the same constant. Depth and size are bounded.
+//! The parser accepts the syntax of all of SL, so that content in `fipa-sl1` and beyond can be read; ontologies
+//! interpret expressions (see [`crate::platform`]). A word and a string with the same characters are the same constant.
+//! Depth and size are bounded.
 
 use crate::wire::{TextReader, WireError, is_word, push_text};
 
-/// The most brackets within brackets.
+/// Maximum nesting of brackets.
 pub const DEPTH_MAX: usize = 64;
-/// The most terms of a content.
+/// Maximum number of terms in a content.
 pub const TERMS_MAX: usize = 1 << 16;
 
-/// The names of the content languages that are read here: SL0, and what contains it.
+/// The supported content languages: SL0 and its supersets.
 pub const LANGUAGES: [&str; 4] = ["fipa-sl0", "fipa-sl1", "fipa-sl2", "fipa-sl"];
 
-/// Whether content in this language is read here. Names of languages are compared without case.
+/// True if the content language is supported; compared without case.
 pub fn is_known(language: &str) -> bool {
     LANGUAGES.iter().any(|known| known.eq_ignore_ascii_case(language))
 }
@@ -24,9 +24,9 @@ pub fn is_known(language: &str) -> bool {
 pub enum Term {
     /// A word or a string.
     Text(String),
-    /// A number, a date-time, a variable (`?x`), a key (`:x`), `true` or `false`: as it was written, without quotes.
+    /// A number, a date-time, a variable (`?x`), a key (`:x`), `true` or `false`: as written, without quotes.
     Bare(String),
-    /// What stands in brackets.
+    /// A bracketed list.
     List(Vec<Term>),
 }
 
@@ -36,17 +36,17 @@ impl Term {
         Self::Text(text.into())
     }
 
-    /// `(head argument …)`.
+    /// The term `(head argument …)`.
     pub fn call(head: &str, arguments: impl IntoIterator<Item = Term>) -> Self {
         Self::List(std::iter::once(Self::text(head)).chain(arguments).collect())
     }
 
-    /// A whole number.
+    /// An integer.
     pub fn integer(number: i64) -> Self {
         Self::Bare(number.to_string())
     }
 
-    /// What a word, a string, a number or a date-time says.
+    /// The text of a word, a string, a number or a date-time.
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Self::Text(text) | Self::Bare(text) => Some(text),
@@ -54,7 +54,7 @@ impl Term {
         }
     }
 
-    /// The head and the arguments of `(head argument …)`.
+    /// Head and arguments of `(head argument …)`.
     pub fn as_call(&self) -> Option<(&str, &[Term])> {
         match self {
             Self::List(terms) => match terms.split_first() {
@@ -65,36 +65,36 @@ impl Term {
         }
     }
 
-    /// The arguments, if this is a call of `head`. Heads are compared without case.
+    /// The arguments if this is a call of `head`, compared without case.
     pub fn arguments_of(&self, head: &str) -> Option<&[Term]> {
         self.as_call().filter(|(found, _)| found.eq_ignore_ascii_case(head)).map(|(_, arguments)| arguments)
     }
 
-    /// The elements of a set or a sequence; platforms write one for the other.
+    /// The elements of a set or a sequence; platforms confuse the two.
     pub fn elements(&self) -> Option<&[Term]> {
         self.arguments_of("set").or_else(|| self.arguments_of("sequence"))
     }
 }
 
-/// Reads a content: a tuple of expressions. A single expression without the brackets of the tuple is read as a tuple
-/// of one: some platforms write it so.
+/// Parses a content: a tuple of expressions. A single expression without the tuple's brackets is read as a tuple of
+/// one, as some platforms write it.
 ///
 /// # Errors
-/// The brackets or strings do not close, or there is more than the bounds allow.
+/// Brackets or strings are not closed, or a limit is exceeded.
 pub fn parse(text: &str) -> Result<Vec<Term>, WireError> {
     let term = parse_term(text)?;
     match term {
         Term::List(terms) if matches!(terms.first(), None | Some(Term::List(_))) => Ok(terms),
-        // `((done …))` begins with a bracket; what begins with a word is no tuple.
+        // `((done …))` starts with a bracket; a list that starts with a word is not a tuple
         Term::List(terms) => Ok(vec![Term::List(terms)]),
         word => Ok(vec![Term::List(vec![word])]),
     }
 }
 
-/// Reads one term.
+/// Parses one term.
 ///
 /// # Errors
-/// As [`parse`].
+/// As for [`parse`].
 pub fn parse_term(text: &str) -> Result<Term, WireError> {
     let mut reader = TextReader::new(text)?;
     let term = read(&mut reader)?;
@@ -103,7 +103,7 @@ pub fn parse_term(text: &str) -> Result<Term, WireError> {
 }
 
 fn read(reader: &mut TextReader<'_>) -> Result<Term, WireError> {
-    // The lists that are open, the outermost first.
+    // The open lists, the outermost first
     let mut open: Vec<Vec<Term>> = Vec::new();
     let mut count = 0;
     loop {
@@ -136,18 +136,18 @@ fn read(reader: &mut TextReader<'_>) -> Result<Term, WireError> {
     }
 }
 
-/// What a token without quotes is.
+/// Classifies a token without quotes.
 fn bare(token: &str) -> Term {
     if is_special(token) { Term::Bare(token.to_owned()) } else { Term::Text(token.to_owned()) }
 }
 
-/// Whether a token means something else than its letters.
+/// True if a token is not a plain word: a number, a date-time, a variable or similar.
 fn is_special(token: &str) -> bool {
     token.starts_with(|first: char| first.is_ascii_digit() || matches!(first, '+' | '-' | '.' | '?' | ':' | '@'))
         || ["true", "false"].iter().any(|word| word.eq_ignore_ascii_case(token))
 }
 
-/// Whether a text may stand without quotes here: fewer characters are excluded than from the words of a message.
+/// True if a text may be written without quotes; fewer characters are excluded than from words of a message.
 fn is_word_of_sl(text: &str) -> bool {
     !is_special(text)
         && !text.starts_with('#')
@@ -155,7 +155,7 @@ fn is_word_of_sl(text: &str) -> bool {
         && text.bytes().all(|byte| byte > b' ' && !matches!(byte, b'(' | b')' | b'"'))
 }
 
-/// Writes a content. It reads back as the same.
+/// Formats a content, so that it parses to the same terms.
 pub fn print(terms: &[Term]) -> String {
     let mut out = "(".to_owned();
     for (index, term) in terms.iter().enumerate() {
@@ -168,7 +168,7 @@ pub fn print(terms: &[Term]) -> String {
     out
 }
 
-/// Writes one term.
+/// Formats one term.
 pub fn print_term(term: &Term) -> String {
     let mut out = String::new();
     push(&mut out, term);
@@ -177,13 +177,13 @@ pub fn print_term(term: &Term) -> String {
 
 fn push(out: &mut String, term: &Term) {
     match term {
-        // A word, but not to this language.
+        // A word of messages, but not of SL
         Term::Text(text) if is_special(text) && is_word(text) => {
             out.push('"');
             out.push_str(text);
             out.push('"');
         }
-        // To JADE a text that is written by its length is no text here, but bytes.
+        // JADE reads a length-prefixed text as bytes
         Term::Text(text) if text.ends_with('\\') && is_word_of_sl(text) => out.push_str(text),
         Term::Text(text) => push_text(out, text),
         Term::Bare(text) => out.push_str(text),

@@ -1,7 +1,7 @@
-//! The shared key-value store: every entry has a revision, and a write can ask that nobody wrote in between.
+//! The shared key-value store: every entry has a revision, on which writes can be conditional.
 //!
-//! The revision is also the *fencing token* of whatever the entry awards: it grows with every write to the store, so
-//! what was awarded later always carries the greater one.
+//! The revision is also the *fencing token* of whatever the entry awards: it grows with every write to the store, so a
+//! later award always has the greater token.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -13,27 +13,27 @@ use rustc_hash::FxHashMap;
 pub use crate::key::Key;
 use crate::{key::Name, number_map::NumberMap};
 
-/// Counts the writes to a store. Greater is later, over all keys.
+/// The number of a write to the store. Increases over all keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Revision(pub u64);
 
 impl Revision {
-    /// The revision of an entry that does not exist: what to expect in order to create one.
+    /// The revision of an absent entry: expect it to create one.
     pub const ABSENT: Self = Self(0);
 }
 
-/// Ties an answer to its request. Chosen by the asker; unique among its open requests.
+/// Links a reply to its request. Chosen by the client; unique among its open requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u64);
 
-/// One entry.
+/// An entry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry<V> {
-    /// Its name.
+    /// Its key.
     pub key: Key,
-    /// The write that made it what it is.
+    /// The revision of its last write.
     pub revision: Revision,
-    /// What it holds.
+    /// Its value.
     pub value: V,
 }
 
@@ -42,34 +42,36 @@ pub struct Entry<V> {
 pub enum StoreRequest<V> {
     /// Reads an entry; answered by [`StoreReply::Got`].
     Get {
-        /// Which.
+        /// The key.
         key: Key,
     },
-    /// Writes an entry, whatever was there; answered by [`StoreReply::Written`].
+    /// Writes an entry unconditionally; answered by [`StoreReply::Written`].
     Put {
-        /// Which.
+        /// The key.
         key: Key,
-        /// What it shall hold.
+        /// The new value.
         value: V,
     },
-    /// Writes an entry only if nobody wrote it since; answered by [`StoreReply::Written`] or [`StoreReply::Conflict`].
+    /// Writes an entry if it still has a given revision; answered by [`StoreReply::Written`] or
+    /// [`StoreReply::Conflict`].
     CompareAndSet {
-        /// Which.
+        /// The key.
         key: Key,
-        /// The revision it must have: [`Revision::ABSENT`] where it must not exist yet.
+        /// The revision it must have: [`Revision::ABSENT`] if it must not exist.
         expected_revision: Revision,
-        /// What it shall hold.
+        /// The new value.
         value: V,
     },
-    /// Reports all entries whose name begins so, then [`StoreReply::CaughtUp`], then every write to one of them.
+    /// Reports all entries whose key starts with a prefix, then [`StoreReply::CaughtUp`], then every write to one of
+    /// them.
     Watch {
-        /// How the names begin.
+        /// The prefix.
         prefix: Key,
     },
 }
 
 impl<V> StoreRequest<V> {
-    /// The entry that it is about, or how the names of those begin that are watched.
+    /// The key, or the prefix of a watch.
     pub fn key(&self) -> &Key {
         match self {
             Self::Get { key } | Self::Put { key, .. } | Self::CompareAndSet { key, .. } => key,
@@ -77,7 +79,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// EventKind shall be written.
+    /// The value to write.
     pub fn value(&self) -> Option<&V> {
         match self {
             Self::Put { value, .. } | Self::CompareAndSet { value, .. } => Some(value),
@@ -85,7 +87,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// The same with another value.
+    /// The request with its value mapped.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreRequest<T> {
         match self {
             Self::Get { key } => StoreRequest::Get { key },
@@ -98,40 +100,40 @@ impl<V> StoreRequest<V> {
     }
 }
 
-/// EventKind the store says.
+/// A reply of the store.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreReply<V> {
-    /// The entry asked for, if there is one.
+    /// The requested entry, if it exists.
     Got {
-        /// Which was asked for.
+        /// The key.
         key: Key,
-        /// What is there.
+        /// The entry.
         entry: Option<Entry<V>>,
     },
-    /// Written.
+    /// The entry was written.
     Written {
-        /// Which.
+        /// The key.
         key: Key,
-        /// By which write: the fencing token.
+        /// The new revision: the fencing token.
         revision: Revision,
     },
-    /// Not written: the entry has another revision than expected.
+    /// The entry was not written: it has another revision than expected.
     Conflict {
-        /// Which.
+        /// The key.
         key: Key,
-        /// What is there.
+        /// The current entry.
         entry: Option<Entry<V>>,
     },
-    /// A watched entry as it is now.
+    /// The new state of a watched entry.
     Changed(Entry<V>),
-    /// A watch has reported all that was there when it began.
+    /// A watch has reported all entries that existed at its start.
     CaughtUp,
-    /// The store could not be asked. Whether a write took place is not known.
+    /// The store did not answer. It is unknown whether the write took place.
     Unavailable,
 }
 
 impl<V> StoreReply<V> {
-    /// The same with other values.
+    /// The reply with its values mapped.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreReply<T> {
         let entry = |Entry { key, revision, value }: Entry<V>| Entry { key, revision, value: change(value) };
         match self {
@@ -145,20 +147,20 @@ impl<V> StoreReply<V> {
     }
 }
 
-/// A store in memory: what the drivers of one process hold, and what every other store must behave like.
+/// A store in memory: used by drivers within one process, and the reference for all other stores.
 #[derive(Clone, Debug)]
 pub struct MemoryStore<V, W = ()> {
     folders: BTreeMap<Arc<str>, Folder<V>>,
-    /// Who watches which prefix, in order of asking.
+    /// The watches, in order of their requests.
     watches: Vec<(Key, Ticket, W)>,
     last: Revision,
 }
 
-/// All entries whose names are equal up to the last stroke.
+/// All entries with the same key up to the last `/`.
 #[derive(Clone, Debug)]
 struct Folder<V> {
     numbered: NumberMap<Entry<V>>,
-    /// A hash map, for speed; what goes through several entries goes by `names`.
+    /// A hash map for speed; iteration uses `names`.
     named: FxHashMap<Arc<str>, Entry<V>>,
     names: BTreeSet<Arc<str>>,
 }
@@ -189,20 +191,20 @@ impl<V> Folder<V> {
         }
     }
 
-    /// Numbers first, then names.
+    /// All entries: numbered ones first, then named ones.
     fn iter(&self) -> impl Iterator<Item = &Entry<V>> {
         self.numbered.values().chain(self.names.iter().filter_map(|name| self.named.get(name)))
     }
 }
 
-/// A reply and to whom it goes.
+/// A reply and its receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AddressedStore<V, W> {
-    /// Who asked.
+    /// The receiver.
     pub to: W,
-    /// With which ticket.
+    /// The ticket of its request.
     pub ticket: Ticket,
-    /// What is said.
+    /// The reply.
     pub reply: StoreReply<V>,
 }
 
@@ -213,14 +215,14 @@ impl<V, W> Default for MemoryStore<V, W> {
 }
 
 impl<V, W: PartialEq> MemoryStore<V, W> {
-    /// Ends all watches of one who is gone.
+    /// Ends all watches of a client that is gone.
     pub fn forget(&mut self, who: &W) {
         self.watches.retain(|(_, _, other)| other != who);
     }
 }
 
 impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
-    /// Carries out a request of `from` and appends the replies, to the asker first, to those who watch after it.
+    /// Executes a request of `from` and appends the replies: first to the client, then to those that watch.
     pub fn handle(
         &mut self,
         from: W,
@@ -272,12 +274,12 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
         }
     }
 
-    /// Reads an entry.
+    /// Returns an entry.
     pub fn get(&self, key: &Key) -> Option<&Entry<V>> {
         self.folders.get(&key.folder)?.get(&key.name)
     }
 
-    /// All entries whose name begins so, in the order of their keys: by folder, and there by number, then by name.
+    /// All entries whose key starts with a prefix, in the order of their keys: by folder, then by number, then by name.
     pub fn with_prefix<'a>(&'a self, prefix: &'a Key) -> impl Iterator<Item = &'a Entry<V>> {
         let folders = self.folders.iter().filter(|(folder, _)| folder.starts_with(&*prefix.folder));
         folders.flat_map(|(_, folder)| folder.iter()).filter(|entry| entry.key.starts_with(prefix))

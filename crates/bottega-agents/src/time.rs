@@ -1,11 +1,11 @@
-//! Time as the protocols see it.
+//! Time in protocols.
 
 use std::{
     ops::{Add, Sub},
     time::Duration,
 };
 
-/// A moment, as nanoseconds since the start of the platform; real or virtual.
+/// A moment, in nanoseconds since the start of the platform; real or virtual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Time(u64);
 
@@ -13,17 +13,17 @@ impl Time {
     /// The start of the platform.
     pub const ZERO: Self = Self(0);
 
-    /// The moment so long after the start.
+    /// The moment this long after the start.
     pub fn since_start(elapsed: Duration) -> Self {
         Self(u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX))
     }
 
-    /// How long after the start.
+    /// The time since the start.
     pub fn elapsed(self) -> Duration {
         Duration::from_nanos(self.0)
     }
 
-    /// How long after `earlier`; zero when it is not later.
+    /// The time since `earlier`; zero if `earlier` is later.
     pub fn since(self, earlier: Self) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }

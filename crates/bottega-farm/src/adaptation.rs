@@ -1,4 +1,4 @@
-//! V_cp: how fast an agent is, and how it learns that.
+//! V_cp: the relative speed of an agent, and the rules that adapt it.
 //!
 //! Source: MAGarRO, section 3.4, "Adaptation". Times on the blackboard are in reference-machine time, own time / V_cp.
 
@@ -6,8 +6,8 @@ use std::{collections::VecDeque, time::Duration};
 
 /// The paper's k.
 const PAPER_K: f64 = 0.1;
-/// Ratios that the default remembers. Three new ones outvote the rest, so that a change of speed is known after three
-/// zones, and two outliers are forgiven.
+/// Number of ratios that the default rule keeps. Three new ones outvote the rest, so a change of speed is known after
+/// three zones, and two outliers are ignored.
 const RATIOS_KEPT: usize = 5;
 
 /// The paper's V_cp, dimensionless: 1 is the reference machine, 0.5 is twice as fast.
@@ -19,28 +19,28 @@ impl RelativePower {
     pub const REFERENCE: Self = Self(1.0);
     const RANGE: (f64, f64) = (1e-4, 1e4);
 
-    /// A power within what machines can be; what is no number is the reference.
+    /// A power, clamped to 10⁻⁴..=10⁴; NaN gives the reference.
     pub fn new(value: f64) -> Self {
         if value.is_nan() { Self::REFERENCE } else { Self(value.clamp(Self::RANGE.0, Self::RANGE.1)) }
     }
 
-    /// The number.
+    /// The value, dimensionless.
     pub fn get(self) -> f64 {
         self.0
     }
 
-    /// What a time on this machine would be on the reference machine.
+    /// Converts a time on this machine to reference-machine time.
     pub fn to_reference(self, own: Duration) -> Duration {
         scaled(own, 1.0 / self.0)
     }
 
-    /// What a time on the reference machine is on this one.
+    /// Converts reference-machine time to time on this machine.
     pub fn to_own(self, reference: Duration) -> Duration {
         scaled(reference, self.0)
     }
 }
 
-/// A duration times a factor, at most some centuries.
+/// A duration times a factor; some centuries at most.
 pub(crate) fn scaled(duration: Duration, factor: f64) -> Duration {
     Duration::try_from_secs_f64(duration.as_secs_f64() * factor).unwrap_or(Duration::from_secs(1 << 34))
 }
@@ -48,15 +48,15 @@ pub(crate) fn scaled(duration: Duration, factor: f64) -> Duration {
 /// The rule by which an agent learns its V_cp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AdaptationRule {
-    /// V_cp ← (1 − k)·V_cp + k·(T − T_est) with times in seconds and k = 0.1, equation (1) as printed. It drifts to zero
-    /// when every estimate is right.
+    /// V_cp ← (1 − k)·V_cp + k·(T − T_est) with times in seconds and k = 0.1, equation (1) as printed. Drifts to zero
+    /// if every estimate is right.
     Paper,
     /// The median of the last five ratios of own to reference time.
     #[default]
     MedianRatio,
 }
 
-/// An agent's knowledge of its own speed.
+/// An agent's estimate of its own V_cp.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adaptation {
     rule: AdaptationRule,
@@ -65,17 +65,17 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
-    /// Begins with what the benchmark said.
+    /// Starts from the result of the benchmark.
     pub fn new(rule: AdaptationRule, benchmark: RelativePower) -> Self {
         Self { rule, power: benchmark, ratios: VecDeque::from([benchmark.get()]) }
     }
 
-    /// V_cp.
+    /// The current V_cp.
     pub fn power(&self) -> RelativePower {
         self.power
     }
 
-    /// Learns from a finished zone.
+    /// Updates V_cp after a finished zone.
     ///
     /// - `measured`: T, own time.
     /// - `estimated`: T_est, in reference-machine time.
@@ -101,6 +101,7 @@ impl Adaptation {
     }
 }
 
+/// The median; of an even count the geometric mean of the middle two.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let middle = values.len() / 2;

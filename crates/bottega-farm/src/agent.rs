@@ -1,4 +1,4 @@
-//! Any agent of the farm: what a driver runs.
+//! The agents of the farm as one type, for drivers.
 
 use bottega_agents::{StateMachine, Time};
 
@@ -7,7 +7,7 @@ use crate::{
     RenderAgent,
 };
 
-/// One of the farm's agents. They share one vocabulary, so that one driver can run them.
+/// One of the farm's agents. All share one vocabulary, so one driver can run them.
 #[derive(Clone, Debug)]
 pub enum FarmAgent {
     /// The Analyst.
@@ -16,7 +16,7 @@ pub enum FarmAgent {
     Master(Box<Master>),
     /// A Render Agent.
     Render(Box<RenderAgent>),
-    /// A service of the platform.
+    /// A service of the platform: Start Service, AMS or DF.
     Directory(Box<DirectoryService>),
 }
 

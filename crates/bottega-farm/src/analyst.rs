@@ -1,4 +1,4 @@
-//! The Analyst: from a fast look at the scene to the rows of the Blackboard.
+//! The Analyst: turns a survey of the scene into the rows of the Blackboard.
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
@@ -13,46 +13,46 @@ use crate::{
     importance::Outlook, protocol, registrant::Registrant,
 };
 
-/// Cells of the survey at most: a look, not a picture.
+/// Maximum number of cells of the survey.
 const SURVEY_CELLS_MAX: u64 = 1 << 14;
-/// Side of a cell in pixels at least: finer than zones can follow is wasted.
+/// Minimum side of a survey cell, in pixels: zones cannot follow finer detail.
 const SURVEY_CELL_SIDE_MIN: u32 = 4;
-/// How long the Analyst waits for an answer before it asks the store again.
+/// Time without a reply after which the Analyst repeats its requests to the store.
 const RETRY_AFTER: Duration = Duration::from_secs(3);
 
 /// The configuration of an Analyst.
 #[derive(Clone, Debug)]
 pub struct AnalystConfig {
-    /// Its own name.
+    /// The Analyst's own id.
     pub id: AgentId,
-    /// Whom it tells when it has finished.
+    /// The Master to notify at the end.
     pub master: AgentId,
-    /// Which picture.
+    /// The work.
     pub work: WorkId,
-    /// What the user wants of it.
+    /// The user's settings.
     pub settings: WorkSettings,
-    /// What a place is worth.
+    /// The importance function.
     pub importance: ImportanceFunction,
-    /// Which zones to aim at.
+    /// The target of the partition.
     pub partition: PartitionSettings,
-    /// Where it registers, if it does.
+    /// The platform at which it registers; `None`: it does not.
     pub registration: Option<RegistrationConfig>,
-    /// What this machine has learnt of how long zones take.
+    /// Knowledge from earlier works about the times of zones.
     pub knowledge: Foreknowledge,
 }
 
-/// The size of the survey of a picture: its shape, a cell to 4 × 4 pixels, but at most 2¹⁴ cells.
+/// The size of the survey of a picture, in cells: the picture's shape, one cell per 4 × 4 pixels, at most 2¹⁴ cells.
 pub fn survey_size(picture: &Rect) -> (u32, u32) {
     let fit = (picture.area() as f64 / SURVEY_CELLS_MAX as f64).sqrt();
     let cell = fit.max(f64::from(SURVEY_CELL_SIDE_MIN));
     let cells = |side: u32| ((f64::from(side) / cell) as u32).clamp(1, side.max(1));
     let (width, height) = (cells(picture.width()), cells(picture.height()));
-    // A picture of one row has as many cells as one of many.
+    // Bound the cell count of pictures with few rows or columns
     let bounded = |a: u32, b: u32| a.min((SURVEY_CELLS_MAX / u64::from(b)).max(1) as u32);
     (bounded(width, height), bounded(height, width))
 }
 
-/// The Analyst's work without any agent: the map, the zones and their rows.
+/// The result of the Analyst: the map, the zones and their rows.
 #[derive(Clone, Debug)]
 pub struct Analysis {
     /// The importance map.
@@ -63,14 +63,14 @@ pub struct Analysis {
     pub work: WorkRow,
     /// The rows of all zones, by id.
     pub rows: Vec<ZoneRow>,
-    /// What the survey says of each of them.
+    /// The survey's predictions for each of them.
     pub outlooks: Arc<[TaskOutlook]>,
 }
 
-/// Analyzes a picture.
+/// Analyzes a picture: makes the importance map, cuts the zones and predicts their times.
 ///
 /// - `survey`: covers the whole picture.
-/// - `knowledge`: of how long zones take. Zones and their complexities do not depend on it, only T_est does.
+/// - `knowledge`: affects T_est only, not zones and complexities.
 pub fn analyze(
     work: WorkId,
     settings: &WorkSettings,
@@ -79,16 +79,18 @@ pub fn analyze(
     partition: &PartitionSettings,
     knowledge: &Foreknowledge,
 ) -> Result<Analysis, ImportanceError> {
+    // Make the importance map
     let map = ImportanceMap::new(survey, settings.picture, settings.frame, importance)?;
-    // Few dear zones, but none of the agents is without one.
+    // Cut the zones: not more than the survey allows, but at least one per agent
     let most = survey.zones_max.map_or(u32::MAX, |most| most.max(partition.zones_least));
     let partition = Partition::new(&map, settings.frame, &partition.at_most(most));
     let partition = partition.along_grid(settings.goal.grid());
+    // Predict the time of each zone
     let differences = partition.neighbor_differences(&map);
     let outlook = Outlook::new(survey, settings.picture);
     let features = outlook.of(&settings.frame).features;
     let outlooks: Arc<[TaskOutlook]> = partition.iter().map(|(_, rect)| outlook.of(&rect)).collect();
-    // How many samples an error or a time will take is not known.
+    // A goal of error or time does not fix the number of samples, so T_est stays unknown.
     let is_countable = settings.goal == Goal::Samples;
     let time = |zone| is_countable.then(|| knowledge.time(&features, zone, settings.samples));
     let rows: Vec<ZoneRow> = partition
@@ -105,20 +107,21 @@ pub fn analyze(
     Ok(Analysis { map: Arc::new(map), partition: Arc::new(partition), work, rows, outlooks })
 }
 
-/// The state machine of the Analyst. Its work is done when its rows are on the Blackboard. One that is registered stays, as long as
-/// its process has a part in the work.
+/// The state machine of the Analyst. It stops when its rows are on the Blackboard; a registered Analyst stays as long
+/// as its process takes part in the work.
 #[derive(Clone, Debug)]
 pub struct Analyst {
     config: AnalystConfig,
-    /// Rows that the store has not confirmed, by ticket. The work's own row is written last, when all others are there.
+    /// Rows that the store has not confirmed, by ticket. The row of the work is written last, after all others.
     unwritten: BTreeMap<Ticket, FarmValue>,
+    /// The row of the work while it waits for the zones' rows.
     work: Option<WorkRow>,
     retry: Option<Time>,
     registrant: Option<Box<Registrant>>,
 }
 
 impl Analyst {
-    /// An Analyst that has just been born.
+    /// A new Analyst.
     pub fn new(config: AnalystConfig) -> Self {
         let registrant = config.registration.clone();
         let registrant = registrant.map(|place| Box::new(Registrant::new(config.id.clone(), place, &ANALYST_SERVICES)));
@@ -145,8 +148,8 @@ impl Analyst {
         }
     }
 
-    /// Asks the store for all that it has not confirmed. Rows that are there already were written by an earlier life,
-    /// and may have been worked on since.
+    /// Asks the store for every row that it has not confirmed. A row that exists already was written by an Analyst
+    /// before a restart, and stays as it is.
     fn write(&self, actions: &mut Vec<FarmAction>) {
         let keys = WorkKeys::new(self.config.work);
         for (&ticket, value) in &self.unwritten {
@@ -163,7 +166,7 @@ impl Analyst {
             self.unwritten.insert(Ticket(0), FarmValue::Work(Arc::new(work)));
             return self.write(actions);
         }
-        // Workflow, step 3: the Master is notified. It watches the blackboard too, so this may be lost.
+        // Workflow, step 3: notify the Master. It watches the Blackboard too, so this message may be lost.
         let AnalystConfig { id, master, work, .. } = &self.config;
         let content = FarmContent::Analyzed(*work);
         let inform = message(Performative::Inform, protocol::REQUEST, id, vec![master.clone()], content);

@@ -1,8 +1,8 @@
-//! The auction: who gets which zone. Pure: the Master asks, and sends what comes out.
+//! The auction: assigns zones to bidders. Pure functions without I/O: the Master calls them and sends the awards.
 //!
-//! Source: MAGarRO, section 3.4, "Auctioning": agents try to get the more complex zones first; among several the one
-//! with more credit wins; credit rises or falls in proportion to T_est − T. The default rule weighs what an agent promises
-//! by how far its promises held. `docs/magarro.md` states the rules.
+//! Source: MAGarRO, section 3.4, "Auctioning": agents try to get the more complex zones first; of several bidders the
+//! one with the most credit wins; credit changes in proportion to T_est − T. The default rule divides the finishing
+//! time an agent promises by its reliability. `docs/magarro.md` states the rules.
 
 mod by_credit;
 mod by_time;
@@ -25,13 +25,13 @@ pub use self::{
 };
 use crate::Offer;
 
-/// Agents called in one round at most.
+/// Maximum number of agents called in one round.
 pub(crate) const BIDDERS_MAX: usize = 16;
 
-/// Decides one round. Each zone has at most one winner, each bidder wins at most as many as it has room for, and nothing
-/// that it did not bid for.
+/// Decides one round. Each zone has at most one winner. A bidder wins at most as many zones as it has room for, and
+/// only zones that it bid for.
 ///
-/// - `offers`: largest first.
+/// - `offers`: the zones on offer, largest first.
 pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &BidderStanding<'_>) -> Decision {
     let by_time = |bidders: Vec<Bidder>, weighs: bool| {
         let worth = |bidder: &Bidder| if weighs { bidder.worth } else { 1.0 };
@@ -48,6 +48,7 @@ pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standin
         }
         AuctionRule::Promised => Decision { awards: by_time(bidders, false), credit_decided: false },
         AuctionRule::FinishingTime | AuctionRule::Stealing => {
+            // Check whether reliability changes the outcome: decide a second time with all promises believed.
             let first = bidders.first().map_or(1.0, |bidder| bidder.worth);
             let differ = bidders.iter().any(|bidder| bidder.worth != first);
             let at_their_word = differ.then(|| by_time(bidders.clone(), false));
@@ -68,8 +69,8 @@ mod tests {
     use super::*;
     use crate::{Bid, ZoneId};
 
-    /// Agents by (V_cp, load in own seconds, credit), each with room for `room` and a bid for everything, and zones of
-    /// these times.
+    /// Runs one round with agents given as (V_cp, load in own seconds, credit), each with room for `room` zones and a
+    /// bid for every zone, and zones with these times.
     fn round(
         rule: AuctionRule,
         agents: &[(f64, f64, f64)],

@@ -1,7 +1,7 @@
-//! The Blackboard: one row a zone, one a work, one an agent, over the store of the platform.
+//! The Blackboard: a row per zone, work and agent, kept in the platform's store.
 //!
-//! Source: MAGarRO, section 3.4, "Blackboard service": IdWork, IdZone, Size, Complexity, T_est, T_real, Agent. Beside
-//! them stands what recovery needs. All times are in reference-machine time.
+//! Source: MAGarRO, section 3.4, "Blackboard service": IdWork, IdZone, Size, Complexity, T_est, T_real, Agent. Further
+//! fields serve recovery. All times are in reference-machine time.
 
 mod trust;
 mod zone;
@@ -14,7 +14,7 @@ use rustc_hash::FxHashMap;
 pub use self::zone::{ATTEMPTS_MAX, Cut, Rival, Vote, ZoneRow, ZoneState};
 use crate::{Credit, RelativePower, TaskFeatures, WorkId, WorkSettings, ZoneId};
 
-/// The interval in which an input of the rules lies in this work.
+/// The range of a rule input's values in one work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The least value found.
@@ -24,21 +24,21 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// The interval with one more value in it.
+    /// Extends an interval by a value.
     fn join(found: Option<Self>, value: f64) -> Self {
         let found = found.unwrap_or(Self { min: value, max: value });
         Self { min: found.min.min(value), max: found.max.max(value) }
     }
 }
 
-/// The scene's ranges, over which the input sets of the rules are laid out at run time (MAGarRO, section 3.4).
+/// The ranges over which the fuzzy sets of the rules' inputs are laid out at run time (MAGarRO, section 3.4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InputRanges {
-    /// Of [`ZoneRow::complexity_density`].
+    /// The range of [`ZoneRow::complexity_density`].
     pub complexity_density: Interval,
-    /// Of neighbor differences.
+    /// The range of neighbor differences.
     pub neighbor_difference: Interval,
-    /// Of sizes in pixels.
+    /// The range of sizes in pixels.
     pub size: Interval,
 }
 
@@ -59,57 +59,57 @@ impl InputRanges {
     }
 }
 
-/// The row of a work. Written by the Analyst after all its zones.
+/// The row of a work. The Analyst writes it after the rows of all zones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorkRow {
-    /// Which.
+    /// The id of the work.
     pub work: WorkId,
-    /// What the user asked for.
+    /// The user's settings.
     pub settings: WorkSettings,
-    /// How many zones it has.
+    /// The number of zones, without pieces cut off later.
     pub zone_count: u32,
-    /// Over what the rules' inputs are laid out.
+    /// The ranges of the rules' inputs.
     pub ranges: InputRanges,
-    /// What kind of picture it is.
+    /// The features of the whole picture, for predicting times.
     pub features: TaskFeatures,
 }
 
 /// The row of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentRow {
-    /// Who.
+    /// The agent.
     pub agent: AgentId,
     /// V_cp.
     pub power: RelativePower,
-    /// Processors that work on its zones at once; may be a fraction where agents share a machine.
+    /// Number of processors that work on its zones at once; may be a fraction if agents share a machine.
     pub lanes: f64,
-    /// How far its promises held.
+    /// Its credit: how well its times match its promises.
     pub credit: Credit,
-    /// How often others made the same of a zone as it did, where that is compared.
+    /// Number of its paintings that others confirmed, if paintings are compared.
     pub agreed: u32,
-    /// How often it has failed since it last painted something.
+    /// Number of failures since it last painted something.
     pub failures: u32,
-    /// Why it is left out of the work, if it is.
+    /// The reason why it is excluded from the work, if it is.
     pub left_out: Option<String>,
 }
 
 impl AgentRow {
-    /// An agent of which only its benchmark has spoken.
+    /// The row of an agent that has only run its benchmark.
     pub fn new(agent: AgentId, power: RelativePower, lanes: f64) -> Self {
         Self { agent, power, lanes, credit: Credit::default(), agreed: 0, failures: 0, left_out: None }
     }
 }
 
-/// Any row.
+/// A value in the store of a work: a row, or a page of the directories.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FarmValue {
-    /// Of a zone. Shared, for a million of them may be on the blackboard, and each is seen by several.
+    /// The row of a zone. Shared: there may be a million, each held by several readers.
     Zone(Arc<ZoneRow>),
-    /// Of a work.
+    /// The row of a work.
     Work(Arc<WorkRow>),
-    /// Of an agent.
+    /// The row of an agent.
     Agent(Arc<AgentRow>),
-    /// No row, but an entry of the directories: see [`DirectoryService`](crate::DirectoryService).
+    /// An entry of the directories, not a row: see [`DirectoryService`](crate::DirectoryService).
     Page(Arc<str>),
 }
 
@@ -118,14 +118,14 @@ pub enum FarmValue {
 pub struct Blackboard {
     work: Option<Arc<WorkRow>>,
     zones: NumberMap<(Revision, Arc<ZoneRow>)>,
-    /// How many of them are the Analyst's.
+    /// The number of zones made by the Analyst, without pieces.
     root_count: usize,
-    /// A hash map, for speed: never gone through.
+    /// A hash map for speed; never iterated.
     agents: FxHashMap<AgentId, Arc<AgentRow>>,
 }
 
 impl Blackboard {
-    /// Takes in a row as it is, unless a later one is known. Returns whether a zone's row is new or has changed.
+    /// Takes in a row, unless a later revision is known. Returns true if a zone's row is new or has changed.
     pub fn see(&mut self, revision: Revision, value: FarmValue) -> bool {
         match value {
             FarmValue::Zone(row) => {
@@ -145,53 +145,53 @@ impl Blackboard {
                 Some(known) => *known = row,
                 None => _ = self.agents.insert(row.agent.clone(), row),
             },
-            // It lies beside the rows, and is nothing of a work.
+            // Pages are not part of a work.
             FarmValue::Page(_) => {}
         }
         false
     }
 
-    /// Whether a zone's row of this revision would be news.
+    /// True if this revision of a zone's row is later than the known one.
     pub fn is_news(&self, zone: ZoneId, revision: Revision) -> bool {
         self.zones.get(zone.0).is_none_or(|(seen, _)| *seen < revision)
     }
 
-    /// The row of the work, once the Analyst has finished.
+    /// The row of the work; `None` until the Analyst has finished.
     pub fn work(&self) -> Option<&Arc<WorkRow>> {
         self.work.as_ref()
     }
 
-    /// Whether the work and all its zones are known.
+    /// True if the work and all its zones are known.
     pub fn is_complete(&self) -> bool {
         self.work.as_ref().is_some_and(|work| work.zone_count as usize == self.root_count)
     }
 
-    /// A zone with the revision of its row.
+    /// A zone and the revision of its row.
     pub fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, &**row))
     }
 
-    /// A zone as it is shared, with the revision of its row.
+    /// A zone's shared row and its revision.
     pub fn shared(&self, zone: ZoneId) -> Option<(Revision, &Arc<ZoneRow>)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, row))
     }
 
-    /// How many rows of zones there are, with those of pieces.
+    /// The number of zone rows, including pieces.
     pub fn zone_count(&self) -> usize {
         self.zones.len()
     }
 
-    /// All zones in the order of their ids.
+    /// All zones in order of their ids.
     pub fn zones(&self) -> impl Iterator<Item = &ZoneRow> {
         self.zones.values().map(|(_, row)| &**row)
     }
 
-    /// What is known of an agent.
+    /// The row of an agent.
     pub fn agent(&self, agent: &AgentId) -> Option<&AgentRow> {
         self.agents.get(agent).map(|row| &**row)
     }
 
-    /// The revision of a zone's row, as far as it was seen.
+    /// The latest known revision of a zone's row.
     pub fn revision(&self, zone: ZoneId) -> Revision {
         self.zones.get(zone.0).map_or(Revision::ABSENT, |(revision, _)| *revision)
     }

@@ -1,28 +1,29 @@
-//! Cells: squares of pixels, each of which stops by itself when its error is as small as the user asks for.
+//! Cells: squares of pixels, each of which stops when its own error is small enough.
 //!
-//! The grid of cells begins at the picture's first pixel and knows nothing of zones; zones are cut along it. What a cell does
-//! follows from its own samples alone, so a picture with an error is the same for any zones, agents and interruptions.
+//! The grid of cells starts at the picture's first pixel and does not depend on zones, which are cut along it. A cell
+//! depends on its own samples only, so a picture with an error goal is the same for any zones, agents and
+//! interruptions.
 //!
-//! Samples go up in octaves: 8, then 16, 32, 64 and so on, an order of a zone each. Within an octave there are four looks. The
-//! error is estimated from how much the samples since the octave began differ from those before. The last look is one sample
-//! before the end of the octave, and none is at the end: so a cell has as many samples as its zone if and only if it goes on,
-//! and a tile alone says which of its cells have stopped.
+//! Sample counts grow in octaves: 8, 16, 32, 64 and so on, one order per zone and octave. Within an octave there are
+//! four looks, at which the error is estimated from the difference between the samples since the octave began and those
+//! before. The last look is one sample before the end of the octave, never at the end itself: so a cell has as many
+//! samples as its zone if and only if it continues, and the tile alone shows which cells have stopped.
 
 use bottega_image::{Layout, Rect, Tile};
 
 use crate::{Goal, GoalRules, settings::CELL_SIDE};
 
-/// Quarters of an octave's first samples after which there is a look.
+/// Looks of an octave, in quarters of the samples at its beginning.
 const LOOKS: [u32; 3] = [1, 2, 3];
 
-/// Samples at which a zone's octave ends that has so many, at most `samples_max`.
+/// The sample count at which the octave after `samples` ends; at most `samples_max`.
 pub(crate) fn octave_end(samples: u32, samples_max: u32) -> u32 {
     let end = samples.saturating_add(1).checked_next_power_of_two().unwrap_or(u32::MAX);
     end.max(Goal::FIRST_SAMPLES).min(samples_max)
 }
 
-/// The look after `samples` that is nearest to `wanted` samples, in the octave that began with `begun` and is painted up to
-/// `end`; `None`: its end is nearer.
+/// The look after `samples` that is nearest to `wanted`, in the octave that began at `begun` samples and ends at `end`.
+/// `None`: the end is nearer.
 fn next_look(samples: u32, wanted: u32, begun: u32, end: u32) -> Option<u32> {
     let quarters = LOOKS.map(|quarter| begun + begun / 4 * quarter);
     let last = begun.saturating_mul(2) - 1;
@@ -30,59 +31,65 @@ fn next_look(samples: u32, wanted: u32, begun: u32, end: u32) -> Option<u32> {
     looks.chain([end]).min_by_key(|look| look.abs_diff(wanted)).filter(|&look| look < end)
 }
 
-/// The cells of a zone while it is painted.
+/// The cells of a zone while it is painted to an error goal.
 #[derive(Debug)]
 pub(crate) struct Cells {
     cells: Vec<Cell>,
     rules: GoalRules,
     error_wanted: f64,
     samples_max: u32,
-    /// When the present octave began, in samples, and what there was then. `None` before the first.
+    /// The sample count at the beginning of the current octave, and the tile at that time. `None` before the first
+    /// octave.
     before: Option<(u32, Tile)>,
-    /// Of the samples that are being taken: what stopped cells keep.
+    /// The tile before the samples in progress, from which stopped cells are restored.
     kept: Option<Tile>,
 }
 
 #[derive(Debug)]
 struct Cell {
     rect: Rect,
-    /// The look at which it may stop next; `None`: it goes to the end of the octave.
+    /// The look at which it may stop next, as a sample count; `None`: it continues to the end of the octave.
     look: Option<u32>,
     stopped: bool,
     error: Option<f64>,
 }
 
-/// What is painted next of a zone.
+/// The samples to paint next of a zone.
 #[derive(Debug, PartialEq)]
 pub(crate) struct NextSamples {
-    /// Up to so many samples.
+    /// The sample count to reach.
     pub(crate) end: u32,
-    /// Of these pixels; `None`: of all.
+    /// The pixels to paint; `None`: all of them.
     pub(crate) parts: Option<Vec<Rect>>,
 }
 
 impl Cells {
-    /// The cells of a zone that is about to be painted from its first sample, or from the end of an octave.
+    /// The cells of a zone that has no samples yet, or is at the end of an octave.
     pub(crate) fn new(rect: Rect, error_wanted: f64, samples_max: u32) -> Self {
         let cell = |rect| Cell { rect, look: None, stopped: false, error: None };
         let cells = grid(rect).map(cell).collect();
         Self { cells, rules: GoalRules::default(), error_wanted, samples_max, before: None, kept: None }
     }
 
-    /// What to paint after `samples`, of which `tile` holds the sums, at most up to `end`. `None`: all cells have stopped.
+    /// The samples to paint after `samples`, whose sums `tile` holds, up to at most `end`. `None`: all cells have
+    /// stopped.
     pub(crate) fn next(&mut self, samples: u32, tile: Option<&Tile>, end: u32) -> Option<NextSamples> {
         let octave_end = octave_end(samples, self.samples_max).min(end);
         let is_new = self.before.as_ref().is_none_or(|(begun, _)| samples >= begun.saturating_mul(2));
+        // Begin a new octave
         if let Some(tile) = tile.filter(|_| is_new && samples >= Goal::FIRST_SAMPLES) {
             self.begin_octave(samples, tile, octave_end);
         }
+        // Paint up to the next look of any running cell
         let going = || self.cells.iter().filter(|cell| !cell.stopped);
         let look = going().map(|cell| cell.look.unwrap_or(octave_end)).min()?;
+        // Restrict the pixels to running cells, once some have stopped
         self.kept = tile.filter(|_| going().count() < self.cells.len()).cloned();
         let parts = self.kept.as_ref().map(|_| joined(going().map(|cell| cell.rect)));
         Some(NextSamples { end: look.min(octave_end), parts })
     }
 
+    /// Marks the cells with fewer samples than the zone as stopped, and sets the first look of the others.
     fn begin_octave(&mut self, samples: u32, tile: &Tile, end: u32) {
         let look = next_look(samples, samples, samples, end);
         for cell in &mut self.cells {
@@ -93,8 +100,10 @@ impl Cells {
         self.before = Some((samples, tile.clone()));
     }
 
-    /// All cells that go on have `samples` now. Those that have stopped keep what they had, whatever was painted.
+    /// Updates the cells after painting up to `samples`: restores stopped cells, then stops those whose error is small
+    /// enough.
     pub(crate) fn painted(&mut self, samples: u32, tile: &mut Tile) {
+        // Restore the cells that have stopped
         if let Some(kept) = self.kept.take() {
             self.cells.iter().filter(|cell| cell.stopped).for_each(|cell| copy(&kept, tile, &cell.rect));
         }
@@ -102,9 +111,11 @@ impl Cells {
         let end = octave_end(*begun, self.samples_max);
         let is_last = samples == self.samples_max;
         for cell in self.cells.iter_mut().filter(|cell| !cell.stopped) {
+            // Skip the cells without a look at this sample count
             if !is_last && cell.look != Some(samples) {
                 continue;
             }
+            // Estimate the error and choose the next look, or stop
             let error = part(tile, &cell.rect).relative_error(&part(before, &cell.rect));
             cell.error = error.or(cell.error);
             let next = self.rules.next_samples(samples, self.samples_max, error, self.error_wanted);
@@ -113,7 +124,7 @@ impl Cells {
         }
     }
 
-    /// Share of the pixels whose cells go on after `samples`.
+    /// Share of the pixels whose cells continue after `samples`.
     pub(crate) fn unfinished(&self, samples: u32) -> f64 {
         let area = |all: bool| -> u64 {
             self.cells.iter().filter(|cell| all || !cell.stopped).map(|cell| cell.rect.area()).sum()
@@ -121,13 +132,13 @@ impl Cells {
         if samples >= self.samples_max { 0.0 } else { area(false) as f64 / area(true).max(1) as f64 }
     }
 
-    /// The greatest error that was estimated for any of them since [`Cells::new`].
+    /// The greatest error estimated for any cell since [`Cells::new`].
     pub(crate) fn error(&self) -> Option<f64> {
         self.cells.iter().filter_map(|cell| cell.error).max_by(f64::total_cmp)
     }
 }
 
-/// The cells of a rectangle, row by row: those of the picture's grid as far as they lie within.
+/// The cells of the picture's grid in a rectangle, clipped to it, row by row.
 fn grid(rect: Rect) -> impl Iterator<Item = Rect> {
     let cuts = |from: u32, to: u32| {
         let first = from / CELL_SIDE;
@@ -137,7 +148,7 @@ fn grid(rect: Rect) -> impl Iterator<Item = Rect> {
     cuts(rect.y0, rect.y1).flat_map(move |(y0, y1)| cuts(rect.x0, rect.x1).map(move |(x0, x1)| Rect { x0, y0, x1, y1 }))
 }
 
-/// The same pixels in fewer rectangles: those of a row that touch are one.
+/// The same pixels in fewer rectangles: adjacent cells of a row are joined.
 fn joined(cells: impl Iterator<Item = Rect>) -> Vec<Rect> {
     let mut all: Vec<Rect> = Vec::new();
     for cell in cells {

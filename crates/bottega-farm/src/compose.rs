@@ -1,33 +1,32 @@
-//! Blending of neighboring zones: linear masks across interpolation bands.
+//! Blending of neighboring zones with linear masks across interpolation bands.
 //!
-//! A zone is painted grown by its band. Where the grown zones of several neighbours lie over each other, each counts by
-//! how deep the pixel lies in it, divided by the sum of these depths. Across a straight edge between a zone of band *a*
-//! and one of band *b* that is the paper's linear mask over *a + b* pixels (MAGarRO, section 3.5); at corners and
-//! T-junctions it goes over from one edge to the other without a step.
+//! A zone is painted grown by its band. Where grown zones overlap, each has as weight the depth of the pixel in it,
+//! divided by the sum of all depths. Across a straight edge between a zone of band *a* and one of band *b* that is the
+//! paper's linear mask over *a + b* pixels (MAGarRO, section 3.5); at corners and T-junctions it is continuous.
 
 use bottega_image::{Rect, Sides};
 
 use crate::{Partition, partition::ZoneIndex};
 
-/// A zone and what is painted for it.
+/// A zone with its band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BandedZone {
     /// Its own pixels.
     pub rect: Rect,
-    /// With its bands, as far as the frame reaches.
+    /// Its pixels and the band, clipped to the frame.
     pub grown: Rect,
 }
 
 impl BandedZone {
-    /// A zone with its bands, in pixels.
+    /// Makes a zone with its bands, in pixels.
     pub fn new(rect: Rect, bands: Sides<u32>, frame: &Rect) -> Self {
         Self { rect, grown: rect.grown_by(bands, frame) }
     }
 
-    /// How deep the center of the pixel lies within what is painted, in pixels; edges of the frame do not count, for
-    /// nothing lies beyond them. 0 outside.
+    /// The distance of the pixel's center from the nearest edge of the grown zone, in pixels; 0 outside. Edges of the
+    /// frame do not count, because nothing lies beyond them.
     fn depth(&self, x: u32, y: u32, frame: &Rect) -> f32 {
-        /// Deeper than any picture.
+        /// Larger than any depth in a picture.
         const INSIDE: f32 = 1e9;
         if !self.grown.contains(x, y) {
             return 0.0;
@@ -62,23 +61,23 @@ pub fn masks(partition: &Partition, bands: &[Sides<u32>]) -> Vec<Mask> {
         .collect()
 }
 
-/// With which weight each pixel of one zone's tile goes into the picture.
+/// The weights with which the pixels of one zone's tile enter the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     frame: Rect,
     zone: BandedZone,
-    /// All zones that have a pixel in common with it, itself too, in the order of their ids: the sum is then the same
-    /// number for each of them. Empty: there is no other.
+    /// All zones that overlap it, including itself, in order of their ids, so that the sum is bit-identical for each of
+    /// them. Empty: no other zone overlaps it.
     overlapping: Vec<BandedZone>,
 }
 
 impl Mask {
-    /// The mask of a zone that has no band, among others that have none.
+    /// The mask of a zone without a band, where its neighbors have none either.
     pub fn without_band(rect: Rect, frame: Rect) -> Self {
         Self { frame, zone: BandedZone::new(rect, Sides::all(0), &frame), overlapping: Vec::new() }
     }
 
-    /// The mask of `zone` among `others`: all that may overlap it, in the order of their ids; `zone` is among them.
+    /// The mask of `zone`. `others`: all zones that may overlap it, including itself, in order of their ids.
     pub fn new(frame: Rect, zone: BandedZone, mut others: Vec<BandedZone>) -> Self {
         others.retain(|other| other.grown.intersection(&zone.grown).is_some());
         if others.iter().all(|other| *other == zone) {
@@ -87,7 +86,7 @@ impl Mask {
         Self { frame, zone, overlapping: others }
     }
 
-    /// The weight of the pixel (x, y): 0 outside the grown zone, exactly 1 where no other zone reaches. The weights of
+    /// The weight of the pixel (x, y): 0 outside the grown zone, exactly 1 where no other zone overlaps. The weights of
     /// all zones at a pixel sum to 1.
     pub fn weight(&self, x: u32, y: u32) -> f32 {
         if self.overlapping.is_empty() {
@@ -98,7 +97,7 @@ impl Mask {
             return 0.0;
         }
         let sum: f32 = self.overlapping.iter().map(|zone| zone.depth(x, y, &self.frame)).sum();
-        // With no other zone here `sum` is `own`, and the quotient of equal numbers is exactly 1.
+        // Without another zone here `sum` equals `own`, and the quotient is exactly 1.
         own / sum
     }
 }

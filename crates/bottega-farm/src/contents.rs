@@ -1,4 +1,4 @@
-//! The contents of messages between the farm's agents: the ontology `bottega-farm`.
+//! Contents of the messages between the farm's agents: the ontology `bottega-farm`.
 
 use std::{sync::Arc, time::Duration};
 
@@ -6,29 +6,29 @@ use bottega_agents::{AclMessage, AgentId, Performative, Revision, Time, platform
 
 use crate::{Painting, RelativePower, WorkId, WorkRow, ZoneId, ZoneRow};
 
-/// The vocabulary of all messages of this crate.
+/// The ontology of all messages of this crate.
 pub const ONTOLOGY: &str = "bottega-farm";
-/// Within one process nothing is encoded.
+/// The language of messages within one process, which are not encoded.
 pub(crate) const LANGUAGE: &str = "bottega-typed";
 
-/// The interaction protocols that the farm speaks.
+/// The interaction protocols of the farm.
 pub mod protocol {
-    /// Zones by auction.
+    /// Auctions of zones.
     pub const CONTRACT_NET: &str = "fipa-contract-net";
-    /// Profiling, life cycle.
+    /// Profiling and the life cycle of agents.
     pub const REQUEST: &str = "fipa-request";
-    /// Zones that an agent takes from another.
+    /// Transfer of waiting zones from one agent to another.
     pub const STEALING: &str = "bottega-stealing";
-    /// Agents at a Master.
+    /// Registration of agents with a Master.
     pub const SUBSCRIBE: &str = "fipa-subscribe";
 }
 
 /// A zone on offer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offer {
-    /// Which.
+    /// The zone.
     pub zone: ZoneId,
-    /// Predicted cost in average pixels.
+    /// Predicted cost of its pixels, in average pixels of the frame.
     pub complexity: f64,
     /// T_est, reference-machine time.
     pub time_estimated: Duration,
@@ -37,169 +37,169 @@ pub struct Offer {
 /// The bid of an agent for a zone on offer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bid {
-    /// Which.
+    /// The zone.
     pub zone: ZoneId,
-    /// How long after now it would be finished if it were the agent's next.
+    /// Time from now until the agent finishes it, if it is the agent's next zone.
     pub finish: Duration,
 }
 
-/// A zone in an agent's hand: a request to profile it, or an award.
+/// An order to an agent: a request to profile a zone, or an award.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Order {
-    /// What the zone is part of.
+    /// The row of the work.
     pub work: Arc<WorkRow>,
-    /// The zone as the blackboard has it.
+    /// The row of the zone on the Blackboard.
     pub row: Arc<ZoneRow>,
-    /// The revision of that row: the fencing token that the result must carry.
+    /// The revision of that row: the fencing token, which the result must carry.
     pub fence: Revision,
-    /// Whether the agent's own rules decide what the zone is painted with, not those of the agent that profiled it.
+    /// `true`: the agent's own rules choose the settings of the zone, not those of the agent that profiled it.
     pub decides: bool,
 }
 
 /// The result of an order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// Which zone.
+    /// The zone.
     pub zone: ZoneId,
-    /// The token of the order.
+    /// The fencing token of the order.
     pub fence: Revision,
-    /// What was painted, or why nothing was.
+    /// What was painted, or the error.
     pub outcome: Result<Painting, String>,
-    /// Which rules decided what it was painted with: see [`Expert::reasons`](crate::Expert::reasons).
+    /// The rules that chose the settings: see [`Expert::reasons`](crate::Expert::reasons).
     pub reasons: Option<Arc<str>>,
 }
 
-/// An order in an agent's hand, as the agent tells of it.
+/// An order that an agent holds, as its heartbeat reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Holding {
-    /// Which zone.
+    /// The zone.
     pub zone: ZoneId,
-    /// The token of the order.
+    /// The fencing token of the order.
     pub fence: Revision,
-    /// How far it is; it goes up while it is painted. 0: it is not begun, for what all zones need is not there yet.
+    /// Progress; rises while the zone is painted. 0: not begun, because preparation for all zones is not finished.
     pub progress: u64,
 }
 
-/// An order that an agent gives to another.
+/// An order that an agent hands over to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PassedOrder {
-    /// Which zone.
+    /// The zone.
     pub zone: ZoneId,
-    /// The token of the order.
+    /// The fencing token of the order.
     pub fence: Revision,
-    /// How much of the zone the giver keeps, if it can be cut, 0..1; 0: nothing.
+    /// The share of the zone that the giver keeps, if it can be cut, 0..1; 0: nothing.
     pub kept: f64,
 }
 
-/// The operations that each agent has (MAGarRO, section 3.1; FIPA00023).
+/// A life-cycle operation that every agent supports (MAGarRO, section 3.1; FIPA00023).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LifeCycle {
-    /// Takes no new zones. Those in hand are finished.
+    /// Take no new zones, but finish those in hand.
     Suspend,
-    /// Takes zones again.
+    /// Take zones again.
     Resume,
-    /// Ends.
+    /// End.
     Terminate,
 }
 
 /// The content of a message.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FarmContent {
-    /// *subscribe*: an agent and what its benchmark said.
+    /// *subscribe*: an agent registers, with the results of its benchmark.
     Subscription {
         /// V_cp.
         power: RelativePower,
-        /// Processors that work on its zones at once.
+        /// Number of processors that work on its zones at once.
         lanes: f64,
     },
-    /// *agree*: the Master has the agent on its list.
+    /// *agree*: the Master has added the agent to its list.
     Subscribed,
     /// *cancel*: the agent leaves the Master.
     Unsubscription,
     /// *inform*: there is a scene to paint.
     Scene(Arc<WorkRow>),
-    /// *inform*: the Analyst has put the zones on the blackboard.
+    /// *inform*: the Analyst has written the zones to the Blackboard.
     Analyzed(WorkId),
-    /// *request*: render the first samples of a zone.
+    /// *request*: paint the first samples of a zone.
     Profile(Order),
-    /// *cfp*: these zones are to be had.
+    /// *cfp*: these zones are on offer.
     Offers(Arc<[Offer]>),
-    /// *propose*: the agent has room for so many zones, and would finish each at such a time.
+    /// *propose*: the agent's bids.
     Bids {
-        /// Zones that it has room for.
+        /// The number of zones that it has room for.
         room: u32,
-        /// One for each zone that it wants.
+        /// One bid per zone that it wants.
         bids: Vec<Bid>,
     },
     /// *accept-proposal*: paint this zone.
     Award(Order),
-    /// *inform* when it was painted, *failure* when not. Shared, for it is kept until it is answered.
+    /// *inform* after success, *failure* otherwise. Shared, because it is kept until it is confirmed.
     Report(Arc<Report>),
-    /// *confirm*: the report of this order is on the blackboard.
+    /// *confirm*: the report of this order is on the Blackboard.
     Received {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// The token of the order.
+        /// The fencing token of the order.
         fence: Revision,
     },
-    /// *disconfirm*: the report of this order is not wanted.
+    /// *disconfirm*: the report of this order is rejected.
     Refused {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// The token of the order.
+        /// The fencing token of the order.
         fence: Revision,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// *cancel*: another agent has painted this zone; this order is void.
+    /// *cancel*: another agent has painted this zone; the order is void.
     Withdrawn {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// The token of the order.
+        /// The fencing token of the order.
         fence: Revision,
     },
-    /// *inform*: the agent lives, has V_cp `power` and these orders in hand.
+    /// *inform*: the heartbeat of an agent.
     Alive {
         /// V_cp.
         power: RelativePower,
-        /// Its orders.
+        /// The orders that it holds.
         hands: Vec<Holding>,
     },
-    /// *refuse*: the Master does not call this agent any more, and takes nothing from it.
+    /// *refuse*: the Master no longer calls this agent and accepts nothing from it.
     LeftOut {
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// *inform*: the agents that this one may take zones from.
+    /// *inform*: the agents from which the receiver may take zones.
     Neighbors(Vec<AgentId>),
-    /// *request* to a neighbor: the agent has nothing that waits, and would take what waits in the neighbor's hand.
+    /// *request* to a neighbor: the sender has no waiting zones and asks for some of the neighbor's.
     Steal {
-        /// Its own time for a second of the reference machine's, all its processors together.
+        /// The sender's own seconds per second of the reference machine, with all its processors together.
         own: f64,
-        /// When it will have painted what it has in hand, from now.
+        /// Time until the sender has painted what it holds.
         load: Duration,
     },
-    /// *agree*: so many zones that waited are the asking agent's, once the Master has said so.
+    /// *agree*: the number of waiting zones that the sender gives; they change hands when the Master confirms it.
     Yielded(u32),
-    /// *inform* to the Master: the agent gives these orders, of which it has begun none, to another.
+    /// *inform* to the Master: the sender hands these orders, none of them begun, to another agent.
     HandedOver {
-        /// To whom.
+        /// The receiver.
         to: AgentId,
-        /// What it gives.
+        /// The orders.
         orders: Vec<PassedOrder>,
     },
     /// *request*: suspend, resume, terminate.
     LifeCycle(LifeCycle),
-    /// Nothing but the performative: *refuse*, *reject-proposal*, *not-understood*.
+    /// The performative alone: *refuse*, *reject-proposal*, *not-understood*.
     Nothing,
-    /// To and from the services of the platform. It stays within the process.
+    /// A message to or from the platform's services; never leaves the process.
     Management(Arc<ManagementContent>),
 }
 
 /// A message of the farm.
 pub type FarmMessage = AclMessage<FarmContent>;
 
-/// A message that begins a conversation.
+/// A message outside any conversation.
 pub(crate) fn message(
     performative: Performative,
     protocol: &'static str,
@@ -222,12 +222,12 @@ pub(crate) fn message(
     }
 }
 
-/// The same message in a conversation whose answers count until `reply_by`.
+/// The message as the start of a conversation whose replies are accepted until `reply_by`.
 pub(crate) fn asking(message: FarmMessage, conversation_id: u64, reply_by: Option<Time>) -> FarmMessage {
     AclMessage { conversation_id, reply_with: conversation_id, reply_by, ..message }
 }
 
-/// The answer to a message, in its conversation.
+/// The reply to a message, in its conversation.
 pub(crate) fn answer(
     to: &FarmMessage,
     sender: &AgentId,

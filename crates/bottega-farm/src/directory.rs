@@ -1,7 +1,7 @@
-//! The platform of a job: its Start Service, AMS and DF, and what stands in its directories.
+//! The agent platform of a job: Start Service, AMS and DF, and the entries that agents make there.
 //!
-//! Every process of a job has these services, over pages that all share: in one process they are entries of its store, in a farm
-//! notices. What they say to agents stays in the process.
+//! Every process of a job runs these services over shared pages: entries of the store within one process, notices in a
+//! farm. Messages between them and agents stay within the process.
 
 use std::sync::Arc;
 
@@ -20,48 +20,48 @@ use crate::{
     protocol,
 };
 
-/// The name of the platform: what stands behind `@` in the names of its services.
+/// The name of the platform, after the `@` in the names of its services.
 pub const PLATFORM: &str = "bottega";
-/// Whose the agents of jobs are, as the white pages say it.
+/// The `ownership` of jobs' agents in the white pages.
 pub const JOB_OWNERSHIP: &str = "bottega-job";
 
-/// The types of a job's services in the yellow pages.
+/// The service types of a job's agents in the yellow pages.
 pub mod service_type {
-    /// Zones by auction, for Render Agents that speak the farm's own language.
+    /// The Master: zones by auction, for Render Agents that speak the ontology `bottega-farm`.
     pub const MASTER: &str = "bottega-job-master";
-    /// The importance map and the zones.
+    /// The Analyst: the importance map and the zones.
     pub const ANALYST: &str = "bottega-job-analyst";
-    /// The rows of the zones.
+    /// The Blackboard: the rows of the zones.
     pub const BLACKBOARD: &str = "bottega-job-blackboard";
-    /// The scene.
+    /// The Model Repository: the scene.
     pub const MODEL_REPOSITORY: &str = "bottega-job-model-repository";
-    /// Painting.
+    /// A Render Agent: painting of zones.
     pub const RENDER_AGENT: &str = "bottega-job-render-agent";
-    /// How all of them begin.
+    /// Common prefix of all service types.
     pub(super) const PREFIX: &str = "bottega-job-";
 }
 
 type PlatformService<F> = Service<F, FarmContent, FarmValue, FarmEffect, FarmCompletion>;
 
-/// A service of the platform as an agent of the farm.
+/// A service of the platform, run as an agent of the farm.
 #[derive(Clone, Debug)]
 pub enum DirectoryService {
-    /// The root service: what a new agent asks first.
+    /// The Start Service: a new agent's first contact.
     Start(PlatformService<StartService>),
-    /// The white pages.
+    /// The AMS: the white pages.
     Ams(Box<PlatformService<Ams>>),
-    /// The yellow pages.
+    /// The DF: the yellow pages.
     Df(Box<PlatformService<Df>>),
 }
 
-/// The names of the services: Start Service, AMS, DF.
+/// The ids of Start Service, AMS and DF.
 pub fn directory_service_names() -> [AgentId; 3] {
     ["start", "ams", "df"].map(|name| AgentId::new(format!("{name}@{PLATFORM}")))
 }
 
-/// The services of a process, by name.
+/// The services of one process, with their ids.
 ///
-/// - `salt`: what no other process has.
+/// - `salt`: a number unique to the process.
 pub fn directory_services(calendar: Calendar, salt: u64) -> [(AgentId, DirectoryService); 3] {
     let [start, ams, df] = directory_service_names();
     let entry = |id: &AgentId, kind: &str| {
@@ -75,7 +75,7 @@ pub fn directory_services(calendar: Calendar, salt: u64) -> [(AgentId, Directory
         services: vec![ams.clone(), df.clone(), start.clone()],
         administrators: Vec::new(),
         addresses: Vec::new(),
-        // They enter themselves.
+        // The services register themselves.
         enters_residents: false,
         unlisted: Vec::new(),
     });
@@ -94,31 +94,32 @@ pub fn directory_services(calendar: Calendar, salt: u64) -> [(AgentId, Directory
     ]
 }
 
-/// The types of the basic services that agents look for in the service root.
+/// The types of the basic services that agents look up at the Start Service.
 pub(crate) const FIPA_AMS: &str = "fipa-ams";
 pub(crate) const FIPA_DF: &str = "fipa-df";
 
-/// Where the agents of a job register, and what their entries say of it.
+/// The platform at which a job's agents register, and the properties of their entries.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegistrationConfig {
-    /// The root service.
+    /// The Start Service.
     pub start: AgentId,
     /// The work.
     pub work: WorkId,
-    /// The number of the job, where it has one.
+    /// The number of the job, if it has one.
     pub job: Option<u32>,
-    /// Where the Master is at home, as [`machine_of`] has it: others who say that they are it are not believed. `None`: nobody lies.
+    /// The machine of the Master, as [`machine_of`] gives it; agents elsewhere that claim to be the Master are ignored.
+    /// `None`: no check.
     pub master_home: Option<String>,
 }
 
 impl RegistrationConfig {
-    /// Of a work, at the services of this platform.
+    /// The registration for a work, at this platform's services.
     pub fn new(work: WorkId, job: Option<u32>) -> Self {
         let [start, ..] = directory_service_names();
         Self { start, work, job, master_home: None }
     }
 
-    /// Whether this may be the Master, and not one who says so.
+    /// True if the agent's machine is that of the Master.
     pub(crate) fn may_be_master(&self, agent: &AgentId) -> bool {
         self.master_home.as_deref().is_none_or(|home| machine_of(&agent.name) == home)
     }
@@ -130,7 +131,7 @@ impl RegistrationConfig {
         std::iter::once(property("work", self.work.0)).chain(job).collect()
     }
 
-    /// What an agent offers in this work: services of these types, each by these protocols.
+    /// The DF entry of an agent that offers services of these types, each with these protocols.
     pub(crate) fn offer(&self, agent: &AgentId, services: &[(&str, &[&str])]) -> DfAgentDescription {
         let texts = |texts: &[&str]| texts.iter().map(|&text| text.to_owned()).collect::<Vec<String>>();
         let service = |&(kind, protocols): &(&str, &[&str])| ServiceDescription {
@@ -155,7 +156,7 @@ impl RegistrationConfig {
         }
     }
 
-    /// What the Master of this work is found by.
+    /// The DF query for the Master of this work.
     pub(crate) fn master_template(&self) -> DfAgentDescription {
         let work = self.properties().into_iter().take(1).collect();
         let kind = Some(service_type::MASTER.to_owned());
@@ -164,15 +165,15 @@ impl RegistrationConfig {
     }
 }
 
-/// The services of a Master: what it keeps for its agents stands beside it.
+/// The service types of a Master, which also serves the Blackboard and the scene, with their protocols.
 pub(crate) const MASTER_SERVICES: [(&str, &[&str]); 3] = [
     (service_type::MASTER, &[protocol::SUBSCRIBE, protocol::CONTRACT_NET, protocol::REQUEST]),
     (service_type::BLACKBOARD, &[protocol::SUBSCRIBE]),
     (service_type::MODEL_REPOSITORY, &[protocol::REQUEST]),
 ];
-/// Those of an Analyst.
+/// The service types of an Analyst, with their protocols.
 pub(crate) const ANALYST_SERVICES: [(&str, &[&str]); 1] = [(service_type::ANALYST, &[protocol::REQUEST])];
-/// Those of a Render Agent.
+/// The service types of a Render Agent, with their protocols.
 pub(crate) const RENDER_SERVICES: [(&str, &[&str]); 1] =
     [(service_type::RENDER_AGENT, &[protocol::CONTRACT_NET, protocol::REQUEST])];
 
@@ -221,7 +222,7 @@ impl From<String> for FarmValue {
 }
 
 impl AsRef<str> for FarmValue {
-    /// The text of a page; none of any row.
+    /// The text of a page; empty for a row.
     fn as_ref(&self) -> &str {
         match self {
             Self::Page(text) => text,

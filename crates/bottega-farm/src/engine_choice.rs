@@ -1,6 +1,6 @@
-//! The choice among engines for a zone, by the rules of `rules/engine-choice.fcl` or others.
+//! The choice between two engines for a zone, by the rules in `rules/engine-choice.fcl` or by others.
 //!
-//! They see of a zone what the rules of quality see ([`Expert`](crate::Expert)), laid out over the same ranges.
+//! Their inputs are those of the rules of quality ([`Expert`](crate::Expert)), laid out over the same ranges.
 
 use std::sync::Arc;
 
@@ -12,24 +12,24 @@ use crate::{
     zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
 };
 
-/// Which engine suits a zone better: −1 the first named, 1 the last.
+/// The output: −1 prefers the first engine, 1 the last.
 const LEANING: &str = "leaning";
 const INPUTS: [&str; 3] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE];
 
-/// Rules that choose an engine.
+/// Fuzzy rules that choose between two engines.
 #[derive(Clone, Debug)]
 pub struct EngineChoice(Arc<FunctionBlock>);
 
 impl EngineChoice {
-    /// What the rules that come with the program are called.
+    /// The name of the built-in rules.
     pub const RULES_NAME: &str = "engine-choice";
-    /// Their text.
+    /// The built-in rules, as FCL text.
     pub const RULES: &str = include_str!("../../../rules/engine-choice.fcl");
 
-    /// Rules that have been read.
+    /// Uses parsed rules.
     ///
     /// # Errors
-    /// They ask for something that is not known of a zone, or do not decide `leaning`.
+    /// They have an unknown input, or no output `leaning`.
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
         let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
         if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
@@ -42,7 +42,7 @@ impl EngineChoice {
         Ok(Self(Arc::new(rules)))
     }
 
-    /// What they say of a zone; no difference where they cannot be evaluated.
+    /// The preferred engine for a zone; no preference if the rules cannot be evaluated.
     pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
         let evaluate = || -> Result<EnginePreference, ExpertError> {
             let rules = laid_out(&self.0, &work.ranges)?;

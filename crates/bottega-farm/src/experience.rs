@@ -1,11 +1,12 @@
-//! The experience of a machine: how long zones took it in the works before. Text in, text out; files are the caller's.
+//! Experience: what a machine has learned about the time of zones in earlier works. Read from and written to text; the
+//! caller handles files.
 //!
-//! The survey predicts the time of a zone by a fitted sum of counts. What a machine learns is the logarithm of the
-//! measured time over that: a mean for the technique, what the kind of the picture adds to it, what the kind of the zone
-//! adds, what both together add, and what the zone's size adds. So a prediction falls back from what was learnt of just
-//! such zones to what was learnt of all. V_cp is learnt in the same way.
+//! The survey predicts the time of a zone as a fitted sum of counts. Learned is the logarithm of measured over
+//! predicted time, as a sum of terms: one for the technique, and corrections for the kind of picture, the kind of zone,
+//! both together, and the size of the zone. A prediction uses the terms that are known, from the widest kind to the
+//! narrowest. V_cp is learned in the same way.
 //!
-//! A picture does not depend on it: zones are cut, and rules asked, by the survey alone.
+//! Pictures do not depend on experience: the partition and the rules use the survey alone.
 
 mod kind;
 mod lessons;
@@ -17,79 +18,79 @@ use serde::{Deserialize, Serialize};
 use self::{kind::TaskKind, lessons::Lessons};
 use crate::{RelativePower, TaskFeatures, TaskOutlook};
 
-/// The form of the text. Another number is not read.
+/// Version of the text's format; other versions are rejected.
 const FORMAT: u32 = 1;
-/// Longest text that is read.
+/// Maximum length of a text, in bytes.
 const TEXT_MAX: usize = 1 << 20;
-/// A job that paints for so many seconds counts in full; a shorter one tells less, for all has a beginning.
+/// Seconds of painting from which a job counts fully; shorter ones have less weight, because of start-up time.
 const TELLING_SECONDS: f64 = 1.0;
 
-/// What a machine has learnt of how long zones take it, and of its V_cp.
+/// What a machine has learned about the time of zones and about its V_cp.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Experience {
-    /// Jobs that it was learnt in.
+    /// The number of jobs learned from.
     jobs: u64,
-    /// ln of the measured time over the one that the survey predicts.
+    /// ln(measured time / time predicted by the survey).
     paces: Lessons,
     /// ln V_cp.
     powers: Lessons,
 }
 
-/// A zone that was painted as a whole.
+/// A measured zone that was painted as a whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaintedZone {
-    /// What the survey said of it.
+    /// The survey's prediction for it.
     pub outlook: TaskOutlook,
-    /// Its samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
-    /// What all of them took, in the painter's own processor time.
+    /// Time of all samples, in the painter's own processor time.
     pub time: Duration,
 }
 
-/// What a machine did in a job.
+/// The measurements of one machine in one job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobLesson {
-    /// Engine, integrator and whatever else decides how a path is followed.
+    /// Engine, integrator and all else that determines how paths are traced, as a name.
     pub technique: Arc<str>,
-    /// What the survey said of the whole picture.
+    /// The survey's features of the whole picture.
     pub features: TaskFeatures,
-    /// V_cp in the end.
+    /// V_cp at the end of the job, if known.
     pub power: Option<RelativePower>,
-    /// The zones that it painted.
+    /// The zones that the machine painted.
     pub zones: Vec<PaintedZone>,
 }
 
-/// One thing that was learnt, for those who look on.
+/// A learned factor, for display.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearntFactor {
-    /// `time` or `power`: whether it is a factor of the time that the survey predicts, or of V_cp.
+    /// `time`: a factor on the time predicted by the survey; `power`: on V_cp.
     pub of: String,
-    /// For which tasks.
+    /// The kind of tasks that it applies to.
     pub tasks: String,
-    /// The factor. That of a narrower kind of tasks comes on top of those of the wider ones.
+    /// The factor. Those of narrower kinds multiply those of wider ones.
     pub factor: f64,
-    /// Zones that it rests on; older jobs count less.
+    /// Number of zones that it is based on; older jobs count less.
     pub zones: f64,
-    /// Jobs since it was used last.
+    /// Number of jobs since it was last updated.
     pub age: u64,
 }
 
-/// Why a text is no experience that can be used.
+/// An error in the text of an experience.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperienceError {
-    /// It is longer than any.
+    /// It is longer than the maximum.
     #[error("the text has {0} bytes, which no experience has")]
     TooLong(usize),
     /// It is not JSON, or has other fields.
     #[error("not what a machine has learnt")]
     Syntax(#[source] serde_json::Error),
-    /// It was written in another form.
+    /// It has another version of the format.
     #[error("what was learnt has form {found}, not {FORMAT}: another version of bottega has written it")]
     Format {
-        /// The form of the text.
+        /// The version found.
         found: u32,
     },
-    /// A number makes no sense.
+    /// A number is out of range.
     #[error("what was learnt of `{tasks}` is no number that can be")]
     Factor {
         /// The kind of tasks.
@@ -106,24 +107,24 @@ struct ExperienceText {
     powers: Lessons,
 }
 
-/// Only the form, of which all else depends.
+/// The version alone, read first.
 #[derive(Deserialize)]
 struct Form {
     format: u32,
 }
 
 impl Experience {
-    /// Whether nothing was learnt.
+    /// True if nothing was learned.
     pub fn is_empty(&self) -> bool {
         self.jobs == 0
     }
 
-    /// Jobs that it was learnt in.
+    /// The number of jobs learned from.
     pub fn jobs(&self) -> u64 {
         self.jobs
     }
 
-    /// Learns from a job. One of which nothing was painted teaches nothing.
+    /// Learns from a job; does nothing without measured zones.
     pub fn learn(&mut self, job: &JobLesson) {
         let seconds: f64 = job.zones.iter().map(|zone| zone.time.as_secs_f64()).sum();
         let weight = (seconds / TELLING_SECONDS).min(1.0);
@@ -140,22 +141,22 @@ impl Experience {
         }
     }
 
-    /// By what factor the time of a zone that the survey predicts is to be taken; `None`: nothing was learnt of the technique.
+    /// The factor on the time that the survey predicts for a zone; `None`: nothing was learned about the technique.
     ///
-    /// - `picture`: what the survey says of the whole picture.
-    /// - `samples`: a pixel.
+    /// - `picture`: the survey's features of the whole picture.
+    /// - `samples`: samples per pixel.
     fn factor(&self, technique: &str, picture: &TaskFeatures, zone: &TaskOutlook, samples: u32) -> Option<f64> {
         let kind = TaskKind::of_zone(technique, picture, zone, samples);
         self.paces.expected(&kind.names()).map(f64::exp)
     }
 
-    /// V_cp for pictures of a kind; `None`: nothing was learnt of the technique.
+    /// Learned V_cp for a kind of picture; `None`: nothing was learned about the technique.
     pub fn power(&self, technique: &str, picture: &TaskFeatures) -> Option<RelativePower> {
         let kind = TaskKind::of_picture(technique, picture);
         self.powers.expected(&kind.names()).map(|log| RelativePower::new(log.exp()))
     }
 
-    /// All that was learnt, the widest kinds of tasks first.
+    /// All learned factors, those of the widest kinds first.
     pub fn factors(&self) -> Vec<LearntFactor> {
         let of = |what: &'static str, lessons: &Lessons| -> Vec<LearntFactor> {
             let told = |(tasks, lesson): (&str, &lessons::Lesson)| LearntFactor {
@@ -173,17 +174,17 @@ impl Experience {
         all
     }
 
-    /// As a text.
+    /// The experience as JSON.
     pub fn to_json(&self) -> String {
         let Self { jobs, paces, powers } = self.clone();
         serde_json::to_string(&ExperienceText { format: FORMAT, jobs, paces, powers })
             .expect("numbers and text can be written")
     }
 
-    /// Reads a text.
+    /// Reads the JSON of [`Self::to_json`].
     ///
     /// # Errors
-    /// It is damaged, too long, of another form, or holds what cannot have been learnt.
+    /// It is damaged, too long, of another version, or holds numbers out of range.
     pub fn from_json(text: &str) -> Result<Self, ExperienceError> {
         if text.len() > TEXT_MAX {
             return Err(ExperienceError::TooLong(text.len()));
@@ -204,7 +205,7 @@ impl Experience {
     }
 }
 
-/// What a zone tells. `None`: nothing, for its time cannot be compared.
+/// The kinds of a zone and its ln(measured / predicted time). `None`: the ratio is not a positive number.
 fn observed(job: &JobLesson, zone: &PaintedZone) -> Option<(Vec<String>, f64)> {
     let predicted = zone.outlook.sample_time * f64::from(zone.samples);
     let ratio = zone.time.as_secs_f64() / predicted;
@@ -212,14 +213,14 @@ fn observed(job: &JobLesson, zone: &PaintedZone) -> Option<(Vec<String>, f64)> {
     (ratio.is_finite() && ratio > 0.0).then(|| (kind.names(), ratio.ln()))
 }
 
-/// What a machine knows of a work before it has painted any of it.
+/// Knowledge about a work before any of it is painted.
 #[derive(Clone, Debug)]
 pub struct Foreknowledge {
-    /// What it has learnt in works before.
+    /// The experience from earlier works.
     pub experience: Arc<Experience>,
-    /// As [`JobLesson::technique`].
+    /// The technique, as in [`JobLesson::technique`].
     pub technique: Arc<str>,
-    /// V_cp by its benchmark.
+    /// V_cp from the benchmark.
     pub benchmark: RelativePower,
 }
 
@@ -230,16 +231,15 @@ impl Default for Foreknowledge {
 }
 
 impl Foreknowledge {
-    /// V_cp with which it begins.
+    /// V_cp to start with: the learned one, or that of the benchmark.
     pub fn power(&self, picture: &TaskFeatures) -> RelativePower {
         self.experience.power(&self.technique, picture).unwrap_or(self.benchmark)
     }
 
-    /// T_est of a zone of which nothing is painted: what it should take, in reference-machine time. Where nothing was learnt,
-    /// what the survey predicts.
+    /// T_est of an unpainted zone, in reference-machine time; without experience the time predicted by the survey.
     ///
-    /// - `picture`: what the survey says of the whole picture.
-    /// - `samples`: a pixel.
+    /// - `picture`: the survey's features of the whole picture.
+    /// - `samples`: samples per pixel.
     pub fn time(&self, picture: &TaskFeatures, zone: &TaskOutlook, samples: u32) -> Duration {
         let predicted = zone.sample_time * f64::from(samples);
         let own = self.experience.factor(&self.technique, picture, zone, samples);

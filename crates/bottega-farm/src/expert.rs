@@ -1,7 +1,7 @@
-//! Expert knowledge: what an agent's rules say of a zone.
+//! The Expert: fuzzy rules of an agent that choose the settings of a zone.
 //!
-//! Source: MAGarRO, section 3.4, "Using Expert Knowledge". The sets of the inputs are laid out at run time over the
-//! ranges found in the scene.
+//! Source: MAGarRO, section 3.4, "Using Expert Knowledge". The fuzzy sets of the inputs are laid out at run time over
+//! the ranges found in the scene.
 
 use std::sync::Arc;
 
@@ -16,32 +16,32 @@ use crate::{
     zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
 };
 
-/// Optimization Level, 1 (VS) to 5 (VB).
+/// The input for the user's Optimization Level, 1 (VS) to 5 (VB).
 const OPTIMIZATION_LEVEL: &str = "optimization_level";
 const INPUTS: [&str; 4] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, OPTIMIZATION_LEVEL];
-/// No rule may ask for less than this share of what the user set, so that no picture becomes black.
+/// Minimum share of the user's settings that rules may choose, so that no picture turns black.
 const SHARE_MIN: f64 = 0.05;
-/// Rules that are told as reasons at most.
+/// Maximum number of rules listed as reasons.
 const REASONS_MAX: usize = 6;
-/// No band is wider, in pixels: its cost grows with its width.
+/// Maximum width of a band, in pixels: its cost grows with its width.
 pub const BAND_MAX: u32 = 64;
-/// Bands that hide what a zone gave up are not wider than this share of its shorter side: four of them add a sixth to its
-/// pixels.
+/// Maximum width of a band that hides lower quality, as a share of the zone's shorter side: four such bands add a sixth
+/// to its pixels.
 const BAND_OF_SIDE: f64 = 1.0 / 24.0;
 
-/// The width of interpolation bands, and who says it. With optimization off there are none: zones agree to the last bit.
+/// The width of interpolation bands. With optimization off there are none, because zones agree bit for bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BandWidth {
-    /// There are none: zones meet at an edge.
+    /// No bands.
     Off,
-    /// The rules, edge by edge.
+    /// The rules choose, edge by edge.
     #[default]
     Rules,
-    /// The user: so many pixels beyond each edge of each zone, [`BAND_MAX`] at most.
+    /// The user's width in pixels beyond each edge of each zone; at most [`BAND_MAX`].
     Pixels(u32),
 }
 
-/// The knowledge of an agent about rendering. Each agent may know something else.
+/// The rules of an agent. Agents may have different rules.
 #[derive(Clone, Debug)]
 pub struct Expert {
     rules: Arc<FunctionBlock>,
@@ -54,16 +54,15 @@ pub struct Expert {
 }
 
 impl Expert {
-    /// The knowledge in an FCL text.
+    /// Parses rules for path tracing from FCL text.
     pub fn parse(text: &str) -> Result<Self, ExpertError> {
         Self::new(FunctionBlock::parse(text)?)
     }
 
-    /// The knowledge in a function block that has been read, for path tracing. Outputs that mean nothing there are left
-    /// aside, see [`Self::ignored_outputs`].
+    /// Uses parsed rules for path tracing. Outputs unknown there are ignored, see [`Self::ignored_outputs`].
     ///
     /// # Errors
-    /// An input that the farm does not know, or no output that it does.
+    /// An unknown input, or no known output.
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
         let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
         if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
@@ -80,52 +79,52 @@ impl Expert {
         Ok(Self { rules, ignored, has_max_depth, has_light_samples, is_profiled, engine_choice, bands })
     }
 
-    /// The outputs of the rules that mean nothing in path tracing, by their names.
+    /// Names of the rules' outputs that path tracing ignores.
     pub fn ignored_outputs(&self) -> &[String] {
         &self.ignored
     }
 
-    /// Our rules for path tracing: the two that the paper prints and 26 of our own.
+    /// The built-in rules for path tracing: the two printed in the paper and 26 of our own.
     pub fn path_tracing() -> Self {
         Self::parse(Technique::PathTracing.rules()).expect("the rules in the repository can be read")
     }
 
-    /// Its rules as FCL text, which [`Self::parse`] reads.
+    /// The rules as FCL text, which [`Self::parse`] reads.
     pub fn rules_text(&self) -> String {
         self.rules.to_string()
     }
 
-    /// The same for an engine: what it has no knob for is left as it is, and not credited.
+    /// The Expert for an engine: settings that the engine lacks stay at the user's value.
     #[must_use]
     pub fn for_engine(self, engine: &EngineDescription) -> Self {
         let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;
         self.for_knobs(has_max_depth, has_light_samples, is_profiled)
     }
 
-    /// The same for an engine of which so much is known.
+    /// The Expert for an engine with these capabilities.
     pub(crate) fn for_knobs(self, has_max_depth: bool, has_light_samples: bool, is_profiled: bool) -> Self {
         Self { has_max_depth, has_light_samples, is_profiled, ..self }
     }
 
-    /// The same with rules for who paints a zone, where several engines may.
+    /// The Expert with rules that choose between two engines.
     #[must_use]
     pub fn choosing(self, engine_choice: Option<EngineChoice>) -> Self {
         Self { engine_choice, ..self }
     }
 
-    /// The same with bands as the user wants them.
+    /// The Expert with the user's choice of bands.
     #[must_use]
     pub fn with_bands(self, bands: BandWidth) -> Self {
         Self { bands, ..self }
     }
 
-    /// Which of several engines suits a zone better. Says nothing of quality, so it is asked with optimization off, too.
+    /// The preferred one of two engines for a zone. Independent of quality, so it is used with optimization off too.
     pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
         self.engine_choice.as_ref().map_or_else(EnginePreference::default, |choice| choice.leaning(work, zone))
     }
 
-    /// Settings for a zone, relative to the user's and never above them. With optimization off, or when the rules
-    /// cannot be evaluated, the user's settings exactly. Bands as [`Self::with_bands`] says.
+    /// The settings for a zone, never above the user's. With optimization off, or if the rules cannot be evaluated,
+    /// exactly the user's settings. Bands follow [`Self::with_bands`].
     pub fn decide(&self, work: &WorkRow, zone: &ZoneRow) -> Choice {
         self.try_decide(work, zone).unwrap_or_else(|error| {
             tracing::warn!(zone = zone.zone.0, %error, "the rules are of no use here");
@@ -133,16 +132,16 @@ impl Expert {
         })
     }
 
-    /// The same, with the reason why the rules cannot be evaluated.
+    /// Like [`Self::decide`], but returns the error if the rules cannot be evaluated.
     pub fn try_decide(&self, work: &WorkRow, zone: &ZoneRow) -> Result<Choice, ExpertError> {
-        // Zones of the user's settings agree to the last bit: a band would blend what is equal.
+        // With the user's settings zones agree bit for bit, so there is nothing to blend.
         let Some(level) = work.settings.optimization.rule_input() else {
             return Ok(Choice::unchanged(&work.settings));
         };
         self.by_rules(work, zone, level).map(|choice| self.banded(choice))
     }
 
-    /// A choice of the rules with the bands that the user wants.
+    /// The choice with the bands that the user wants.
     fn banded(&self, choice: Choice) -> Choice {
         match self.bands {
             BandWidth::Off => Choice { bands: Sides::all(0), ..choice },
@@ -160,12 +159,13 @@ impl Expert {
             values.retain(|(name, _)| rules.input_index(name).is_some());
             rules.evaluate(&values)
         };
+        // Evaluate the rules for the zone as a whole
         let outputs = evaluate(zone.neighbor_difference.mean)?;
         let share = |name: &str| outputs.get(name).unwrap_or(1.0).clamp(SHARE_MIN, 1.0);
-        // Each edge has a band of its own, by how much the zones beyond it differ, and by how far this zone falls behind
-        // what the user asked for: a zone at full quality has no difference to hide, and leaves the blending to those
-        // that have. What lies in a band is painted twice, so it is never more than a part of the zone. Rules that speak
-        // of pixels, as the paper's do, get these pixels.
+        // Choose a band for each edge, from the difference to the zones beyond it and from how far this zone falls
+        // behind the user's settings: a zone at full quality has nothing to hide and leaves blending to its neighbors.
+        // Pixels in a band are painted twice, so its width is limited. An output in pixels, as in the paper's rules, is
+        // used as it is.
         let behind = 1.0 - share(LIGHT_SAMPLES) * share(RECURSION_LEVEL);
         let most = f64::from(zone.rect.width().min(zone.rect.height())) * BAND_OF_SIDE;
         let band = |difference: f64| {
@@ -179,8 +179,8 @@ impl Expert {
         Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), bands))
     }
 
-    /// Which rules decided, the strongest first, and how strongly: `path_tracing: 12 0.83, 22 0.40`. `None` with optimization off,
-    /// and where the rules cannot be evaluated.
+    /// The rules that fired, the strongest first, with their degrees: `path_tracing: 12 0.83, 22 0.40`. `None` with
+    /// optimization off, and if the rules cannot be evaluated.
     pub fn reasons(&self, work: &WorkRow, zone: &ZoneRow) -> Option<Arc<str>> {
         let level = work.settings.optimization.rule_input()?;
         let rules = laid_out(&self.rules, &work.ranges).ok()?;
@@ -192,13 +192,14 @@ impl Expert {
         Some(format!("{}: {}", rules.name(), told.collect::<Vec<_>>().join(", ")).into())
     }
 
-    /// How many samples a zone's first painting takes. Where the engine is not profiled that is all of them, and the time of the
-    /// zone is known when it is over.
+    /// The number of samples of a zone's first painting: those of profiling, or all of them if the engine is not
+    /// profiled; then the zone's time is known only at its end.
     pub fn first_samples(&self, choice: &Choice, goal: &Goal) -> u32 {
         if self.is_profiled || *goal != Goal::Samples { choice.profile_samples(goal) } else { choice.samples }
     }
 
-    /// How many samples a zone should have next; not more than it has: it is finished, or somebody else decides.
+    /// The number of samples per pixel to reach next. Not more than `samples`: the zone is finished, or the Master
+    /// decides.
     ///
     /// - `unfinished`: share of its pixels whose error is too large.
     pub fn next_samples(&self, settings: &WorkSettings, samples: u32, choice: &Choice, unfinished: f64) -> u32 {
@@ -209,12 +210,14 @@ impl Expert {
         }
     }
 
-    /// - `depth`: share of the bounces. Half a bounce is a bounce, and where the user allows any there is one.
-    /// - `light`: share of the samples of a pixel, and of the light samples of each vertex.
+    /// Scales the user's settings.
+    ///
+    /// - `depth`: share of the bounces; half a bounce rounds up, and at least one remains if the user allows any.
+    /// - `light`: share of the samples per pixel, and of the light samples per vertex.
     fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, bands: Sides<u32>) -> Choice {
         let Tunables { max_depth, light_samples } = settings.tunables;
         let part = |value: u32, share: f64| (f64::from(value) * share).round() as u32;
-        // Rules are exact to some 1e-9, which takes no bounce.
+        // Allow for rounding in the rules, which are exact to about 1e-9
         let bounces = (f64::from(max_depth) * depth + 0.5 + 1e-6).floor() as u32;
         let max_depth = if self.has_max_depth { bounces.clamp(max_depth.min(1), max_depth) } else { max_depth };
         let at_vertex = part(light_samples, light).max(light_samples.min(1));

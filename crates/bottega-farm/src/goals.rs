@@ -1,20 +1,20 @@
-//! Goals: the rules by which agents and Master near the error or the time that the user asked for.
+//! Goals of error and time: the fuzzy rules that choose how many more samples to take.
 
 use std::sync::{Arc, LazyLock};
 
 use bottega_fuzzy::{FclError, FunctionBlock};
 
-/// Estimated error over the one asked for.
+/// Input: estimated error over the requested error.
 const ERROR_RATIO: &str = "error_ratio";
-/// Share of the time asked for that is left.
+/// Input: remaining share of the requested time.
 const TIME_LEFT: &str = "time_left";
-/// What a zone gets next, as a share of what it has.
+/// Output: additional samples, as a share of those the zone has.
 const MORE_SAMPLES: &str = "more_samples";
-/// How much of the time that is left goes into the next pass.
+/// Output: share of the remaining time for the next pass.
 const TIME_SHARE: &str = "time_share";
-/// No rule may ask for more at a time: estimates from few samples are not to be trusted so far.
+/// Maximum of `more_samples`: estimates from few samples do not justify more.
 const MORE_SAMPLES_MAX: f64 = 8.0;
-/// A zone that shall get less than this share more is finished.
+/// A zone is finished if `more_samples` is below this.
 const MORE_SAMPLES_MIN: f64 = 0.01;
 
 /// The rules in `rules/goals.fcl`.
@@ -32,10 +32,10 @@ impl Default for GoalRules {
 }
 
 impl GoalRules {
-    /// The rules in an FCL text.
+    /// Parses rules from FCL text.
     ///
     /// # Errors
-    /// When it is no FCL. Inputs and outputs that it has not count as left at their defaults.
+    /// Invalid FCL. Missing inputs and outputs count as left at their defaults.
     pub fn parse(text: &str) -> Result<Self, FclError> {
         FunctionBlock::parse(text).map(|block| Self(Arc::new(block)))
     }
@@ -47,9 +47,9 @@ impl GoalRules {
         value.is_finite().then_some(value)
     }
 
-    /// How many samples a zone should have next; not more than it has: it is finished.
+    /// The number of samples per pixel that a zone should reach next; `samples` if it is finished.
     ///
-    /// - `error`: estimated; `None`: it is not known yet.
+    /// - `error`: the estimated error; `None`: not known yet.
     pub fn next_samples(&self, samples: u32, samples_max: u32, error: Option<f64>, error_wanted: f64) -> u32 {
         let more = match error {
             Some(error) => self.output(MORE_SAMPLES, error / error_wanted.max(1e-12), 1.0).unwrap_or(0.0),
@@ -62,9 +62,9 @@ impl GoalRules {
         samples.saturating_add(more.max(1)).min(samples_max)
     }
 
-    /// How much of the time that is left goes into the next pass, 0..=1.
+    /// Share of the remaining time for the next pass, 0.05..=1.
     ///
-    /// - `time_left`: share of the time asked for.
+    /// - `time_left`: remaining share of the requested time.
     pub fn time_share(&self, time_left: f64) -> f64 {
         self.output(TIME_SHARE, 1.0, time_left).unwrap_or(0.75).clamp(0.05, 1.0)
     }

@@ -1,4 +1,4 @@
-//! The names of works and zones.
+//! Ids of works and zones.
 
 use std::fmt;
 
@@ -11,12 +11,12 @@ pub struct WorkId(pub u64);
 pub struct ZoneId(pub u32);
 
 impl ZoneId {
-    /// As an index into the zones of a partition.
+    /// The id as an index into the zones of a partition.
     pub fn index(self) -> usize {
         self.0 as usize
     }
 
-    /// The zone at this index.
+    /// The id of the zone at this index.
     pub fn of_index(index: usize) -> Self {
         Self(u32::try_from(index).expect("a partition has fewer than 2³² zones"))
     }

@@ -1,8 +1,8 @@
-//! The importance map: what each place of the picture will cost, and how much it matters.
+//! The importance map: expected cost and visual importance of each part of the picture.
 //!
-//! Made by the Analyst from the engine's fast [`Survey`], before and independent of all rendering (MAGarRO,
-//! section 3.3). Costs are relative: the mean over the frame is 1 a pixel, so the complexity of a zone reads as "so
-//! many average pixels".
+//! Made by the Analyst from the engine's quick [`Survey`], before and independent of all rendering (MAGarRO, section
+//! 3.3). Costs are relative: their mean over the frame is 1 per pixel, so the complexity of a zone is a number of
+//! average pixels.
 
 mod channel;
 mod cost;
@@ -21,29 +21,28 @@ pub(crate) use self::outlook::Outlook;
 pub use self::outlook::{TaskFeatures, TaskOutlook};
 use self::sums::Sums;
 
-/// The least cost of a cell, as a share of the frame's mean: what a sample costs that leaves the scene at once.
+/// Minimum cost of a cell, as a share of the frame's mean: that of a sample whose ray misses the scene.
 const COST_FLOOR: f64 = 0.02;
-/// Survey cells that a map accepts.
+/// Maximum number of survey cells of a map.
 const CELLS_MAX: u64 = 1 << 26;
 
-/// The function that values a cell of the survey.
+/// The function that gives a survey cell its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ImportanceFunction {
-    /// Levels of recursion in mirror and transparent surfaces, and one for the first surface. Source: MAGarRO,
-    /// section 3.3. (The paper does not say what a place without such surfaces is worth; some time it needs.)
+    /// One plus the levels of recursion in mirror and transparent surfaces. Source: MAGarRO, section 3.3. (The paper
+    /// gives no value for places without such surfaces; they get 1.)
     Paper,
-    /// The time that a sample takes, predicted from these channels: see `docs/decisions.md` for how well.
+    /// Time per sample, predicted from these channels: see `docs/decisions.md` for the accuracy.
     PredictedCost(ChannelSet),
-    /// How much an error would be seen, from these channels. Zones are then of equal importance to the eye, not of equal
-    /// time.
+    /// Visibility of an error, from these channels. Zones then have equal visual importance instead of equal time.
     Visual(ChannelSet),
 }
 
 impl ImportanceFunction {
-    /// Names of all functions, as they are read and written.
+    /// Names of all functions in the command line and JSON.
     const NAMES: [&str; 3] = ["paper", "predicted", "visual"];
 
-    /// The same function of other channels. The paper's has but one.
+    /// The function with other channels; the paper's has a single fixed one.
     #[must_use]
     pub fn of_channels(self, channels: ChannelSet) -> Self {
         match self {
@@ -53,7 +52,7 @@ impl ImportanceFunction {
         }
     }
 
-    /// The channels that are asked for. What the function makes no use of is among them, too.
+    /// The channels given to the function, including those that it does not use.
     pub fn channels(self) -> ChannelSet {
         match self {
             Self::Paper => ChannelSet::NONE.with(Channel::Recursion),
@@ -92,31 +91,31 @@ impl fmt::Display for ImportanceFunction {
     }
 }
 
-/// Why there is no map.
+/// An error in making an importance map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ImportanceError {
-    /// The survey does not hold what it says.
+    /// The survey's size does not match its number of pixels.
     #[error("survey of {width} × {height} cells holds {found} pixels")]
     SurveySize {
-        /// Columns.
+        /// Columns of cells.
         width: u32,
-        /// Rows.
+        /// Rows of cells.
         height: u32,
-        /// Pixels found.
+        /// Number of pixels found.
         found: usize,
     },
-    /// There is nothing to look up.
+    /// The frame is empty or reaches beyond the survey.
     #[error("no pixel of the frame {frame} lies in the surveyed picture {surveyed}")]
     OutsideSurvey {
-        /// The pixels to paint.
+        /// The frame.
         frame: Rect,
         /// The pixels that the survey covers.
         surveyed: Rect,
     },
-    /// No such function.
+    /// An unknown importance function.
     #[error("unknown importance function `{name}`: there are {}", ImportanceFunction::NAMES.join(", "))]
     UnknownFunction {
-        /// What was asked for.
+        /// The name that was given.
         name: String,
     },
 }
@@ -124,19 +123,19 @@ pub enum ImportanceError {
 /// The importance map of one picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportanceMap {
-    /// Predicted cost a pixel; mean over the frame 1, each at least [`COST_FLOOR`] of it.
+    /// Predicted cost per pixel; mean 1 over the frame, each at least [`COST_FLOOR`] of it.
     cost: Sums,
     /// Visual importance, 0..=1.
     importance: Sums,
 }
 
 impl ImportanceMap {
-    /// Makes the map.
+    /// Makes the map of a picture.
     ///
     /// - `survey`: covers the pixels of `surveyed` evenly.
-    /// - `frame`: the pixels that will be painted, within `surveyed`. Their mean cost becomes 1.
+    /// - `frame`: the pixels to paint, within `surveyed`. Their mean cost becomes 1.
     ///
-    /// Values that are no finite positive number count as 0. A survey without any cost gives a uniform map.
+    /// Values that are not finite or not positive count as 0. A survey without any cost gives a uniform map.
     pub fn new(
         survey: &Survey,
         surveyed: Rect,
@@ -165,7 +164,7 @@ impl ImportanceMap {
         Ok(Self { cost, importance: Sums::new(surveyed, size, importance) })
     }
 
-    /// The map of a picture of which nothing is known: every pixel costs 1.
+    /// A uniform map, for a picture about which nothing is known: every pixel costs 1.
     pub fn uniform(frame: Rect) -> Self {
         let even = |value: f32| Sums::new(frame, (1, 1), vec![value]);
         Self { cost: even(1.0), importance: even(0.5) }
@@ -176,17 +175,17 @@ impl ImportanceMap {
         self.cost.size()
     }
 
-    /// Predicted cost a pixel by cell, row-major; the mean over the frame is 1.
+    /// Predicted cost per pixel of each cell, row-major; the mean over the frame is 1.
     pub fn cost(&self) -> &[f32] {
         self.cost.values()
     }
 
-    /// Visual importance by cell, row-major, 0..=1: how much an error would be seen.
+    /// Visual importance of each cell, row-major, 0..=1.
     pub fn importance(&self) -> &[f32] {
         self.importance.values()
     }
 
-    /// The picture that a person looks at: cost by cell from 0 (least complex, dark) to 1 (most complex, white).
+    /// The map as a grayscale picture: cost per cell, scaled from 0 (least, black) to 1 (greatest, white).
     pub fn grey(&self) -> Vec<f32> {
         let cost = self.cost();
         let least = cost.iter().copied().fold(f32::INFINITY, f32::min);
@@ -196,31 +195,31 @@ impl ImportanceMap {
     }
 
     /// Predicted cost of all pixels of `rect`, in average pixels of the frame. Positive unless `rect` is empty.
-    /// Constant time. Panics when `rect` reaches out of the surveyed picture.
+    /// Constant time. Panics if `rect` reaches beyond the survey.
     pub fn complexity(&self, rect: &Rect) -> f64 {
         if rect.is_empty() {
             return 0.0;
         }
-        // Differences of large sums: what is lost in rounding may not make a cost vanish.
+        // A difference of large sums: rounding must not make the cost vanish.
         self.cost.integral(rect).max(rect.area() as f64 * COST_FLOOR * 1e-3)
     }
 
-    /// Predicted cost of an average pixel of `rect`: the paper's complexity/size ratio.
+    /// Predicted cost per pixel of `rect`: the paper's complexity/size ratio.
     pub fn complexity_density(&self, rect: &Rect) -> f64 {
         if rect.is_empty() { 0.0 } else { self.complexity(rect) / rect.area() as f64 }
     }
 
-    /// Mean visual importance of the pixels of `rect`, 0..=1; 0 of none. Constant time. Panics when `rect` reaches out of
-    /// the surveyed picture.
+    /// Mean visual importance of the pixels of `rect`, 0..=1; 0 if it is empty. Constant time. Panics if `rect` reaches
+    /// beyond the survey.
     pub fn importance_of(&self, rect: &Rect) -> f64 {
         if rect.is_empty() { 0.0 } else { (self.importance.integral(rect) / rect.area() as f64).clamp(0.0, 1.0) }
     }
 }
 
-/// Brings the mean over the frame to 1, and every cell to [`COST_FLOOR`] at least.
+/// Scales the cost to mean 1 over the frame, with every cell at least [`COST_FLOOR`].
 fn normalized(cost: &Sums, frame: &Rect) -> Sums {
     let mean = |cost: &Sums| cost.integral(frame) / frame.area() as f64;
-    // The floor is set before the division: a cell may lie under it, their mean not.
+    // Apply the floor before the division, because it changes the mean.
     let before = mean(cost);
     let least = if before > 0.0 { before * COST_FLOOR } else { 1.0 };
     let raised = cost.map(|value| value.max(least as f32));

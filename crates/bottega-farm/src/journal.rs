@@ -1,9 +1,10 @@
-//! The journal of a work: an append-only file of rows and tiles, from which an interrupted work goes on.
+//! The journal of a work: an append-only file of rows and tiles, from which an interrupted work resumes.
 //!
-//! Format, version 5, little endian: eight bytes `BOTTEGA` 5, then [records](bottega_agents::framing) of a kind (1 byte)
-//! and what is of that kind: 1 a name that the owner chose (of scene and settings), 2 the row of the work, 3 the row of a
-//! zone, with its tile or without. Of several records of a zone the last one counts. A record that was torn by a crash,
-//! and all behind it, are not believed: the work goes on from what stands before, and the pixels are the same.
+//! Format, version 5, little endian: eight bytes `BOTTEGA` 5, then [records](bottega_agents::framing), each of a kind
+//! (1 byte) and its data. Kind 1: a name chosen by the owner (a digest of scene and settings); 2: the row of the work;
+//! 3: the row of a zone, with or without its tile. Of several records of a zone the last one counts. A record that a
+//! crash left incomplete is ignored with all that follows it: the work resumes from what comes before, with the same
+//! pixels.
 
 use std::{
     collections::BTreeMap,
@@ -19,25 +20,25 @@ use crate::{
 };
 
 const MAGIC: [u8; 8] = *b"BOTTEGA\x05";
-/// The longest payload that is believed.
+/// Maximum length of a record that is read, in bytes.
 const PAYLOAD_BYTES_MAX: u64 = 1 << 36;
 
-/// The store of a running work. Called in order by one thread at a time.
+/// The storage for a running work. Called in order by one thread at a time.
 pub trait ZoneStore: Send {
-    /// Keeps what the user asked for and over what the rules are laid out.
+    /// Stores the row of the work.
     ///
     /// # Errors
-    /// When it cannot be kept. The work goes on, but cannot be resumed from here.
+    /// It cannot be written. The work continues, but cannot be resumed from here.
     fn put_work(&mut self, work: &WorkRow) -> io::Result<()>;
 
-    /// Keeps a zone as it is now. Its tile comes with it when the row's result is new.
+    /// Stores the current row of a zone, with its tile if the row's result is new.
     ///
     /// # Errors
-    /// As above.
+    /// It cannot be written, as for [`Self::put_work`].
     fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()>;
 }
 
-/// Writes a journal.
+/// A writer of journals.
 #[derive(Debug)]
 pub struct JournalWriter<W: Write> {
     to: W,
@@ -45,12 +46,12 @@ pub struct JournalWriter<W: Write> {
 }
 
 impl<W: Write + Send> JournalWriter<W> {
-    /// Begins a journal.
+    /// Starts a new journal.
     ///
-    /// - `name`: what is painted: the digest of scene and settings, say. Compare it before a resume.
+    /// - `name`: identifies the picture, for example by a digest of scene and settings. Compare it before resuming.
     ///
     /// # Errors
-    /// Of the writer.
+    /// The writer failed.
     pub fn create(mut to: W, name: &str) -> io::Result<Self> {
         to.write_all(&MAGIC)?;
         let mut journal = Self::append(to);
@@ -59,19 +60,19 @@ impl<W: Write + Send> JournalWriter<W> {
         Ok(journal)
     }
 
-    /// Goes on with a journal that stands before the writer's position: cut the file to [`Journal::sound_bytes`] first.
+    /// Continues the journal that ends at the writer's position: cut the file to [`Journal::sound_bytes`] first.
     pub fn append(to: W) -> Self {
         Self { to, payload: Vec::new() }
     }
 
-    /// Begins a record.
+    /// Starts a record of this kind in the buffer.
     fn begin(&mut self, kind: u8) -> &mut Vec<u8> {
         self.payload.clear();
         self.payload.push(kind);
         &mut self.payload
     }
 
-    /// Writes the record that was begun.
+    /// Writes the record in the buffer.
     fn write(&mut self) -> io::Result<()> {
         self.to.write_all(&record_head(&self.payload))?;
         self.to.write_all(&self.payload)?;
@@ -95,47 +96,47 @@ impl<W: Write + Send> ZoneStore for JournalWriter<W> {
     }
 }
 
-/// The contents of a journal.
+/// The contents of a journal file.
 #[derive(Clone, Debug, Default)]
 pub struct Journal {
-    /// What was painted.
+    /// The name given to [`JournalWriter::create`].
     pub name: String,
-    /// The work; `None` when it was interrupted before there were zones.
+    /// The work; `None` if it was interrupted before all zones were known.
     pub kept: Option<JournalContents>,
-    /// How many bytes, from the beginning, can be believed.
+    /// Length of the valid part, in bytes.
     pub sound_bytes: u64,
 }
 
-/// The rest of an interrupted work.
+/// The state of an interrupted work.
 #[derive(Clone, Debug)]
 pub struct JournalContents {
-    /// The work.
+    /// The row of the work.
     pub work: WorkRow,
-    /// All its zones, by id.
+    /// The rows of all its zones, by id.
     pub rows: Vec<ZoneRow>,
-    /// The samples to which the rows refer.
+    /// The samples referenced by the rows.
     pub tiles: BTreeMap<ZoneId, Tile>,
 }
 
-/// Why there is no journal.
+/// An error in reading a journal.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// The bytes cannot be had.
+    /// Reading failed.
     #[error("cannot read the journal")]
     Read(#[from] io::Error),
-    /// It is something else.
+    /// It is not a journal, or of another version.
     #[error("this is no journal of a work, or one of another version")]
     Magic,
-    /// Another record stands where the name should.
+    /// The first record is not the name.
     #[error("the journal does not say what it is of")]
     Name,
 }
 
 impl Journal {
-    /// Reads a journal. What is damaged is left out: see [`Journal::sound_bytes`].
+    /// Reads a journal up to the first damaged record: see [`Journal::sound_bytes`].
     ///
     /// # Errors
-    /// When the bytes cannot be read or are no journal at all.
+    /// Reading failed, or the file is not a journal.
     pub fn read(mut from: impl Read) -> Result<Self, JournalError> {
         let mut magic = [0; MAGIC.len()];
         if !fill(&mut from, &mut magic)? || magic != MAGIC {
@@ -168,7 +169,7 @@ impl Journal {
     }
 }
 
-/// Fills a buffer; `false` when the end came first.
+/// Fills a buffer; false if the file ends first.
 fn fill(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
     match from.read_exact(buffer) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
@@ -176,7 +177,7 @@ fn fill(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
     }
 }
 
-/// Takes in the row of a zone, behind which its tile may follow.
+/// Takes in the row of a zone and its tile, if it follows. False if damaged.
 fn keep_zone(payload: &[u8], zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> bool {
     let Ok((row, rest)) = take_zone(payload) else { return false };
     let tile = if rest.is_empty() { Ok(None) } else { read_tile(rest).map(Some) };
@@ -186,8 +187,8 @@ fn keep_zone(payload: &[u8], zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>
     true
 }
 
-/// The work as it can be gone on with; `None` when zones are missing. A row whose tile is not there, or is not the one
-/// that it means, is painted again from the start.
+/// The resumable state; `None` if zones are missing. A row whose tile is missing or does not match its digest is
+/// painted again from the start.
 fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<JournalContents> {
     let roots = zones.values().filter(|(row, _)| row.root.is_none()).count();
     let in_order = zones.keys().take(roots).enumerate().all(|(i, zone)| zone.index() == i);

@@ -1,46 +1,48 @@
 //! The farm of MAGarRO (Gonzalez-Morcillo et al., *A MultiAgent System for Physically based Rendering Optimization*):
-//! which agent paints which part of the picture, and how hard must it try there?
+//! assigns the zones of a picture to agents, and chooses the samples and settings of each zone.
 //!
-//! - [`Analyst`] makes the [`ImportanceMap`] and the [`Partition`], and puts a row for each zone on the [`Blackboard`].
-//! - [`Master`] knows the agents, has the zones profiled, auctions them, takes the results and has them composed.
-//! - [`RenderAgent`] measures itself, bids, asks its [`Expert`] what a zone is worth, and has it painted.
+//! - [`Analyst`] makes the [`ImportanceMap`] and the [`Partition`], and writes a row per zone to the [`Blackboard`].
+//! - [`Master`] keeps the list of agents, has the zones profiled, auctions them, takes the results and has them
+//!   composed.
+//! - [`RenderAgent`] runs its benchmark, bids, lets its [`Expert`] choose the settings of a zone, and has it painted.
 //! - [`run`] runs all of them in this process over a [`RenderEngine`](bottega_engines::RenderEngine).
 //!
-//! The decision that shaped it: the agents are state machines, and what they must not forget stands on the Blackboard
-//! and nowhere else. Every order is a compare-and-set on a zone's row, whose revision the result must carry. So any
-//! agent, the Master too, may die at any moment, and no pixel is lost or composed twice.
+//! The decision that shaped this crate: agents are state machines, and everything that must survive a crash is on the
+//! Blackboard. Every order is a compare-and-set on a zone's row, and its result must carry that revision of the row. So
+//! any agent, including the Master, may fail at any moment, and no pixel is lost or composed twice.
 //!
-//! Not here: sockets, clocks, files ([`run`] has threads, and time from the platform); what a sample is.
+//! Not in this crate: sockets, clocks and files (the agents ask for effects; [`run`] supplies threads and the
+//! platform's time); how a sample is rendered.
 //!
-//! # Where is what
+//! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
-//! | importance of each place: cost and visibility | `src/importance.rs`, `src/importance/` |
+//! | importance of each part of the picture: cost and visibility | `src/importance.rs`, `src/importance/` |
 //! | the Analyst and its zones | `src/analyst.rs`, `src/partition.rs`, `src/partition/` |
-//! | rows of zones, works and agents | `src/blackboard.rs` |
+//! | the Blackboard: rows of zones, works and agents | `src/blackboard.rs` |
 //! | the Master: orders, results, composition | `src/master.rs`, `src/master/` |
 //! | the auction | `src/auction.rs`, `src/auction/` |
-//! | the end of a work: zones are cut and given twice | `src/master/tail.rs` |
-//! | orders that stand still; agents that fail often | `src/master/pace.rs`, `src/master/trust.rs` |
-//! | work that waits though somebody is free | `src/watchdog.rs`, `src/master/stall.rs` |
-//! | comparing what untrusted agents paint; by its look | `src/master/verify.rs`, `src/master/likeness.rs` |
-//! | a goal of error or time | `src/cells.rs`, `src/goals.rs`, `src/master/plan.rs`; rules: `rules/goals.fcl` |
-//! | the platform of a job: directories; how agents register and find their Master | `src/directory.rs`; `src/registrant.rs`, `src/render_agent/membership.rs` |
+//! | the end of a work: cutting zones, awarding a zone to a second agent | `src/master/tail.rs` |
+//! | orders without progress; agents that fail often | `src/master/pace.rs`, `src/master/trust.rs` |
+//! | stalls: zones wait although agents are free | `src/watchdog.rs`, `src/master/stall.rs` |
+//! | comparing the paintings of untrusted agents: bit for bit, or by their look | `src/master/verify.rs`, `src/master/likeness.rs` |
+//! | goals: a relative error or a time instead of a sample count | `src/cells.rs`, `src/goals.rs`, `src/master/plan.rs`; rules: `rules/goals.fcl` |
+//! | directories of a job; how agents register and find their Master | `src/directory.rs`; `src/registrant.rs`, `src/render_agent/membership.rs` |
 //! | the Render Agent; its V_cp | `src/render_agent.rs`, `src/adaptation.rs` |
 //! | a Render Agent whose painter is an agent of another platform | `src/visitor.rs` |
-//! | quality of a zone, by rules | `src/expert.rs`, `rules/path-tracing.fcl`; other engines: `rules/NAME.fcl`, which their manifests name |
-//! | what outputs of rules mean | `src/technique.rs` |
-//! | which of two engines suits a zone | `src/engine_choice.rs`, `rules/engine-choice.fcl` |
-//! | blending of neighbouring zones | `src/compose.rs` |
-//! | parts of work before a picture, shared out: who may take which, and until when | `src/shared_work.rs` |
+//! | the Expert: quality of a zone, by fuzzy rules | `src/expert.rs`, `rules/path-tracing.fcl`; other engines: `rules/NAME.fcl`, named in their manifests |
+//! | meaning of the rules' outputs | `src/technique.rs` |
+//! | the choice between two engines for a zone | `src/engine_choice.rs`, `rules/engine-choice.fcl` |
+//! | blending of neighboring zones | `src/compose.rs` |
+//! | leases on parts of the preparation that agents share | `src/shared_work.rs` |
 //! | agents in this process; over several machines | `src/driver.rs`, `src/driver/`; `src/driver/link.rs`, `src/driver/transport.rs`, `src/wire.rs`, `src/wire/` |
-//! | agents in virtual time; what must hold after each run | `src/simulate/`; `src/simulate/invariants.rs`, `src/simulate/film.rs` |
-//! | what a run took, written down | `src/simulate/recorder.rs` |
-//! | how long zones should take, by what was learnt in works before | `src/experience.rs`, `src/experience/`, `src/importance/outlook.rs`, `src/driver/learner.rs` |
-//! | how well times were predicted | `src/prediction.rs` |
-//! | how far a job is, and how long it takes yet | `src/progress.rs`, `src/throughput.rs` |
-//! | what is kept for `--resume` | `src/journal.rs` |
+//! | simulation in virtual time; invariants checked after each run | `src/simulate/`; `src/simulate/invariants.rs`, `src/simulate/film.rs` |
+//! | record of a simulated run | `src/simulate/recorder.rs` |
+//! | predicting zone times from earlier works | `src/experience.rs`, `src/experience/`, `src/importance/outlook.rs`, `src/driver/learner.rs` |
+//! | accuracy of predicted times | `src/prediction.rs` |
+//! | progress of a job and its remaining time | `src/progress.rs`, `src/throughput.rs` |
+//! | the journal for `--resume` | `src/journal.rs` |
 
 mod adaptation;
 mod agent;

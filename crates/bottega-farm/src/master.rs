@@ -1,11 +1,11 @@
-//! The Master: knows the agents, gives out the zones by auction, takes the results and has them composed.
+//! The Master: keeps the list of agents, assigns zones by auction, takes the results and has them composed.
 //!
-//! **Invariant:** its memory holds nothing that the Blackboard does not, but for what may be lost without harm: a round of
-//! an auction, a lease. A new Master watches the work's rows and goes on.
+//! **Invariant:** its memory holds nothing that is not on the Blackboard, except for what can be lost without harm,
+//! such as rounds of the auction and leases. A new Master reads the work's rows and continues.
 //!
-//! Every order is a compare-and-set on the zone's row. The revision that it gets is the fencing token which the report
-//! must carry; a report under an older one is refused. So a zone that was taken from a silent agent and given to another
-//! is accepted once, whoever is first to finish under a valid token.
+//! Every order is a compare-and-set on the zone's row. The new revision is the fencing token that the report must
+//! carry; a report with an older one is refused. So a zone that was taken from a silent agent and given to another is
+//! accepted once, from the first agent to finish with a valid token.
 
 mod allot;
 mod composition;
@@ -49,22 +49,22 @@ use crate::{
     registrant::Registrant,
 };
 
-/// Results that the film is given at once.
+/// Maximum number of zones being composed at a time.
 const COMPOSING_MAX: usize = 8;
 
-/// The waiting times of the Master.
+/// The timeouts of the Master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// For bids: silence is a refusal.
+    /// Time for bids; an agent without a bid by then has refused.
     pub bids: Duration,
-    /// Between two looks at those who say nothing; agents speak as often.
+    /// Interval of the Master's checks, and of the agents' heartbeats.
     pub heartbeat: Duration,
-    /// Until a silent agent counts as gone.
+    /// Time without a message after which an agent counts as gone.
     pub lease: Duration,
 }
 
 impl Timing {
-    /// Machines go without a word, processes hardly.
+    /// Shorter lease for agents on several machines, which disappear without notice more often than processes do.
     pub const AMONG_MACHINES: Self = Self {
         bids: Duration::from_millis(500),
         heartbeat: Duration::from_millis(500),
@@ -81,76 +81,77 @@ impl Default for Timing {
 /// The configuration of a Master.
 #[derive(Clone, Debug)]
 pub struct MasterConfig {
-    /// Its own name.
+    /// The Master's own id.
     pub id: AgentId,
-    /// Which picture.
+    /// The work.
     pub work: WorkId,
-    /// How winners are found.
+    /// The rule of the auction.
     pub auction: AuctionRule,
-    /// Zones that an agent has in hand at most: as [`RenderAgentConfig::prefetch`](crate::RenderAgentConfig::prefetch).
+    /// Maximum number of zones an agent holds: as [`RenderAgentConfig::prefetch`](crate::RenderAgentConfig::prefetch).
     pub prefetch: u32,
-    /// Whether, near the end, zones are cut into pieces and slow agents' zones given to idle ones as well. Of use where
-    /// agents have machines of their own; those who share one have its processors anyway.
+    /// `true`: near the end, zones are cut and zones of slow agents are also given to idle ones. Useful if agents have
+    /// machines of their own; agents that share a machine use all its processors anyway.
     pub shares_tail: bool,
-    /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
+    /// Number of agents on different machines whose paintings of a zone must agree; 1: paintings are not compared.
     pub verify: u32,
-    /// Whether engines give no two agents the same bits, so that pixels are looked at to compare them.
+    /// `true`: the engine is not bit-identical between agents, so paintings are compared by their look.
     pub compares_by_look: bool,
-    /// What nobody else knows: it decides what of agents that are believed is compared all the same.
+    /// A secret that selects which paintings of believed agents are compared anyway.
     pub secret: u64,
-    /// How far the promises of machines held in works before, by [name](bottega_agents::machine_of).
+    /// Credit of machines in earlier works, by [name](bottega_agents::machine_of).
     pub credits: Arc<BTreeMap<String, Credit>>,
-    /// How a goal is neared.
+    /// The rules for goals of error and time.
     pub goals: GoalRules,
-    /// How long it waits for what.
+    /// The timeouts.
     pub timing: Timing,
-    /// Where it registers, if it does.
+    /// The platform at which it registers; `None`: it does not.
     pub registration: Option<RegistrationConfig>,
 }
 
-/// A row that is being written.
+/// A pending write of a zone's row.
 #[derive(Clone, Debug)]
 struct Write {
-    /// Of the request that was sent last.
+    /// The ticket of the last request.
     ticket: Ticket,
-    /// What the row shall be, and the revision that it must have before.
+    /// The new row, and the revision that the row must have before.
     row: Arc<ZoneRow>,
     expected_revision: Revision,
     then: RowFollowUp,
 }
 
-/// What follows when a row is written.
+/// The action after a row is written.
 #[derive(Clone, Debug)]
 enum RowFollowUp {
-    /// The agent gets its order, in this conversation.
+    /// Send the order to the agent, in this conversation.
     Order(u64),
-    /// The agent learns, by this message, that its report is on the blackboard.
+    /// Confirm the report to the agent.
     Receive {
+        /// The confirmation to send.
         confirmation: Box<FarmMessage>,
-        /// Whether something was painted.
+        /// True if the report is a success.
         well: bool,
-        /// How the promise held, where it was one and its end was measured.
+        /// The measured promise, if the report ends an award and its time is valid.
         promise: Option<KeptPromise>,
     },
-    /// Nothing: the zone is open again.
+    /// None: the zone was taken back or prepared for its next order.
     TakenBack,
 }
 
-/// The end of a promise to paint a zone.
+/// The measurement of a promise to paint a zone.
 #[derive(Clone, Copy, Debug)]
 struct KeptPromise {
-    /// How long the agent had the order, by this Master's clock.
+    /// Time from order to report, by this Master's clock.
     taken: Duration,
-    /// What the order was worth, in reference-machine time; `None`: nobody has measured anything.
+    /// Time expected for the order from other agents' measurements, in reference-machine time; `None`: no measurements.
     worth: Option<Duration>,
 }
 
-/// One round of the auction.
+/// A round of the auction in progress.
 #[derive(Clone, Debug)]
 struct Round {
     deadline: Time,
     offers: Vec<Offer>,
-    /// How many were called.
+    /// Number of agents called.
     called: u32,
     awaited: Vec<MemberId>,
     proposals: Vec<(MemberId, Proposal)>,
@@ -161,14 +162,14 @@ struct Round {
 pub struct Master {
     config: MasterConfig,
     keys: WorkKeys,
-    /// Its part that talks to the directories, where there are some.
+    /// The registration at the directories, if there are any.
     registrant: Option<Box<Registrant>>,
     board: Blackboard,
-    /// Rows to put on an empty Blackboard first: what was kept of an interrupted work. By ticket, until written.
+    /// Rows of an interrupted work to write to an empty Blackboard first, by ticket, until written.
     kept: BTreeMap<Ticket, FarmValue>,
-    /// The ticket of the watch over the rows.
+    /// The ticket of the subscription to the rows.
     watch: Ticket,
-    /// The watch has told all that there was.
+    /// True when the subscription has delivered all existing rows.
     caught_up: bool,
     begun: bool,
     stopping: bool,
@@ -176,60 +177,61 @@ pub struct Master {
     ledger: Ledger,
     roster: Roster,
     composition: Composition,
-    /// Agents that are left out, with the reason in their rows. A hash map, for speed: never gone through.
+    /// Excluded agents, with the reason in their rows. A hash map for speed; never iterated.
     left_out: FxHashMap<AgentId, Arc<AgentRow>>,
-    /// Of whom tiles could not be used, and how many; mostly nobody.
+    /// Number of unusable tiles of each agent; mostly empty.
     lost: BTreeMap<MemberId, u32>,
-    /// Zones whose rows may rest on the word of one that was found wrong; mostly none.
+    /// Zones whose rows may depend on a painting of an agent found wrong; mostly empty.
     dubious: Vec<ZoneId>,
-    /// What is known of pixels that were compared by their look.
+    /// Results of comparing paintings by their look.
     looks: Looks,
     worth: ZoneWorth,
-    /// Something in the film is to be painted again: it is begun anew when it has answered.
+    /// True if the film contains a zone that is painted again: a new film begins when the pending compositions are
+    /// answered.
     film_is_stale: bool,
-    /// For how many looks there have been too few machines to compare.
+    /// Number of consecutive checks with too few machines to compare paintings.
     lacking: u32,
-    /// Rounds under way, by conversation. Each has its own zones and its own bidders.
+    /// Rounds in progress, by conversation. Each has its own zones and bidders.
     rounds: BTreeMap<u64, Round>,
-    /// Whether a zone has come to wait for a winner, or somebody has less to do, since the agent that would have it soonest was looked for.
+    /// True if a zone has become open or an agent has less load since [`Self::recall`] last ran.
     recalls: bool,
-    /// Who bid in rounds that gave nothing away, since something was given or painted or a zone came to wait: asked again at once, they would bid
-    /// the same. A zone whose row is being written is offered already, but cannot be given.
+    /// Bidders of rounds without any award, since the last award, report or newly open zone: they would bid the same
+    /// again. A zone whose row is being written is on offer already, but cannot be awarded.
     in_vain: BTreeSet<MemberId>,
-    /// Those of them in which all have answered.
+    /// Rounds in which all called agents have answered.
     answered: Vec<u64>,
-    /// Pieces that were cut off and have no row yet, with the zones that say so.
+    /// Pieces that were cut off and have no row yet, with the zones they were cut from.
     owed: BTreeMap<ZoneId, ZoneId>,
-    /// Those of them that nobody has tried to write yet, or not well.
+    /// Those of `owed` whose row must be written, again if a write failed.
     due: Vec<ZoneId>,
-    /// Hash maps, as the two below, for speed: never gone through.
+    /// Pending writes. Hash maps for speed, as the two below; never iterated.
     writes: FxHashMap<ZoneId, Write>,
     tickets: FxHashMap<Ticket, ZoneId>,
-    /// When the present order of a zone was sent.
+    /// Time at which the current order of a zone was sent.
     sent: FxHashMap<ZoneId, Time>,
-    /// Whose credit has changed since it was written, in that order.
+    /// Agents whose credit has changed since it was written, in order of the change.
     credits_due: VecDeque<MemberId>,
-    /// The same; a hash set, for speed: never gone through.
+    /// The members of `credits_due`; a hash set for speed, never iterated.
     credited: FxHashSet<MemberId>,
-    /// Kept for its memory: whose hands have changed.
+    /// Scratch space: agents whose load has changed.
     changed: Vec<MemberId>,
-    /// When the present pass over the picture began, where there is a time to keep.
+    /// Start of the current pass over the picture, with a goal of time.
     pass_begun: Time,
-    /// Reference-machine time painted since then.
+    /// Reference-machine time painted in the current pass.
     pass_painted: Duration,
     last_number: u64,
     watchdog: Watchdog,
-    /// Orders that were sent so far.
+    /// Number of orders sent so far.
     orders_sent: u64,
-    /// Nothing has begun for long: it begins again when the film has answered.
+    /// True after a stall: the Master restarts when the film has answered.
     must_begin_again: bool,
     next_look: Option<Time>,
-    /// Until then agents that a Master before it knew may tell this one that they are there.
+    /// Until then agents that an earlier Master knew may report to this one.
     expects_until: Time,
 }
 
 impl Master {
-    /// A Master that has just been born. It goes on from what it finds on the Blackboard.
+    /// A new Master, which continues from what it finds on the Blackboard.
     pub fn new(config: MasterConfig) -> Self {
         let ledger = Ledger::new(config.auction);
         let window = config.auction.window(config.prefetch) as usize;
@@ -280,9 +282,9 @@ impl Master {
         }
     }
 
-    /// A Master that goes on with a work of which rows were kept, on a Blackboard that is empty.
+    /// A Master that resumes a work from stored rows, on an empty Blackboard.
     ///
-    /// Zones that were in hand are open again; what is done is done.
+    /// Zones in hand are open again; finished zones stay finished.
     pub fn recover(config: MasterConfig, work: WorkRow, rows: impl IntoIterator<Item = ZoneRow>) -> Self {
         let mut master = Self::new(config);
         let rows = rows.into_iter().map(|row| FarmValue::Zone(Arc::new(row.resumed())));
@@ -293,21 +295,22 @@ impl Master {
         master
     }
 
-    /// What it has seen of the Blackboard.
+    /// Its view of the Blackboard.
     pub fn board(&self) -> &Blackboard {
         &self.board
     }
 
-    /// Whether all zones are in the film or given up.
+    /// True if all zones are in the film or given up.
     pub fn is_finished(&self) -> bool {
         self.finished
     }
 
-    /// Zones that wait for an agent.
+    /// Number of zones that wait for an agent.
     pub(crate) fn waiting_count(&self) -> usize {
         if self.begun && !self.stopping { self.ledger.waiting_count() } else { 0 }
     }
 
+    /// A new number for a conversation or ticket.
     fn number(&mut self) -> u64 {
         self.last_number += 1;
         self.last_number
@@ -367,7 +370,7 @@ impl StateMachine for Master {
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        // Rounds that began later end later.
+        // Rounds end in the order in which they began.
         let round = self.rounds.values().next().map(|round| round.deadline);
         let holds_rounds = self.config.auction != AuctionRule::Stealing;
         let calls = holds_rounds && self.begun && !self.stopping && self.ledger.open.has_waiting();

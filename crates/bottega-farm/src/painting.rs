@@ -1,4 +1,4 @@
-//! The painting of a zone by an agent.
+//! The painted samples of a zone.
 
 use std::time::Duration;
 
@@ -6,50 +6,52 @@ use bottega_agents::{BlobId, Revision};
 
 use crate::Choice;
 
-/// Refers to the running sums of a zone; they themselves never travel in a message or a row.
+/// A reference to the running sums of a zone. The sums themselves are never in a message or a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResultRef {
-    /// The award under which they were made.
+    /// The fencing token of the award under which they were painted.
     pub fence: Revision,
-    /// Samples a pixel that they hold.
+    /// Samples per pixel in them.
     pub samples: u32,
-    /// Digest of the sums: where to find them and whether they are whole.
+    /// Digest of the sums: their address and checksum.
     pub digest: BlobId,
 }
 
-/// The painted part of a zone.
+/// A report of painted samples of a zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painting {
-    /// The settings chosen.
+    /// The settings used.
     pub choice: Choice,
-    /// Where the samples are.
+    /// The samples.
     pub result: ResultRef,
-    /// T, in reference-machine time.
+    /// T: the time it took, in reference-machine time.
     pub time_measured: Duration,
-    /// The same in the painter's own time.
+    /// The same time in the agent's own time.
     pub busy: Duration,
-    /// Whether these times are measurements of painting alone: nothing was loaded, compiled or started meanwhile, as far as the painter
-    /// knows.
+    /// `true`: these times measure painting alone; as far as the agent knows nothing was loaded, compiled or started
+    /// meanwhile.
     pub is_measured: bool,
-    /// Whether its agent had what all zones need when it was given the order: else it got ready in a part of the time since then.
+    /// `true`: the agent had finished the preparation for all zones when it got the order. Otherwise part of the time
+    /// since then is preparation.
     pub was_ready: bool,
-    /// How many samples it should have next; not more than it has: it is finished, or the Master decides.
+    /// The number of samples per pixel to reach next. Not more than it has: the zone is finished, or the Master
+    /// decides.
     pub goal: u32,
-    /// T_est for the samples that are still missing, in reference-machine time; where none are, of one more.
+    /// T_est of the missing samples, in reference-machine time; if none are missing, of one more sample.
     pub time_left: Duration,
-    /// The estimated relative error, where somebody asked for it.
+    /// The estimated relative error, if requested.
     pub error: Option<f64>,
 }
 
 impl Painting {
-    /// Whether two agents made the same of a zone: all that does not depend on who painted it.
+    /// True if both paintings agree in everything that does not depend on the agent.
     pub fn is_same(&self, other: &Self) -> bool {
         let made = |it: &Self| (it.choice, it.result.samples, it.result.digest, it.goal, it.error.map(f64::to_bits));
         made(self) == made(other)
     }
 
-    /// Whether two agents may have made the same of a zone with engines that give no two of them the same bits, as far as
-    /// can be told without the pixels. What they estimate of the error, and the samples wanted for it, differ by chance.
+    /// True if both may be paintings of the same zone by engines that are not bit-identical, judged without the pixels.
+    /// Estimated errors and goals vary by chance, so they may differ by about a factor of 2.
     pub(crate) fn may_look_like(&self, other: &Self) -> bool {
         let close = |a: f64, b: f64| a.max(b) <= 2.0 * a.min(b);
         let errors = match (self.error, other.error) {

@@ -1,6 +1,6 @@
-//! The partition of the importance map into zones, in three levels, each working on the result of the one before.
+//! The partition of a frame into zones by the importance map, in three levels, each refining the last.
 //!
-//! Source: MAGarRO, section 3.3: recursive division by minimum size and maximum complexity; joining of neighbours of
+//! Source: MAGarRO, section 3.3: recursive division by minimum size and maximum complexity; joining of neighbors of
 //! similar complexity; balancing, "to obtain tasks that all require roughly the same rendering time".
 
 mod balance;
@@ -26,7 +26,7 @@ pub struct Partition {
 }
 
 impl Partition {
-    /// Cuts `frame`. The result depends on nothing but the arguments. An empty frame has no zones.
+    /// Cuts `frame` into zones; deterministic in the arguments. An empty frame has no zones.
     pub fn new(map: &ImportanceMap, frame: Rect, settings: &PartitionSettings) -> Self {
         if frame.is_empty() {
             return Self { frame, zones: Vec::new() };
@@ -35,12 +35,15 @@ impl Partition {
         let complexity = map.complexity(&frame);
         let complexity_max = settings.complexity_max(complexity);
         let side_min = settings.limits.side_min.max(1);
+        // Level 1: divide by minimum size and maximum complexity
         if settings.level >= Level::Divided {
             zones = divide(map, frame, side_min, complexity_max);
         }
+        // Level 2: join similar neighbors
         if settings.level >= Level::Joined {
             zones = join::join(map, zones, settings.limits.similarity, complexity_max * settings.joined_max);
         }
+        // Level 3: balance the expected times, or the complexity/size ratios
         if settings.level >= Level::Balanced {
             let count = settings.zone_count.max(1);
             zones = match settings.limits.balance {
@@ -51,11 +54,11 @@ impl Partition {
         Self::of_zones(frame, zones)
     }
 
-    /// The same with all edges within the frame at multiples of `side` pixels of the picture. Zones that are too small for that
-    /// become part of others.
+    /// The partition with all inner edges moved to multiples of `side` pixels of the picture. Zones that become empty
+    /// are dropped; their pixels go to neighbors.
     #[must_use]
     pub fn along_grid(self, side: u32) -> Self {
-        // Each edge of a zone goes where the same edges of all others go, so nothing overlaps and no hole is left.
+        // Equal coordinates move to the same place, so zones neither overlap nor leave holes.
         let moved = |at: u32, low: u32, high: u32| {
             if at == low || at == high { at } else { nearest_multiple(at, side).clamp(low, high) }
         };
@@ -69,31 +72,31 @@ impl Partition {
         Self::of_zones(self.frame, zones.filter(|zone| !zone.is_empty()).collect())
     }
 
-    /// A partition that was made before. Panics when the zones do not cover the frame exactly once: see
-    /// [`Partition::covers`] for rectangles of unknown origin.
+    /// A partition of given zones. Panics if they do not cover the frame exactly once: check rectangles of unknown
+    /// origin with [`Partition::covers`] first.
     pub fn of_zones(frame: Rect, mut zones: Vec<Rect>) -> Self {
         zones.sort_unstable_by_key(|zone| (zone.y0, zone.x0));
         assert!(Self::covers(frame, &zones), "zones do not cover {frame} exactly once");
         Self { frame, zones }
     }
 
-    /// Whether rectangles cover each pixel of a frame exactly once and lie nowhere else.
+    /// True if rectangles cover each pixel of a frame exactly once and nothing else.
     pub fn covers(frame: Rect, zones: &[Rect]) -> bool {
         let area: u64 = zones.iter().map(Rect::area).sum();
         if area != frame.area() || zones.iter().any(|zone| zone.is_empty() || !frame.encloses(zone)) {
             return false;
         }
-        // The areas add up, so they cover it when no two overlap.
+        // The areas add up, so they cover the frame if no two overlap.
         let index = ZoneIndex::new(frame, zones);
         zones.iter().enumerate().all(|(i, zone)| index.touching(zone).all(|j| j == i))
     }
 
-    /// What is covered.
+    /// The frame.
     pub fn frame(&self) -> Rect {
         self.frame
     }
 
-    /// The zones by [`ZoneId`].
+    /// The zones, indexed by [`ZoneId`].
     pub fn zones(&self) -> &[Rect] {
         &self.zones
     }
@@ -103,26 +106,27 @@ impl Partition {
         self.zones.iter().enumerate().map(|(i, &rect)| (ZoneId::of_index(i), rect))
     }
 
-    /// The greatest complexity a pixel of a zone over the least: 1 where all zones have the same complexity/size ratio. 1 of no zones.
+    /// The greatest complexity per pixel of a zone over the least: 1 if all zones have the same complexity/size ratio,
+    /// or there are none.
     pub fn ratio_spread(&self, map: &ImportanceMap) -> f64 {
         let ratios = || self.zones.iter().map(|zone| map.complexity_density(zone));
         let (least, greatest) = (ratios().fold(f64::INFINITY, f64::min), ratios().fold(0.0, f64::max));
         if self.zones.is_empty() { 1.0 } else { greatest / least }
     }
 
-    /// The expected time of the longest zone over the mean of all: 1 is perfect balance. At the third level it is at most 1.1
-    /// unless the longest zone is too small to be cut, or its costs lie in too few pixels. 1 of no zones.
+    /// The expected time of the longest zone over the mean: 1 is perfect balance. At level 3 at most 1.1, unless the
+    /// longest zone is too small to cut or its costs are concentrated in too few pixels. 1 without zones.
     pub fn imbalance(&self, map: &ImportanceMap) -> f64 {
         let longest = self.zones.iter().map(|zone| map.complexity(zone)).fold(0.0, f64::max);
         if self.zones.is_empty() { 1.0 } else { longest * self.zones.len() as f64 / map.complexity(&self.frame) }
     }
 
-    /// How each zone differs from its neighbours.
+    /// The [`NeighborDifference`] of each zone, by id.
     pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<NeighborDifference> {
         let density: Vec<f64> = self.zones.iter().map(|zone| map.complexity_density(zone)).collect();
         let index = ZoneIndex::new(self.frame, &self.zones);
         let difference = |(i, zone): (usize, &Rect)| {
-            // Of each side: the sum of differences by length, and the length.
+            // Per side: the differences weighted by edge length, and the total length.
             let mut sides = Sides::all((0.0, 0.0));
             for j in index.touching(&zone.grown(1, &self.frame)).filter(|&j| j != i) {
                 if let Some(((sum, length), edge)) = shared_edge(zone, &self.zones[j], &mut sides) {
@@ -138,24 +142,24 @@ impl Partition {
     }
 }
 
-/// The paper's Neighbor Difference: how much the cost a pixel of a zone differs from that of the zones that share an edge
-/// with it, weighted by the length of the edge. 0 where there are none.
+/// The paper's Neighbor Difference: the absolute difference in cost per pixel between a zone and the zones that share
+/// an edge with it, averaged by the length of the edges. 0 without neighbors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NeighborDifference {
-    /// Over all its edges.
+    /// The average over all its edges.
     pub mean: f64,
-    /// Over the edges of each side.
+    /// The average over the edges of each side.
     pub sides: Sides<f64>,
 }
 
 impl NeighborDifference {
-    /// The same on all sides.
+    /// The same difference on all sides.
     pub fn all(difference: f64) -> Self {
         Self { mean: difference, sides: Sides::all(difference) }
     }
 }
 
-/// On which side of `a` the rectangle `b`, disjoint from it, has an edge with it, and how long that is in pixels.
+/// The side of `a` at which the disjoint rectangle `b` touches it, and the length of the shared edge in pixels.
 fn shared_edge<'a, T>(a: &Rect, b: &Rect, sides: &'a mut Sides<T>) -> Option<(&'a mut T, u32)> {
     let overlap = |a0: u32, a1: u32, b0: u32, b1: u32| a1.min(b1).saturating_sub(a0.max(b0));
     let (high, wide) = (overlap(a.y0, a.y1, b.y0, b.y1), overlap(a.x0, a.x1, b.x0, b.x1));
@@ -169,7 +173,7 @@ fn shared_edge<'a, T>(a: &Rect, b: &Rect, sides: &'a mut Sides<T>) -> Option<(&'
     Some((side, high.max(wide)))
 }
 
-/// First level: halves the longer side while a zone is too complex and both halves are large enough.
+/// Level 1: halves the longer side of each zone that is too complex, while both halves are large enough.
 fn divide(map: &ImportanceMap, frame: Rect, side_min: u32, complexity_max: f64) -> Vec<Rect> {
     let mut open = vec![frame];
     let mut zones = Vec::new();

@@ -1,18 +1,18 @@
-//! The quality of a prediction.
+//! Measures of how well predicted numbers agree with measured ones.
 
-/// The agreement of predicted numbers with measured ones.
+/// Agreement of predicted with measured numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
-    /// Spearman's rank correlation, −1..=1: whether what was predicted to be larger is. 1 is perfect.
+    /// Spearman's rank correlation, −1..=1: agreement of the order by size. 1 is perfect.
     pub rank_correlation: f64,
-    /// Share of the variance of what was measured that the prediction explains, once it is scaled to the same sum: at most 1,
-    /// and below 0 where the mean would predict better.
+    /// R²: the share of the variance of the measured numbers that the prediction explains, after scaling it to the same
+    /// sum. At most 1; below 0 if the mean predicts better.
     pub r_squared: f64,
 }
 
 impl Prediction {
-    /// Compares numbers pair by pair. `None` of fewer than three pairs, of numbers that are not finite, and where all that
-    /// were predicted or all that were measured are equal: nothing can be said then. Panics when the lengths differ.
+    /// Compares numbers pair by pair. `None` for fewer than three pairs, for numbers that are not finite, and if all
+    /// predicted or all measured numbers are equal. Panics if the lengths differ.
     pub fn of(predicted: &[f64], measured: &[f64]) -> Option<Self> {
         assert_eq!(predicted.len(), measured.len(), "pairs of numbers");
         let finite = predicted.iter().chain(measured).all(|value| value.is_finite());
@@ -29,7 +29,7 @@ impl Prediction {
     }
 }
 
-/// The place of each number among all, from 1; equal ones share the mean of their places.
+/// The rank of each number, from 1; equal numbers share the mean of their ranks.
 fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
@@ -45,7 +45,7 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     ranks
 }
 
-/// Pearson's correlation; `None` where one side does not vary.
+/// Pearson's correlation; `None` if one side is constant.
 fn correlation(a: &[f64], b: &[f64]) -> Option<f64> {
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let (mean_a, mean_b) = (mean(a), mean(b));
@@ -56,21 +56,21 @@ fn correlation(a: &[f64], b: &[f64]) -> Option<f64> {
     (varied > 0.0).then(|| product(a, mean_a, b, mean_b) / varied.sqrt())
 }
 
-/// How well T_est of zones before profiling agreed with what they took.
+/// Agreement of T_est before profiling with the measured times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forecast {
-    /// Zones that were compared.
+    /// Number of zones compared.
     pub zones: usize,
-    /// Spearman's rank correlation, −1..=1; `None` where nothing can be said of it.
+    /// Spearman's rank correlation, −1..=1; `None` if undefined.
     pub rank_correlation: Option<f64>,
     /// Median of |T_est − T| ∕ T.
     pub median_error: f64,
-    /// The sum of all T_est over the sum of all T.
+    /// The sum of T_est over the sum of T.
     pub total_ratio: f64,
 }
 
 impl Forecast {
-    /// Compares pairs of T_est and T, both in seconds. `None` where none of them can be compared.
+    /// Compares pairs of T_est and T, both in seconds. `None` without a finite pair with T > 0.
     pub fn of(pairs: &[(f64, f64)]) -> Option<Self> {
         let is_sound = |(expected, taken): &&(f64, f64)| expected.is_finite() && taken.is_finite() && *taken > 0.0;
         let (expected, taken): (Vec<f64>, Vec<f64>) = pairs.iter().filter(is_sound).copied().unzip();

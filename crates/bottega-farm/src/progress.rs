@@ -1,4 +1,4 @@
-//! The progress of a job, as honest as it can be known.
+//! Progress of a job and its remaining time.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -6,67 +6,67 @@ use bottega_agents::Time;
 
 use crate::{AgentRow, ZoneId, ZoneRow, ZoneState, throughput::Throughput};
 
-/// When zones of so much of the cost are profiled, T_est tells the time that is left.
+/// Share of the expected cost that must be profiled before the remaining time is computed from T_est.
 const SHARE_PROFILED: f64 = 0.25;
-/// While anything is to be painted it takes so long at least, in seconds.
+/// Minimum remaining time while zones are unfinished, in seconds.
 const LEFT_MIN: f64 = 0.1;
 
 /// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
-    /// Zones painted or given up.
+    /// Number of zones painted or given up.
     pub zones_done: usize,
-    /// All zones.
+    /// Number of zones.
     pub zones: usize,
-    /// Samples painted, over all pixels.
+    /// Number of painted samples, over all pixels.
     pub samples_done: u64,
-    /// All samples, as far as decided: rules may still lower it.
+    /// Number of all samples, as chosen so far: rules may still lower it.
     pub samples: u64,
-    /// Predicted share of all cost that is done, 0..=1: by T_est where a zone is profiled, by the importance map where
-    /// not.
+    /// Predicted share of the cost that is done, 0..=1: by T_est for profiled zones, by the importance map for others.
     pub cost_done: f64,
-    /// Time since painting began.
+    /// Time since the first zone row was seen.
     pub elapsed: Duration,
-    /// Time left, never 0: by T_est, and by how fast agents paint as they say and as what is done shows. `None`: that is not known yet,
-    /// or all is painted and the picture is put together.
+    /// Remaining time, always positive: from T_est and the agents' speeds, or else from the elapsed time and the share
+    /// done. `None`: not known yet, or all zones are finished and the picture is being composed.
     pub left: Option<Duration>,
 }
 
-/// The time of a job, by what it was spent on.
+/// Times of a job by phase.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
-    /// Wall time from beginning to end.
+    /// Wall time from start to end.
     pub total: Duration,
     /// Wall time of the survey.
     pub survey: Duration,
-    /// Wall time in which the engine made what all zones need.
+    /// Wall time of the engine's preparation for all zones.
     pub preparation: Duration,
     /// Processor time of profiling and painting.
     pub painting: Duration,
-    /// Time that composition took.
+    /// Time of composition.
     pub composition: Duration,
 }
 
-/// What a zone adds to the sums.
+/// The contribution of a zone to the sums.
 #[derive(Clone, Copy, Debug, Default)]
 struct Share {
-    /// What is expected of it before it is profiled, in seconds; or its complexity, where nothing is.
+    /// Expected time before profiling, in seconds; its complexity if there is no prediction.
     expected: f64,
-    /// T_est of all its samples, in seconds, where it is profiled.
+    /// T_est of all its samples, in seconds, if profiled.
     time: Option<f64>,
+    /// Share of its samples that are painted, 0..=1.
     done: f64,
     samples: u64,
     samples_done: u64,
     settled: bool,
 }
 
-/// Keeps the sums over all zones in step with their rows.
+/// Running sums over the rows of all zones.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     shares: BTreeMap<ZoneId, Share>,
-    /// Whether what is expected was learnt in works before: then the time that is left is known before anything is painted.
+    /// True if this machine has experience from earlier works, so the remaining time is known before painting starts.
     is_experienced: bool,
-    /// What is expected of a zone a unit of its complexity, in seconds.
+    /// Expected time per unit of complexity of each of the Analyst's zones, in seconds.
     expectations: BTreeMap<ZoneId, f64>,
     throughput: Throughput,
     begun: Option<Time>,
@@ -80,26 +80,26 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// - `is_experienced`: whether this machine has learnt in works before how long zones take.
-    /// - `is_in_turn`: whether agents begin what they have in hand one after the other.
+    /// - `is_experienced`: true if this machine has experience from earlier works.
+    /// - `is_in_turn`: true if agents begin the zones they hold one after the other.
     pub(crate) fn new(is_experienced: bool, is_in_turn: bool) -> Self {
         Self { is_experienced, throughput: Throughput::new(is_in_turn), ..Self::default() }
     }
 
-    /// Takes in how fast an agent is.
+    /// Takes in the row of an agent, for its speed.
     pub(crate) fn see_agent(&mut self, row: &AgentRow) {
         self.throughput.see_agent(row);
     }
 
-    /// Takes in a row.
+    /// Takes in the row of a zone.
     ///
-    /// - `samples_wanted`: of the user, where the zone has no choice yet.
-    /// - `samples_done`: at least those of the row; more when it is painted in passes.
+    /// - `samples_wanted`: the user's samples per pixel, for zones without a choice.
+    /// - `samples_done`: samples per pixel painted; more than in the row during passes.
     pub(crate) fn see(&mut self, now: Time, row: &ZoneRow, samples_wanted: u32, samples_done: u32) {
         self.throughput.see_zone(now, row);
         let samples = row.choice.map_or(samples_wanted, |choice| row.goal_samples(&choice)).max(1);
         let samples_done = samples_done.max(row.samples_done()).min(samples);
-        // T_est is for what the painting before left over.
+        // T_est covers the samples left by the last painting.
         let left = samples - row.samples_done().min(samples - 1);
         let scale = row.choice.map(|_| f64::from(samples) / f64::from(left));
         if let (ZoneState::Open, None, Some(time)) = (row.state, row.result, row.time_estimated) {
@@ -108,7 +108,7 @@ impl Tally {
         }
         let expected = row.complexity * self.expectations.get(&row.root()).copied().unwrap_or(1.0);
         let time = row.time_estimated.zip(scale).map(|(time, scale)| time.as_secs_f64() * scale);
-        // Of a zone that is painted the row does not say how much of it T_est was for.
+        // The row of a settled zone does not say which samples T_est was for.
         let before = self.shares.get(&row.zone).and_then(|share| share.time);
         let time = if row.is_settled() { before } else { time };
         let share = Share {
@@ -145,8 +145,8 @@ impl Tally {
         }
     }
 
-    /// How long so much reference-machine time takes all agents, where what is expected can be believed: it was learnt before, or
-    /// enough zones are profiled.
+    /// Remaining time of all agents for this much reference-machine time; `None` unless predictions come from
+    /// experience or enough zones are profiled.
     fn left_by_estimates(&self, left: f64, all: f64) -> Option<f64> {
         let is_learnt = self.is_experienced && !self.expectations.is_empty();
         let is_profiled = self.timed_expected > SHARE_PROFILED * self.expected;
@@ -154,9 +154,9 @@ impl Tally {
         (is_learnt || is_profiled).then(|| self.throughput.time_for(self.now.unwrap_or_default(), left, zone))?
     }
 
-    /// How far the job is.
+    /// The current progress.
     pub(crate) fn progress(&self) -> Progress {
-        // Zones that are not profiled cost as those that are, by what is expected of both.
+        // Scale the expected cost of unprofiled zones as measured on the profiled ones
         let rate = if self.timed_expected > 1e-9 { self.timed / self.timed_expected } else { 1.0 };
         let all = self.timed + (self.expected - self.timed_expected) * rate;
         let done = self.timed_done + self.untimed_done * rate;
@@ -164,7 +164,7 @@ impl Tally {
         let whole = self.progress.zones_done == zones;
         let cost_done = if whole || all <= 0.0 { f64::from(u8::from(whole)) } else { (done / all).clamp(0.0, 1.0) };
         let elapsed = self.now.unwrap_or_default() - self.begun.unwrap_or_default();
-        // Where nothing is known of agents and zones, by how long it took what is done.
+        // Fall back on elapsed time and share done if agents' speeds are unknown
         let by_elapsed = elapsed.as_secs_f64() * (1.0 - cost_done) / cost_done;
         let by_elapsed = Some(by_elapsed).filter(|_| cost_done > 0.0);
         let left = self.left_by_estimates((all - done).max(0.0), all).or(by_elapsed).filter(|_| !whole);

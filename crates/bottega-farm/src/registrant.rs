@@ -1,5 +1,5 @@
-//! An agent at the directories of its platform: it asks the root service where they are, registers itself and what it offers, and
-//! looks for the Master of its work.
+//! Registration of an agent at the directories of its platform: finds them through the Start Service, registers itself
+//! and its services, and searches for the Master of its work.
 
 use std::time::Duration;
 
@@ -17,28 +17,29 @@ use crate::{
     directory::{FIPA_AMS, FIPA_DF, JOB_OWNERSHIP, RENDER_SERVICES, RegistrationConfig},
 };
 
-/// When the root service is asked again that does not answer.
+/// Interval of requests to the Start Service until it replies.
 const ROOT_AGAIN: Duration = Duration::from_secs(1);
-/// When the DF is asked again that does not list the Master: at first soon, for it may be about to register; then twice as late
-/// each time, to the most.
+/// Intervals of searches for the Master at the DF: short at first, because it may be about to register, then doubled up
+/// to the maximum.
 const SEARCH_AGAIN: Duration = Duration::from_millis(1);
 const SEARCH_AGAIN_MAX: Duration = Duration::from_millis(100);
-/// When it is asked again if it does not answer.
+/// Time without a reply after which the DF is asked again.
 const ANSWERS_WITHIN: Duration = Duration::from_millis(500);
-/// How often is looked whether the entries are there: somebody may have taken this agent to be gone.
+/// Interval of checks that the entries still exist: the directories may have removed those of an agent that seemed to
+/// be gone.
 const LOOK_EVERY: Duration = Duration::from_secs(5);
 
-/// Where a Render Agent has its Master from.
+/// The way in which a Render Agent finds its Master.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MasterSource {
-    /// It was told.
+    /// The Master is given.
     Known(AgentId),
-    /// It registers in the directories of its platform, and looks for the Master of its work there.
+    /// The agent registers at the directories of its platform, and searches there for the Master of its work.
     Directory(RegistrationConfig),
 }
 
 impl MasterSource {
-    /// The Master, if it is known, or what finds it.
+    /// The Master if it is given, else a registrant that searches for it.
     pub(crate) fn of(&self, agent: &AgentId) -> (Option<AgentId>, Option<Box<Registrant>>) {
         match self {
             Self::Known(master) => (Some(master.clone()), None),
@@ -49,18 +50,18 @@ impl MasterSource {
     }
 }
 
-/// What an agent hears of its directories that concerns it.
+/// News from the directories for an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum DirectoryNews {
     /// The DF lists the Master of the work.
     Master(AgentId),
-    /// The AMS asks this of the agent.
+    /// The AMS requests this from the agent.
     LifeCycle(LifeCycleRequest),
-    /// So the agent stands in the white pages.
+    /// The state of the agent in the white pages.
     State(LifeCycleState),
 }
 
-/// A question to the DF whose answer is awaited, or when it is to be asked.
+/// A query to a directory: the time at which to send it, or its number and timeout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum DirectoryQuery {
     Due(Time),
@@ -80,28 +81,28 @@ impl DirectoryQuery {
     }
 }
 
-/// The part of an agent that talks to the directories.
+/// The part of an agent that communicates with the directories.
 #[derive(Clone, Debug)]
 pub(crate) struct Registrant {
     me: AgentId,
     config: RegistrationConfig,
-    /// When the root service is to be asked.
+    /// The next request to the Start Service.
     root_at: Time,
-    /// AMS and DF.
+    /// The ids of AMS and DF, once known.
     directories: Option<[AgentId; 2]>,
     white: Page<()>,
     yellow: Page<DfAgentDescription>,
-    /// For the Master.
+    /// The search for the Master; `None`: not searching.
     search: Option<DirectoryQuery>,
-    /// When it is looked for again that was not listed.
+    /// The current interval of the search.
     pause: Duration,
-    /// For the entries of this agent in the white and the yellow pages.
+    /// The checks of this agent's entries in the white and the yellow pages.
     looks: [DirectoryQuery; 2],
     last_number: u64,
 }
 
 impl Registrant {
-    /// - `services`: types of what the agent offers, and the protocols of each.
+    /// - `services`: the types of the agent's services, with the protocols of each.
     pub(crate) fn new(me: AgentId, config: RegistrationConfig, services: &[(&str, &[&str])]) -> Self {
         let (mut white, mut yellow) = (Page::absent(), Page::absent());
         white.want(Some(()));
@@ -120,7 +121,7 @@ impl Registrant {
         }
     }
 
-    /// Looks for the Master from now on, until it is found.
+    /// Searches for the Master from now on, until it is found.
     pub(crate) fn seek_master(&mut self, now: Time) {
         if self.search.is_none() {
             (self.search, self.pause) = (Some(DirectoryQuery::Due(now)), SEARCH_AGAIN);
@@ -132,7 +133,7 @@ impl Registrant {
         self.last_number
     }
 
-    /// Does what is due.
+    /// Sends all requests that are due.
     pub(crate) fn tick(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let Some([ams, df]) = self.directories.clone() else {
             if self.root_at <= now {
@@ -144,15 +145,17 @@ impl Registrant {
             return;
         };
         let number = self.last_number + 1;
+        // Register, modify or deregister in the white pages
         if let Some(ask) = self.white.next(now, number) {
             let function = match ask {
                 PageAsk::Enter(()) => Function::RegisterAgent(self.described(Some(LifeCycleState::Active))),
-                // As it stands in its life, the AMS knows.
+                // The AMS keeps the state in the life cycle
                 PageAsk::Change(()) => Function::ModifyAgent(self.described(None)),
                 PageAsk::TakeOut => Function::DeregisterAgent(self.described(None)),
             };
             self.ask(&ams, function, actions);
         }
+        // The same in the yellow pages
         let number = self.last_number + 1;
         if let Some(ask) = self.yellow.next(now, number) {
             let function = match ask {
@@ -162,12 +165,14 @@ impl Registrant {
             };
             self.ask(&df, function, actions);
         }
+        // Search for the Master
         if self.search.is_some_and(|search| search.at() <= now) {
             let all = SearchConstraints { max_results: Some(-1), ..SearchConstraints::default() };
             let function = Function::Search(self.config.master_template(), all);
             let number = self.ask(&df, function, actions);
             self.search = Some(DirectoryQuery::Asked { number, until: now + ANSWERS_WITHIN });
         }
+        // Check that the own entries still exist
         let own = AmsAgentDescription { name: Some(self.me.clone()), ..AmsAgentDescription::default() };
         let own = [
             (ams, Function::SearchAgents(own, SearchConstraints::default())),
@@ -195,7 +200,7 @@ impl Registrant {
         DfAgentDescription { name: Some(self.me.clone()), ..DfAgentDescription::default() }
     }
 
-    /// Takes what a service of the platform says.
+    /// Processes a message of a platform service.
     pub(crate) fn hear(&mut self, now: Time, message: &FarmMessage) -> Option<DirectoryNews> {
         let content = message.content.management()?;
         if let ManagementContent::LifeCycle(request) = content {
@@ -241,20 +246,20 @@ impl Registrant {
         None
     }
 
-    /// Says to the AMS that this is done.
+    /// Confirms to the AMS that a request is done.
     pub(crate) fn obeyed(&self, message: &FarmMessage, request: LifeCycleRequest, actions: &mut Vec<FarmAction>) {
         let done = ManagementContent::LifeCycleDone(request).into();
         actions.push(FarmAction::Send(answer(message, &self.me, Performative::Inform, done)));
     }
 
-    /// Takes the agent out of the directories: its last words.
+    /// Removes the agent from the directories, when it ends.
     pub(crate) fn leave(&mut self, actions: &mut Vec<FarmAction>) {
         let Some([ams, df]) = self.directories.clone() else { return };
         self.ask(&ams, Function::DeregisterAgent(self.described(None)), actions);
         self.ask(&df, Function::Deregister(self.named()), actions);
     }
 
-    /// When [`Self::tick`] has something to do.
+    /// The time at which [`Self::tick`] must be called next.
     pub(crate) fn next_deadline(&self) -> Option<Time> {
         if self.directories.is_none() {
             return Some(self.root_at);

@@ -1,4 +1,4 @@
-//! The Render Agent: measures itself, bids for zones, asks its rules what a zone is worth, and has it painted.
+//! The Render Agent: runs its benchmark, bids for zones, chooses their settings by its rules, and has them painted.
 
 mod hand;
 mod membership;
@@ -22,38 +22,38 @@ use crate::{
     short_map::ShortMap,
 };
 
-/// An order is looked at from this age on: younger ones are not missed, and most are done by then.
+/// Age of an order from which its progress is queried: most orders are done earlier.
 const LOOK_AFTER: Duration = Duration::from_secs(5);
 
 /// The configuration of a Render Agent.
 #[derive(Clone, Debug)]
 pub struct RenderAgentConfig {
-    /// Its own name.
+    /// The agent's own id.
     pub id: AgentId,
-    /// For whom it works.
+    /// The way to find its Master.
     pub master: MasterSource,
-    /// How it learns V_cp.
+    /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
-    /// It bids while it has fewer zones than this in hand: with 2, the next zone is here before the present one has
-    /// drained, and no core waits.
+    /// The agent bids while it holds fewer zones than this: with 2, the next zone is there before the present one ends,
+    /// and no core idles.
     pub prefetch: u32,
-    /// Whether it has zones dealt to it that it begins one after the other, and takes such of its neighbors' when it has none:
-    /// see [`AuctionRule::Stealing`](crate::AuctionRule::Stealing).
+    /// `true`: zones are dealt to the agent, which begins them one after the other and takes zones from its neighbors
+    /// when it has none: see [`AuctionRule::Stealing`](crate::AuctionRule::Stealing).
     pub steals: bool,
-    /// How often it says that it lives, and repeats what was not answered.
+    /// Interval of heartbeats and of repeated reports.
     pub heartbeat: Duration,
-    /// What it knows of rendering.
+    /// The rules that choose the settings of zones.
     pub expert: Expert,
-    /// What its machine has learnt of its V_cp.
+    /// V_cp learned by its machine in earlier works.
     pub knowledge: Foreknowledge,
 }
 
-/// A report that waits for its answer.
+/// A report without a reply.
 #[derive(Clone, Debug)]
 struct Unanswered {
     report: Arc<Report>,
     conversation: u64,
-    /// When it was made.
+    /// The time at which it was made.
     since: Time,
 }
 
@@ -61,36 +61,36 @@ struct Unanswered {
 #[derive(Clone, Debug)]
 pub struct RenderAgent {
     config: RenderAgentConfig,
-    /// For whom it works; `None` until it is found.
+    /// Its Master; `None` until it is found.
     master: Option<AgentId>,
-    /// Its part that talks to the directories, where there are some.
+    /// The registration at the directories, if there are any.
     registrant: Option<Box<Registrant>>,
-    /// By the AMS: it has left its Master.
+    /// Suspended by the AMS: it has left its Master.
     is_suspended: bool,
-    /// `None` until the benchmark is done.
+    /// V_cp; `None` until the benchmark is done.
     adaptation: Option<Adaptation>,
     lanes: f64,
     subscribed: bool,
-    /// By its Master.
+    /// Suspended by its Master.
     suspended: bool,
-    /// The Master wants nothing of it.
+    /// Excluded by its Master.
     left_out: bool,
     work: Option<WorkRow>,
     fetched: bool,
     hands: ShortMap<ZoneInHand>,
     /// Reports that the Master has not answered.
     unanswered: ShortMap<Unanswered>,
-    /// The newest token seen of each zone that is neither in hand nor unanswered: an order that arrives late or twice is not
-    /// taken again. A hash map, for speed: never gone through.
+    /// The newest fencing token of each zone that is neither held nor unanswered, so that late or duplicated orders are
+    /// ignored. A hash map for speed; never iterated.
     past: FxHashMap<ZoneId, Revision>,
     next_heartbeat: Option<Time>,
-    /// When it began with the first of what it has in hand.
+    /// Time since which it works on the first zone that it holds.
     since: Time,
     thief: Thief,
 }
 
 impl RenderAgent {
-    /// An agent that has just been born.
+    /// A new agent.
     pub fn new(config: RenderAgentConfig) -> Self {
         let (master, registrant) = config.master.of(&config.id);
         Self {
@@ -114,17 +114,17 @@ impl RenderAgent {
         }
     }
 
-    /// V_cp as it is known now.
+    /// The current V_cp.
     pub fn power(&self) -> RelativePower {
         self.adaptation.as_ref().map_or(RelativePower::REFERENCE, Adaptation::power)
     }
 
-    /// Whether it is on the Master's list and would paint, and has nothing to do.
+    /// True if it is subscribed and willing, and holds nothing.
     pub(crate) fn is_free(&self) -> bool {
         self.subscribed && !self.left_out && self.hands.is_empty() && self.unanswered.is_empty() && self.room() > 0
     }
 
-    /// The zones in hand and the tokens of their orders.
+    /// The zones that it holds, with the fencing tokens of their orders.
     pub fn hands(&self) -> impl Iterator<Item = (ZoneId, Revision)> {
         self.hands.iter().map(|(zone, hand)| (zone, hand.order.fence))
     }
@@ -137,7 +137,7 @@ impl RenderAgent {
             return self.hear_neighbor(now, message, actions);
         }
         if self.master.as_ref() != Some(&message.sender) {
-            // Orders, and the end of the work, are the Master's to tell.
+            // Only the Master may send orders and end the work
             if message.performative != Performative::NotUnderstood {
                 self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions);
             }
@@ -149,7 +149,7 @@ impl RenderAgent {
         match (message.performative, &message.content) {
             (Performative::Agree, FarmContent::Subscribed) => (self.subscribed, self.left_out) = (true, false),
             (Performative::Refuse, FarmContent::LeftOut { reason }) => self.dismissed(reason, actions),
-            // The Master does not know this agent (any more).
+            // The Master does not know this agent (any more)
             (Performative::Refuse, FarmContent::Nothing) => {
                 if std::mem::replace(&mut self.subscribed, false) {
                     self.seek_master(now, actions);
@@ -163,7 +163,7 @@ impl RenderAgent {
             (Performative::Confirm, FarmContent::Received { zone, fence }) => _ = self.answered(*zone, *fence),
             (Performative::Disconfirm, FarmContent::Refused { zone, fence, .. }) => {
                 if self.answered(*zone, *fence) {
-                    // Should the order come again, the Master wants the zone after all.
+                    // If the order comes again, the Master wants the zone after all
                     self.past.remove(zone);
                 }
             }
@@ -178,7 +178,8 @@ impl RenderAgent {
         }
     }
 
-    /// The Master has left this agent out. It asks again now and then, for the Master may have nobody else some day.
+    /// Handles the exclusion by the Master. The agent subscribes again now and then, in case the Master has no other
+    /// agents.
     fn dismissed(&mut self, reason: &str, actions: &mut Vec<FarmAction>) {
         self.hand_back(actions);
         if !std::mem::replace(&mut self.left_out, true) {
@@ -186,14 +187,14 @@ impl RenderAgent {
         }
     }
 
-    /// It works for the Master no more, until it subscribes again: then it has nothing in hand.
+    /// Leaves the Master without a message. After the next subscription the agent holds nothing.
     pub(crate) fn let_go(&mut self) {
         self.subscribed = false;
         self.hands.clear();
         self.unanswered.clear();
     }
 
-    /// Whether this answers a report that waits for one.
+    /// Removes the unanswered report of this order. Returns true if there was one.
     fn answered(&mut self, zone: ZoneId, fence: Revision) -> bool {
         let waits = self.unanswered.get(zone).is_some_and(|it| it.report.fence == fence);
         if waits {
@@ -203,14 +204,14 @@ impl RenderAgent {
         waits
     }
 
-    /// The newest token seen of a zone.
+    /// The newest fencing token seen for a zone.
     fn newest(&self, zone: ZoneId) -> Option<Revision> {
         let in_hand = self.hands.get(zone).map(|hand| hand.order.fence);
         let reported = || self.unanswered.get(zone).map(|it| it.report.fence);
         in_hand.or_else(reported).or_else(|| self.past.get(&zone).copied())
     }
 
-    /// Workflow, step 5: each agent gets the 3D model from the repository.
+    /// Workflow, step 5: fetches the 3D model from the repository when a new work begins.
     fn get_scene(&mut self, work: &WorkRow, actions: &mut Vec<FarmAction>) {
         if self.work.as_ref() != Some(work) {
             self.work = Some(work.clone());
@@ -223,7 +224,7 @@ impl RenderAgent {
         }
     }
 
-    /// Begins with the V_cp that works of this kind had in the end, where its machine has seen some.
+    /// Starts from the V_cp that similar works ended with, if there is experience.
     fn remember(&mut self, work: &WorkRow) {
         let Foreknowledge { experience, technique, .. } = &self.config.knowledge;
         if let (Some(power), Some(adaptation)) = (experience.power(technique, &work.features), &mut self.adaptation) {
@@ -231,7 +232,7 @@ impl RenderAgent {
         }
     }
 
-    /// Zones that it has room for.
+    /// The number of zones that it has room for.
     pub(crate) fn room(&self) -> u32 {
         if self.suspended || self.adaptation.is_none() {
             return 0;
@@ -239,17 +240,18 @@ impl RenderAgent {
         self.config.prefetch.saturating_sub(self.hands.len() as u32)
     }
 
-    /// When it would have painted what it has in hand, from now.
+    /// Time from now until it has painted what it holds.
     fn load(&self, now: Time) -> Duration {
         let hands = self.hands.values().map(|hand| self.own(hand.time(&self.config.expert).unwrap_or_default()));
         hands.sum::<Duration>().saturating_sub(now - self.since)
     }
 
-    /// How long so much reference-machine time takes it, all its processors together.
+    /// Converts reference-machine time to this agent's time, with all its processors together.
     fn own(&self, reference: Duration) -> Duration {
         scaled(reference, self.power().get() / self.lanes)
     }
 
+    /// Replies to a call for proposals with a bid for each zone on offer, or refuses without room.
     fn propose(&self, now: Time, message: &FarmMessage, offers: &[Offer], actions: &mut Vec<FarmAction>) {
         let room = self.room();
         if room == 0 || offers.is_empty() {
@@ -262,7 +264,7 @@ impl RenderAgent {
         self.answer(message, Performative::Propose, FarmContent::Bids { room, bids }, actions);
     }
 
-    /// Another agent has painted a zone that was taken over.
+    /// Drops an order after another agent has painted the zone.
     fn drop_order(&mut self, zone: ZoneId, fence: Revision, actions: &mut Vec<FarmAction>) {
         if self.hands.get(zone).is_some_and(|hand| hand.order.fence == fence)
             && let Some(hand) = self.hands.remove(zone)
@@ -276,20 +278,21 @@ impl RenderAgent {
         self.begin_waiting(actions);
     }
 
+    /// Takes an order, unless it is invalid, late or a duplicate.
     fn take(&mut self, now: Time, message: &FarmMessage, order: &Order, actions: &mut Vec<FarmAction>) {
         let zone = order.row.zone;
         if !order.is_sound() {
             return self.answer(message, Performative::NotUnderstood, FarmContent::Nothing, actions);
         }
         if message.reply_by.is_some_and(|reply_by| reply_by < now) {
-            // The Master no longer waits for it. If it still wants it, it will say so when it hears what is in hand.
+            // The Master no longer waits for it, and sends it again after the next heartbeat if it still wants it
             return;
         }
         self.get_scene(&order.work, actions);
         match self.newest(zone) {
             Some(newest) if newest > order.fence => return,
             Some(newest) if newest == order.fence => {
-                // The report was lost, or this order was doubled on the way.
+                // The report was lost, or this order is a duplicate
                 if let Some(unanswered) = self.unanswered.get(zone) {
                     actions.push(FarmAction::Send(self.report_message(unanswered)));
                 }
@@ -298,6 +301,7 @@ impl RenderAgent {
             _ => {}
         }
         self.unanswered.remove(zone);
+        // Use the settings of the order, or choose them by the own rules
         let decided = order.row.choice.filter(|_| !order.decides);
         let choice = decided.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
         let conversation = message.conversation_id;
@@ -324,6 +328,7 @@ impl RenderAgent {
         self.begin_waiting(actions);
     }
 
+    /// Reports a painted order to the Master and adapts V_cp.
     fn painted(
         &mut self,
         now: Time,
@@ -332,7 +337,7 @@ impl RenderAgent {
         outcome: Result<PaintResult, String>,
         actions: &mut Vec<FarmAction>,
     ) {
-        // The order may have been taken back and given again since.
+        // Ignore it if the order was taken back and given again since
         if self.hands.get(zone).is_none_or(|hand| hand.order.fence != fence) {
             return;
         }
@@ -344,9 +349,10 @@ impl RenderAgent {
             let samples = painted.result.samples;
             let settings = &hand.order.work.settings;
             let goal = self.config.expert.next_samples(settings, samples, &hand.choice, painted.unfinished);
-            // Of one more sample where there is nothing left: whoever decides for more can scale it.
+            // T_est of the remaining samples; of one sample if none remain, for the Master to scale
             let left = f64::from(goal.saturating_sub(samples).max(1));
             let taken = f64::from(painted.result.samples.saturating_sub(hand.order.row.samples_done()).max(1));
+            // Adapt V_cp, if the time is a measurement under the estimated settings
             if !profiling
                 && hand.is_estimated
                 && painted.is_measured
@@ -378,7 +384,7 @@ impl RenderAgent {
         let to = self.master.iter().cloned().collect();
         let report = FarmContent::Report(Arc::clone(report));
         let report = message(performative, protocol::CONTRACT_NET, &self.config.id, to, report);
-        // It is repeated then, or soon after.
+        // Repeated then, or soon after
         asking(report, *conversation, self.next_heartbeat)
     }
 
@@ -386,10 +392,11 @@ impl RenderAgent {
         let content = FarmContent::Subscription { power: self.power(), lanes: self.lanes };
         let to = self.master.iter().cloned().collect();
         let subscription = message(Performative::Subscribe, protocol::SUBSCRIBE, &self.config.id, to, content);
-        // It is repeated then.
+        // Repeated then
         actions.push(FarmAction::Send(AclMessage { reply_by: self.next_heartbeat, ..subscription }));
     }
 
+    /// Sends the heartbeat, and repeats reports without a reply.
     fn beat(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         if self.adaptation.is_none() {
             return;
@@ -411,7 +418,7 @@ impl RenderAgent {
         let to = self.master.iter().cloned().collect();
         let alive = message(Performative::Inform, protocol::SUBSCRIBE, &self.config.id, to, content);
         actions.push(FarmAction::Send(alive));
-        // The answer to one that was just made is on its way: a Master that has much to do must not get more of it.
+        // Repeat older reports only, to spare a busy Master
         let is_late = |it: &&Unanswered| now - it.since >= self.config.heartbeat / 2;
         for unanswered in self.unanswered.values().filter(is_late) {
             actions.push(FarmAction::Send(self.report_message(unanswered)));
@@ -419,7 +426,7 @@ impl RenderAgent {
         self.look(now, actions);
     }
 
-    /// Has it looked how far orders are that take long: the next heartbeat tells it.
+    /// Queries the progress of long orders, for the next heartbeat.
     fn look(&self, now: Time, actions: &mut Vec<FarmAction>) {
         let long = self.hands.iter().filter(|(_, hand)| hand.begun && hand.since + LOOK_AFTER <= now);
         let long: Vec<_> = long.map(|(zone, hand)| (zone, hand.order.fence)).collect();

@@ -1,4 +1,4 @@
-//! The settings of a picture, and the choice for a zone.
+//! Settings of a picture, and the choice for a zone.
 
 use std::{fmt, str::FromStr, time::Duration};
 
@@ -8,13 +8,13 @@ use bottega_image::{Rect, Sides};
 /// Share of the final samples that profiling takes (MAGarRO, section 3.4: "around 5% of the final number of rays").
 const PROFILE_SHARE: f64 = 0.05;
 
-/// Side of a cell, in pixels: large enough for an error that is estimated from few samples, small enough to follow the scene.
+/// Side of a cell, in pixels: large enough to estimate an error from few samples, small enough to follow the scene.
 pub(crate) const CELL_SIDE: u32 = 32;
 
-/// The degree to which the rules may spend less than the user's settings: the paper's Optimization Level.
+/// The degree to which rules may lower the user's settings: the paper's Optimization Level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Optimization {
-    /// The user's settings exactly, everywhere: the picture is then the same, bit for bit, whoever painted it.
+    /// The user's settings everywhere: the picture is bit-identical for any agents.
     #[default]
     Off,
     /// VS.
@@ -33,7 +33,7 @@ impl Optimization {
     /// All levels, weakest first.
     pub const ALL: [Self; 6] = [Self::Off, Self::VerySmall, Self::Small, Self::Normal, Self::Big, Self::VeryBig];
 
-    /// The level as the value of the rules' input `optimization_level`: 1 (very small) to 5 (very big). `None` when it is off.
+    /// The value of the rules' input `optimization_level`: 1 (very small) to 5 (very big). `None` if off.
     pub fn rule_input(self) -> Option<f64> {
         match self {
             Self::Off => None,
@@ -59,11 +59,11 @@ impl fmt::Display for Optimization {
     }
 }
 
-/// No such level of optimization.
+/// An unknown level of optimization.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown optimization level `{found}`: use off, vs, s, n, b or vb")]
 pub struct UnknownOptimization {
-    /// What was asked for.
+    /// The text that was given.
     pub found: String,
 }
 
@@ -76,38 +76,38 @@ impl FromStr for Optimization {
     }
 }
 
-/// The use of a zone's error.
+/// The use of a zone's estimated error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ErrorUse {
-    /// Nothing: it is not estimated.
+    /// None: it is not estimated.
     #[default]
     None,
-    /// It says how much more a zone gets than others.
+    /// Zones with a larger error get more samples.
     Weighs,
-    /// Whoever has this error, or less, stops.
+    /// Cells with this relative error or less stop.
     Stops(f64),
 }
 
-/// The goal of a zone: when it has enough samples.
+/// The condition under which a zone has enough samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Goal {
-    /// When it has as many as were asked for.
+    /// It has the number of samples requested.
     #[default]
     Samples,
-    /// When the estimated relative error of each of its cells is at most this: the root of the mean over the pixels of squared
-    /// error over squared value. A cell is 32 × 32 pixels of a grid that depends on nothing, and stops by its own pixels
-    /// alone: so the picture is the same whoever paints it, where the engine is exact by pixel. Engines that cannot
+    /// The estimated relative error of each of its cells is at most this: the root of the mean over the pixels of
+    /// squared error over squared value. A cell is a square of 32 × 32 pixels of a fixed grid and stops by its own
+    /// pixels alone, so the picture is the same for any agents, if the engine is exact per pixel. Engines that cannot
     /// paint parts of a zone stop zone by zone.
     Error(f64),
-    /// When so much time has passed since the work began. How good the picture is then depends on the machines.
+    /// This much time has passed since the work began. The quality depends on the machines.
     Time(Duration),
 }
 
 impl Goal {
-    /// Samples of a zone's first look where nobody knows yet how many it will need.
+    /// Number of first samples of a zone with a goal of error or time.
     pub(crate) const FIRST_SAMPLES: u32 = 8;
 
-    /// What a zone's error is needed for.
+    /// The use of the error of zones with this goal.
     pub fn error_use(&self) -> ErrorUse {
         match *self {
             Self::Samples => ErrorUse::None,
@@ -116,48 +116,48 @@ impl Goal {
         }
     }
 
-    /// Zones and their pieces have edges at multiples of so many pixels, or at those of the frame.
+    /// Zones and their pieces have edges at multiples of this many pixels, or at the frame's edges.
     pub(crate) fn grid(&self) -> u32 {
         if matches!(self, Self::Error(_)) { CELL_SIDE } else { 1 }
     }
 }
 
-/// The settings of a work, as the user asked: the same for all its zones.
+/// The user's settings of a work: the same for all its zones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorkSettings {
     /// The whole picture, from (0, 0).
     pub picture: Rect,
-    /// The pixels that are painted: the picture or its crop window.
+    /// The pixels to paint: the picture or its crop window.
     pub frame: Rect,
-    /// Samples a pixel, at least 1; with a goal the most that a pixel gets.
+    /// Samples per pixel, at least 1; with a goal of error or time their maximum.
     pub samples: u32,
-    /// When a zone is finished.
+    /// The condition under which a zone is finished.
     pub goal: Goal,
-    /// Everything else that the rules may lower.
+    /// The other settings that rules may lower.
     pub tunables: Tunables,
-    /// How far they may.
+    /// The degree to which rules may lower them.
     pub optimization: Optimization,
 }
 
-/// What a zone is painted with. Decided once, by the agent that profiles the zone: its first samples are kept, and
-/// samples of two settings may not be mixed.
+/// The settings of one zone. Normally chosen by the agent that profiles it and then fixed: samples of different
+/// settings must not be mixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Choice {
-    /// Settings of the engine.
+    /// The engine's settings.
     pub tunables: Tunables,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
     /// Widths of the interpolation bands beyond the zone's edges, in pixels; 0: none.
     pub bands: Sides<u32>,
 }
 
 impl Choice {
-    /// The user's settings exactly.
+    /// The user's settings.
     pub fn unchanged(settings: &WorkSettings) -> Self {
         Self { tunables: settings.tunables, samples: settings.samples, bands: Sides::all(0) }
     }
 
-    /// How many of the samples profiling takes.
+    /// The number of samples per pixel that profiling takes.
     pub fn profile_samples(&self, goal: &Goal) -> u32 {
         let wanted = match goal {
             Goal::Samples => (f64::from(self.samples) * PROFILE_SHARE).round() as u32,

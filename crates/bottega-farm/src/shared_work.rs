@@ -1,49 +1,52 @@
-//! Work before a picture whose parts the machines of a job do together: which of them next?
+//! Shared work: preparation in parts that the machines of a job divide among themselves.
 //!
-//! Nobody hands the parts out. An idle machine claims a free part by a compare-and-set, which tells all others; the result depends on
-//! the part alone. A claim ends when its holder leaves the work, or at a deadline, after which another idle machine does the part as
-//! well. So machines may go or hang at any time, and a part may be done twice, with the same result.
+//! No machine hands out the parts. An idle machine claims a free part by a compare-and-set, visible to all others; the
+//! result depends on the part alone. A claim ends when its holder leaves the work, or at a deadline, after which an
+//! idle machine repeats the part. So machines may leave or hang at any time, and a part may be done twice with the same
+//! result.
 
 use std::time::Duration;
 
-/// A part of shared work, as a machine sees it.
+/// The state of a part of shared work.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SharedPart {
-    /// Who has claimed it last.
+    /// The machine that claimed it last.
     pub taken_by: Option<String>,
-    /// How long ago.
+    /// Time since that claim.
     pub since: Duration,
-    /// Whether all can have the result.
+    /// True if the result is available to all.
     pub is_done: bool,
 }
 
-/// The next part of a machine.
+/// The next step of an idle machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NextPart {
-    /// Takes this part.
+    /// Do the part with this index.
     Take(usize),
-    /// Nothing: others are at work on all that is left.
+    /// Wait: others are working on all remaining parts.
     Wait,
-    /// Nothing more: all is done.
+    /// Stop: all parts are done.
     Done,
 }
 
-/// What a machine does next.
+/// Chooses the next step of the machine `me`.
 ///
-/// - `is_there`: whether another one takes part in the work now.
-/// - `patience`: the deadline of a claim, from when it was made: after it one who has nothing else to do takes the part as well.
+/// - `is_there`: true for machines that take part in the work now.
+/// - `patience`: time after a claim from which an idle machine may repeat the part.
 pub fn next_part(parts: &[SharedPart], me: &str, is_there: impl Fn(&str) -> bool, patience: Duration) -> NextPart {
     let open = || parts.iter().enumerate().filter(|(_, part)| !part.is_done);
     if open().next().is_none() {
         return NextPart::Done;
     }
+    // Take a part that is not claimed, or whose holder is gone
     let is_free = |part: &SharedPart| part.taken_by.as_deref().is_none_or(|by| by == me || !is_there(by));
     let free: Vec<usize> = open().filter(|(_, part)| is_free(part)).map(|(index, _)| index).collect();
     if !free.is_empty() {
-        // Each begins elsewhere, so that few want the same.
+        // Machines start at different parts, to avoid claims of the same part
         let turn = me.bytes().fold(0_usize, |sum, byte| sum.wrapping_mul(31).wrapping_add(usize::from(byte)));
         return NextPart::Take(free[turn % free.len()]);
     }
+    // Else repeat the part claimed longest ago, once its deadline is over
     let longest = open().max_by_key(|(_, part)| part.since);
     longest.filter(|(_, part)| part.since >= patience).map_or(NextPart::Wait, |(index, _)| NextPart::Take(index))
 }

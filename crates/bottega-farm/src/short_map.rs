@@ -1,9 +1,9 @@
-//! A map of very few entries.
+//! A map with very few entries.
 
 use crate::ZoneId;
 
-/// What an agent has to do with zones: a list in the order of their ids. There are few at a time, so it costs less to look
-/// at than a tree, and asks for no memory once it has had as many.
+/// A map by zone, as a sorted list: for few entries it is faster than a tree, and it allocates only when it outgrows
+/// its capacity.
 #[derive(Clone, Debug)]
 pub(crate) struct ShortMap<V>(Vec<(ZoneId, V)>);
 

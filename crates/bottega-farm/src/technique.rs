@@ -1,39 +1,39 @@
-//! The meaning of the rules' outputs for each way to follow light.
+//! Rendering techniques and the meaning of the rules' outputs for each.
 //!
-//! Source: MAGarRO, section 3.4: the outputs depend on the rendering method, the inputs serve any.
+//! Source: MAGarRO, section 3.4: outputs depend on the rendering method, inputs suit any.
 
 use bottega_fuzzy::FunctionBlock;
 
-/// A way to follow light that rules may be written for.
+/// A rendering technique with rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technique {
-    /// What the built-in engine does.
+    /// Path tracing, as in the built-in engine.
     PathTracing,
-    /// Photon maps, with final gathering and an irradiance cache. No engine here does it yet.
+    /// Photon maps with final gathering and an irradiance cache. No engine here uses these rules yet.
     PhotonMapping,
 }
 
-/// An output that rules may have, and what it stands for.
+/// An output of rules and its meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OutputMeaning {
-    /// Its name in the rules, compared without case.
+    /// Its name in the rules; compared without case.
     pub name: &'static str,
-    /// What it stands for.
+    /// Its meaning, for users.
     pub meaning: &'static str,
 }
 
-/// The name of the MAGarRO paper's rules for path tracing, as far as it tells them.
+/// The name of the rule file with the rules that the MAGarRO paper prints for path tracing.
 pub const PAPER_RULES_NAME: &str = "paper";
-/// The same, as FCL text.
+/// The rules that the MAGarRO paper prints for path tracing, as FCL text.
 pub const PAPER_RULES: &str = include_str!("../../../rules/paper.fcl");
 
-/// Share of the user's depth.
+/// Output: share of the user's maximum depth.
 pub(crate) const RECURSION_LEVEL: &str = "recursion_level";
-/// Share of the user's samples.
+/// Output: share of the user's samples.
 pub(crate) const LIGHT_SAMPLES: &str = "light_samples";
-/// Width of the band of a zone that keeps nothing of its settings, in pixels.
+/// Output: width of the band of a zone at the lowest quality, in pixels; scaled down with higher quality.
 pub(crate) const INTERPOLATION_BAND_SIZE: &str = "interpolation_band_size";
-/// Width of the band of any zone, in pixels.
+/// Output: width of the band in pixels, independent of quality.
 pub(crate) const INTERPOLATION_BAND_PIXELS: &str = "interpolation_band_pixels";
 
 const BAND: OutputMeaning = OutputMeaning {
@@ -72,10 +72,10 @@ const PHOTON_MAPPING: [OutputMeaning; 6] = [
 ];
 
 impl Technique {
-    /// All of them.
+    /// All techniques.
     pub const ALL: [Self; 2] = [Self::PathTracing, Self::PhotonMapping];
 
-    /// As it is called in sentences.
+    /// The name for texts.
     pub fn name(self) -> &'static str {
         match self {
             Self::PathTracing => "path tracing",
@@ -83,7 +83,7 @@ impl Technique {
         }
     }
 
-    /// The file of its rules, without the extension.
+    /// The name of its rule file, without the extension.
     pub fn rules_name(self) -> &'static str {
         match self {
             Self::PathTracing => "path-tracing",
@@ -91,7 +91,7 @@ impl Technique {
         }
     }
 
-    /// The rules for it that come with the program, as FCL text: our own, with the two for path tracing that the paper prints.
+    /// The built-in rules as FCL text: our own, and for path tracing the two that the paper prints.
     pub fn rules(self) -> &'static str {
         match self {
             Self::PathTracing => include_str!("../../../rules/path-tracing.fcl"),
@@ -99,7 +99,7 @@ impl Technique {
         }
     }
 
-    /// What rules for it may decide.
+    /// The outputs that its rules may have.
     pub fn outputs(self) -> &'static [OutputMeaning] {
         match self {
             Self::PathTracing => &PATH_TRACING,
@@ -107,7 +107,7 @@ impl Technique {
         }
     }
 
-    /// The outputs of some rules that mean something in this technique, and the names of those that mean nothing.
+    /// The known outputs of some rules, and the names of unknown ones.
     pub fn sort_outputs(self, rules: &FunctionBlock) -> (Vec<OutputMeaning>, Vec<String>) {
         let (mut known, mut unknown) = (Vec::new(), Vec::new());
         for output in rules.outputs() {

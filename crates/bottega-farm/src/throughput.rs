@@ -1,9 +1,10 @@
-//! The speed of the agents of a job: as they say, corrected by how long what is done took them.
+//! The painting speed of all agents of a job, corrected by the measured times of finished zones.
 //!
-//! An agent says how much reference-machine time it paints in a second: V_cp and lanes. Agents may share processors with each other or
-//! with other programs, so that all of them together paint less. What is done tells by how much, and must be counted with what is
-//! under way: when the first of two zones that an agent paints at once is done, the other is half done. So each zone in hand is given
-//! its share of its agent's time, as the agent says it, and a zone that is done sets its T_est against what it was given.
+//! An agent reports the reference-machine time that it paints per second: lanes / V_cp. Agents may share processors
+//! with each other or with other programs, so that all together paint less. The finished zones show by how much, but
+//! zones in progress must count too: when the first of two zones painted in parallel is done, the other is half done.
+//! So each held zone is given its share of its agent's reported output, and a finished zone compares its T_est with the
+//! output it was given.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -11,26 +12,26 @@ use bottega_agents::{AgentId, Time};
 
 use crate::{AgentRow, ZoneId, ZoneRow, ZoneState};
 
-/// What is remembered of what was painted before, at each zone that is done: some twenty of them count.
+/// Weight of earlier zones at each finished one; about the last twenty count.
 const REMEMBERED: f64 = 0.95;
-/// An agent that has had nothing in hand for so long is not counted on: it may have gone without a word.
+/// Time without zones after which an agent is not counted: it may have left silently.
 const IDLE_MAX: Duration = Duration::from_secs(15);
-/// However long a zone has been in hand, this share of it is still to be painted.
+/// Minimum share of a held zone that counts as unpainted, however long it has been held.
 const UNPAINTED_MIN: f64 = 0.05;
 
-/// The agents of a job, and what they have in hand.
+/// The speeds of a job's agents and the zones that they hold.
 #[derive(Debug, Default)]
 pub(crate) struct Throughput {
     agents: BTreeMap<AgentId, AgentPace>,
-    /// Who has each zone in hand.
+    /// The agents that hold each zone.
     holders: BTreeMap<ZoneId, Vec<AgentId>>,
-    /// Whether agents begin what they have in hand one after the other, and not all at once.
+    /// True if agents begin the zones they hold one after the other, instead of all at once.
     is_in_turn: bool,
     all: Painted,
 }
 
-/// Reference-machine time of zones that are done, and what their agents should have painted in the time that it took, by their own
-/// word; both in seconds.
+/// Decaying sums over finished zones, in reference-machine seconds: T_est, and the output their agents report for the
+/// time spent on them.
 #[derive(Clone, Copy, Debug, Default)]
 struct Painted {
     estimated: f64,
@@ -39,22 +40,22 @@ struct Painted {
 
 #[derive(Debug, Default)]
 struct AgentPace {
-    /// Reference-machine seconds that it paints in a second, as it says.
+    /// Reference-machine seconds per second, as reported.
     speed: f64,
     hands: BTreeMap<ZoneId, HeldZone>,
-    /// Until when its time is given to what it has in hand.
+    /// The time up to which its output is assigned to its zones.
     given_until: Time,
     painted: Painted,
 }
 
-/// A zone in the hand of an agent.
+/// A zone held by an agent.
 #[derive(Clone, Copy, Debug)]
 struct HeldZone {
-    /// How many orders its agent had been given before.
+    /// Its position in the order in which the agent received zones.
     turn: u64,
-    /// T_est of what it is to be painted, in seconds; `None`: it is a profile.
+    /// T_est of its samples, in seconds; `None`: a profile.
     estimated: Option<f64>,
-    /// What it was given so far of what the agent says that it paints, in seconds.
+    /// Reported output assigned to it so far, in reference-machine seconds.
     given: f64,
 }
 
@@ -64,14 +65,14 @@ impl Painted {
         self.given = REMEMBERED * self.given + other.given;
     }
 
-    /// By how much faster than they say agents are, where `prior` is expected of the first `weight` seconds.
+    /// Actual over reported speed, with `prior` as the ratio of the first `weight` seconds.
     fn ratio(&self, prior: f64, weight: f64) -> f64 {
         (self.estimated + prior * weight) / (self.given + weight).max(1e-9)
     }
 }
 
 impl AgentPace {
-    /// Gives its time until `now` to what it has in hand.
+    /// Assigns the agent's output until `now` to the zones it holds.
     fn give(&mut self, now: Time, is_in_turn: bool) {
         let seconds = now.since(self.given_until.min(now)).as_secs_f64();
         if !self.hands.is_empty() {
@@ -90,12 +91,12 @@ impl AgentPace {
 }
 
 impl Throughput {
-    /// - `is_in_turn`: whether agents begin what they have in hand one after the other.
+    /// - `is_in_turn`: true if agents begin the zones they hold one after the other.
     pub(crate) fn new(is_in_turn: bool) -> Self {
         Self { is_in_turn, ..Self::default() }
     }
 
-    /// Takes in how fast an agent says that it is.
+    /// Takes in the reported speed of an agent.
     pub(crate) fn see_agent(&mut self, row: &AgentRow) {
         let speed = if row.left_out.is_none() { row.lanes / row.power.get() } else { 0.0 };
         self.agents.entry(row.agent.clone()).or_default().speed = if speed.is_finite() { speed } else { 0.0 };
@@ -105,12 +106,13 @@ impl Throughput {
     pub(crate) fn see_zone(&mut self, now: Time, row: &ZoneRow) {
         let held_before = self.holders.remove(&row.zone).unwrap_or_default();
         let holders: Vec<AgentId> = row.holders().cloned().collect();
+        // Agents that no longer hold it: count the zone if the agent finished it
         for agent in held_before.iter().filter(|agent| !holders.contains(agent)) {
             let is_painter = row.state == ZoneState::Done && row.agent.as_ref() == Some(agent);
             let Some(pace) = self.agents.get_mut(agent) else { continue };
             pace.give(now, self.is_in_turn);
             let Some(held) = pace.hands.remove(&row.zone) else { continue };
-            // Whoever paints it may have decided for other samples.
+            // The painter's own rules may have changed the number of samples.
             let estimated = row.time_estimated.map(|time| time.as_secs_f64()).or(held.estimated);
             let is_measured = is_painter && held.estimated.is_some() && held.given > 0.0;
             if let Some(estimated) = estimated.filter(|_| is_measured) {
@@ -119,6 +121,7 @@ impl Throughput {
                 self.all.add(painted);
             }
         }
+        // Agents that hold it now: start assigning output to it
         for (number, agent) in (0..).zip(&holders) {
             let pace = self.agents.entry(agent.clone()).or_default();
             if pace.hands.contains_key(&row.zone) {
@@ -138,10 +141,11 @@ impl Throughput {
         }
     }
 
-    /// How long so much takes all agents that are there; `None`: nobody is known.
+    /// Expected time of all present agents for an amount of work; `None` without known agents.
     ///
-    /// - `seconds`: reference-machine time of all that is not done, what is in hand with it.
-    /// - `zone_seconds`: that of a zone on the average: so much must be painted before agents are taken to be otherwise than they say.
+    /// - `seconds`: reference-machine time of everything unfinished, including what is held.
+    /// - `zone_seconds`: that of an average zone: so much must be painted before measured speeds outweigh reported
+    ///   ones.
     pub(crate) fn time_for(&self, now: Time, seconds: f64, zone_seconds: f64) -> Option<f64> {
         let weight = zone_seconds.max(1e-6);
         let ratio = self.all.ratio(1.0, weight);

@@ -1,8 +1,8 @@
-//! A Render Agent whose painter is somebody else: an agent of another platform, by any engine.
+//! The Visitor: a Render Agent whose painter is an agent of another platform, with any engine.
 //!
-//! It keeps the conversation with the Master as our agents do: heartbeats, orders that are repeated, reports until they are
-//! answered, V_cp as its promises show it. What it is asked to promise and to paint is put to the visitor
-//! ([`VisitorEffect`]), whose word comes back as a [`VisitorReport`].
+//! It holds the conversation with the Master like other agents: heartbeats, repeated reports, V_cp adapted to measured
+//! times. Calls for proposals and paint orders are passed to the visitor ([`VisitorEffect`]), which replies with a
+//! [`VisitorReport`].
 
 use std::{sync::Arc, time::Duration};
 
@@ -16,117 +16,118 @@ use crate::{
     protocol,
 };
 
-/// Zones that a visitor has in hand at most: the next one is there when it has delivered.
+/// Maximum number of zones that a visitor holds: the next one is there when it has delivered.
 const PREFETCH: u32 = 2;
-/// Calls for proposals that it has not answered; older ones are refused in its name.
+/// Maximum number of unanswered calls for proposals; older ones are refused in its name.
 const CALLS_MAX: usize = 16;
 
 /// A message to a visitor.
 #[derive(Clone, Debug)]
 pub enum VisitorEffect {
-    /// There is a work, and the Master has it on its list.
+    /// There is a work, and the Master has added the visitor to its list.
     Welcome(Box<WorkRow>),
-    /// These zones are to be had: answered by [`VisitorReport::Bids`] or [`VisitorReport::Refuses`] with the same call.
+    /// Zones on offer: answered by [`VisitorReport::Bids`] or [`VisitorReport::Refuses`] with the same call.
     Offers {
-        /// Which call.
+        /// The id of the call.
         call: u64,
         /// The zones.
         offers: Arc<[Offer]>,
-        /// How many it may ask for.
+        /// The number of zones that it may win.
         room: u32,
-        /// Later answers are of no use.
+        /// Time until the deadline of the answer.
         within: Duration,
     },
-    /// The Master gave the zones of this call to others.
+    /// The Master awarded the zones of this call to others.
     Rejected {
-        /// Which call.
+        /// The id of the call.
         call: u64,
     },
-    /// Paint this: answered by [`VisitorReport::Painted`].
+    /// An order to paint, answered by [`VisitorReport::Painted`].
     Paint {
-        /// What.
+        /// The order.
         order: Box<PaintOrder>,
-        /// The call in which it was won; `None`: it is the first samples of a zone.
+        /// The call in which it was won; `None`: first samples of a zone.
         call: Option<u64>,
     },
-    /// Nobody wants this any more.
+    /// The order is cancelled.
     Withdrawn {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// The token of the order.
+        /// The fencing token of the order.
         fence: Revision,
     },
-    /// The Master wants nothing of this visitor.
+    /// The Master has excluded this visitor.
     LeftOut {
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
 
-/// A message of a visitor.
+/// A message from a visitor.
 #[derive(Clone, Debug)]
 pub enum VisitorReport {
-    /// It would paint these zones.
+    /// Bids for zones of a call.
     Bids {
-        /// Which call.
+        /// The id of the call.
         call: u64,
-        /// How many at most.
+        /// The maximum number of zones it wants.
         room: u32,
-        /// What it promises.
+        /// The bids.
         bids: Vec<Bid>,
     },
-    /// It wants none of the zones of a call.
+    /// The visitor wants none of the zones of a call.
     Refuses {
-        /// Which call.
+        /// The id of the call.
         call: u64,
     },
-    /// What came of an order.
+    /// The result of an order.
     Painted {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// The token of the order.
+        /// The fencing token of the order.
         fence: Revision,
-        /// Where the samples are and how long they took, or why there are none.
+        /// The samples and the time they took, or the error.
         outcome: Result<(ResultRef, Duration), String>,
     },
-    /// It goes. What it has in hand is given to others.
+    /// The visitor leaves; its zones are given to others.
     Leaves,
-    /// It is there again.
+    /// The visitor is back.
     Returns,
 }
 
 /// The configuration of a visitor.
 #[derive(Clone, Debug)]
 pub struct VisitorConfig {
-    /// Its name in the farm.
+    /// Its id in the farm.
     pub id: AgentId,
-    /// For whom it works.
+    /// The Master.
     pub master: AgentId,
-    /// How fast it says that it is: V_cp. What it delivers corrects that.
+    /// Its V_cp as it claims; corrected by measured times.
     pub power: RelativePower,
-    /// Zones that it paints at the same time.
+    /// Number of zones that it paints at once.
     pub lanes: f64,
-    /// How its speed is learnt.
+    /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
-    /// What decides what its zones are painted with.
+    /// The rules that choose the settings of its zones.
     pub expert: Expert,
-    /// How often it says that it lives.
+    /// Heartbeat and other timeouts.
     pub timing: Timing,
 }
 
-/// The state machine of one visitor.
+/// The state machine of a visitor.
 pub struct Visitor {
     agent: RenderAgent,
     id: AgentId,
     master: AgentId,
     benchmark: (RelativePower, f64),
-    /// Calls that it has not answered, oldest first.
+    /// Unanswered calls, the oldest first.
     calls: Vec<FarmMessage>,
-    /// Samples to which each order that it paints goes up. A hash map, for speed: never gone through.
+    /// The number of samples per pixel to which each of its orders goes. A hash map for speed; never iterated.
     orders: FxHashMap<ZoneId, (Revision, u32)>,
-    /// Whether it has painted something since it came: with the first zone it may have read the scene, or compiled.
+    /// `true`: it has painted something since it came. The first zone's time may include reading the scene or
+    /// compiling.
     is_warm: bool,
-    /// The call of the award that is being taken.
+    /// The call of the award being processed.
     won: Option<u64>,
     is_away: bool,
 }
@@ -134,7 +135,7 @@ pub struct Visitor {
 type VisitorActions = Vec<ActionOf<Visitor>>;
 
 impl Visitor {
-    /// A visitor that has just subscribed.
+    /// A visitor that has just come.
     pub fn new(config: VisitorConfig) -> Self {
         let VisitorConfig { id, master, power, lanes, adaptation, expert, timing } = config;
         let agent = RenderAgent::new(RenderAgentConfig {
@@ -160,7 +161,7 @@ impl Visitor {
         }
     }
 
-    /// Lets the agent take an event, and sees to what it wants done.
+    /// Passes an event to the Render Agent and executes its actions.
     fn forward(&mut self, now: Time, event: EventOf<RenderAgent>, actions: &mut VisitorActions) {
         let mut events = vec![event];
         while let Some(event) = events.pop() {
@@ -171,14 +172,14 @@ impl Visitor {
                     Action::Effect(effect) => events.extend(self.perform(effect, actions).map(Event::Completed)),
                     Action::Send(message) => actions.push(Action::Send(message)),
                     Action::Stop => actions.push(Action::Stop),
-                    // A Render Agent does none of these.
+                    // A Render Agent has none of these
                     Action::Store { .. } | Action::Enqueue { .. } | Action::JoinQueue(_) | Action::WatchPresence => {}
                 }
             }
         }
     }
 
-    /// What the agent wants done: by the visitor, or known at once.
+    /// Executes an effect: passes it to the visitor, or returns its completion at once.
     fn perform(&mut self, effect: FarmEffect, actions: &mut VisitorActions) -> Option<FarmCompletion> {
         let mut put = |effect| actions.push(Action::Effect(effect));
         match effect {
@@ -186,10 +187,11 @@ impl Visitor {
                 let (power, lanes) = self.benchmark;
                 return Some(FarmCompletion::Benchmarked { power, lanes });
             }
-            // It fetches what it needs when it needs it.
+            // The visitor fetches what it needs itself
             FarmEffect::Fetch(work) => return Some(FarmCompletion::Fetched(work)),
             FarmEffect::Paint(order) => {
-                // What others have painted of it is not added to by another engine: it may be of other pixels, too.
+                // Paint from the first sample: another engine must not continue samples of this one, which may be of
+                // other pixels
                 let order = PaintOrder { samples: 0..order.samples.end, from: None, ..order };
                 self.orders.insert(order.zone, (order.fence, order.samples.end));
                 put(VisitorEffect::Paint { order: Box::new(order), call: self.won });
@@ -198,7 +200,7 @@ impl Visitor {
                 self.orders.remove(&zone);
                 put(VisitorEffect::Withdrawn { zone, fence });
             }
-            // How far it is, a visitor does not tell: it must deliver within the Master's patience.
+            // A visitor does not report progress, so it must deliver within the Master's patience
             FarmEffect::Look(_) => {}
             FarmEffect::Dismissed { reason } => put(VisitorEffect::LeftOut { reason }),
             _ => {}
@@ -208,7 +210,7 @@ impl Visitor {
 
     fn hear(&mut self, now: Time, heard: FarmMessage, actions: &mut VisitorActions) {
         match (heard.performative, &heard.content) {
-            // The agent says that it does not understand.
+            // The Render Agent replies that it does not understand
             _ if heard.sender != self.master => self.forward(now, Event::Message(heard), actions),
             (Performative::CallForProposal, FarmContent::Offers(offers)) => {
                 let room = self.agent.room();

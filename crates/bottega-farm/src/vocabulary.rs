@@ -1,4 +1,4 @@
-//! The effects that the farm's agents can ask for, and the completions that answer them.
+//! The effects that the farm's agents request, and the completions that answer them.
 
 use std::{ops::Range, sync::Arc, time::Duration};
 
@@ -11,206 +11,206 @@ use crate::{
     TaskOutlook, Theft, WorkId, WorkRow, ZoneId, ZoneRow,
 };
 
-/// A zone, or some of its samples, to paint.
+/// An order to paint a zone, or some of its samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaintOrder {
-    /// Which zone.
+    /// The zone.
     pub zone: ZoneId,
-    /// The token of the award.
+    /// The fencing token of the award.
     pub fence: Revision,
-    /// The pixels, band and all.
+    /// The pixels, including the band.
     pub rect: Rect,
-    /// Which samples of each pixel.
+    /// The range of samples of each pixel.
     pub samples: Range<u32>,
-    /// With which settings.
+    /// The settings.
     pub tunables: Tunables,
-    /// For which of several engines.
+    /// The preferred one of two engines.
     pub leaning: EnginePreference,
-    /// The samples before: `samples` goes on from them. `None`: it starts at 0.
+    /// The earlier samples, which `samples` continues. `None`: `samples` starts at 0.
     pub from: Option<ResultRef>,
-    /// What the error that is left is needed for.
+    /// What the remaining error is used for.
     pub error_use: ErrorUse,
-    /// The most samples that a pixel may get, by this order and later ones.
+    /// The maximum number of samples per pixel, over this order and later ones.
     pub samples_max: u32,
-    /// Own time that it will take, as far as known: for those who show progress or cut long work into passes.
+    /// Expected time, in own time, if known: for progress displays and for cutting long work into passes.
     pub time_estimated: Option<Duration>,
 }
 
-/// An order takes no longer than this between two steps of its progress, in own time on all processors of its agent, or than
-/// one sample of all its pixels, whichever is longer: longer ones are painted in passes.
+/// Maximum time between two steps of an order's progress, in own time on all processors of its agent; but at least the
+/// time of one sample of all its pixels. Longer orders are painted in passes.
 pub const STEP_MAX: Duration = Duration::from_secs(10);
 
-/// Something to be done in the world.
+/// An effect: something for the driver to do.
 #[derive(Clone, Debug)]
 pub enum FarmEffect {
-    /// Take the fast look at the scene; ends with [`FarmCompletion::Surveyed`].
+    /// Survey the scene; answered by [`FarmCompletion::Surveyed`].
     Survey {
         /// The whole picture.
         picture: Rect,
-        /// Columns of cells.
+        /// The columns of cells.
         width: u32,
-        /// Rows of cells.
+        /// The rows of cells.
         height: u32,
     },
-    /// The Analyst's result, for those who watch.
+    /// The result of the Analyst, for observers.
     Analyzed {
         /// The importance map.
         map: Arc<ImportanceMap>,
         /// The zones.
         partition: Arc<Partition>,
-        /// What the survey says of each zone, by id.
+        /// The survey's predictions for each zone, by id.
         outlooks: Arc<[TaskOutlook]>,
     },
-    /// Measure this machine; ends with [`FarmCompletion::Benchmarked`].
+    /// Run the benchmark; answered by [`FarmCompletion::Benchmarked`].
     Benchmark,
-    /// Get the scene from the Model Repository; ends with [`FarmCompletion::Fetched`].
+    /// Fetch the scene from the Model Repository; answered by [`FarmCompletion::Fetched`].
     Fetch(WorkId),
-    /// Paint; ends with [`FarmCompletion::Painted`].
+    /// Paint; answered by [`FarmCompletion::Painted`].
     Paint(PaintOrder),
-    /// Stop painting this order: nobody wants it any more. Nothing is reported of it.
+    /// Cancel painting of this order; it is not answered.
     Drop {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// The token of the order.
+        /// The fencing token of the order.
         fence: Revision,
     },
-    /// Look how far orders are; ends with [`FarmCompletion::Looked`].
+    /// Query the progress of orders; answered by [`FarmCompletion::Looked`].
     Look(Vec<(ZoneId, Revision)>),
-    /// The Master of this agent has left it out of the work.
+    /// The Master has excluded this agent from the work.
     Dismissed {
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// An agent is left out of the work from now on: for those who watch.
+    /// An agent is excluded from the work from now on; for observers.
     LeftOut {
-        /// Who.
+        /// The agent.
         agent: AgentId,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// Zones wait for more machines than are there, to compare what these paint: for those who watch.
+    /// Zones wait because there are fewer machines than are needed to compare paintings; for observers.
     TooFew {
-        /// Machines that are there.
+        /// Number of machines present.
         present: usize,
-        /// So many are needed.
+        /// Number of machines needed.
         needed: usize,
     },
-    /// Nothing was begun for long though zones waited and agents were free: the Master begins again from the Blackboard. For those who
-    /// watch.
+    /// A stall: zones waited and agents were free, but nothing was started for too long. The Master restarts from the
+    /// Blackboard. For observers.
     Stalled {
-        /// For how long.
+        /// The time without progress.
         waited: Duration,
-        /// Zones that wait.
+        /// Number of waiting zones.
         zones: usize,
-        /// Agents that are free.
+        /// Number of free agents.
         free: usize,
     },
-    /// Begin a new, empty film for this work: what was composed before is void.
+    /// Begin a new, empty film for this work; what was composed before is discarded.
     BeginFilm(Arc<WorkRow>),
-    /// A zone's row has changed: for those who watch, and for the journal.
+    /// A zone's row has changed; for observers and the journal.
     ZoneChanged(Arc<ZoneRow>),
-    /// What is known of an agent has changed, its credit or its speed, say: for those who watch.
+    /// An agent's row has changed, for example its credit or speed; for observers.
     AgentChanged(Arc<AgentRow>),
-    /// A round of the auction has ended, for those who watch.
+    /// A round of the auction has ended; for observers.
     RoundClosed(RoundSummary),
-    /// An agent has taken zones from another, for those who watch.
+    /// An agent has taken zones from another; for observers.
     Stolen(Theft),
-    /// Look whether two paintings of a zone may be the same picture; ends with [`FarmCompletion::Compared`].
+    /// Compare two paintings of a zone by their look; answered by [`FarmCompletion::Compared`].
     Compare {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// Their samples.
+        /// The two paintings.
         results: [ResultRef; 2],
     },
-    /// Put a painted zone into the film; ends with [`FarmCompletion::Composed`].
+    /// Add a painted zone to the film; answered by [`FarmCompletion::Composed`].
     Compose {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
         /// Its samples.
         result: ResultRef,
-        /// With which weights.
+        /// The weights of its pixels.
         mask: Mask,
     },
-    /// All zones are composed or given up.
+    /// The work is finished: all zones are composed or given up.
     Finish {
-        /// The zones given up.
+        /// The zones that were given up.
         failed: Vec<ZoneId>,
     },
-    /// The work cannot be done.
+    /// The work has failed.
     Abandon {
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
 
-/// A completion or an event of the world.
+/// The answer to an effect, or an event from outside the agents.
 #[derive(Clone, Debug)]
 pub enum FarmCompletion {
-    /// Of [`FarmEffect::Survey`].
+    /// The answer to [`FarmEffect::Survey`].
     Surveyed(Result<Arc<Survey>, String>),
-    /// Of [`FarmEffect::Benchmark`].
+    /// The answer to [`FarmEffect::Benchmark`].
     Benchmarked {
         /// V_cp.
         power: RelativePower,
-        /// Processors that will work on the agent's zones at once.
+        /// Number of processors that will work on the agent's zones at once.
         lanes: f64,
     },
-    /// Of [`FarmEffect::Fetch`].
+    /// The answer to [`FarmEffect::Fetch`].
     Fetched(WorkId),
-    /// Of [`FarmEffect::Paint`].
+    /// The answer to [`FarmEffect::Paint`].
     Painted {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// The token of the award.
+        /// The fencing token of the award.
         fence: Revision,
-        /// What came of it.
+        /// The result, or the error.
         outcome: Result<PaintResult, String>,
     },
-    /// Of [`FarmEffect::Look`].
+    /// The answer to [`FarmEffect::Look`].
     Looked(
-        /// Of each order that is known: what of it is painted, in samples of single pixels.
+        /// Progress of each known order: the number of painted samples, summed over its pixels.
         Vec<(ZoneId, Revision, u64)>,
     ),
-    /// Of [`FarmEffect::Compare`].
+    /// The answer to [`FarmEffect::Compare`].
     Compared {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// Their samples.
+        /// The two paintings.
         results: [ResultRef; 2],
-        /// Whether they look alike, or which of them cannot be had.
+        /// True if they look alike; or the painting that could not be fetched.
         outcome: Result<bool, ResultRef>,
     },
-    /// Of [`FarmEffect::Compose`].
+    /// The answer to [`FarmEffect::Compose`].
     Composed {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// Why the samples could not be used.
+        /// The error, if the samples could not be used.
         outcome: Result<(), String>,
     },
-    /// Somebody wants a zone painted again that is done or given up.
+    /// A request to paint a zone again that is done or given up.
     Requeue {
-        /// Which zone.
+        /// The zone.
         zone: ZoneId,
-        /// The token of the samples that are to go, so that no others do; `None`: it was given up.
+        /// The fencing token of the samples to discard, so that no others are; `None`: the zone was given up.
         fence: Option<Revision>,
     },
-    /// The user wants to stop: no more zones are given out.
+    /// The user's request to stop: no more zones are given out.
     Stop,
 }
 
-/// A finished paint order.
+/// The result of a paint order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaintResult {
-    /// Where the samples are.
+    /// The samples.
     pub result: ResultRef,
-    /// Processor time that they took.
+    /// Processor time.
     pub busy: Duration,
-    /// Whether that is a measurement: nothing was loaded, compiled or started meanwhile.
+    /// `true`: `busy` is a measurement; nothing was loaded, compiled or started meanwhile.
     pub is_measured: bool,
-    /// The zone's estimated relative error, where it was asked for and can be known; where cells stop by theirs, the greatest
-    /// of those that were looked at.
+    /// The zone's estimated relative error, if requested and known; where cells stop by their own errors, the greatest
+    /// error estimated.
     pub error: Option<f64>,
-    /// Share of the pixels that are to have more samples, where the error says so; else 1.
+    /// Share of the pixels that need more samples for the requested error, 0..=1; 1 without such a goal.
     pub unfinished: f64,
 }
 

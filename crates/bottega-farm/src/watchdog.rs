@@ -1,28 +1,29 @@
-//! The watch over work that waits though somebody is free for it.
+//! The watchdog: detects work that waits although workers are free.
 //!
-//! Every claim in a farm has a deadline, after which another takes it. The watchdog is for faults that nobody has thought of: it knows
-//! of no claims, only that there is work, that somebody is free, and whether anything begins. A Master watches its zones by it, a
-//! farm its jobs, and the simulator every run.
+//! Every claim in a farm has a deadline after which another worker takes it. The watchdog catches faults that nobody
+//! thought of: it knows no claims, only whether there is work and a free worker, and whether anything starts. A Master
+//! watches its zones with it, a farm its jobs, and the simulator every run.
 
 use std::time::Duration;
 
 use bottega_agents::Time;
 
-/// Nobody who is free waits for longer than this while there is work, unless something is wrong.
+/// Maximum time that a free worker waits while there is work, unless something is wrong.
 pub const STALLED_AFTER: Duration = Duration::from_secs(30);
 
-/// Notices that nothing begins.
+/// Detects that nothing starts.
 #[derive(Clone, Debug, Default)]
 pub struct Watchdog {
-    /// Since when somebody has been free in vain, and how much had begun by then.
+    /// Start of the current wait, and the number of moves at that time.
     since: Option<(Time, u64)>,
 }
 
 impl Watchdog {
-    /// Takes in how things stand now. Returns how long nothing has begun, once that is [`STALLED_AFTER`]; the time then begins anew.
+    /// Takes in the current situation. Returns the time without a start once it reaches [`STALLED_AFTER`]; the time
+    /// then begins again.
     ///
-    /// - `is_in_vain`: whether there is work that nobody does, and somebody who is free for it.
-    /// - `moves`: a number that is another one whenever something has begun or ended.
+    /// - `is_in_vain`: true if there is unassigned work and a free worker.
+    /// - `moves`: a number that changes whenever work starts or ends.
     pub fn look(&mut self, now: Time, is_in_vain: bool, moves: u64) -> Option<Duration> {
         if !is_in_vain {
             self.since = None;

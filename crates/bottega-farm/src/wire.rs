@@ -1,11 +1,11 @@
-//! The wire form of the farm: rows and messages as records in the layout of `postcard`, tiles as a record and raw sums.
+//! The wire format of the farm: rows and messages as `postcard` records, tiles as a record and raw sums.
 //!
-//! The types of the farm are not written themselves, but records that mirror them: what is written is a promise to other
-//! processes and to journals, and a change of it is seen here. `postcard` sees to the shape of what is read; that lengths
-//! are within their limits and numbers can be computed with is checked where a record becomes a value of the farm.
+//! The farm's types are not serialized themselves, but through records that mirror them: the format is a promise to
+//! other processes and to journals, and this way its changes are visible. `postcard` checks the structure of the input;
+//! limits of lengths and validity of numbers are checked where a record is converted to a type of the farm.
 //!
-//! A version stands in front of each message, row and tile ([`WIRE_VERSION`](bottega_agents::codec::WIRE_VERSION)),
-//! and another at the head of a journal. **Change a record, and both change.**
+//! A version precedes each message, row and tile ([`WIRE_VERSION`](bottega_agents::codec::WIRE_VERSION)), and another
+//! each journal. **If you change a record, change both.**
 
 mod codec;
 mod error;

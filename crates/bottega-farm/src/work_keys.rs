@@ -1,4 +1,4 @@
-//! The keys of a work's rows in the store of the platform.
+//! Keys of a work's rows in the platform's store.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use bottega_agents::{AgentId, Key, Revision, StoreRequest};
 
 use crate::{FarmValue, WorkId, ZoneId};
 
-/// The keys of everything that belongs to a work. Made once: an entry's is then made without writing any text.
+/// The keys of a work's rows. Made once per work; an entry's key then needs no formatting.
 #[derive(Clone, Debug)]
 pub struct WorkKeys {
     folder: Arc<str>,
@@ -15,13 +15,13 @@ pub struct WorkKeys {
 }
 
 impl WorkKeys {
-    /// Those of this work.
+    /// The keys of this work.
     pub fn new(work: WorkId) -> Self {
         let folder = |rest: &str| Arc::from(format!("work/{}/{rest}", work.0));
         Self { folder: folder(""), zones: folder("zone/"), agents: folder("agent/") }
     }
 
-    /// How all of them begin.
+    /// The common prefix of all keys.
     pub fn prefix(&self) -> Key {
         Key::from(&*self.folder)
     }
@@ -41,7 +41,7 @@ impl WorkKeys {
         Key::named(&self.agents, &agent.name)
     }
 
-    /// The key of any row. Panics when it is none, but a page of the directories.
+    /// The key of any row. Panics for a page of the directories.
     pub fn of(&self, value: &FarmValue) -> Key {
         match value {
             FarmValue::Zone(row) => self.zone(row.zone),

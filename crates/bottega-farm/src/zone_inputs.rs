@@ -1,48 +1,48 @@
-//! The inputs that the farm's rules have of a zone, and why a set of rules cannot be used for that.
+//! Inputs of the farm's rules, and errors of unsuitable rules.
 
 use bottega_fuzzy::{EvaluateError, FclError, FunctionBlock, LayoutError};
 
 use crate::{InputRanges, Interval, Technique, ZoneRow};
 
-/// The paper's name for the ratio of complexity and size, which is [`ZoneRow::complexity_density`].
+/// The input for the complexity/size ratio, as the paper names it: [`ZoneRow::complexity_density`].
 pub(crate) const COMPLEXITY: &str = "complexity";
-/// Neighbor Difference.
+/// The input for the Neighbor Difference.
 pub(crate) const NEIGHBOR_DIFFERENCE: &str = "neighbor_difference";
-/// Size in pixels.
+/// The input for the size in pixels.
 pub(crate) const SIZE: &str = "size";
 
-/// Why a set of rules cannot be used.
+/// An error in a set of rules.
 #[derive(Debug, thiserror::Error)]
 pub enum ExpertError {
-    /// The text is no FCL.
+    /// The text is not valid FCL.
     #[error("cannot read the rules")]
     Fcl(#[from] FclError),
-    /// It asks for something that the farm does not know of a zone.
+    /// The rules have an unknown input.
     #[error("the rules have an input `{name}`; a zone has only {}", .known.join(", "))]
     UnknownInput {
-        /// Its name.
+        /// The name of the input.
         name: String,
-        /// What is known.
+        /// The known inputs.
         known: &'static [&'static str],
     },
-    /// It does not say which engine suits a zone.
+    /// The rules have no output `leaning`, which chooses the engine.
     #[error("the rules do not decide `leaning`, which engine suits a zone, but {}", .found.join(", "))]
     NoLeaning {
-        /// What they decide.
+        /// Their outputs.
         found: Vec<String>,
     },
-    /// It decides nothing that the technique knows.
+    /// The rules have no output that the technique knows.
     #[error(
         "the rules decide nothing that means something in {}, but {}; it knows {}",
         .technique.name(), .found.join(", "), .technique.outputs().iter().map(|one| one.name).collect::<Vec<_>>().join(", ")
     )]
     NoOutput {
-        /// The technique that they were meant for.
+        /// The technique.
         technique: Technique,
-        /// What they decide.
+        /// Their outputs.
         found: Vec<String>,
     },
-    /// The rules cannot be laid out over the scene.
+    /// The fuzzy sets cannot be laid out over the ranges of the scene.
     #[error("the rules cannot be laid out over the scene")]
     Layout(#[from] LayoutError),
     /// The rules cannot be evaluated.
@@ -50,7 +50,7 @@ pub enum ExpertError {
     Evaluate(#[from] EvaluateError),
 }
 
-/// Rules with the terms of their inputs laid out over what the zones of a work are like.
+/// The rules with the sets of their inputs laid out over the ranges of a work.
 pub(crate) fn laid_out(rules: &FunctionBlock, ranges: &InputRanges) -> Result<FunctionBlock, LayoutError> {
     let mut rules = rules.clone();
     let &InputRanges { complexity_density, neighbor_difference, size } = ranges;
@@ -63,7 +63,7 @@ pub(crate) fn laid_out(rules: &FunctionBlock, ranges: &InputRanges) -> Result<Fu
     Ok(rules)
 }
 
-/// What rules may ask of a zone.
+/// The inputs of a zone, by name.
 pub(crate) fn zone_values(zone: &ZoneRow, difference: f64) -> [(&'static str, f64); 3] {
     let size = zone.size() as f64;
     [(COMPLEXITY, zone.complexity_density()), (NEIGHBOR_DIFFERENCE, difference), (SIZE, size)]

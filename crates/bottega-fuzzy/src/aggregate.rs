@@ -1,16 +1,16 @@
-//! The aggregate of all rules for one output, and the one number made of it: exact, piece by piece.
+//! The aggregate of all rules for one output and its defuzzification, both computed exactly, piece by piece.
 
 use crate::{
     membership::{Membership, left_limit, right_limit},
     operators::{Accumulation, Activation, Method},
 };
 
-/// One term as a rule concluded it.
+/// A term activated by a rule.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ActiveOutput<'a> {
     pub(crate) term: &'a Membership,
     pub(crate) activation: Activation,
-    /// The degree of the rule, in 0..=1 and above 0.
+    /// The degree of the rule, above 0 and at most 1.
     pub(crate) degree: f64,
 }
 
@@ -23,17 +23,17 @@ struct AggregatePiece {
     y1: f64,
 }
 
-/// The aggregate of all rules on one output, before one number is made of it.
+/// The aggregate of all rules on one output, before defuzzification.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Aggregate {
-    /// (x, height), x never falling: what each rule that fired puts where.
+    /// (x, height), with non-decreasing x: the contribution of each rule that fired.
     Singletons(Vec<(f64, f64)>),
-    /// The corners (x, y) of a piecewise linear function over the output's range, x never falling; two with one x make
-    /// a step. Empty: no rule fired.
+    /// The corners (x, y) of a piecewise linear function over the output's range, with non-decreasing x; two with equal
+    /// x make a step. Empty: no rule fired.
     Linear(Vec<(f64, f64)>),
 }
 
-/// The joined conclusions themselves; `range` and `activated` as for [`defuzzify`].
+/// Accumulates the activated terms; `range` and `activated` as for [`defuzzify`].
 pub(crate) fn aggregate(accumulation: Accumulation, range: (f64, f64), activated: &[ActiveOutput<'_>]) -> Aggregate {
     let mut heights = singletons(activated);
     if !heights.is_empty() {
@@ -59,9 +59,9 @@ pub(crate) fn aggregate(accumulation: Accumulation, range: (f64, f64), activated
     Aggregate::Linear(corners)
 }
 
-/// Whether a corner is none: the line from one neighbor to the other goes through it.
+/// True if a corner lies on the line between its neighbors, and can be dropped.
 fn lies_between((x, y): (f64, f64), (x0, y0): (f64, f64), (x1, y1): (f64, f64)) -> bool {
-    /// Far below what can be seen, far above what rounding does.
+    /// Far below any visible difference, far above rounding errors.
     const TOLERANCE: f64 = 1e-12;
     x0 < x && x < x1 && (y0 + (y1 - y0) * ((x - x0) / (x1 - x0)) - y).abs() < TOLERANCE
 }
@@ -74,10 +74,10 @@ fn singletons(activated: &[ActiveOutput<'_>]) -> Vec<(f64, f64)> {
     activated.iter().filter_map(height).collect()
 }
 
-/// Makes one number of what was concluded. `None`: nothing was, within the range.
+/// Defuzzifies the activated terms. `None`: nothing was concluded within the range.
 ///
-/// - `range`: over which is integrated, its ends in order.
-/// - `activated`: either all singletons, or none; the reader of the language sees to it.
+/// - `range`: the interval of integration, ends in order.
+/// - `activated`: either all singletons, or none, as the parser ensures.
 pub(crate) fn defuzzify(
     method: Method,
     accumulation: Accumulation,
@@ -111,7 +111,7 @@ fn of_singletons(method: Method, accumulation: Accumulation, mut heights: Vec<(f
             Some((last, height)) if *last == x => match accumulation {
                 Accumulation::Max => *height = height.max(w),
                 Accumulation::Bsum => *height = (*height + w).min(1.0),
-                // The common divisor of all does not move the maximum.
+                // The common divisor does not move the maximum
                 Accumulation::Nsum => *height += w,
             },
             _ => joined.push((x, w)),
@@ -129,7 +129,7 @@ fn of_singletons(method: Method, accumulation: Accumulation, mut heights: Vec<(f
 
 /// The aggregate as linear pieces that cover the range from left to right.
 fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[ActiveOutput<'_>]) -> Vec<AggregatePiece> {
-    // Cut the range wherever one of the functions bends.
+    // Cut the range wherever one of the functions bends
     let mut cuts = vec![range.0, range.1];
     for one in activated {
         let Membership::Linear(points) = one.term else { continue };
@@ -164,7 +164,7 @@ fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[ActiveOutp
     pieces
 }
 
-/// The values of an activated term just right of `x0` and just left of `x1`, between which it is linear.
+/// The values of an activated term right of `x0` and left of `x1`, between which it is linear.
 fn line(one: &ActiveOutput<'_>, x0: f64, x1: f64) -> Option<(f64, f64)> {
     let Membership::Linear(points) = one.term else { return None };
     let (y0, y1) = (right_limit(points, x0), left_limit(points, x1));
@@ -174,14 +174,14 @@ fn line(one: &ActiveOutput<'_>, x0: f64, x1: f64) -> Option<(f64, f64)> {
     })
 }
 
-/// Where the line between two points crosses a height, strictly between them.
+/// The x where the line between two points crosses a height, strictly between them.
 fn crossing((x0, y0): (f64, f64), (x1, y1): (f64, f64), height: f64) -> Option<f64> {
     let crosses = (y0 < height && height < y1) || (y1 < height && height < y0);
     let x = x0 + (x1 - x0) * ((height - y0) / (y1 - y0));
     (crosses && x0 < x && x < x1).then_some(x)
 }
 
-/// The upper envelope of lines on one interval.
+/// Appends the upper envelope of lines on one interval.
 fn push_envelope(x0: f64, x1: f64, lines: &[(f64, f64)], pieces: &mut Vec<AggregatePiece>) {
     let at = |(y0, y1): (f64, f64), x: f64| y0 + (y1 - y0) * ((x - x0) / (x1 - x0));
     let mut cuts = vec![x0, x1];
@@ -193,7 +193,7 @@ fn push_envelope(x0: f64, x1: f64, lines: &[(f64, f64)], pieces: &mut Vec<Aggreg
     cuts.sort_by(f64::total_cmp);
     cuts.dedup();
     let top = |x: f64| lines.iter().map(|&line| at(line, x)).fold(0.0, f64::max);
-    // Ends as given: the value there must not suffer from interpolation.
+    // Take the values at the ends as given, without interpolation
     let first = lines.iter().map(|line| line.0).fold(0.0, f64::max);
     let last = lines.iter().map(|line| line.1).fold(0.0, f64::max);
     for pair in cuts.windows(2) {
@@ -207,7 +207,7 @@ fn sum(x0: f64, x1: f64, lines: &[(f64, f64)]) -> AggregatePiece {
     AggregatePiece { x0, x1, y0: lines.iter().map(|line| line.0).sum(), y1: lines.iter().map(|line| line.1).sum() }
 }
 
-/// Cuts a piece off at 1.
+/// Appends a piece, bounded by 1.
 fn push_bounded(piece: AggregatePiece, pieces: &mut Vec<AggregatePiece>) {
     let AggregatePiece { x0, x1, y0, y1 } = piece;
     match crossing((x0, y0), (x1, y1), 1.0) {
@@ -229,7 +229,7 @@ fn center_of_gravity(pieces: &[AggregatePiece]) -> Option<f64> {
     let origin = pieces.first()?.x0;
     let (mut area, mut moment) = (0.0, 0.0);
     for piece in pieces {
-        // Moments about the left end of the range: far ranges lose no digits.
+        // Take moments about the left end of the range, so that distant ranges lose no digits
         let (x0, x1) = (piece.x0 - origin, piece.x1 - origin);
         area += piece.area();
         moment += (x1 - x0) * (piece.y0 * (2.0 * x0 + x1) + piece.y1 * (x0 + 2.0 * x1)) / 6.0;
@@ -243,7 +243,7 @@ fn center_of_area(pieces: &[AggregatePiece]) -> Option<f64> {
     for piece in pieces {
         let area = piece.area();
         if area > 0.0 && before + area >= half {
-            // Solve y0 t + s t²/2 = rest for t, in the form that does not cancel.
+            // Solve y0 t + s t²/2 = rest for t, in the form without cancellation
             let rest = half - before;
             let slope = (piece.y1 - piece.y0) / (piece.x1 - piece.x0);
             let root = (piece.y0 * piece.y0 + 2.0 * slope * rest).max(0.0).sqrt();
@@ -255,9 +255,9 @@ fn center_of_area(pieces: &[AggregatePiece]) -> Option<f64> {
     None
 }
 
-/// The leftmost and rightmost place where the aggregate is greatest.
+/// The leftmost and the rightmost point of the aggregate's maximum.
 fn maximum(pieces: &[AggregatePiece]) -> Option<(f64, f64)> {
-    /// Heights that differ by no more are equal: a cut-off plateau is computed from several pieces.
+    /// Heights that differ by less are equal: a truncated plateau is computed from several pieces.
     const TOLERANCE: f64 = 1e-12;
     let greatest = pieces.iter().map(|piece| piece.y0.max(piece.y1)).fold(0.0, f64::max);
     if greatest <= 0.0 {

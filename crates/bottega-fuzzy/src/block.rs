@@ -1,46 +1,46 @@
-//! The parts of a function block. Its reader checks them, so that whatever is here can be evaluated.
+//! The parts of a function block. The parser validates them, so every block can be evaluated.
 
 use crate::{
     membership::Membership,
     operators::{Accumulation, Activation, And, Method, Or},
 };
 
-/// A linguistic value: `big`.
+/// A linguistic value of a variable, such as `big`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
     /// Its name, as written; compared without case.
     pub name: String,
-    /// How much a number belongs to it.
+    /// The degree to which numbers belong to it.
     pub membership: Membership,
 }
 
-/// A variable that comes in.
+/// An input variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InputVariable {
     /// Its name, as written; compared without case.
     pub name: String,
-    /// Its values.
+    /// Its linguistic values.
     pub terms: Vec<Term>,
     /// The declared interval. `None`: from the least to the greatest point of the terms.
     pub range: Option<(f64, f64)>,
-    /// The interval found at run time, which is laid onto the declared one.
+    /// The interval found at run time, onto which the declared one is mapped.
     pub(crate) found: Option<(f64, f64)>,
 }
 
-/// A variable that goes out.
+/// An output variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutputVariable {
     /// Its name, as written; compared without case.
     pub name: String,
-    /// Its values; all singletons or none.
+    /// Its linguistic values: all singletons, or none.
     pub terms: Vec<Term>,
     /// The declared interval. `None`: from the least to the greatest point of the terms.
     pub range: Option<(f64, f64)>,
-    /// How its number is found.
+    /// The method of defuzzification.
     pub method: Method,
-    /// How rules on it are joined, where that is said at the output and not at the rules.
+    /// The accumulation, if declared at the output and not at the rules.
     pub accumulation: Option<Accumulation>,
-    /// Its value when no rule fires. `None`: no change.
+    /// Its value if no rule fires. `None`: no change.
     pub default: Option<f64>,
 }
 
@@ -57,9 +57,9 @@ pub enum Condition {
         term: usize,
     },
     Not(Box<Condition>),
-    /// Two or more.
+    /// Conjunction of two or more conditions.
     And(Vec<Condition>),
-    /// Two or more.
+    /// Disjunction of two or more conditions.
     Or(Vec<Condition>),
 }
 
@@ -71,31 +71,31 @@ pub struct Conclusion {
     pub term: usize,
 }
 
-/// IF condition THEN conclusions WITH weight.
+/// A rule: IF condition THEN conclusions WITH weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rule {
-    /// Its number or name.
+    /// Its number or name, as written.
     pub label: String,
-    /// When it fires.
+    /// The condition.
     pub condition: Condition,
-    /// What it says.
+    /// The conclusions.
     pub conclusions: Vec<Conclusion>,
-    /// How much it counts, 0..=1.
+    /// The factor on its degree, 0..=1.
     pub weight: f64,
 }
 
-/// Rules under common operators.
+/// A block of rules with common operators.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RuleBlock {
-    /// Its name.
+    /// Its name, as written.
     pub name: String,
-    /// How AND joins.
+    /// The operator for AND.
     pub and: And,
-    /// How OR joins.
+    /// The operator for OR.
     pub or: Or,
-    /// How degrees act on terms.
+    /// The effect of a rule's degree on the term it concludes.
     pub activation: Activation,
-    /// How rules on one output are joined, where the output does not say it.
+    /// The accumulation, for outputs that declare none.
     pub accumulation: Accumulation,
     /// The rules.
     pub rules: Vec<Rule>,
@@ -103,28 +103,28 @@ pub struct RuleBlock {
 
 /// A function block: variables, their terms, and rules.
 ///
-/// Made by [`FunctionBlock::parse`], written by its `Display`, which parses to an equal block; but intervals found at
-/// run time are no part of the text.
+/// Made by [`FunctionBlock::parse`]. Its `Display` writes FCL that parses to an equal block, except for intervals found
+/// at run time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FunctionBlock {
     pub(crate) name: String,
     pub(crate) inputs: Vec<InputVariable>,
     pub(crate) outputs: Vec<OutputVariable>,
-    /// Variables of `VAR` sections; nothing reads or writes them.
+    /// Variables of `VAR` sections, which are not used.
     pub(crate) locals: Vec<String>,
     pub(crate) rule_blocks: Vec<RuleBlock>,
 }
 
-/// Why an interval found at run time cannot be laid out.
+/// An error in laying out an interval found at run time.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutError {
-    /// No such input.
+    /// The block has no such input.
     #[error("the function block has no input `{0}`")]
     UnknownInput(String),
-    /// The interval is none.
+    /// The interval is not finite, or its ends are swapped.
     #[error("[{min}, {max}] is no interval for `{input}`: its ends must be finite and in order")]
     BadInterval {
-        /// Which input.
+        /// The name of the input.
         input: String,
         /// The lower end.
         min: f64,
@@ -149,35 +149,35 @@ impl FunctionBlock {
         &self.outputs
     }
 
-    /// The blocks of rules.
+    /// The blocks of rules, in order of declaration.
     pub fn rule_blocks(&self) -> &[RuleBlock] {
         &self.rule_blocks
     }
 
-    /// All rules of all blocks in order.
+    /// All rules of all blocks, in order.
     pub fn rules(&self) -> impl Iterator<Item = &Rule> {
         self.rule_blocks.iter().flat_map(|block| &block.rules)
     }
 
-    /// Where an input stands in [`Self::inputs`], by its name without case.
+    /// The index of an input in [`Self::inputs`], by its name without case.
     pub fn input_index(&self, name: &str) -> Option<usize> {
         self.inputs.iter().position(|input| input.name.eq_ignore_ascii_case(name))
     }
 
-    /// Where an output stands in [`Self::outputs`], by its name without case.
+    /// The index of an output in [`Self::outputs`], by its name without case.
     pub fn output_index(&self, name: &str) -> Option<usize> {
         self.outputs.iter().position(|output| output.name.eq_ignore_ascii_case(name))
     }
 
-    /// Lays an input's terms out over the interval that was found at run time: its declared range is moved and
-    /// stretched onto [min, max] with all terms in it (MAGarRO, section 3.4: "the partition of these variables is made
-    /// by linear distribution"). Where min = max, every value stands for the middle of the declared range.
+    /// Lays the terms of an input out over the interval found at run time: maps its declared range linearly onto [min,
+    /// max], with all terms in it (MAGarRO, section 3.4: "the partition of these variables is made by linear
+    /// distribution"). If min = max, every value stands for the middle of the declared range.
     ///
     /// # Errors
-    /// No such input, or no finite interval.
+    /// The input is unknown, or the interval is not finite.
     pub fn layout_inputs(&mut self, name: &str, min: f64, max: f64) -> Result<(), LayoutError> {
         let index = self.input_index(name).ok_or_else(|| LayoutError::UnknownInput(name.to_owned()))?;
-        // A width that overflows is no width either.
+        // The width must not overflow either
         if !(min.is_finite() && max.is_finite() && (max - min).is_finite() && min <= max) {
             return Err(LayoutError::BadInterval { input: name.to_owned(), min, max });
         }
@@ -201,26 +201,26 @@ impl InputVariable {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }
 
-    /// The interval over which its terms lie: the one found at run time, or else the declared one.
+    /// The interval over which the terms lie: the one found at run time, or else the declared one.
     pub fn interval(&self) -> (f64, f64) {
         self.found.unwrap_or_else(|| self.declared_range())
     }
 
-    /// The degree of each of its terms at a value, 0..=1, in their order.
+    /// The degree of each of its terms at a value, 0..=1, in order.
     pub fn grades(&self, value: f64) -> Vec<f64> {
         let x = self.to_declared(value);
         self.terms.iter().map(|term| term.membership.degree(x)).collect()
     }
 
-    /// The value that stands for a place in the declared range: where a point of a term lies once the terms are laid
-    /// out. Where the interval found has no width, all stand at its one value.
+    /// Maps a position in the declared range to a value of the interval found at run time. If that has no width,
+    /// returns its single value.
     pub fn laid_out(&self, x: f64) -> f64 {
         let Some((min, max)) = self.found else { return x };
         let (low, high) = self.declared_range();
         if low == high { min } else { min + (x - low) / (high - low) * (max - min) }
     }
 
-    /// The place in the declared range that a value stands for.
+    /// Maps a value to its position in the declared range.
     pub(crate) fn to_declared(&self, x: f64) -> f64 {
         let Some((min, max)) = self.found else { return x };
         let (low, high) = self.declared_range();
@@ -232,7 +232,7 @@ impl InputVariable {
 }
 
 impl OutputVariable {
-    /// The interval over which its number is found.
+    /// The interval of defuzzification.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }

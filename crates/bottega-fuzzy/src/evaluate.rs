@@ -1,4 +1,4 @@
-//! Mamdani inference: fuzzify, aggregate, weigh, activate, accumulate, defuzzify.
+//! Mamdani inference: fuzzification, aggregation, weighting, activation, accumulation, defuzzification.
 
 use std::fmt;
 
@@ -8,24 +8,24 @@ use crate::{
     operators::Accumulation,
 };
 
-/// Why a block could not be evaluated.
+/// An error in evaluating a block.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
-    /// A value for a variable that is no input.
+    /// A value was given for an unknown input.
     #[error("the function block has no input `{0}`")]
     UnknownInput(String),
-    /// An input without a value.
+    /// An input has no value.
     #[error("the input `{0}` has no value")]
     MissingInput(String),
-    /// A value that is not a number.
+    /// A value is NaN.
     #[error("the value of the input `{0}` is not a number")]
     NotANumber(String),
-    /// [`FunctionBlock::evaluate_indexed`] was given too few or too many.
+    /// The number of values given to [`FunctionBlock::evaluate_indexed`] is wrong.
     #[error("{given} values for {wanted} inputs")]
     WrongCount {
-        /// How many came.
+        /// Number of values given.
         given: usize,
-        /// How many inputs there are.
+        /// Number of inputs.
         wanted: usize,
     },
 }
@@ -38,8 +38,8 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// The value of an output, by its name without case. `None`: there is no such output, or no rule on it fired and
-    /// it has no default.
+    /// The value of an output, by its name without case. `None`: there is no such output, or no rule on it fired and it
+    /// has no default.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.values[self.names.iter().position(|output| output.eq_ignore_ascii_case(name))?]
     }
@@ -49,7 +49,7 @@ impl Outputs {
         &self.values
     }
 
-    /// Where an output has no value, takes the one it had: the meaning of `DEFAULT := NC`, no change.
+    /// Fills outputs without a value from an earlier evaluation: the meaning of `DEFAULT := NC`, no change.
     #[must_use]
     pub fn or_unchanged(mut self, before: &Self) -> Self {
         for (value, before) in self.values.iter_mut().zip(&before.values) {
@@ -59,53 +59,53 @@ impl Outputs {
     }
 }
 
-/// A rule that fired, and its weight.
+/// A rule that fired, with its degree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiredRule {
     /// The rule's label.
     pub label: String,
-    /// How much its condition held, times its weight; above 0.
+    /// The degree of its condition times its weight; above 0.
     pub degree: f64,
-    /// What it concluded, as `output IS term`.
+    /// Its conclusions, as `output IS term`.
     pub conclusions: Vec<String>,
 }
 
-/// Why the outputs are what they are.
+/// An explanation of the outputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Explanation {
-    /// For each input its name, and each of its terms with the degree to which it holds, where above 0.
+    /// For each input its name, and its terms with degrees above 0.
     pub inputs: Vec<(String, Vec<(String, f64)>)>,
     /// The rules that fired, the strongest first; of equal ones the first in the text.
     pub rules: Vec<FiredRule>,
-    /// For each output what those rules say together.
+    /// The accumulated conclusions for each output.
     pub aggregates: Vec<Aggregate>,
-    /// The result.
+    /// The values of the outputs.
     pub outputs: Outputs,
 }
 
 impl FunctionBlock {
-    /// Evaluates the rules. Every input needs a value, in any order; values outside of the range are answered by the
-    /// shoulders of the terms. Nothing is remembered between evaluations, see [`Outputs::or_unchanged`].
+    /// Evaluates the rules. Every input needs a value; the order does not matter. Values outside the range have the
+    /// degrees of the terms' shoulders. Evaluations are independent, see [`Outputs::or_unchanged`].
     ///
     /// # Errors
-    /// An unknown, missing or NaN input.
+    /// An input is unknown, missing or NaN.
     pub fn evaluate(&self, inputs: &[(&str, f64)]) -> Result<Outputs, EvaluateError> {
         self.evaluate_indexed(&self.in_order(inputs)?)
     }
 
-    /// The same with the values in the order of [`FunctionBlock::inputs`].
+    /// Like [`Self::evaluate`], with the values in the order of [`FunctionBlock::inputs`].
     ///
     /// # Errors
-    /// A wrong number of values, or a NaN.
+    /// The number of values is wrong, or a value is NaN.
     pub fn evaluate_indexed(&self, values: &[f64]) -> Result<Outputs, EvaluateError> {
         let grades = self.grades(values)?;
         Ok(self.outputs_of(&self.degrees(&grades)))
     }
 
-    /// Evaluates the rules and says which of them fired, and how strongly.
+    /// Evaluates the rules, and returns those that fired with their degrees.
     ///
     /// # Errors
-    /// As [`Self::evaluate`].
+    /// As for [`Self::evaluate`].
     pub fn explain(&self, inputs: &[(&str, f64)]) -> Result<Explanation, EvaluateError> {
         let grades = self.grades(&self.in_order(inputs)?)?;
         let degrees = self.degrees(&grades);
@@ -145,7 +145,7 @@ impl FunctionBlock {
         values.into_iter().enumerate().map(|(index, value)| value.ok_or_else(|| missing(index))).collect()
     }
 
-    /// Fuzzifies: the degree of each term of each input.
+    /// Fuzzification: the degree of each term of each input.
     fn grades(&self, values: &[f64]) -> Result<Vec<Vec<f64>>, EvaluateError> {
         if values.len() != self.inputs.len() {
             return Err(EvaluateError::WrongCount { given: values.len(), wanted: self.inputs.len() });
@@ -160,7 +160,7 @@ impl FunctionBlock {
         Ok(grades)
     }
 
-    /// The degree of each rule, weighed.
+    /// The weighted degree of each rule.
     fn degrees(&self, grades: &[Vec<f64>]) -> Vec<f64> {
         let grade = |input: usize, term: usize| grades[input][term];
         let of = |block: &RuleBlock, condition: &Condition| degree(block, condition, &grade);
@@ -181,7 +181,7 @@ impl FunctionBlock {
         defuzzify(output.method, accumulation, output.declared_range(), &activated).or(output.default)
     }
 
-    /// What the rules that fired conclude of an output, and how that is joined.
+    /// The activated terms of an output, with their accumulation.
     fn activated(&self, index: usize, degrees: &[f64]) -> (Accumulation, Vec<ActiveOutput<'_>>) {
         let output = &self.outputs[index];
         let accumulation = self.accumulation_of(index);
@@ -196,7 +196,7 @@ impl FunctionBlock {
         (accumulation, activated)
     }
 
-    /// How rules on an output are joined: as the output says, or else as the first block says that speaks of it.
+    /// The accumulation of an output: its own, or else that of the first block with rules on it.
     pub(crate) fn accumulation_of(&self, index: usize) -> Accumulation {
         let speaks = |block: &&RuleBlock| {
             block.rules.iter().any(|rule| rule.conclusions.iter().any(|conclusion| conclusion.output == index))
@@ -206,7 +206,7 @@ impl FunctionBlock {
     }
 }
 
-/// Adds a conclusion. Under MAX, of two on the same function the stronger one covers the other.
+/// Adds a conclusion. Under MAX, the stronger one of two on the same term replaces the other.
 fn add<'a>(accumulation: Accumulation, one: ActiveOutput<'a>, activated: &mut Vec<ActiveOutput<'a>>) {
     use crate::membership::Membership;
     let same = |other: &&mut ActiveOutput<'a>| {
@@ -221,7 +221,7 @@ fn add<'a>(accumulation: Accumulation, one: ActiveOutput<'a>, activated: &mut Ve
     }
 }
 
-/// How much a condition holds.
+/// The degree to which a condition holds.
 ///
 /// - `grade`: the degree of a term of an input, by their indices.
 pub(crate) fn degree(block: &RuleBlock, condition: &Condition, grade: &impl Fn(usize, usize) -> f64) -> f64 {

@@ -1,11 +1,11 @@
 //! Fuzzy control: linguistic variables, Mamdani inference, and the Fuzzy Control Language of IEC 61131-7.
 //!
-//! A [`FunctionBlock`] is read from text, told the intervals that its inputs were found to have
-//! ([`FunctionBlock::layout_inputs`]), and evaluated. It knows nothing of what its variables stand for.
+//! A [`FunctionBlock`] is parsed from text, its inputs are mapped to the intervals found at run time
+//! ([`FunctionBlock::layout_inputs`]), and it is evaluated. The meaning of its variables does not matter here.
 //!
-//! The decision that shaped it: membership functions are piecewise linear, so the aggregate of all rules is too, and
-//! its center of gravity is computed exactly, piece by piece. There is no sampling step to choose, and equal input
-//! gives equal bits: only +, −, ·, / and the square root are used.
+//! The decision that shaped this crate: membership functions are piecewise linear, so the aggregate of all rules is
+//! too, and its center of gravity is computed exactly, piece by piece. There is no sampling step to choose, and equal
+//! inputs give bit-identical outputs: only +, −, ·, / and the square root are used.
 //!
 //! ```
 //! use bottega_fuzzy::FunctionBlock;
@@ -26,14 +26,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # Where is what
+//! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
 //! | the parts of a function block | `src/block.rs`, `src/membership.rs`, `src/operators.rs` |
-//! | reading and printing of FCL, with places of mistakes | `src/fcl/` |
+//! | parsing and printing of FCL, with positions of errors | `src/fcl/` |
 //! | inference | `src/evaluate.rs`, `src/aggregate.rs` |
-//! | contradictory and dead rules, holes | `src/verify/` |
+//! | checks for contradictory rules, dead rules and gaps | `src/verify/` |
 
 mod aggregate;
 mod block;

@@ -1,24 +1,24 @@
-//! Bounds on what a text may ask for.
+//! Limits on FCL texts.
 
-/// Bounds on what a text may ask for.
+/// Limits on FCL texts.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits;
 
 impl Limits {
-    /// Bytes of a text.
+    /// Maximum length of a text, in bytes.
     pub const TEXT_BYTES_MAX: usize = 1 << 20;
-    /// Characters of a name, a label or a number.
+    /// Maximum length of a name, a label or a number, in characters.
     pub const WORD_MAX: usize = 128;
-    /// Variables of a kind in a block.
+    /// Maximum number of variables of one kind in a block.
     pub const VARIABLES_MAX: usize = 64;
-    /// Terms of a variable.
+    /// Maximum number of terms of a variable.
     pub const TERMS_MAX: usize = 64;
-    /// Points of a term.
+    /// Maximum number of points of a term.
     pub const POINTS_MAX: usize = 32;
-    /// Rules of a block. With the number of points it bounds what an evaluation costs at worst.
+    /// Maximum number of rules of a block. With the number of points it bounds the cost of an evaluation.
     pub const RULES_MAX: usize = 1024;
-    /// Conclusions of all rules of a block.
+    /// Maximum number of conclusions of all rules of a block.
     pub const CONCLUSIONS_MAX: usize = 1024;
-    /// Brackets within brackets of a condition.
+    /// Maximum nesting of brackets in a condition.
     pub const DEPTH_MAX: usize = 64;
 }

@@ -1,17 +1,17 @@
 //! Membership functions.
 
-/// The membership of a value in a term.
+/// The membership function of a term.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Membership {
-    /// 1 at one place, 0 elsewhere.
+    /// 1 at a single point, 0 elsewhere.
     Singleton(f64),
-    /// Piecewise linear through points (x, y), x never falling, 0 ≤ y ≤ 1; level outside of them. Two points with one
-    /// x make a step, whose value at x is that of the second.
+    /// Piecewise linear through points (x, y) with non-decreasing x and 0 ≤ y ≤ 1; constant outside of them. Two points
+    /// with equal x make a step, whose value at x is that of the second.
     Linear(Vec<(f64, f64)>),
 }
 
 impl Membership {
-    /// The degree at `x`, 0..1.
+    /// The degree at `x`, 0..=1.
     pub fn degree(&self, x: f64) -> f64 {
         match self {
             Self::Singleton(at) => f64::from(u8::from(x == *at)),
@@ -28,17 +28,17 @@ impl Membership {
     }
 }
 
-/// The value just right of `x` (and at it).
+/// The limit from the right at `x`, which is also the value there.
 pub(crate) fn right_limit(points: &[(f64, f64)], x: f64) -> f64 {
     between(points, points.partition_point(|point| point.0 <= x), x)
 }
 
-/// The value just left of `x`.
+/// The limit from the left at `x`.
 pub(crate) fn left_limit(points: &[(f64, f64)], x: f64) -> f64 {
     between(points, points.partition_point(|point| point.0 < x), x)
 }
 
-/// The value at `x`, which lies before the point `next` and not before the one in front of it.
+/// The value at `x`, between the point before `next` and the point `next`.
 fn between(points: &[(f64, f64)], next: usize, x: f64) -> f64 {
     if next == 0 {
         return points[0].1;
@@ -47,7 +47,7 @@ fn between(points: &[(f64, f64)], next: usize, x: f64) -> f64 {
         return points[next - 1].1;
     }
     let ((x0, y0), (x1, y1)) = (points[next - 1], points[next]);
-    // Weights of both ends: exact at them, and never outside of y0..y1.
+    // Interpolate so that the ends are exact and the result stays within y0..y1
     let t = ((x - x0) / (x1 - x0)).clamp(0.0, 1.0);
     y0 * (1.0 - t) + y1 * t
 }

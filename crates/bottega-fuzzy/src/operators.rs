@@ -1,70 +1,70 @@
-//! The operators that a rule block chooses from (IEC 61131-7, tables of AND, OR, ACT, ACCU and METHOD).
+//! The operators of rule blocks and outputs (IEC 61131-7, tables of AND, OR, ACT, ACCU and METHOD).
 
 /// The AND of degrees: a triangular norm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum And {
-    /// min(a, b)
+    /// Minimum: min(a, b).
     #[default]
     Min,
-    /// a · b
+    /// Product: a · b.
     Prod,
-    /// max(0, a + b − 1), the bounded difference
+    /// Bounded difference: max(0, a + b − 1).
     Bdif,
 }
 
 /// The OR of degrees: a triangular conorm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Or {
-    /// max(a, b)
+    /// Maximum: max(a, b).
     #[default]
     Max,
-    /// a + b − a · b, the algebraic sum
+    /// Algebraic sum: a + b − a · b.
     Asum,
-    /// min(1, a + b), the bounded sum
+    /// Bounded sum: min(1, a + b).
     Bsum,
 }
 
 /// The effect of a rule's degree on the term it concludes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Activation {
-    /// Cuts it off: min(w, μ)
+    /// Truncates it: min(w, μ).
     #[default]
     Min,
-    /// Scales it: w · μ
+    /// Scales it: w · μ.
     Prod,
 }
 
-/// The union of the conclusions of all rules on one output.
+/// The accumulation of the conclusions of all rules on one output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accumulation {
-    /// The greatest at each place.
+    /// The maximum at each point.
     #[default]
     Max,
-    /// min(1, sum)
+    /// Bounded sum: min(1, sum).
     Bsum,
-    /// sum / max(1, greatest sum anywhere). Tools differ on it.
+    /// Normalized sum: sum / max(1, greatest sum anywhere). Tools differ in its definition.
     Nsum,
 }
 
-/// The method that makes one number of the joined conclusions.
+/// The method of defuzzification: makes a single number of the accumulated conclusions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// The center of gravity.
     Cog,
     /// The center of gravity of singletons.
     Cogs,
-    /// The place that halves the area.
+    /// The center of area: the point that halves the area.
     Coa,
-    /// The leftmost place of the maximum.
+    /// The leftmost point of the maximum.
     Lm,
-    /// The rightmost place of the maximum.
+    /// The rightmost point of the maximum.
     Rm,
-    /// The middle between those two.
+    /// The mean of the leftmost and the rightmost point of the maximum.
     Mm,
 }
 
 impl And {
-    /// Joins two degrees.
+    /// Combines two degrees.
     pub fn join(self, a: f64, b: f64) -> f64 {
         match self {
             Self::Min => a.min(b),
@@ -73,7 +73,7 @@ impl And {
         }
     }
 
-    /// The conorm with which De Morgan's laws hold.
+    /// The dual conorm, with which De Morgan's laws hold.
     pub fn dual(self) -> Or {
         match self {
             Self::Min => Or::Max,
@@ -84,17 +84,17 @@ impl And {
 }
 
 impl Or {
-    /// Joins two degrees.
+    /// Combines two degrees.
     pub fn join(self, a: f64, b: f64) -> f64 {
         match self {
             Self::Max => a.max(b),
-            // The same as a + b − a·b, and never above 1 by rounding.
+            // Equals a + b − a·b, but rounding never makes it exceed 1.
             Self::Asum => 1.0 - (1.0 - a) * (1.0 - b),
             Self::Bsum => (a + b).min(1.0),
         }
     }
 
-    /// The norm with which De Morgan's laws hold.
+    /// The dual norm, with which De Morgan's laws hold.
     pub fn dual(self) -> And {
         match self {
             Self::Max => And::Min,
@@ -107,10 +107,10 @@ impl Or {
 macro_rules! words {
     ($type:ident { $($variant:ident = $word:literal),+ }) => {
         impl $type {
-            /// All of them.
+            /// All variants.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// Its word in the language.
+            /// Its keyword in FCL.
             pub fn word(self) -> &'static str {
                 match self { $(Self::$variant => $word),+ }
             }

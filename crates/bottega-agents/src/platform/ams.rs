@@ -18,75 +18,75 @@ use super::{
 };
 use crate::{AclMessage, AgentId, Key, Performative, Revision, Time};
 
-/// The most agents of a platform.
+/// Maximum number of agents of a platform.
 pub const AGENTS_MAX: usize = 1 << 16;
-/// The most processes that serve one platform.
+/// Maximum number of processes that serve one platform.
 pub const NODES_MAX: usize = 64;
 
-/// The type of the transport, in the description of the platform.
+/// The transport type in the platform's description.
 pub const HTTP_TRANSPORT: &str = "fipa.mts.mtp.http.std";
 
-/// When what was not written is tried again.
+/// Time after which a failed write is repeated.
 const LOOK_AGAIN_AFTER: Duration = Duration::from_secs(2);
 
 /// The configuration of an AMS: its name and its platform.
 #[derive(Clone, Debug)]
 pub struct AmsConfig {
-    /// Its own name.
+    /// The AMS's own id.
     pub id: AgentId,
     /// The name of the platform.
     pub platform: String,
-    /// Agents that are there without being entered: the services of the platform. Nobody changes them.
+    /// Agents that exist without registration: the services of the platform. Their entries are read-only.
     pub services: Vec<AgentId>,
-    /// Who may change all entries.
+    /// Agents that may change all entries.
     pub administrators: Vec<AgentId>,
-    /// Where this process can be reached from outside; all processes that serve the platform are told.
+    /// Addresses of this process for other platforms; entered in the pages for all processes of the platform.
     pub addresses: Vec<String>,
-    /// Whether agents that come to this process are entered by themselves.
+    /// `true`: agents that start in this process are registered automatically.
     pub enters_residents: bool,
-    /// Those that are not: they come for a moment, when the process ends.
+    /// Agents exempt from that: they exist briefly while the process ends.
     pub unlisted: Vec<AgentId>,
 }
 
-/// The agents of a platform.
+/// The white pages of a platform.
 ///
-/// An agent may enter, change and take out itself; what the `administrators` may do to all. The AMS of the process in
-/// which an agent lives tells it what its entry wants of it, whoever wrote that.
+/// An agent may register, modify and deregister itself; `administrators` may do that for all. The AMS of an agent's
+/// process sends it the requests in its entry, whoever wrote them.
 #[derive(Clone, Debug)]
 pub struct Ams {
     config: AmsConfig,
-    /// By name in small letters.
+    /// The entries, by name in lower case.
     agents: BTreeMap<String, AmsEntry>,
     /// The addresses of all processes that serve the platform.
     nodes: BTreeSet<String>,
-    /// The agents that live in this process.
+    /// The agents in this process.
     residents: BTreeSet<AgentId>,
-    /// What waits until the pages are known.
+    /// True when the pages are known.
     is_ready: bool,
-    /// What this process has to write, by key.
+    /// Entries that this process has to write, by key.
     errands: BTreeMap<String, AmsTask>,
-    /// Those that are being written, by mark.
+    /// Those being written, by mark.
     written: BTreeMap<u64, String>,
     next_mark: u64,
-    /// When to look after them.
+    /// The next time to check them.
     look_at: Option<Time>,
 }
 
-/// What an AMS has to write by itself: until it is so.
+/// A task of the AMS: an entry to write, repeated until done.
 #[derive(Clone, Debug, PartialEq)]
 enum AmsTask {
-    /// An agent lives here.
+    /// An agent has started here: register it.
     Enter(AgentId),
-    /// It has gone from here.
+    /// An agent has ended here: deregister it.
     TakeOut,
-    /// It was destroyed, and all have been told.
+    /// An agent was destroyed and all processes know: remove its entry.
     Bury,
-    /// This process serves the platform.
+    /// This process serves the platform: enter its address.
     Serve,
 }
 
 impl Ams {
-    /// An AMS that knows nobody yet.
+    /// An AMS that does not know the pages yet.
     pub fn new(config: AmsConfig) -> Self {
         Self {
             config,
@@ -101,7 +101,7 @@ impl Ams {
         }
     }
 
-    /// Where an agent stands in its life, if it is known.
+    /// The life-cycle state of an agent, if known.
     pub fn state(&self, agent: &AgentId) -> Option<LifeCycleState> {
         self.agents.get(&index(agent)).filter(|entry| !entry.is_gone()).map(AmsEntry::state)
     }
@@ -123,13 +123,13 @@ impl Ams {
         self.config.administrators.iter().any(|other| other.name.eq_ignore_ascii_case(&agent.name))
     }
 
-    /// Whether an agent that comes to this process is entered, and taken out when it goes.
+    /// True if the agent is registered and deregistered automatically in this process.
     fn is_entered(&self, agent: &AgentId) -> bool {
         let is_unlisted = self.config.unlisted.iter().any(|other| other.name.eq_ignore_ascii_case(&agent.name));
         self.config.enters_residents && !self.is_service(agent) && !is_unlisted
     }
 
-    /// The name in a description, if `asker` may touch its entry.
+    /// The name in a description, if `asker` may change its entry.
     fn authorised(&self, asker: &AgentId, description: &AmsAgentDescription) -> Result<AgentId, NoResult> {
         let Some(name) = &description.name else {
             return Err(RefuseReason::missing(AMS_DESCRIPTION, "name").into());
@@ -149,7 +149,7 @@ impl Ams {
         let name = self.authorised(&request.sender, description)?;
         let by = name_of_request(request);
         match self.entry(&name) {
-            // The same request once more.
+            // A repetition of the same request
             Some(entry) if by.is_some() && entry.by == by => return Ok(Step::Done(Outcome::Done)),
             Some(_) => return Err(FailureReason::AlreadyRegistered.into()),
             None => {}
@@ -177,7 +177,7 @@ impl Ams {
                 return Err(RefuseReason::Unauthorised.into());
             }
         }
-        // Who names an agent without addresses does not say that it has none.
+        // A name without addresses does not delete known addresses
         let known = before.description.name.clone().filter(|_| name.addresses.is_empty());
         let description =
             AmsAgentDescription { name: known.or(Some(name.clone())), state: Some(after), ..description.clone() };
@@ -187,12 +187,12 @@ impl Ams {
     fn terminate(&self, asker: &AgentId, agent: &AgentId, graceful: bool) -> Result<Step, NoResult> {
         let description = AmsAgentDescription { name: Some(agent.clone()), ..Default::default() };
         self.authorised(asker, &description)?;
-        // Destroy is the platform's alone.
+        // Only the platform may destroy agents
         if !graceful && !self.is_administrator(asker) {
             return Err(RefuseReason::Unauthorised.into());
         }
         let before = self.entry(agent).ok_or(FailureReason::NotRegistered)?;
-        // Who is asked to quit stays known until it has taken itself out: it may ignore this.
+        // An agent asked to quit stays registered until it deregisters itself: it may ignore the request
         let ending = if graceful { LifeCycleRequest::Quit } else { LifeCycleRequest::Destroy };
         Ok(Self::write(&AmsEntry { ending: Some(ending), ..before.clone() }, agent))
     }
@@ -208,13 +208,13 @@ impl Ams {
         services.chain(agents).filter(|agent| template.matches(agent)).take(most).collect()
     }
 
-    /// Of all processes that serve the platform. Its own may have been asked for before it is entered.
+    /// The addresses of all processes that serve the platform, including this one before it is entered.
     fn addresses(&self) -> Vec<String> {
         let all: BTreeSet<&String> = self.nodes.iter().chain(&self.config.addresses).collect();
         all.into_iter().cloned().collect()
     }
 
-    /// The platform, with all processes that serve it.
+    /// The description of the platform, with all processes that serve it.
     pub fn platform(&self) -> PlatformDescription {
         let transport = ServiceEntry {
             id: HTTP_TRANSPORT.to_owned(),
@@ -231,13 +231,13 @@ impl Ams {
         todo.send.push(Said { ontology: ONTOLOGY, protocol: "fipa-request", ..message });
     }
 
-    /// Tells a resident what its entry wants of it now, compared with before.
+    /// Sends an agent of this process the requests that its entry newly contains.
     fn hold_to(&self, agent: &AgentId, before: Option<&AmsEntry>, after: &AmsEntry, todo: &mut ServiceOutbox) {
         let was = before.map_or(LifeCycleState::Active, AmsEntry::state);
         match (was, after.state()) {
             (LifeCycleState::Suspended, LifeCycleState::Suspended) => {}
             (_, LifeCycleState::Suspended) => self.tell(agent, LifeCycleRequest::Suspend, todo),
-            // What it does by itself it has done.
+            // Changes that the agent made itself need no request
             (from, LifeCycleState::Active) if from != LifeCycleState::Active => {
                 self.tell(agent, LifeCycleRequest::Resume, todo);
             }
@@ -253,7 +253,7 @@ impl Ams {
         self.look_at = Some(now);
     }
 
-    /// Writes what is not yet so. What was not written is tried again.
+    /// Writes pending entries, and repeats failed writes.
     fn look_after_errands(&mut self, now: Time, todo: &mut ServiceOutbox) {
         if !self.is_ready || self.look_at.is_none_or(|at| now < at) {
             return;
@@ -274,13 +274,13 @@ impl Ams {
         self.look_at = (!self.errands.is_empty()).then(|| now + LOOK_AGAIN_AFTER);
     }
 
-    /// Whether an entry says that its agent lives in this process, or does not say where.
+    /// True if an entry's agent is in this process, or its process is not given.
     fn is_here(&self, entry: &AmsEntry) -> bool {
         let addresses = entry.description.name.as_ref().map_or(&[][..], |name| &name.addresses);
         addresses.is_empty() || addresses.iter().any(|address| self.config.addresses.contains(address))
     }
 
-    /// What an entry must say for an errand. `None`: it is so already, or none of its business any more.
+    /// The text to write for a task. `None`: done already, or no longer applicable.
     fn wanted(&self, key: &str, errand: &AmsTask) -> Option<String> {
         let entry = key.strip_prefix(AGENT).and_then(|name| self.agents.get(name));
         match errand {
@@ -293,7 +293,7 @@ impl Ams {
                 let description = AmsAgentDescription { name: Some(name), ownership: None, state: Some(state) };
                 Some(AmsEntry::of(description).print())
             }
-            // By now it may live elsewhere.
+            // The agent may have moved to another process meanwhile
             AmsTask::TakeOut => entry.filter(|entry| entry.is_gone() || self.is_here(entry)).map(|_| String::new()),
             AmsTask::Bury => entry.filter(|entry| entry.is_gone()).map(|_| String::new()),
             AmsTask::Serve => {
@@ -315,14 +315,14 @@ impl Ams {
             self.hold_to(resident, before.as_ref(), &entry, todo);
         }
         if entry.is_gone() && !before.is_some_and(|before| before.is_gone()) {
-            // All processes have been told by this entry; one of them takes it out.
+            // All processes have seen this entry; one of them removes it
             self.run(format!("{AGENT}{name}"), AmsTask::Bury, now);
         }
         self.agents.insert(name.to_owned(), entry);
     }
 }
 
-/// Names of agents are compared without case.
+/// The key of an agent: names are compared without case.
 fn index(agent: &AgentId) -> String {
     agent.name.to_lowercase()
 }
@@ -388,7 +388,7 @@ impl Functions for Ams {
     }
 
     fn hear(&mut self, _now: Time, message: &Said, _todo: &mut ServiceOutbox) -> bool {
-        // Agents say that they have done what they were told.
+        // Agents confirm that they have obeyed
         matches!(message.content, ManagementContent::LifeCycleDone(_))
     }
 
@@ -409,7 +409,7 @@ impl Functions for Ams {
         if made {
             self.errands.remove(&key);
         } else if self.errands.contains_key(&key) {
-            // The entry was another, which is known by now, or nobody knows whether it was written.
+            // The entry has another revision, known by now; or it is unknown whether the write was done
             self.look_at = Some(now);
         }
         self.look_after_errands(now, todo);
@@ -433,7 +433,7 @@ impl Functions for Ams {
 }
 
 impl Ams {
-    /// An agent has come to life here: what its entry wanted before a restart, it wants still.
+    /// Registers an agent that has started. Requests in its entry from before a restart still apply.
     fn begin_resident(&mut self, now: Time, agent: &AgentId, todo: &mut ServiceOutbox) {
         if let Some(entry) = self.entry(agent) {
             self.hold_to(agent, None, entry, todo);
@@ -443,7 +443,7 @@ impl Ams {
         }
     }
 
-    /// The entry by which a process is known; without it nobody is sent there any more.
+    /// The key of a process's entry; without the entry no agents are created there.
     pub fn node_key(address: &str) -> String {
         format!("{NODE}{address}")
     }

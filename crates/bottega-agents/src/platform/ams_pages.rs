@@ -1,4 +1,4 @@
-//! The white pages as they stand in the store.
+//! Entries of the white pages in the store.
 
 use super::{
     LifeCycleState,
@@ -10,16 +10,16 @@ use crate::{AgentId, sl, sl::Term};
 
 pub(super) const AGENT: &str = "ams/agent/";
 pub(super) const NODE: &str = "ams/node/";
-/// The parameter of an entry that says how an agent shall end.
+/// The parameter of an entry with the requested end of an agent.
 const ENDING: &str = ":X-ending";
 
-/// An agent as it stands in the store.
+/// The entry of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct AmsEntry {
     pub(super) description: AmsAgentDescription,
-    /// It is asked to end, or must: then it counts as gone.
+    /// The requested end of the agent. A destroyed agent counts as gone.
     pub(super) ending: Option<LifeCycleRequest>,
-    /// The request that it was entered by.
+    /// The request that created the entry.
     pub(super) by: Option<String>,
 }
 
@@ -36,7 +36,7 @@ impl AmsEntry {
         sl::print_term(&term)
     }
 
-    /// What others wrote into the store: what cannot be read is passed over.
+    /// Parses an entry; others write to the store too, so invalid ones are ignored.
     pub(super) fn parse(text: &str) -> Option<Self> {
         let term = sl::parse_term(text).ok()?;
         let description = read_ams_description(&term).ok()?;
@@ -56,35 +56,35 @@ impl AmsEntry {
     }
 }
 
-/// An agent, as an entry of the white pages says it; `None`: there is none, or it is gone.
+/// The agent in an entry of the white pages; `None`: there is none, or it is gone.
 pub fn read_white_page(text: &str) -> Option<AmsAgentDescription> {
     AmsEntry::parse(text).filter(|entry| !entry.is_gone()).map(|entry| entry.description)
 }
 
-/// EventKind an entry of the white pages says, for those who find ways by them.
+/// The content of an entry of the white pages, for routing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AmsPages<'a> {
-    /// Of an agent.
+    /// An agent.
     Agent {
-        /// Its name in small letters.
+        /// Its name in lower case.
         name: &'a str,
-        /// Where it lives; `None`: it is gone.
+        /// Its identifier with addresses; `None`: it is gone.
         agent: Option<AgentId>,
     },
-    /// Of a process that serves the platform.
+    /// A process that serves the platform.
     Node {
-        /// Where it can be reached.
+        /// Its address.
         address: &'a str,
-        /// Whether it serves.
+        /// True if it serves.
         present: bool,
     },
 }
 
 impl<'a> AmsPages<'a> {
-    /// How the names of the entries begin.
+    /// The common prefix of the keys of the white pages.
     pub const PREFIX: &'static str = "ams/";
 
-    /// Reads an entry; `None`: it says nothing of this kind.
+    /// Parses an entry; `None`: it is of another kind.
     pub fn read(key: &'a str, text: &str) -> Option<Self> {
         if let Some(name) = key.strip_prefix(AGENT) {
             let entry = AmsEntry::parse(text).filter(|entry| !entry.is_gone());

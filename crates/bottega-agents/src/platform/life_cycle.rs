@@ -1,6 +1,6 @@
 //! The life cycle of an agent (FIPA00023, section 5).
 
-/// The state of an agent's life cycle.
+/// A state of the life cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[allow(missing_docs, reason = "the words of the standard")]
 pub enum LifeCycleState {
@@ -11,7 +11,7 @@ pub enum LifeCycleState {
     Transit,
 }
 
-/// A step from one state to another.
+/// A transition of the life cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the words of the standard")]
 pub enum Transition {
@@ -25,10 +25,10 @@ pub enum Transition {
 }
 
 impl LifeCycleState {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 5] = [Self::Initiated, Self::Active, Self::Suspended, Self::Waiting, Self::Transit];
 
-    /// The word of the standard.
+    /// The standard's name.
     pub fn word(self) -> &'static str {
         match self {
             Self::Initiated => "initiated",
@@ -39,12 +39,12 @@ impl LifeCycleState {
         }
     }
 
-    /// Reads the word, without case.
+    /// Parses the standard's name, without case.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.word().eq_ignore_ascii_case(word))
     }
 
-    /// The transition that leads from here to `next`, if there is one.
+    /// The transition from this state to `next`, if there is one.
     pub fn transition_to(self, next: Self) -> Option<Transition> {
         match (self, next) {
             (Self::Initiated, Self::Active) => Some(Transition::Invoke),
@@ -60,12 +60,12 @@ impl LifeCycleState {
 }
 
 impl Transition {
-    /// Whether the agent itself may begin it; the platform may begin all but [`Self::Wait`] and [`Self::Move`].
+    /// True if the agent itself may start it; the platform may start all except [`Self::Wait`] and [`Self::Move`].
     pub fn by_agent(self) -> bool {
         matches!(self, Self::Suspend | Self::Wait | Self::Move)
     }
 
-    /// Whether the platform may begin it.
+    /// True if the platform may start it.
     pub fn by_platform(self) -> bool {
         !matches!(self, Self::Wait | Self::Move)
     }

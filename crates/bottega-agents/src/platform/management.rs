@@ -5,14 +5,14 @@ use std::borrow::Cow;
 use super::LifeCycleState;
 use crate::{AgentId, Performative, Time, sl::Term};
 
-/// The name of the ontology.
+/// The name of the ontology in messages.
 pub const ONTOLOGY: &str = "fipa-agent-management";
 
-/// Content types that can say what platform services understand.
+/// A content type that can carry management content.
 ///
-/// A platform whose agents talk of other things too has a content type of its own, with this as a part.
+/// A platform whose agents also talk about other things has its own content type, of which this is a part.
 pub trait CarriesManagement: Clone + From<ManagementContent> {
-    /// What is said of management, if that is what is said.
+    /// The management content, if it is of that kind.
     fn management(&self) -> Option<&ManagementContent>;
 }
 
@@ -25,33 +25,33 @@ impl CarriesManagement for ManagementContent {
 /// The content of a message to or from a platform service.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ManagementContent {
-    /// In a request: what is to be done.
+    /// In a request: the requested function.
     Action(Function),
-    /// In an agree: this will be done.
+    /// In an agree: the function will be executed.
     Agreed(Function),
-    /// In a refuse: this is not done.
+    /// In a refuse: the function is not executed.
     Refused(Function, RefuseReason),
-    /// In a failure: this could not be done.
+    /// In a failure: the function has failed.
     Failed(Function, FailureReason),
-    /// In an inform: this is done, with this result.
+    /// In an inform: the function was executed, with this outcome.
     Done(Function, Outcome),
     /// In a request of the AMS to an agent.
     LifeCycle(LifeCycleRequest),
-    /// In an inform of an agent to the AMS: it has done so.
+    /// In an inform of an agent to the AMS: the request was carried out.
     LifeCycleDone(LifeCycleRequest),
     /// In a not-understood.
     NotUnderstood(NotUnderstoodReason),
-    /// In a subscribe: tell of all offers that are like this, now and later.
+    /// In a subscribe: report all matching offers, now and in the future.
     Subscription(DfAgentDescription, SearchConstraints),
-    /// In an inform to a subscriber: its wish, and what is new of it. An offer that is gone has its name alone.
+    /// In an inform to a subscriber: its template, and the changes. A removed offer has its name only.
     News(DfAgentDescription, SearchConstraints, Vec<DfAgentDescription>),
-    /// In a cancel, and in the inform that it is done: the conversation is over.
+    /// In a cancel, and in the inform that confirms it: the conversation is over.
     Cancel,
-    /// In a failure of an AMS: a message did not reach this receiver.
+    /// In a failure from an AMS: a message did not reach a receiver.
     Undelivered {
-        /// Who did not get it.
+        /// The receiver.
         receiver: AgentId,
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
@@ -59,56 +59,56 @@ pub enum ManagementContent {
 /// A function of a platform service.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Function {
-    /// AMS: enter an agent.
+    /// AMS: register an agent.
     RegisterAgent(AmsAgentDescription),
-    /// AMS: take an agent out; the name suffices.
+    /// AMS: deregister an agent; the name suffices.
     DeregisterAgent(AmsAgentDescription),
-    /// AMS: replace what is entered; a change of state asks for that transition of the life cycle.
+    /// AMS: replace an entry; a changed state requests that transition of the life cycle.
     ModifyAgent(AmsAgentDescription),
-    /// AMS: find agents like this.
+    /// AMS: find matching agents.
     SearchAgents(AmsAgentDescription, SearchConstraints),
-    /// AMS: ends an agent. Graceful: it is asked to quit; else it is destroyed.
+    /// AMS: end an agent. Graceful: it is asked to quit; else it is destroyed.
     TerminateAgent {
-        /// Which.
+        /// The agent.
         agent: AgentId,
-        /// Whether it may put its things in order, or ignore it.
+        /// True if it may finish its work, or ignore the request.
         graceful: bool,
     },
-    /// AMS: what is this platform?
+    /// AMS: return the description of the platform.
     GetDescription,
-    /// DF: enter what an agent offers.
+    /// DF: register the services of an agent.
     Register(DfAgentDescription),
-    /// DF: take that out; the name suffices.
+    /// DF: deregister them; the name suffices.
     Deregister(DfAgentDescription),
-    /// DF: replace it; also renews the lease.
+    /// DF: replace them; also renews the lease.
     Modify(DfAgentDescription),
-    /// DF: find what is like this.
+    /// DF: find matching offers.
     Search(DfAgentDescription, SearchConstraints),
-    /// Start Service: the descriptions of all basic services.
+    /// Start Service: return the descriptions of all basic services.
     GetServiceRoot,
-    /// Start Service: one more basic service.
+    /// Start Service: add a basic service.
     SupplyBasicService(ServiceEntry),
 }
 
 /// The outcome of a function.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    /// It is done and there is nothing to tell.
+    /// Success without a result.
     Done,
-    /// What the DF entered: its lease may be shorter than what was asked for.
+    /// The entry made by the DF, whose lease may be shorter than requested.
     Entered(DfAgentDescription),
-    /// Agents that were found.
+    /// The agents found.
     Agents(Vec<AmsAgentDescription>),
-    /// Offers that were found.
+    /// The offers found.
     Offers(Vec<DfAgentDescription>),
-    /// This platform.
+    /// The description of this platform.
     Platform(PlatformDescription),
     /// The service root.
     ServiceRoot(Vec<ServiceEntry>),
 }
 
 impl Function {
-    /// What a request calls it.
+    /// The function's name in the ontology.
     pub fn word(&self) -> &'static str {
         match self {
             Self::RegisterAgent(_) | Self::Register(_) => "register",
@@ -125,10 +125,10 @@ impl Function {
 }
 
 impl LifeCycleRequest {
-    /// All of them.
+    /// All requests.
     pub const ALL: [Self; 4] = [Self::Suspend, Self::Resume, Self::Quit, Self::Destroy];
 
-    /// What a request calls it.
+    /// The request's name in the ontology.
     pub fn word(self) -> &'static str {
         match self {
             Self::Suspend => "suspend",
@@ -139,65 +139,65 @@ impl LifeCycleRequest {
     }
 }
 
-/// A request of the AMS to an agent: the operations that every agent has.
+/// A life-cycle request of the AMS to an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LifeCycleRequest {
-    /// Do nothing until resumed; messages are kept.
+    /// Suspend: do nothing until resumed; messages are kept.
     Suspend,
-    /// Go on.
+    /// Resume.
     Resume,
-    /// Come to an end; may be ignored.
+    /// End; may be ignored.
     Quit,
     /// End now; cannot be ignored.
     Destroy,
 }
 
-/// An agent as the AMS knows it. In a template, what is absent does not matter.
+/// The white-pages description of an agent. In a template, absent fields match anything.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AmsAgentDescription {
-    /// Who.
+    /// The agent.
     pub name: Option<AgentId>,
-    /// Whose.
+    /// The owner.
     pub ownership: Option<String>,
-    /// Where it stands in its life.
+    /// The life-cycle state.
     pub state: Option<LifeCycleState>,
 }
 
-/// The offer of an agent. In a template, what is absent or empty does not matter.
+/// The yellow-pages description of an agent. In a template, absent and empty fields match anything.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DfAgentDescription {
-    /// Who.
+    /// The agent.
     pub name: Option<AgentId>,
-    /// What it offers.
+    /// Its services.
     pub services: Vec<ServiceDescription>,
-    /// Interaction protocols it speaks.
+    /// Its interaction protocols.
     pub protocols: Vec<String>,
-    /// Ontologies it knows.
+    /// Its ontologies.
     pub ontologies: Vec<String>,
-    /// Content languages it reads.
+    /// Its content languages.
     pub languages: Vec<String>,
-    /// When the entry is forgotten. `None`: never.
+    /// The time at which the entry expires. `None`: never.
     pub lease_time: Option<Time>,
-    /// Who may see it: `global`, or `local` to this platform.
+    /// The visibility: `global`, or `local` to this platform.
     pub scope: Vec<String>,
 }
 
-/// One service of an agent.
+/// A service of an agent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServiceDescription {
     /// Its name.
     pub name: Option<String>,
-    /// Its kind.
+    /// Its type.
     pub service_type: Option<String>,
-    /// Interaction protocols it speaks.
+    /// Its interaction protocols.
     pub protocols: Vec<String>,
-    /// Ontologies it knows.
+    /// Its ontologies.
     pub ontologies: Vec<String>,
-    /// Content languages it reads.
+    /// Its content languages.
     pub languages: Vec<String>,
-    /// Whose it is.
+    /// Its owner.
     pub ownership: Option<String>,
-    /// Whatever else it has.
+    /// Its properties.
     pub properties: Vec<Property>,
 }
 
@@ -206,79 +206,79 @@ pub struct ServiceDescription {
 pub struct Property {
     /// Its name.
     pub name: String,
-    /// Its value: any term.
+    /// Its value; any term.
     pub value: Term,
 }
 
-/// The limits of a search: how deep, and how many results.
+/// The limits of a search.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SearchConstraints {
-    /// How many hops to other directories; 0 and absent: this one alone.
+    /// Maximum number of hops to other directories; 0 or absent: this one only.
     pub max_depth: Option<i64>,
-    /// How many results; negative: all. Absent means 1.
+    /// Maximum number of results; negative: unlimited. Absent: 1.
     pub max_results: Option<i64>,
-    /// Names the search, so that it does not run in circles.
+    /// Identifies the search, to prevent cycles.
     pub search_id: Option<String>,
 }
 
-/// The platform.
+/// The description of a platform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlatformDescription {
-    /// Its name: what stands behind `@` in the names of its agents.
+    /// Its name: the part after `@` in the names of its agents.
     pub name: String,
-    /// How it can be reached and what it offers.
+    /// Its transports and services.
     pub services: Vec<ServiceEntry>,
 }
 
-/// An entry of the service root (FIPA00001): a basic service and where it is.
+/// An entry of the service root (FIPA00001): a basic service.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServiceEntry {
-    /// A unique name.
+    /// Its unique name.
     pub id: String,
-    /// Its kind, such as `fipa-ams`.
+    /// Its type, such as `fipa-ams`.
     pub service_type: String,
-    /// Where it can be reached; at least one. Within a platform: the agent's name.
+    /// Its addresses, at least one. Within a platform: the agent's name.
     pub addresses: Vec<String>,
 }
 
 /// The name of a function, an object or a parameter.
 pub type Name = Cow<'static, str>;
 
-/// Why a message is not understood.
+/// The reason why a message was not understood.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NotUnderstoodReason {
-    /// This performative has no meaning here.
+    /// The performative is unsupported.
     UnsupportedAct(Performative),
-    /// This performative was not expected at this point.
+    /// The performative is out of sequence.
     UnexpectedAct(Performative),
-    /// A parameter of the message, such as `language`, has a value that is not supported.
+    /// A parameter of the message, such as `language`, has an unsupported value.
     UnsupportedValue(Name),
-    /// A parameter of the message, such as `content`, has a value that makes no sense.
+    /// A parameter of the message, such as `content`, has an invalid value.
     UnrecognisedValue(Name),
-    /// Something else that another platform says.
+    /// Another reason, from another platform.
     Other(Term),
 }
 
-/// Why nothing was done.
+/// The reason of a refusal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RefuseReason {
-    /// It is not for you to ask.
+    /// The sender is not authorized.
     Unauthorised,
-    /// This service does not do that.
+    /// The service does not support this function.
     UnsupportedFunction(Name),
-    /// The function has no such argument.
+    /// The function lacks this argument.
     MissingArgument(Name),
-    /// The function takes no such argument.
+    /// The function does not take this argument.
     UnexpectedArgument(Name),
-    /// The function takes more or fewer arguments.
+    /// The function has a wrong number of arguments.
     UnexpectedArgumentCount,
-    /// Something is missing: of which object, which parameter.
+    /// An object lacks a parameter: object, parameter.
     MissingParameter(Name, Name),
-    /// Something is too much: of which object, which parameter.
+    /// An object has an unexpected parameter: object, parameter.
     UnexpectedParameter(Name, Name),
-    /// Something has a value that it cannot have: of which object, which parameter.
+    /// A parameter has an invalid value: object, parameter.
     UnrecognisedParameterValue(Name, Name),
-    /// Something else that another platform says.
+    /// Another reason, from another platform.
     Other(Term),
 }
 
@@ -292,7 +292,7 @@ impl RefuseReason {
     }
 }
 
-/// The refusal of an object that is too large: of its parameter that takes most.
+/// The refusal of an object that is too large; names its largest parameter.
 pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> RefuseReason {
     let largest = sizes.iter().max_by_key(|(_, bytes)| *bytes);
     RefuseReason::bad_value(object, largest.map_or("name", |(parameter, _)| parameter))
@@ -301,16 +301,16 @@ pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> 
 /// The reason of a failure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FailureReason {
-    /// It is there already.
+    /// It is registered already.
     AlreadyRegistered,
-    /// It is not there.
+    /// It is not registered.
     NotRegistered,
-    /// Something else.
+    /// Another error.
     InternalError(String),
 }
 
 impl SearchConstraints {
-    /// How many results are wanted, no more than a service gives at most.
+    /// The maximum number of results, at most `most`.
     pub(crate) fn results_max(&self, most: usize) -> usize {
         match self.max_results {
             None => 1.min(most),
@@ -323,13 +323,13 @@ fn same<T: PartialEq>(template: &Option<T>, object: &Option<T>) -> bool {
     template.is_none() || template == object
 }
 
-/// Each element of the template matches some element.
+/// True if each element of the template matches some element.
 fn within<T>(template: &[T], object: &[T], matches: impl Fn(&T, &T) -> bool) -> bool {
     template.iter().all(|wanted| object.iter().any(|found| matches(wanted, found)))
 }
 
 impl AmsAgentDescription {
-    /// Whether `object` is like this template.
+    /// True if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name) && same(&self.ownership, &object.ownership) && same(&self.state, &object.state)
     }
@@ -341,7 +341,7 @@ impl ServiceDescription {
         self.properties.iter().find(|property| property.name == name).map(|property| &property.value)
     }
 
-    /// Whether `object` is like this template.
+    /// True if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)
             && same(&self.service_type, &object.service_type)
@@ -354,7 +354,7 @@ impl ServiceDescription {
 }
 
 impl DfAgentDescription {
-    /// Whether `object` is like this template.
+    /// True if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)
             && same(&self.lease_time, &object.lease_time)

@@ -1,9 +1,9 @@
-//! The services of a FIPA platform: Start Service, Agent Management System, Directory Facilitator; and the life cycle
-//! of agents.
+//! The services of a FIPA platform: Start Service, Agent Management System and Directory Facilitator; and the life
+//! cycle of agents.
 //!
-//! All answer `fipa-request` messages with [`ManagementContent`]. An act that is not a request is not understood; a
-//! request that is not supported, not allowed or badly formed is refused and nothing has changed; what then goes wrong
-//! is a failure; else the answer is an inform (FIPA00023). What they know is in the store: see [`Service`].
+//! All answer `fipa-request` messages with [`ManagementContent`]. Other performatives are not understood; a request
+//! that is unsupported, unauthorized or malformed is refused without any change; later errors are failures; otherwise
+//! the answer is an inform (FIPA00023). Their knowledge is in the store: see [`Service`].
 
 mod ams;
 mod ams_pages;
@@ -35,7 +35,7 @@ pub use service::{Change, ENTRY_BYTES_MAX, Functions, NoResult, Said, Service, S
 pub use standard_agent::{KEPT_MESSAGES_MAX, StandardAgent};
 pub use start::{BASIC_SERVICES_MAX, StartService};
 
-/// How the names of the entries begin that Start Service, AMS and DF keep.
+/// The key prefixes of the entries of Start Service, AMS and DF.
 pub const PAGE_FOLDERS: [&str; 3] = ["start/", "ams/", "df/"];
 
 #[cfg(test)]

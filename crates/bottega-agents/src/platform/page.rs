@@ -1,68 +1,68 @@
-//! The entry of an agent in a directory: kept as it is wanted, whatever happens to it.
+//! An agent's entry in a directory, kept in the wanted state.
 
 use std::time::Duration;
 
 use super::management::{CarriesManagement, FailureReason, Function, ManagementContent, ONTOLOGY, Outcome};
 use crate::{AclMessage, AgentId, Performative, Time};
 
-/// When a directory is asked again that did not do what it was asked, or did not answer.
+/// Time after which a request to a directory is repeated if it failed or had no answer.
 const AGAIN_AFTER: Duration = Duration::from_secs(1);
 
-/// What a directory is asked.
+/// A request to a directory.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PageAsk<T> {
-    /// To enter this.
+    /// Create the entry.
     Enter(T),
-    /// To have this in the place of what is there.
+    /// Replace the entry.
     Change(T),
-    /// To take the entry out.
+    /// Remove the entry.
     TakeOut,
 }
 
-/// What is known of an entry.
+/// The known state of an entry.
 #[derive(Clone, Debug, PartialEq)]
 enum Known<T> {
     Absent,
-    /// It is there, and what it says is not known.
+    /// It exists, with unknown content.
     There,
     Says(T),
 }
 
-/// An entry as it is wanted, and as it is known to be.
+/// An entry with its wanted and its known state.
 #[derive(Clone, Debug)]
 pub struct Page<T> {
     wanted: Option<T>,
     known: Known<T>,
-    /// The number of the request that is not answered yet.
+    /// The request without an answer, with its number.
     asked: Option<(u64, PageAsk<T>)>,
-    /// Before that nothing is asked.
+    /// No request is sent before this time.
     again: Time,
-    /// When the lease must be renewed.
+    /// The time at which the lease must be renewed.
     renew: Option<Time>,
 }
 
 impl<T: Clone + PartialEq> Page<T> {
-    /// None is there yet.
+    /// An entry that does not exist yet.
     pub fn absent() -> Self {
         Self { wanted: None, known: Known::Absent, asked: None, again: Time::ZERO, renew: None }
     }
 
-    /// Somebody else has entered it.
+    /// An entry that another agent has created.
     pub fn there() -> Self {
         Self { known: Known::There, ..Self::absent() }
     }
 
-    /// How it shall be from now on; `None`: not at all.
+    /// Sets the wanted content; `None`: no entry.
     pub fn want(&mut self, wanted: Option<T>) {
         self.wanted = wanted;
     }
 
-    /// How it shall be.
+    /// The wanted content.
     pub fn wanted(&self) -> Option<&T> {
         self.wanted.as_ref()
     }
 
-    /// Somebody else has changed it, or taken it out.
+    /// Notes that another agent has changed or removed it.
     pub fn changed(&mut self, is_there: bool) {
         self.known = if is_there { Known::There } else { Known::Absent };
         (self.asked, self.again) = (None, Time::ZERO);
@@ -76,7 +76,7 @@ impl<T: Clone + PartialEq> Page<T> {
         }
     }
 
-    /// What the directory must be asked now, in a request of this number.
+    /// The request to send now, under this number, if any.
     pub fn next(&mut self, now: Time, number: u64) -> Option<PageAsk<T>> {
         let renews = self.renew.is_some_and(|at| at <= now) && self.wanted.is_some();
         if now < self.again || !(self.is_due() || renews) {
@@ -92,7 +92,7 @@ impl<T: Clone + PartialEq> Page<T> {
         Some(ask)
     }
 
-    /// Takes an answer; returns what has been done, if it is the answer to that.
+    /// Handles an answer; returns the request that it completes, if any.
     pub fn hear<C: CarriesManagement>(&mut self, now: Time, message: &AclMessage<C>) -> Option<PageAsk<T>> {
         let content = message.content.management()?;
         let (_, ask) = self.asked.take_if(|(number, _)| *number == message.in_reply_to)?;
@@ -115,13 +115,13 @@ impl<T: Clone + PartialEq> Page<T> {
         None
     }
 
-    /// When [`Self::next`] has something to ask.
+    /// The time at which [`Self::next`] has a request.
     pub fn next_deadline(&self) -> Option<Time> {
         if self.is_due() { Some(self.again) } else { self.renew.filter(|_| self.wanted.is_some()) }
     }
 }
 
-/// A request to a directory.
+/// Makes a request to a directory.
 pub fn directory_request<C: CarriesManagement>(
     number: u64,
     from: &AgentId,

@@ -1,16 +1,16 @@
-//! The life of any agent: the AMS suspends, resumes and ends it.
+//! The standard agent: any state machine under the life cycle of the AMS.
 
 use std::collections::VecDeque;
 
 use super::management::{CarriesManagement, LifeCycleRequest, ManagementContent};
 use crate::{AclMessage, Action, ActionOf, AgentId, Event, EventOf, Performative, StateMachine, Time};
 
-/// The most events that are kept for a suspended agent; messages on top of them are lost.
+/// Maximum number of events kept for a suspended agent; further messages are lost.
 pub const KEPT_MESSAGES_MAX: usize = 1 << 14;
 
-/// Any machine as an agent of a platform: it obeys its AMS.
+/// A state machine as an agent of a platform that obeys its AMS.
 ///
-/// While it is suspended, all that happens to it is kept, and its deadlines wait.
+/// While it is suspended, events are kept and deadlines are postponed.
 pub struct StandardAgent<M: StateMachine> {
     id: AgentId,
     ams: AgentId,
@@ -23,17 +23,17 @@ impl<M: StateMachine> StandardAgent<M>
 where
     M::Content: CarriesManagement,
 {
-    /// The machine as agent `id`, under this AMS. It is active.
+    /// Wraps a machine as agent `id`, under this AMS; initially active.
     pub fn new(id: AgentId, ams: AgentId, machine: M) -> Self {
         Self { id, ams, machine, suspended: false, kept: VecDeque::new() }
     }
 
-    /// The machine within.
+    /// The wrapped machine.
     pub fn machine(&self) -> &M {
         &self.machine
     }
 
-    /// Whether it waits to be resumed.
+    /// True if it is suspended.
     pub fn is_suspended(&self) -> bool {
         self.suspended
     }
@@ -86,7 +86,7 @@ where
         if !self.suspended {
             self.machine.handle(now, event, actions);
         } else if self.kept.len() < KEPT_MESSAGES_MAX || !matches!(event, Event::Message(_)) {
-            // Completions and answers of the store were asked for by the agent, so their number is bounded by it.
+            // The agent requested completions and replies of the store itself, so their number is bounded
             self.kept.push_back(event);
         }
     }

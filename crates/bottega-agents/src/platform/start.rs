@@ -1,4 +1,4 @@
-//! The Start Service: what a new agent asks first (MAGarRO, section 3.1; FIPA00001, service root).
+//! The Start Service: the first contact of a new agent (MAGarRO, section 3.1; FIPA00001, service root).
 
 use std::collections::BTreeMap;
 
@@ -10,23 +10,23 @@ use super::{
 };
 use crate::{Revision, Time, sl};
 
-/// The most basic services of a platform.
+/// Maximum number of basic services of a platform.
 pub const BASIC_SERVICES_MAX: usize = 256;
 
 const PREFIX: &str = "start/";
 
-/// The basic services of a platform. A second supply under a used identifier is a failure: an entry that agents
-/// already hold must not change its meaning.
+/// The basic services of a platform. A second supply with a used identifier fails: the meaning of an entry that agents
+/// already hold must not change.
 #[derive(Clone, Debug, Default)]
 pub struct StartService {
-    /// Those that are there from the start.
+    /// The services from the configuration.
     own: Vec<ServiceEntry>,
-    /// Those that were supplied, by identifier, and by which request.
+    /// The supplied services by identifier, with the names of their requests.
     supplied: BTreeMap<String, (ServiceEntry, Option<String>)>,
 }
 
 impl StartService {
-    /// With the services that are there from the start, as the platform knows them.
+    /// A Start Service with these initial services.
     pub fn new(own: Vec<ServiceEntry>) -> Self {
         Self { own, supplied: BTreeMap::new() }
     }
@@ -43,7 +43,7 @@ impl StartService {
         }
         let name = name_of_request(request);
         if name.is_some() && self.supplied.get(&entry.id).is_some_and(|(known, by)| known == entry && *by == name) {
-            // The same request once more.
+            // A repetition of the same request
             return Ok(Step::Done(Outcome::Done));
         }
         if self.own.iter().any(|other| other.id == entry.id) || self.supplied.contains_key(&entry.id) {

@@ -1,7 +1,7 @@
-//! Interaction protocols as parts that an agent is built of.
+//! Interaction protocols, as components of agents.
 //!
-//! A role is not an agent: it takes the messages of its conversations and the time, appends what must be said, and
-//! tells the agent around it what there is to decide. What a peer sends out of turn is an [`OutOfSequence`], which the
+//! A role is not an agent: it handles the messages of its conversations and the time, appends the messages to send, and
+//! returns the decisions that its agent must take. A message out of sequence gives an [`OutOfSequence`], which the
 //! agent answers by [`AclMessage::not_understood`](crate::AclMessage::not_understood).
 
 mod contract_net;
@@ -17,14 +17,14 @@ pub use subscribe::{SUBSCRIBERS_MAX, SubscribeNews, Subscriptions, TooManySubscr
 
 use crate::{AgentId, Performative};
 
-/// A message that the protocol does not allow at this point.
+/// A message that the protocol does not allow in the current state.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{got}` from {from} is out of sequence: the conversation is {state}")]
 pub struct OutOfSequence {
-    /// Who sent it.
+    /// The sender.
     pub from: AgentId,
-    /// What it was.
+    /// The performative received.
     pub got: Performative,
-    /// Where the conversation stands.
+    /// The state of the conversation.
     pub state: &'static str,
 }

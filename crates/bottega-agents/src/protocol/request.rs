@@ -1,24 +1,24 @@
-//! The request protocol (FIPA00026): a request, perhaps an agreement, an answer.
+//! The request protocol (FIPA00026): a request, an optional agreement, an answer.
 
 use super::OutOfSequence;
 use crate::{AclMessage, AgentId, Performative, Time};
 
-/// The end of a request.
+/// The answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer<C> {
-    /// It was done; or here is the result.
+    /// It was done, or this is the result.
     Inform(C),
-    /// It was not begun.
+    /// It was refused and not begun.
     Refuse(C),
-    /// It went wrong.
+    /// It failed.
     Failure(C),
-    /// It made no sense to the other.
+    /// It was not understood.
     NotUnderstood(C),
-    /// Nothing was heard until the deadline.
+    /// There was no answer by the deadline.
     Silence,
 }
 
-/// The side that asks. The other side answers each request by itself: see the platform's services.
+/// The initiator of a request. Responders answer each request directly: see the platform's services.
 #[derive(Clone, Debug)]
 pub struct RequestInitiator {
     participant: AgentId,
@@ -28,10 +28,10 @@ pub struct RequestInitiator {
 }
 
 impl RequestInitiator {
-    /// Sends the request, which must have one receiver, a conversation-id and a `reply_by`.
+    /// Sends the request.
     ///
     /// # Panics
-    /// When it has not.
+    /// Unless it has exactly one receiver, a conversation id and a `reply_by`.
     pub fn request<C>(request: AclMessage<C>, send: &mut Vec<AclMessage<C>>) -> Self {
         let [participant] = &request.receivers[..] else { panic!("a request has one receiver") };
         let deadline = request.reply_by;
@@ -46,10 +46,10 @@ impl RequestInitiator {
         this
     }
 
-    /// Takes a message of this conversation.
+    /// Handles a message of this conversation.
     ///
     /// # Errors
-    /// It is from somebody else, or the conversation is over, or the protocol does not allow it here.
+    /// It is from another sender, or the conversation is over, or it is out of sequence.
     pub fn handle_message<C: Clone>(&mut self, message: &AclMessage<C>) -> Result<Option<Answer<C>>, OutOfSequence> {
         let wrong = |state| OutOfSequence { from: message.sender.clone(), got: message.performative, state };
         if message.sender != self.participant || message.conversation_id != self.conversation_id {
@@ -75,12 +75,12 @@ impl RequestInitiator {
         Ok(Some(answer))
     }
 
-    /// Looks at the clock.
+    /// Checks the deadline.
     pub fn handle_time<C>(&mut self, now: Time) -> Option<Answer<C>> {
         self.deadline.take_if(|by| *by <= now).map(|_| Answer::Silence)
     }
 
-    /// When [`Self::handle_time`] has something to do. `None`: the conversation is over.
+    /// The time at which [`Self::handle_time`] must be called. `None`: the conversation is over.
     pub fn next_deadline(&self) -> Option<Time> {
         self.deadline
     }

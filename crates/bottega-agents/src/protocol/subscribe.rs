@@ -1,28 +1,28 @@
-//! The subscribe protocol (FIPA00035): who asked to be told is told at each change, until it cancels.
+//! The subscribe protocol (FIPA00035): subscribers are informed of each change until they cancel.
 
 use std::collections::BTreeMap;
 
 use super::OutOfSequence;
 use crate::{AclMessage, AgentId, Performative};
 
-/// The most subscribers at a time.
+/// Maximum number of subscribers.
 pub const SUBSCRIBERS_MAX: usize = 4096;
 
-/// There is no room for one more; answer by a refusal.
+/// The maximum number of subscribers is reached; refuse the subscription.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there are {SUBSCRIBERS_MAX} subscribers already")]
 pub struct TooManySubscribers;
 
-/// The news of a message.
+/// News for the publisher.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SubscribeNews<C> {
-    /// Somebody wants to be told of what the content names. Accept by [`Subscriptions::accept`] or refuse.
+    /// A subscription to what the content names. Accept it by [`Subscriptions::accept`], or refuse it.
     Wanted(AclMessage<C>),
-    /// Somebody cancelled, and was told that it is done.
+    /// A subscriber has cancelled; the confirmation is sent.
     Cancelled(AgentId),
 }
 
-/// The side that tells.
+/// The publisher: the subscriptions at one agent.
 #[derive(Clone, Debug)]
 pub struct Subscriptions<C> {
     me: AgentId,
@@ -30,15 +30,15 @@ pub struct Subscriptions<C> {
 }
 
 impl<C: Clone> Subscriptions<C> {
-    /// Nobody is told yet.
+    /// A publisher without subscribers.
     pub fn new(me: AgentId) -> Self {
         Self { me, subscribers: BTreeMap::new() }
     }
 
-    /// Takes a message of the protocol.
+    /// Handles a message of the protocol.
     ///
     /// # Errors
-    /// It is neither subscribe nor cancel, or cancels what is not there.
+    /// It is neither subscribe nor cancel, or cancels an unknown subscription.
     pub fn handle_message(
         &mut self,
         message: AclMessage<C>,
@@ -55,10 +55,10 @@ impl<C: Clone> Subscriptions<C> {
         }
     }
 
-    /// Takes a subscriber in. Who subscribes again in the same conversation has its wish replaced.
+    /// Adds a subscriber. A second subscription in the same conversation replaces the first.
     ///
     /// # Errors
-    /// There is no room.
+    /// There are too many subscribers.
     pub fn accept(&mut self, wish: AclMessage<C>) -> Result<(), TooManySubscribers> {
         let key = (wish.sender.clone(), wish.conversation_id);
         if self.subscribers.len() >= SUBSCRIBERS_MAX && !self.subscribers.contains_key(&key) {
@@ -68,7 +68,7 @@ impl<C: Clone> Subscriptions<C> {
         Ok(())
     }
 
-    /// Tells each subscriber what `news` says of its wish, if anything; in order of names.
+    /// Sends each subscriber the news about its subscription, if `news` returns any; in order of names.
     pub fn tell(&self, mut news: impl FnMut(&C) -> Option<C>, send: &mut Vec<AclMessage<C>>) {
         for wish in self.subscribers.values() {
             if let Some(content) = news(&wish.content) {
@@ -77,7 +77,7 @@ impl<C: Clone> Subscriptions<C> {
         }
     }
 
-    /// Forgets an agent that is gone.
+    /// Removes an agent that is gone.
     pub fn forget(&mut self, agent: &AgentId) {
         self.subscribers.retain(|(subscriber, _), _| subscriber != agent);
     }

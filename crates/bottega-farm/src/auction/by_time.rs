@@ -1,4 +1,4 @@
-//! The default rule: who would have finished what soonest, by what its word is worth.
+//! The default rule: largest zone first, by the time at which agents will finish, weighted by their reliability.
 
 use super::{
     member::MemberId,
@@ -7,27 +7,28 @@ use super::{
 };
 use crate::Offer;
 
-/// How far beyond the expected end of all work a zone may be finished, as a share of the time until then.
+/// Tolerance on the expected end of all work, as a share of the time until then: zones may finish that much later.
 const SLACK: f64 = 0.02;
-/// A piece that takes an agent less than this is not worth its messages.
+/// Minimum time of a piece, in seconds of its agent: smaller pieces cost more in messages than they gain.
 const PIECE_TIME_MIN: f64 = 0.1;
-/// An agent gets zones that take this share of the time that is left, at most: what was estimated wrong can then be made
-/// good with the rest (the factoring of Hummel, Schonberg and Flynn 1992).
+/// Share of an agent's remaining time that one zone may take, where zones can be cut: later zones then even out wrong
+/// estimates (factoring; Hummel, Schonberg and Flynn 1992).
 const SHARE_OF_REST: f64 = 0.5;
-/// Zones too large for all bidders that are set against all other agents in one round, at most.
+/// Maximum number of zones per round that are compared against all other agents because no bidder finishes them in
+/// time.
 const LEFT_MAX: usize = 4;
 
-/// A round that is decided by when zones would be finished.
+/// One round of the auction, decided by finishing times.
 pub(super) struct ByTime<'a> {
-    /// Not given away, largest first.
+    /// The offers without a winner, largest first.
     open: Vec<Lot>,
     bidders: Vec<Candidate>,
     standing: &'a BidderStanding<'a>,
-    /// When the work as a whole should end, in seconds from now.
+    /// Expected end of the whole work, with [`SLACK`], in seconds from now.
     end: f64,
 }
 
-/// What a bidder gets.
+/// The part of an open zone that a bidder gets, by the zone's place in [`ByTime::open`].
 enum AwardShare {
     All(usize),
     Part(usize, f64),
@@ -40,9 +41,12 @@ impl<'a> ByTime<'a> {
         Self { open: Lot::all(offers), bidders, standing, end }
     }
 
+    /// Awards zones until no bidder can take another one.
     pub(super) fn award(mut self) -> Vec<Award> {
         let mut winners = Vec::new();
+        // Take the bidder that is idle first
         while let Some(index) = self.first() {
+            // Choose a zone for it; if there is none, it leaves the round
             let Some(gets) = self.best_for(index) else {
                 self.bidders.swap_remove(index);
                 continue;
@@ -51,10 +55,12 @@ impl<'a> ByTime<'a> {
                 AwardShare::All(place) => (place, None),
                 AwardShare::Part(place, share) => (place, Some(share)),
             };
+            // Award the zone and add its time to the bidder's load
             let offer = self.open.remove(place);
             let bidder = &mut self.bidders[index];
             winners.push(Award { zone: offer.zone, agent: bidder.bidder.agent, share });
             bidder.win(&offer, share.unwrap_or(1.0));
+            // Remove a bidder that has no room left
             if bidder.room == 0 {
                 self.bidders.swap_remove(index);
             }
@@ -62,7 +68,8 @@ impl<'a> ByTime<'a> {
         winners
     }
 
-    /// Whoever is idle first chooses first; of several the one that is more reliable, then who came first.
+    /// The next bidder to choose: the one that is idle first; of several the most reliable, then the one with the
+    /// lowest id.
     fn first(&self) -> Option<usize> {
         (0..self.bidders.len()).min_by(|&a, &b| {
             let (a, b) = (&self.bidders[a], &self.bidders[b]);
@@ -74,16 +81,19 @@ impl<'a> ByTime<'a> {
         })
     }
 
+    /// The largest zone, or piece of one, that a bidder should get now. `None`: none is worth giving it.
     fn best_for(&self, index: usize) -> Option<AwardShare> {
         let bidder = &self.bidders[index];
+        // Compute how much time the bidder has until the expected end, and the share of it for one zone
         let left = self.end - bidder.ready(&self.open);
         let takes_all = self.standing.can_cut.is_none() || left < 4.0 * PIECE_TIME_MIN;
         let wanted = if takes_all { left } else { left * SHARE_OF_REST };
         let bids = |lot: &Lot| bidder.bids_for(lot);
+        // Take the largest whole zone that fits in that time
         if let Some(place) = self.open.iter().position(|lot| bids(lot) && bidder.own(lot) <= wanted) {
             return Some(AwardShare::All(place));
         }
-        // All are larger. The largest that can be cut gives it what it can do in time.
+        // Else cut the largest zone that can be cut, so that its first piece fits in that time
         let can_cut = |lot: &Lot| {
             let rest = bidder.own(lot) - wanted;
             let is_worth_it = wanted >= PIECE_TIME_MIN && rest >= PIECE_TIME_MIN;
@@ -92,15 +102,17 @@ impl<'a> ByTime<'a> {
         if let Some(place) = self.open.iter().position(can_cut) {
             return Some(AwardShare::Part(place, wanted / bidder.own(&self.open[place])));
         }
+        // Else take the largest zone that finishes before the expected end
         let in_time = |lot: &Lot| bidder.finish(lot).is_some_and(|finish| finish <= self.end);
         if let Some(place) = self.open.iter().position(in_time) {
             return Some(AwardShare::All(place));
         }
+        // Else take a zone that no other agent finishes sooner
         (0..self.open.len().min(LEFT_MAX)).find(|&place| self.nobody_sooner(index, place)).map(AwardShare::All)
     }
 
-    /// Whether none of all agents would have finished a zone before this one, behind all that it has in hand and has won.
-    /// All are measured alike, by what the Master knows of them: so of all agents one is the soonest.
+    /// True if no agent finishes this zone sooner than the bidder, counting what each has in hand and has won. Computed
+    /// from the Master's own estimates for all agents alike, so exactly one agent is the soonest.
     fn nobody_sooner(&self, index: usize, place: usize) -> bool {
         let (lot, now, field) = (&self.open[place], self.standing.now, self.standing.field);
         let time = lot.time;

@@ -1,67 +1,72 @@
-//! Credit: how far an agent's promises held.
+//! Credit: how well an agent's measured times match its promises.
 //!
 //! Source: MAGarRO, section 3.4, "Auctioning": what is added to an agent's credit is proportional to T_est − T.
 
 use std::time::Duration;
 
-/// What is remembered of the promises before, at each new one: some ten of them count.
+/// Weight of earlier promises at each new one; about the last ten count.
 const REMEMBERED: f64 = 0.9;
-/// Estimates of zones are off by so much by themselves: who holds this share of its promises is believed.
+/// Lowest reliability at which promises are taken unchanged: estimates of zones are off by that much anyway.
 const BELIEVED: f64 = 0.75;
-/// Nobody is believed more than twice, or less than a sixteenth.
+/// Bounds of [`Credit::reliability`].
 const RELIABILITY_RANGE: (f64, f64) = (1.0 / 16.0, 2.0);
 
-/// An agent's success and failure with the zones that it painted.
+/// An agent's record of promised and measured times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Credit {
-    /// The paper's: the sum of T_est − T over its zones, in seconds of reference-machine time.
+    /// The paper's credit: the sum of T_est − T over its zones, in seconds of reference-machine time.
     pub sum: f64,
-    /// What it promised lately, in seconds of its own; the older, the less it counts.
+    /// Promised times, in the agent's own seconds; a decaying sum in which older zones count less.
     pub promised: f64,
-    /// What that took, likewise.
+    /// Measured times of the same zones, in the agent's own seconds, decayed alike.
     pub taken: f64,
 }
 
 impl Credit {
-    /// How far its promises held: 1 when what it promised took as long as it said, 0.5 when it took twice as long.
+    /// Promised over measured time: 1 if zones took as long as promised, 0.5 if twice as long. In 1/16..=2; 1 for an
+    /// agent without zones.
     pub fn reliability(&self) -> f64 {
         let held = self.promised / self.taken;
         if held.is_finite() { held.clamp(RELIABILITY_RANGE.0, RELIABILITY_RANGE.1) } else { 1.0 }
     }
 
-    /// What its word is worth in an auction: 1, unless it is clearly less reliable than estimates are by themselves.
+    /// The factor on the agent's promises in an auction: 1, or the reliability where that is below the usual error of
+    /// estimates.
     pub fn worth(&self) -> f64 {
         let reliability = self.reliability();
         if reliability < BELIEVED { reliability } else { 1.0 }
     }
 
-    /// What counts of it in the next work: how far promises held, as if that had been one of the promises there, and no sum.
+    /// The credit for the agent's next work: reliability is kept, [`Credit::sum`] starts at 0.
     #[must_use]
     pub fn carried_over(&self) -> Self {
         Self { sum: 0.0, ..*self }
     }
 
-    /// It has painted a zone. However much too long the estimate was, it earns at most what the zone is worth.
+    /// Records a finished zone.
     ///
-    /// - `estimated`: T_est, reference-machine time.
-    /// - `own`: what the agent says that a second of the reference machine takes it.
-    /// - `taken`: how long the zone took it, by the clock of whoever gave it.
-    /// - `worth`: what others find that such a zone takes, reference-machine time; `None`: nobody knows, and nothing is earned beyond
-    ///   what it took.
+    /// - `estimated`: T_est, in reference-machine time.
+    /// - `own`: the agent's own seconds per second of the reference machine, as it reports them.
+    /// - `taken`: the time from order to report, by the Master's clock.
+    /// - `worth`: the time other agents' zones suggest for this zone, in reference-machine time. It bounds the credit
+    ///   earned by an estimate that was too long; `None`: unknown, bounded by the measured time.
     pub fn learn(&mut self, estimated: Duration, own: f64, taken: Duration, worth: Option<Duration>) {
         let taken = taken.as_secs_f64();
         let measured = taken / own;
+        // Bound the estimate
         let most = measured + worth.map_or(measured, |worth| worth.as_secs_f64());
         let estimated = estimated.as_secs_f64().min(most);
         let promised = estimated * own;
         if !(promised > 0.0 && measured.is_finite()) {
             return;
         }
+        // Add T_est − T to the paper's credit
         self.sum += estimated - measured;
         if self.taken == 0.0 {
-            // Who is new is taken to have held its word twice: who paints two zones at a time is late with the first.
+            // Start with two kept promises: an agent that paints two zones at a time reports the first one late.
             (self.promised, self.taken) = (2.0 * promised, 2.0 * promised);
         }
+        // Add promised and measured time to the decaying sums
         self.promised = REMEMBERED * self.promised + promised;
         self.taken = REMEMBERED * self.taken + taken;
     }

@@ -1,4 +1,4 @@
-//! The field of all agents, their paces and when each is free: it decides when the work can end.
+//! The field: speeds and loads of all agents, from which the expected end of the work follows.
 
 use std::{
     cell::{Cell, RefCell},
@@ -9,76 +9,82 @@ use bottega_agents::Time;
 
 use super::member::MemberId;
 
-/// All agents that could take a zone.
+/// The agents that can take zones, with their speeds and loads.
 #[derive(Clone, Debug, Default)]
 pub struct Field {
-    /// By [`MemberId`]: where its pace stands.
+    /// By [`MemberId`]: the index of the agent's entry in `members` and `paces`.
     slots: Vec<Option<usize>>,
     members: Vec<MemberId>,
-    /// Dense, because now and then all of them are looked at.
+    /// Dense, because all of them are read now and then.
     paces: Vec<Pace>,
-    /// The same agents by speed, while somebody asks for it.
+    /// The same agents by speed; built on demand, see [`Field::rest`].
     classes: RefCell<Classes>,
-    /// The end that was computed last.
+    /// The last computed end.
     known: Cell<ExpectedEnd>,
 }
 
-/// When all the work will be done, and what it was computed from.
+/// A computed end of all work, with its inputs.
 #[derive(Clone, Copy, Debug, Default)]
 struct ExpectedEnd {
+    /// `now` when it was computed, in seconds.
     at: f64,
+    /// Reference-machine seconds of the zones that nobody held.
     open: f64,
+    /// The end, in seconds from `at`.
     end: f64,
-    /// How often it may still be used, while things change a little each time.
+    /// Remaining uses before it is computed again.
     uses: usize,
 }
 
-/// An end that was computed is used so often, as a share of the agents.
+/// A computed end is used once per this many agents.
 const USES_SHARE: usize = 64;
-/// And while so much of the time until then is not over.
+/// Maximum share of the time until the end, and of the open work, that may have passed since it was computed.
 const USES_TIME: f64 = 0.01;
 
-/// One agent.
+/// Speed and load of one agent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pace {
-    /// Its own time for a second of the reference machine's, all its processors together.
+    /// Own seconds per second of the reference machine, with all its processors together.
     own: f64,
-    /// When it will have painted what it has in hand, in seconds; `None`: that is nothing.
+    /// The time at which it will have painted what it holds, in seconds; `None`: it holds nothing.
     ready: Option<f64>,
 }
 
 impl Pace {
-    /// How long it will be busy yet. Who should have been ready and is not is taken to need as much again as it is late.
+    /// Remaining busy time, in seconds. An agent that is late is expected to need as long again as it is late.
     fn busy(&self, now: f64) -> f64 {
         self.ready.map_or(0.0, |ready| (ready - now).abs())
     }
 
+    /// Time until it has painted one more zone that takes `time` reference-machine seconds, in seconds from now.
     fn finish(&self, now: f64, time: f64) -> f64 {
         self.busy(now) + self.own * time
     }
 
-    /// Agents of one class differ in speed by a sixteenth at most. Positive floats order as their bits do.
+    /// The speed class: speeds within a class differ by a sixteenth at most. Positive floats order as their bits do.
     fn class(&self) -> u64 {
         self.own.to_bits() >> 48
     }
 }
 
-/// All agents by speed, the fastest first.
+/// All agents by speed class, the fastest first.
 #[derive(Clone, Debug, Default)]
 struct Classes {
     all: BTreeMap<u64, Class>,
+    /// `true`: `all` is kept up to date.
     is_kept: bool,
+    /// `true`: used since the last [`Field::rest`].
     was_asked_for: bool,
 }
 
 /// Agents of nearly the same speed.
 #[derive(Clone, Debug)]
 struct Class {
-    /// No agent here is faster.
+    /// The fastest agent's own seconds per reference second: a lower bound for the class.
     own: f64,
-    /// Those who have nothing in hand, the fastest first.
+    /// Agents that hold nothing, the fastest first.
     idle: BTreeSet<(u64, MemberId)>,
-    /// The others, by when they will be ready.
+    /// Agents that hold zones, by the bits of `ready`.
     busy: BTreeSet<(u64, MemberId)>,
 }
 
@@ -109,10 +115,10 @@ impl Classes {
 }
 
 impl Field {
-    /// What an agent is from now on; `None`: it takes nothing now.
+    /// Sets the speed and load of an agent; `None` removes it: it takes no zones now.
     ///
-    /// - `pace`: its own time for a second of the reference machine's; when it will have painted what it has in hand, if
-    ///   that is anything.
+    /// - `pace`: own seconds per second of the reference machine, and the time at which it will have painted what it
+    ///   holds, if it holds anything.
     pub fn set(&mut self, member: MemberId, pace: Option<(f64, Option<Time>)>) {
         let Some((own, ready)) = pace else { return self.remove(member) };
         let pace = Pace { own: own.max(1e-12), ready: ready.map(|ready| ready.elapsed().as_secs_f64()) };
@@ -136,7 +142,7 @@ impl Field {
         self.classes.get_mut().insert(member, &pace);
     }
 
-    /// It is gone.
+    /// Removes an agent.
     pub fn remove(&mut self, member: MemberId) {
         let Some(slot) = self.slots.get_mut(member.index()).and_then(Option::take) else { return };
         self.members.swap_remove(slot);
@@ -147,7 +153,7 @@ impl Field {
         self.classes.get_mut().remove(member, &pace);
     }
 
-    /// Lets go of what nobody has asked for since the last time.
+    /// Frees the index by speed if nothing has used it since the last call.
     pub fn rest(&mut self) {
         let classes = self.classes.get_mut();
         if !std::mem::take(&mut classes.was_asked_for) && std::mem::take(&mut classes.is_kept) {
@@ -159,42 +165,49 @@ impl Field {
         self.slots.get(member.index()).copied().flatten().map(|slot| &self.paces[slot])
     }
 
-    /// Reference-machine seconds that all of them together paint in a second.
+    /// Reference-machine seconds that all agents together paint per second.
     pub fn speed(&self) -> f64 {
         self.paces.iter().map(|pace| pace.own.recip()).sum()
     }
 
-    /// When all the work will be done if it is spread without loss, in seconds from now; infinite when there is nobody.
+    /// Expected end of all work if it is divided without loss, in seconds from now; infinite without agents. Reuses the
+    /// last value while little has changed.
     ///
-    /// Agents that will be busy beyond that time cannot help before it, so they are left out.
+    /// Agents that are busy beyond that time cannot help before it and are left out.
     ///
     /// - `now`: in seconds.
-    /// - `open`: reference-machine seconds of all that nobody has in hand.
+    /// - `open`: reference-machine seconds of all zones that nobody holds.
     pub fn end(&self, now: f64, open: f64) -> f64 {
+        // Reuse the last value while time and open work are close to its inputs
         let ExpectedEnd { at, open: open_then, end, uses } = self.known.get();
         let (passed, taken) = (now - at, open_then - open);
         if uses > 0 && passed >= 0.0 && passed < USES_TIME * end && taken.abs() <= USES_TIME * open_then {
             self.known.set(ExpectedEnd { uses: uses - 1, ..self.known.get() });
             return end - passed;
         }
+        // Compute it again
         let end = self.compute_end(now, open);
         self.known.set(ExpectedEnd { at: now, open, end, uses: self.paces.len() / USES_SHARE });
         end
     }
 
+    /// [`Field::end`] without reuse.
     fn compute_end(&self, now: f64, open: f64) -> f64 {
         let mut end = f64::INFINITY;
-        // Each look leaves out those who are later than the end before; a few make no difference.
+        // Iterate: each pass leaves out the agents that are busy beyond the last end. Eight passes suffice in practice.
         for _ in 0..8 {
+            // Sum the speeds, and the work that the busy agents already hold
             let (mut speed, mut done) = (0.0, 0.0);
             for pace in self.paces.iter().filter(|pace| pace.busy(now) <= end) {
                 speed += pace.own.recip();
                 done += pace.busy(now) / pace.own;
             }
+            // Divide all work by the total speed
             let before = std::mem::replace(&mut end, (open + done) / speed);
             if speed == 0.0 {
                 return f64::INFINITY;
             }
+            // Stop when the end no longer falls
             if before - end <= 1e-3 * end {
                 break;
             }
@@ -202,14 +215,14 @@ impl Field {
         end
     }
 
-    /// When an agent would have finished a zone, in seconds from now; infinite when it is not here.
+    /// The time until an agent finishes one more zone, in seconds from now; infinite if it is not in the field.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     pub fn finish(&self, now: f64, time: f64, member: MemberId) -> f64 {
         self.pace(member).map_or(f64::INFINITY, |pace| pace.finish(now, time))
     }
 
-    /// Who would have finished a zone soonest, and when, in seconds from now. `None`: there is nobody.
+    /// The agent that finishes one more zone soonest, and when, in seconds from now. `None` without agents.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     pub fn soonest(&self, now: f64, time: f64) -> Option<(f64, MemberId)> {
@@ -221,10 +234,10 @@ impl Field {
         soonest
     }
 
-    /// Whether anybody would have finished a zone before `limit`, in seconds from now.
+    /// True if another agent finishes a zone before `limit`, in seconds from now.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
-    /// - `except`: who is not asked.
+    /// - `except`: true for agents to leave out.
     pub fn anybody_sooner(&self, now: f64, time: f64, limit: f64, except: impl Fn(MemberId) -> bool) -> bool {
         let mut found = false;
         self.look(now, time, limit, |_, member| {
@@ -237,20 +250,23 @@ impl Field {
         found
     }
 
-    /// Shows `see` all who would have finished a zone before a limit, the likely ones first; it returns the limit from then
-    /// on.
+    /// Calls `see` with each agent that finishes a zone before the limit, likely ones first. `see` returns the new
+    /// limit.
     fn look(&self, now: f64, time: f64, mut limit: f64, mut see: impl FnMut(f64, MemberId) -> f64) {
         let moment = now.max(0.0).to_bits();
         let mut classes = self.classes.borrow_mut();
         classes.was_asked_for = true;
+        // Build the index by speed at the first use
         if !std::mem::replace(&mut classes.is_kept, true) {
             self.members.iter().zip(&self.paces).for_each(|(&member, pace)| classes.insert(member, pace));
         }
+        // Visit the classes, the fastest first; stop when no agent of a class can beat the limit
         for class in classes.all.values() {
             let least = class.own * time;
             if least >= limit {
                 return;
             }
+            // Visit its idle agents, the fastest first
             for &(own, member) in &class.idle {
                 let finish = f64::from_bits(own) * time;
                 if finish >= limit {
@@ -258,7 +274,7 @@ impl Field {
                 }
                 limit = see(finish, member);
             }
-            // From now on in both directions: who should have been ready is late.
+            // Visit its busy agents from `now` in both directions: `ready` before `now` means late
             let (coming, late) = ((moment, MemberId::FIRST).., ..(moment, MemberId::FIRST));
             for members in
                 [&mut class.busy.range(coming) as &mut dyn Iterator<Item = _>, &mut class.busy.range(late).rev()]

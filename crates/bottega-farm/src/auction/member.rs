@@ -1,13 +1,14 @@
-//! A participant of the auction.
+//! The id of an agent in the auction.
 
-/// An agent's number on the list of its Master, which it keeps for good.
+/// An agent's index in its Master's list; never reused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct MemberId(pub u32);
 
 impl MemberId {
+    /// The lowest id.
     pub(super) const FIRST: Self = Self(0);
 
-    /// As an index into the list.
+    /// The id as an index into the list.
     pub fn index(self) -> usize {
         self.0 as usize
     }

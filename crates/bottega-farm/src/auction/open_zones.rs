@@ -1,32 +1,32 @@
-//! The zones that wait for a winner, by size.
+//! The zones without a winner, ordered by size.
 
 use std::{cmp::Reverse, collections::BTreeMap, time::Duration};
 
 use super::terms::AuctionRule;
 use crate::{Offer, ZoneId};
 
-/// Zones offered in one call for proposals: so many for each bidder, within these bounds. Most are the largest; some are
-/// the smallest, for agents that are too slow for those.
+/// Zones offered per bidder in one call for proposals, and the bounds on their total. Most are the largest zones; some
+/// are the smallest, for agents too slow for the large ones.
 const OFFERS_EACH: usize = 4;
 const OFFERS_MIN: usize = 8;
 const OFFERS_MAX: usize = 32;
-/// One of so many is small.
+/// One in this many offers is a small zone.
 const SMALL_OFFERS: usize = 4;
 
-/// How large a zone is; of equal ones the first by id counts as the largest.
+/// Sort key of a zone: its size; of equal zones the one with the lowest id counts as largest.
 type Rank = (u64, Reverse<ZoneId>);
 
-/// The zones that wait for an auction, largest last, and those that are offered in one now.
+/// The zones that wait for an auction, largest last, and those on offer in a round now.
 #[derive(Clone, Debug, Default)]
 pub struct OpenZones {
     waiting: BTreeMap<Rank, Offer>,
-    /// With the number of the round.
+    /// The zones on offer, with the number of their round.
     offered: BTreeMap<ZoneId, u64>,
     time: Duration,
 }
 
 impl OpenZones {
-    /// What counts as large: T_est by default, complexity in the paper. Positive floats order as their bits do.
+    /// The sort key: T_est by default, complexity under the paper's rule. Positive floats order as their bits do.
     fn rank(rule: AuctionRule, offer: &Offer) -> Rank {
         let rank = match rule {
             AuctionRule::Paper => offer.complexity.max(0.0).to_bits(),
@@ -44,63 +44,66 @@ impl OpenZones {
         }
     }
 
-    /// Takes a zone away, given as it was added.
+    /// Removes a zone, given as it was inserted.
     pub fn remove(&mut self, rule: AuctionRule, offer: &Offer) {
         if self.waiting.remove(&Self::rank(rule, offer)).is_some() || self.offered.remove(&offer.zone).is_some() {
             self.time -= offer.time_estimated;
         }
     }
 
-    /// How many there are, with those that are offered.
+    /// The number of zones, including those on offer.
     pub fn len(&self) -> usize {
         self.waiting.len() + self.offered.len()
     }
 
-    /// Whether there is none.
+    /// True if there are no zones.
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty() && self.offered.is_empty()
     }
 
-    /// Whether there is one that is not offered.
+    /// True if a zone is waiting that is not on offer.
     pub fn has_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }
 
-    /// T_est of the largest that is not offered.
+    /// T_est of the largest zone that is not on offer, in reference-machine time.
     pub fn largest_waiting(&self) -> Option<Duration> {
         self.largest().map(|offer| offer.time_estimated)
     }
 
-    /// The largest that is not offered.
+    /// The largest zone that is not on offer.
     pub fn largest(&self) -> Option<Offer> {
         self.waiting.last_key_value().map(|(_, offer)| *offer)
     }
 
-    /// T_est of all.
+    /// The sum of T_est of all zones, in reference-machine time.
     pub fn time_estimated(&self) -> Duration {
         self.time
     }
 
-    /// What to offer in one call, largest first: all, or the largest and some of the smallest. Until they are given back
-    /// or taken away nobody else is offered these.
+    /// Takes the zones for one call for proposals, largest first: all of them, or the largest and some of the smallest.
+    /// They are in no other call until they are given back or removed.
     ///
-    /// - `round`: its number.
-    /// - `bidders`: how many are called.
+    /// - `round`: the number of the round.
+    /// - `bidders`: the number of agents called.
     pub fn offer(&mut self, round: u64, bidders: usize) -> Vec<Offer> {
+        // Compute how many to offer, and how many of them are small
         let (count, most) = (self.waiting.len(), (OFFERS_EACH * bidders).clamp(OFFERS_MIN, OFFERS_MAX));
         let small = if count <= most { 0 } else { most / SMALL_OFFERS };
+        // Take the largest, then the smallest
         let large = count.min(most) - small;
         let large = (0..large).map_while(|_| self.waiting.pop_last()).map(|(_, offer)| offer);
         let mut offers: Vec<Offer> = large.collect();
         let small: Vec<Offer> = (0..small).map_while(|_| self.waiting.pop_first()).map(|(_, offer)| offer).collect();
         offers.extend(small.into_iter().rev());
+        // Mark them as on offer in this round
         self.offered.extend(offers.iter().map(|offer| (offer.zone, round)));
         offers
     }
 
-    /// An offer that nobody took waits again, unless it was taken away meanwhile.
+    /// Puts back a zone that nobody won, unless it was removed meanwhile.
     pub fn give_back(&mut self, rule: AuctionRule, round: u64, offer: Offer) {
-        // It may have been taken away, come back and been offered again in another round.
+        // Ignore a zone that was removed, inserted and offered again in another round
         if self.offered.get(&offer.zone) == Some(&round) {
             self.offered.remove(&offer.zone);
             self.waiting.insert(Self::rank(rule, &offer), offer);

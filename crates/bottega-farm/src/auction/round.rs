@@ -1,27 +1,27 @@
-//! Bidders and offers during a round.
+//! Bidders and offers within one round.
 
 use super::terms::Bidder;
 use crate::{Offer, ZoneId};
 
-/// A bidder during a round.
+/// A bidder within one round.
 pub(super) struct Candidate {
     pub(super) bidder: Bidder,
-    /// When it would have finished each of the offers, in their order, in seconds from now; `None`: it does not bid for that
-    /// one. Its own word, or what its word is worth.
+    /// For each offer, in the order of the offers: the time at which it finishes it as its next zone, in seconds from
+    /// now, divided by the bidder's worth. `None`: it does not bid for it.
     finish: Vec<Option<f64>>,
-    /// Its own time for a second of the reference machine's, likewise.
+    /// Own seconds per second of the reference machine, divided by its worth.
     own: f64,
     pub(super) room: u32,
-    /// What it has won in this round, in its own seconds.
+    /// Time of the zones won in this round, in its own seconds.
     won: f64,
 }
 
 impl Candidate {
-    /// - `worth`: what its word is worth: it has kept its promises when this is 1, and needed twice as long at 0.5.
+    /// - `worth`: the bidder's reliability: 1 if it kept its promises, 0.5 if zones took twice as long.
     pub(super) fn new(bidder: Bidder, offers: &[Offer], worth: f64) -> Self {
         let bids = &bidder.proposal.bids;
         let bid_for = |(place, offer): (usize, &Offer)| {
-            // They come in the order of the offers, unless something was taken away meanwhile.
+            // Bids come in the order of the offers, unless an offer was removed meanwhile.
             let likely = bids.get(place).filter(|bid| bid.zone == offer.zone);
             let bid = likely.or_else(|| bids.iter().find(|bid| bid.zone == offer.zone));
             bid.map(|bid| bid.finish.as_secs_f64() / worth)
@@ -30,11 +30,12 @@ impl Candidate {
         Self { finish, own: bidder.own / worth, room: bidder.proposal.room, bidder, won: 0.0 }
     }
 
+    /// Time of a zone on this bidder, in its own seconds.
     pub(super) fn own(&self, lot: &Lot) -> f64 {
         self.own * lot.time
     }
 
-    /// When it would have finished a zone behind what it has won.
+    /// Finishing time of a zone after those it has won, in seconds from now. `None`: it does not bid for it.
     pub(super) fn finish(&self, lot: &Lot) -> Option<f64> {
         self.finish[lot.place].map(|finish| finish + self.won)
     }
@@ -43,29 +44,29 @@ impl Candidate {
         self.finish[lot.place].is_some()
     }
 
-    /// When it would begin one.
+    /// The time at which it can start its next zone, in seconds from now: computed from its first bid.
     pub(super) fn ready(&self, open: &[Lot]) -> f64 {
         let begin = |lot: &Lot| Some((self.finish(lot)? - self.own(lot)).max(self.won));
         open.iter().find_map(begin).unwrap_or(self.won)
     }
 
-    /// What it has won so far, in its own seconds.
+    /// Time of the zones it has won so far, in its own seconds.
     pub(super) fn won(&self) -> f64 {
         self.won
     }
 
-    /// It wins a share of a zone, 0..=1.
+    /// Adds a share of a zone, 0..=1, to what it has won.
     pub(super) fn win(&mut self, lot: &Lot, share: f64) {
         self.won += self.own(lot) * share;
         self.room -= 1;
     }
 }
 
-/// An offer during a round.
+/// An offer within one round.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lot {
     pub(super) zone: ZoneId,
-    /// Among all offers.
+    /// Index among all offers.
     pub(super) place: usize,
     /// T_est, in seconds.
     pub(super) time: f64,

@@ -1,75 +1,75 @@
-//! The tally of an auction's rounds.
+//! Statistics of an auction's rounds.
 
 use bottega_agents::AgentId;
 use serde::{Deserialize, Serialize};
 
-/// One round.
+/// The figures of one round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RoundSummary {
-    /// Its conversation.
+    /// The id of its conversation.
     pub round: u64,
-    /// Zones on offer.
+    /// Number of zones on offer.
     pub offers: u32,
-    /// Agents that were called.
+    /// Number of agents called.
     pub called: u32,
-    /// Agents that made a proposal.
+    /// Number of agents that made a proposal.
     pub bidders: u32,
-    /// Bids for single zones, all proposals together.
+    /// Number of bids for single zones, over all proposals.
     pub bids: u32,
-    /// Zones, or parts of zones, that were given away.
+    /// Number of zones, or pieces of zones, awarded.
     pub awards: u32,
-    /// Whether it would have been otherwise if all had been believed alike.
+    /// True if the awards differ from those with all promises believed alike.
     pub credit_decided: bool,
 }
 
 impl RoundSummary {
-    /// Whether several agents bid.
+    /// True if several agents bid.
     pub fn is_contested(&self) -> bool {
         self.bidders >= 2
     }
 }
 
-/// An agent has taken zones that waited in another's hand.
+/// A transfer of waiting zones from one agent to another by stealing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Theft {
-    /// Who had them.
+    /// The agent that held them.
     pub from: AgentId,
-    /// Who has them.
+    /// The agent that took them.
     pub to: AgentId,
-    /// How many, parts of zones too.
+    /// Number of zones, including pieces.
     pub zones: u32,
 }
 
-/// All rounds of a work, and what agents took from each other.
+/// Totals over all rounds of a work, and over its thefts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AuctionTally {
-    /// How many there were.
+    /// Number of rounds.
     pub rounds: u64,
-    /// Of them those with several bidders.
+    /// Number of rounds with several bidders.
     pub contested: u64,
-    /// Of them those that would have been otherwise if all had been believed alike.
+    /// Number of rounds whose awards differ from those with all promises believed alike.
     pub credit_decided: u64,
-    /// Agents that made a proposal, all rounds together.
+    /// Number of proposals, over all rounds.
     pub bidders: u64,
-    /// Bids for single zones, all rounds together.
+    /// Number of bids for single zones, over all rounds.
     pub bids: u64,
-    /// Zones, or parts of zones, that were given away.
+    /// Number of zones, or pieces of zones, awarded.
     pub awards: u64,
-    /// How often an agent took zones from another.
+    /// Number of times that an agent took zones from another.
     pub thefts: u64,
-    /// Zones that changed hands so.
+    /// Number of zones taken so.
     pub stolen: u64,
 }
 
 impl AuctionTally {
-    /// Of rounds that have ended.
+    /// The totals of rounds that have ended.
     pub fn of(rounds: &[RoundSummary]) -> Self {
         let mut tally = Self::default();
         rounds.iter().for_each(|round| tally.add(round));
         tally
     }
 
-    /// Of rounds as they ended: what share of the first half of them had several bidders, 0..=1.
+    /// The share of contested rounds among the first half of the rounds, 0..=1.
     pub fn contested_of_first_half(rounds: &[RoundSummary]) -> f64 {
         let half = &rounds[..rounds.len().div_ceil(2)];
         let contested = half.iter().filter(|round| round.is_contested()).count();

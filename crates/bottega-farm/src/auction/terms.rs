@@ -1,37 +1,38 @@
-//! The terms of an auction: by which rule, who bids, what for, and what comes of it.
+//! The terms of an auction: its rule, bidders, proposals and awards.
 
 use super::{field::Field, member::MemberId};
 use crate::{Bid, ZoneId};
 
-/// Zones that wait in the hand of one agent at most, where they are dealt out: a heartbeat tells of all of them.
+/// Maximum number of zones dealt to one agent under [`AuctionRule::Stealing`]: a heartbeat lists them all.
 const DEALT_MAX: u32 = 64;
 
-/// The rule that finds a zone's winner.
+/// The rule that decides a zone's winner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AuctionRule {
     /// The most complex open zone goes to the bidder with the most credit.
     Paper,
-    /// As [`Self::FinishingTime`], but each agent is taken at its word: to see what credit is worth.
+    /// Like [`Self::FinishingTime`], but promises are not weighted by reliability: a baseline to measure the effect of
+    /// credit.
     Promised,
-    /// An agent gets the largest zone that it finishes before the work as a whole can be expected to end; when there is
-    /// none, only what nobody else would finish sooner. So a slow agent does not take the last big zone. When it finishes is
-    /// what it promises, weighed by how far its promises held.
+    /// A bidder gets the largest zone that it finishes before the expected end of the whole work; if there is none,
+    /// only a zone that no other agent finishes sooner. So a slow agent does not take the last large zone. The
+    /// finishing time is the promised one, weighted by reliability.
     #[default]
     FinishingTime,
-    /// No rounds: the Master deals zones out as they are profiled, each to the agent that would finish it soonest, and agents
-    /// take from each other what waits. What agents promise is weighed as by [`Self::FinishingTime`].
+    /// No rounds: the Master deals zones out as they are profiled, each to the agent that finishes it soonest, and idle
+    /// agents take waiting zones from others. Promises are weighted as under [`Self::FinishingTime`].
     Stealing,
 }
 
 impl AuctionRule {
-    /// Whether what agents promise is weighed by how far their promises held.
+    /// True if promises are weighted by reliability.
     pub(crate) fn weighs_promises(self) -> bool {
         matches!(self, Self::FinishingTime | Self::Stealing)
     }
 
-    /// Zones that a Master lets an agent have in hand at most.
+    /// Maximum number of zones that the Master lets an agent hold.
     ///
-    /// - `prefetch`: those that it is to have begun or have next.
+    /// - `prefetch`: the number of zones under the auctioning rules: those in work and those next.
     pub(crate) fn window(self, prefetch: u32) -> u32 {
         if self == Self::Stealing { prefetch.max(DEALT_MAX) } else { prefetch }
     }
@@ -40,55 +41,55 @@ impl AuctionRule {
 /// The proposal of a bidder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
-    /// Zones that it has room for.
+    /// The number of zones that it has room for.
     pub room: u32,
-    /// When it would finish which zone.
+    /// Its bids: one per zone that it wants.
     pub bids: Vec<Bid>,
 }
 
-/// One who has made a proposal.
+/// An agent with its proposal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bidder {
-    /// Who.
+    /// The agent's id.
     pub agent: MemberId,
-    /// Its credit.
+    /// Its credit by the paper: the sum of T_est − T, in seconds.
     pub credit: f64,
-    /// What its word is worth by how far its promises held: 1 where they did, 0.5 where it needed twice as long.
+    /// The factor on its promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
     pub worth: f64,
-    /// Its own time for a second of the reference machine's, all its processors together, by its own word.
+    /// Own seconds per second of the reference machine, with all its processors together, as it reports them.
     pub own: f64,
-    /// What it said.
+    /// Its proposal.
     pub proposal: Proposal,
 }
 
-/// A zone, or the first part of one, and who gets it.
+/// The award of a zone, or of its first piece, to an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Award {
-    /// Which zone.
+    /// The zone.
     pub zone: ZoneId,
-    /// Who.
+    /// The winner.
     pub agent: MemberId,
-    /// How much of the zone, 0..1; `None`: all of it.
+    /// The share of the zone to cut off for the winner, 0..1; `None`: all of it.
     pub share: Option<f64>,
 }
 
-/// The knowledge at the end of a round.
+/// The Master's knowledge at the end of a round.
 pub struct BidderStanding<'a> {
-    /// All agents of the Master, also those that do not bid now.
+    /// All agents of the Master, including those that do not bid.
     pub field: &'a Field,
-    /// When the round ends, in seconds.
+    /// The end of the round, in seconds.
     pub now: f64,
-    /// T_est of all that nobody has in hand, in seconds.
+    /// T_est of all zones that nobody holds, in seconds of reference-machine time.
     pub open: f64,
-    /// Whether a zone can be cut; `None`: none is.
+    /// True for zones that can be cut; `None`: cutting is off.
     pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
 }
 
 /// The decision of a round.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decision {
-    /// Who gets what.
+    /// The winners.
     pub awards: Vec<Award>,
-    /// Whether it would have been otherwise if all had been believed alike.
+    /// True if the awards differ from those with all promises believed alike.
     pub credit_decided: bool,
 }

@@ -1,17 +1,16 @@
-//! Trust in a zone's row: who painted it, where they are not trusted.
+//! Row updates for untrusted agents: votes, discarded samples, forgiven attempts.
 
 use bottega_agents::AgentId;
 
 use super::zone::{ZoneRow, ZoneState};
 
 impl ZoneRow {
-    /// Whether no agent of the same machine has said what it makes of its present step.
+    /// True if no agent of the same machine has voted on the zone's current step.
     pub fn is_new_to(&self, agent: &AgentId) -> bool {
         self.votes.iter().all(|vote| vote.agent.home() != agent.home())
     }
 
-    /// The row of a zone whose samples are of no use: nothing is painted of it, but with what it is to be painted stays,
-    /// for its neighbours' bands were made for that.
+    /// The row with its samples discarded. The chosen settings stay, because the neighbors' bands were made for them.
     #[must_use]
     pub fn unpainted(&self) -> Self {
         Self {
@@ -27,7 +26,7 @@ impl ZoneRow {
         }
     }
 
-    /// The row without so many attempts, which were not its fault.
+    /// The row with this many attempts fewer, for failures that were not the zone's fault.
     #[must_use]
     pub fn forgiven(&self, attempts: u32) -> Self {
         let attempt = self.attempt.saturating_sub(attempts);

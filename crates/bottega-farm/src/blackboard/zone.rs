@@ -10,7 +10,7 @@ use crate::{
     partition::nearest_multiple,
 };
 
-/// A zone is given up after so many agents have failed on it.
+/// Number of failed attempts after which a zone is given up.
 pub const ATTEMPTS_MAX: u32 = 5;
 
 /// The row of a zone.
@@ -20,98 +20,99 @@ pub struct ZoneRow {
     pub work: WorkId,
     /// IdZone.
     pub zone: ZoneId,
-    /// Its own pixels, without the band. The paper's Size is their number: [`ZoneRow::size`].
+    /// Its pixels, without the band. The paper's Size is their number: [`ZoneRow::size`].
     pub rect: Rect,
-    /// Complexity: predicted cost of all its pixels, in average pixels of the frame.
+    /// Complexity: predicted cost of its pixels, in average pixels of the frame.
     pub complexity: f64,
-    /// Neighbor Difference, in the same unit a pixel.
+    /// Neighbor Difference, in average pixels per pixel.
     pub neighbor_difference: NeighborDifference,
-    /// T_est: what painting what is left of it will take. Before profiling as the machine that looked at the scene expects of all
-    /// its samples, from the survey and what it learnt before; after it as profiling found.
+    /// T_est: expected time of the remaining samples. Before profiling a prediction for all samples, from the survey
+    /// and earlier works; afterwards from the measured first samples.
     pub time_estimated: Option<Duration>,
-    /// T_real: what it took.
+    /// T_real: measured time.
     pub time_measured: Option<Duration>,
-    /// Agent: who is, or was last, responsible for it.
+    /// Agent: the one that is, or was last, responsible for it.
     pub agent: Option<AgentId>,
-    /// How far it is.
+    /// The state.
     pub state: ZoneState,
-    /// How often it was taken from an agent that failed or fell silent.
+    /// Number of times that it was taken from an agent that failed or fell silent.
     pub attempt: u32,
-    /// What it is painted with; set by profiling, and by whoever wins it.
+    /// The settings; chosen at profiling, and again by the winner of the auction where its rules decide.
     pub choice: Option<Choice>,
-    /// Whose rules decided that, and which of them.
+    /// The agent and the rules that chose the settings.
     pub reasons: Option<Arc<str>>,
-    /// The samples so far.
+    /// The samples painted so far.
     pub result: Option<ResultRef>,
-    /// How many samples its next painting goes up to; `None`: all of its choice.
+    /// Samples per pixel that its next painting reaches; `None`: all samples of its choice.
     pub goal: Option<u32>,
-    /// Its estimated relative error with the samples so far, where somebody asked for it.
+    /// Estimated relative error of the samples so far, if requested.
     pub error: Option<f64>,
-    /// The pixels that this row answers for, where it is a piece of a zone. `None`: all of the zone with its band.
+    /// If this row is a piece of a zone: the pixels of the piece. `None`: the whole zone with its band.
     pub piece: Option<Rect>,
-    /// The zone that it was cut from, with whose mask it is composed. `None`: it is a zone of the Analyst's.
+    /// If this row is a piece: the zone of the Analyst that it was cut from, whose mask composes it. `None`: a zone of
+    /// the Analyst.
     pub root: Option<ZoneId>,
-    /// What was cut off it last. The row that is cut says so first; whoever finds the other one missing writes it.
+    /// The last piece cut off it. The row that is cut records this first; an agent that finds the piece's row missing
+    /// writes it.
     pub cut: Option<Cut>,
-    /// An order that counts beside the one under this row's revision, because another agent took the zone over: whoever
-    /// is first has painted it.
+    /// A second valid order, of the agent that held the zone before another took it over: the first report counts.
     pub rival: Option<Rival>,
-    /// What agents made of its present step, until so many made the same as the user asks for. Empty where nothing is
+    /// The paintings that agents reported for its current step, until enough of them agree. Empty if paintings are not
     /// compared.
     pub votes: Vec<Vote>,
-    /// The agent on whose word alone its samples rest, where others were asked for and it was believed.
+    /// The agent whose unconfirmed painting was accepted, where other agents' confirmation was requested.
     pub word_of: Option<AgentId>,
 }
 
-/// A piece that was cut off a zone near the end of a work, so that all agents end together.
+/// A piece cut off a zone near the end of a work, so that all agents finish together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut {
-    /// The id of its row.
+    /// The id of the piece's row.
     pub zone: ZoneId,
-    /// Its pixels, the zone's band among them.
+    /// Its pixels, including the zone's band.
     pub piece: Rect,
 }
 
-/// Another agent that may report a zone.
+/// A second agent that may report a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rival {
-    /// The agent that had it before.
+    /// The agent that held the zone before.
     pub agent: AgentId,
-    /// The token of its order.
+    /// The fencing token of its order.
     pub fence: Revision,
 }
 
-/// The least side of a piece, in pixels.
+/// Minimum side of a piece, in pixels.
 const PIECE_SIDE_MIN: u32 = 8;
 
-/// The state of a zone. It goes forward only, but for zones that are taken back from an agent.
+/// The state of a zone. It only advances, except for zones taken back from an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ZoneState {
-    /// Nobody has seen it.
+    /// No agent has had it.
     Open,
-    /// Its agent renders the first samples.
+    /// An agent paints its first samples.
     Profiling,
     /// It has first samples and T_est, and waits for the auction.
     Profiled,
-    /// Its agent paints it. The fencing token is the revision of the row that says so.
+    /// An agent paints it. The fencing token is the revision of the row with this state.
     Awarded,
-    /// Painted.
+    /// Painted completely.
     Done,
     /// Given up after [`ATTEMPTS_MAX`] attempts.
     Failed,
 }
 
-/// The verdict of an agent on a step of a zone.
+/// The painting that an agent reports for a step of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vote {
-    /// Who.
+    /// The agent.
     pub agent: AgentId,
-    /// What.
+    /// The painting.
     pub painting: Painting,
 }
 
 impl ZoneRow {
-    /// A zone of which only the Analyst has spoken.
+    /// The row of a new zone.
     pub fn open(
         work: WorkId,
         zone: ZoneId,
@@ -144,7 +145,7 @@ impl ZoneRow {
         }
     }
 
-    /// The paper's Size: pixels of its own, without the band.
+    /// The paper's Size: the number of its own pixels, without the band.
     pub fn size(&self) -> u64 {
         match self.piece {
             None => self.rect.area(),
@@ -152,33 +153,36 @@ impl ZoneRow {
         }
     }
 
-    /// The paper's complexity/size ratio: the complexity of an average pixel of it.
+    /// The paper's complexity/size ratio: its mean complexity per pixel.
     pub fn complexity_density(&self) -> f64 {
         self.complexity / self.size().max(1) as f64
     }
 
-    /// What is painted for it with this choice: its pixels and those of its band.
+    /// The rectangle to paint with this choice: the zone and its band, or the piece.
     pub fn painted(&self, choice: &Choice, frame: &Rect) -> Rect {
         self.piece.unwrap_or_else(|| self.rect.grown_by(choice.bands, frame))
     }
 
-    /// The zone of the Analyst's that it is, or is a piece of.
+    /// The Analyst's zone that this row is, or is a piece of.
     pub fn root(&self) -> ZoneId {
         self.root.unwrap_or(self.zone)
     }
 
-    /// The row without the part behind a cut, which [`Self::offcut`] is. Cost and expected time go with the pixels.
-    /// `None` where the pieces would be too small, or nobody knows yet how wide its band is.
+    /// The row with a part cut off; [`Self::offcut`] gives the row of that part. Complexity and T_est scale with the
+    /// number of pixels. `None` if a piece is smaller than the minimum, or the settings and with them the band are not
+    /// chosen yet.
     ///
-    /// - `share`: how much of the zone the row keeps, 0..1.
-    /// - `offcut`: the id of the part that is cut off.
-    /// - `grid`: the cut is at a multiple of so many pixels of the picture.
+    /// - `share`: the share of the zone that the row keeps, 0..1.
+    /// - `offcut`: the id for the part that is cut off.
+    /// - `grid`: the cut lies at a multiple of this many pixels of the picture.
     pub fn cut_to(&self, share: f64, offcut: ZoneId, frame: &Rect, grid: u32) -> Option<Self> {
+        // Cut across the longer side
         let whole = self.painted(&self.choice?, frame);
         let wide = whole.width() > whole.height();
         let (low, high) = if wide { (whole.x0, whole.x1) } else { (whole.y0, whole.y1) };
         let side_min = PIECE_SIDE_MIN.max(grid);
         if high - low < 2 * side_min {
+            // Snap the cut to the grid, with both pieces at least the minimum size
             return None;
         }
         let kept = (f64::from(high - low) * share).round() as u32;
@@ -197,14 +201,14 @@ impl ZoneRow {
         )
     }
 
-    /// The row of what was cut off this one last: waiting for an auction, whatever has become of this one since.
+    /// The row of the part that was cut off last: it waits for an auction, whatever this row's state is now.
     pub fn offcut(&self) -> Option<Self> {
         let (Cut { zone, piece }, kept) = (self.cut?, self.piece?);
         let root = Some(self.root());
         let row =
             Self { zone, piece: Some(piece), root, cut: None, rival: None, agent: None, attempt: 0, ..self.clone() };
         let row = Self { state: ZoneState::Profiled, time_measured: None, ..row.in_proportion(&kept, &piece) };
-        // The samples of profiling are still good, those of painting are of other pixels.
+        // Keep the samples of profiling, which cover the whole zone; drop later ones, which are of this row's pixels
         let result = row.result.filter(|result| row.choice.is_some_and(|it| result.samples < row.goal_samples(&it)));
         Some(Self { result, ..row })
     }
@@ -215,7 +219,7 @@ impl ZoneRow {
         Self { complexity: self.complexity * share, time_estimated, ..self }
     }
 
-    /// The token under which `agent` may report this zone, where the row has `revision`.
+    /// The fencing token under which `agent` may report this zone, if the row has `revision`.
     pub fn fence_of(&self, agent: &AgentId, revision: Revision) -> Option<Revision> {
         if !self.is_in_hand() {
             None
@@ -226,19 +230,19 @@ impl ZoneRow {
         }
     }
 
-    /// Whether the rules of the agent that gets it by auction decide what it is painted with: nothing of it is painted but what
-    /// profiling did, and no other agent has a part of it.
+    /// True if the rules of the agent that wins it choose its settings: only profiling samples are painted, and no part
+    /// of it was given to another agent.
     pub fn is_undecided(&self, settings: &WorkSettings) -> bool {
         let is_whole = self.piece.is_none() && self.cut.is_none() && self.votes.is_empty();
         let is_profiled = |choice: Choice| self.samples_done() <= choice.profile_samples(&settings.goal);
-        // Where samples are added until they are enough, they go on from those that there are.
+        // A goal of error or time continues from the samples that exist.
         let has_samples = settings.goal == Goal::Samples && self.goal.is_none();
         let has_rules = settings.optimization.rule_input().is_some();
         has_rules && has_samples && is_whole && self.choice.is_some_and(is_profiled)
     }
 
-    /// The row of a zone whose agent has decided otherwise than the one that profiled it. The first samples are of other
-    /// settings, so they are painted again; T_est goes with the samples.
+    /// The row with other settings than those of the agent that profiled it. The first samples are discarded, and T_est
+    /// scales with the number of samples.
     #[must_use]
     pub fn decided_anew(&self, choice: Choice) -> Self {
         let before = self.choice.map_or(0, |before| self.goal_samples(&before)).saturating_sub(self.samples_done());
@@ -247,23 +251,24 @@ impl ZoneRow {
         Self { choice: Some(choice), result: None, goal: None, time_estimated, ..self.clone() }
     }
 
-    /// Who has it in hand.
+    /// The agents that hold it: its agent and the rival.
     pub fn holders(&self) -> impl Iterator<Item = &AgentId> {
         let holders = [self.agent.as_ref(), self.rival.as_ref().map(|rival| &rival.agent)];
         holders.into_iter().flatten().filter(|_| self.is_in_hand())
     }
 
-    /// Samples a pixel that are painted.
+    /// The number of painted samples per pixel.
     pub fn samples_done(&self) -> u32 {
         self.result.map_or(0, |result| result.samples)
     }
 
-    /// Samples that its next painting goes up to, with this choice.
+    /// Samples per pixel that its next painting reaches with this choice.
     pub fn goal_samples(&self, choice: &Choice) -> u32 {
         self.goal.map_or(choice.samples, |goal| goal.min(choice.samples))
     }
 
-    /// T_est of its next order with the settings of the user: of the first samples as long as nobody has seen it.
+    /// T_est of its next order: of the first samples with the user's settings before and during profiling, else of all
+    /// the remaining ones.
     pub fn order_time(&self, settings: &WorkSettings) -> Option<Duration> {
         match self.state {
             ZoneState::Open | ZoneState::Profiling => {
@@ -275,28 +280,28 @@ impl ZoneRow {
         }
     }
 
-    /// Whether it has all samples that anybody has asked for, and waits for what comes next.
+    /// True if it has all samples of its goal and waits for the next goal.
     pub fn is_waiting(&self) -> bool {
         self.state == ZoneState::Profiled && self.goal.is_some_and(|goal| goal <= self.samples_done())
     }
 
-    /// Whether nothing more will happen to it.
+    /// True if it is done or given up.
     pub fn is_settled(&self) -> bool {
         matches!(self.state, ZoneState::Done | ZoneState::Failed)
     }
 
-    /// Whether an agent has it in hand.
+    /// True if an agent holds it.
     pub fn is_in_hand(&self) -> bool {
         matches!(self.state, ZoneState::Profiling | ZoneState::Awarded)
     }
 
-    /// The row after its agent failed or fell silent: back to where the next agent can take it up.
+    /// The row after its agent failed or fell silent: open for the next agent, with one more attempt.
     #[must_use]
     pub fn taken_back(&self) -> Self {
         self.reopened(self.attempt + 1)
     }
 
-    /// The same after so many attempts in all.
+    /// The same, with the total number of attempts given.
     #[must_use]
     pub fn reopened(&self, attempt: u32) -> Self {
         let state = match self.state {
@@ -308,8 +313,8 @@ impl ZoneRow {
         Self { state, attempt, rival: None, ..self.clone() }
     }
 
-    /// The row of a zone that is done or given up and is to be painted again from its first sample. It keeps what was chosen for
-    /// it, for which its neighbors' bands were made. `None`: it is neither.
+    /// The row of a zone that is painted again from its first sample. It keeps its settings, because the neighbors'
+    /// bands were made for them. `None`: the zone is neither done nor given up.
     pub fn requeued(&self) -> Option<Self> {
         matches!(self.state, ZoneState::Done | ZoneState::Failed).then(|| Self {
             state: ZoneState::Open,
@@ -326,7 +331,7 @@ impl ZoneRow {
         })
     }
 
-    /// The row after a restart of the whole farm: no agent has it in hand any more, and that is nobody's fault.
+    /// The row after a restart of the whole farm: no agent holds it, and no failed attempts count.
     #[must_use]
     pub fn resumed(&self) -> Self {
         let state = match self.state {
@@ -337,7 +342,7 @@ impl ZoneRow {
             settled => settled,
         };
         let agent = self.agent.clone().filter(|_| state == ZoneState::Done);
-        // Revisions begin anew with the Blackboard: an old token must never be taken for a new one.
+        // Revisions restart with the Blackboard, so an old token must not match a new one.
         let result = self.result.map(|result| ResultRef { fence: Revision::ABSENT, ..result });
         Self { state, attempt: 0, agent, result, rival: None, votes: Vec::new(), ..self.clone() }
     }

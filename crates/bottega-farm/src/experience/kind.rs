@@ -1,33 +1,33 @@
-//! Kinds of tasks, in words.
+//! Names of the kinds of tasks.
 
 use std::fmt::Write;
 
 use crate::{TaskFeatures, TaskOutlook};
 
-/// Where a share is `some`, `much` or `most`.
+/// Least share at which a feature counts as `most`, `much` or `some`.
 const CLASSES: [(f64, &str); 3] = [(0.5, "most"), (0.15, "much"), (0.02, "some")];
-/// Longest name of a technique.
+/// Maximum length of a technique's name.
 const TECHNIQUE_MAX: usize = 64;
-/// The exponents of sizes that are told apart: times are 4ⁿ s.
+/// Range of the exponents n of size classes; a class is about 4ⁿ s.
 const SIZE_RANGE: (f64, f64) = (-6.0, 8.0);
 
-/// What kind of task a picture or a zone is.
+/// The kinds that a picture or zone belongs to.
 pub(super) struct TaskKind {
-    /// From the widest kind to the narrowest.
+    /// Names of the kinds, from the widest to the narrowest.
     names: Vec<String>,
 }
 
 impl TaskKind {
-    /// A whole picture.
+    /// The kinds of a whole picture: its technique, and technique with features.
     pub(super) fn of_picture(technique: &str, features: &TaskFeatures) -> Self {
         let technique = plain(technique);
         let picture = format!("{technique}, picture: {}", in_words(features));
         Self { names: vec![technique, picture] }
     }
 
-    /// A zone of a picture.
+    /// The kinds of a zone: those of its picture, and three with the zone's features and size.
     ///
-    /// - `samples`: a pixel.
+    /// - `samples`: samples per pixel.
     pub(super) fn of_zone(technique: &str, picture: &TaskFeatures, zone: &TaskOutlook, samples: u32) -> Self {
         let mut kind = Self::of_picture(technique, picture);
         let features = in_words(&zone.features);
@@ -43,7 +43,7 @@ impl TaskKind {
     }
 }
 
-/// The name of a technique, of characters that can be shown.
+/// The technique's name reduced to printable ASCII and [`TECHNIQUE_MAX`] characters.
 fn plain(technique: &str) -> String {
     technique.chars().filter(|c| c.is_ascii_graphic() || *c == ' ').take(TECHNIQUE_MAX).collect()
 }
@@ -60,7 +60,7 @@ fn in_words(features: &TaskFeatures) -> String {
     if words.is_empty() { "plain".to_owned() } else { words }
 }
 
-/// The size of a zone that is predicted to take so many seconds.
+/// The size class of a zone with this predicted time.
 fn size(seconds: f64) -> String {
     let exponent = (seconds.max(1e-9).log2() / 2.0).round().clamp(SIZE_RANGE.0, SIZE_RANGE.1);
     format!("about {} s", 4.0_f64.powf(exponent))

@@ -1,35 +1,35 @@
-//! Numbers learnt by kind of task: each kind adds something to what the wider kinds say.
+//! Learned logarithms by kind of task: that of each kind is added to those of the wider kinds.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Kinds that are kept; those that were used longest ago go first.
+/// Maximum number of kinds kept; the least recently updated are dropped first.
 const KINDS_MAX: usize = 256;
-/// What the jobs before count at each new one.
+/// Factor on the weight of earlier jobs at each new one.
 const REMEMBERED: f64 = 0.5;
-/// Zones of a job that count at most: a thousand zones of one job are no thousand jobs.
+/// Maximum number of zones of one job that count, so that one large job does not outweigh many.
 const ZONES_MAX: f64 = 64.0;
-/// So many zones that say nothing are added to those of each kind: few zones are believed a little.
+/// Number of zones with logarithm 0 added to each kind, so that few zones have little effect (shrinkage).
 const DOUBT: f64 = 2.0;
-/// The same for the widest kind, of which nothing wider could tell.
+/// The same for the widest kind, for which no wider one exists.
 const DOUBT_OF_ALL: f64 = 0.25;
-/// What is beyond was not measured.
+/// Bound on logarithms; values beyond it are not plausible measurements.
 const LOG_MAX: f64 = 20.0;
 
-/// What was learnt of one kind of tasks.
+/// The learned value of one kind of tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Lesson {
-    /// A mean of what this kind adds to the wider ones, as a logarithm.
+    /// Weighted mean of the logarithm that this kind adds to the wider ones.
     log: f64,
-    /// Zones that it rests on; older jobs count less.
+    /// Number of zones behind it; older jobs count less.
     count: f64,
-    /// The last job in which it was learnt.
+    /// The number of the last job that updated it.
     job: u64,
 }
 
-/// What was learnt, by kind of tasks.
+/// The learned values, by kind of tasks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub(super) struct Lessons(BTreeMap<String, Lesson>);
@@ -42,23 +42,23 @@ impl Lesson {
         self.job = job;
     }
 
-    /// What it is believed to add.
+    /// The logarithm to add, reduced by the doubt about few zones.
     fn believed(&self, is_widest: bool) -> f64 {
         let doubt = if is_widest { DOUBT_OF_ALL } else { DOUBT };
         self.log * self.count / (self.count + doubt)
     }
 
-    /// What it adds, as a factor.
+    /// The factor, without that reduction.
     pub(super) fn factor(&self) -> f64 {
         self.log.exp()
     }
 
-    /// Zones that it rests on.
+    /// Number of zones behind it; older jobs count less.
     pub(super) fn count(&self) -> f64 {
         self.count
     }
 
-    /// The last job in which it was learnt.
+    /// The number of the last job that updated it.
     pub(super) fn job(&self) -> u64 {
         self.job
     }
@@ -71,31 +71,35 @@ impl Lesson {
 impl Lessons {
     /// Learns from a job.
     ///
-    /// - `observed`: of each zone its kinds, from the widest to the narrowest, and what was measured, as a logarithm.
+    /// - `observed`: per zone its kinds, from the widest to the narrowest, and the measured logarithm.
     /// - `weight`: of the job, 0..=1.
     /// - `job`: its number.
     pub(super) fn learn(&mut self, observed: &[(Vec<String>, f64)], weight: f64, job: u64) {
         let mut rest: Vec<f64> = observed.iter().map(|(_, log)| log.clamp(-LOG_MAX, LOG_MAX)).collect();
+        // From the widest kind to the narrowest
         for level in 0..observed.iter().map(|(kinds, _)| kinds.len()).max().unwrap_or(0) {
+            // Group the zones by kind
             let mut alike: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
             for (place, (kinds, _)) in observed.iter().enumerate().filter(|(_, (kinds, _))| level < kinds.len()) {
                 alike.entry(&kinds[level]).or_default().push(place);
             }
             for (kind, places) in alike {
                 let zones = (places.len() as f64).min(ZONES_MAX) * weight;
+                // Update each kind with the median of what the wider kinds leave unexplained
                 let log = median(places.iter().map(|&place| rest[place]).collect());
                 let lesson = self.0.entry(kind.to_owned()).or_insert(Lesson { log: 0.0, count: 0.0, job });
                 lesson.learn(log, zones, job);
                 let believed = lesson.believed(level == 0);
+                // Subtract what this kind explains
                 places.iter().for_each(|&place| rest[place] -= believed);
             }
         }
         self.forget_oldest();
     }
 
-    /// What is to be expected of a task, as a logarithm. `None`: nothing is known of the widest kind.
+    /// The expected logarithm of a task. `None`: the widest kind is unknown.
     ///
-    /// - `kinds`: its kinds, from the widest to the narrowest.
+    /// - `kinds`: the kinds of the task, from the widest to the narrowest.
     pub(super) fn expected(&self, kinds: &[String]) -> Option<f64> {
         self.0.get(kinds.first()?)?;
         let believed = |(level, kind): (usize, &String)| self.0.get(kind).map(|lesson| lesson.believed(level == 0));
@@ -106,12 +110,12 @@ impl Lessons {
         self.0.iter().map(|(kind, lesson)| (kind.as_str(), lesson))
     }
 
-    /// A kind of which something is said that cannot have been learnt.
+    /// A kind with an implausible value, if any.
     pub(super) fn nonsense(&self) -> Option<&str> {
         self.iter().find(|(_, lesson)| !lesson.is_sound()).map(|(kind, _)| kind)
     }
 
-    /// Forgets what was used longest ago, where there is too much.
+    /// Drops the least recently updated kinds beyond [`KINDS_MAX`].
     pub(super) fn forget_oldest(&mut self) {
         if self.0.len() <= KINDS_MAX {
             return;
@@ -119,7 +123,7 @@ impl Lessons {
         let mut ages: Vec<u64> = self.0.values().map(|lesson| lesson.job).collect();
         ages.sort_unstable_by(|a, b| b.cmp(a));
         let oldest_kept = ages[KINDS_MAX];
-        // Of those that are as old as the first that goes, all go.
+        // Drop all kinds as old as the first one beyond the maximum
         self.0.retain(|_, lesson| lesson.job > oldest_kept);
     }
 }

@@ -1,4 +1,4 @@
-//! Channels of the survey: one quantity of a place at a time.
+//! Channels of the survey: one quantity per cell each.
 
 use std::{fmt, str::FromStr};
 
@@ -8,34 +8,34 @@ use serde::{Deserialize, Serialize};
 
 use super::saliency::saliency;
 
-/// One quantity that an importance map can be made of.
+/// A quantity from which importance maps are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
-    /// Traversal steps of a path: nodes and leaves visited by all of its rays.
+    /// Traversal steps per path: nodes and leaves that all its rays visit.
     Steps,
-    /// Vertices of a path.
+    /// Vertices per path.
     Path,
-    /// Rays towards lights of a path.
+    /// Shadow rays per path.
     Shadow,
-    /// Vertices of a path at surfaces of several lobes, and the textures of all: what scattering costs.
+    /// Vertices per path at surfaces with several lobes, plus texture lookups: the cost of scattering.
     Material,
     /// Levels of recursion in mirror and transparent surfaces.
     Recursion,
-    /// Nearness of the first surface: 1 for the nearest, falling with the reciprocal of distance, 0 where there is none.
+    /// Nearness of the first surface: 1 for the nearest, falling with the reciprocal of distance, 0 without a surface.
     Depth,
-    /// Share of the light that came over more than one scattering.
+    /// Share of the light that was scattered more than once.
     Indirect,
-    /// Variation of the first surface's reflectance within the cell.
+    /// Standard deviation of the first surface's reflectance within the cell.
     Texture,
-    /// Standard deviation of a sample's luminance, relative to that of the surroundings.
+    /// Standard deviation of a sample's luminance, relative to the luminance of the surroundings.
     Noise,
-    /// Where the eye goes first: Itti, Koch and Niebur 1998.
+    /// Saliency, 0..=1: how strongly the place attracts the eye (Itti, Koch and Niebur 1998).
     Saliency,
 }
 
 impl Channel {
-    /// All of them.
+    /// All channels.
     pub const ALL: [Self; 10] = [
         Self::Steps,
         Self::Path,
@@ -65,7 +65,7 @@ impl Channel {
         }
     }
 
-    /// What its numbers are, for people.
+    /// A short description of its values, for users.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Steps => "traversal steps of a path",
@@ -81,7 +81,7 @@ impl Channel {
         }
     }
 
-    /// The value of every cell, row-major, `[width × height]`: finite and not negative, whatever the survey says.
+    /// The value of every cell, row-major, `[width × height]`: finite and not negative for any survey.
     pub fn values(self, survey: &Survey) -> Vec<f32> {
         let of_pixel = |value: fn(&SurveyPixel) -> f32| survey.pixels.iter().map(|pixel| sane(value(pixel))).collect();
         match self {
@@ -117,37 +117,37 @@ impl FromStr for Channel {
     }
 }
 
-/// No such channel.
+/// An unknown channel.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown channel `{found}`: there are {}", Channel::ALL.map(Channel::name).join(", "))]
 pub struct UnknownChannel {
-    /// What was asked for.
+    /// The name that was given.
     pub found: String,
 }
 
-/// A set of channels. One that is not in it counts everywhere as its mean over the picture: it no longer tells places
-/// apart, and the others keep their weight.
+/// A set of channels. A channel outside the set counts everywhere as its mean over the picture, so it does not
+/// distinguish places, and the others keep their weight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ChannelSet(u16);
 
 impl ChannelSet {
-    /// Every channel.
+    /// All channels.
     pub const ALL: Self = Self((1 << Channel::ALL.len()) - 1);
-    /// No channel: every place is alike.
+    /// No channel: a uniform map.
     pub const NONE: Self = Self(0);
 
-    /// This set and `channel`.
+    /// The set with `channel` added.
     #[must_use]
     pub fn with(self, channel: Channel) -> Self {
         Self(self.0 | 1 << channel as u16)
     }
 
-    /// Whether `channel` is in it.
+    /// True if `channel` is in the set.
     pub fn contains(self, channel: Channel) -> bool {
         self.0 & (1 << channel as u16) != 0
     }
 
-    /// Its members, in the order of [`Channel::ALL`].
+    /// The channels in the set, in the order of [`Channel::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Channel> {
         Channel::ALL.into_iter().filter(move |&channel| self.contains(channel))
     }
@@ -165,13 +165,13 @@ impl FromIterator<Channel> for ChannelSet {
     }
 }
 
-/// What is no finite positive number counts as 0; nothing is larger than 10⁹.
+/// Replaces values that are not finite or not positive by 0, and bounds them by 10⁹.
 pub(super) fn sane(value: f32) -> f32 {
     if value.is_finite() && value > 0.0 { value.min(1e9) } else { 0.0 }
 }
 
-/// Distance of the nearest twentieth of what is seen, over each cell's; so that one near splinter does not make all else
-/// far away.
+/// Near distance over each cell's distance, at most 1. The near distance is the 5 % quantile, so that a single very
+/// near cell does not make everything else far.
 fn nearness(survey: &Survey) -> Vec<f32> {
     const NEAREST_SHARE: usize = 20;
     let mut distances: Vec<f32> = survey.pixels.iter().map(|pixel| sane(pixel.depth)).filter(|&d| d > 0.0).collect();
@@ -187,8 +187,8 @@ fn nearness(survey: &Survey) -> Vec<f32> {
     survey.pixels.iter().map(of_pixel).collect()
 }
 
-/// Noise over the luminance of the surroundings, of which the darkest count as a tenth of the picture's mean: below that
-/// noise is not seen relative to them.
+/// Noise over the luminance of the surroundings. Darker surroundings than a tenth of the picture's mean count as that
+/// tenth, below which noise is not visible.
 fn relative_noise(survey: &Survey) -> Vec<f32> {
     const DARK: f64 = 0.1;
     let surround = smoothed(survey, |pixel| luminance(pixel.color.map(sane)));
@@ -197,8 +197,8 @@ fn relative_noise(survey: &Survey) -> Vec<f32> {
     survey.pixels.iter().zip(&surround).map(|(pixel, &around)| sane(sane(pixel.noise) / around.max(dark))).collect()
 }
 
-/// A value of each cell, averaged with its neighbours by the weights 1 2 1 in both directions: a survey of few samples
-/// a cell is noisy, and costs of neighbouring pixels are alike.
+/// A value per cell, smoothed with its neighbors by the weights 1 2 1 in both directions: surveys have few samples per
+/// cell and are noisy, while costs of neighboring pixels are similar.
 pub(super) fn smoothed(survey: &Survey, value: impl Fn(&SurveyPixel) -> f32) -> Vec<f32> {
     let (width, height) = (survey.width as usize, survey.height as usize);
     let values: Vec<f32> = survey.pixels.iter().map(value).collect();

@@ -1,4 +1,4 @@
-//! The time that a sample takes, predicted from what the survey counted.
+//! Time per sample, predicted from the counts of the survey.
 
 use bottega_engines::{Survey, SurveyPixel};
 
@@ -7,18 +7,18 @@ use super::{
     channel::{sane, smoothed},
 };
 
-/// A part of a sample's time.
+/// A term of the time per sample.
 struct CostTerm {
-    /// The channel that it belongs to.
+    /// The channel of the term.
     channel: Channel,
-    /// What is counted.
+    /// The count.
     count: fn(&SurveyPixel) -> f32,
-    /// Time of one of it, in nanoseconds of the machine that the weights were fitted on. Only the ratios count.
+    /// Time per count, in nanoseconds of the machine on which the weights were fitted. Only ratios matter.
     weight: f32,
 }
 
-/// The terms, fitted by least squares: `docs/decisions.md` has the fit, and how well it predicts scenes that were left out. What
-/// the fit found to be worth nothing beside these (a sample as such, a vertex beside its rays) is not here.
+/// The terms, fitted by least squares; `docs/decisions.md` has the fit and its accuracy on scenes that were left out.
+/// Counts whose fitted weight was negligible (a constant per sample, vertices in addition to rays) are left out.
 const TERMS: [CostTerm; 4] = [
     CostTerm { channel: Channel::Steps, count: |pixel| pixel.steps, weight: 50.0 },
     CostTerm { channel: Channel::Shadow, count: |pixel| pixel.shadow_rays, weight: 476.0 },
@@ -26,7 +26,7 @@ const TERMS: [CostTerm; 4] = [
     CostTerm { channel: Channel::Material, count: |pixel| pixel.lookups, weight: 711.0 },
 ];
 
-/// The predicted time of a sample of each cell, row-major, smoothed over 3 × 3 cells. A channel that is off counts
+/// Predicted time per sample of each cell, row-major, smoothed over 3 × 3 cells. A channel that is off counts
 /// everywhere as its mean.
 pub(super) fn predicted(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     let cells = survey.pixels.len();

@@ -1,4 +1,4 @@
-//! The outlook of zones: what the survey says of how long they take, before anybody has painted them.
+//! The outlook of zones: predicted times and features from the survey, before painting.
 
 use bottega_engines::{Survey, SurveyPixel};
 use bottega_image::Rect;
@@ -10,33 +10,33 @@ use super::{
     sums::Sums,
 };
 
-/// Seconds of a nanosecond.
+/// Seconds per nanosecond.
 const NANOSECOND: f64 = 1e-9;
 
-/// What tells one kind of task from another, as shares of the survey's paths, each 0..=1.
+/// Features that distinguish kinds of tasks, as shares of the survey's paths, each 0..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskFeatures {
-    /// Paths that meet a mirror or glass first.
+    /// Paths that hit a mirror or glass first.
     pub glass: f64,
     /// Vertices with a texture.
     pub texture: f64,
-    /// Segments that lie in media.
+    /// Segments inside media.
     pub media: f64,
 }
 
-/// What the survey says of a part of a picture.
+/// The survey's prediction for a part of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskOutlook {
-    /// Predicted time of one sample of each of its pixels, in seconds of the reference machine.
+    /// Predicted time of one sample for each of its pixels, in seconds of the reference machine.
     pub sample_time: f64,
-    /// What kind of task it is.
+    /// Its features.
     pub features: TaskFeatures,
 }
 
-/// What the survey says of each part of a picture. It depends on nothing that was learnt.
+/// The survey's predictions for a picture; independent of experience.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Outlook {
-    /// Predicted time of a sample, in nanoseconds of the reference machine.
+    /// Predicted time per sample, in nanoseconds of the reference machine.
     time: Sums,
     glass: Sums,
     texture: Sums,
@@ -44,7 +44,7 @@ pub(crate) struct Outlook {
 }
 
 impl Outlook {
-    /// - `survey`: sound, as that of an [`ImportanceMap`](super::ImportanceMap); covers the pixels of `surveyed` evenly.
+    /// - `survey`: valid, as for an [`ImportanceMap`](super::ImportanceMap); covers the pixels of `surveyed` evenly.
     pub(crate) fn new(survey: &Survey, surveyed: Rect) -> Self {
         let sums = |values: Vec<f32>| Sums::new(surveyed, (survey.width, survey.height), values);
         let share = |value: fn(&SurveyPixel) -> f32| sums(smoothed(survey, |pixel| value(pixel).clamp(0.0, 1.0)));
@@ -58,7 +58,7 @@ impl Outlook {
         }
     }
 
-    /// What it says of the pixels of `rect`. Constant time. Panics when `rect` reaches out of the surveyed picture.
+    /// The prediction for the pixels of `rect`. Constant time. Panics if `rect` reaches beyond the survey.
     pub(crate) fn of(&self, rect: &Rect) -> TaskOutlook {
         let mean = |sums: &Sums| (sums.integral(rect) / rect.area().max(1) as f64).clamp(0.0, 1.0);
         TaskOutlook {

@@ -1,65 +1,70 @@
-//! Saliency: where the eye goes first, from colors alone.
+//! Saliency: how strongly places attract the eye, from colors alone.
 //!
-//! Source: Itti, Koch and Niebur 1998, *A Model of Saliency-Based Visual Attention for Rapid Scene Analysis*. A survey is
-//! about as coarse as the paper's pyramid of a 640 × 480 picture is at scale 2; so its own size stands for scale 2, and the
-//! centres c ∈ {2, 3, 4} and surrounds c + δ, δ ∈ {3, 4}, are all there unless the survey is too small for the
-//! coarsest ones.
+//! Source: Itti, Koch and Niebur 1998, *A Model of Saliency-Based Visual Attention for Rapid Scene Analysis*. A survey
+//! is about as coarse as scale 2 of the paper's pyramid of a 640 × 480 picture, so its own size stands for scale 2. The
+//! centers c ∈ {2, 3, 4} and surrounds c + δ, δ ∈ {3, 4}, are all used unless the survey is too small for the coarsest
+//! ones.
 
 mod orientation;
 mod plane;
 
 use self::{orientation::Orientations, plane::Plane};
 
-/// The scale of the paper's pyramid that a survey has.
+/// The scale of the paper's pyramid at which a survey enters.
 const SURVEY_SCALE: usize = 2;
 /// Scales of the centers.
 const CENTERS: [usize; 3] = [2, 3, 4];
-/// How much coarser surrounds are.
+/// Scales by which surrounds are coarser than centers.
 const SURROUNDS: [usize; 2] = [3, 4];
-/// The scale at which maps are added up.
+/// The scale of the resulting maps.
 const MAP_SCALE: usize = 4;
-/// Intensity below this share of the greatest has no hue.
+/// Minimum intensity for a hue, as a share of the greatest intensity.
 const HUE_FLOOR: f32 = 0.1;
 
-/// The saliency of every cell, row-major, from 0 to 1; 0 everywhere in an even picture.
+/// The saliency of every cell, row-major, 0..=1; 0 everywhere in a uniform picture.
 ///
 /// - `colors`: `[width × height]`, linear RGB, finite and not negative.
 pub(super) fn saliency(width: u32, height: u32, colors: &[[f32; 3]]) -> Vec<f32> {
-    // Nothing stands out where all cells are equal, as where an engine tells no colors: the engines of tests and benches.
+    // A uniform picture has no saliency; it also occurs with test engines, which give no colors.
     if colors.windows(2).all(|pair| pair[0] == pair[1]) {
         return vec![0.0; colors.len()];
     }
+    // Encode the colors for display and build the pyramids of intensity and opponent colors
     let shown = shown(colors);
     let plane = |value: &dyn Fn([f32; 3]) -> f32| Plane::new(width, height, shown.iter().map(|&c| value(c)).collect());
     let intensity = pyramid(plane(&|[r, g, b]| (r + g + b) / 3.0));
     let [red, green, blue, yellow] = opponents(&shown).map(|values| pyramid(Plane::new(width, height, values)));
-    // The paper prints the surround's opponency with its sign changed, G − R; taken at its word an even red picture would
-    // be salient everywhere. Centre less surround of the same opponency is what its figures show.
+    // The paper prints the surround's opponency with its sign changed, G − R; literally a uniform red picture would be
+    // salient everywhere. Center minus surround of the same opponency is what its figures show.
     let red_green = differences(&red, &green);
     let blue_yellow = differences(&blue, &yellow);
 
+    // Add up the center–surround differences of intensity and color
     let map = intensity[(MAP_SCALE - SURVEY_SCALE).min(intensity.len() - 1)].size();
     let of_intensity = across_scales(&intensity, map);
     let mut of_color = across_scales(&red_green, map);
     of_color.add(&across_scales(&blue_yellow, map));
+    // Add up the center–surround differences of each orientation
     let mut of_orientation = Plane::zero(map);
     let orientations = Orientations::new();
     for angle in 0..Orientations::COUNT {
         let strength: Vec<Plane> = intensity.iter().map(|level| orientations.strength(level, angle)).collect();
         of_orientation.add(&normalized(across_scales(&strength, map)));
     }
+    // Normalize and add the three conspicuity maps
     let mut all = Plane::zero(map);
     for conspicuity in [of_intensity, of_color, of_orientation] {
         all.add(&normalized(conspicuity));
     }
+    // Resize to the survey and scale to 0..=1
     let all = all.resized((width, height));
     let most = all.values.iter().copied().fold(0.0, f32::max);
     let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
     all.values.iter().map(|value| (value * scale).clamp(0.0, 1.0)).collect()
 }
 
-/// Colours as a display shows them, roughly and with nothing but exact operations: brought into range about the mean
-/// luminance with the hue kept, then encoded by a square root.
+/// Colors approximately as a display shows them, by exact operations only: compressed around the mean luminance with
+/// the hue kept, then encoded by a square root.
 fn shown(colors: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let mean = colors.iter().map(|&c| f64::from(bottega_image::luminance(c))).sum::<f64>() / colors.len().max(1) as f64;
     let mean = (mean as f32).max(f32::MIN_POSITIVE);
@@ -70,7 +75,8 @@ fn shown(colors: &[[f32; 3]]) -> Vec<[f32; 3]> {
     colors.iter().map(show).collect()
 }
 
-/// The paper's broadly tuned red, green, blue and yellow: hue apart from intensity, 0 where it is too dark for hues.
+/// The paper's broadly tuned red, green, blue and yellow: hue independent of intensity, 0 where it is too dark for a
+/// hue.
 fn opponents(colors: &[[f32; 3]]) -> [Vec<f32>; 4] {
     let intensity = |[r, g, b]: [f32; 3]| (r + g + b) / 3.0;
     let floor = HUE_FLOOR * colors.iter().map(|&color| intensity(color)).fold(0.0, f32::max);
@@ -87,7 +93,7 @@ fn opponents(colors: &[[f32; 3]]) -> [Vec<f32>; 4] {
     [0, 1, 2, 3].map(|i| all.iter().map(|values| values[i]).collect())
 }
 
-/// A plane and all its halvings that the coarsest surround needs, as far as there are pixels to halve.
+/// A Gaussian pyramid down to the coarsest surround, or as far as the plane can be halved.
 fn pyramid(base: Plane) -> Vec<Plane> {
     let coarsest = CENTERS[CENTERS.len() - 1] + SURROUNDS[SURROUNDS.len() - 1] - SURVEY_SCALE;
     let mut levels = vec![base];
@@ -105,7 +111,7 @@ fn differences(a: &[Plane], b: &[Plane]) -> Vec<Plane> {
     a.iter().zip(b).map(|(a, b)| a.minus(b)).collect()
 }
 
-/// The normalized differences of all centres and surrounds, added up at the size `map`.
+/// The normalized differences of all centers and surrounds, added up at the size `map`.
 fn across_scales(pyramid: &[Plane], map: (u32, u32)) -> Plane {
     let mut sum = Plane::zero(map);
     for center in CENTERS.map(|scale| scale - SURVEY_SCALE) {
@@ -119,10 +125,10 @@ fn across_scales(pyramid: &[Plane], map: (u32, u32)) -> Plane {
     sum
 }
 
-/// The paper's N(·): brings a map into 0..=1 and multiplies it by (1 − m̄)², m̄ being the mean of all local maxima but
-/// the greatest. A map of one peak stays as it is, one of many equal peaks vanishes.
+/// The paper's N(·): scales a map to 0..=1 and multiplies it by (1 − m̄)², with m̄ the mean of all local maxima except
+/// the greatest. A map with one peak is kept, one with many equal peaks vanishes.
 fn normalized(mut map: Plane) -> Plane {
-    /// Differences below this are rounding, not contrast.
+    /// Maximum of a map that is only rounding error.
     const NOTHING: f32 = 1e-5;
     let most = map.values.iter().copied().fold(0.0, f32::max);
     if most < NOTHING {
@@ -130,7 +136,7 @@ fn normalized(mut map: Plane) -> Plane {
     }
     map.values.iter_mut().for_each(|value| *value /= most);
     let mut peaks = map.peaks();
-    // One of those that are as high as the greatest is the greatest.
+    // Remove one peak of the greatest height.
     if let Some(greatest) = peaks.iter().position(|&peak| peak >= 1.0) {
         peaks.swap_remove(greatest);
     }

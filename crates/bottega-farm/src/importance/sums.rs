@@ -1,8 +1,8 @@
-//! A value a cell, and its integral over any rectangle of pixels in constant time.
+//! Summed-area tables: values per cell, with their integral over any rectangle of pixels in constant time.
 
 use bottega_image::Rect;
 
-/// Values of cells that cover a picture evenly, with their summed areas.
+/// Values of cells that cover a picture evenly, with their summed-area table.
 ///
 /// Source: Crow 1984, *Summed-Area Tables for Texture Mapping*.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,22 +10,22 @@ pub(super) struct Sums {
     surveyed: Rect,
     width: u32,
     height: u32,
-    /// `[width × height]`.
+    /// The values, row-major, `[width × height]`.
     values: Vec<f32>,
-    /// `[(width + 1) × (height + 1)]`.
+    /// The sums, row-major, `[(width + 1) × (height + 1)]`.
     sums: Vec<f64>,
 }
 
 impl Sums {
     /// - `surveyed`: the pixels that the cells cover.
-    /// - `values`: `[width × height]`, row-major; panics when the length differs.
+    /// - `values`: `[width × height]`, row-major; panics if the length differs.
     pub(super) fn new(surveyed: Rect, (width, height): (u32, u32), values: Vec<f32>) -> Self {
         assert_eq!(values.len(), width as usize * height as usize, "values of {width} × {height} cells");
         let sums = summed(width as usize, height as usize, &values);
         Self { surveyed, width, height, values, sums }
     }
 
-    /// The same cells with other values.
+    /// The same cells with each value mapped.
     pub(super) fn map(&self, value: impl Fn(f32) -> f32) -> Self {
         Self::new(self.surveyed, self.size(), self.values.iter().map(|&old| value(old)).collect())
     }
@@ -40,7 +40,8 @@ impl Sums {
         &self.values
     }
 
-    /// Sum over the pixels of `rect` of the values of their cells. Panics when `rect` reaches out of the surveyed picture.
+    /// The sum over the pixels of `rect` of the values of their cells. Panics if `rect` reaches beyond the surveyed
+    /// picture.
     pub(super) fn integral(&self, rect: &Rect) -> f64 {
         assert!(self.surveyed.encloses(rect), "{rect} is not in the surveyed picture {}", self.surveyed);
         let pixels_per_cell = self.surveyed.area() as f64 / (f64::from(self.width) * f64::from(self.height));
@@ -50,8 +51,8 @@ impl Sums {
         cells * pixels_per_cell
     }
 
-    /// Sum of all that lies above and left of a pixel's corner, in cells. The integral of a function that is constant
-    /// in each cell is bilinear in each cell, so interpolation is exact.
+    /// The sum of everything above and left of a pixel's corner, in cells. The integral of a function that is constant
+    /// per cell is bilinear in each cell, so bilinear interpolation is exact.
     fn sum_before(&self, x: u32, y: u32) -> f64 {
         let (column, u) = cell_of(x - self.surveyed.x0, self.surveyed.width(), self.width);
         let (row, v) = cell_of(y - self.surveyed.y0, self.surveyed.height(), self.height);
@@ -64,9 +65,9 @@ impl Sums {
     }
 }
 
-/// The cell in which a pixel's edge lies, and how far in it, 0..1.
+/// The cell that contains a pixel's edge, and the position in it, 0..1.
 fn cell_of(offset: u32, pixels: u32, cells: u32) -> (usize, f64) {
-    // Exact in integers, so that an edge of a cell is never missed by rounding.
+    // Integer arithmetic, so that rounding never misses a cell's edge.
     let scaled = u64::from(offset) * u64::from(cells);
     let cell = scaled / u64::from(pixels);
     (cell as usize, (scaled % u64::from(pixels)) as f64 / f64::from(pixels))

@@ -1,15 +1,14 @@
-//! Visibility of errors: how much of an error a viewer sees.
+//! Visual importance: how visible an error is.
 //!
-//! No formula of the literature joins these quantities; the mean of what each of them says is what can be said without
-//! measuring eyes. Sources of the parts: Itti, Koch and Niebur 1998 (saliency); Ferwerda, Pattanaik, Shirley and Greenberg
-//! 1997, *A Model of Visual Masking for Computer Graphics* (texture hides errors).
+//! The mean of one estimate per channel; the literature has no formula that combines them. Sources of the parts: Itti,
+//! Koch and Niebur 1998 (saliency); Ferwerda, Pattanaik, Shirley and Greenberg 1997, *A Model of Visual Masking for
+//! Computer Graphics* (texture hides errors).
 
 use bottega_engines::Survey;
 
 use super::{Channel, ChannelSet};
 
-/// Visual importance of every cell, row-major, 0..=1: the mean of what the channels say that are on. A survey of which none
-/// is on is of importance ½ everywhere.
+/// Visual importance of every cell, row-major, 0..=1: the mean over the active channels; ½ everywhere without any.
 pub(super) fn importance(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     let parts: Vec<Vec<f32>> = channels
         .iter()
@@ -23,17 +22,17 @@ pub(super) fn importance(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     (0..survey.pixels.len()).map(|i| of_cell(i).clamp(0.0, 1.0)).collect()
 }
 
-/// What a channel's value says of how much an error would be seen, from 0 to 1; `None`: nothing.
+/// The function from a channel's value to the visibility of an error, 0..=1; `None`: the channel has no effect on it.
 fn says(channel: Channel) -> Option<fn(f32) -> f32> {
     match channel {
-        // What costs time is not for that reason looked at.
+        // Expensive places do not attract the eye for that reason.
         Channel::Steps | Channel::Path | Channel::Shadow | Channel::Material => None,
-        // Mirrors and glass show what else there is, sharply.
+        // Mirrors and glass show their surroundings sharply.
         Channel::Recursion => Some(|levels| levels / (1.0 + levels)),
         Channel::Depth | Channel::Indirect | Channel::Saliency => Some(|value| value),
-        // A reflectance that varies by a fifth hides most of the noise upon it.
+        // A standard deviation of 0.2 in reflectance halves the visibility of noise.
         Channel::Texture => Some(|deviation| 0.2 / (0.2 + deviation)),
-        // Where samples differ as much as the surroundings are bright, noise is what is seen.
+        // Noise as strong as the luminance of the surroundings dominates.
         Channel::Noise => Some(|noise| noise / (1.0 + noise)),
     }
 }

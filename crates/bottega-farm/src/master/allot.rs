@@ -1,24 +1,31 @@
-//! Giving out work: profiles, rounds of the auction, tiles for the film.
+//! Assigning work: profiling orders, rounds of the auction, tiles for the film.
 
 use super::*;
 use crate::Bid;
 
 impl Master {
-    /// Everything that follows from what is known. Called after each event.
+    /// Takes all steps that follow from the current state. Called after each event.
     pub(super) fn advance(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         if !self.caught_up || !self.board.is_complete() || self.finished {
             return;
         }
+        // Start when the rows are complete
         if !self.begun {
             self.begin(now, actions);
         }
         if self.begun && !self.stopping {
+            // Write the rows of cut pieces, and discard the samples of agents found wrong
             self.write_offcuts(now, actions);
             self.repaint_dubious(now, actions);
+            // Plan the next pass, with a goal of time
             self.plan_pass(now, actions);
+            // Order profiles of zones without samples
             self.give_out_profiles(now, actions);
+            // Award the zones of rounds that have ended
             self.close_rounds(now, actions);
+            // Order second paintings to compare
             self.give_out_comparisons(now, actions);
+            // Deal zones out, or open new rounds
             if self.config.auction == AuctionRule::Stealing {
                 self.deal(now, actions);
             } else {
@@ -26,12 +33,14 @@ impl Master {
                 while self.open_round(now, actions) {}
             }
         }
+        // Hand painted zones to the film, and end when all are composed
         if self.begun {
             self.compose(actions);
             self.finish(actions);
         }
     }
 
+    /// Starts the work: checks the zones, begins the film and introduces the scene to the agents.
     fn begin(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let Some(work) = self.board.work().cloned() else { return };
         let zones = self.board.zones().filter(|row| row.root.is_none());
@@ -51,6 +60,7 @@ impl Master {
         self.doubt_all();
     }
 
+    /// Orders profiles, the most complex zone first, from the agents that finish one soonest.
     fn give_out_profiles(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         while let Some(zone) = self.ledger.next_unseen() {
             let Some(agent) = self.roster.freest() else { return };
@@ -65,20 +75,23 @@ impl Master {
         }
     }
 
-    /// Calls all who are idle or will be soon, some at a time, once one of them needs another zone. Returns whether there was
-    /// anything to call for.
+    /// Opens a round once an agent needs another zone: calls all agents that need one soonest, up to [`BIDDERS_MAX`].
+    /// Returns false if there is nothing to offer or no agent needs a zone.
     fn open_round(&mut self, now: Time, actions: &mut Vec<FarmAction>) -> bool {
         if !self.ledger.open.has_waiting() || !self.roster.is_due(now) {
             return false;
         }
+        // Choose the bidders and the zones on offer
         let bidders = self.roster.bidders(BIDDERS_MAX);
         let conversation = self.number();
         let offers = self.ledger.open.offer(conversation, bidders.len());
+        // Send the call for proposals
         let deadline = now + self.config.timing.bids;
         let content = FarmContent::Offers(offers.as_slice().into());
         let to = self.names(&bidders);
         let cfp = message(Performative::CallForProposal, protocol::CONTRACT_NET, &self.config.id, to, content);
         actions.push(FarmAction::Send(asking(cfp, conversation, Some(deadline))));
+        // Mark the bidders as called
         self.roster.call(conversation, &bidders);
         self.rounds.insert(
             conversation,
@@ -91,15 +104,15 @@ impl Master {
         agents.iter().map(|&agent| self.roster.name(agent).clone()).collect()
     }
 
-    /// Whether a proposal is for anything on offer. Who bids for nothing refuses: it must not count as one who could take
-    /// what others bid for.
+    /// True if a proposal bids for a zone on offer. A proposal without such a bid is a refusal, so that it does not
+    /// count as competition.
     pub(super) fn is_bid(&self, conversation: u64, proposal: &Proposal) -> bool {
         let offers = self.rounds.get(&conversation).map_or(&[][..], |round| &round.offers);
         let is_offered = |bid: &Bid| offers.iter().any(|offer| offer.zone == bid.zone);
         proposal.room > 0 && proposal.bids.iter().any(is_offered)
     }
 
-    /// An agent wants none of what it was called for: it is not asked again for a while.
+    /// Takes in a refusal: the agent is not called again for a heartbeat.
     pub(super) fn take_refusal(&mut self, now: Time, conversation: u64, agent: Option<MemberId>) {
         let awaited = |agent: &MemberId| self.rounds.get(&conversation).is_some_and(|it| it.awaited.contains(agent));
         if let Some(agent) = agent.filter(awaited) {
@@ -108,7 +121,7 @@ impl Master {
         self.take_bid(conversation, agent, None);
     }
 
-    /// Takes the answer of an agent to a call for proposals; `None`: it refuses.
+    /// Takes in an agent's answer to a call for proposals; `None`: a refusal.
     pub(super) fn take_bid(&mut self, conversation: u64, agent: Option<MemberId>, proposal: Option<Proposal>) {
         let Some(round) = self.rounds.get_mut(&conversation) else { return };
         let place = round.awaited.iter().position(|awaited| Some(*awaited) == agent);
@@ -126,7 +139,7 @@ impl Master {
         }
     }
 
-    /// Ends the rounds in which all have answered, and those whose time is over.
+    /// Ends the rounds in which all have answered or whose deadline is over.
     fn close_rounds(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         for conversation in std::mem::take(&mut self.answered) {
             self.close_round(now, conversation, actions);
@@ -139,13 +152,15 @@ impl Master {
         }
     }
 
+    /// Decides a round, announces the result and writes the awards.
     fn close_round(&mut self, now: Time, conversation: u64, actions: &mut Vec<FarmAction>) {
         let Some(mut round) = self.rounds.remove(&conversation) else { return };
-        // Silence is a refusal.
+        // Agents that have not answered have refused
         for &agent in &round.awaited {
             self.roster.release(agent);
             self.roster.rest(agent, now + self.config.timing.heartbeat);
         }
+        // Decide the round, with bidders in order of their ids
         round.proposals.sort_unstable_by_key(|(agent, _)| *agent);
         let bidders: Vec<MemberId> = round.proposals.iter().map(|(agent, _)| *agent).collect();
         let bids: usize = round.proposals.iter().map(|(_, proposal)| proposal.bids.len()).sum();
@@ -160,26 +175,30 @@ impl Master {
             credit_decided,
         };
         actions.push(FarmAction::Effect(FarmEffect::RoundClosed(summary)));
+        // Return all zones on offer; those awarded below leave when their rows are counted
         for offer in round.offers {
             self.ledger.open.give_back(self.config.auction, conversation, offer);
         }
         let is_lucky = |agent: MemberId| winners.iter().any(|award| award.agent == agent);
         let losers: Vec<MemberId> = bidders.iter().copied().filter(|&agent| !is_lucky(agent)).collect();
         for &agent in &losers {
-            // Who needs a zone is asked again when things have changed, and not in a circle; the others with the next who does.
+            // An agent that needs a zone is called again only after a change; others with the next round
             self.roster.pass_over(now, agent);
         }
+        // Send reject-proposal to the losers
         if !losers.is_empty() {
             let (me, to) = (&self.config.id, self.names(&losers));
             let reject = message(Performative::RejectProposal, protocol::CONTRACT_NET, me, to, FarmContent::Nothing);
             actions.push(FarmAction::Send(asking(reject, conversation, None)));
         }
+        // Write the awards
         for award in &winners {
             self.give(now, award, conversation, actions);
         }
         for &agent in &bidders {
             self.roster.release(agent);
         }
+        // Note whether the round was in vain
         self.recalls = true;
         if winners.is_empty() {
             self.in_vain.extend(bidders);
@@ -188,8 +207,8 @@ impl Master {
         }
     }
 
-    /// The largest zone that nobody took waits for the agent that would have finished it soonest. That one may have been
-    /// passed over when things were otherwise.
+    /// Lets the agent that finishes the largest waiting zone soonest bid again. It may have been passed over in a
+    /// different situation.
     fn recall(&mut self, now: Time) {
         if !std::mem::take(&mut self.recalls) || self.roster.is_due(now) || !self.roster.has_passed_over() {
             return;
@@ -204,6 +223,7 @@ impl Master {
         }
     }
 
+    /// Runs the auction's rule on the zones of a round that are still open.
     fn decide(&self, now: Time, offers: &[Offer], proposals: Vec<(MemberId, Proposal)>) -> Decision {
         let still_open = |offer: &&Offer| {
             let row = self.board.zone(offer.zone);
@@ -227,6 +247,7 @@ impl Master {
         decide(self.config.auction, &offers, bidders, &standing)
     }
 
+    /// Writes an award to the zone's row, cutting the zone if the award is for a part of it.
     pub(super) fn give(&mut self, now: Time, award: &Award, conversation: u64, actions: &mut Vec<FarmAction>) {
         let Some((_, row)) = self.board.zone(award.zone) else { return };
         let row = match award.share {
@@ -241,6 +262,7 @@ impl Master {
         self.write(now, row, RowFollowUp::Order(conversation), actions);
     }
 
+    /// Hands painted zones to the film, as many as it takes at a time.
     fn compose(&mut self, actions: &mut Vec<FarmAction>) {
         if self.film_is_stale {
             if self.composition.composing_count() > 0 {
@@ -256,7 +278,7 @@ impl Master {
         }
     }
 
-    /// What was composed is void; the rows say what is to be composed.
+    /// Begins a new film and composes all painted zones again.
     fn begin_film_anew(&mut self, actions: &mut Vec<FarmAction>) {
         let Some(work) = self.board.work().cloned() else { return };
         self.film_is_stale = false;
@@ -265,7 +287,7 @@ impl Master {
         actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
     }
 
-    /// Workflow, step 8: the picture is whole.
+    /// Workflow, step 8: ends the work when the picture is complete.
     fn finish(&mut self, actions: &mut Vec<FarmAction>) {
         let zone_count = self.board.zone_count();
         if self.film_is_stale

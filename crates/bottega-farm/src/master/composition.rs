@@ -1,4 +1,4 @@
-//! The state of the composition of a picture.
+//! Composition: the state of each zone on its way into the film.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,38 +7,39 @@ use rustc_hash::FxHashSet;
 
 use crate::{Blackboard, Mask, Partition, ZoneId, ZoneRow, ZoneState, masks};
 
-/// So many of the zones that wait are checked after each event.
+/// Number of ready zones checked by the invariants after each event.
 const READY_CHECKED: usize = 4;
 
-/// Which zones are in the film. Each is put there once, and each piece of a zone in its place among the zones.
+/// The zones ready for the film, handed to it, and composed. Each enters the film once, pieces at their zone's place in
+/// the order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Composition {
-    /// Painted, and not yet handed to the film; by zone, then by piece.
+    /// Painted zones not yet handed to the film; by zone, then by piece.
     ready: BTreeSet<(ZoneId, ZoneId)>,
-    /// Handed to the film, which has not answered.
+    /// Zones handed to the film without an answer yet.
     composing: BTreeSet<ZoneId>,
-    /// A hash set, for speed: never gone through.
+    /// Zones in the film. A hash set for speed; never iterated.
     composed: FxHashSet<ZoneId>,
-    /// Where there are bands; known when those of all zones are.
+    /// The masks if there are bands; made when the bands of all zones are known.
     masks: Option<Vec<Mask>>,
-    /// The widths that they were made for, by zone.
+    /// The bands that the masks were made for, by zone.
     bands: Vec<Sides<u32>>,
-    /// With bands, all zones before this one are in the film.
+    /// With bands: all zones before this one are in the film.
     cursor: u32,
-    /// The pieces of zones that were cut, as far as a row has told of them.
+    /// Known pieces of zones that were cut.
     pieces: BTreeMap<ZoneId, BTreeSet<ZoneId>>,
 }
 
 impl Composition {
-    /// Whether the masks were made for another band than a zone has now: its samples were lost or it was given up, and who
-    /// painted it after all decided otherwise.
+    /// True if the masks were made for another band than the zone has now. That happens if its samples were lost or it
+    /// was given up, and the next agent chose other settings.
     pub(super) fn is_outdated(&self, row: &ZoneRow) -> bool {
         let made_for =
             self.bands.get(row.zone.index()).filter(|_| row.root.is_none() && row.state != ZoneState::Failed);
         made_for.is_some_and(|made_for| *made_for != bands(row))
     }
 
-    /// Takes in a zone's row: it is painted, or no longer is because its samples were lost.
+    /// Takes in a zone's row: the zone is painted, or its samples were discarded.
     pub(super) fn see(&mut self, row: &ZoneRow) {
         if let Some(cut) = row.cut {
             self.pieces.entry(row.root()).or_default().insert(cut.zone);
@@ -47,7 +48,7 @@ impl Composition {
             self.pieces.entry(row.root()).or_default().insert(row.zone);
         }
         if row.state != ZoneState::Failed && !self.has(row.zone) {
-            // What was given up may be painted after all.
+            // A zone that was given up may be painted after all.
             self.cursor = self.cursor.min(row.root().0);
         }
         if row.state != ZoneState::Done {
@@ -57,16 +58,15 @@ impl Composition {
         }
     }
 
-    /// The next zone to hand to the film, with its mask; `None`: none is painted, or not all bands are known. With
-    /// optimization off there are none.
+    /// The next zone to hand to the film, with its mask. `None`: none is ready, or not all bands are known.
     ///
-    /// - `all_chosen`: a quick count says that all bands may be known.
+    /// - `all_chosen`: a cheap count that shows that the bands of all zones may be known.
     pub(super) fn next(&mut self, board: &Blackboard, all_chosen: bool) -> Option<(ZoneId, Mask)> {
         let work = board.work()?;
         let plain = work.settings.optimization.rule_input().is_none();
         let (root, zone) = *self.ready.first()?;
-        // Where more than two bands meet, the order of sums shows in the last bit: so it is always the same. The pieces
-        // of one zone do not meet.
+        // Where more than two bands overlap, rounding depends on the order of the sum, so zones enter in a fixed order.
+        // Pieces of one zone do not overlap.
         if !plain && root != self.next_in_order(board) {
             return None;
         }
@@ -87,7 +87,7 @@ impl Composition {
         Some((zone, mask))
     }
 
-    /// The film has answered. Returns whether it was asked.
+    /// Takes in the film's answer. Returns true if it was expected.
     pub(super) fn composed(&mut self, zone: ZoneId, well: bool) -> bool {
         let asked = self.composing.remove(&zone);
         if asked && well {
@@ -99,6 +99,7 @@ impl Composition {
         asked
     }
 
+    /// The first zone that is neither composed nor given up, with all its pieces.
     fn next_in_order(&mut self, board: &Blackboard) -> ZoneId {
         let passed = |zone: ZoneId| {
             let failed = board.zone(zone).is_some_and(|(_, row)| row.state == ZoneState::Failed);
@@ -114,24 +115,24 @@ impl Composition {
         ZoneId(self.cursor)
     }
 
-    /// Whether a zone is in the film, or on its way there.
+    /// True if a zone is in the film or handed to it.
     pub(super) fn has(&self, zone: ZoneId) -> bool {
         self.composing.contains(&zone) || self.composed.contains(&zone)
     }
 
-    /// Zones that the film has not answered about.
+    /// Number of zones handed to the film without an answer.
     pub(super) fn composing_count(&self) -> usize {
         self.composing.len()
     }
 
-    /// Zones in the film.
+    /// Number of zones in the film.
     pub(super) fn composed_count(&self) -> usize {
         self.composed.len()
     }
 
     pub(super) fn assert_invariants(&self) {
         let handed = |zone: &ZoneId| self.composing.contains(zone) || self.composed.contains(zone);
-        // The next ones: all of them would be too many to look at after each event.
+        // Check the next few only, because all would be too many after each event.
         assert!(
             !self.ready.iter().take(READY_CHECKED).any(|(_, zone)| handed(zone)),
             "a zone waits that was handed over"
@@ -141,7 +142,7 @@ impl Composition {
     }
 }
 
-/// The widths of a zone's bands; none, where nobody has decided.
+/// The widths of a zone's bands; 0 without a choice.
 fn bands(row: &ZoneRow) -> Sides<u32> {
     row.choice.map_or(Sides::all(0), |choice| choice.bands)
 }

@@ -1,17 +1,17 @@
-//! Dealing: zones go out without a round, and agents pass on what waits in their hands.
+//! Dealing: assignment of zones without auction rounds, and transfer of waiting zones between agents.
 //!
-//! Each zone is dealt, the largest first, to the agent that would finish it soonest (Graham's rule of the longest processing
-//! time, for unequal agents). From then on agents take from each other; the Master writes who has a zone, for the row's revision
-//! is the token under which it is painted.
+//! Each zone is dealt, the largest first, to the agent that finishes it soonest (Graham's longest-processing-time rule,
+//! for agents of different speeds). After that agents take zones from each other; the Master records the holder,
+//! because the row's revision is the fencing token.
 
 use super::*;
 use crate::{PassedOrder, Theft};
 
-/// Neighbors of an agent at most.
+/// Maximum number of neighbors of an agent.
 const NEIGHBORS_MAX: usize = 8;
 
 impl Master {
-    /// Deals out all zones that wait, as long as the agent that would finish the next soonest has room for it.
+    /// Deals waiting zones, the largest first, until the agent that finishes the next one soonest has no room for it.
     pub(super) fn deal(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         while let Some(offer) = self.ledger.open.largest() {
             let (at, time) = (now.elapsed().as_secs_f64(), offer.time_estimated.as_secs_f64());
@@ -25,7 +25,7 @@ impl Master {
         }
     }
 
-    /// An agent gives orders that it has not begun to another.
+    /// Handles the transfer of orders that an agent has not begun to another agent.
     pub(super) fn hand_over(
         &mut self,
         now: Time,
@@ -36,7 +36,7 @@ impl Master {
     ) {
         let is_here = self.roster.get_by_name(to).is_some() && !self.left_out.contains_key(to);
         if self.config.auction != AuctionRule::Stealing || !self.begun || self.stopping || !is_here {
-            // The orders are the giver's again when it tells what it has in hand.
+            // Orders not transferred return to the giver with its next heartbeat.
             return;
         }
         let mut passed = 0;
@@ -46,7 +46,8 @@ impl Master {
             if !is_its || row.rival.is_some() || !row.is_new_to(to) || self.writes.contains_key(&zone) {
                 continue;
             }
-            // Where it is shared, the giver has the first part, and the rest is dealt out: the other one is idle.
+            // Where a zone is cut, the giver keeps the first part, and the rest is dealt, normally to the idle
+            // receiver.
             let shared = Some(kept)
                 .filter(|kept| self.config.shares_tail && *kept > 0.0 && *kept < 1.0)
                 .and_then(|it| self.cut(zone, it));
@@ -65,7 +66,7 @@ impl Master {
         }
     }
 
-    /// Tells an agent whom it may take zones from, if it does not know yet.
+    /// Sends an agent its neighbors if they have changed.
     pub(super) fn tell_neighbors(&mut self, agent: MemberId, actions: &mut Vec<FarmAction>) {
         let Some(neighbors) = self.roster.new_neighbors(agent, NEIGHBORS_MAX) else { return };
         let to = vec![self.roster.name(agent).clone()];

@@ -1,4 +1,5 @@
-//! The Master's sums over the rows of the Blackboard, kept in step so that no event costs a look at all of them.
+//! The ledger: the Master's counts and sums over the rows of the Blackboard, updated row by row so that no event needs
+//! a pass over all rows.
 
 use std::{cmp::Reverse, collections::BTreeSet, ops::Bound, time::Duration};
 
@@ -6,42 +7,42 @@ use bottega_agents::NumberMap;
 
 use crate::{AuctionRule, MemberId, Offer, ZoneId, ZoneRow, ZoneState, auction::OpenZones};
 
-/// Who has a zone in hand: two agents at most.
+/// The agents that hold a zone: at most two.
 pub(super) type Holders = [Option<MemberId>; 2];
 
-/// The zones by what is to be done with them. A zone whose row is being written counts as already written.
+/// The zones by their next step. A zone whose row is being written counts as written.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ledger {
     rule: AuctionRule,
-    /// As they are counted now.
+    /// The zones as they are counted now.
     zones: NumberMap<CountedZone>,
-    /// Nobody has seen them; the most complex first.
+    /// Zones without samples; the most complex first.
     unseen: BTreeSet<(Reverse<u64>, ZoneId)>,
-    /// T_est of these.
+    /// The sum of T_est of `unseen`.
     unseen_time: Duration,
-    /// Some agents have said what they make of them, and others are to say it too; the most expensive first.
+    /// Zones with a vote that need further ones; the most complex first.
     comparisons: BTreeSet<(Reverse<u64>, ZoneId)>,
-    /// The one of them that was looked at last.
+    /// The position of the rotation through `comparisons`.
     compared_last: Option<(Reverse<u64>, ZoneId)>,
-    /// Waiting for an auction, or offered in one.
+    /// Zones that wait for an auction or are on offer.
     pub(super) open: OpenZones,
-    /// By the number of their agent, zones with T_est in the order of their ids. There are few for each.
+    /// By the number of their agent: the held zones with T_est, in order of their ids. Few per agent.
     hands: Vec<Vec<(ZoneId, Duration)>>,
     in_hand: usize,
-    /// Profiled or further, and waiting for the next pass.
+    /// Number of profiled zones that wait for the next pass.
     waiting: usize,
     settled: usize,
     chosen: usize,
 }
 
-/// What is remembered of a zone: as much as is needed to count it off again.
+/// The counted state of a zone: all that is needed to subtract it again.
 #[derive(Clone, Debug, PartialEq)]
 struct CountedZone {
     state: ZoneState,
     waiting: bool,
     complexity: f64,
     time_estimated: Duration,
-    /// T_est of the order by which it is in hand.
+    /// T_est of its current order.
     order_time: Duration,
     chosen: bool,
     voted: bool,
@@ -53,7 +54,7 @@ impl Ledger {
         Self { rule, ..Self::default() }
     }
 
-    /// Counts a zone as `row` says from now on. Appends the agents whose hands have changed.
+    /// Counts a zone with its new row. Appends the agents whose load has changed.
     ///
     /// - `holders`: the row's.
     /// - `order_time`: see [`ZoneRow::order_time`].
@@ -104,6 +105,7 @@ impl Ledger {
         self.zones.insert(row.zone.0, counted);
     }
 
+    /// Subtracts a zone as it was counted before.
     fn uncount(&mut self, zone: ZoneId, before: &CountedZone, changed: &mut Vec<MemberId>) {
         match before.state {
             ZoneState::Open | ZoneState::Profiled if before.voted => {
@@ -127,6 +129,7 @@ impl Ledger {
         self.chosen -= usize::from(before.chosen);
     }
 
+    /// Adds a zone to an agent's load.
     fn take(&mut self, agent: MemberId, zone: ZoneId, time: Duration) {
         if self.hands.len() <= agent.index() {
             self.hands.resize_with(agent.index() + 1, Vec::new);
@@ -136,38 +139,38 @@ impl Ledger {
         hands.insert(place, (zone, time));
     }
 
-    /// How many zones an agent has in hand, and T_est of all of them.
+    /// Number of zones that an agent holds, and the sum of their T_est.
     pub(super) fn load(&self, agent: MemberId) -> (usize, Duration) {
         let hands = self.hands.get(agent.index()).map_or(&[][..], Vec::as_slice);
         (hands.len(), hands.iter().map(|(_, time)| *time).sum())
     }
 
-    /// The zones that an agent has in hand.
+    /// The zones that an agent holds.
     pub(super) fn hands(&self, agent: MemberId) -> impl DoubleEndedIterator<Item = ZoneId> {
         self.hands.get(agent.index()).into_iter().flatten().map(|(zone, _)| *zone)
     }
 
-    /// All agents that have zones in hand.
+    /// All agents that hold zones.
     pub(super) fn holders(&self) -> impl Iterator<Item = MemberId> {
         let holders = self.hands.iter().enumerate().filter(|(_, zones)| !zones.is_empty());
         holders.map(|(index, _)| MemberId(index as u32))
     }
 
-    /// T_est of all zones that wait for an agent, those that nobody has seen yet among them.
+    /// The sum of T_est of all zones without an agent, including those without samples.
     pub(super) fn waiting_time(&self) -> Duration {
         self.open.time_estimated() + self.unseen_time
     }
 
-    /// The most complex zone that nobody has seen.
+    /// The most complex zone without samples.
     pub(super) fn next_unseen(&self) -> Option<ZoneId> {
         self.unseen.first().map(|(_, zone)| *zone)
     }
 
-    /// Zones that wait for what others make of them: some of the most expensive, and some in turn.
+    /// Zones that need further votes: some of the most complex, and some in rotation.
     pub(super) fn comparisons(&mut self, first: usize, next: usize) -> Vec<ZoneId> {
         let from = self.compared_last.map_or(Bound::Unbounded, Bound::Excluded);
         let in_turn: Vec<_> = self.comparisons.range((from, Bound::Unbounded)).take(next).copied().collect();
-        // Behind the last one come the first again.
+        // After the last zone the rotation starts again.
         self.compared_last = in_turn.last().copied();
         let first = self.comparisons.iter().take(first).map(|(_, zone)| *zone);
         let mut zones: Vec<ZoneId> = first.chain(in_turn.iter().map(|(_, zone)| *zone)).collect();
@@ -176,32 +179,32 @@ impl Ledger {
         zones
     }
 
-    /// How many zones wait for what others make of them.
+    /// Number of zones that need further votes.
     pub(super) fn comparison_count(&self) -> usize {
         self.comparisons.len()
     }
 
-    /// Zones that wait for an agent: those that nobody has seen, and those that are to be had in an auction.
+    /// Number of zones without an agent: those without samples and those open for auction.
     pub(super) fn waiting_count(&self) -> usize {
         self.unseen.len() + self.open.len()
     }
 
-    /// Zones that somebody has in hand.
+    /// Number of zones that agents hold.
     pub(super) fn in_hand_count(&self) -> usize {
         self.in_hand
     }
 
-    /// Whether all zones that are not settled wait for the next pass, and there are any.
+    /// True if all unsettled zones wait for the next pass, and there are any.
     pub(super) fn all_wait(&self) -> bool {
         self.waiting > 0 && self.waiting + self.settled == self.zones.len()
     }
 
-    /// Zones done or given up.
+    /// Number of zones done or given up.
     pub(super) fn settled_count(&self) -> usize {
         self.settled
     }
 
-    /// Zones whose band is known.
+    /// Number of zones whose band is known.
     pub(super) fn chosen_count(&self) -> usize {
         self.chosen
     }

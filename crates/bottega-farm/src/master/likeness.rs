@@ -1,11 +1,11 @@
-//! Works whose engines give no two agents the same bits: before a report can be compared with the words of others, somebody
-//! looks at the pixels of both.
+//! Comparison by look: for engines that are not bit-identical between agents, the pixels of two paintings are compared
+//! before their votes are.
 
 use super::*;
 use crate::{ResultRef, Vote};
 
 impl Master {
-    /// Whether two agents made the same of a zone.
+    /// True if two paintings of a zone agree: bit for bit, or by their look.
     pub(super) fn is_same(&self, zone: ZoneId, one: &Painting, other: &Painting) -> bool {
         if !self.config.compares_by_look {
             return one.is_same(other);
@@ -14,18 +14,18 @@ impl Master {
         one.may_look_like(other) && (pair.1 == pair.2 || self.looks.found(&pair) == Some(true))
     }
 
-    /// Whether the tile of a vote cannot be had, so that it says nothing.
+    /// True if the tile of a vote could not be fetched, so the vote does not count.
     pub(super) fn is_gone(&self, zone: ZoneId, painting: &Painting) -> bool {
         self.looks.is_gone(zone, painting.result.digest)
     }
 
-    /// The same of a tile that is reported; the next report of it may be of one that is there.
+    /// The same for a reported tile, whose mark is removed: the next report of it may be of a tile that exists.
     pub(super) fn take_gone(&mut self, zone: ZoneId, painting: &Painting) -> bool {
         self.looks.take_gone(zone, painting.result.digest)
     }
 
-    /// Whether the words of others can be compared with this report now. If not, pixels are being looked at, and the report is
-    /// taken when that is done.
+    /// True if the votes of others can be compared with this report now. If not, a comparison of pixels is pending, and
+    /// the report is processed after it.
     pub(super) fn can_compare(
         &mut self,
         before: &ZoneRow,
@@ -38,7 +38,7 @@ impl Master {
         }
         let zone = before.zone;
         if self.looks.is_awaited(zone) {
-            // It is repeated; so is that of another, who is not the one that waits.
+            // The agent repeats its report later; so does another agent whose report is not the waiting one
             return false;
         }
         let is_open = |vote: &&Vote| {
@@ -59,9 +59,9 @@ impl Master {
         false
     }
 
-    /// Somebody has looked at two tiles; the report that waits for it is taken as if it came now.
+    /// Records a comparison of two tiles and processes the report that waited for it.
     ///
-    /// - `outcome`: whether they may be the same picture, or which of them cannot be had.
+    /// - `outcome`: true if they may be the same picture; or the tile that could not be fetched.
     pub(super) fn looked_at(
         &mut self,
         now: Time,
@@ -81,7 +81,7 @@ impl Master {
         }
     }
 
-    /// Nobody's word is open on a zone any more.
+    /// Drops the comparisons of a zone without votes.
     pub(super) fn forget_likeness(&mut self, row: &ZoneRow) {
         if row.votes.is_empty() {
             self.looks.forget(row.zone);

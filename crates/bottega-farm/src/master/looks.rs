@@ -1,4 +1,4 @@
-//! The pixels of zones that several agents have painted.
+//! Results of comparing paintings by their look.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,19 +9,19 @@ use crate::{FarmMessage, ZoneId};
 /// Two tiles of a zone.
 pub(super) type Pair = (ZoneId, BlobId, BlobId);
 
-/// What looking at pixels has shown, and reports that wait for it. A Master that takes over looks again.
+/// Results of comparisons, and reports that wait for one. A new Master compares again.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Looks {
-    /// Pairs of tiles that were looked at, and whether they may be the same picture.
+    /// Compared pairs of tiles: true if they may be the same picture.
     seen: BTreeMap<Pair, bool>,
-    /// Tiles that could not be had.
+    /// Tiles that could not be fetched.
     gone: BTreeSet<(ZoneId, BlobId)>,
-    /// Reports for which pixels are being looked at.
+    /// Reports that wait for a comparison.
     waiting: BTreeMap<ZoneId, FarmMessage>,
 }
 
 impl Looks {
-    /// Whether two tiles may be the same picture; `None`: nobody has looked yet.
+    /// True if two tiles may be the same picture; `None`: not compared yet.
     pub(super) fn found(&self, pair: &Pair) -> Option<bool> {
         self.seen.get(pair).copied()
     }
@@ -30,7 +30,7 @@ impl Looks {
         self.seen.insert(pair, same);
     }
 
-    /// Whether a tile could not be had.
+    /// True if a tile could not be fetched.
     pub(super) fn is_gone(&self, zone: ZoneId, tile: BlobId) -> bool {
         self.gone.contains(&(zone, tile))
     }
@@ -39,12 +39,12 @@ impl Looks {
         self.gone.insert((zone, tile));
     }
 
-    /// Whether a tile could not be had; from now on it may be there again.
+    /// True if a tile could not be fetched; removes the mark, so that it is tried again.
     pub(super) fn take_gone(&mut self, zone: ZoneId, tile: BlobId) -> bool {
         self.gone.remove(&(zone, tile))
     }
 
-    /// Whether a report of the zone waits for a look.
+    /// True if a report of the zone waits for a comparison.
     pub(super) fn is_awaited(&self, zone: ZoneId) -> bool {
         self.waiting.contains_key(&zone)
     }
@@ -57,7 +57,7 @@ impl Looks {
         self.waiting.remove(&zone)
     }
 
-    /// Forgets what was seen of a zone.
+    /// Drops the results for a zone.
     pub(super) fn forget(&mut self, zone: ZoneId) {
         let (first, last) = (BlobId([0; 32]), BlobId([u8::MAX; 32]));
         let pairs: Vec<_> = self.seen.range((zone, first, first)..=(zone, last, last)).map(|(pair, _)| *pair).collect();

@@ -1,20 +1,20 @@
-//! The Master's agents: what they say, how it knows that they live, and what it does when they do not.
+//! The Master's agents: their messages, leases and departures.
 
 use super::*;
 
-/// How an agent leaves.
+/// The reason why an agent leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Departure {
-    /// It says so, or is left out: that is not the fault of what it had in hand.
+    /// It says goodbye, or is excluded: its zones are not to blame.
     Goodbye,
-    /// Nothing more is heard of it: what it had in hand may have killed it.
+    /// Its lease is over: one of its zones may have crashed it.
     Silence,
 }
 
 impl Master {
     pub(super) fn handle_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
         if message.sender == self.config.id {
-            // Somebody speaks in its name.
+            // Ignore messages that claim to be from the Master itself
             return;
         }
         let sender = self.roster.find(&message.sender);
@@ -64,7 +64,7 @@ impl Master {
         }
     }
 
-    /// Workflow, steps 1 and 4: the agent is on the list, and is told of the scene when there is one.
+    /// Workflow, steps 1 and 4: adds an agent to the list, and sends it the scene if there is one.
     fn subscribe(
         &mut self,
         now: Time,
@@ -100,6 +100,7 @@ impl Master {
         self.put_agent(row, actions);
     }
 
+    /// Sends the scene to agents, once the work has started.
     pub(super) fn introduce(&self, agents: &[AgentId], actions: &mut Vec<FarmAction>) {
         if let Some(work) = self.board.work().filter(|_| self.begun && !agents.is_empty()) {
             let scene = FarmContent::Scene(work.clone());
@@ -109,7 +110,7 @@ impl Master {
         }
     }
 
-    /// An agent is gone: what it had in hand is open again, or its rival's.
+    /// Removes an agent: its zones are open again, or continue with the rival that also holds them.
     pub(super) fn dismiss(&mut self, now: Time, agent: MemberId, how: Departure, actions: &mut Vec<FarmAction>) {
         let round = self.roster.leave(agent).and_then(|member| member.round);
         if let Some(round) = round.and_then(|round| self.rounds.get_mut(&round)) {
@@ -119,6 +120,7 @@ impl Master {
         self.take_all_back(now, agent, how, actions);
     }
 
+    /// Takes all zones back that an agent holds.
     fn take_all_back(&mut self, now: Time, agent: MemberId, how: Departure, actions: &mut Vec<FarmAction>) {
         let (zones, name) = (self.ledger.hands(agent).collect::<Vec<_>>(), self.roster.name(agent).clone());
         for zone in zones {
@@ -126,7 +128,7 @@ impl Master {
         }
     }
 
-    /// A zone is no longer in this agent's hand.
+    /// Takes a zone back from an agent.
     fn take_back(&mut self, now: Time, zone: ZoneId, agent: &AgentId, how: Departure, actions: &mut Vec<FarmAction>) {
         if let Some((_, row)) = self.board.zone(zone)
             && row.is_in_hand()
@@ -134,7 +136,7 @@ impl Master {
         {
             let is_here = |other: &AgentId| other != agent && self.roster.get_by_name(other).is_some();
             let row = match (&row.agent, &row.rival) {
-                // The other one goes on, under the token that it has.
+                // The other agent continues with its own valid order
                 (Some(other), _) if is_here(other) => return,
                 (Some(_), Some(rival)) if is_here(&rival.agent) => ZoneRow { agent: None, ..row.clone() },
                 _ if how == Departure::Goodbye => row.reopened(row.attempt),
@@ -144,7 +146,7 @@ impl Master {
         }
     }
 
-    /// An agent does not know of an order that it should have: it was lost on the way, or with the agent's memory.
+    /// Sends orders again that an agent does not report in its heartbeat: the message or the agent's memory was lost.
     fn repeat_orders(&mut self, now: Time, agent: MemberId, known: &[Holding], actions: &mut Vec<FarmAction>) {
         let missing = |zone: &ZoneId| {
             self.board.zone(*zone).is_some_and(|(_, row)| {
@@ -165,9 +167,9 @@ impl Master {
                     let (row, conversation) = (Arc::clone(row), self.number());
                     self.send_order(now, &row, revision, conversation, actions);
                 }
-                // Another has taken it over.
+                // Another agent has taken it over
                 Some(_) => {}
-                // Its order is older than the row, so it cannot be given again.
+                // Its order is older than the row and cannot be sent again, so take the zone back
                 None => {
                     let row = row.taken_back();
                     self.write(now, row, RowFollowUp::TakenBack, actions);
@@ -176,6 +178,7 @@ impl Master {
         }
     }
 
+    /// Sends the order for a row, with its revision as fencing token.
     pub(super) fn send_order(
         &mut self,
         now: Time,
@@ -185,7 +188,7 @@ impl Master {
         actions: &mut Vec<FarmAction>,
     ) {
         let (Some(work), Some(agent)) = (self.board.work(), &row.agent) else { return };
-        // What others made of it is nothing that an agent should know before.
+        // Hide the votes of other agents
         let row =
             if row.votes.is_empty() { row.clone() } else { Arc::new(ZoneRow { votes: Vec::new(), ..(**row).clone() }) };
         let order = Order { work: work.clone(), row: row.clone(), fence, decides: self.decides(&row) };
@@ -195,20 +198,21 @@ impl Master {
             (Performative::AcceptProposal, protocol::CONTRACT_NET, FarmContent::Award(order))
         };
         let order = message(performative, protocol, &self.config.id, vec![agent.clone()], content);
-        // Who gives no sign of it until then counts as gone.
+        // An agent that sends no sign of life until then counts as gone
         let reply_by = now + self.config.timing.lease;
         actions.push(FarmAction::Send(asking(order, conversation, Some(reply_by))));
         self.sent.insert(row.zone, now);
         self.orders_sent += 1;
     }
 
-    /// Whether the rules of whoever paints a zone decide what it is painted with: MAGarRO, section 3.4, "when a task is assigned to
-    /// an agent". Agents that are compared must paint the same.
+    /// True if the rules of the agent that paints a zone choose its settings: MAGarRO, section 3.4, "when a task is
+    /// assigned to an agent". Never if paintings are compared, because all must use the same settings.
     pub(super) fn decides(&self, row: &ZoneRow) -> bool {
         let settings = self.board.work().map(|work| &work.settings);
         !self.verifies() && settings.is_some_and(|settings| row.is_undecided(settings))
     }
 
+    /// Replies to a message.
     pub(super) fn answer(
         &self,
         to: &FarmMessage,
@@ -219,14 +223,17 @@ impl Master {
         actions.push(FarmAction::Send(answer(to, &self.config.id, performative, content)));
     }
 
-    /// Looks for those who have fallen silent.
+    /// The periodic check: stalls, expired leases, hanging orders, credits to write, idle agents.
     pub(super) fn look(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         self.next_look = Some(now + self.config.timing.heartbeat);
+        // Restart after a stall
         self.watch_stall(now, actions);
+        // Call again the agents that refused or lost
         self.roster.wake(now);
         self.in_vain.clear();
         self.roster.ask_again(&self.in_vain);
         self.roster.rest_orders();
+        // Dismiss the agents whose lease is over
         let lease = self.config.timing.lease;
         if now.elapsed() > lease {
             for agent in self.roster.silent(Time::since_start(now.elapsed() - lease)) {
@@ -235,11 +242,13 @@ impl Master {
                 self.dismiss(now, agent, Departure::Silence, actions);
             }
         }
+        // Take back zones of agents that have not subscribed again after a restart
         let is_lost = |agent: &MemberId| now >= self.expects_until && self.roster.get(*agent).is_none();
         let strangers: Vec<MemberId> = self.ledger.holders().filter(is_lost).collect();
         for agent in strangers {
             self.take_all_back(now, agent, Departure::Silence, actions);
         }
+        // Take back orders without progress
         self.watch_all(now, actions);
         self.write_credits(actions);
         self.help_all(now, actions);

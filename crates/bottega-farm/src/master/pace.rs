@@ -1,29 +1,31 @@
-//! The watch over orders: an engine may hang while its agent says that it lives.
+//! The watch over orders: detects engines that hang while their agents still send heartbeats.
 
 use super::{watched::LongestOrder, *};
 use crate::{Holding, STEP_MAX};
 
-/// Hung is who takes so many times longer than a step of its order should take at most.
+/// An order hangs after this many times the expected time of one step.
 const PATIENCE: f64 = 6.0;
-/// And never less than this, for an agent with a processor of its own.
+/// Minimum of that time, for an agent with a processor of its own.
 const PATIENCE_MIN: Duration = Duration::from_secs(60);
-/// Before an order is begun its agent gets ready what all zones need, of which nobody knows how long it takes.
+/// Time for preparation before an order is begun, whose length is unknown.
 const READY_WITHIN: Duration = Duration::from_secs(600);
-/// Nobody is waited for longer because more agents than this share its processor, whatever it says.
+/// Bound on the factor for agents that share a processor, whatever they report.
 const SHARING_MAX: f64 = 32.0;
-/// An order that is told to go on is waited for so many times longer than it should take, where there are others to paint it.
+/// An order with progress is taken back after this many times its expected time, if there are other agents.
 const LASTING: f64 = 60.0;
-/// And never less than this.
+/// Minimum of that time.
 const LASTS_MIN: Duration = Duration::from_secs(4 * 3600);
-/// No order is waited for longer: how long it takes is the word of whoever profiled it.
+/// Maximum of that time, because the expected time is the unconfirmed word of the agent that profiled the zone.
 const LASTS_MAX: Duration = Duration::from_secs(24 * 3600);
 
 impl Master {
-    /// Takes an order back of which nothing was painted for long, though its agent lives. That it takes longer than was
-    /// expected is no reason, unless it is beyond all measure.
+    /// Takes back the agent's longest-held order if it has made no progress for too long. Taking longer than expected
+    /// is no reason, except far beyond all bounds.
     ///
-    /// - `told`: what the agent says of its orders. Those that it does not tell of stand still; others are not its.
+    /// - `told`: the orders in the agent's heartbeat. Orders of the Blackboard that are missing there count as
+    ///   without progress; others are ignored.
     pub(super) fn watch_pace(&mut self, now: Time, agent: MemberId, told: &[Holding], actions: &mut Vec<FarmAction>) {
+        // Find the order that the agent has worked on longest
         let orders = self.orders_of(agent, told);
         let longest = self.roster.watch(now, agent, &orders);
         let Some(LongestOrder { order, stands, lasts }) = longest.filter(|it| it.lasts >= PATIENCE_MIN) else { return };
@@ -33,6 +35,7 @@ impl Master {
         if !self.begun || self.stopping || self.writes.contains_key(&zone) {
             return;
         }
+        // Compare its times with the allowed ones
         let Some([standing, lasting]) = self.patience(agent, row, &order, orders.len()) else { return };
         let lasts_too_long = lasts >= lasting && self.roster.count() > 1;
         if stands < standing && !lasts_too_long {
@@ -43,6 +46,7 @@ impl Master {
         } else {
             format!("it has painted nothing of {zone} for {} s", stands.as_secs())
         };
+        // Cancel it, take the zone back and count the failure
         tracing::warn!(zone = zone.0, agent = %name, "an order hangs: {reason}");
         self.withdraw(zone, vec![(name.clone(), fence)], actions);
         if let Some(row) = self.failed(zone, &name) {
@@ -51,7 +55,7 @@ impl Master {
         self.strike(now, &name, (zone, fence), &reason, actions);
     }
 
-    /// The same for all who have orders: an agent may say much, and nothing of them.
+    /// Checks all agents with orders: an agent may send messages without mentioning its orders.
     pub(super) fn watch_all(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let holders: Vec<MemberId> = self.ledger.holders().collect();
         for agent in holders {
@@ -59,7 +63,7 @@ impl Master {
         }
     }
 
-    /// The orders of an agent as the Blackboard has them, and how far they are.
+    /// The orders of an agent on the Blackboard, with the progress that it reports.
     pub(super) fn orders_of(&self, agent: MemberId, told: &[Holding]) -> Vec<Holding> {
         let name = self.roster.name(agent);
         let order = |zone: ZoneId| {
@@ -71,11 +75,11 @@ impl Master {
         self.ledger.hands(agent).filter_map(order).collect()
     }
 
-    /// How long an order may stand still: some times what a step of it should take its agent, which has so many orders in
-    /// hand and may share its processors out among them. And how long it may go on.
+    /// The allowed time without progress, and the allowed total time, of an agent's order. An agent with `hands` orders
+    /// may divide its processors among them.
     fn patience(&self, agent: MemberId, row: &ZoneRow, order: &Holding, hands: usize) -> Option<[Duration; 2]> {
         let member = self.roster.get(agent)?;
-        // Agents that share a machine wait for each other.
+        // Agents that share a machine slow each other down.
         let sharing = member.row.lanes.min(1.0).recip().min(SHARING_MAX);
         let least = PATIENCE_MIN.mul_f64(sharing);
         if order.progress == 0 {

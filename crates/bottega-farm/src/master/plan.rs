@@ -1,39 +1,43 @@
-//! A work with a time: passes over the whole picture, each as large as the time that is left allows.
+//! Goal of a time: passes over the whole picture, each as large as the remaining time allows.
 
 use super::*;
 use crate::Goal;
 
-/// Of the time asked for; what is less is left: it goes into composing the picture and writing it.
+/// Share of the requested time kept for composing and writing the picture.
 const REST: f64 = 0.01;
-/// A zone gets so much more, or less, than the mean, at most: its error is an estimate.
+/// Range of a zone's number of samples relative to the mean, because its error is only an estimate.
 const WEIGHT_RANGE: (f64, f64) = (0.5, 2.0);
 
-/// A zone that waits for what comes next.
+/// A zone that waits for the next pass.
 struct Waiting {
     zone: ZoneId,
     samples: u32,
     samples_max: u32,
-    /// Of one sample of all its pixels, in reference-machine seconds.
+    /// Reference-machine seconds for one sample of all its pixels.
     cost: f64,
     error: Option<f64>,
 }
 
 impl Master {
-    /// Gives all zones their next samples when all have those of the pass before; or ends the work.
+    /// Plans the next pass when all zones have finished the last one, or ends the work.
     pub(super) fn plan_pass(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let Some(&Goal::Time(limit)) = self.board.work().map(|work| &work.settings.goal) else { return };
         if !self.ledger.all_wait() || !self.writes.is_empty() {
             return;
         }
+        // Collect the waiting zones
         let waiting: Vec<Waiting> = self.board.zones().filter_map(Waiting::of).collect();
         if waiting.is_empty() {
             return;
         }
+        // Choose the share of the remaining time for this pass
         let left = limit.as_secs_f64() * (1.0 - REST) - now.elapsed().as_secs_f64();
         let share = self.config.goals.time_share(left / limit.as_secs_f64().max(1e-9));
         let budget = left * share * self.speed(now);
+        // Distribute it among the zones
         let goals = next_samples(&waiting, budget);
         (self.pass_begun, self.pass_painted) = (now, Duration::ZERO);
+        // Write the new goals; zones without more samples are done
         for (zone, goal) in waiting.iter().zip(goals) {
             let Some((_, row)) = self.board.zone(zone.zone) else { continue };
             let time_estimated = Some(Duration::from_secs_f64(zone.cost * f64::from(goal - zone.samples)));
@@ -45,8 +49,8 @@ impl Master {
         }
     }
 
-    /// Reference-machine seconds that were painted in a second, over the pass before: waiting, learning and the loss
-    /// among many processors are in it.
+    /// Reference-machine seconds painted per second during the last pass, including all losses; before the first pass
+    /// the sum of the agents' reported speeds.
     fn speed(&self, now: Time) -> f64 {
         let painted = self.pass_painted.as_secs_f64();
         let took = (now - self.pass_begun).as_secs_f64();
@@ -62,10 +66,11 @@ impl Waiting {
     }
 }
 
-/// How many samples each zone should have next, so that all of them cost `budget` reference-machine seconds. Noisy zones
-/// get more: for the least error of the whole picture in a given time, samples go with error × √(samples / cost). All as
-/// they are: the budget is not enough for one sample more.
+/// The number of samples each zone should reach, for a total cost of `budget` reference-machine seconds. Noisy zones
+/// get more: the least error of the whole picture for a given time needs additional samples in proportion to error ×
+/// √(samples / cost). Unchanged if the budget is too small for one more sample.
 fn next_samples(waiting: &[Waiting], budget: f64) -> Vec<u32> {
+    // Compute the weight of each zone from its error
     let known = |zone: &Waiting| zone.error.map(|error| error * (f64::from(zone.samples) / zone.cost).sqrt());
     let area_cost: f64 = waiting.iter().map(|zone| zone.cost).sum();
     let mean = budget / area_cost;
@@ -74,9 +79,11 @@ fn next_samples(waiting: &[Waiting], budget: f64) -> Vec<u32> {
     }
     let wanted: Vec<f64> = waiting.iter().map(|zone| known(zone).unwrap_or(0.0)).collect();
     let cost_of = |weights: &[f64]| weights.iter().zip(waiting).map(|(w, zone)| w * zone.cost).sum::<f64>();
+    // Normalize the weights by cost and clamp them
     let scale = cost_of(&wanted) / area_cost;
     let weight = |wanted: &f64| if scale > 0.0 { (wanted / scale).clamp(WEIGHT_RANGE.0, WEIGHT_RANGE.1) } else { 1.0 };
     let weights: Vec<f64> = wanted.iter().map(weight).collect();
+    // Scale them to the budget
     let scale = mean * area_cost / cost_of(&weights);
     let next = |(zone, weight): (&Waiting, f64)| {
         let more = (weight * scale).round().max(1.0) as u32;

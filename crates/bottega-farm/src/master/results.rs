@@ -3,10 +3,11 @@
 use super::*;
 use crate::{BAND_MAX, Goal, Vote};
 
-/// A zone takes no longer, in reference-machine time: sums over all zones stay within what a [`Duration`] holds.
+/// Maximum time of a zone, in reference-machine time, so that sums over all zones do not overflow a [`Duration`].
 const TIME_MAX: Duration = Duration::from_secs(1 << 30);
 
 impl Master {
+    /// Processes the report of an order: confirms or refuses it, and writes the zone's new row.
     pub(super) fn take_report(
         &mut self,
         now: Time,
@@ -15,7 +16,7 @@ impl Master {
         actions: &mut Vec<FarmAction>,
     ) {
         if !self.begun {
-            // Not all rows are known yet: the agent will repeat it.
+            // Not all rows are known yet; the agent repeats its report
             return;
         }
         let (zone, fence) = (report.zone, report.fence);
@@ -26,27 +27,30 @@ impl Master {
             return self.answer(message, Performative::Disconfirm, refuse("there is no such zone"), actions);
         };
         if self.writes.contains_key(&zone) {
-            // The agent will repeat it.
+            // The agent repeats its report
             return;
         }
-        // Another may have taken it over since.
+        // The time of the order counts only if no other agent has taken the zone over since.
         let sent = self.sent.get(&zone).filter(|_| row.agent.as_ref() == Some(&message.sender)).copied();
+        // Check the fencing token
         let valid = row.fence_of(&message.sender, revision) == Some(fence);
         let is_counted = |vote: &Vote| vote.painting.result.fence == fence;
         let is_there = row.result.is_some_and(|result| result.fence == fence) || row.votes.iter().any(is_counted);
         if !valid && is_there {
-            // It is on the blackboard already; the confirmation was lost.
+            // The report is on the Blackboard already; its confirmation was lost
             return actions.push(FarmAction::Send(received()));
         }
         if !valid || self.left_out.contains_key(&message.sender) {
             return self.answer(message, Performative::Disconfirm, refuse("the order is no longer valid"), actions);
         }
+        // Wait for a comparison of pixels, if one is needed
         if let Ok(painting) = &report.outcome {
             let row = row.clone();
             if !self.can_compare(&row, painting, message, actions) {
                 return;
             }
         }
+        // Compute the row after the report
         let is_gone = report.outcome.as_ref().is_ok_and(|painting| self.take_gone(zone, painting));
         let Some((_, row)) = self.board.zone(zone) else { return };
         let after = match &report.outcome {
@@ -57,6 +61,7 @@ impl Master {
                 .map(|accepted| ZoneRow { reasons: report.reasons.clone().or(accepted.reasons.clone()), ..accepted })
                 .map(|accepted| self.compared(row, accepted, painting, &message.sender)),
         };
+        // Measure how well the agent kept its promise
         let is_estimated = report
             .outcome
             .as_ref()
@@ -64,7 +69,8 @@ impl Master {
         let sender = self.roster.find(&message.sender);
         let taken = sender.and_then(|agent| self.roster.report(now, agent, sent));
         let measured = report.outcome.as_ref().ok().filter(|painting| painting.is_measured);
-        // What is expected before anybody has seen a zone is nobody's promise, and while something is loaded nothing is measured.
+        // Predictions before profiling are not the agent's promises, and times that include loading are not
+        // measurements.
         let taken = taken.filter(|_| is_estimated && row.state == ZoneState::Awarded);
         let promise = taken.zip(measured.filter(|painting| painting.was_ready)).map(|(taken, painting)| {
             let samples = painting.result.samples.saturating_sub(row.samples_done());
@@ -73,6 +79,7 @@ impl Master {
         if let (Some(sender), Some(painting), Ok(_)) = (sender, measured, &after) {
             self.worth.see(sender, row, painting);
         }
+        // Write the row and give the verdict on compared agents; or take the zone back and count the failure
         match after {
             Ok((row, verdict)) => {
                 self.pass_painted += row.time_measured.unwrap_or_default();
@@ -101,8 +108,8 @@ impl Master {
         }
     }
 
-    /// The zone's row after `agent` has failed on it: the rival's, if there is one. `None`: it stays as it is, for the
-    /// agent that took it over goes on. The failures of an agent that is left out for this one do not count against it.
+    /// The zone's row after a failure of `agent`. `None`: unchanged, because the agent that took it over continues. If
+    /// this failure excludes the agent, its failures do not count against the zone.
     pub(super) fn failed(&self, zone: ZoneId, agent: &AgentId) -> Option<ZoneRow> {
         let (_, row) = self.board.zone(zone)?;
         match (&row.agent, &row.rival) {
@@ -117,7 +124,7 @@ impl Master {
         }
     }
 
-    /// The zone's row after a valid report.
+    /// The zone's row after a valid report, or the reason to refuse it.
     fn accepted(&self, row: &ZoneRow, fence: Revision, painting: &Painting) -> Result<ZoneRow, &'static str> {
         let Some(work) = self.board.work() else { return Err("there is no work") };
         let Painting { choice, result, time_measured, busy, is_measured, goal, time_left, error, .. } = *painting;
@@ -151,7 +158,7 @@ impl Master {
         let wanted = match work.settings.goal {
             Goal::Samples => choice.samples,
             Goal::Error(_) => goal.clamp(result.samples, choice.samples),
-            // Until there is a plan.
+            // Until the next pass is planned
             Goal::Time(_) => result.samples,
         };
         let is_timed = matches!(work.settings.goal, Goal::Time(_)) && result.samples < choice.samples;
@@ -160,7 +167,8 @@ impl Master {
         Ok(if wanted > result.samples || is_timed {
             let goal = (work.settings.goal != Goal::Samples).then_some(wanted);
             let time_measured = Some(time_measured).filter(|_| !profiling || is_timed);
-            // Who loaded something meanwhile does not know how long the rest takes: others do, or the one who looked at the scene.
+            // An agent that loaded something during the painting does not know its speed: prefer the measurements of
+            // others, or the prediction.
             let left = choice.samples.saturating_sub(result.samples);
             let expected = || self.worth.of(None, row, left).or(row.time_estimated).unwrap_or(time_left);
             let time_estimated = Some(if is_measured { time_left } else { time_left.min(expected()) });
@@ -170,6 +178,7 @@ impl Master {
         })
     }
 
+    /// Processes the film's answer for a zone.
     pub(super) fn composed(
         &mut self,
         now: Time,
@@ -189,8 +198,8 @@ impl Master {
         }
     }
 
-    /// Somebody wants a zone painted again. What is in hand already, or has other samples by now, stays as it is: who asked twice
-    /// has it painted once.
+    /// Queues a finished zone to be painted again. A zone that is held, or has other samples by now, stays as it is, so
+    /// that a repeated request has no effect.
     pub(super) fn requeue(&mut self, now: Time, zone: ZoneId, fence: Option<Revision>, actions: &mut Vec<FarmAction>) {
         let is_free = self.begun && !self.stopping && !self.finished && !self.writes.contains_key(&zone);
         let row = self.board.zone(zone).filter(|_| is_free).map(|(_, row)| row);
@@ -200,12 +209,12 @@ impl Master {
         }
     }
 
-    /// The samples of a zone are nowhere.
+    /// Discards the lost samples of a zone and opens it again.
     fn lose(&mut self, now: Time, zone: ZoneId, asked: bool, actions: &mut Vec<FarmAction>) {
-        // Where it is being written it is painted again already, for the word of its painter counts no more.
+        // If a write is pending, the zone is painted again already, because its painter was found wrong.
         let is_free = asked && !self.writes.contains_key(&zone);
         if let Some((_, row)) = self.board.zone(zone).filter(|(_, row)| is_free && row.state == ZoneState::Done) {
-            // Paint it again, with the settings that its neighbours' bands were made for.
+            // Keep the settings, for which its neighbors' bands were made
             let attempt = row.attempt + 1;
             let state = if attempt < crate::ATTEMPTS_MAX { ZoneState::Open } else { ZoneState::Failed };
             let row = ZoneRow { state, attempt, result: None, time_measured: None, ..row.clone() };

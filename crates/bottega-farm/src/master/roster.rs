@@ -1,4 +1,4 @@
-//! The agents of a Master, in the orders in which they are asked.
+//! The roster: the agents of a Master, ordered for the selection of bidders, painters and helpers.
 
 use std::{collections::BTreeSet, time::Duration};
 
@@ -8,62 +8,63 @@ use rustc_hash::FxHashMap;
 use super::watched::{LongestOrder, WatchedZones};
 use crate::{AgentRow, Holding, MemberId, ZoneId, auction::Field};
 
-/// Agents that a Master takes at most.
+/// Maximum number of agents of a Master.
 pub(super) const MEMBERS_MAX: usize = 1 << 14;
-/// Zones to profile that an agent has in hand at most. They are short; more of them hide the way of a message.
+/// Maximum number of zones that an agent profiles at once. Profiles are short; several at once hide the latency of
+/// messages.
 const PROFILE_WINDOW: usize = 4;
 
-/// An agent needs another zone when this share of what it has in hand is not painted yet.
+/// An agent needs another zone when this share of its load is left.
 const AHEAD_SHARE: f64 = 0.25;
-/// And no later than this before it will have painted that.
+/// Minimum time before the end of its load at which it needs another zone.
 const AHEAD_MIN: Duration = Duration::from_millis(20);
 
-/// Later than anything.
+/// A time later than all others.
 fn never() -> Time {
     Time::since_start(Duration::MAX)
 }
 
-/// Agents that are looked at for one zone.
+/// Maximum number of free agents tested for one zone.
 const FREE_LOOKED_AT: usize = 64;
-/// Failures of an agent whose zones are remembered.
+/// Maximum number of remembered failures per agent.
 const FAILED_KEPT: usize = 16;
 
-/// One agent.
+/// A subscribed agent.
 #[derive(Clone, Debug)]
 pub(super) struct Member {
     pub(super) id: MemberId,
     pub(super) row: AgentRow,
-    /// Whether what it says of its speed is weighed by how far its promises held.
+    /// True if its reported speed is weighted by its reliability.
     weighs_promises: bool,
-    /// When it last said something.
+    /// Time of its last message.
     pub(super) heard: Time,
-    /// It refused, or said nothing: not asked before.
+    /// It refused or did not answer: not called before this time.
     rests_until: Option<Time>,
-    /// It refused, or said nothing, when it was last asked.
+    /// It refused, or did not answer, when it was last called.
     is_unwilling: bool,
-    /// It bid and won nothing: not asked again until something has changed.
+    /// It bid and won nothing: not called again until something changes.
     passed_over: bool,
-    /// The round in which its bid is awaited.
+    /// The round that waits for its bid.
     pub(super) round: Option<u64>,
-    /// Zones in hand, those too whose award is being written.
+    /// Number of zones it holds, including awards that are being written.
     hands: usize,
-    /// T_est of these.
+    /// The sum of their T_est.
     load: Duration,
-    /// When it will have painted them, as far as can be known.
+    /// The expected time at which it will have painted them.
     pub(super) ready: Time,
-    /// When it last reported on an order.
+    /// Time of its last report.
     reported: Time,
-    /// Its orders, as it tells of them.
+    /// Progress of its orders, from its heartbeats.
     watched: WatchedZones,
-    /// The orders that it has failed on since it last painted something.
+    /// Its failed orders since its last success.
     pub(super) failed: Vec<(ZoneId, Revision)>,
-    /// Of which composition of the roster it was told its neighbors.
+    /// The value of [`Roster::changes`] when its neighbors were last sent.
     told: u64,
-    /// Where it stands in the orders.
+    /// Its keys in the roster's orders.
     places: Places,
 }
 
-/// An agent's keys in the orders of the roster; `None`: it is not in that one.
+/// An agent's keys in the orders of the roster; `None`: not contained.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Places {
     free: Option<Time>,
@@ -71,7 +72,7 @@ struct Places {
     laden: Option<Time>,
 }
 
-/// Agents by a key. It is kept only while somebody asks for it: most of the time nobody does.
+/// Agents ordered by a key. Maintained only while in use, which is seldom.
 #[derive(Clone, Debug, Default)]
 struct Order<K> {
     agents: BTreeSet<(K, MemberId)>,
@@ -90,7 +91,7 @@ impl<K: Copy + Ord> Order<K> {
         self.agents.extend(after.map(|key| (key, id)));
     }
 
-    /// Somebody will ask.
+    /// Marks the order as in use; builds it from `all` if needed.
     fn keep(&mut self, all: impl Iterator<Item = (K, MemberId)>) {
         self.was_asked_for = true;
         if !self.is_kept {
@@ -99,7 +100,7 @@ impl<K: Copy + Ord> Order<K> {
         }
     }
 
-    /// Ends it unless somebody has asked since the last time.
+    /// Drops the order unless it was used since the last call.
     fn rest(&mut self) {
         if !std::mem::take(&mut self.was_asked_for) && std::mem::take(&mut self.is_kept) {
             self.agents.clear();
@@ -107,48 +108,48 @@ impl<K: Copy + Ord> Order<K> {
     }
 }
 
-/// All agents that are here.
+/// All agents of the Master.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Roster {
-    /// Zones that an agent has in hand before it is asked no more.
+    /// Maximum number of zones an agent may hold and still be called.
     window: usize,
-    /// Whether what agents say of their speed is weighed by how far their promises held.
+    /// True if reported speeds are weighted by reliability.
     weighs_promises: bool,
-    /// By number. Who has gone keeps its number; its place is empty.
+    /// By number. Agents that have left keep their number, with an empty slot.
     members: Vec<Option<Member>>,
     count: usize,
-    /// How often somebody has come or gone.
+    /// Number of arrivals and departures.
     changes: u64,
     names: Vec<AgentId>,
-    /// A hash map, for speed: never gone through.
+    /// A hash map for speed; never iterated.
     numbers: FxHashMap<AgentId, MemberId>,
-    /// Those who may bid, by when they need another zone: see [`Member::due`].
+    /// Agents that may bid, by the time at which they need another zone: see [`Member::due`].
     free: BTreeSet<(Time, MemberId)>,
-    /// Those who may profile, by how soon they would be through.
+    /// Agents that may profile, by the time they take for their profiles.
     profiling: Order<u64>,
-    /// Those who have zones in hand, by when they will have painted them.
+    /// Agents that hold zones, by the expected time at which they finish them.
     laden: Order<Time>,
     resting: BTreeSet<(Time, MemberId)>,
     passed_over: BTreeSet<MemberId>,
-    /// Speed and readiness of all, for the auction.
+    /// Speeds and loads of all agents, for the auction.
     field: Field,
 }
 
 impl Roster {
-    /// Nobody yet.
+    /// An empty roster.
     ///
-    /// - `window`: zones that an agent has in hand before it is asked no more.
-    /// - `weighs_promises`: whether what agents say of their speed is weighed by how far their promises held.
+    /// - `window`: maximum number of zones an agent may hold and still be called.
+    /// - `weighs_promises`: true to weight reported speeds by reliability.
     pub(super) fn new(window: usize, weighs_promises: bool) -> Self {
         Self { window, weighs_promises, ..Self::default() }
     }
 
-    /// The number of an agent that is here, or was, or that a row names.
+    /// The number of an agent that is here, has been here, or is named in a row.
     pub(super) fn find(&self, agent: &AgentId) -> Option<MemberId> {
         self.numbers.get(agent).copied()
     }
 
-    /// The same; the agent gets a number if it has none.
+    /// The number of an agent; a new one if it has none.
     pub(super) fn number(&mut self, agent: &AgentId) -> MemberId {
         self.find(agent).unwrap_or_else(|| {
             let id = MemberId(u32::try_from(self.names.len()).expect("fewer than 2³² agents"));
@@ -159,12 +160,12 @@ impl Roster {
         })
     }
 
-    /// The name of a number that was given.
+    /// The name of a numbered agent.
     pub(super) fn name(&self, id: MemberId) -> &AgentId {
         &self.names[id.index()]
     }
 
-    /// Takes an agent, or what is new of it. `None`: there is no room.
+    /// Adds an agent or updates its row. `None`: the roster is full.
     pub(super) fn join(&mut self, now: Time, row: AgentRow) -> Option<MemberId> {
         let known = self.find(&row.agent).filter(|id| self.members[id.index()].is_some());
         if known.is_none() && self.count >= MEMBERS_MAX {
@@ -186,6 +187,7 @@ impl Roster {
         Some(id)
     }
 
+    /// Removes an agent.
     pub(super) fn leave(&mut self, id: MemberId) -> Option<Member> {
         let member = self.members[id.index()].take()?;
         self.count -= 1;
@@ -199,7 +201,7 @@ impl Roster {
         Some(member)
     }
 
-    /// Puts an agent into the orders where it belongs now.
+    /// Updates an agent's keys in all orders.
     fn place(&mut self, id: MemberId) {
         let Some(member) = self.members[id.index()].as_mut() else { return };
         let own = member.own();
@@ -226,39 +228,39 @@ impl Roster {
         }
     }
 
-    /// Lets go of the orders that nobody has asked for since the last time.
+    /// Drops the orders not used since the last call.
     pub(super) fn rest_orders(&mut self) {
         self.profiling.rest();
         self.laden.rest();
         self.field.rest();
     }
 
-    /// An agent that is here.
+    /// A present agent.
     pub(super) fn get(&self, id: MemberId) -> Option<&Member> {
         self.members[id.index()].as_ref()
     }
 
-    /// An agent that is here, by name.
+    /// A present agent, by name.
     pub(super) fn get_by_name(&self, agent: &AgentId) -> Option<&Member> {
         self.find(agent).and_then(|id| self.get(id))
     }
 
-    /// An agent has spoken.
+    /// Notes that an agent has sent a message.
     pub(super) fn hear(&mut self, now: Time, id: MemberId) {
         if let Some(member) = self.members[id.index()].as_mut() {
             member.heard = now;
         }
     }
 
-    /// Changes what an agent's row says. Returns the row.
+    /// Changes an agent's row. Returns the new row.
     pub(super) fn update(&mut self, id: MemberId, change: impl FnOnce(&mut AgentRow)) -> Option<&AgentRow> {
         change(&mut self.members[id.index()].as_mut()?.row);
         self.place(id);
         self.get(id).map(|member| &member.row)
     }
 
-    /// What an agent has in hand from now on. What is new begins behind what it had; when something is finished it is
-    /// taken to begin with the rest.
+    /// Sets the number of zones that an agent holds and the sum of their T_est. New zones start after those it held;
+    /// when one is finished, the expected time is computed again from now.
     pub(super) fn set_hands(&mut self, now: Time, id: MemberId, (hands, load): (usize, Duration)) {
         let Some(member) = self.members[id.index()].as_mut() else { return };
         if (hands, load) == (member.hands, member.load) {
@@ -277,7 +279,7 @@ impl Roster {
         self.place(id);
     }
 
-    /// The bid of these agents is awaited in a round.
+    /// Marks agents as called in a round.
     pub(super) fn call(&mut self, round: u64, agents: &[MemberId]) {
         for &id in agents {
             if let Some(member) = self.members[id.index()].as_mut() {
@@ -287,7 +289,7 @@ impl Roster {
         }
     }
 
-    /// An agent's round is over.
+    /// Marks an agent's round as over.
     pub(super) fn release(&mut self, id: MemberId) {
         if let Some(member) = self.members[id.index()].as_mut() {
             member.round = None;
@@ -295,7 +297,7 @@ impl Roster {
         }
     }
 
-    /// An agent refused or said nothing: it is not asked before `until`.
+    /// Notes that an agent refused or did not answer: it is not called before `until`.
     pub(super) fn rest(&mut self, id: MemberId, until: Time) {
         if let Some(member) = self.members[id.index()].as_mut() {
             if let Some(before) = member.rests_until.replace(until) {
@@ -307,14 +309,14 @@ impl Roster {
         }
     }
 
-    /// An agent has bid.
+    /// Notes that an agent has bid.
     pub(super) fn note_bid(&mut self, id: MemberId) {
         if let Some(member) = self.members[id.index()].as_mut() {
             member.is_unwilling = false;
         }
     }
 
-    /// An agent bid and won nothing. If it needs a zone, it is not asked again until something has changed.
+    /// Notes that an agent bid and won nothing. If it needs a zone, it is not called again until something changes.
     pub(super) fn pass_over(&mut self, now: Time, id: MemberId) {
         if let Some(member) = self.members[id.index()].as_mut().filter(|member| member.due() <= now) {
             member.passed_over = true;
@@ -323,7 +325,7 @@ impl Roster {
         }
     }
 
-    /// An agent that was passed over may bid again.
+    /// Lets an agent bid again that was passed over.
     pub(super) fn reconsider(&mut self, id: MemberId) {
         if let Some(member) = self.members[id.index()].as_mut().filter(|member| member.passed_over) {
             member.passed_over = false;
@@ -332,7 +334,7 @@ impl Roster {
         }
     }
 
-    /// Something has changed: who was passed over may bid again, but for `except`.
+    /// Lets all agents bid again that were passed over, except those in `except`.
     pub(super) fn ask_again(&mut self, except: &BTreeSet<MemberId>) {
         for id in std::mem::take(&mut self.passed_over) {
             if except.contains(&id) {
@@ -344,7 +346,7 @@ impl Roster {
         }
     }
 
-    /// Who has rested long enough may bid again.
+    /// Lets agents bid again whose rest is over.
     pub(super) fn wake(&mut self, now: Time) {
         while let Some((until, id)) = self.resting.first().filter(|(until, _)| *until <= now).copied() {
             self.resting.remove(&(until, id));
@@ -355,12 +357,12 @@ impl Roster {
         }
     }
 
-    /// Takes how far the orders of an agent are: see [`WatchedZones::see`].
+    /// Takes in the progress of an agent's orders: see [`WatchedZones::see`].
     pub(super) fn watch(&mut self, now: Time, id: MemberId, hands: &[Holding]) -> Option<LongestOrder> {
         self.members[id.index()].as_mut()?.watched.see(now, hands)
     }
 
-    /// An agent has failed on an order. Returns whether that was not known.
+    /// Notes that an agent failed on an order. Returns true if this is new.
     pub(super) fn note_failure(&mut self, id: MemberId, order: (ZoneId, Revision)) -> bool {
         let member = self.members[id.index()].as_mut().filter(|member| !member.failed.contains(&order));
         let is_new = member.is_some();
@@ -372,20 +374,21 @@ impl Roster {
         is_new
     }
 
-    /// An agent has painted something.
+    /// Clears an agent's failures, after a success.
     pub(super) fn forget_failures(&mut self, id: MemberId) {
         if let Some(member) = self.members[id.index()].as_mut() {
             member.failed.clear();
         }
     }
 
-    /// Whether an agent may be given another zone.
+    /// True if an agent may be given another zone.
     pub(super) fn has_room(&self, id: MemberId) -> bool {
         self.get(id).is_some_and(|member| member.hands < self.window)
     }
 
-    /// The neighbors of an agent, if others have come or gone since it was told of them: all others where they are few, else
-    /// those at distances of powers of two around the ring of numbers, so that work spreads to everybody in few steps.
+    /// The neighbors of an agent, if they have changed since they were last sent: all other agents if they are few,
+    /// else those at distances of powers of two around the ring of numbers, so that work reaches every agent in few
+    /// steps.
     pub(super) fn new_neighbors(&mut self, id: MemberId, count_max: usize) -> Option<Vec<MemberId>> {
         let changes = self.changes;
         let member = self.members[id.index()].as_mut().filter(|member| member.told != changes)?;
@@ -404,93 +407,93 @@ impl Roster {
         Some(neighbors)
     }
 
-    /// How many are here.
+    /// Number of agents.
     pub(super) fn count(&self) -> usize {
         self.count
     }
 
-    /// All who are here.
+    /// All agents.
     pub(super) fn iter(&self) -> impl Iterator<Item = &Member> {
         self.members.iter().flatten()
     }
 
-    /// Their names.
+    /// The names of all agents.
     pub(super) fn present(&self) -> Vec<AgentId> {
         self.iter().map(|member| member.row.agent.clone()).collect()
     }
 
-    /// Agents that have said nothing since `since`.
+    /// Agents without a message since `since`.
     pub(super) fn silent(&self, since: Time) -> Vec<MemberId> {
         self.iter().filter(|member| member.heard < since).map(|member| member.id).collect()
     }
 
-    /// Of those who have room for a zone to profile the one that would be through first.
+    /// The agent that can profile another zone soonest.
     pub(super) fn freest(&mut self) -> Option<MemberId> {
         let all = self.members.iter().flatten();
         self.profiling.keep(all.filter_map(|member| Some((member.places.profiling?, member.id))));
         self.profiling.agents.first().map(|(_, id)| *id)
     }
 
-    /// Who may bid, those first who need another zone first; `count_max` of them.
+    /// Agents that may bid, those that need a zone soonest first; at most `count_max`.
     pub(super) fn bidders(&self, count_max: usize) -> Vec<MemberId> {
         self.free.iter().take(count_max).map(|(_, id)| *id).collect()
     }
 
-    /// The first to be idle of those who may bid and of whom `is_wanted` holds, as far as is looked.
+    /// The first free agent for which `is_wanted` holds, among the first [`FREE_LOOKED_AT`].
     pub(super) fn first_free(&self, is_wanted: impl Fn(&AgentId) -> bool) -> Option<MemberId> {
         let free = self.free.iter().take(FREE_LOOKED_AT).map(|(_, id)| *id);
         free.into_iter().find(|id| is_wanted(self.name(*id)))
     }
 
-    /// Whether anybody was passed over and not asked again since.
+    /// True if an agent is passed over.
     pub(super) fn has_passed_over(&self) -> bool {
         !self.passed_over.is_empty()
     }
 
-    /// Whether anybody may bid.
+    /// True if an agent may bid.
     pub(super) fn has_free(&self) -> bool {
         !self.free.is_empty()
     }
 
-    /// When the next of those who may bid needs another zone.
+    /// The time at which the next agent that may bid needs a zone.
     pub(super) fn next_due(&self) -> Option<Time> {
         self.free.first().map(|(due, _)| *due).filter(|due| *due < never())
     }
 
-    /// Whether anybody who may bid needs another zone.
+    /// True if an agent that may bid needs a zone now.
     pub(super) fn is_due(&self, now: Time) -> bool {
         self.next_due().is_some_and(|due| due <= now)
     }
 
-    /// An agent has reported on an order. Returns how long it had it, by this Master's clock.
+    /// Notes a report of an agent. Returns the time since its order, by this Master's clock.
     ///
-    /// - `sent`: when the order was given, if that is known; else it was given before the last report.
+    /// - `sent`: the time of the order; `None`: unknown, and the last report counts instead.
     pub(super) fn report(&mut self, now: Time, id: MemberId, sent: Option<Time>) -> Option<Duration> {
         let member = self.members[id.index()].as_mut()?;
         let before = std::mem::replace(&mut member.reported, now);
         Some(now - sent.map_or(before, |sent| sent.max(before)))
     }
 
-    /// Some of those who have nothing at all to do.
+    /// Up to `count_max` idle agents.
     pub(super) fn idle(&self, count_max: usize) -> Vec<MemberId> {
         let free = self.free.iter().filter_map(|(_, id)| self.get(*id));
         free.filter(|member| member.is_idle()).take(count_max).map(|member| member.id).collect()
     }
 
-    /// To be called before [`Self::laggards`].
+    /// Prepares [`Self::laggards`]; must be called first.
     pub(super) fn keep_laggards(&mut self) {
         let all = self.members.iter().flatten();
         self.laden.keep(all.filter_map(|member| Some((member.places.laden?, member.id))));
     }
 
-    /// Those who will need longest, and those who need longer than was expected.
+    /// The agents that are late, and those that will finish last.
     pub(super) fn laggards(&self, now: Time, count_max: usize) -> impl Iterator<Item = &Member> {
         let late = self.laden.agents.iter().take_while(move |(ready, _)| *ready < now).take(count_max);
         let last = self.laden.agents.iter().rev().take_while(move |(ready, _)| *ready >= now).take(count_max);
         late.chain(last).filter_map(|(_, id)| self.get(*id))
     }
 
-    /// Speed and readiness of all who could take a zone.
+    /// Speeds and loads of all agents that could take a zone.
     pub(super) fn field(&self) -> &Field {
         &self.field
     }
@@ -518,44 +521,44 @@ impl Member {
         }
     }
 
-    /// Whether it has nothing at all to do, and would do something.
+    /// True if it holds nothing, is in no round and is not resting.
     pub(super) fn is_idle(&self) -> bool {
         self.hands == 0 && self.rests_until.is_none() && self.round.is_none()
     }
 
-    /// Whether it did not refuse when it was last asked.
+    /// True if it did not refuse when it was last called.
     pub(super) fn is_willing(&self) -> bool {
         !self.is_unwilling
     }
 
-    /// Whether it bid and won nothing, and nothing has changed since.
+    /// True if it bid and won nothing, and nothing has changed since.
     pub(super) fn is_passed_over(&self) -> bool {
         self.passed_over
     }
 
-    /// Its own time for a second of the reference machine's, all its processors together, as it says.
+    /// Own seconds per second of the reference machine, with all its processors together, as it reports them.
     pub(super) fn promised_own(&self) -> f64 {
         self.row.power.get() / self.row.lanes.max(1e-6)
     }
 
-    /// The same, as it is believed.
+    /// The same, weighted by its reliability.
     pub(super) fn own(&self) -> f64 {
         self.promised_own() / self.worth()
     }
 
-    /// What its word is worth.
+    /// The factor on its promises: see [`Credit::worth`](crate::Credit::worth).
     pub(super) fn worth(&self) -> f64 {
         if self.weighs_promises { self.row.credit.worth() } else { 1.0 }
     }
 
-    /// When it needs another zone: a while before it will have painted what it has in hand, for it may be faster than was
-    /// thought, and an award takes its time.
+    /// The time at which it needs another zone: some time before it finishes what it holds, because it may be faster
+    /// than expected and an award takes time.
     fn due(&self) -> Time {
         if self.hands == 0 {
             return self.ready;
         }
         if self.load.is_zero() {
-            // It looks at zones of which nobody knows how long they take; that is short.
+            // It holds only profiles, which are short and of unknown length
             return never();
         }
         let load = crate::adaptation::scaled(self.load, self.own());

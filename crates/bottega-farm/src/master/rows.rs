@@ -5,7 +5,7 @@ use bottega_agents::Entry;
 use super::{ledger::Holders, roster::Member, *};
 use crate::compare_and_set;
 
-/// Agents whose credit is written at one look.
+/// Maximum number of agents whose credit is written per check.
 const CREDITS_AT_ONCE: usize = 32;
 
 impl Master {
@@ -25,7 +25,8 @@ impl Master {
         FarmAction::Store { ticket, request: compare_and_set(&self.keys, Revision::ABSENT, value.clone()) }
     }
 
-    /// Takes an answer of the store. Returns whether it was news: most writes are told of twice, by the answer and by the watch.
+    /// Processes a reply of the store. Returns true if it was new: most writes arrive twice, as a reply and through the
+    /// subscription.
     pub(super) fn handle_store(
         &mut self,
         now: Time,
@@ -34,7 +35,7 @@ impl Master {
         actions: &mut Vec<FarmAction>,
     ) -> bool {
         if let Some(value) = self.kept.remove(&ticket) {
-            // Written, or there already; the watch reports it.
+            // Written, or it existed already; the subscription delivers it
             if reply == StoreReply::Unavailable {
                 actions.push(self.put_kept(ticket, &value));
                 self.kept.insert(ticket, value);
@@ -53,10 +54,11 @@ impl Master {
                 if let Some(Entry { revision, value, .. }) = entry {
                     self.see(now, revision, value, actions);
                 }
-                // Somebody else wrote this row, and not what was to be written.
+                // Another Master wrote this row with other content
                 self.end_write(now, zone);
             }
-            // A watch from before this Master began again tells of changes, and not that all was told.
+            // A subscription from before a restart still delivers changes, but its end of the existing rows does not
+            // count
             StoreReply::CaughtUp => self.caught_up |= ticket == self.watch,
             StoreReply::Unavailable => self.repeat_write(ticket, actions),
             StoreReply::Got { .. } => return false,
@@ -64,14 +66,14 @@ impl Master {
         true
     }
 
-    /// Takes in a row. It may be the one that is being written, seen by the watch before the answer or instead of it. Returns
-    /// whether it was news.
+    /// Processes a row. It may be the pending one, delivered by the subscription before or instead of the reply.
+    /// Returns true if it was new.
     fn see(&mut self, now: Time, revision: Revision, value: FarmValue, actions: &mut Vec<FarmAction>) -> bool {
         match value {
             FarmValue::Zone(row) => self.see_zone(now, revision, &row, actions),
             FarmValue::Agent(row) => {
-                // If it is not here it is known from an earlier life of this Master; its lease begins anew. What comes later
-                // this Master has written itself, of one that has gone meanwhile.
+                // An agent that is not here is known from before a restart of the Master, and its lease begins again.
+                // Rows that arrive later were written by this Master itself, for agents that may have left meanwhile.
                 let is_out = self.left_out.contains_key(&row.agent);
                 let is_new = !is_out && self.roster.get_by_name(&row.agent).is_none();
                 if is_new && row.left_out.is_some() {
@@ -94,6 +96,7 @@ impl Master {
         }
     }
 
+    /// Processes the row of a zone: updates the counts and completes a pending write.
     fn see_zone(&mut self, now: Time, revision: Revision, row: &Arc<ZoneRow>, actions: &mut Vec<FarmAction>) -> bool {
         let zone = row.zone;
         if !self.board.is_news(zone, revision) {
@@ -111,7 +114,7 @@ impl Master {
         self.composition.see(row);
         self.doubt(row);
         self.note_cut(row);
-        // A zone has come to wait, or somebody has less to do: those who bid in vain may be the next to have one soonest.
+        // The zone may be open, or its agent has less load: agents that bid in vain may bid again
         if matches!(row.state, ZoneState::Profiled | ZoneState::Done | ZoneState::Failed) {
             self.recalls = true;
             self.in_vain.clear();
@@ -128,6 +131,7 @@ impl Master {
         true
     }
 
+    /// Updates the ledger with a row.
     fn count(&mut self, now: Time, row: &ZoneRow) {
         let mut holders: Holders = [None; 2];
         for (place, agent) in holders.iter_mut().zip(row.holders()) {
@@ -146,7 +150,7 @@ impl Master {
         self.roster.set_hands(now, agent, self.ledger.load(agent));
     }
 
-    /// Writes a zone's row only if it is still as it was seen. There is one write for a zone at a time.
+    /// Writes a zone's row if its revision is unchanged. One write per zone at a time.
     pub(super) fn write(
         &mut self,
         now: Time,
@@ -165,7 +169,7 @@ impl Master {
         assert!(before.is_none(), "there is one write for a zone at a time");
     }
 
-    /// The store did not answer, and may have written or not. The same write again finds out.
+    /// Repeats a write after the store did not reply, whether or not it was done.
     fn repeat_write(&mut self, ticket: Ticket, actions: &mut Vec<FarmAction>) {
         let Some(zone) = self.tickets.remove(&ticket) else { return };
         let again = Ticket(self.number());
@@ -176,7 +180,7 @@ impl Master {
         actions.push(FarmAction::Store { ticket: again, request });
     }
 
-    /// A write has ended, well or not: from now on the zone counts as the Blackboard has it.
+    /// Ends a write, successful or not: the zone counts again as on the Blackboard.
     fn end_write(&mut self, now: Time, zone: ZoneId) -> Option<Write> {
         let write = self.writes.remove(&zone);
         if let Some(write) = &write {
@@ -190,6 +194,7 @@ impl Master {
         write
     }
 
+    /// Takes the action that follows a successful write.
     fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
         match write.then {
             RowFollowUp::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
@@ -211,7 +216,8 @@ impl Master {
         }
     }
 
-    /// Credit rises or falls in proportion to T_est − T. It is on the Blackboard soon: see [`Self::write_credits`].
+    /// Updates the agent's credit in proportion to T_est − T. It reaches the Blackboard later: see
+    /// [`Self::write_credits`].
     fn credit(&mut self, row: &ZoneRow, promise: Option<KeptPromise>, actions: &mut Vec<FarmAction>) {
         let (Some(estimated), Some(promise), Some(agent)) = (row.time_estimated, promise, &row.agent) else { return };
         let KeptPromise { taken, worth } = promise;
@@ -225,8 +231,8 @@ impl Master {
         }
     }
 
-    /// Writes the credit of some of those whose credit has changed, the one that has waited longest first. A row after
-    /// each zone would be as many writes again as the zones themselves are, and what is lost with a Master is little.
+    /// Writes the changed credits of some agents, those that have waited longest first. A write after each zone would
+    /// double the number of writes, and little is lost with a Master.
     pub(super) fn write_credits(&mut self, actions: &mut Vec<FarmAction>) {
         for _ in 0..CREDITS_AT_ONCE {
             let Some(id) = self.credits_due.pop_front() else { return };
@@ -237,7 +243,7 @@ impl Master {
         }
     }
 
-    /// An agent's credit, power or lanes are on the Blackboard.
+    /// Writes an agent's row to the Blackboard.
     pub(super) fn put_agent(&mut self, row: AgentRow, actions: &mut Vec<FarmAction>) {
         let (key, ticket) = (self.keys.agent(&row.agent), Ticket(self.number()));
         let row = Arc::new(row);

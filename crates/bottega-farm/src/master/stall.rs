@@ -1,14 +1,13 @@
-//! The watch over zones that wait while an agent is free: a Master that gives it none has lost its way, and begins again from what
-//! the Blackboard says.
+//! Stalls: zones wait although an agent is free. The Master then restarts from the Blackboard.
 
 use super::{roster::Member, *};
 
 impl Master {
-    /// How many zones wait for an agent, and how many agents are free for one; `None`: there are none of either. A zone whose order is
-    /// not on the Blackboard yet waits, and an agent is free that has no others.
+    /// The number of zones that wait for an agent and of agents that are free; `None` if either is zero. A zone whose
+    /// order is not on the Blackboard yet counts as waiting, and an agent without other orders as free.
     ///
-    /// An agent that refuses zones is not free. While others paint, neither is one that the auction has just passed over, because another
-    /// agent would finish the zone sooner.
+    /// An agent that refuses zones is not free. While others paint, neither is one that was passed over because another
+    /// agent finishes the zone sooner.
     fn waits_in_vain(&self) -> Option<(usize, usize)> {
         let mut ordered: BTreeMap<MemberId, usize> = BTreeMap::new();
         let mut being_given = 0;
@@ -33,7 +32,8 @@ impl Master {
         (free > 0).then_some((zones, free))
     }
 
-    /// Restarts this Master from the Blackboard when zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER) though an agent is free.
+    /// Restarts this Master from the Blackboard if zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER)
+    /// although an agent is free.
     pub(super) fn watch_stall(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let is_at_work = self.begun && !self.stopping && !self.finished;
         let in_vain = if is_at_work { self.waits_in_vain() } else { None };
@@ -43,14 +43,14 @@ impl Master {
             actions.push(FarmAction::Effect(FarmEffect::Stalled { waited, zones, free }));
             self.must_begin_again = true;
         }
-        // What the film is being given must not come into the next one.
+        // Wait until the film has answered, so that no tile of the old film enters the next one
         if self.must_begin_again && self.composition.composing_count() == 0 {
             self.begin_again(now, actions);
         }
     }
 
-    /// Forgets everything, as if this Master had died, and reads the Blackboard. Numbers go on, so that no answer to what was asked
-    /// before is taken for another.
+    /// Resets this Master to its initial state and reads the Blackboard again. Numbers continue, so that late replies
+    /// do not match new requests.
     fn begin_again(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let mut fresh = Self::new(self.config.clone());
         fresh.last_number = self.last_number;

@@ -1,15 +1,15 @@
-//! Agents that fail often on a work are left out of it.
+//! Exclusion of agents that fail often.
 
 use super::{members::Departure, *};
 
-/// An agent is left out when it has failed so often without having painted anything in between.
+/// Number of consecutive failures after which an agent is excluded.
 const FAILURES_MAX: u32 = 3;
-/// Tiles of an agent that could not be had or used, without one in between that could.
+/// Number of consecutive lost or unusable tiles after which an agent is excluded.
 const LOST_MAX: u32 = 3;
 
 impl Master {
-    /// An agent has failed on an order. Who fails often is left out, unless nobody else is here: then the zone is given up in
-    /// the end, and that is told.
+    /// Counts a failure of an agent. After too many it is excluded, unless it is the only one: then the zone is given
+    /// up in the end, and reported.
     pub(super) fn strike(
         &mut self,
         now: Time,
@@ -18,7 +18,7 @@ impl Master {
         reason: &str,
         actions: &mut Vec<FarmAction>,
     ) {
-        // Who hears no answer tells it again.
+        // An agent without a reply repeats its report
         let Some(id) = self.roster.find(agent).filter(|&id| self.roster.note_failure(id, order)) else { return };
         let Some(row) = self.roster.update(id, |row| row.failures = row.failures.saturating_add(1)) else { return };
         let row = row.clone();
@@ -29,7 +29,7 @@ impl Master {
         self.put_agent(row, actions);
     }
 
-    /// An agent has fallen silent. Who does so again and again with orders in hand, and paints nothing, fails.
+    /// Counts a failure of an agent that fell silent while it held orders.
     pub(super) fn strike_silent(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
         let name = self.roster.name(agent).clone();
         if let Some(order) = self.orders_of(agent, &[]).first() {
@@ -37,13 +37,13 @@ impl Master {
         }
     }
 
-    /// Whether the next failure of an agent has it left out.
+    /// True if the next failure of an agent excludes it.
     pub(super) fn is_last_straw(&self, agent: &AgentId) -> bool {
         let member = self.roster.get_by_name(agent);
         member.is_some_and(|member| member.row.failures + 1 >= FAILURES_MAX) && self.roster.count() > 1
     }
 
-    /// An agent has painted something.
+    /// Clears the failures of an agent that has painted something.
     pub(super) fn succeed(&mut self, agent: &AgentId, actions: &mut Vec<FarmAction>) {
         let failed = self.roster.get_by_name(agent).filter(|member| member.row.failures > 0);
         let Some(id) = failed.map(|member| member.id) else { return };
@@ -54,7 +54,7 @@ impl Master {
         }
     }
 
-    /// What an agent has painted is in the film, or could not be had or used.
+    /// Counts a tile of an agent that was composed, or was lost or unusable.
     pub(super) fn judge_tile(&mut self, now: Time, agent: &AgentId, lost: Option<&str>, actions: &mut Vec<FarmAction>) {
         if lost.is_none() && self.lost.is_empty() {
             return;
@@ -72,8 +72,8 @@ impl Master {
         }
     }
 
-    /// The Master does not call an agent any more, and takes nothing from it. What it had in hand is open again, and its
-    /// failures do not count against the zones.
+    /// Excludes an agent for its failures: it is not called again, and nothing is accepted from it. Its zones are open
+    /// again, and its failures do not count against them.
     pub(super) fn leave_out(&mut self, now: Time, agent: MemberId, reason: String, actions: &mut Vec<FarmAction>) {
         let Some(row) = self.roster.get(agent).map(|member| member.row.clone()) else { return };
         for (zone, row) in self.forgiven(agent) {
@@ -85,9 +85,9 @@ impl Master {
         self.exclude(now, agent, AgentRow { failures, ..row }, reason, actions);
     }
 
-    /// From now on an agent is on no list, and refused.
+    /// Excludes an agent and refuses it from now on.
     ///
-    /// - `row`: what is known of it.
+    /// - `row`: the known row of the agent.
     pub(super) fn exclude(
         &mut self,
         now: Time,
@@ -110,7 +110,7 @@ impl Master {
         self.dismiss(now, agent, Departure::Goodbye, actions);
     }
 
-    /// The rows of zones on which an agent failed, without that.
+    /// The rows of zones on which an agent failed, without those attempts.
     fn forgiven(&self, agent: MemberId) -> Vec<(ZoneId, ZoneRow)> {
         let zones = self.roster.get(agent).map_or(&[][..], |member| &member.failed);
         let mut forgiven: Vec<(ZoneId, ZoneRow)> = Vec::new();
@@ -126,12 +126,12 @@ impl Master {
         forgiven
     }
 
-    /// Whether one that is left out has done nothing worse than to fail.
+    /// True if an excluded agent only failed, and was not found wrong.
     pub(super) fn only_failed(row: &AgentRow) -> bool {
         row.failures >= FAILURES_MAX
     }
 
-    /// Why an agent is left out, if it is. One that only failed is taken again when there is nobody else.
+    /// The reason why an agent is excluded, if it is. An agent that only failed is accepted again if there is no other.
     pub(super) fn refused(&mut self, agent: &AgentId) -> Option<String> {
         let row = self.left_out.get(agent)?;
         if Self::only_failed(row) && self.roster.count() == 0 {

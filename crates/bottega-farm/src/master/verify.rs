@@ -1,25 +1,26 @@
-//! Works among agents that are not trusted: what one paints is compared with what others make of the same.
+//! Verification among untrusted agents: compares the paintings of several agents.
 //!
-//! A step of a zone is accepted when so many agents of different machines as the user asks for made the same of it: bit for
-//! bit, or by the look of it where an engine gives no two of them the same bits. Profiles always are; the painting that ends a zone may be accepted on the word of one agent that was right often, and
-//! then a share of it is compared all the same, chosen by a hash that only this Master can compute. Who is found wrong is left
-//! out, and what was accepted on its word is painted again.
+//! A step of a zone is accepted when the requested number of agents on different machines agree on it, bit for bit, or
+//! by its look if the engine is not bit-identical between agents. Profiles are always compared. The final painting of
+//! an agent that was often right may be accepted alone; a share of these is compared anyway, selected by a hash that
+//! only this Master can compute. An agent found wrong is excluded, and everything accepted on its word alone is painted
+//! again.
 
 use super::*;
 use crate::Vote;
 
-/// An agent that was found right so often may be believed.
+/// Number of confirmed paintings from which an agent may be believed.
 const BELIEVED_FROM: u32 = 10;
-/// So much of what is painted is compared, whoever painted it.
+/// Minimum share of paintings that is compared, for any agent.
 const COMPARED_MIN: f64 = 0.1;
-/// Zones to compare that are looked at after an event: the largest, and the next in turn.
+/// Zones to compare that are tested after each event: the most complex ones, and the next in rotation.
 const LARGEST_LOOKED_AT: usize = 8;
 const NEXT_LOOKED_AT: usize = 16;
 
-/// It is told when there are too few machines at so many looks in a row.
+/// Number of consecutive checks with too few machines before it is reported.
 const LACKING_MAX: u32 = 10;
 
-/// Who was found right or wrong.
+/// The agents found right and wrong by a comparison.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verdict {
     right: Vec<AgentId>,
@@ -27,13 +28,14 @@ pub(super) struct Verdict {
 }
 
 impl Master {
+    /// True if paintings are compared.
     pub(super) fn verifies(&self) -> bool {
         self.config.verify > 1
     }
 
-    /// The row after a report that is sound as such: accepted, or waiting for what others make of it.
+    /// The row after a valid report: accepted, or waiting for further votes.
     ///
-    /// - `accepted`: the row after it, if the agent is believed.
+    /// - `accepted`: the row if the report is accepted.
     pub(super) fn compared(
         &self,
         before: &ZoneRow,
@@ -48,17 +50,21 @@ impl Master {
         let zone = before.zone;
         let is_there = |vote: &Vote| !self.is_gone(zone, &vote.painting);
         let counts = |vote: &&Vote| vote.agent != *agent && !self.is_wrong(&vote.agent) && is_there(vote);
+        // Collect the votes that count, including the new one
         let mut votes: Vec<Vote> = before.votes.iter().filter(counts).cloned().collect();
         votes.push(Vote { agent: agent.clone(), painting: *painting });
+        // Split them into those that agree with the report and those that do not
         let (same, other): (Vec<&Vote>, Vec<&Vote>) =
             votes.iter().partition(|vote| vote.agent == *agent || self.is_same(zone, painting, &vote.painting));
         let is_last = accepted.state == ZoneState::Done;
         let is_believed = || is_last && other.is_empty() && same.iter().any(|vote| self.believes(vote, zone));
+        // Wait for further votes, unless enough agree or the agent is believed
         if same.len() < self.config.verify as usize && !is_believed() {
             let state = if before.state == ZoneState::Profiling { ZoneState::Open } else { ZoneState::Profiled };
             let agent = accepted.agent;
             return (ZoneRow { state, agent, rival: None, votes, ..before.clone() }, Verdict::default());
         }
+        // Take the median of T_est of those that agree
         let mut times: Vec<Duration> = same.iter().map(|vote| vote.painting.time_left).collect();
         times.sort_unstable();
         let time_left = times.get((times.len() - 1) / 2).copied();
@@ -71,8 +77,8 @@ impl Master {
         (ZoneRow { votes: Vec::new(), word_of, time_estimated, ..accepted }, verdict)
     }
 
-    /// Whether an agent's word is enough for what it painted: it was right often, and this is not among what is compared
-    /// all the same. The more often it was right, the less that is.
+    /// True if an agent's painting is accepted without comparison: it was right often enough, and the painting is not
+    /// in the random share that is compared anyway. That share falls with the number of confirmed paintings.
     fn believes(&self, vote: &Vote, zone: ZoneId) -> bool {
         let member = self.roster.get_by_name(&vote.agent).map(|member| &member.row);
         let agreed = member.or_else(|| self.board.agent(&vote.agent)).map_or(0, |row| row.agreed);
@@ -90,7 +96,7 @@ impl Master {
         f64::from(u32::from_le_bytes(bits)) >= share * f64::from(u32::MAX)
     }
 
-    /// Remembers who was right, and leaves out who was wrong.
+    /// Counts confirmed paintings, and excludes agents found wrong.
     pub(super) fn pronounce(&mut self, now: Time, zone: ZoneId, verdict: &Verdict, actions: &mut Vec<FarmAction>) {
         for agent in &verdict.right {
             let Some(id) = self.roster.find(agent) else { continue };
@@ -104,7 +110,7 @@ impl Master {
         }
     }
 
-    /// An agent has painted something wrong: nothing that rests on its word alone counts any more.
+    /// Excludes an agent that painted something wrong, and discards everything accepted on its word alone.
     fn convict(&mut self, now: Time, agent: &AgentId, reason: String, actions: &mut Vec<FarmAction>) {
         if self.is_wrong(agent) {
             return;
@@ -118,25 +124,25 @@ impl Master {
         self.doubt_all();
     }
 
-    /// Whether an agent is left out because it painted something wrong, not for failing.
+    /// True if an agent is excluded for a wrong painting, not for failures.
     pub(super) fn is_wrong(&self, agent: &AgentId) -> bool {
         !self.left_out.is_empty() && self.left_out.get(agent).is_some_and(|row| !Self::only_failed(row))
     }
 
-    /// Whether a row rests on the word of one that was found wrong, or counts it.
+    /// True if a row depends on an agent found wrong, or counts its vote.
     fn is_dubious(&self, row: &ZoneRow) -> bool {
         let mut said = row.votes.iter().map(|vote| &vote.agent).chain(&row.word_of);
         said.any(|agent| self.is_wrong(agent))
     }
 
-    /// A row has been seen. Cheap where nobody was found wrong.
+    /// Checks a new row. Cheap unless an agent was found wrong.
     pub(super) fn doubt(&mut self, row: &ZoneRow) {
         if self.verifies() && !self.left_out.is_empty() && self.is_dubious(row) {
             self.dubious.push(row.zone);
         }
     }
 
-    /// Looks at all zones for the word of somebody who was found wrong.
+    /// Checks all zones for votes and paintings of agents found wrong.
     pub(super) fn doubt_all(&mut self) {
         if self.verifies() && !self.left_out.is_empty() {
             let zones = self.board.zones().filter(|row| self.is_dubious(row)).map(|row| row.zone);
@@ -144,10 +150,10 @@ impl Master {
         }
     }
 
-    /// What was accepted on the word of one that was found wrong is painted again; elsewhere its word counts no more.
+    /// Opens zones again that were accepted on the word of an agent found wrong, and removes its votes elsewhere.
     pub(super) fn repaint_dubious(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         while let Some(zone) = self.dubious.pop() {
-            // What is being written, or in somebody's hand, is seen again after that.
+            // Zones that are held or being written are checked again afterwards
             let row = self.board.zone(zone).map(|(_, row)| row).filter(|row| !row.is_in_hand() && self.is_dubious(row));
             let Some(row) = row.filter(|_| !self.writes.contains_key(&zone)) else { continue };
             let row = if row.word_of.as_ref().is_some_and(|agent| self.is_wrong(agent)) {
@@ -160,7 +166,7 @@ impl Master {
         }
     }
 
-    /// Gives zones that wait for what others make of them to those who have not seen them.
+    /// Assigns zones that need further votes to agents on machines that have not voted.
     pub(super) fn give_out_comparisons(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         if !self.verifies() || !self.roster.has_free() {
             return;
@@ -177,7 +183,7 @@ impl Master {
         }
     }
 
-    /// Tells when zones wait for more machines than there are, and go on to.
+    /// Reports that zones wait for more machines than there are, once that lasts.
     pub(super) fn count_machines(&mut self, actions: &mut Vec<FarmAction>) {
         if !self.verifies() || !self.begun || self.finished {
             return;
@@ -186,7 +192,7 @@ impl Master {
         machines.sort_unstable();
         machines.dedup();
         let (present, wanted) = (machines.len(), self.config.verify as usize);
-        // Nobody does anything, and zones wait for one who has not seen them.
+        // No agent is working, and zones wait for one that has not voted
         let is_stuck = self.ledger.in_hand_count() == 0 && self.ledger.comparison_count() > 0;
         let lacks = present < wanted || is_stuck && self.ledger.open.is_empty() && self.ledger.next_unseen().is_none();
         self.lacking = if lacks { self.lacking.saturating_add(1) } else { 0 };

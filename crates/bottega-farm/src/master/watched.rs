@@ -1,4 +1,4 @@
-//! The orders of an agent, and whether they go on.
+//! Progress of an agent's orders.
 
 use std::time::Duration;
 
@@ -6,27 +6,27 @@ use bottega_agents::Time;
 
 use crate::Holding;
 
-/// The orders of an agent, and when each last went on.
+/// The orders of an agent, with the time of their last progress.
 #[derive(Clone, Debug, Default)]
 pub(super) struct WatchedZones {
-    /// The one that it has had longest first.
+    /// In the order of their age, the oldest first.
     orders: Vec<(Holding, Time)>,
-    /// Since when that is the first.
+    /// Time since which the first one is the first.
     since: Time,
 }
 
-/// The order that an agent has had longest.
+/// The oldest order of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LongestOrder {
     pub(super) order: Holding,
-    /// How long nothing has been painted of it.
+    /// Time since its last progress.
     pub(super) stands: Duration,
-    /// How long it has been the agent's turn to paint it.
+    /// Time since it became the agent's oldest order.
     pub(super) lasts: Duration,
 }
 
 impl WatchedZones {
-    /// Takes how far the orders of an agent are. Returns the one that it has had longest; the others may wait for their turn.
+    /// Takes in the progress of an agent's orders. Returns the oldest one; the others may be waiting for their turn.
     pub(super) fn see(&mut self, now: Time, hands: &[Holding]) -> Option<LongestOrder> {
         let is_same = |a: &Holding, b: &Holding| (a.zone, a.fence) == (b.zone, b.fence);
         let longest_before = self.orders.first().map(|(known, _)| *known);

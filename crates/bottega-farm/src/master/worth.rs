@@ -1,17 +1,18 @@
-//! The worth of zones: what agents have found that they cost, by complexity.
+//! The measured cost of zones, by complexity.
 
 use std::{collections::BTreeMap, time::Duration};
 
 use crate::{MemberId, Painting, ZoneRow, adaptation::scaled};
 
-/// What agents measured of zones, each and all together. A sum over many zones: one that was measured wrong weighs little.
+/// The measurements of all agents and of each one. Sums over many zones, so that single wrong measurements have little
+/// weight.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ZoneWorth {
     all: Measured,
     by_agent: BTreeMap<MemberId, Measured>,
 }
 
-/// Sums over what was painted.
+/// Sums over painted zones.
 #[derive(Clone, Copy, Debug, Default)]
 struct Measured {
     /// Reference-machine time, in seconds.
@@ -30,14 +31,14 @@ impl Measured {
         Self { seconds: self.seconds - other.seconds, volume: self.volume - other.volume }
     }
 
-    /// Reference-machine seconds of a sample of the average pixel; `None`: nobody has painted enough.
+    /// Reference-machine seconds per sample and average pixel; `None`: too few measurements.
     fn rate(self) -> Option<f64> {
         (self.volume > 1e-6 && self.seconds > 0.0).then(|| self.seconds / self.volume)
     }
 }
 
 impl ZoneWorth {
-    /// An agent has painted a zone from the samples that `before` has, and it was a measurement.
+    /// Takes in an agent's measured painting, which continues from the samples in `before`.
     pub(super) fn see(&mut self, agent: MemberId, before: &ZoneRow, painting: &Painting) {
         let samples = painting.result.samples.saturating_sub(before.samples_done());
         let measured =
@@ -48,8 +49,8 @@ impl ZoneWorth {
         }
     }
 
-    /// What so many samples of a zone are worth, in reference-machine time, by what others than `agent` measured; by all, where no
-    /// other did. `None`: nobody has measured anything.
+    /// The expected time of samples of a zone, in reference-machine time, from the measurements of agents other than
+    /// `agent`; from all, if there are no others. `None`: no measurements.
     pub(super) fn of(&self, agent: Option<MemberId>, row: &ZoneRow, samples: u32) -> Option<Duration> {
         let own = agent.and_then(|agent| self.by_agent.get(&agent)).copied().unwrap_or_default();
         let rate = self.all.but(own).rate().or_else(|| self.all.rate())?;

@@ -1,24 +1,26 @@
-//! The third level: zones that all take nearly the same time.
+//! Level 3 of the partition: zones of nearly equal expected time.
 
 use bottega_image::Rect;
 
 use super::cut::{cut_x, cut_y};
 use crate::ImportanceMap;
 
-/// How far the expected time a zone on either side of a cut may be from the one wanted, for the sake of an edge that
-/// the level before found. Half of the ±10 % that are promised: the rest is for pixels, which cannot be cut.
+/// Allowed deviation of the mean expected time per zone on either side of a cut, to reuse an edge of level 2. Half of
+/// the ±10 % that level 3 guarantees: the rest is for pixels, which cannot be cut.
 const SNAP_TOLERANCE: f64 = 0.05;
 
-/// Moves, splits and merges until each zone has nearly the complexity `time_wanted`, where the minimum size allows.
+/// Cuts `frame` into zones of nearly the complexity `time_wanted`, where the minimum size allows.
 ///
-/// The frame is cut in proportion to the expected time of both sides, recursively. A cut falls on an edge between
-/// zones of the level before where one lies near enough, so that zones stay even within; elsewhere the edge is
-/// moved to where balance wants it. Between any two cuts no error is passed on: each aims at `time_wanted` anew.
+/// Cuts the frame in two, recursively, in proportion to the expected times of both sides. A cut reuses an edge of level
+/// 2 where one is near enough, so that zones stay uniform inside; elsewhere it lies where balance requires. Errors do
+/// not accumulate: each cut aims at `time_wanted` itself.
 pub(super) fn balance(map: &ImportanceMap, frame: Rect, zones: &[Rect], side_min: u32, time_wanted: f64) -> Vec<Rect> {
+    // Compute the number of zones
     let count = ((map.complexity(&frame) / time_wanted).round() as u64).clamp(1, u64::from(u32::MAX));
     let mut balanced = Vec::new();
     let mut open = vec![Region { rect: frame, count, within: zones.to_vec() }];
     let balancer = Balancer { map, side_min, time_wanted: map.complexity(&frame) / count as f64 };
+    // Cut each region until it is a single zone
     while let Some(region) = open.pop() {
         match balancer.cut(&region) {
             Some(parts) => open.extend(parts),
@@ -28,14 +30,15 @@ pub(super) fn balance(map: &ImportanceMap, frame: Rect, zones: &[Rect], side_min
     balanced
 }
 
-/// A part of the frame that is still to be cut into `count` zones.
+/// A part of the frame to cut into `count` zones.
 struct Region {
     rect: Rect,
     count: u64,
-    /// The zones of the level before that lie in it, whole or in part.
+    /// The zones of level 2 that overlap it.
     within: Vec<Rect>,
 }
 
+/// The parameters of the balancing.
 struct Balancer<'a> {
     map: &'a ImportanceMap,
     side_min: u32,
@@ -43,12 +46,13 @@ struct Balancer<'a> {
 }
 
 impl Balancer<'_> {
-    /// Cuts a region in two; `None` when it is a zone.
+    /// Cuts a region in two; `None` if it is a single zone or too small to cut.
     fn cut(&self, region: &Region) -> Option<[Region; 2]> {
         let Region { rect, count, .. } = *region;
         if count < 2 {
             return None;
         }
+        // Cut across the longer side that is long enough
         let (wide, high) = (rect.width() / 2 >= self.side_min, rect.height() / 2 >= self.side_min);
         let along_x = match (wide, high) {
             (false, false) => return None,
@@ -59,7 +63,8 @@ impl Balancer<'_> {
         let halves = |at: u32| if along_x { cut_x(rect, at) } else { cut_y(rect, at) };
         let before = |at: u32| self.map.complexity(&halves(at)[0]);
 
-        // The last place at which the first side has no more than its share, and the one after it.
+        // Find by bisection the last place at which the first side has at most its share, then take the nearer of it
+        // and the next
         let share = self.map.complexity(&rect) * (count / 2) as f64 / count as f64;
         let (mut lower, mut upper) = (low, high);
         while lower < upper {
@@ -68,11 +73,12 @@ impl Balancer<'_> {
         }
         let next = (lower + 1).min(high);
         let exact = if before(next) - share < share - before(lower) { next } else { lower };
+        // Snap the cut to an edge of level 2, if that keeps the balance
         let at = self.snapped(region, along_x, exact, low..=high);
         Some(self.parts(region, halves(at)))
     }
 
-    /// The edge of the level before that is nearest to `exact` and keeps the balance; `exact` when there is none.
+    /// The edge of level 2 nearest to `exact` that keeps the balance; `exact` if there is none.
     fn snapped(&self, region: &Region, along_x: bool, exact: u32, allowed: std::ops::RangeInclusive<u32>) -> u32 {
         let edges = region.within.iter().map(|zone| if along_x { zone.x0 } else { zone.y0 });
         let first_count = (region.count / 2) as f64;
@@ -89,7 +95,7 @@ impl Balancer<'_> {
             .unwrap_or(exact)
     }
 
-    /// Both sides, with as many zones as their complexity and size want.
+    /// Both sides as regions, with zone counts in proportion to their complexities, within their capacities.
     fn parts(&self, region: &Region, [first, second]: [Rect; 2]) -> [Region; 2] {
         let share = self.map.complexity(&first) / (self.map.complexity(&first) + self.map.complexity(&second));
         let first_count = ((region.count as f64 * share).round() as u64).clamp(1, region.count - 1);
@@ -101,7 +107,7 @@ impl Balancer<'_> {
         [part(first, first_count), part(second, region.count - first_count)]
     }
 
-    /// How many zones of minimum size find room.
+    /// The number of zones of minimum size that fit.
     fn capacity(&self, rect: &Rect) -> u64 {
         let along = |side: u32| u64::from((side / self.side_min).max(1));
         along(rect.width()) * along(rect.height())

@@ -1,13 +1,13 @@
-//! Both sides of a cut through a zone.
+//! Cutting a rectangle in two.
 
 use bottega_image::Rect;
 
-/// Left and right of `x`.
+/// The parts left and right of `x`.
 pub(super) fn cut_x(zone: Rect, x: u32) -> [Rect; 2] {
     [Rect { x1: x, ..zone }, Rect { x0: x, ..zone }]
 }
 
-/// Above and below `y`.
+/// The parts above and below `y`.
 pub(super) fn cut_y(zone: Rect, y: u32) -> [Rect; 2] {
     [Rect { y1: y, ..zone }, Rect { y0: y, ..zone }]
 }

@@ -1,8 +1,8 @@
-//! Rectangles found by where they lie.
+//! A spatial index of rectangles.
 
 use bottega_image::Rect;
 
-/// Finds rectangles by place: a grid of about as many cells as there are rectangles.
+/// A uniform grid over a frame that finds rectangles by position, with about as many cells as rectangles.
 pub(crate) struct ZoneIndex<'a> {
     frame: Rect,
     zones: &'a [Rect],
@@ -12,7 +12,7 @@ pub(crate) struct ZoneIndex<'a> {
 }
 
 impl<'a> ZoneIndex<'a> {
-    /// - `zones`: all within `frame`, which is not empty unless they are none.
+    /// - `zones`: rectangles within `frame`, which is not empty unless there are none.
     pub(crate) fn new(frame: Rect, zones: &'a [Rect]) -> Self {
         let area_per_zone = frame.area() / (zones.len() as u64).max(1);
         let side = (area_per_zone.isqrt() as u32).max(1);
@@ -54,7 +54,7 @@ impl<'a> ZoneIndex<'a> {
     }
 }
 
-/// The multiple of `grid` that is nearest to a place.
+/// The multiple of `grid` nearest to `at`.
 pub(crate) fn nearest_multiple(at: u32, grid: u32) -> u32 {
     at.saturating_add(grid / 2) / grid.max(1) * grid.max(1)
 }

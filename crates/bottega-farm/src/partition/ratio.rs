@@ -1,4 +1,4 @@
-//! The third level by its letter: zones that all have nearly the same complexity/size ratio.
+//! Level 3 of the partition, read literally: zones with nearly equal complexity/size ratios.
 
 use std::collections::BTreeSet;
 
@@ -7,15 +7,15 @@ use bottega_image::Rect;
 use super::cut::{cut_x, cut_y};
 use crate::ImportanceMap;
 
-/// No zone that is cut off is longer than so many times its width, unless what it is cut from is.
+/// Maximum aspect ratio of a zone, unless what it is cut from is slimmer.
 const ASPECT_MAX: f64 = 4.0;
-/// The shorter of two parts has at least this share of the side that is cut, so that sizes stay of one order.
+/// Minimum share of the cut side for the shorter part, so that zones do not differ much in size.
 const PART_MIN: f64 = 1.0 / 3.0;
 
-/// Cuts `frame` into `count` zones of nearly equal complexity a pixel, where the minimum size allows.
+/// Cuts `frame` into `count` zones of nearly equal complexity per pixel, where the minimum size allows.
 ///
-/// A region is cut, again and again, where both sides have most nearly the same complexity a pixel; among equal cuts on an edge of
-/// the level before, or else nearest to the middle. Zones go to both sides in proportion to their sizes.
+/// Cuts each region, recursively, where both sides are most similar in complexity per pixel; of equal cuts at an edge
+/// of level 2, else nearest to the middle. The zone count is divided in proportion to the sizes.
 pub(super) fn even_out(map: &ImportanceMap, frame: Rect, zones: &[Rect], side_min: u32, count: u32) -> Vec<Rect> {
     let mut even = Vec::new();
     let mut open = vec![(frame, count, zones.to_vec())];
@@ -33,23 +33,25 @@ pub(super) fn even_out(map: &ImportanceMap, frame: Rect, zones: &[Rect], side_mi
     even
 }
 
-/// Both parts of a region at its best cut; `None` where the minimum size allows none.
+/// The two parts of a region at its best cut; `None` if the minimum size allows none.
 fn best_cut(map: &ImportanceMap, rect: Rect, side_min: u32, within: &[Rect]) -> Option<[Rect; 2]> {
     let places = |low: u32, high: u32| {
         let part = ((f64::from(high - low) * PART_MIN) as u32).max(side_min);
-        // None where no two parts find room.
+        // Empty if two parts do not fit.
         low + part..=high.saturating_sub(part)
     };
     let is_slim = |rect: &Rect| {
         let (short, long) = (rect.width().min(rect.height()), rect.width().max(rect.height()));
         f64::from(long) > ASPECT_MAX * f64::from(short)
     };
+    // List all cuts across and along the region
     let columns: BTreeSet<u32> = within.iter().map(|zone| zone.x0).collect();
     let rows: BTreeSet<u32> = within.iter().map(|zone| zone.y0).collect();
     let across = places(rect.x0, rect.x1)
         .map(|x| (cut_x(rect, x), columns.contains(&x), x.abs_diff(rect.x0 + rect.width() / 2)));
     let along =
         places(rect.y0, rect.y1).map(|y| (cut_y(rect, y), rows.contains(&y), y.abs_diff(rect.y0 + rect.height() / 2)));
+    // Choose by: no slim part, most similar parts, edge of level 2, nearest to the middle
     let difference = |[a, b]: &[Rect; 2]| (map.complexity_density(a) - map.complexity_density(b)).abs();
     across
         .chain(along)

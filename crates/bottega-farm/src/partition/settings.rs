@@ -4,22 +4,22 @@ use std::str::FromStr;
 
 use bottega_image::Rect;
 
-/// The level to which the partition is carried.
+/// The last level of the partition to carry out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Level {
-    /// No partition: the whole frame is one zone.
+    /// The whole frame is one zone.
     Whole,
-    /// Recursive division by minimum size and maximum complexity (the paper's first level).
+    /// Level 1: recursive division by minimum size and maximum complexity.
     Divided,
-    /// Neighbouring zones of similar complexity joined (the second level).
+    /// Level 2: neighboring zones of similar complexity are joined.
     Joined,
-    /// All zones of nearly the same expected time (the third level).
+    /// Level 3: all zones have nearly the same expected time, or another [`Balance`].
     #[default]
     Balanced,
 }
 
 impl Level {
-    /// All levels, from 0 to 3.
+    /// All levels, 0 to 3.
     pub const ALL: [Self; 4] = [Self::Whole, Self::Divided, Self::Joined, Self::Balanced];
 }
 
@@ -37,36 +37,36 @@ impl FromStr for Level {
     }
 }
 
-/// No such level of partition.
+/// An unknown level of the partition.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown partition level `{found}`: use 0, 1, 2 or 3")]
 pub struct UnknownLevel {
-    /// What was asked for.
+    /// The text that was given.
     pub found: String,
 }
 
-/// What zones have in common after the third level. The paper asks for "nearly the same complexity/size ratio", in order
-/// "to obtain tasks that all require roughly the same rendering time"; these are two things.
+/// The quantity that level 3 makes equal. The paper asks for "nearly the same complexity/size ratio", in order "to
+/// obtain tasks that all require roughly the same rendering time"; these are two different things.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Balance {
     /// The expected time. Zones are small where the picture is complex.
     #[default]
     Time,
-    /// The complexity a pixel. Each zone holds as much of what is complex, for its size, as every other.
+    /// The complexity per pixel.
     Ratio,
 }
 
-/// The limits of zones that the user may set: the parameters of the paper's levels.
+/// The user's limits on zones: the parameters of the paper's levels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZoneLimits {
-    /// The least width and height of a zone, in pixels. Only a frame that is itself smaller has smaller zones.
+    /// Minimum width and height of a zone, in pixels. Only a smaller frame has smaller zones.
     pub side_min: u32,
-    /// Level 1 cuts what is more complex than this share of the frame's complexity. `None`: one part in as many as
-    /// zones are wanted.
+    /// Level 1 cuts zones with more than this share of the frame's complexity. `None`: one over the number of zones
+    /// wanted.
     pub complexity_max: Option<f64>,
-    /// Level 2 joins zones whose costs a pixel differ by at most this share of the greater one.
+    /// Level 2 joins zones whose costs per pixel differ by at most this share of the greater one.
     pub similarity: f64,
-    /// What level 3 makes equal.
+    /// The quantity that level 3 makes equal.
     pub balance: Balance,
 }
 
@@ -76,29 +76,29 @@ impl Default for ZoneLimits {
     }
 }
 
-/// The aims of the Analyst.
+/// The Analyst's target for the partition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartitionSettings {
-    /// How far to go.
+    /// The last level to carry out.
     pub level: Level,
-    /// How many zones are wanted. The third level makes so many; where no limit says otherwise, the first cuts down
-    /// to the frame's complexity divided by it.
+    /// Number of zones wanted. Level 3 makes that many; level 1 cuts down to the frame's complexity divided by it,
+    /// unless limited otherwise.
     pub zone_count: u32,
-    /// So many zones are wanted at least, however dear they are: one for each agent.
+    /// Minimum number of zones, however expensive each is: one per agent.
     pub zones_least: u32,
-    /// Level 2 joins nothing to more than this multiple of the maximum complexity. (The paper names no bound; without
-    /// one an even scene becomes one zone.)
+    /// Level 2 joins zones up to this multiple of the maximum complexity. (The paper sets no bound; without one a
+    /// uniform scene becomes one zone.)
     pub joined_max: f64,
-    /// What the user says of zones.
+    /// The user's limits.
     pub limits: ZoneLimits,
 }
 
 impl PartitionSettings {
-    /// Zones at most.
+    /// Maximum number of zones.
     const ZONES_MAX: u32 = 1 << 20;
 
-    /// Enough zones for so many agents that none waits at the end for another, but none so small that its messages
-    /// cost more than its pixels.
+    /// The target for this many agents: enough zones that no agent waits long at the end for another, but none so small
+    /// that its messages cost more than its pixels.
     pub fn for_agents(level: Level, agents: usize, frame: Rect) -> Self {
         const ZONES_PER_AGENT: u64 = 8;
         const ZONES_MIN: u64 = 16;
@@ -111,10 +111,10 @@ impl PartitionSettings {
         Self { level, zone_count, zones_least, joined_max: 2.0, limits: ZoneLimits::default() }
     }
 
-    /// The same within limits.
+    /// The settings with the user's limits.
     ///
-    /// - `zones`: how many are wanted; `None`: so many that none of them has to exceed the maximum complexity, or, where there is
-    ///   no such limit, as before.
+    /// - `zones`: the number wanted; `None`: the least at which no zone exceeds the maximum complexity, or unchanged
+    ///   if there is no maximum.
     #[must_use]
     pub fn within(self, zones: Option<u32>, limits: ZoneLimits) -> Self {
         let by_complexity = limits.complexity_max.map(|share| (1.0 / share).ceil() as u32);
@@ -122,14 +122,14 @@ impl PartitionSettings {
         Self { zone_count, limits, ..self }
     }
 
-    /// The same with so many zones at most, whatever the limits say.
+    /// The settings with at most this many zones, whatever the limits are.
     #[must_use]
     pub(crate) fn at_most(self, zones: u32) -> Self {
         let complexity_max = self.limits.complexity_max.map(|share| share.max(1.0 / f64::from(zones.max(1))));
         Self { zone_count: self.zone_count.min(zones), limits: ZoneLimits { complexity_max, ..self.limits }, ..self }
     }
 
-    /// The complexity of a zone above which the first level cuts it, of a frame's.
+    /// The complexity above which level 1 cuts a zone, given that of the frame.
     pub(super) fn complexity_max(&self, of_frame: f64) -> f64 {
         match self.limits.complexity_max {
             Some(share) => of_frame * share,

@@ -1,4 +1,4 @@
-//! Zones in the hand of a Render Agent.
+//! The zones that a Render Agent holds.
 
 use std::{sync::Arc, time::Duration};
 
@@ -7,28 +7,28 @@ use bottega_image::Rect;
 
 use crate::{Choice, Expert, FarmAction, FarmEffect, Order, PaintOrder, RelativePower, ZoneState, adaptation::scaled};
 
-/// A zone in hand.
+/// A zone held by a Render Agent.
 #[derive(Clone, Debug)]
 pub(super) struct ZoneInHand {
     pub(super) order: Order,
     pub(super) choice: Choice,
-    /// Whether T_est is of these settings, but for the number of samples.
+    /// True if T_est is of these settings, except for the number of samples.
     pub(super) is_estimated: bool,
-    /// Whether the rules of this agent decided.
+    /// True if this agent's rules chose the settings.
     pub(super) decided: bool,
     pub(super) begun: bool,
-    /// When it was given.
+    /// Time of the order.
     pub(super) since: Time,
-    /// Whether the agent had what all zones need by then.
+    /// True if the agent had finished the preparation for all zones by then.
     pub(super) was_ready: bool,
-    /// What of it is painted, in samples of single pixels, as far as was looked.
+    /// Progress as last queried: painted samples, summed over all pixels.
     pub(super) painted: u64,
-    /// In which it was given.
+    /// The conversation of the order.
     pub(super) conversation: u64,
 }
 
 impl ZoneInHand {
-    /// T_est of what is to be painted of it: where nobody has seen it, of its first samples.
+    /// T_est of the order's samples; when profiling, of the first samples.
     pub(super) fn time(&self, expert: &Expert) -> Option<Duration> {
         let (row, settings) = (&self.order.row, &self.order.work.settings);
         let time = row.time_estimated?;
@@ -39,6 +39,7 @@ impl ZoneInHand {
         Some(scaled(time, f64::from(first) / f64::from(settings.samples.max(1))))
     }
 
+    /// Requests the painting of the order's samples.
     pub(super) fn begin(&mut self, power: RelativePower, expert: &Expert, actions: &mut Vec<FarmAction>) {
         let row = &self.order.row;
         let done = row.samples_done();
@@ -64,12 +65,12 @@ impl ZoneInHand {
 }
 
 impl Order {
-    /// The same, painted with what the rules of this agent say.
+    /// The order with the settings that this agent's rules chose.
     pub(super) fn decided_anew(&self, choice: Choice) -> Self {
         Self { row: Arc::new(self.row.decided_anew(choice)), ..self.clone() }
     }
 
-    /// Whether it can be carried out: what a peer sends is not believed.
+    /// True if the order can be carried out; orders come from peers and are not trusted.
     pub(super) fn is_sound(&self) -> bool {
         let (row, settings) = (&self.row, &self.work.settings);
         let in_work = row.work == self.work.work && row.root().0 < self.work.zone_count;

@@ -1,4 +1,5 @@
-//! The membership of a Render Agent: it finds its Master in the yellow pages, and is suspended, resumed and ended by the AMS.
+//! Membership of a Render Agent: it finds its Master in the yellow pages, and is suspended, resumed and ended by the
+//! AMS.
 
 use bottega_agents::{
     Performative, Time,
@@ -9,7 +10,7 @@ use super::RenderAgent;
 use crate::{FarmAction, FarmContent, FarmEffect, FarmMessage, contents::message, protocol, registrant::DirectoryNews};
 
 impl RenderAgent {
-    /// Subscribes, if it is known where; else, or where another may lead by now, the directory is asked first.
+    /// Subscribes if the Master is given; otherwise searches the DF first, because the Master may have changed.
     pub(super) fn seek_master(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         match &mut self.registrant {
             Some(registrant) => registrant.seek_master(now),
@@ -17,6 +18,7 @@ impl RenderAgent {
         }
     }
 
+    /// Processes a message of a directory.
     pub(super) fn hear_directories(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
         let news = self.registrant.as_mut().and_then(|registrant| registrant.hear(now, message));
         match news {
@@ -27,7 +29,7 @@ impl RenderAgent {
                 }
             }
             Some(DirectoryNews::LifeCycle(request)) => self.obey(now, message, request, actions),
-            // What the AMS has said may not have come.
+            // The AMS's request may have been lost, so follow the state it lists
             Some(DirectoryNews::State(LifeCycleState::Suspended)) => self.suspend(actions),
             Some(DirectoryNews::State(LifeCycleState::Active)) => self.resume(now, actions),
             Some(DirectoryNews::State(_)) => {}
@@ -35,6 +37,7 @@ impl RenderAgent {
         }
     }
 
+    /// Carries out a request of the AMS and confirms it.
     fn obey(&mut self, now: Time, message: &FarmMessage, request: LifeCycleRequest, actions: &mut Vec<FarmAction>) {
         match request {
             LifeCycleRequest::Suspend => self.suspend(actions),
@@ -54,7 +57,7 @@ impl RenderAgent {
         }
     }
 
-    /// It leaves its Master until it is resumed.
+    /// Leaves the Master until resumed.
     fn suspend(&mut self, actions: &mut Vec<FarmAction>) {
         if !std::mem::replace(&mut self.is_suspended, true) {
             self.unsubscribe(actions);
@@ -68,7 +71,7 @@ impl RenderAgent {
         }
     }
 
-    /// A suspended agent tells a Master that wants something of it that it has left: the first time it was not heard.
+    /// Repeats the goodbye to a Master that still sends requests to a suspended agent. Returns true if it did.
     pub(super) fn says_goodbye(&self, message: &FarmMessage, actions: &mut Vec<FarmAction>) -> bool {
         let is_wanted = matches!(
             (message.performative, &message.content),
@@ -90,7 +93,7 @@ impl RenderAgent {
         actions.push(FarmAction::Send(goodbye));
     }
 
-    /// What it has in hand is another's from now on.
+    /// Gives up all zones that it holds.
     pub(super) fn hand_back(&mut self, actions: &mut Vec<FarmAction>) {
         for (zone, hand) in self.hands.iter().filter(|(_, hand)| hand.begun) {
             actions.push(FarmAction::Effect(FarmEffect::Drop { zone, fence: hand.order.fence }));
@@ -98,7 +101,7 @@ impl RenderAgent {
         self.let_go();
     }
 
-    /// Its end.
+    /// Ends the agent.
     pub(super) fn leave(&mut self, actions: &mut Vec<FarmAction>) {
         if let Some(mut registrant) = self.registrant.take() {
             registrant.leave(actions);

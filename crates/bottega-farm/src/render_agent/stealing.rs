@@ -1,8 +1,9 @@
-//! Stealing: an agent begins what it was dealt one after the other, and takes from its neighbors what waits in their hands.
+//! Stealing: an agent begins the zones dealt to it one after the other, and takes waiting zones from its neighbors when
+//! it has none.
 //!
-//! Source: Blumofe and Leiserson, *Scheduling Multithreaded Computations by Work Stealing* (1999): who has nothing asks, who has
-//! too much is not disturbed by a master. What is given is as much as makes both end together, for agents are unequal. The Master
-//! writes who has a zone; it does not choose.
+//! Source: Blumofe and Leiserson, *Scheduling Multithreaded Computations by Work Stealing* (1999): idle workers ask,
+//! busy ones are not interrupted by a master. A neighbor gives as much as makes both finish together, since agents
+//! differ in speed. The Master records the new holder, but does not choose it.
 
 use std::time::Duration;
 
@@ -16,13 +17,14 @@ use crate::{
     protocol,
 };
 
-/// Zones that are given at once.
+/// Maximum number of zones given at a time.
 const YIELDED_MAX: usize = 16;
-/// A zone is shared if each gets at least so much of it.
+/// Minimum share for each side when a zone is divided.
 const SHARE_MIN: f64 = 0.2;
 
 impl RenderAgent {
-    /// Begins what waits, as far as it may: all of it, or, where it was dealt, the oldest orders.
+    /// Begins waiting zones: all profiles, and all awards too unless zones are dealt; of dealt zones the oldest, up to
+    /// `prefetch`.
     pub(super) fn begin_waiting(&mut self, actions: &mut Vec<FarmAction>) {
         if !self.fetched {
             return;
@@ -38,13 +40,13 @@ impl RenderAgent {
         }
     }
 
-    /// Whether it has begun fewer of the zones that were dealt to it than it may.
+    /// True if the agent may begin another of the zones dealt to it.
     fn may_begin(&self) -> bool {
         let is_begun = |hand: &&ZoneInHand| hand.begun && hand.order.row.state == ZoneState::Awarded;
         self.config.steals && self.hands.values().filter(is_begun).count() < self.config.prefetch as usize
     }
 
-    /// Asks a neighbor for zones, if it has fewer than it may begin.
+    /// Asks a neighbor for zones, if the agent has room and is not waiting for an answer.
     pub(super) fn steal(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let is_ready = self.config.steals && self.fetched && self.subscribed && !self.is_suspended;
         if !is_ready || self.room() == 0 {
@@ -57,7 +59,7 @@ impl RenderAgent {
         actions.push(FarmAction::Send(asking(plea, 0, Some(now + self.config.heartbeat))));
     }
 
-    /// A neighbor asks, or answers.
+    /// Processes a neighbor's request or answer.
     pub(super) fn hear_neighbor(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
         match (message.performative, &message.content) {
             (Performative::Request, FarmContent::Steal { own, load }) => {
@@ -66,13 +68,13 @@ impl RenderAgent {
                     self.yield_to(now, message, *own, *load, actions);
                 }
             }
-            // The zones are on their way, by the Master.
+            // The zones come from the Master
             (Performative::Agree, FarmContent::Yielded(_)) => self.thief.refusals = 0,
             (Performative::Refuse, _) if self.thief.neighbors.contains(&message.sender) => {
                 self.thief.waits = false;
                 self.thief.refusals += 1;
                 if self.thief.refusals == self.thief.neighbors.len() && self.hands.is_empty() {
-                    // Its Master may know of something.
+                    // Send a heartbeat: the Master may have something
                     self.beat(now, actions);
                 }
             }
@@ -81,15 +83,17 @@ impl RenderAgent {
         }
     }
 
-    /// Gives a neighbor what waits, the last first, as long as the neighbor ends that before this agent would have ended all;
-    /// and of the next one such a part that both end together.
+    /// Gives waiting zones to a neighbor, the last first, while the neighbor finishes them before this agent finishes
+    /// everything. Of the next zone it offers such a part that both finish together.
     fn yield_to(&mut self, now: Time, message: &FarmMessage, own: f64, load: Duration, actions: &mut Vec<FarmAction>) {
         let own = if own.is_finite() { own.clamp(1e-6, 1e6) } else { 1.0 };
         let (mut mine, mut theirs) = (self.load(now), load);
+        // List the waiting zones, the last first
         let waiting = self.hands.iter().filter(|(_, hand)| !hand.begun && hand.order.row.state == ZoneState::Awarded);
         let mut waiting: Vec<(ZoneId, &ZoneInHand)> = waiting.collect();
         waiting.sort_unstable_by_key(|(_, hand)| std::cmp::Reverse(hand.order.fence));
         let mut orders = Vec::new();
+        // Give whole zones while the neighbor would finish first
         for (zone, hand) in waiting.into_iter().take(YIELDED_MAX) {
             let time = hand.time(&self.config.expert).unwrap_or_default();
             let (fence, here, there) = (hand.order.fence, self.own(time), scaled(time, own));
@@ -98,7 +102,7 @@ impl RenderAgent {
                 orders.push(PassedOrder { zone, fence, kept: 0.0 });
                 continue;
             }
-            // Kept so much that both end together.
+            // Keep so much of the next zone that both finish together
             let begins = mine.saturating_sub(here).as_secs_f64();
             let kept = theirs.saturating_add(there).as_secs_f64() - begins;
             let kept = kept / here.saturating_add(there).as_secs_f64().max(1e-9);
@@ -110,8 +114,8 @@ impl RenderAgent {
         let Some(master) = self.master.clone().filter(|_| !orders.is_empty()) else {
             return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
         };
+        // Remove the given zones and tell the neighbor and the Master
         for order in &orders {
-            // Should the order come again, the Master has not heard of it.
             self.hands.remove(order.zone);
         }
         self.answer(message, Performative::Agree, FarmContent::Yielded(orders.len() as u32), actions);

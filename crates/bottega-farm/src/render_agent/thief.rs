@@ -1,4 +1,4 @@
-//! The neighbors of an agent, and which of them it asks for zones next.
+//! The neighbors of an agent, and which of them to ask for zones next.
 
 use bottega_agents::AgentId;
 
@@ -6,32 +6,32 @@ use bottega_agents::AgentId;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Thief {
     pub(super) neighbors: Vec<AgentId>,
-    /// Whom it asks next.
+    /// Index of the neighbor to ask next.
     next: usize,
-    /// How many have refused since it last got something, or tried again.
+    /// Number of refusals since the last success or retry.
     pub(super) refusals: usize,
-    /// Whether an answer is awaited, or the zones that were promised.
+    /// True while it waits for an answer, or for promised zones.
     pub(super) waits: bool,
 }
 
 impl Thief {
-    /// Takes the neighbors that the Master names.
+    /// Replaces the neighbors by those that the Master lists.
     pub(super) fn meet(&mut self, me: &AgentId, agents: &[AgentId]) {
         let agents = agents.iter().filter(|agent| *agent != me).cloned().collect();
         *self = Self { neighbors: agents, ..Self::default() };
     }
 
-    /// A zone has come.
+    /// Notes that a zone has come.
     pub(super) fn is_served(&mut self) {
         (self.waits, self.refusals) = (false, 0);
     }
 
-    /// A heartbeat has gone by: what was not answered will not be, and who had nothing may have something.
+    /// Starts again after a heartbeat: unanswered requests are lost, and neighbors may have new zones.
     pub(super) fn try_again(&mut self) {
         self.is_served();
     }
 
-    /// Whom to ask now.
+    /// The neighbor to ask now; `None`: waiting, or all have refused.
     pub(super) fn whom(&mut self) -> Option<&AgentId> {
         if self.waits || self.refusals >= self.neighbors.len() {
             return None;

@@ -1,13 +1,13 @@
-//! The agents of a simulation, their machines, and their faults.
+//! The agents of a simulation, their machines and their faults.
 
 use std::{str::FromStr, time::Duration};
 
 use bottega_agents::driver::Random;
 
-/// Agents of a simulation at most: as many as a Master takes.
+/// Maximum number of agents of a simulation, as of a Master.
 pub const CREW_MAX: usize = 1 << 14;
 
-/// Speeds and times of a specification lie within these.
+/// Bounds of speeds and times in a specification.
 const SPEED_RANGE: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 const SECONDS_MAX: f64 = 1e7;
 
@@ -18,106 +18,106 @@ pub struct CrewSpec {
     pub machines: Vec<MachineSpec>,
     /// The agents; their names are `agent-0`, `agent-1` and so on.
     pub agents: Vec<AgentSpec>,
-    /// What befalls them, in any order.
+    /// The incidents of agents, in any order.
     pub incidents: Vec<Incident>,
 }
 
-/// A machine.
+/// A machine of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MachineSpec {
-    /// Processors, which all of its agents share.
+    /// Number of processors, shared by all of its agents.
     pub processors: u32,
-    /// Of each processor: 1 as the machine that was measured, 2 twice as fast.
+    /// Speed of each processor: 1 is the measured machine, 2 is twice as fast.
     pub speed: f64,
 }
 
-/// An agent.
+/// An agent of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSpec {
     /// Index of its machine.
     pub machine: usize,
-    /// When it comes.
+    /// The time at which it joins.
     pub joins: Duration,
 }
 
-/// Something that befalls an agent.
+/// A fault or departure of an agent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Incident {
-    /// When, from the start of the platform.
+    /// The time, from the start of the platform.
     pub at: Duration,
     /// Index of the agent.
     pub agent: usize,
-    /// What.
+    /// The kind.
     pub kind: IncidentKind,
 }
 
-/// The kind of an incident of an agent.
+/// The kind of an incident.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IncidentKind {
-    /// It dies without a word and does not come back.
+    /// The agent fails silently and does not come back.
     Fail,
-    /// It says that it goes, and goes.
+    /// The agent leaves with a goodbye.
     Leave,
-    /// Its machine becomes so many times slower.
+    /// The agent's machine becomes slower by this factor.
     Slow(f64),
-    /// Its machine paints no more, while it goes on to say that it lives.
+    /// The agent's machine stops painting, while the agent still sends heartbeats.
     Hang,
-    /// Such a share of its orders fails from then on.
+    /// This share of the agent's orders fails from then on.
     Break(f64),
-    /// What it paints is wrong in such a share of its orders from then on.
+    /// This share of the agent's paintings is wrong from then on.
     Lie(f64),
-    /// Its clock goes so many times too slow from then on, so it promises to be so many times faster than it is.
+    /// The agent's clock runs slow by this factor from then on, so the agent claims to be faster by it than it is.
     Boast(f64),
-    /// The next order that it begins takes so many seconds longer, in which it loads something and takes that for painting.
+    /// The agent's next order takes this many seconds longer, spent on loading but measured as painting.
     Load(f64),
 }
 
-/// Why a crew cannot be had.
+/// An error in a specification of agents.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CrewError {
-    /// A word of the specification makes no sense.
+    /// A word is invalid.
     #[error("`{item}` says nothing of agents: {problem}")]
     Item {
         /// The word.
         item: String,
-        /// What is wrong with it.
+        /// The problem.
         problem: &'static str,
     },
-    /// There is nobody.
+    /// There are no agents.
     #[error("nobody paints: give a number of agents, such as 8 or 4x1.0,4x0.25")]
     Empty,
-    /// There are too many.
+    /// There are more agents than [`CREW_MAX`].
     #[error("{found} agents are too many: a Master takes {CREW_MAX}")]
     TooMany {
-        /// How many were asked for.
+        /// The number of agents.
         found: usize,
     },
-    /// Something befalls an agent that there is not.
+    /// An incident names an unknown agent.
     #[error("there is no agent-{agent}: there are {count} agents, from agent-0 on")]
     NoSuchAgent {
-        /// Its number.
+        /// The index of the agent.
         agent: usize,
-        /// How many there are.
+        /// The number of agents.
         count: usize,
     },
 }
 
 impl CrewSpec {
-    /// So many agents of speed 1, each with a processor of its own.
+    /// A number of agents with speed 1, each with a processor of its own.
     pub fn equal(count: usize) -> Self {
         let mut crew = Self::default();
         crew.add(count, MachineSpec { processors: 1, speed: 1.0 });
         crew
     }
 
-    /// So many agents that share one machine of speed 1, as those of one process do.
+    /// A number of agents that share one machine of speed 1, like those of one process.
     pub fn sharing(count: usize, processors: u32) -> Self {
         let machines = vec![MachineSpec { processors, speed: 1.0 }];
         let agents = vec![AgentSpec { machine: 0, joins: Duration::ZERO }; count];
         Self { machines, agents, incidents: Vec::new() }
     }
 
-    /// Adds agents, each with a machine of its own.
+    /// Adds agents, each on a machine of its own.
     pub fn add(&mut self, count: usize, machine: MachineSpec) {
         for _ in 0..count {
             self.agents.push(AgentSpec { machine: self.machines.len(), joins: Duration::ZERO });
@@ -125,7 +125,7 @@ impl CrewSpec {
         }
     }
 
-    /// Lets a share of the agents fail, each at some moment before `until`; which and when decides the seed.
+    /// Makes a share of the agents fail at random times before `until`, chosen by the seed.
     pub fn fail_some(&mut self, share: f64, until: Duration, seed: u64) {
         let mut random = Random::new(seed ^ 0xfa11);
         let mut left: Vec<usize> = (0..self.agents.len()).collect();
@@ -137,18 +137,18 @@ impl CrewSpec {
         }
     }
 
-    /// All speeds together, of processors, before anything befalls anybody.
+    /// The sum of the speeds of all processors, without incidents.
     pub fn speed(&self) -> f64 {
         self.machines.iter().map(|machine| f64::from(machine.processors) * machine.speed).sum()
     }
 
-    /// The least time in which so much can be painted from `start` on if nothing is lost and nobody ever waits.
+    /// Lower bound on the time to paint an amount of work from `start` on: without losses or waiting.
     ///
     /// - `work`: processor time at speed 1, in seconds.
     ///
-    /// Returns `None` where those who stay never finish it.
+    /// Returns `None` if the remaining agents never finish it.
     pub fn least_time(&self, start: Duration, work: f64) -> Option<Duration> {
-        // The speed of all together changes at some moments only, and adds up to work in between.
+        // Integrate the total speed, which is constant between changes
         let mut changes: Vec<(f64, f64)> = Vec::new();
         for (machine, marks) in self.machines.iter().zip(self.marks()) {
             changes.extend(speed_changes(machine, marks));
@@ -168,7 +168,7 @@ impl CrewSpec {
         (speed > 1e-12).then(|| Duration::try_from_secs_f64(now + left / speed).ok()).flatten()
     }
 
-    /// Of each machine when what happens to it.
+    /// The changes of each machine.
     fn marks(&self) -> Vec<Vec<MachineMark>> {
         let mut marks: Vec<Vec<MachineMark>> = vec![Vec::new(); self.machines.len()];
         let mut gone: Vec<Option<Duration>> = vec![None; self.agents.len()];
@@ -195,18 +195,18 @@ impl CrewSpec {
     }
 }
 
-/// Something that happens to a machine.
+/// A change of a machine.
 #[derive(Clone, Copy, Debug)]
 struct MachineMark {
-    /// In seconds.
+    /// Time, in seconds.
     at: f64,
-    /// How many of its agents come.
+    /// Number of its agents that come, or negative: that leave.
     come: i32,
-    /// By how much it becomes faster.
+    /// Factor on its speed.
     factor: f64,
 }
 
-/// When a machine's speed changes by how much: it counts while one of its agents is there.
+/// Times and amounts of the changes in a machine's speed, which counts while any of its agents is there.
 fn speed_changes(machine: &MachineSpec, mut marks: Vec<MachineMark>) -> Vec<(f64, f64)> {
     marks.sort_by(|a, b| a.at.total_cmp(&b.at));
     let (mut present, mut speed, mut counted) = (0, f64::from(machine.processors) * machine.speed, 0.0);
@@ -224,14 +224,16 @@ fn speed_changes(machine: &MachineSpec, mut marks: Vec<MachineMark>) -> Vec<(f64
 impl FromStr for CrewSpec {
     type Err = CrewError;
 
-    /// Reads words that are parted by commas, white space or line ends; `#` begins a remark that goes to the end of the line.
+    /// Parses words separated by commas, white space or line ends; `#` starts a comment that extends to the end of the
+    /// line.
     ///
-    /// - `8`: eight agents of speed 1, each with a processor of its own; `4x0.25`: four of speed 0.25; `2x1:8`: two with
-    ///   eight processors each.
-    /// - `agent-3@join=5s`, `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (from then on four times
-    ///   slower), `agent-3@hang=8s` (lives, and paints no more), `agent-3@break=5s:0.5` (half of its orders fail), `agent-3@lie=5s:0.1`
-    ///   (a tenth of what it paints is wrong), `agent-3@boast=0s:2` (promises to be twice as fast as it is), `agent-3@load=0s:60` (with
-    ///   its next zone it loads something for 60 s, and takes that for painting).
+    /// - `8`: eight agents of speed 1, each with a processor of its own; `4x0.25`: four of speed 0.25; `2x1:8`: two
+    ///   with eight processors each.
+    /// - `agent-3@join=5s`, `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (four times slower from
+    ///   then on), `agent-3@hang=8s` (sends heartbeats, but paints nothing), `agent-3@break=5s:0.5` (half of its orders
+    ///   fail), `agent-3@lie=5s:0.1` (a tenth of its paintings is wrong), `agent-3@boast=0s:2` (claims to be twice as
+    ///   fast as it is), `agent-3@load=0s:60` (loads something for 60 s during its next zone, and measures that as
+    ///   painting).
     fn from_str(text: &str) -> Result<Self, CrewError> {
         let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
         let words: Vec<&str> = lines
@@ -259,7 +261,7 @@ impl FromStr for CrewSpec {
     }
 }
 
-/// Reads `COUNT[xSPEED][:PROCESSORS]`.
+/// Parses `COUNT[xSPEED][:PROCESSORS]`.
 fn group(word: &str) -> Result<(usize, MachineSpec), &'static str> {
     let (word, processors) = word.split_once(':').unwrap_or((word, "1"));
     let (count, speed) = word.split_once('x').unwrap_or((word, "1"));
@@ -272,7 +274,7 @@ fn group(word: &str) -> Result<(usize, MachineSpec), &'static str> {
 }
 
 impl CrewSpec {
-    /// Reads `agent-N@WHAT=TIME[:FACTOR]`.
+    /// Parses `agent-N@KIND=TIME[:FACTOR]`.
     fn befall(&mut self, word: &str) -> Result<(), CrewError> {
         let wrong = |problem| CrewError::Item { item: word.to_owned(), problem };
         let (agent, what) = word.split_once('@').unwrap_or((word, ""));

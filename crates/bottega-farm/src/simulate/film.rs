@@ -1,4 +1,4 @@
-//! The film of a simulation, and what must hold of all that is put into it.
+//! The film of a simulation, with checks of everything composed into it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,23 +6,23 @@ use bottega_agents::{NumberMap, Revision, Time, bus::BlobId};
 
 use crate::{ResultRef, ZoneId};
 
-/// Broken invariants that are told.
+/// Maximum number of broken invariants reported.
 pub(super) const BROKEN_MAX: usize = 16;
 
-/// What the film of the present Master has been told, and under which orders zones are painted.
+/// A log of the tiles composed into the current film, and of the orders under which zones are painted.
 #[derive(Debug)]
 pub(super) struct FilmLog {
-    /// Films that were begun: one for each life of a Master that got so far.
+    /// Number of films begun: one per life of a Master that has started the work.
     pub(super) films: u32,
     zone_count: usize,
     composed: NumberMap<()>,
-    /// Those of them that were painted wrong.
+    /// Those of `composed` that were painted wrong.
     wrong: BTreeSet<ZoneId>,
-    /// Of each zone the latest order that was begun, and whose it was, by index.
+    /// The latest order begun for each zone, with the index of its agent.
     newest: NumberMap<(Revision, u32)>,
-    /// Orders that count though there are later ones, because a zone was taken over.
+    /// Older orders that still count because the zone was taken over.
     rivals: BTreeSet<(ZoneId, Revision)>,
-    /// Whose those of them are that are not the latest.
+    /// The agents of those.
     older: BTreeMap<(ZoneId, Revision), u32>,
     pub(super) finished: Option<(Time, Vec<ZoneId>)>,
     pub(super) abandoned: Option<String>,
@@ -30,7 +30,7 @@ pub(super) struct FilmLog {
 }
 
 impl FilmLog {
-    /// The log of a work of so many zones, of which none is begun.
+    /// The log of a work with this many zones, none of them begun.
     pub(super) fn new(zone_count: usize) -> Self {
         Self {
             films: 0,
@@ -50,21 +50,21 @@ impl FilmLog {
         self.finished.is_some() || self.abandoned.is_some()
     }
 
-    /// Something must hold at any moment of a run.
+    /// Checks an invariant; `what` describes its violation.
     pub(super) fn must(&mut self, holds: bool, what: impl FnOnce() -> String) {
         if !holds && self.broken.len() < BROKEN_MAX {
             self.broken.push(what());
         }
     }
 
-    /// A new, empty film.
+    /// Begins a new, empty film.
     pub(super) fn begin(&mut self) {
         self.films += 1;
         self.composed = NumberMap::with_room_for(self.zone_count);
         self.wrong.clear();
     }
 
-    /// An agent begins to paint.
+    /// Records that an agent begins an order.
     pub(super) fn order(&mut self, zone: ZoneId, fence: Revision, agent: usize) {
         let agent = agent as u32;
         let Some(&(newest, other)) = self.newest.get(zone.0) else {
@@ -80,12 +80,12 @@ impl FilmLog {
         }
     }
 
-    /// A zone was taken over: this order of it still counts.
+    /// Records that a zone was taken over: this older order still counts.
     pub(super) fn take_over(&mut self, zone: ZoneId, fence: Revision) {
         self.rivals.insert((zone, fence));
     }
 
-    /// A zone is put into the film.
+    /// Checks and records a zone that is composed into the film.
     pub(super) fn compose(&mut self, zone: ZoneId, result: &ResultRef) {
         let fresh = self.composed.insert(zone.0, ()).is_none();
         self.must(fresh, || format!("{zone} is composed twice"));
@@ -98,7 +98,7 @@ impl FilmLog {
         self.must(valid, || format!("{zone} is composed under {:?}, and there is a later order", result.fence));
     }
 
-    /// The picture is whole.
+    /// Records that the picture is complete.
     pub(super) fn finish(&mut self, now: Time, failed: Vec<ZoneId>) {
         self.must(self.finished.is_none(), || "the work ends twice".to_owned());
         self.finished = Some((now, failed));
@@ -108,12 +108,12 @@ impl FilmLog {
         self.composed.contains(zone.0)
     }
 
-    /// Whether a zone of the picture was painted wrong.
+    /// True if a composed zone was painted wrong.
     pub(super) fn is_wrong(&self, zone: ZoneId) -> bool {
         self.wrong.contains(&zone)
     }
 
-    /// Zones of the picture that were painted wrong.
+    /// Number of composed zones that were painted wrong.
     pub(super) fn wrong_count(&self) -> usize {
         self.wrong.len()
     }
@@ -122,27 +122,27 @@ impl FilmLog {
         self.composed.len()
     }
 
-    /// Whether two agents had a valid order for a zone at a time.
+    /// True if two agents held valid orders for the zone at the same time.
     pub(super) fn is_taken_over(&self, zone: ZoneId) -> bool {
         self.rivals.range((zone, Revision(0))..=(zone, Revision(u64::MAX))).next().is_some()
     }
 
-    /// Whether samples of this order may be used: it is the latest that was begun, or counts beside that.
+    /// True if samples of this order may be used: it is the latest begun, or a valid rival.
     pub(super) fn is_valid(&self, zone: ZoneId, fence: Revision) -> bool {
         let newest = self.newest.get(zone.0).map(|(newest, _)| *newest);
         newest == Some(fence) || self.rivals.contains(&(zone, fence))
     }
 
-    /// Whose a valid order is that was begun, by index.
+    /// The index of the agent that began a valid order.
     pub(super) fn whose(&self, zone: ZoneId, fence: Revision) -> Option<usize> {
         let newest = self.newest.get(zone.0).filter(|(newest, _)| *newest == fence).map(|(_, agent)| agent);
         newest.or_else(|| self.older.get(&(zone, fence))).map(|&agent| agent as usize)
     }
 }
 
-/// Stands for the samples of a zone: the same for all who paint it.
+/// A stand-in for the digest of a zone's samples, equal for all agents.
 ///
-/// - `flaw`: what is wrong with them; 0: nothing.
+/// - `flaw`: identifies what is wrong with them; 0: correct.
 pub(super) fn digest(zone: ZoneId, samples: u32, flaw: u64) -> BlobId {
     let mut digest = [0; 32];
     digest[..4].copy_from_slice(&zone.0.to_le_bytes());
@@ -151,21 +151,21 @@ pub(super) fn digest(zone: ZoneId, samples: u32, flaw: u64) -> BlobId {
     BlobId(digest)
 }
 
-/// What is wrong with the samples that a digest stands for.
+/// The flaw of the samples behind a digest; 0: correct.
 pub(super) fn flaw(digest: &BlobId) -> u64 {
     let mut bytes = [0; 8];
     bytes.copy_from_slice(&digest.0[8..16]);
     u64::from_le_bytes(bytes)
 }
 
-/// The same samples, made by an agent whose bits are like nobody's.
+/// The digest of the same samples from an agent that is not bit-identical to others.
 pub(super) fn signed(digest: BlobId, agent: usize) -> BlobId {
     let mut bytes = digest.0;
     bytes[16..20].copy_from_slice(&(1 + agent as u32).to_le_bytes());
     BlobId(bytes)
 }
 
-/// What all agents' are that may be the same picture.
+/// The part of a digest that is equal for all agents whose samples look alike.
 pub(super) fn unsigned(digest: BlobId) -> BlobId {
     let mut bytes = digest.0;
     bytes[16..20].fill(0);

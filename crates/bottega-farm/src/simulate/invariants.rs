@@ -1,4 +1,4 @@
-//! Invariants that must hold during every simulated run and after it, whatever went wrong in it.
+//! Invariants that hold during and after every simulated run, whatever faults occur.
 
 use std::time::Duration;
 
@@ -8,17 +8,17 @@ use bottega_image::Rect;
 use super::{film::BROKEN_MAX, studio::SimulatedFarm};
 use crate::{FarmAgent, FarmValue, Partition, ResultRef, Watchdog, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
 
-/// Virtual time between two looks whether an agent waits in vain.
+/// Virtual time between checks for stalls.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// Looks during a run whether zones wait while agents are free and nothing begins: from outside, by what the agents have in hand. The
-/// Master's own watch over its zones is stricter, and must find nothing either.
+/// Checks during a run for stalls: zones wait while agents are free and nothing starts. It looks from outside, at the
+/// zones agents hold. The Master's own check is stricter and must find nothing either.
 #[derive(Debug)]
 pub(super) struct IdleWatch {
     master: AgentId,
     watchdog: Watchdog,
     next_look: Time,
-    /// What does not hold.
+    /// The violation, if any.
     pub(super) broken: Option<String>,
 }
 
@@ -27,7 +27,7 @@ impl IdleWatch {
         Self { master, watchdog: Watchdog::default(), next_look: Time::ZERO, broken: None }
     }
 
-    /// To be called after each event.
+    /// Checks the current state. Called after each event.
     pub(super) fn look(&mut self, simulator: &Simulator<FarmAgent, SimulatedFarm>) {
         let now = simulator.now();
         if now < self.next_look || self.broken.is_some() {
@@ -54,17 +54,17 @@ impl IdleWatch {
     }
 }
 
-/// Checks a run that has ended. Returns what does not hold; nothing, when all is well.
+/// Checks a run that has ended. Returns the violations; none if all is well.
 ///
-/// - Each zone was composed exactly once into the film of the last Master, of samples that were painted under its latest
-///   order, or was given up; the work ended once. (What the world saw on the way.)
-/// - On the Blackboard every zone is done or given up, and all together cover the frame exactly once.
-/// - What is done was done under the latest order, by the agent that the row names; the pieces of a zone cover it with its band
-///   exactly once.
-/// - Where what agents paint is compared, what is wrong in the picture was believed on one agent's word; nothing is that
-///   rests on the word of one that was found wrong.
-/// - Credits are numbers.
-/// - No agent that lives has anything in hand but orders that were taken from it.
+/// - Each zone was composed exactly once into the last Master's film, from samples painted under its latest order, or
+///   was given up; the work ended once. (Recorded by the film's log.)
+/// - On the Blackboard every zone is done or given up, and together they cover the frame exactly once.
+/// - Each finished zone was finished under its latest order, by the agent in its row; the pieces of a zone cover it
+///   and its band exactly once.
+/// - If paintings are compared: wrong zones in the picture were accepted on one agent's word, and none depends on an
+///   agent that was found wrong.
+/// - Credits are finite.
+/// - A live agent holds only valid orders or orders that were taken from it.
 pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &WorkRow, verify: u32) -> Vec<String> {
     let studio = simulator.world();
     let film = &studio.film;
@@ -130,9 +130,9 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &Work
     broken
 }
 
-/// The zones whose pieces do not cover them, band and all, exactly once.
+/// The zones whose pieces do not cover them and their bands exactly once.
 fn torn(mut rows: Vec<&ZoneRow>, frame: &Rect) -> Vec<ZoneId> {
-    // Of most zones nothing was ever cut off.
+    // Skip zones that were never cut
     rows.retain(|row| row.root.is_some() || row.cut.is_some());
     rows.sort_unstable_by_key(|row| (row.root(), row.zone));
     let mut torn = Vec::new();

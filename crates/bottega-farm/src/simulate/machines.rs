@@ -1,4 +1,4 @@
-//! Machines in virtual time. A machine shares its processors evenly among all that it paints, as the built-in engine does.
+//! Machines in virtual time. A machine divides its processors evenly among all its jobs, like the built-in engine.
 
 use std::{collections::BTreeSet, time::Duration};
 
@@ -6,28 +6,28 @@ use bottega_agents::{Revision, Time};
 
 use crate::ZoneId;
 
-/// What is less than this of a job counts as nothing, in seconds: rounding.
+/// Remaining work that counts as rounding error, in seconds.
 const REST: f64 = 1e-9;
-/// The shortest time that anything takes.
+/// Minimum duration of a job.
 const SHORTEST: Duration = Duration::from_micros(1);
 
-/// Something to paint.
+/// A paint job.
 #[derive(Clone, Debug)]
 pub(super) struct PaintJob {
-    /// For which agent, by index.
+    /// The index of its agent.
     pub(super) agent: usize,
     pub(super) zone: ZoneId,
     pub(super) fence: Revision,
-    /// Samples a pixel that there will be at its end.
+    /// Samples per pixel at its end.
     pub(super) samples: u32,
-    /// What is wrong with the samples that it goes on from; 0: nothing.
+    /// The flaw of the samples it continues; 0: correct.
     pub(super) flaw: u64,
-    /// Whether it begins with the first sample.
+    /// True if it begins with the first sample.
     pub(super) first: bool,
     pub(super) begun: Time,
-    /// Processor time that is left of it, at speed 1, in seconds.
+    /// Remaining processor time at speed 1, in seconds.
     pub(super) left: f64,
-    /// Processors that it can keep busy.
+    /// Maximum number of processors that it can use.
     pub(super) width: f64,
     /// Processor time spent so far, in seconds of this machine.
     pub(super) busy: f64,
@@ -36,10 +36,10 @@ pub(super) struct PaintJob {
 #[derive(Clone, Debug)]
 struct Machine {
     processors: f64,
-    /// 1: as the machine that was measured; 2: twice as fast.
+    /// Relative speed: 1 is the measured machine, 2 is twice as fast.
     speed: f64,
     jobs: Vec<PaintJob>,
-    /// Until when the jobs are accounted for.
+    /// The time up to which the jobs are advanced.
     settled: Time,
     next: Option<Time>,
 }
@@ -48,7 +48,7 @@ struct Machine {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Machines {
     machines: Vec<Machine>,
-    /// When which machine has a job done.
+    /// The times at which machines next finish a job.
     next: BTreeSet<(Time, usize)>,
 }
 
@@ -57,7 +57,7 @@ impl Machines {
         self.machines.push(Machine { processors, speed, jobs: Vec::new(), settled: Time::ZERO, next: None });
     }
 
-    /// When the next job is done.
+    /// The time at which the next job is done.
     pub(super) fn next(&self) -> Option<Time> {
         self.next.first().map(|(time, _)| *time)
     }
@@ -70,12 +70,12 @@ impl Machines {
         self.alter(now, machine, |machine| machine.speed *= factor);
     }
 
-    /// Speed of the processors of a machine.
+    /// Speed of a machine's processors.
     pub(super) fn speed(&self, machine: usize) -> f64 {
         self.machines[machine].speed
     }
 
-    /// Takes away the jobs of a machine that nobody wants any more.
+    /// Removes cancelled jobs of a machine.
     pub(super) fn drop_jobs(
         &mut self,
         now: Time,
@@ -89,21 +89,21 @@ impl Machines {
         dropped
     }
 
-    /// Processor time at speed 1 that is left of a job, in seconds.
+    /// Remaining processor time of a job at speed 1, in seconds.
     pub(super) fn left(&mut self, now: Time, machine: usize, zone: ZoneId, fence: Revision) -> Option<f64> {
         self.alter(now, machine, |_| {});
         let mut jobs = self.machines[machine].jobs.iter();
         jobs.find(|job| (job.zone, job.fence) == (zone, fence)).map(|job| job.left)
     }
 
-    /// The jobs that are done at `now`.
+    /// Removes the jobs that are done at `now` and appends them to `done`.
     pub(super) fn take_done(&mut self, now: Time, done: &mut Vec<PaintJob>) {
         while let Some(&(at, machine)) = self.next.first().filter(|(at, _)| *at <= now) {
             let before = done.len();
             self.alter(at.max(now), machine, |machine| {
                 done.extend(machine.jobs.extract_if(.., |job| job.left <= REST));
             });
-            // What rounding left over is done in a moment.
+            // Work left by rounding is done a moment later
             debug_assert!(done.len() > before || self.machines[machine].next > Some(at));
         }
     }
@@ -123,7 +123,7 @@ impl Machines {
 }
 
 impl Machine {
-    /// Calls `each` with every job and the processors that it has now: an even share, and what others cannot use.
+    /// Calls `each` with every job and its number of processors: an even share, plus what others cannot use.
     fn share_out(&mut self, mut each: impl FnMut(&mut PaintJob, f64)) {
         self.jobs.sort_by(|a, b| a.width.total_cmp(&b.width).then(a.begun.cmp(&b.begun)).then(a.zone.cmp(&b.zone)));
         let (mut processors, mut jobs) = (self.processors, self.jobs.len());

@@ -1,9 +1,9 @@
-//! The farm in virtual time: what N agents would have made of a work, with the very machines of state that paint it.
+//! Simulation of the farm in virtual time, with the same state machines that paint real pictures.
 //!
-//! A [`Workpiece`] says what zones cost: as a real run measured them (a [`Record`], made by a [`Recorder`]), or by a
-//! distribution. A [`CrewSpec`] says who paints, how fast, and what befalls them. [`simulate`] runs Master and Render Agents
-//! over them and tells how long it took, beside the least that it can take, and checks afterwards that nothing was lost,
-//! painted twice or taken from one who had no right to it any more.
+//! A [`Workpiece`] gives the costs of zones: measured in a real run (a [`Record`], made by a [`Recorder`]), or drawn
+//! from a distribution. A [`CrewSpec`] gives the agents, their speeds and their faults. [`simulate`] runs a Master and
+//! Render Agents over them. It returns the time taken and its lower bound, and checks that nothing was lost, painted
+//! twice or accepted under an invalid order.
 
 mod crew;
 mod film;
@@ -40,53 +40,54 @@ use crate::{
     contents::message, progress::Tally, protocol,
 };
 
-/// How long the platform is watched after the end, until everybody has gone home.
+/// Virtual time simulated after the end, until all agents have left.
 const AFTERWARDS: Duration = Duration::from_secs(20);
 
-/// The plan of a simulation: who paints, over which network, by which rules.
+/// The plan of a simulation: agents, network and rules.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Who paints.
+    /// The agents.
     pub crew: CrewSpec,
-    /// What goes wrong on the network. Agents that it kills come back; those of [`CrewSpec::incidents`] do not.
+    /// Faults of the network. Agents that it kills come back; those of [`CrewSpec::incidents`] do not.
     pub faults: Faults,
-    /// Whether it may kill the Master.
+    /// `true`: it may kill the Master.
     pub master_may_crash: bool,
     /// Share of orders that fail, 0..1.
     pub failures: f64,
-    /// By how much of itself an agent's benchmark may be wrong.
+    /// Maximum relative error of an agent's benchmark.
     pub benchmark_error: f64,
-    /// How long an agent takes to get the scene.
+    /// Time that an agent takes to fetch the scene.
     pub fetch: Duration,
-    /// How winners are found.
+    /// The rule of the auction.
     pub auction: AuctionRule,
-    /// How agents learn their speed.
+    /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
-    /// How far the promises of agents held in works before, by name.
+    /// Credit of the agents in earlier works, by name.
     pub credits: Arc<BTreeMap<String, Credit>>,
-    /// Zones that an agent has in hand at most.
+    /// Maximum number of zones that an agent holds.
     pub prefetch: u32,
-    /// Whether zones are cut near the end, and slow agents' zones given to idle ones too: see
+    /// `true`: near the end, zones are cut and zones of slow agents also given to idle ones: see
     /// [`MasterConfig::shares_tail`].
     pub shares_tail: bool,
-    /// Agents that must make the same of a zone before it counts: see [`MasterConfig::verify`].
+    /// Number of agents whose paintings of a zone must agree: see [`MasterConfig::verify`].
     pub verify: u32,
-    /// Whether no two agents give the same bits: see [`MasterConfig::compares_by_look`].
+    /// `true`: agents are not bit-identical: see [`MasterConfig::compares_by_look`].
     pub inexact: bool,
-    /// How long is waited for what.
+    /// The timeouts.
     pub timing: Timing,
-    /// What agents know of rendering, in turn; empty: what those knew who painted what was recorded.
+    /// The rules of the agents, assigned in rotation; empty: those of the recorded run.
     pub experts: Vec<Expert>,
-    /// Decides all chance.
+    /// The seed of all random numbers.
     pub seed: u64,
-    /// Whether to write down what happens.
+    /// `true`: write a trace of all events.
     pub trace: bool,
-    /// Whether to write down how long the work was said to take yet.
+    /// `true`: record predictions of the remaining time.
     pub tells_time_left: bool,
 }
 
 impl Plan {
-    /// A crew on a fast and faithful network. The end of the work is shared where agents have machines of their own.
+    /// A plan with these agents on a fast network without faults. Zones are shared at the end if agents have machines
+    /// of their own.
     pub fn calm(crew: CrewSpec, seed: u64) -> Self {
         Self {
             shares_tail: crew.machines.len() >= crew.agents.len(),
@@ -114,43 +115,44 @@ impl Plan {
 /// The outcome of a simulation.
 #[derive(Clone, Debug)]
 pub struct SimulationOutcome {
-    /// When the picture was whole, from the start of the platform.
+    /// Time at which the picture was complete, from the start of the platform.
     pub makespan: Duration,
-    /// The least time in which what is in the picture can be painted by those who are there, survey first; `None`: they cannot.
+    /// Lower bound on that time, for the painted samples and the agents present, including the survey; `None`: they
+    /// cannot finish.
     pub least: Option<Duration>,
-    /// What the dearest zone takes the fastest machine, in one piece, survey first.
+    /// Time of the most expensive zone on the fastest machine, in one piece, including the survey.
     pub longest_zone: Duration,
-    /// Processor time at speed 1 of all that is in the picture, painted once.
+    /// Processor time at speed 1 of all samples in the picture.
     pub work: Duration,
-    /// Zones of the work.
+    /// Number of zones.
     pub zones: usize,
-    /// Zones that were given up.
+    /// Number of zones that were given up.
     pub failed: usize,
-    /// Zones of the picture that were painted wrong.
+    /// Number of zones in the picture that were painted wrong.
     pub wrong: usize,
-    /// Whether zones ever waited for more machines than there were, to compare what these paint.
+    /// True if zones ever waited because there were too few machines to compare paintings.
     pub lacked_machines: bool,
-    /// Messages until the picture was whole.
+    /// Number of messages until the picture was complete.
     pub messages: u64,
-    /// Films that were begun: one for each Master that lived.
+    /// Number of films begun: one per life of the Master.
     pub films: u32,
-    /// Rounds of the auction, as they ended.
+    /// The rounds of the auction, as they ended.
     pub rounds: Vec<RoundSummary>,
-    /// What agents took from each other, as it happened.
+    /// The thefts, in order.
     pub thefts: Vec<Theft>,
-    /// The agents in the order of the crew.
+    /// The agents, in the order of the crew.
     pub agents: Vec<AgentOutcome>,
-    /// Who painted what when, in the order of their ends.
+    /// The spans of all agents, in the order of their ends.
     pub spans: Vec<Span>,
-    /// Spans that are not among them.
+    /// Number of spans beyond [`SPANS_MAX`], which are not kept.
     pub spans_left_out: u64,
-    /// What happened, a line each, if it was to be written down.
+    /// The trace, one line per event, if requested.
     pub trace: String,
-    /// How long the work was said to take yet, if that was to be written down.
+    /// The predictions of the remaining time, if requested.
     pub times_left: Vec<TimeLeft>,
 }
 
-/// The outcome of an agent.
+/// The result of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentOutcome {
     /// Its name.
@@ -159,31 +161,31 @@ pub struct AgentOutcome {
     pub speed: f64,
     /// Its share of the processors of its machine.
     pub lanes: f64,
-    /// Processor time that it spent, in time of its machine.
+    /// Processor time spent, in time of its machine.
     pub busy: Duration,
-    /// Orders that it carried out.
+    /// Number of orders finished.
     pub orders: u32,
-    /// Why it was left out of the work, if it was.
+    /// The reason why it was excluded, if it was.
     pub left_out: Option<String>,
     /// Its credit at the end.
     pub credit: Credit,
-    /// V_cp at the end, as its Master knew it.
+    /// V_cp at the end, as known to its Master.
     pub power: RelativePower,
 }
 
 impl SimulationOutcome {
-    /// How far the promises of the agents held, for [`Plan::credits`] of the next work.
+    /// The credit of the agents, for [`Plan::credits`] of the next work.
     pub fn credits(&self) -> BTreeMap<String, Credit> {
         self.agents.iter().map(|agent| (agent.name.clone(), agent.credit)).collect()
     }
 
-    /// The least time over the time taken, 0..=1.
+    /// The lower bound over the time taken, 0..=1.
     pub fn efficiency(&self) -> f64 {
         self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
     }
 
-    /// By which factor the time left was said wrong at most, too long or too short, from when so much of the work was done. What is
-    /// wrong by less than a second, or by less than a twentieth of the whole time, is not wrong. `None`: nothing was said.
+    /// The worst ratio of predicted to actual remaining time, or its inverse, once a share of the work was done. Errors
+    /// below a second, or below a twentieth of the whole time, are ignored. `None`: no predictions.
     ///
     /// - `from`: share of the cost, 0..1.
     pub fn worst_time_left(&self, from: f64) -> Option<f64> {
@@ -196,48 +198,48 @@ impl SimulationOutcome {
         self.times_left.iter().filter(|told| told.done >= from).map(wrong).reduce(f64::max)
     }
 
-    /// Messages for each zone.
+    /// Messages per zone.
     pub fn messages_per_zone(&self) -> f64 {
         self.messages as f64 / self.zones.max(1) as f64
     }
 }
 
-/// Why a simulation came to nothing.
+/// An error of a simulation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SimulationError {
-    /// There is nobody.
+    /// There are no agents.
     #[error("nobody paints")]
     NoAgents,
-    /// It does not end: nobody is left to paint, say.
+    /// It does not end, for example because no agent is left.
     #[error("after {} s of virtual time {painted} of {zones} zones were in the picture: is anybody left to paint?", .after.as_secs())]
     Unfinished {
-        /// When it was given up.
+        /// Virtual time at which it was stopped.
         after: Duration,
-        /// Zones in the picture by then.
+        /// Number of zones in the picture by then.
         painted: usize,
-        /// Zones of the work.
+        /// Number of zones.
         zones: usize,
     },
-    /// The Master gave the work up.
+    /// The Master abandoned the work.
     #[error("the work was given up: {reason}")]
     Abandoned {
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// Something that must hold does not: a fault of this program.
+    /// An invariant does not hold: an error in this program.
     #[error("what must hold after every run does not: {}", .broken.join("; "))]
     Broken {
-        /// What.
+        /// The violations.
         broken: Vec<String>,
     },
 }
 
-/// Runs a work in virtual time, and checks afterwards what must hold after every run.
+/// Runs a work in virtual time and checks the invariants.
 ///
 /// The same arguments give the same run, event for event.
 ///
 /// # Errors
-/// When it does not end, or ends in a state that must not be.
+/// The run does not end, or violates an invariant.
 pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome, SimulationError> {
     let mut play = Play::new(piece, plan)?;
     let work: f64 = piece.zone_seconds().sum();
@@ -288,7 +290,8 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
     })
 }
 
-/// Processor time at speed 1 of what is in the picture, in seconds: rules may have asked for less than was recorded, or for more.
+/// Processor time at speed 1 of the samples in the picture, in seconds; rules may have chosen other numbers of samples
+/// than in the record.
 fn painted_seconds(simulator: &Simulator<FarmAgent, SimulatedFarm>, piece: &Workpiece) -> f64 {
     let prefix = WorkKeys::new(piece.work.work).prefix();
     let seconds = |value: &FarmValue| match value {
@@ -312,10 +315,10 @@ fn agents(plan: &Plan, studio: &SimulatedFarm) -> Vec<AgentOutcome> {
     studio.names.iter().zip(&studio.seats).map(outcome).collect()
 }
 
-/// What happens at a given time, by no choice of the agents.
+/// An event at a given time, independent of the agents.
 #[derive(Clone, Copy, Debug)]
 enum Happening {
-    /// The Analyst has finished: its rows are on the Blackboard.
+    /// The Analyst has finished: write its rows to the Blackboard.
     Analyzed,
     Joins(usize),
     Befalls(usize, IncidentKind),
@@ -326,7 +329,7 @@ struct Play<'a> {
     plan: &'a Plan,
     master: AgentId,
     simulator: Simulator<FarmAgent, SimulatedFarm>,
-    /// What happens when, latest first.
+    /// The events with their times, the latest first.
     timeline: Vec<(Duration, Happening)>,
     idle: IdleWatch,
 }

@@ -1,4 +1,4 @@
-//! The record of a real run: zones, what each cost, and where within it.
+//! Records of real runs: zones with their costs, and the distribution of cost over the picture.
 
 use std::time::Duration;
 
@@ -8,64 +8,64 @@ use bottega_engines::EngineDescription;
 
 use crate::{BandWidth, Choice, Expert, Goal, Level, NeighborDifference, Partition, WorkSettings};
 
-/// Side of the cells of a [`CostGrid`], in pixels: that of the built-in engine's work units, which begin at multiples of
-/// it too.
+/// Side of the cells of a [`CostGrid`], in pixels: that of the built-in engine's work units, which also start at
+/// multiples of it.
 pub const CELL_SIDE: u32 = 16;
 
-/// A run, as far as it is needed to run it again in virtual time.
+/// The record of a run: all that is needed to repeat it in virtual time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// The scene file, for people.
+    /// The scene file, for display.
     pub scene: String,
-    /// Name of the engine.
+    /// The name of the engine.
     pub engine: String,
-    /// The rules of the agents, which had them in turn.
+    /// The rules of the agents, assigned in rotation.
     pub rules: RecordedRules,
-    /// What the user asked for.
+    /// The user's settings.
     pub work: WorkSettings,
-    /// How far the partition went.
+    /// The last level of the partition.
     pub level: Level,
-    /// How many agents there were. They shared one machine.
+    /// Number of agents, all on one machine.
     pub agents: usize,
-    /// Processors of that machine.
+    /// Processors of the machine.
     pub processors: usize,
-    /// V_cp of that machine.
+    /// V_cp of the machine.
     pub relative_power: f64,
     /// The zones, in the order of a [`Partition`].
     pub zones: Vec<RecordedZone>,
-    /// What painting cost where.
+    /// The cost of painting by place.
     pub costs: CostGrid,
-    /// Wall time from beginning to end.
+    /// Wall time from start to end.
     pub total: Duration,
     /// Wall time of the survey.
     pub survey: Duration,
-    /// Wall time in which the engine made what all zones need.
+    /// Wall time of the engine's preparation for all zones.
     pub preparation: Duration,
-    /// How much of it machines share out among them.
+    /// The part of the preparation that machines share.
     pub shared_preparation: Duration,
-    /// In how many stages: each waits for the one before.
+    /// Number of stages of the shared preparation, each of which waits for the one before.
     pub shared_stages: u32,
-    /// Time that composition took.
+    /// Time of composition.
     pub composition: Duration,
 }
 
-/// The rules by which the agents of a run decided what zones were painted with.
+/// The rules by which the agents of a run chose the settings of zones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedRules {
-    /// FCL texts.
+    /// The rules as FCL texts.
     pub texts: Vec<String>,
-    /// How wide bands were.
+    /// The width of the bands.
     pub bands: BandWidth,
-    /// Whether the engine obeyed [`Tunables::max_depth`](bottega_engines::Tunables::max_depth).
+    /// True if the engine supports [`Tunables::max_depth`](bottega_engines::Tunables::max_depth).
     pub has_max_depth: bool,
-    /// Whether the engine obeyed [`Tunables::light_samples`](bottega_engines::Tunables::light_samples).
+    /// True if the engine supports [`Tunables::light_samples`](bottega_engines::Tunables::light_samples).
     pub has_light_samples: bool,
-    /// Whether zones were profiled before they were painted.
+    /// True if zones were profiled.
     pub is_profiled: bool,
 }
 
 impl RecordedRules {
-    /// - `experts`: the knowledge of the agents, which have it in turn.
+    /// - `experts`: the rules of the agents, assigned in rotation.
     pub fn new(experts: &[Expert], bands: BandWidth, engine: &EngineDescription) -> Self {
         let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;
         Self {
@@ -77,10 +77,10 @@ impl RecordedRules {
         }
     }
 
-    /// The knowledge of the agents.
+    /// The rules of the agents.
     ///
     /// # Errors
-    /// A text that cannot be read, or that says nothing of painting.
+    /// A text cannot be parsed, or has no known output.
     pub fn experts(&self) -> Result<Vec<Expert>, RecordError> {
         let &Self { ref texts, bands, has_max_depth, has_light_samples, is_profiled } = self;
         let knows = |(index, text): (usize, &String)| {
@@ -92,38 +92,38 @@ impl RecordedRules {
     }
 }
 
-/// A zone and what it took.
+/// The record of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedZone {
     /// Its own pixels.
     pub rect: Rect,
-    /// Predicted cost in average pixels.
+    /// Predicted cost, in average pixels.
     pub complexity: f64,
-    /// Neighbor Difference.
+    /// The Neighbor Difference.
     pub neighbor_difference: NeighborDifference,
-    /// What it was painted with.
+    /// The settings.
     pub choice: Choice,
-    /// Processor time of the first samples, [`Choice::profile_samples`] of them.
+    /// Processor time of the first [`Choice::profile_samples`] samples.
     pub profiling: Duration,
-    /// Processor time of the rest.
+    /// Processor time of the remaining samples.
     pub painting: Duration,
 }
 
 impl RecordedZone {
-    /// The pixels painted, band and all.
+    /// The painted pixels, including the band.
     pub fn painted(&self, frame: &Rect) -> Rect {
         self.rect.grown_by(self.choice.bands, frame)
     }
 
-    /// Processor time of samples `start..end` of all its pixels, in seconds: what was measured, spread evenly over the
-    /// samples of each part.
+    /// Processor time of samples `start..end` of all its pixels, in seconds: the measured times, spread evenly over the
+    /// first samples and over the rest.
     pub fn seconds(&self, start: u32, end: u32) -> f64 {
         let profiled = self.choice.profile_samples(&Goal::Samples);
         let part = |from: u32, to: u32, time: Duration| {
             let within = end.min(to).saturating_sub(start.max(from));
             if to > from { time.as_secs_f64() * f64::from(within) / f64::from(to - from) } else { 0.0 }
         };
-        // More samples than were painted, where rules choose otherwise than they did, cost as the last ones.
+        // Samples beyond those painted cost as much as the last ones
         let last = if self.choice.samples > profiled { self.painting } else { self.profiling };
         let last_count = self.choice.samples.saturating_sub(profiled).max(1);
         let beyond = end.saturating_sub(start.max(self.choice.samples));
@@ -131,32 +131,32 @@ impl RecordedZone {
         part(0, profiled, self.profiling) + part(profiled, self.choice.samples, self.painting) + beyond
     }
 
-    /// Processor time of all its samples.
+    /// Processor time of all samples.
     pub fn total(&self) -> Duration {
         self.profiling + self.painting
     }
 }
 
-/// Processor time by place: cells of [`CELL_SIDE`]², which begin at multiples of it.
+/// Processor time by place, in cells of [`CELL_SIDE`]² pixels that start at multiples of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CostGrid {
-    /// First cell to the left and at the top, in cells.
+    /// Column and row of the first cell.
     pub origin: (u32, u32),
-    /// Cells in a row.
+    /// Cells per row.
     pub columns: u32,
-    /// Seconds for one sample of one pixel, `[rows × columns]`.
+    /// Seconds per sample and pixel, `[rows × columns]`.
     pub density: Vec<f64>,
 }
 
 impl CostGrid {
-    /// How many columns and rows cover a frame.
+    /// The number of columns and rows that cover a frame.
     pub(super) fn size(frame: &Rect) -> (u32, u32) {
         let cells = |from: u32, to: u32| to.div_ceil(CELL_SIDE) - from / CELL_SIDE;
         (cells(frame.x0, frame.x1), cells(frame.y0, frame.y1))
     }
 
-    /// A grid over a frame from what parts of it took: rectangle, samples a pixel, processor time in seconds. Where
-    /// nothing was told it has the mean.
+    /// Makes the grid of a frame from measurements of parts: rectangle, samples per pixel, processor time in seconds.
+    /// Cells without a measurement get the mean.
     pub fn of_parts(frame: &Rect, parts: impl IntoIterator<Item = (Rect, u32, f64)>) -> Self {
         let (columns, rows) = Self::size(frame);
         let origin = (frame.x0 / CELL_SIDE, frame.y0 / CELL_SIDE);
@@ -183,7 +183,7 @@ impl CostGrid {
         self.cells(rect).map(|(cell, area)| self.density[cell] * area as f64).sum()
     }
 
-    /// The cells that a rectangle touches, with the pixels that it has in each.
+    /// The cells that a rectangle overlaps, with the number of its pixels in each.
     fn cells(&self, rect: &Rect) -> impl Iterator<Item = (usize, u64)> + use<> {
         let (origin, columns, rect) = (self.origin, self.columns, *rect);
         rect.blocks(CELL_SIDE).map(move |block| {
@@ -193,43 +193,43 @@ impl CostGrid {
     }
 }
 
-/// The version of a record in JSON that is written and read.
+/// The version of the JSON format.
 pub(super) const VERSION: u64 = 2;
 
-/// A fault of a record.
+/// An error in a record.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordError {
-    /// It is no JSON of this form.
+    /// It is not JSON of this format.
     #[error("line {line}, column {column}: {problem}")]
     Syntax {
-        /// Counted from 1.
+        /// The line, from 1.
         line: usize,
-        /// Counted from 1.
+        /// The column, from 1.
         column: usize,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
-    /// It was written by another version.
+    /// It has another version.
     #[error("it is a record of version {found}; this program reads version {}: record it again", VERSION)]
     Version {
-        /// Its version.
+        /// The version found.
         found: u64,
     },
-    /// A value that cannot be.
+    /// A value is invalid.
     #[error("`{field}` {problem}")]
     Value {
-        /// Which field.
+        /// The name of the field.
         field: String,
-        /// What is wrong with it.
+        /// The problem.
         problem: String,
     },
 }
 
 impl Record {
-    /// Whether it can have come from a run: what was read from a file is not believed.
+    /// Checks that the record may come from a run; records are read from files and not trusted.
     ///
     /// # Errors
-    /// The first value that cannot be.
+    /// The first invalid value.
     pub fn check(&self) -> Result<(), RecordError> {
         let wrong = |field: &str, problem: &str| {
             Err(RecordError::Value { field: field.to_owned(), problem: problem.to_owned() })

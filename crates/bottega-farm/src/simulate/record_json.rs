@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::record::{CostGrid, Record, RecordError, RecordedRules, RecordedZone, VERSION};
 use crate::{BandWidth, Choice, Goal, Level, NeighborDifference, Optimization, WorkSettings};
 
-/// What tells a record from any other JSON.
+/// The name of the format, which distinguishes records from other JSON.
 const FORMAT: &str = "bottega record";
 
-/// What every version has.
+/// The fields of every version.
 #[derive(Deserialize)]
 struct HeadJson {
     format: String,
@@ -27,7 +27,7 @@ struct RecordJson {
     scene: String,
     engine: String,
     rules: Vec<String>,
-    /// `rules`: as these say; else how many pixels.
+    /// `rules`: as the rules choose; else a width in pixels.
     bands: BandsJson,
     has_max_depth: bool,
     has_light_samples: bool,
@@ -52,7 +52,7 @@ struct RecordJson {
     shared_stages: u32,
     composition_seconds: f64,
     zones: Vec<ZoneJson>,
-    /// Nanoseconds for one sample of one pixel, for each 16 × 16 pixels, row by row.
+    /// Nanoseconds per sample and pixel, for each cell of 16 × 16 pixels, row by row.
     cost_nanoseconds: Vec<f64>,
 }
 
@@ -142,10 +142,10 @@ impl Record {
         serde_json::to_string_pretty(&json).unwrap_or_default()
     }
 
-    /// Reads what [`Record::to_json`] wrote, and checks it.
+    /// Reads and checks the JSON of [`Record::to_json`].
     ///
     /// # Errors
-    /// Where it is not that, and why.
+    /// The text is invalid.
     pub fn from_json(text: &str) -> Result<Self, RecordError> {
         let syntax = |error: serde_json::Error| RecordError::Syntax {
             line: error.line(),
@@ -252,7 +252,7 @@ fn corners(rect: &Rect) -> [u32; 4] {
 }
 
 fn rect([x0, y0, x1, y1]: [u32; 4]) -> Option<Rect> {
-    // What no picture can have would overflow the sums of those who read it.
+    // Bound coordinates, so that sums do not overflow
     (x0 < x1 && y0 < y1 && x1.max(y1) <= 1 << 24).then(|| Rect::new(x0, y0, x1, y1))
 }
 
@@ -266,7 +266,7 @@ fn time(field: &str, seconds: f64) -> Result<Duration, RecordError> {
 pub(super) mod tests {
     use super::*;
 
-    /// Two zones side by side, the right one twice as dear.
+    /// Two zones side by side; the right one is twice as expensive.
     pub(crate) fn example() -> Record {
         let frame = Rect::of_size(64, 32);
         let tunables = Tunables { max_depth: 8, light_samples: 1 };

@@ -1,4 +1,4 @@
-//! Records a run: sees what the engine is given to paint and what the farm makes of it.
+//! The recorder of runs: watches the orders of the engine and the events of the farm.
 
 use std::{
     collections::BTreeMap,
@@ -19,7 +19,7 @@ use crate::{
     Progress, ZoneRow,
 };
 
-/// An engine and an observer in one: it passes on all that it sees, and writes it down.
+/// An engine and an observer that forward everything and record it.
 pub struct Recorder {
     engine: Arc<dyn RenderEngine>,
     observer: Arc<dyn Observer>,
@@ -28,27 +28,27 @@ pub struct Recorder {
 
 #[derive(Debug, Default)]
 struct RecorderLog {
-    /// The zones as the Analyst has made them.
+    /// The Analyst's zones.
     zones: BTreeMap<crate::ZoneId, ZoneRow>,
     power: Option<f64>,
-    /// What was prepared that machines of a farm share.
+    /// Times of the preparation that machines of a farm share.
     shared: SharedTime,
     tasks: Vec<Task>,
 }
 
-/// What the engine painted.
+/// A task that the engine painted.
 #[derive(Debug)]
 struct Task {
     rect: Rect,
     first_sample: u32,
     samples: u32,
     busy: Duration,
-    /// Where that went, as far as the engine says.
+    /// The time by parts, as far as the engine reports it.
     parts: Vec<(Rect, Duration)>,
 }
 
 impl Recorder {
-    /// Stands between a job and its engine and observer.
+    /// Makes a recorder between a job and its engine and observer.
     pub fn new(engine: Arc<dyn RenderEngine>, observer: Arc<dyn Observer>) -> Self {
         Self { engine, observer, log: Arc::default() }
     }
@@ -57,10 +57,10 @@ impl Recorder {
         self.log.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The record of a job that has ended well.
+    /// The record of a job that has ended successfully.
     ///
     /// # Errors
-    /// When there is nothing to record: the job was stopped, or resumed and therefore not seen from its beginning.
+    /// There is nothing to record: the job was stopped, or was resumed and not observed from its beginning.
     pub fn record(&self, scene: &str, settings: &JobSettings, report: &JobReport) -> Result<Record, RecordError> {
         if report.stopped || !report.failed.is_empty() {
             let problem = "was stopped, or zones of it failed: only a whole one can be recorded".to_owned();
@@ -119,7 +119,7 @@ impl Recorder {
 }
 
 impl RecorderLog {
-    /// What was painted of a zone: all tasks whose middle lies in it. A zone may be painted in several.
+    /// The measurements of a zone: of all tasks whose center lies in it. A zone may be painted in several.
     fn zone(&self, row: &ZoneRow, choice: Choice, frame: &Rect) -> RecordedZone {
         let painted = row.rect.grown_by(choice.bands, frame);
         let middle_within = |rect: &Rect| row.rect.contains(rect.x0.midpoint(rect.x1), rect.y0.midpoint(rect.y1));

@@ -1,4 +1,4 @@
-//! The world of a simulation: machines that paint, and the film.
+//! The environment of a simulation: machines that paint, and the film.
 
 use std::{collections::BTreeSet, sync::Arc, time::Duration};
 
@@ -18,119 +18,119 @@ use crate::{
     RoundSummary, Theft, ZoneId, ZoneRow, progress::Tally,
 };
 
-/// The time that a work was said to need still, at one moment.
+/// A prediction of the remaining time, at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLeft {
     /// Virtual time since the start of the work.
     pub at: Duration,
-    /// How much of its cost was done, 0..=1.
+    /// Share of the cost done, 0..=1.
     pub done: f64,
-    /// The time it was said to need still.
+    /// The predicted remaining time.
     pub said: Duration,
 }
 
-/// What an agent's benchmark takes.
+/// Duration of an agent's benchmark.
 const BENCHMARK: Duration = Duration::from_millis(6);
-/// What it takes to look at two paintings of a zone.
+/// Duration of a comparison of two paintings.
 const LOOK: Duration = Duration::from_millis(3);
-/// How long a machine sees nothing of what others have done, in each stage of work that they share; beside that it takes a part and
-/// tells of it, and gets the last one.
+/// Delay, per stage of shared preparation, until a machine sees the results of others: it claims a part, publishes it
+/// and receives the last one.
 const LOOK_AT_OTHERS: Duration = Duration::from_millis(10);
 const MESSAGES_OF_STAGE: u32 = 6;
-/// By how much a machine that hangs becomes slower: what it paints in a run is less than a step of progress.
+/// Factor on the speed of a machine that hangs: it paints less than one step of progress in a run.
 const HUNG: f64 = 1e-12;
-/// Spans that are kept at most; more is counted, not shown.
+/// Maximum number of spans kept; further ones are only counted.
 pub const SPANS_MAX: usize = 1 << 22;
 
-/// A piece of an agent's time.
+/// A span of an agent's time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
     /// Index of the agent.
     pub agent: u32,
-    /// What it had in hand.
+    /// The zone that it painted.
     pub zone: ZoneId,
-    /// When it was begun.
+    /// Time of the beginning.
     pub begin: Time,
-    /// When it ended.
+    /// Time of the end.
     pub end: Time,
-    /// What came of it.
+    /// The kind.
     pub kind: SpanKind,
 }
 
-/// The occupation of an agent.
+/// The kind of a span.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpanKind {
-    /// It painted the first samples of a zone.
+    /// First samples of a zone.
     Profiling,
-    /// It painted the rest.
+    /// Remaining samples.
     Painting,
-    /// It painted what failed, was lost with it, or nobody wanted any more.
+    /// Lost work: an order that failed, was lost with the agent, or was cancelled.
     Lost,
 }
 
-/// An agent as the world sees it.
+/// The state of an agent in the environment.
 #[derive(Clone, Debug)]
 pub(super) struct Seat {
     pub(super) machine: usize,
-    /// When it comes.
+    /// The time at which it joins.
     pub(super) joins: Duration,
-    /// What its benchmark says.
+    /// V_cp from its benchmark.
     pub(super) power: RelativePower,
     pub(super) lanes: f64,
     /// Processor time spent, in seconds of its machine.
     pub(super) busy: f64,
-    /// Orders done.
+    /// Number of finished orders.
     pub(super) orders: u32,
     /// Share of its orders that fails.
     pub(super) breaks: f64,
-    /// Share of its orders that it paints wrong.
+    /// Share of its paintings that is wrong.
     pub(super) lies: f64,
-    /// Its clock goes so many times too slow: it takes itself to be so many times faster than it is.
+    /// Factor by which its clock runs slow, so that it claims to be faster.
     pub(super) boasts: f64,
-    /// Its next order takes so many seconds longer.
+    /// Additional seconds of its next order.
     pub(super) loads: f64,
-    /// Why its Master has left it out, if it has.
+    /// The reason why its Master has excluded it, if it has.
     pub(super) left_out: Option<String>,
-    /// What its Master knows of it.
+    /// Its row, as its Master last wrote it.
     pub(super) known: Option<Arc<AgentRow>>,
 }
 
-/// Machines, film, and what is seen of both.
+/// The environment: machines, film and all observations.
 #[derive(Debug)]
 pub(super) struct SimulatedFarm {
     piece: Arc<Workpiece>,
     machines: Machines,
-    /// A hash map, for speed: never gone through.
+    /// A hash map for speed; never iterated.
     index: FxHashMap<AgentId, usize>,
     pub(super) names: Vec<AgentId>,
     pub(super) seats: Vec<Seat>,
-    /// Share of orders that fail.
+    /// Share of all orders that fails.
     failures: f64,
-    /// No two agents give the same bits.
+    /// `true`: agents are not bit-identical.
     inexact: bool,
     fetch: Duration,
-    /// What a message takes at least.
+    /// Minimum latency of a message.
     latency: Duration,
     random: Random,
-    /// Kept for its memory.
+    /// Scratch space.
     done: Vec<PaintJob>,
     pub(super) spans: Vec<Span>,
     pub(super) spans_left_out: u64,
-    /// Of the auction, as they ended.
+    /// The rounds of the auction, as they ended.
     pub(super) rounds: Vec<RoundSummary>,
     pub(super) thefts: Vec<Theft>,
-    /// It was told that there were too few machines to compare.
+    /// `true`: the Master reported too few machines to compare paintings.
     pub(super) lacked_machines: bool,
     pub(super) film: FilmLog,
-    /// Orders that agents have begun to paint.
+    /// Number of orders that agents have begun.
     pub(super) orders_begun: u64,
-    /// What is said of how long the work takes yet, where somebody wants to know.
+    /// The predictor of the remaining time, if requested.
     pub(super) tally: Option<Tally>,
     pub(super) times_left: Vec<TimeLeft>,
 }
 
 impl SimulatedFarm {
-    /// - `fetch`: how long an agent takes to get the scene; `latency`: what a message takes at least.
+    /// - `fetch`: time to fetch the scene; `latency`: minimum latency of a message.
     pub(super) fn new(
         piece: Arc<Workpiece>,
         [fetch, latency]: [Duration; 2],
@@ -172,7 +172,7 @@ impl SimulatedFarm {
         self.seats.push(seat);
     }
 
-    /// How long an agent that comes to a work now takes until it can paint: work of all zones is shared by the machines that are there.
+    /// Time of preparation for an agent that joins now: its shared part is divided among the machines present.
     fn preparation(&self, now: Time) -> Duration {
         let Workpiece { preparation, shared_preparation, shared_stages, .. } = *self.piece;
         let is_there = |seat: &&Seat| Time::ZERO + seat.joins <= now;
@@ -182,17 +182,17 @@ impl SimulatedFarm {
         self.fetch + preparation - shared_preparation + shared_preparation / peers + shared_stages * of_stage
     }
 
-    /// The agent's machine becomes so many times slower.
+    /// Slows the agent's machine down by a factor.
     pub(super) fn slow_down(&mut self, now: Time, agent: usize, factor: f64) {
         self.machines.set_speed(now, self.seats[agent].machine, factor.recip());
     }
 
-    /// The agent's machine hangs.
+    /// Makes the agent's machine hang.
     pub(super) fn hang(&mut self, now: Time, agent: usize) {
         self.machines.set_speed(now, self.seats[agent].machine, HUNG);
     }
 
-    /// How far an order of an agent is, in millionths of a second of work that are done; more comes with time.
+    /// Progress of an order, in millionths of a second of finished work.
     fn progress(&mut self, now: Time, agent: usize, zone: ZoneId, fence: Revision) -> Option<u64> {
         let left = self.machines.left(now, self.seats[agent].machine, zone, fence)?;
         Some((1_u64 << 50).saturating_sub((left.max(0.0) * 1e6) as u64))
@@ -279,7 +279,7 @@ impl World<FarmAgent> for SimulatedFarm {
             }
             (FarmEffect::Compose { zone, result, .. }, _) => {
                 self.film.compose(zone, &result);
-                // A piece takes as long as its zone at most.
+                // A piece takes at most as long as its zone
                 let pixels = self.piece.rect(zone).map_or(0, |rect| rect.area());
                 let time = Duration::from_secs_f64(self.piece.composition_per_pixel * pixels as f64);
                 reports.push((time, FarmCompletion::Composed { zone, outcome: Ok(()) }));
@@ -295,7 +295,7 @@ impl World<FarmAgent> for SimulatedFarm {
             }
             (FarmEffect::Abandon { reason }, _) => self.film.abandoned = Some(reason),
             (FarmEffect::Survey { .. }, _) => {
-                // The zones come from outside: there is no Analyst.
+                // The zones are given: there is no Analyst
                 reports.push((Duration::ZERO, FarmCompletion::Surveyed(Err("nobody looks".to_owned()))));
             }
             (FarmEffect::Drop { zone, fence }, Some(index)) => {

@@ -1,4 +1,4 @@
-//! The work of a simulation: zones, and what they cost.
+//! The work of a simulation: zones and their costs.
 
 use std::time::Duration;
 
@@ -12,36 +12,36 @@ use crate::{
     ZoneId, ZoneRow,
 };
 
-/// Zones of a simulation at most.
+/// Maximum number of zones of a simulation.
 pub const ZONES_MAX: usize = 1 << 22;
 
 const WORK: WorkId = WorkId(1);
 /// Side of a synthetic zone, in pixels.
 const SIDE: u32 = 64;
 
-/// A work with the true cost of all that can be ordered of it.
+/// A work with the true cost of every possible order.
 #[derive(Clone, Debug)]
 pub struct Workpiece {
     pub(super) work: WorkRow,
-    /// By id.
+    /// The zones, by id.
     zones: Vec<SurveyedZone>,
     costs: Costs,
-    /// The knowledge of the agents that painted it, who had it in turn.
+    /// The rules of the agents that painted it, assigned in rotation.
     pub(super) experts: Vec<Expert>,
-    /// How long the work is looked at before there are zones.
+    /// Duration of the survey, before which there are no zones.
     pub(super) survey: Duration,
-    /// What each machine makes of the scene before its first zone.
+    /// Preparation of each machine before its first zone.
     pub(super) preparation: Duration,
-    /// How much of that machines share out among them, and in how many stages.
+    /// The part of the preparation that machines share, and its number of stages.
     pub(super) shared_preparation: Duration,
     pub(super) shared_stages: u32,
-    /// Time that the composition of a pixel takes, in seconds.
+    /// Composition time per pixel, in seconds.
     pub(super) composition_per_pixel: f64,
     /// V_cp of the machine whose speed counts as 1.
     pub(super) relative_power: f64,
 }
 
-/// What the Analyst says of a zone.
+/// The Analyst's data of a zone.
 #[derive(Clone, Copy, Debug)]
 struct SurveyedZone {
     rect: Rect,
@@ -58,25 +58,25 @@ impl SurveyedZone {
 #[derive(Clone, Debug)]
 enum Costs {
     Recorded(Box<Record>),
-    /// By zone; the zones are squares in so many columns.
+    /// Costs by zone, and the number of columns; zones are squares.
     Synthetic(Vec<SyntheticCost>, usize),
 }
 
 #[derive(Clone, Copy, Debug)]
 struct SyntheticCost {
-    /// Seconds for a sample of all pixels, of the first ones and of the others.
+    /// Seconds for one sample of all pixels, among the first samples and among the rest.
     profiling: f32,
     painting: f32,
 }
 
-/// The spread of the costs of a synthetic work. All are standard deviations of the logarithm.
+/// The spread of costs in a synthetic work. All are standard deviations of logarithms, except the mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticSpread {
-    /// Of the costs of zones. Their mean is [`Self::mean_seconds`].
+    /// Of the costs of zones, whose mean is [`Self::mean_seconds`].
     pub zones: f64,
-    /// Of what the importance map predicts, about the cost.
+    /// Of the importance map's predictions, relative to the cost.
     pub prediction: f64,
-    /// Of what profiling estimates, about the cost.
+    /// Of profiling's estimates, relative to the cost.
     pub profiling: f64,
     /// Mean cost of a zone, in seconds.
     pub mean_seconds: f64,
@@ -88,13 +88,13 @@ impl Default for SyntheticSpread {
     }
 }
 
-/// Why there is nothing to paint.
+/// An error in making a work for a simulation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorkpieceError {
-    /// There would be too many zones, or none.
+    /// The number of zones is zero or too large.
     #[error("{found} zones cannot be: there may be 1 to {ZONES_MAX}")]
     ZoneCount {
-        /// How many there would be.
+        /// The number of zones.
         found: usize,
     },
     /// The record's rules cannot be used.
@@ -103,9 +103,10 @@ pub enum WorkpieceError {
 }
 
 impl Workpiece {
-    /// What was recorded.
+    /// The work of a record.
     ///
-    /// - `scale`: each zone is cut into so many, of about equal size, whose predicted cost is by their size.
+    /// - `scale`: each zone is cut into this many, of about equal size, with predicted costs in proportion to their
+    ///   sizes.
     pub fn recorded(record: &Record, scale: u32) -> Result<Self, WorkpieceError> {
         let found = record.zones.len().saturating_mul(scale as usize);
         if found == 0 || found > ZONES_MAX {
@@ -133,7 +134,7 @@ impl Workpiece {
         })
     }
 
-    /// A work of so many zones whose costs have a log-normal distribution.
+    /// A work of a number of zones whose costs have a log-normal distribution.
     pub fn synthetic(zone_count: usize, spread: &SyntheticSpread, seed: u64) -> Result<Self, WorkpieceError> {
         const SAMPLES: u32 = 64;
         if zone_count == 0 || zone_count > ZONES_MAX {
@@ -148,7 +149,7 @@ impl Workpiece {
             let (column, row) = ((index % columns) as u32, (index / columns) as u32);
             let mut rect = Rect::new(column * SIDE, row * SIDE, (column + 1) * SIDE, (row + 1) * SIDE);
             if index + 1 == zone_count {
-                // The last one goes to the edge.
+                // The last column extends to the edge
                 rect.x1 = frame.x1;
             }
             let mut log_normal = |spread: f64| (spread * normal(&mut random) - spread * spread / 2.0).exp();
@@ -192,37 +193,37 @@ impl Workpiece {
         }
     }
 
-    /// What the user asked for.
+    /// The user's settings.
     pub fn settings(&self) -> &WorkSettings {
         &self.work.settings
     }
 
-    /// How many zones it has.
+    /// The number of zones.
     pub fn zone_count(&self) -> usize {
         self.zones.len()
     }
 
-    /// The rows of all zones as the Analyst puts them on the Blackboard.
+    /// The initial rows of all zones.
     pub(super) fn rows(&self) -> impl Iterator<Item = ZoneRow> {
         self.zones.iter().enumerate().map(|(index, zone)| zone.row(index))
     }
 
-    /// The pixels of a zone, without its band; `None`: it is none of the Analyst's.
+    /// The pixels of a zone without its band; `None`: not a zone of the Analyst.
     pub(super) fn rect(&self, zone: ZoneId) -> Option<Rect> {
         self.zones.get(zone.index()).map(|zone| zone.rect)
     }
 
-    /// Processor time of an order at speed 1, in seconds, and the processors that it can keep busy.
+    /// Processor time of an order at speed 1, in seconds, and the number of processors it can use.
     pub(super) fn cost(&self, order: &PaintOrder) -> (f64, f64) {
         match &self.costs {
             Costs::Recorded(record) => {
-                // With its band a zone's middle may lie in another one.
+                // With its band, a zone's center may lie in another zone
                 let own = self.rect(order.zone);
                 let own = own.filter(|own| order.rect.encloses(own)).unwrap_or(order.rect);
                 recorded_cost(record, &own, order)
             }
             Costs::Synthetic(costs, columns) => {
-                // Pieces of zones cost by their size.
+                // Pieces of zones cost in proportion to their size
                 let index = (order.rect.y0 / SIDE) as usize * columns + (order.rect.x0 / SIDE) as usize;
                 let index = index.min(costs.len() - 1);
                 let SyntheticCost { profiling, painting } = costs[index];
@@ -235,7 +236,7 @@ impl Workpiece {
         }
     }
 
-    /// Processor time at speed 1 of what a row says is painted of its zone, in seconds.
+    /// Processor time at speed 1 of the painted part of a zone, in seconds.
     pub(super) fn painted_seconds(&self, row: &ZoneRow) -> f64 {
         let Some(choice) = row.choice else { return 0.0 };
         let order = PaintOrder {
@@ -257,7 +258,7 @@ impl Workpiece {
         crate::Choice::unchanged(&self.work.settings).profile_samples(&self.work.settings.goal)
     }
 
-    /// Processor time of each zone at speed 1, in seconds, if it is painted as it was.
+    /// Processor time of each zone at speed 1, in seconds, with the recorded settings.
     pub fn zone_seconds(&self) -> impl Iterator<Item = f64> {
         let samples = self.work.settings.samples;
         self.zones.iter().enumerate().map(move |(index, zone)| match &self.costs {
@@ -282,7 +283,7 @@ impl Workpiece {
     }
 }
 
-/// What an order of a recorded work costs: its share of the zone in which the middle of `own` lies, as it was measured.
+/// The cost of an order of a recorded work: its share of the measured zone that contains the center of `own`.
 fn recorded_cost(record: &Record, own: &Rect, order: &PaintOrder) -> (f64, f64) {
     let width = order.rect.blocks(CELL_SIDE).count() as f64;
     let count = order.samples.end.saturating_sub(order.samples.start);
@@ -293,11 +294,11 @@ fn recorded_cost(record: &Record, own: &Rect, order: &PaintOrder) -> (f64, f64) 
     (seconds, width)
 }
 
-/// The recorded zone in which the middle of `own` lies, and which share of its cost falls on `rect`. `None`: more of that
-/// is painted than was.
+/// The recorded zone that contains the center of `own`, and the share of its cost in `rect`. `None`: `rect` exceeds the
+/// painted pixels.
 fn share_of_recorded<'a>(record: &'a Record, own: &Rect, rect: &Rect) -> Option<(&'a RecordedZone, f64)> {
     let middle = (own.x0.midpoint(own.x1), own.y0.midpoint(own.y1));
-    // Zones are ordered by row; the one with the middle begins at or above it.
+    // Zones are ordered by row, so the zone begins at or above the center
     let end = record.zones.partition_point(|zone| zone.rect.y0 <= middle.1);
     let zone = record.zones[..end].iter().rev().find(|zone| zone.rect.contains(middle.0, middle.1))?;
     let painted = zone.painted(&record.work.frame);
@@ -308,7 +309,7 @@ fn share_of_recorded<'a>(record: &'a Record, own: &Rect, rect: &Rect) -> Option<
     (painted.encloses(rect) && whole > 0.0).then(|| (zone, record.costs.seconds(rect) / whole))
 }
 
-/// Cuts a rectangle into so many of about equal size, or as many as it has rows and columns for.
+/// Cuts a rectangle into `count` parts of about equal size, or as many as its pixels allow.
 fn parts(rect: Rect, count: u32) -> Vec<Rect> {
     let mut open = vec![(rect, count)];
     let mut done = Vec::new();
@@ -331,7 +332,8 @@ fn parts(rect: Rect, count: u32) -> Vec<Rect> {
     done
 }
 
-/// A number of mean 0 and standard deviation 1: twelve uniform ones make nearly a normal one, with sums alone.
+/// An approximately normal number with mean 0 and standard deviation 1: a sum of twelve uniform ones, which needs
+/// additions only.
 fn normal(random: &mut Random) -> f64 {
     (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
 }

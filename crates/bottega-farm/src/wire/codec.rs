@@ -1,4 +1,4 @@
-//! The farm's messages and rows, as the link over NATS wants them.
+//! The codec of messages and rows for the link over NATS.
 
 use bottega_agents::codec::Codec;
 

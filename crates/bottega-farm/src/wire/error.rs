@@ -1,75 +1,75 @@
-//! Why bytes are refused.
+//! Errors in bytes from the wire or a journal.
 
 use bottega_agents::codec::WIRE_VERSION;
 use bottega_image::LayersError;
 
-/// Bytes that are no row, message or tile.
+/// An error in bytes that should be a row, message or tile.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WireError {
-    /// There are none.
+    /// There are no bytes.
     #[error("nothing is there")]
     Empty,
-    /// They were written by a build with another layout.
+    /// They have another version of the layout.
     #[error("it is of layout {found}, and this build reads layout {WIRE_VERSION}")]
     Version {
-        /// Their layout.
+        /// The version found.
         found: u8,
     },
-    /// They are cut off, name a variant that does not exist, or are of another layout.
+    /// They are cut off, name an unknown variant, or have another layout.
     #[error("{what} is cut off or has another layout")]
     Layout {
-        /// What should have been there.
+        /// The kind of record expected.
         what: &'static str,
-        /// What is wrong with it.
+        /// The error of `postcard`.
         source: postcard::Error,
     },
-    /// More follows than belongs to it.
+    /// More bytes follow the record.
     #[error("{count} bytes follow after {what}")]
     Trailing {
-        /// What was read.
+        /// The kind of record.
         what: &'static str,
-        /// How many bytes follow.
+        /// The number of bytes that follow.
         count: usize,
     },
-    /// A number that cannot be computed with.
+    /// A number is not finite.
     #[error("{what} is {value}, which is not finite")]
     NotFinite {
-        /// Which number.
+        /// The name of the number.
         what: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
     },
-    /// A rectangle that ends before it begins.
+    /// A rectangle ends before it begins.
     #[error("the rectangle from {x0}, {y0} to {x1}, {y1} ends before it begins", x0 = .0[0], y0 = .0[1], x1 = .0[2], y1 = .0[3])]
     Rectangle(
-        /// x0, y0, x1, y1.
+        /// The coordinates x0, y0, x1, y1.
         [u32; 4],
     ),
-    /// A text, in bytes, or a list, in elements, that is longer than any that is written.
+    /// A text, in bytes, or a list, in elements, exceeds its limit.
     #[error("{what} has a length of {length}, and at most {max} is read")]
     TooLong {
-        /// Which.
+        /// The name of the text or list.
         what: &'static str,
         /// Its length.
         length: usize,
-        /// The greatest length that is read.
+        /// The limit.
         max: usize,
     },
-    /// A set of AOVs with one that does not exist.
+    /// A set of AOVs contains an unknown one.
     #[error("the set of AOVs {bits:#010b} has one that does not exist")]
     Aovs {
-        /// The set, one bit an AOV.
+        /// The set, one bit per AOV.
         bits: u8,
     },
-    /// Layers that no picture can have.
+    /// The layers are invalid.
     #[error("the layers of a tile are unsound")]
     Layers(#[from] LayersError),
-    /// A tile with more or fewer sums than its pixels have.
+    /// A tile has a wrong number of sums for its pixels.
     #[error("a tile has {found} bytes of sums, and its pixels need {needed}")]
     Sums {
-        /// How many follow.
+        /// Bytes found.
         found: usize,
-        /// How many are needed.
+        /// Bytes needed.
         needed: u64,
     },
 }

@@ -1,4 +1,4 @@
-//! Contents of messages.
+//! The records of message contents.
 
 use std::{sync::Arc, time::Duration};
 
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{Bid, FarmContent, Holding, LifeCycle, Offer, Order, PassedOrder, RelativePower, Report, WorkId, ZoneId};
 
-/// The content of a message. The variants are those of [`FarmContent`], in its order, but for the last.
+/// The content of a message. The variants mirror those of [`FarmContent`] in order, except for the last.
 #[derive(Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "there is one at a time, on the stack")]
 pub(super) enum ContentRecord<'a> {
@@ -28,7 +28,7 @@ pub(super) enum ContentRecord<'a> {
     Offers(Vec<OfferRecord>),
     Bids {
         room: u32,
-        /// Zone and end in nanoseconds.
+        /// Zone, and finishing time in nanoseconds from now.
         bids: Vec<(u32, u64)>,
     },
     Award(#[serde(borrow)] OrderRecord<'a>),
@@ -63,7 +63,7 @@ pub(super) enum ContentRecord<'a> {
     Yielded(u32),
     HandedOver {
         to: &'a str,
-        /// Zone, fence and the share that is kept.
+        /// Zone, fence and the share kept.
         orders: Vec<(u32, u64, f64)>,
     },
     LifeCycle(#[serde(with = "LifeCycleRecord")] LifeCycle),
@@ -137,7 +137,7 @@ impl<'a> From<&'a FarmContent> for ContentRecord<'a> {
                 Self::HandedOver { to: name(to), orders }
             }
             FarmContent::LifeCycle(change) => Self::LifeCycle(*change),
-            // What is said to services of the platform is said within a process: elsewhere nobody understands it.
+            // Messages to the platform's services stay within a process
             FarmContent::Nothing | FarmContent::Management(_) => Self::Nothing,
         }
     }

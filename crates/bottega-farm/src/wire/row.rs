@@ -1,4 +1,4 @@
-//! The rows of the Blackboard.
+//! The records of the Blackboard's rows.
 
 use std::{sync::Arc, time::Duration};
 
@@ -21,7 +21,7 @@ pub(crate) fn put_work(row: &WorkRow, bytes: &mut Vec<u8>) {
     layout::put(&WorkRecord::from(row), bytes);
 }
 
-/// Reads bytes that are the row of a work.
+/// Reads the row of a work.
 pub(crate) fn read_work(bytes: &[u8]) -> Result<WorkRow, WireError> {
     layout::read::<WorkRecord>("the row of a work", bytes)?.try_into()
 }
@@ -31,13 +31,13 @@ pub(crate) fn put_zone(row: &ZoneRow, bytes: &mut Vec<u8>) {
     layout::put(&ZoneRecord::from(row), bytes);
 }
 
-/// Takes the row of a zone from the front of some bytes, and returns what follows it.
+/// Reads the row of a zone from the front of `bytes`. Returns it and the remaining bytes.
 pub(crate) fn take_zone(bytes: &[u8]) -> Result<(ZoneRow, &[u8]), WireError> {
     let (record, rest) = layout::take::<ZoneRecord<'_>>("the row of a zone", bytes)?;
     Ok((record.try_into()?, rest))
 }
 
-/// Any row.
+/// The record of any row.
 #[derive(Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "there is one at a time, on the stack")]
 pub(super) enum ValueRecord<'a> {
@@ -79,7 +79,7 @@ pub(super) struct ZoneRecord<'a> {
     zone: u32,
     rect: RectRecord,
     complexity: f64,
-    /// Of neighbor differences: the mean, and by side.
+    /// Neighbor difference: the mean, and the values by side.
     difference: (f64, [f64; 4]),
     time_estimated: Option<u64>,
     time_measured: Option<u64>,
@@ -220,7 +220,7 @@ impl From<ResultRecord> for ResultRef {
     }
 }
 
-/// What an agent painted.
+/// The record of a [`Painting`].
 #[derive(Serialize, Deserialize)]
 pub(super) struct PaintingRecord {
     choice: ChoiceRecord,
@@ -228,7 +228,7 @@ pub(super) struct PaintingRecord {
     time_measured: u64,
     goal: u32,
     time_left: u64,
-    /// In the painter's own time.
+    /// In the painter's own time, in nanoseconds.
     busy: u64,
     is_measured: bool,
     was_ready: bool,
@@ -281,9 +281,9 @@ pub(super) struct WorkRecord {
     optimization: Optimization,
     goal: GoalRecord,
     zone_count: u32,
-    /// Of complexity, neighbor difference and size: least and greatest.
+    /// Minimum and maximum of complexity, neighbor difference and size.
     ranges: [(f64, f64); 3],
-    /// Shares of glass, texture and media.
+    /// The shares of glass, texture and media.
     features: [f64; 3],
 }
 
@@ -302,7 +302,7 @@ enum OptimizationRecord {
 enum GoalRecord {
     Samples,
     Error(f64),
-    /// In nanoseconds.
+    /// Nanoseconds.
     Time(u64),
 }
 
@@ -366,7 +366,7 @@ pub(super) struct AgentRecord<'a> {
     agent: &'a str,
     power: f64,
     lanes: f64,
-    /// Sum, promised, taken.
+    /// The sum, and promised and measured times.
     credit: [f64; 3],
     agreed: u32,
     failures: u32,

@@ -1,4 +1,4 @@
-//! Tiles: the version, a record of where the pixels lie and what they hold, then the sums as they are, little endian.
+//! Tiles: the version, a record of rectangle and layout, then the raw sums, little endian.
 
 use bottega_agents::{BlobId, codec::WIRE_VERSION};
 use bottega_image::{AovSet, CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, Layout, Rect, Tile};
@@ -10,7 +10,7 @@ use super::{
     values::{RectRecord, bounded, rect, rect_record},
 };
 
-/// Digest of a tile: of its place, its layout and the bits of its sums.
+/// Digest of a tile: over its rectangle, its layout and the bits of its sums.
 pub fn digest(tile: &Tile) -> BlobId {
     let mut hasher = blake3::Hasher::new();
     let mut head = Vec::new();
@@ -37,7 +37,7 @@ fn put_head(tile: &Tile, bytes: &mut Vec<u8>) {
     layout::put(&TileHead::from(tile), bytes);
 }
 
-/// Reads bytes that are a tile.
+/// Reads a tile that fills `bytes` completely.
 pub(crate) fn read_tile(bytes: &[u8]) -> Result<Tile, WireError> {
     let (&version, bytes) = bytes.split_first().ok_or(WireError::Empty)?;
     if version != WIRE_VERSION {
@@ -46,7 +46,7 @@ pub(crate) fn read_tile(bytes: &[u8]) -> Result<Tile, WireError> {
     let (head, sums) = layout::take::<TileHead<'_>>("the head of a tile", bytes)?;
     let (rect, layout) = head.read()?;
     let needed = rect.area().saturating_mul(4 * layout.stride() as u64);
-    // Nothing is allocated for more pixels than are there.
+    // Check the length before allocating
     if sums.len() as u64 != needed {
         return Err(WireError::Sums { found: sums.len(), needed });
     }
@@ -60,7 +60,7 @@ pub(crate) fn read_tile(bytes: &[u8]) -> Result<Tile, WireError> {
 #[derive(Serialize, Deserialize)]
 struct TileHead<'a> {
     rect: RectRecord,
-    /// One bit an AOV.
+    /// One bit per AOV.
     aovs: u8,
     #[serde(borrow)]
     layers: Vec<LayerRecord<'a>>,

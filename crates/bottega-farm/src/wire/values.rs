@@ -1,4 +1,4 @@
-//! Values of which rows and messages are made, with the checks that the layout alone does not make.
+//! Values in rows and messages, with the checks that `postcard` does not make.
 
 use std::time::Duration;
 
@@ -7,11 +7,11 @@ use bottega_image::{Rect, Sides};
 
 use super::error::WireError;
 
-/// The longest name of an agent that is written or read, in bytes.
+/// Maximum length of an agent's name, in bytes.
 const NAME_BYTES_MAX: usize = 1 << 10;
-/// The longest reason, in bytes. Longer ones are cut when they are written.
+/// Maximum length of a reason, in bytes. Longer ones are cut when written.
 const REASON_BYTES_MAX: usize = 1 << 10;
-/// Offers, bids, orders or votes in one list at most.
+/// Maximum number of offers, bids, orders or votes in a list.
 pub(super) const LIST_MAX: usize = 1 << 16;
 
 /// A rectangle: x0, y0, x1, y1.
@@ -31,17 +31,17 @@ pub(super) fn sides<T>([left, top, right, bottom]: [T; 4]) -> Sides<T> {
     Sides { left, top, right, bottom }
 }
 
-/// A duration on the wire, up to five centuries.
+/// A duration in nanoseconds; about five centuries at most.
 pub(super) fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// A number that can be computed with.
+/// Checks that a number is finite.
 pub(super) fn finite(what: &'static str, value: f64) -> Result<f64, WireError> {
     if value.is_finite() { Ok(value) } else { Err(WireError::NotFinite { what, value }) }
 }
 
-/// The name of an agent on the wire.
+/// An agent's name, cut to its maximum length.
 pub(super) fn name(agent: &AgentId) -> &str {
     beginning(&agent.name, NAME_BYTES_MAX)
 }
@@ -50,7 +50,7 @@ pub(super) fn agent(name: &str) -> Result<AgentId, WireError> {
     bounded("the name of an agent", name.len(), NAME_BYTES_MAX).map(|()| AgentId::new(name))
 }
 
-/// A reason on the wire.
+/// A reason, cut to its maximum length.
 pub(super) fn short_reason(reason: &str) -> &str {
     beginning(reason, REASON_BYTES_MAX)
 }
@@ -59,7 +59,7 @@ pub(super) fn reason(reason: &str) -> Result<String, WireError> {
     bounded("a reason", reason.len(), REASON_BYTES_MAX).map(|()| reason.to_owned())
 }
 
-/// A list whose records are sound each.
+/// Converts a list of records; fails if one of them is invalid.
 pub(super) fn list<R, T, C: FromIterator<T>>(
     what: &'static str,
     records: Vec<R>,
@@ -69,7 +69,7 @@ pub(super) fn list<R, T, C: FromIterator<T>>(
     records.into_iter().map(read).collect()
 }
 
-/// Refuses what is longer than `max`.
+/// Checks that a length is at most `max`.
 pub(super) fn bounded(what: &'static str, length: usize, max: usize) -> Result<(), WireError> {
     if length <= max { Ok(()) } else { Err(WireError::TooLong { what, length, max }) }
 }

@@ -1,18 +1,18 @@
-//! The errors of a text, each with its place.
+//! Errors in FCL texts, with their positions.
 
 use std::fmt;
 
-/// A place in a text. Both count from 1; columns count characters.
+/// A position in a text. Both numbers count from 1; columns count characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Position {
-    /// The line.
+    /// The line number.
     pub line: usize,
-    /// The character of the line.
+    /// The column, in characters.
     pub column: usize,
 }
 
 impl Position {
-    /// Where the word, number or mark at this place stands in its text, in bytes. A place behind the text has none.
+    /// The byte range of the token at this position; empty at the end of a text.
     pub fn range_in(self, text: &str) -> std::ops::Range<usize> {
         let line_start = match self.line.checked_sub(2) {
             Some(before) => text.match_indices('\n').nth(before).map_or(text.len(), |(newline, _)| newline + 1),
@@ -35,107 +35,107 @@ impl fmt::Display for Position {
     }
 }
 
-/// The first mistake of a text.
+/// The first error in a text.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{at}: {kind}")]
 pub struct FclError {
-    /// Where.
+    /// The position.
     pub at: Position,
-    /// What.
+    /// The kind of error.
     pub kind: FclErrorKind,
 }
 
-/// Kinds of mistakes.
+/// The kind of an error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FclErrorKind {
-    /// A character that belongs to no token.
+    /// A character that is part of no token.
     #[error("the character {0:?} means nothing here")]
     StrayCharacter(char),
-    /// `(*` without `*)`.
+    /// A comment `(*` without `*)`.
     #[error("the comment that begins here does not end")]
     OpenComment,
-    /// Something else stands where something is needed.
+    /// An unexpected token.
     #[error("expected {expected}, found {found}{}", did_you_mean(.suggestion))]
     Unexpected {
-        /// What is needed.
+        /// The expected tokens.
         expected: String,
-        /// What stands there.
+        /// The token found.
         found: String,
-        /// A word near to what stands there.
+        /// A similar keyword, if any.
         suggestion: Option<String>,
     },
-    /// A digit string that is no finite number.
+    /// A number that is not finite.
     #[error("`{0}` is not a number that can be used")]
     BadNumber(String),
-    /// A name that is not declared.
+    /// An undeclared name.
     #[error("there is no {what} `{name}`{}", did_you_mean(.suggestion))]
     Unknown {
-        /// What kind of thing it would be.
+        /// The kind of thing expected.
         what: String,
-        /// Its name.
+        /// The name.
         name: String,
-        /// A declared name near to it.
+        /// A similar declared name, if any.
         suggestion: Option<String>,
     },
-    /// A name or clause that is there already.
+    /// A name or clause that is declared twice.
     #[error("{what} `{name}` is declared twice")]
     Twice {
-        /// What kind of thing it is.
+        /// The kind of thing.
         what: &'static str,
-        /// Its name.
+        /// The name.
         name: String,
     },
-    /// A declared variable lacks something.
+    /// A declared variable lacks a part.
     #[error("{what} `{name}` {lacks}")]
     Incomplete {
-        /// What kind of thing it is.
+        /// The kind of thing.
         what: &'static str,
-        /// Its name.
+        /// The name.
         name: String,
-        /// What it lacks.
+        /// The missing part.
         lacks: &'static str,
     },
-    /// Points of a term whose x falls.
+    /// The points of a term have decreasing x.
     #[error("the points are out of order: x falls from {0} to {1}")]
     PointsOutOfOrder(f64, f64),
-    /// A degree or weight that is none.
+    /// A degree or weight outside of 0..=1.
     #[error("{what} {value} lies outside of 0 to 1")]
     OutsideUnit {
-        /// What it is.
+        /// The name of the number.
         what: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
     },
-    /// A range that is empty.
+    /// An empty range.
     #[error("the range from {0} to {1} is empty: are its ends swapped?")]
     EmptyRange(f64, f64),
-    /// Singletons under a method that needs areas, areas under COGS, or both in one variable.
+    /// Singletons with a method that needs areas, areas with COGS, or both in one variable.
     #[error("METHOD {method} does not fit the terms: {reason}")]
     MethodDoesNotFit {
         /// The method.
         method: &'static str,
-        /// Why.
+        /// The reason.
         reason: &'static str,
     },
-    /// AND and OR that are not dual.
+    /// AND and OR are not dual.
     #[error("AND : {and} goes with OR : {}, not with OR : {or}", .dual)]
     NotDual {
-        /// The norm.
+        /// The AND operator.
         and: &'static str,
-        /// The conorm.
+        /// The OR operator.
         or: &'static str,
-        /// The conorm that fits.
+        /// The dual OR operator.
         dual: &'static str,
     },
-    /// More of something than is allowed.
+    /// More items than the maximum.
     #[error("too many {what}: at most {max}")]
     TooMany {
-        /// Of what.
+        /// The kind of items.
         what: &'static str,
-        /// How many may be.
+        /// The maximum.
         max: usize,
     },
-    /// The text holds another number of blocks than one.
+    /// The text does not contain exactly one block.
     #[error("expected one function block, found {0}")]
     BlockCount(usize),
 }
@@ -144,13 +144,13 @@ fn did_you_mean(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or_else(String::new, |word| format!("; did you mean `{word}`?"))
 }
 
-/// The word nearest to `found`, if it is near enough to be meant.
+/// The word most similar to `found`, if it is similar enough.
 pub(super) fn nearest<'a>(found: &str, words: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let near = |word: &&str| distance(found, word) <= (found.len().max(word.len()) / 3).max(1);
     words.into_iter().filter(near).min_by_key(|word| distance(found, word)).map(str::to_owned)
 }
 
-/// How many letters must be put in, left out, exchanged or swapped with a neighbor, without case.
+/// The edit distance without case: insertions, deletions, substitutions and swaps of neighbors.
 fn distance(a: &str, b: &str) -> usize {
     let (a, b) = (a.to_ascii_uppercase().into_bytes(), b.to_ascii_uppercase().into_bytes());
     let mut rows: Vec<Vec<usize>> = vec![(0..=b.len()).collect()];

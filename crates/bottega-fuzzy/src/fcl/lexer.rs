@@ -1,26 +1,26 @@
-//! Text into tokens.
+//! The lexer: splits a text into tokens.
 
 use super::error::{FclError, FclErrorKind, Position};
 use crate::limits::Limits;
 
-/// What a token is.
+/// A token.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token<'a> {
     /// A name or keyword.
     Word(&'a str),
-    /// A number without sign, and how it is written.
+    /// A number without sign, and its spelling.
     Number(f64, &'a str),
-    /// One of `; : , ( ) + -`.
+    /// One of the characters `; : , ( ) + -`.
     Mark(char),
-    /// `:=`
+    /// The sign `:=`.
     Assign,
-    /// `..`
+    /// The sign `..`.
     Dots,
     End,
 }
 
 impl Token<'_> {
-    /// As an error message names it.
+    /// The token's name in error messages.
     pub(super) fn describe(&self) -> String {
         match self {
             Self::Word(word) => format!("`{word}`"),
@@ -33,7 +33,7 @@ impl Token<'_> {
     }
 }
 
-/// Cuts a text into tokens, with the place of each. The last one is [`Token::End`].
+/// Splits a text into tokens with their positions. The last one is [`Token::End`].
 pub(super) fn tokens(text: &str) -> Result<Vec<(Token<'_>, Position)>, FclError> {
     let mut lexer = Lexer { rest: text, at: Position { line: 1, column: 1 } };
     let mut tokens = Vec::new();
@@ -55,7 +55,7 @@ struct Lexer<'a> {
 }
 
 impl<'a> Lexer<'a> {
-    /// Takes so many bytes, which must end at a character's end.
+    /// Takes a number of bytes, which must end at a character boundary.
     fn take(&mut self, bytes: usize) -> &'a str {
         let (taken, rest) = self.rest.split_at(bytes);
         self.rest = rest;
@@ -131,7 +131,7 @@ impl<'a> Lexer<'a> {
         let bytes = self.rest.as_bytes();
         let digits = |from: usize| bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();
         let mut length = digits(0);
-        // `0..10` is a number, two dots and a number.
+        // `0..10` is a number, two dots and a number
         if bytes.get(length) == Some(&b'.') && bytes.get(length + 1) != Some(&b'.') {
             length += 1;
             length += digits(length);

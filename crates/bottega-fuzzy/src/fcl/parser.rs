@@ -1,4 +1,4 @@
-//! Tokens into function blocks, by recursive descent, checked while they are read.
+//! The parser: turns tokens into function blocks by recursive descent, and validates them.
 
 use super::{
     error::{FclError, FclErrorKind, Position, nearest},
@@ -12,27 +12,27 @@ use crate::{
     operators::{Accumulation, Method},
 };
 
-/// The document of a text.
+/// The document of an FCL text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Document {
-    /// Its function blocks.
+    /// The function blocks, in order.
     pub blocks: Vec<FunctionBlock>,
-    /// Where the parts of each block stand.
+    /// The positions of each block's parts.
     pub(crate) places: Vec<Places>,
 }
 
 impl Document {
-    /// Where an input of a block is declared, by the number of the block and the input's name without case.
+    /// The position of an input's declaration, by the index of the block and the input's name without case.
     pub fn input_position(&self, block: usize, name: &str) -> Option<Position> {
         let index = self.blocks.get(block)?.input_index(name)?;
         Some(self.places[block].inputs[index].at)
     }
 }
 
-/// Reads a text with any number of function blocks.
+/// Parses a text with any number of function blocks.
 ///
 /// # Errors
-/// The first mistake, with line and column.
+/// The first error, with line and column.
 pub fn parse_document(text: &str) -> Result<Document> {
     if text.len() > Limits::TEXT_BYTES_MAX {
         let at = Position { line: 1, column: 1 };
@@ -52,10 +52,10 @@ pub fn parse_document(text: &str) -> Result<Document> {
 }
 
 impl FunctionBlock {
-    /// Reads a text that holds one function block. For several, or for warnings, see [`crate::parse_document`].
+    /// Parses a text with exactly one function block. For several, or for warnings, see [`crate::parse_document`].
     ///
     /// # Errors
-    /// The first mistake, with line and column.
+    /// The first error, with line and column.
     pub fn parse(text: &str) -> Result<Self> {
         let mut blocks = parse_document(text)?.blocks;
         match (blocks.pop(), blocks.len()) {
@@ -68,7 +68,7 @@ impl FunctionBlock {
     }
 }
 
-/// Words that make the structure, and so cannot be names.
+/// Reserved keywords, which cannot be names.
 const RESERVED: &[&str] = &[
     "FUNCTION_BLOCK",
     "END_FUNCTION_BLOCK",
@@ -105,7 +105,7 @@ pub(super) struct Parser<'a> {
     next: usize,
 }
 
-/// An input as far as it is known.
+/// An input while it is parsed.
 pub(super) struct InputDraft {
     pub(super) name: String,
     pub(super) at: Position,
@@ -114,7 +114,7 @@ pub(super) struct InputDraft {
     pub(super) range: Option<(f64, f64)>,
 }
 
-/// An output as far as it is known.
+/// An output while it is parsed.
 pub(super) struct OutputDraft {
     pub(super) name: String,
     pub(super) at: Position,
@@ -124,7 +124,7 @@ pub(super) struct OutputDraft {
     pub(super) range: Option<(f64, f64)>,
     pub(super) method: Option<(Method, Position)>,
     pub(super) accumulation: Option<Accumulation>,
-    /// `Some(None)`: NC.
+    /// `Some(None)`: NC, no change.
     pub(super) default: Option<Option<f64>>,
 }
 
@@ -176,7 +176,7 @@ impl<'a> Parser<'a> {
     }
 
     pub(super) fn advance(&mut self) {
-        // The last token is the end: it is never passed.
+        // The last token is the end and is never passed
         self.next = (self.next + 1).min(self.tokens.len() - 1);
     }
 
@@ -257,7 +257,7 @@ impl<'a> Parser<'a> {
         Err(FclError { at, kind: FclErrorKind::OutsideUnit { what, value } })
     }
 
-    /// `: WORD ;`, one of a closed set.
+    /// Parses `: WORD ;` with one of a closed set of words.
     pub(super) fn choice<T: Copy>(&mut self, all: &[T], word: impl Fn(T) -> &'static str) -> Result<T> {
         self.mark(':')?;
         let words: Vec<&str> = all.iter().map(|one| word(*one)).collect();
@@ -279,11 +279,11 @@ impl<'a> Parser<'a> {
 
 // Declarations.
 impl Parser<'_> {
-    /// A block, after its first keyword.
+    /// Parses a block, after its first keyword.
     fn block(&mut self) -> Result<(FunctionBlock, Places)> {
         const SECTIONS: &[&str] =
             &["VAR_INPUT", "VAR_OUTPUT", "VAR", "FUZZIFY", "DEFUZZIFY", "RULEBLOCK", "END_FUNCTION_BLOCK"];
-        // The name may be left out; a section's keyword is no name.
+        // The name is optional; a section's keyword is not a name
         let name = self.name("").map_or_else(|_| String::new(), str::to_owned);
         let mut draft = Draft::default();
         loop {
@@ -427,7 +427,7 @@ impl Parser<'_> {
         Err(self.unexpected("`TERM`, `METHOD`, `ACCU`, `DEFAULT`, `RANGE` or `END_DEFUZZIFY`", words))
     }
 
-    /// `: WORD ;`. What is MM here is MOM elsewhere.
+    /// Parses `: WORD ;` of a method. MM is called MOM elsewhere.
     fn method(&mut self) -> Result<Method> {
         let next = self.tokens.get(self.next + 1).map(|(token, _)| token);
         if *self.peek() == Token::Mark(':')
@@ -454,7 +454,7 @@ impl Parser<'_> {
         let high = self.number()?;
         self.mark(')')?;
         self.mark(';')?;
-        // A width that overflows cannot be reckoned with.
+        // The width must not overflow
         if low < high && (high - low).is_finite() {
             return Ok((low, high));
         }
@@ -521,7 +521,7 @@ fn has_terms(terms: &[Term], what: &'static str, name: &str, at: Position) -> Re
     Err(FclError { at, kind: FclErrorKind::Incomplete { what, name: name.to_owned(), lacks: "has no TERM" } })
 }
 
-/// Whether a method can be used on these terms; if not, why.
+/// Checks that a method fits these terms; the error is the reason.
 fn fits(method: Method, terms: &[Term], range: Option<(f64, f64)>) -> std::result::Result<(), &'static str> {
     let singletons = terms.iter().filter(|term| matches!(term.membership, Membership::Singleton(_))).count();
     let extent = terms

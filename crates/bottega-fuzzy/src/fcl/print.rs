@@ -1,4 +1,4 @@
-//! Function blocks into text that parses to the same.
+//! The printer: writes a function block as FCL that parses to an equal block.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -126,7 +126,7 @@ fn condition(f: &mut Formatter<'_>, block: &FunctionBlock, what: &Condition) -> 
         Condition::And(parts) => {
             joined(f, block, parts, " AND ", |part| matches!(part, Condition::And(_) | Condition::Or(_)))
         }
-        // AND binds tighter; brackets that are not needed would make deep conditions deeper than may be read.
+        // AND binds tighter; unneeded brackets could exceed the nesting limit when read again
         Condition::Or(parts) => joined(f, block, parts, " OR ", |part| matches!(part, Condition::Or(_))),
     }
 }

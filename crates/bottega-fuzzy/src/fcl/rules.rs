@@ -1,4 +1,4 @@
-//! Rule blocks: the second half of the parser.
+//! The parser of rule blocks.
 
 use super::{
     error::{FclError, FclErrorKind, Position},
@@ -63,7 +63,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// A rule, after its first keyword.
+    /// Parses a rule, after its first keyword.
     fn rule(&mut self, draft: &Draft) -> Result<Rule> {
         let label = match *self.peek() {
             Token::Number(_, written) => {

@@ -1,37 +1,37 @@
-//! The grid of inputs that a verification looks at, so that whatever holds of their terms is seen.
+//! The grid of input values on which rule bases are verified.
 //!
-//! Every term is linear between the points of all terms of its input. An axis takes each of those points, some places
-//! between each two, and one beyond either end. Whether degrees joined by MIN, MAX, PROD or ASUM are 0 is the same all
-//! over a cell of such axes, so what the grid says of firing is exact; under BDIF and BSUM, and where degrees are
-//! compared with each other, it is as good as its cells are small.
+//! Every term is linear between the points of all terms of its input. An axis has a cell at each of those points, some
+//! between each two, and one beyond either end. Whether degrees combined by MIN, MAX, PROD or ASUM are 0 is constant
+//! within a cell, so the results about firing are exact; under BDIF and BSUM, and where degrees are compared with each
+//! other, they are as accurate as the cells are small.
 
 use crate::block::{Condition, InputVariable, Rule, RuleBlock};
 use crate::{evaluate, membership::Membership};
 
-/// Places between two points of an axis.
+/// Number of cells between two points of an axis.
 const BETWEEN: usize = 3;
-/// Cells of an axis that is looked at.
+/// Maximum number of cells of an axis.
 const AXIS_CELLS_MAX: usize = 1024;
-/// Cells of a grid that is looked at whole.
+/// Maximum number of cells of a grid that is examined completely.
 pub(super) const GRID_CELLS_MAX: u64 = 1 << 19;
 
-/// One stretch of an axis: a point of a term, or a part of what lies between two.
+/// A cell of an axis: a point of a term, or an interval between two points.
 pub(super) struct AxisStretch {
     pub(super) low: f64,
     pub(super) high: f64,
-    /// Whether it lies in the input's declared range; where none is declared, anything does.
+    /// True if it lies in the input's declared range, or none is declared.
     pub(super) in_range: bool,
     /// The degree of each term.
     grades: Vec<f64>,
 }
 
-/// The cells of an input, ascending.
+/// The cells of an input, in ascending order.
 pub(super) struct Axis {
     pub(super) cells: Vec<AxisStretch>,
 }
 
 impl Axis {
-    /// `None`: its terms have too many points.
+    /// `None` if the terms have too many points.
     pub(super) fn new(input: &InputVariable) -> Option<Self> {
         let mut points: Vec<f64> = input
             .terms
@@ -71,14 +71,14 @@ fn cell(input: &InputVariable, low: f64, high: f64, at: f64) -> AxisStretch {
 
 /// The product of some axes.
 pub(super) struct AxisGrid<'a> {
-    /// The inputs and their axes.
+    /// The indices of the inputs, with their axes.
     pub(super) axes: Vec<(usize, &'a Axis)>,
-    /// How many cells it has.
+    /// The number of cells.
     pub(super) len: u64,
 }
 
 impl<'a> AxisGrid<'a> {
-    /// The grid over the inputs that conditions ask for. `None`: one of them has no axis, or there are too many cells.
+    /// The grid over all inputs in some conditions. `None`: one of them has no axis, or there are too many cells.
     pub(super) fn over<'c>(axes: &'a [Option<Axis>], of: impl IntoIterator<Item = &'c Condition>) -> Option<Self> {
         let mut inputs = Vec::new();
         of.into_iter().for_each(|condition| mentioned(condition, &mut inputs));
@@ -89,7 +89,7 @@ impl<'a> AxisGrid<'a> {
         (len <= GRID_CELLS_MAX).then_some(Self { axes, len })
     }
 
-    /// The cells that meet at a place of the grid, one for each axis.
+    /// The cells of the axes that meet at a grid position, with their inputs.
     pub(super) fn cells(&self, mut index: u64) -> impl Iterator<Item = (usize, &'a AxisStretch)> {
         self.axes.iter().map(move |(input, axis)| {
             let count = axis.cells.len() as u64;
@@ -99,7 +99,7 @@ impl<'a> AxisGrid<'a> {
         })
     }
 
-    /// All places in an order in which neighbors are far apart: what is refuted at all is refuted soon.
+    /// All positions, in an order with neighbors far apart, so that counterexamples are found early.
     pub(super) fn scattered(&self) -> impl Iterator<Item = u64> + use<'a> {
         let len = self.len;
         let near = (len as f64 * 0.618_033_988_749_895) as u64;
@@ -115,9 +115,9 @@ fn gcd(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// The degree of a rule's condition at a place of a grid, without its weight.
+/// The degree of a rule's condition at a grid position, without its weight.
 pub(super) struct ConditionDegree<'a> {
-    /// By input; empty where the grid does not ask.
+    /// By input; empty for inputs outside the grid.
     grades: Vec<&'a [f64]>,
 }
 
@@ -126,7 +126,7 @@ impl<'a> ConditionDegree<'a> {
         Self { grades: vec![&[]; inputs] }
     }
 
-    /// Goes to a place of a grid, which must have the inputs of all conditions that are asked for then.
+    /// Moves to a position of a grid, which must contain the inputs of all conditions evaluated afterwards.
     pub(super) fn go(&mut self, grid: &AxisGrid<'a>, index: u64) {
         for (input, cell) in grid.cells(index) {
             self.grades[input] = &cell.grades;
@@ -138,7 +138,7 @@ impl<'a> ConditionDegree<'a> {
     }
 }
 
-/// The inputs that a condition asks for, in the order of asking.
+/// Appends the inputs of a condition, in order of their first use.
 fn mentioned(condition: &Condition, inputs: &mut Vec<usize>) {
     match condition {
         Condition::Is { input, .. } | Condition::IsNot { input, .. } => inputs.push(*input),
@@ -147,7 +147,7 @@ fn mentioned(condition: &Condition, inputs: &mut Vec<usize>) {
     }
 }
 
-/// How many terms a condition asks for: what it costs to look at it.
+/// Number of terms in a condition: the cost of evaluating it.
 pub(super) fn leaves(condition: &Condition) -> u64 {
     match condition {
         Condition::Is { .. } | Condition::IsNot { .. } => 1,

@@ -1,4 +1,4 @@
-//! Values of the inputs for which no rule speaks of an output.
+//! Holes: input values for which no rule concludes anything about an output.
 
 use super::{
     Placed, Verifier,
@@ -6,11 +6,11 @@ use super::{
     warning::{Hole, WarningKind},
 };
 
-/// Boxes that are told of one output; the rest is counted.
+/// Maximum number of boxes reported per output; the rest is counted.
 const TOLD_MAX: usize = 4;
 
 impl Verifier<'_> {
-    /// Holes of all outputs that have neither a default nor a rule for all cases.
+    /// Reports the holes of all outputs that have neither a default nor a rule for all cases.
     pub(super) fn holes(&mut self) {
         for index in 0..self.block.outputs.len() {
             if self.block.outputs[index].default.is_none() {
@@ -24,7 +24,7 @@ impl Verifier<'_> {
         let alive = self.rules.iter().zip(&self.alive).filter(|(_, alive)| **alive).map(|(placed, _)| *placed);
         let rules: Vec<Placed<'_>> = alive.filter(speaks).collect();
         if rules.is_empty() {
-            // Told already: the output is silent, or all of its rules are dead.
+            // Reported already: the output has no rules, or all of them are dead
             return;
         }
         let Some(grid) = AxisGrid::over(self.axes, rules.iter().map(|placed| &placed.rule.condition)) else {
@@ -44,11 +44,11 @@ impl Verifier<'_> {
         holes.into_iter().for_each(|hole| self.warn(at, WarningKind::Hole(hole)));
     }
 
-    /// For each cell whether no rule fires there. `None`: that would take too long.
+    /// For each cell, true if no rule fires there. `None`: too expensive.
     fn empty_cells(&mut self, grid: &AxisGrid<'_>, rules: &[Placed<'_>]) -> Option<Vec<bool>> {
         let mut place = ConditionDegree::new(self.block.inputs.len());
         let mut empty = vec![false; grid.len as usize];
-        // The rule that fired in the last cell most likely fires in the next one, too.
+        // Try the rule that fired in the last cell first
         let mut last = 0;
         for index in (0..grid.len).filter(|&index| grid.cells(index).all(|(_, cell)| cell.in_range)) {
             place.go(grid, index);
@@ -68,7 +68,7 @@ impl Verifier<'_> {
         Some(empty)
     }
 
-    /// Grows a cell to a box that holds nothing but empty cells and marks them as told.
+    /// Grows a cell to a box of empty cells and marks them as reported.
     fn grow(&self, grid: &AxisGrid<'_>, from: usize, empty: &mut [bool], output: usize) -> Hole {
         let counts: Vec<usize> = grid.axes.iter().map(|(_, axis)| axis.cells.len()).collect();
         let mut rest = from;
@@ -102,7 +102,7 @@ impl Verifier<'_> {
     }
 }
 
-/// The cells of a box, given by the first and last cell along each axis.
+/// The cells of a box, given by its first and last cell along each axis.
 fn cells_of(sides: &[(usize, usize)], counts: &[usize]) -> impl Iterator<Item = usize> {
     let total: usize = sides.iter().map(|(low, high)| high - low + 1).product();
     (0..total).map(move |mut k| {

@@ -1,8 +1,8 @@
-//! Verification of rule bases: what is allowed and most likely not meant.
+//! Verification of rule bases: warnings about what is allowed, but probably unintended.
 //!
-//! A text that can be read can be evaluated, but its rules may contradict each other, never fire, or leave an output
-//! without a value. What is told of a rule holds for all values of the inputs, see [`grid`] for how that is known; what
-//! cannot be decided within a bounded time is not told, and that it was not is.
+//! Every valid text can be evaluated, but its rules may contradict each other, never fire, or leave an output without a
+//! value. A warning about a rule holds for all values of the inputs, see [`grid`]. What cannot be decided within a
+//! bounded time is not reported, and a warning says so.
 
 mod grid;
 mod hole;
@@ -21,11 +21,11 @@ use crate::{
     operators::{Accumulation, Activation},
 };
 
-/// Terms looked up, in all blocks of a text: a second or two.
+/// Maximum number of terms evaluated for all blocks of a text: a second or two.
 const WORK_MAX: u64 = 20_000_000;
 
 impl Document {
-    /// Looks for what is most likely not meant, in the order of the text.
+    /// Returns all warnings, in the order of the text.
     pub fn verify(&self) -> Vec<Warning> {
         let mut work = WORK_MAX;
         let mut warnings = Vec::new();
@@ -45,7 +45,7 @@ impl Document {
     }
 }
 
-/// A rule with the block that says how its parts are joined.
+/// A rule with its block, for the operators.
 #[derive(Clone, Copy)]
 struct Placed<'a> {
     block: &'a RuleBlock,
@@ -57,10 +57,10 @@ struct Verifier<'a> {
     block: &'a FunctionBlock,
     places: &'a Places,
     rules: Vec<Placed<'a>>,
-    /// Of each rule, whether it can fire as far as known.
+    /// For each rule, false if it is known never to fire.
     alive: Vec<bool>,
     axes: &'a [Option<Axis>],
-    /// Terms that may still be looked up.
+    /// Remaining number of terms that may be evaluated.
     work: u64,
     warnings: Vec<Warning>,
 }
@@ -77,7 +77,7 @@ impl<'a> Verifier<'a> {
         self.warnings.push(Warning { at, kind });
     }
 
-    /// Pays for work that is about to be done. `false`: there is nothing left, which is told once.
+    /// Subtracts work from the budget. False if too little is left, which is reported once.
     fn pay(&mut self, cost: u64) -> bool {
         if let Some(left) = self.work.checked_sub(cost) {
             self.work = left;
@@ -95,7 +95,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Labels used twice; terms, inputs and outputs that no rule speaks of.
+    /// Reports duplicate labels, and unused terms, inputs and outputs.
     fn names(&mut self) {
         let (block, places) = (self.block, self.places);
         let mut at = places.rules.iter();
@@ -137,7 +137,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Terms that hold nowhere in the range of their variable.
+    /// Reports terms with degree 0 in the whole range of their variable.
     fn sets(&mut self) {
         let (block, places) = (self.block, self.places);
         let mut empty = |variable: &str, term: &crate::Term, output: bool, at: Position| {
@@ -161,7 +161,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Rules that can never fire.
+    /// Reports rules that can never fire.
     fn rules(&mut self) {
         for index in 0..self.rules.len() {
             let Placed { block, rule, at } = self.rules[index];
@@ -177,7 +177,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Whether a condition holds to some degree anywhere. `None`: that would take too long.
+    /// True if a condition has a degree above 0 anywhere. `None`: too expensive.
     fn fires(&mut self, block: &RuleBlock, rule: &Rule) -> Option<bool> {
         let cost = leaves(&rule.condition);
         let Some(grid) = AxisGrid::over(self.axes, [&rule.condition]) else {
@@ -212,19 +212,19 @@ fn mark_asked(condition: &crate::Condition, asked: &mut [Vec<bool>]) {
     }
 }
 
-/// Whether a term holds to some degree somewhere in a range.
+/// True if a term has a degree above 0 somewhere in a range.
 fn holds_within(membership: &Membership, (low, high): (f64, f64)) -> bool {
     match membership {
         Membership::Singleton(at) => (low..=high).contains(at),
         Membership::Linear(points) => {
             let inside = points.iter().any(|&(x, y)| y > 0.0 && (low..=high).contains(&x));
-            // Between two points it is above 0 wherever one of them is; its ends say the rest.
+            // Between two points the degree is above 0 if it is at either one; the ends decide the rest
             inside || [low, high].iter().any(|&end| membership.degree(end) > 0.0)
         }
     }
 }
 
-/// Whether rules that conclude a term are heard.
+/// True if rules that conclude a term have an effect on the output.
 fn has_area(membership: &Membership, output: &OutputVariable) -> bool {
     let one = ActiveOutput { term: membership, activation: Activation::Min, degree: 1.0 };
     match aggregate(Accumulation::Max, output.declared_range(), &[one]) {

@@ -1,4 +1,4 @@
-//! Two rules: whether they contradict each other, or say the same.
+//! Comparison of two rules: contradictions and repetitions.
 
 use super::{
     Placed, Verifier,
@@ -11,11 +11,11 @@ use crate::{
     operators::{Accumulation, Method},
 };
 
-/// Degrees that differ by no more are equal: one of them may have been joined in another order.
+/// Degrees that differ by less are equal: they may have been combined in another order.
 const TOLERANCE: f64 = 1e-12;
 
 impl Verifier<'_> {
-    /// Contradictory and repeated rules; of each rule the first of a kind.
+    /// Reports contradictory and repeated rules; for each rule the first of each kind.
     pub(super) fn pairs(&mut self) {
         for second in 0..self.rules.len() {
             self.itself(second);
@@ -29,7 +29,7 @@ impl Verifier<'_> {
         }
     }
 
-    /// A rule that says two things of one output.
+    /// Reports a rule with two different conclusions about one output.
     fn itself(&mut self, index: usize) {
         let Placed { rule, at, .. } = self.rules[index];
         if let Some((a, b)) = self.at_odds(rule, rule) {
@@ -39,7 +39,7 @@ impl Verifier<'_> {
         }
     }
 
-    /// `false`: there is no time for more.
+    /// Compares two rules. False if the budget is used up.
     fn pair(&mut self, first: usize, second: usize, told: &mut RuleFindings) -> bool {
         let (a, b) = (self.rules[first], self.rules[second]);
         let odds = self.at_odds(a.rule, b.rule).filter(|_| !told.contradiction);
@@ -61,11 +61,11 @@ impl Verifier<'_> {
         self.work > 0
     }
 
-    /// Whether one of two rules that conclude the same might as well not be there.
+    /// Reports whether one of two rules with the same conclusions is redundant.
     fn repetition(&mut self, a: Placed<'_>, b: Placed<'_>, unweighted: DegreeOrder) -> bool {
         let equal = unweighted.below && unweighted.above;
         let (stays, goes, counts_twice) = if self.covered(a) && std::ptr::eq(a.block, b.block) {
-            // The stronger of two covers the other.
+            // The stronger rule covers the other
             let order = self.compare(a, b, |rule| rule.weight);
             match order {
                 Some(DegreeOrder { above: true, .. }) => (a, b, false),
@@ -82,7 +82,7 @@ impl Verifier<'_> {
         true
     }
 
-    /// Whether for all outputs of a rule the strongest rule covers weaker ones that say the same.
+    /// True if for all outputs of a rule the strongest rule covers weaker ones with the same conclusions.
     fn covered(&self, placed: Placed<'_>) -> bool {
         placed.rule.conclusions.iter().all(|conclusion| {
             let output = &self.block.outputs[conclusion.output];
@@ -92,7 +92,7 @@ impl Verifier<'_> {
         })
     }
 
-    /// Different terms that two rules say of one output.
+    /// Different terms that two rules conclude for one output.
     fn at_odds(&self, a: &Rule, b: &Rule) -> Option<(Conclusion, Conclusion)> {
         let differ = |a: &Conclusion, b: &Conclusion| {
             let terms = &self.block.outputs[a.output].terms;
@@ -112,7 +112,7 @@ impl Verifier<'_> {
         }
     }
 
-    /// How the degrees of two rules compare, over all values of the inputs. `None`: that would take too long.
+    /// The order of two rules' degrees over all values of the inputs. `None`: too expensive.
     fn compare(&mut self, a: Placed<'_>, b: Placed<'_>, weight: impl Fn(&Rule) -> f64) -> Option<DegreeOrder> {
         let cost = leaves(&a.rule.condition) + leaves(&b.rule.condition);
         let Some(grid) = AxisGrid::over(self.axes, [&a.rule.condition, &b.rule.condition]) else {
@@ -143,22 +143,22 @@ impl Verifier<'_> {
     }
 }
 
-/// What has been told of a rule.
+/// The findings already reported for a rule.
 struct RuleFindings {
     contradiction: bool,
     repetition: bool,
 }
 
-/// How one degree compares to another wherever one looks.
+/// The order of two degrees over all input values.
 #[derive(Clone, Copy)]
 struct DegreeOrder {
-    /// It is never greater.
+    /// True if the first is never greater.
     below: bool,
-    /// It is never less.
+    /// True if the first is never less.
     above: bool,
 }
 
-/// Whether two rules say the same of the same outputs, in any order.
+/// True if two rules have the same conclusions, in any order.
 fn same_conclusions(a: &Rule, b: &Rule) -> bool {
     let all_in = |a: &Rule, b: &Rule| a.conclusions.iter().all(|one| b.conclusions.contains(one));
     all_in(a, b) && all_in(b, a)

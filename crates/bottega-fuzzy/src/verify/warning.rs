@@ -1,19 +1,19 @@
-//! Warnings: what is allowed and most likely not meant.
+//! Warnings about rule bases.
 
 use std::fmt::{self, Display, Formatter};
 
 use crate::Position;
 
-/// Something in a text that is allowed and most likely not meant.
+/// A warning: something allowed, but probably unintended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
-    /// Where.
+    /// The position.
     pub at: Position,
-    /// What.
+    /// The kind.
     pub kind: WarningKind,
 }
 
-/// Kinds of what is most likely not meant. Rules are named by their labels.
+/// The kind of a warning. Rules are named by their labels.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "each is one sentence, below")]
 pub enum WarningKind {
@@ -39,7 +39,7 @@ pub enum WarningKind {
         label: String,
         reason: DeadReason,
     },
-    /// `first` fires whenever `second` does, or the other way round, and they conclude different terms.
+    /// `first` fires whenever `second` does, or vice versa, and they conclude different terms.
     Contradiction {
         first: String,
         second: String,
@@ -47,40 +47,39 @@ pub enum WarningKind {
         terms: [String; 2],
         same_condition: bool,
     },
-    /// `second` says what `first` says already.
+    /// `second` is redundant, because of `first`.
     Repeated {
         first: String,
         second: String,
         counts_twice: bool,
     },
     Hole(Hole),
-    /// The text asks for more work than verification may take.
+    /// The text exceeds the budget of verification.
     Unexamined,
 }
 
-/// Why a rule can never say anything.
+/// The reason why a rule has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeadReason {
     /// Its weight is 0.
     Weight,
-    /// Its condition holds for no values of the inputs.
+    /// Its condition has degree 0 for all input values.
     Condition,
 }
 
-/// A box of input values for which no rule speaks of an output that has no default.
+/// A box of input values for which no rule concludes anything about an output without a default.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hole {
-    /// The output.
+    /// The name of the output.
     pub output: String,
-    /// The inputs that matter, each with its least and greatest value in the box. An input that is not here may have
-    /// any value.
+    /// The relevant inputs, each with its least and greatest value in the box. Inputs not listed may have any value.
     pub sides: Vec<(String, f64, f64)>,
-    /// How many cells of the terms beside this box are as empty, where it is the last one told.
+    /// Number of empty cells outside the reported boxes; set on the last box only.
     pub further_cells: u64,
 }
 
 impl WarningKind {
-    /// A short name for programs, in the manner of a lint's.
+    /// A short identifier for programs, like that of a lint.
     pub fn code(&self) -> &'static str {
         match self {
             Self::LabelTwice { .. } => "label-twice",

@@ -1,44 +1,44 @@
-//! Local orientation, by Gabor filters.
+//! Local orientation by Gabor filters.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use super::plane::Plane;
 
-/// How far a filter reaches from its middle, in pixels.
+/// Radius of a filter, in pixels.
 const REACH: i64 = 4;
-/// Length of the wave, in pixels: of bars as thin as the level shows.
+/// Wavelength, in pixels: that of the thinnest bars a level can show.
 const WAVE: f64 = 4.0;
-/// Standard deviation of the window, in pixels.
+/// Standard deviation of the Gaussian window, in pixels.
 const WINDOW: f64 = 1.6;
-/// Taps in a row of a filter.
+/// Width of a filter, in taps.
 const SIDE: usize = 2 * REACH as usize + 1;
 
-/// A Gabor filter: a cosine and a sine in a Gaussian window, neither of which answers to what is even.
+/// A Gabor filter pair: a cosine and a sine in a Gaussian window, both with zero response to a constant.
 struct Pair {
     even: [f32; SIDE * SIDE],
     odd: [f32; SIDE * SIDE],
 }
 
-/// Gabor filters of 0°, 45°, 90° and 135°.
+/// Gabor filters at 0°, 45°, 90° and 135°.
 pub(super) struct Orientations([Pair; Orientations::COUNT]);
 
 impl Orientations {
-    /// Orientations that are told apart.
+    /// Number of orientations.
     pub(super) const COUNT: usize = 4;
 
-    /// The filters.
+    /// Makes the filters.
     pub(super) fn new() -> Self {
-        // Directions of the waves; exact, so that no more than `exp` and `cos` of small numbers rounds.
+        // Directions of the waves; exact, so that only `exp` and `cos` of small numbers round.
         let directions = [(1.0, 0.0), (FRAC_1_SQRT_2, FRAC_1_SQRT_2), (0.0, 1.0), (-FRAC_1_SQRT_2, FRAC_1_SQRT_2)];
         Self(directions.map(|(dx, dy)| pair(dx, dy)))
     }
 
-    /// The strength of one orientation at every pixel: the root of the summed squares of both filters' answers, which does
-    /// not depend on where in the wave an edge or a bar lies.
+    /// The strength of one orientation at every pixel: the root of the summed squares of both responses, which does not
+    /// depend on the phase of an edge or bar.
     pub(super) fn strength(&self, plane: &Plane, orientation: usize) -> Plane {
         let Pair { even, odd } = &self.0[orientation];
         let (width, height) = plane.size();
-        // With a rim as wide as a filter reaches, so that rows are slices.
+        // Pad by the filter's radius, so that rows are slices
         let side = i64::from(width) + 2 * REACH;
         let rows = (-REACH..i64::from(height) + REACH).flat_map(|y| (0..side).map(move |x| (x - REACH, y)));
         let rimmed: Vec<f32> = rows.map(|(x, y)| plane.at(x, y)).collect();
@@ -71,7 +71,7 @@ fn pair(dx: f64, dy: f64) -> Pair {
     };
     let window = taps(|_| 1.0);
     let even = taps(f64::cos);
-    // What the cosine answers to an even picture is taken off in the shape of the window.
+    // Subtract the cosine's response to a constant, in the shape of the window
     let share = even.iter().sum::<f64>() / window.iter().sum::<f64>();
     let even: Vec<f64> = even.iter().zip(&window).map(|(even, window)| even - share * window).collect();
     let odd = taps(f64::sin);
