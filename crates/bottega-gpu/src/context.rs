@@ -113,7 +113,7 @@ impl Context {
     }
 
     /// Waits for a submission.
-    pub(crate) fn wait(&self, submission: SubmissionIndex) -> Result<(), GpuError> {
+    pub(crate) fn wait(&self, submission: &SubmissionIndex) -> Result<(), GpuError> {
         loop {
             let wait = PollType::Wait { submission_index: Some(submission.clone()), timeout: Some(self.timeout) };
             let polled = self.device.poll(wait);
@@ -130,7 +130,7 @@ impl Context {
     /// Waits for a submission that copied to `readback`, and shows the first `bytes` of it to `read`.
     pub(crate) fn read(
         &self,
-        submission: SubmissionIndex,
+        submission: &SubmissionIndex,
         readback: &Buffer,
         bytes: u64,
         read: impl FnOnce(&[u32]),

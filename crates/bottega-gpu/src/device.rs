@@ -152,7 +152,7 @@ impl Device {
         self.dispatch(&mut encoder, query, batch, rays.len());
         encoder.copy_buffer_to_buffer(&batch.answers, 0, &batch.readback, 0, bytes);
         let submission = queue.submit([encoder.finish()]);
-        self.context.read(submission, &batch.readback, bytes, read)
+        self.context.read(&submission, &batch.readback, bytes, read)
     }
 
     fn dispatch(&self, encoder: &mut wgpu::CommandEncoder, query: Query, batch: &RayBuffers, rays: usize) {
@@ -177,7 +177,7 @@ impl Device {
             }
             let begun = Instant::now();
             let submission = self.context.queue.submit([encoder.finish()]);
-            self.context.wait(submission)?;
+            self.context.wait(&submission)?;
             Ok(begun.elapsed())
         };
         submit(1)?;

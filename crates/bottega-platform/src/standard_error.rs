@@ -71,7 +71,7 @@ mod tests {
     fn what_is_written_meanwhile_is_kept_and_what_comes_later_is_not() {
         // A child writes to the same descriptor, as a driver does.
         let say = |word: &str| {
-            assert!(Command::new("sh").args(["-c", &format!("echo {word} >&2")]).status().unwrap().success())
+            assert!(Command::new("sh").args(["-c", &format!("echo {word} >&2")]).status().unwrap().success());
         };
         let (seven, said) = capture(|| {
             say("swallowed");

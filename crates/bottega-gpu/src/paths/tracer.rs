@@ -206,7 +206,7 @@ impl Tracer {
             let submission = self.pass(&kernels, &params, buffers)?;
             // One pass is under way while the next is prepared: no wait is longer than two of them.
             if let Some(before) = before.replace(submission) {
-                self.context.wait(before)?;
+                self.context.wait(&before)?;
             }
         }
         let mut encoder = self.encoder();
@@ -219,7 +219,7 @@ impl Tracer {
     pub(super) fn finish(&mut self, flight: Flight, read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
         let Flight { set, submission, sum_bytes } = flight;
         let Some(buffers) = &self.buffers[set] else { return Err(not_there()) };
-        self.context.read(submission, &buffers.readback, sum_bytes, read)
+        self.context.read(&submission, &buffers.readback, sum_bytes, read)
     }
 
     fn encoder(&self) -> CommandEncoder {
@@ -254,7 +254,7 @@ impl Tracer {
             encoder.copy_buffer_to_buffer(&self.control, 4 * ACTIVE as u64, &self.left, 0, 4);
             let submission = queue.submit([encoder.finish()]);
             let mut left = 0;
-            self.context.read(submission, &self.left, 4, |words| left = words[0])?;
+            self.context.read(&submission, &self.left, 4, |words| left = words[0])?;
             encoder = self.encoder();
             if left == 0 {
                 break;

@@ -51,7 +51,8 @@ impl ChosenGpu {
     ///
     /// - `waits`: whether that is waited for. Others paint meanwhile where it is not.
     pub(super) fn admit(&self, scenes: &GpuScenes, waits: bool) -> Result<(), Error> {
-        Ok(if waits { scenes.admit(&self.encoded)? } else { scenes.admit_later(&self.encoded)? })
+        let admitted = if waits { scenes.admit(&self.encoded) } else { scenes.admit_later(&self.encoded) };
+        admitted.map_err(Error::from)
     }
 
     /// Why it has no room for the scene; `None`: it has, or does not tell.
