@@ -94,14 +94,17 @@ pub enum ImageError {
 }
 
 impl ImageError {
+    /// Makes the error for a failed read.
     pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
         Self::Read { path: path.to_owned(), source }
     }
 
+    /// Makes the error for a failed write.
     pub(crate) fn write(path: &Path, source: std::io::Error) -> Self {
         Self::Write { path: path.to_owned(), source }
     }
 
+    /// Makes the error for a malformed file.
     pub(crate) fn malformed(path: &Path, format: &'static str, detail: impl Into<String>) -> Self {
         Self::Malformed { path: path.to_owned(), format, detail: detail.into() }
     }

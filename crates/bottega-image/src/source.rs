@@ -29,10 +29,12 @@ pub(crate) struct PictureSource<'a> {
 }
 
 impl<'a> PictureSource<'a> {
+    /// Makes a source that adapts the white point.
     pub(crate) fn new(path: &'a Path, limits: ReadLimits) -> Self {
         Self { path, limits, white_point: WhitePoint::default() }
     }
 
+    /// Makes the error for a malformed file.
     pub(crate) fn malformed(&self, format: &'static str, detail: impl Into<String>) -> ImageError {
         ImageError::malformed(self.path, format, detail)
     }

@@ -233,6 +233,7 @@ pub(crate) struct Warnings {
 impl Warnings {
     const LIMIT: usize = 200;
 
+    /// Adds a warning, or counts it if there are too many.
     pub(crate) fn add(&mut self, place: impl Into<String>, message: impl Into<String>) {
         if self.list.len() < Self::LIMIT {
             self.list.push(Warning::new(place, message));
@@ -262,12 +263,14 @@ impl Warnings {
         std::mem::take(&mut self.unsupported)
     }
 
+    /// Appends the warnings of another collector.
     pub(crate) fn append(&mut self, other: Self) {
         self.left_out += other.left_out;
         self.unsupported.extend(other.unsupported);
         other.list.into_iter().for_each(|warning| self.add(warning.place, warning.message));
     }
 
+    /// Returns the warnings, with a last one that counts those left out.
     pub(crate) fn finish(mut self) -> Vec<Warning> {
         if self.left_out > 0 {
             let message = format!("and {} more warnings like these", self.left_out);

@@ -60,10 +60,12 @@ pub(crate) struct ColorHeader {
 }
 
 impl ColorHeader {
+    /// Returns true if the color has alpha.
     pub(crate) fn has_alpha(&self) -> bool {
         self.color.alpha.is_some()
     }
 
+    /// Returns the data and display window.
     pub(crate) fn window(&self) -> ExrWindow {
         self.window
     }

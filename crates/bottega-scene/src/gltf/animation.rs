@@ -24,6 +24,7 @@ pub(super) struct NodePose {
 }
 
 impl NodePose {
+    /// Returns true if translation, rotation or scale is animated.
     pub(super) fn moves(&self) -> bool {
         self.translation.is_some() || self.rotation.is_some() || self.scale.is_some()
     }

@@ -15,10 +15,12 @@ pub(super) struct PrimitiveShape {
 }
 
 impl PrimitiveShape {
+    /// Returns the primitive of the document.
     pub(super) fn primitive<'a>(&self, source: &GltfSource<'a>) -> &'a document::Primitive {
         &source.document.meshes[self.mesh].primitives[self.primitive]
     }
 
+    /// Returns the location of a member of the primitive.
     pub(super) fn place(&self, member: &str) -> String {
         format!("meshes[{}].primitives[{}]{member}", self.mesh, self.primitive)
     }

@@ -27,6 +27,7 @@ pub(super) struct GltfSource<'a> {
 }
 
 impl GltfSource<'_> {
+    /// Makes an error at a location of the document.
     pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }

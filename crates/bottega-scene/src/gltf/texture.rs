@@ -36,6 +36,7 @@ pub(super) struct Textures<'a> {
 }
 
 impl<'a> Textures<'a> {
+    /// Makes an empty collection.
     pub(super) fn new(source: &'a GltfSource<'a>) -> Self {
         // Some exporters write an image for each use of a file.
         let mut known = BTreeMap::new();

@@ -121,6 +121,7 @@ pub(super) fn load_buffers<'a>(
 }
 
 impl BadReference {
+    /// Converts to an error at a location of the document.
     pub(super) fn error(self, path: &Path, place: String, uri: &str) -> SceneError {
         let path = path.to_path_buf();
         match self {

@@ -90,6 +90,7 @@ struct WantedPicture {
 }
 
 impl<'a> Pictures<'a> {
+    /// Makes an empty list of requests.
     pub(crate) fn new(resources: &'a Resources<'a>, options: &LoadOptions) -> Self {
         Self {
             resources,

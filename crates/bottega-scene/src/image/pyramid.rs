@@ -177,10 +177,12 @@ impl<T: Texel> Pyramid<T> {
         Self::new(2 * width, 2 * height, period, self.encoding)
     }
 
+    /// Returns the linear values of 8-bit colour codes.
     pub(super) fn table(&self) -> &'static [f32; 256] {
         self.encoding.table()
     }
 
+    /// Returns the memory of all levels, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         self.levels.iter().map(|level| level.texels.len() * size_of::<T>()).sum()
     }

@@ -24,6 +24,7 @@ pub(super) struct LineFault<'t> {
 }
 
 impl<'t> LineFault<'t> {
+    /// Makes a fault at a part of a text.
     pub(super) fn new(at: &'t [u8], problem: impl Into<String>) -> Self {
         Self { at, problem: problem.into() }
     }

@@ -33,6 +33,7 @@ pub(super) enum Class {
 }
 
 impl Class {
+    /// Returns the class of an XML tag; `None`: it is not a plugin's.
     pub(super) fn of_tag(tag: &str) -> Option<Self> {
         Some(match tag {
             "bsdf" => Self::Bsdf,

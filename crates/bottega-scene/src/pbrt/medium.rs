@@ -25,6 +25,7 @@ pub(super) struct Media<'w> {
 }
 
 impl<'w> Media<'w> {
+    /// Makes an empty collection.
     pub(super) fn new(world: &'w PbrtWorld, exposure: Exposure) -> Self {
         Self { world, exposure, list: Vec::new(), id_of: BTreeMap::new() }
     }

@@ -60,6 +60,7 @@ impl Block {
 }
 
 impl<'c, 'a> Parser<'c, 'a> {
+    /// Makes a parser with the initial graphics state.
     pub(super) fn new(context: &'c mut Context<'a>) -> Self {
         let bytes_left = context.resources.budget().limit();
         let world = PbrtWorld { materials: vec![Entity::plain("diffuse")], ..PbrtWorld::default() };
@@ -454,6 +455,7 @@ impl Entity {
     }
 }
 
+/// Makes the error for a file that ends within a directive.
 pub(super) fn ended(at: PbrtPlace, word: &str) -> PbrtFault {
     at.fault(format!("the file ends within {word}"))
 }

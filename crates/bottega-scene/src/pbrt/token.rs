@@ -18,6 +18,7 @@ pub(super) struct PbrtFault {
 }
 
 impl PbrtPlace {
+    /// Makes an error at this location.
     pub(super) fn fault(self, problem: impl Into<String>) -> PbrtFault {
         PbrtFault { at: self, problem: problem.into() }
     }
@@ -50,6 +51,7 @@ pub(super) struct Tokens<'a> {
 const LENGTH_MAX: usize = 1 << 16;
 
 impl<'a> Tokens<'a> {
+    /// Makes a tokenizer of a text.
     pub(super) fn new(file: u32, text: &'a str) -> Self {
         Self { bytes: text.as_bytes(), position: 0, file, line: 1, line_start: 0, peeked: None }
     }

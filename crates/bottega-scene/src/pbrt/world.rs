@@ -162,6 +162,7 @@ impl Default for GraphicsState {
 }
 
 impl Target {
+    /// Returns the target of a name.
     pub(super) fn named(name: &str) -> Option<Self> {
         Some(match name {
             "shape" => Self::Shape,
