@@ -55,7 +55,7 @@ pub enum LayersError {
         what: &'static str,
         /// Number of layers or channels.
         found: usize,
-        /// Maximal number.
+        /// Maximal number of them.
         most: usize,
     },
     /// A name cannot be stored in a file.

@@ -18,7 +18,7 @@ pub(super) struct Color {
 /// The likelihood, by its name, that a layer is the picture itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Likeness {
-    /// No name.
+    /// A layer without a name.
     Plain,
     /// A usual name of the whole picture.
     Beauty,
@@ -175,7 +175,7 @@ mod tests {
 
     use super::*;
 
-    /// The name of a part, and those of its channels.
+    /// Name of a part, and the names of its channels.
     type ColorPart<'a> = (&'a str, &'a [&'a str]);
 
     fn headers(parts: &[ColorPart<'_>]) -> Vec<Header> {
@@ -187,7 +187,7 @@ mod tests {
         parts.iter().map(header).collect()
     }
 
-    /// Part and names of the channels that are taken.
+    /// Returns the part, and the names of the channels that are chosen.
     fn taken(parts: &[ColorPart<'_>]) -> Option<(usize, String, Option<String>)> {
         let headers = headers(parts);
         let color = find_color(&headers)?;

@@ -19,7 +19,7 @@ pub(super) struct DracoMesh {
 }
 
 struct Attribute {
-    /// Consecutive elements.
+    /// All elements, without padding between them.
     bytes: Vec<u8>,
     width: usize,
     component: Component,

@@ -224,7 +224,7 @@ mod tests {
             found.map_err(|found| (found.line, found.column)).unwrap_err()
         };
         assert_eq!((place(b"one"), place(b"two")), ((7, 1), (8, 10)));
-        // Of lines that were joined, the first.
+        // For joined lines, the number of the first one.
         assert_eq!(place(b"five"), (9, 1));
     }
 

@@ -78,7 +78,7 @@ mod tests {
         let (scale, rotation) = polar(&DMat3::from_mat4(found.matrix));
         assert!((rotation * scale).abs_diff_eq(expected, 1e-7) && scale.abs_diff_eq(scale.transpose(), 1e-9));
         assert!((rotation * rotation.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-9));
-        // Of an axis of length 1 it makes a rotation.
+        // With a unit axis, the formula gives a rotation.
         let found = Transform::rodrigues(axis.normalize(), 40f64.to_radians());
         assert!(found.matrix.abs_diff_eq(DMat4::from_axis_angle(axis.normalize(), 40f64.to_radians()), 1e-12));
         assert!(found.by_inverse().abs_diff_eq(found.matrix, 1e-12));

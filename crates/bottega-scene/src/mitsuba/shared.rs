@@ -73,8 +73,8 @@ pub(super) struct Group {
 pub(super) struct MeshNeeds {
     pub(super) uvs: bool,
     pub(super) tangents: bool,
-    /// Vertex colours.
+    /// Colours per vertex.
     pub(super) colors: bool,
-    /// Face colours.
+    /// Colours per face.
     pub(super) face_colors: bool,
 }

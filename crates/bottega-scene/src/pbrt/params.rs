@@ -17,7 +17,7 @@ pub(super) enum Values {
     Bools(Vec<bool>),
 }
 
-/// A parameter.
+/// A parameter of a directive: its declaration and values.
 #[derive(Clone, Debug)]
 pub(super) struct Param {
     /// Type, such as `float` or `rgb`.

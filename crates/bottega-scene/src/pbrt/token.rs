@@ -24,7 +24,7 @@ impl PbrtPlace {
     }
 }
 
-/// A token.
+/// A token of a pbrt file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Token<'a> {
     /// A directive, a number, `true` or `false`.
