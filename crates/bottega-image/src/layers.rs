@@ -76,7 +76,9 @@ pub enum LayersError {
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Layers {
     pub(crate) list: Box<[Layer]>,
+    /// Number of averaged channels.
     pub(crate) mean_channels: usize,
+    /// Number of picked channels.
     pub(crate) pick_channels: usize,
 }
 

@@ -25,6 +25,7 @@ pub struct ImageFile {
 pub(crate) struct PictureSource<'a> {
     pub(crate) path: &'a Path,
     pub(crate) limits: ReadLimits,
+    /// Treatment of the file's white point.
     pub(crate) white_point: WhitePoint,
 }
 

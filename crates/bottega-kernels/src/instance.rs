@@ -7,6 +7,7 @@ use glam::{Affine3A, Vec3};
 /// An affine map by rows: linear part and translation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Affine {
+    /// `[row][column]`; column 3 is the translation.
     pub(crate) rows: [[f32; 4]; 3],
 }
 

@@ -69,6 +69,7 @@ impl Child {
 pub(crate) struct WideNode {
     /// Planes: `[2 · axis + side]`, side 0 lower and 1 upper. Empty slots are inverted: +∞, −∞.
     pub(crate) planes: [[f32; WIDTH]; 6],
+    /// Child of each slot.
     pub(crate) children: [Child; WIDTH],
     /// Slots from far to near for each octant of directions (bit `axis` set: negative), three bits each, the farthest
     /// lowest (Fuetterling et al. 2017, "Accelerated Single Ray Tracing for Wide Vector Units"). The highest bit is set
@@ -173,7 +174,9 @@ impl TriangleBlock {
 /// A sphere, as the traversal uses it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sphere {
+    /// Center, in world space.
     pub(crate) center: [f32; 3],
+    /// Radius, in world space.
     pub(crate) radius: f32,
 }
 
@@ -194,6 +197,7 @@ pub(crate) struct SceneTrees {
     /// Nodes and blocks of all trees.
     pub(crate) arena: Arena,
     pub(crate) spheres: Vec<Sphere>,
+    /// Instances whose mesh has its own tree.
     pub(crate) placed: Vec<PlacedTree>,
     /// The root of the top-level tree.
     pub(crate) root: Child,

@@ -5,9 +5,11 @@ use exr::meta::header::Header;
 /// The color channels of one part of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Color {
+    /// Index of the part within the file.
     pub(super) part: usize,
     /// Channels of red, green and blue, or of X, Y and Z; the same one three times for gray.
     pub(super) channels: [usize; 3],
+    /// Index of the alpha channel; `None`: the part has none.
     pub(super) alpha: Option<usize>,
     /// `true`: the channels are X, Y and Z.
     pub(super) is_xyz: bool,

@@ -3,6 +3,7 @@
 /// One value per pixel, row-major.
 #[derive(Clone)]
 pub(super) struct FloatPlane {
+    /// Values per row.
     pub(super) width: usize,
     pub(super) values: Vec<f32>,
 }

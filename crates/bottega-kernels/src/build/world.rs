@@ -15,6 +15,7 @@ pub(super) struct BuildWorld<'a> {
     pub(super) starts: Vec<(u32, u32)>,
     /// World-from-object map of each entry of `starts`; `None` for the identity.
     pub(super) maps: Vec<Option<Affine>>,
+    /// Number of triangles.
     pub(super) count: u32,
 }
 

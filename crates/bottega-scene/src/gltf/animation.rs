@@ -20,6 +20,7 @@ pub(super) struct NodePose {
     /// Quaternion, interpolated or as in the file; not always of unit length.
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
+    /// Weights of the morph targets.
     pub(super) weights: Option<Vec<f32>>,
 }
 

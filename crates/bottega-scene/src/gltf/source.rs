@@ -14,8 +14,10 @@ use crate::text::shortened;
 
 /// The document, its bytes and the options.
 pub(super) struct GltfSource<'a> {
+    /// Path of the scene file.
     pub(super) path: &'a Path,
     pub(super) document: &'a Document,
+    /// Contents of the buffers.
     pub(super) bytes: Bytes<'a>,
     pub(super) options: &'a LoadOptions,
     /// Selected material variant (KHR_materials_variants).

@@ -34,7 +34,9 @@ pub(crate) enum PictureFault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PictureHeader {
     format: Format,
+    /// Width, in texels.
     pub(super) width: u32,
+    /// Height, in texels.
     pub(super) height: u32,
     texel_bytes: usize,
     /// Adaptation of the file's white point to ours.

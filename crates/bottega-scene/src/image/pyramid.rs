@@ -121,7 +121,9 @@ impl Texel for [f32; 4] {
 /// One mip level, row-major, the upper row first.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Level<T> {
+    /// Width, in texels.
     pub(super) width: u32,
+    /// Height, in texels.
     pub(super) height: u32,
     /// Texels, `[width × height]`, never empty.
     pub(super) texels: Vec<T>,

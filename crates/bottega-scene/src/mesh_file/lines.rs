@@ -10,6 +10,7 @@ const BLOCK_BYTES: usize = 1 << 20;
 /// A block of whole lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineBlock<'a> {
+    /// Bytes of the lines, with their line breaks.
     pub(super) text: &'a [u8],
     /// Number of the first line in the file, counted from 1.
     pub(super) first_line: usize,
@@ -20,6 +21,7 @@ pub(super) struct LineBlock<'a> {
 pub(super) struct LineFault<'t> {
     /// The invalid word, or the position of a missing one.
     pub(super) at: &'t [u8],
+    /// The error, for the message.
     pub(super) problem: String,
 }
 
@@ -35,6 +37,7 @@ impl<'t> LineFault<'t> {
 pub(super) struct LocatedFault {
     pub(super) line: usize,
     pub(super) column: usize,
+    /// The error, for the message.
     pub(super) problem: String,
 }
 

@@ -5,6 +5,7 @@ use glam::{DMat3, DMat4, DVec3};
 /// A transformation with the inverse that Mitsuba uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
+    /// The transformation of points.
     pub(super) matrix: DMat4,
     /// Mitsuba's transposed inverse of the matrix, if it is wrong: after rotations about axes that are not of unit
     /// length, which it does not normalize.

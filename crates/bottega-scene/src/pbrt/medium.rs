@@ -19,6 +19,7 @@ use crate::{Medium, MediumId, Spectrum};
 pub(super) struct Media<'w> {
     world: &'w PbrtWorld,
     exposure: Exposure,
+    /// The converted media, by their id.
     pub(super) list: Vec<Medium>,
     /// Ids of the media; `None`: unsupported, left out.
     id_of: BTreeMap<String, Option<MediumId>>,

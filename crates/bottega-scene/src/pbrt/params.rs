@@ -24,6 +24,7 @@ pub(super) struct Param {
     pub(super) kind: String,
     pub(super) name: String,
     pub(super) values: Values,
+    /// Location of the declaration.
     pub(super) at: PbrtPlace,
     /// Colour space of its `rgb` values, if set by an attribute rather than by its list.
     color_space: Option<ColorSpace>,

@@ -5,8 +5,11 @@ use std::borrow::Cow;
 /// A location: file number, line and column from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PbrtPlace {
+    /// File number, an index into the files of the import.
     pub(super) file: u32,
+    /// Line, counted from 1.
     pub(super) line: u32,
+    /// Column, counted from 1.
     pub(super) column: u32,
 }
 
@@ -14,6 +17,7 @@ pub(super) struct PbrtPlace {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct PbrtFault {
     pub(super) at: PbrtPlace,
+    /// The error, for the message.
     pub(super) problem: String,
 }
 

@@ -32,6 +32,7 @@ pub(super) struct ParsedLines {
     polygons: Vec<[u32; 2]>,
     /// Statements, each with the number of triangles before it in the block.
     pub(super) statements: Vec<(usize, Statement)>,
+    /// Damaged statements, by kind.
     pub(super) left_out: LeftOut,
 }
 

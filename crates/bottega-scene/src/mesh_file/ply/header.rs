@@ -82,7 +82,9 @@ pub(super) struct PlyProperty {
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     name: Vec<u8>,
+    /// Number of elements.
     pub(super) count: usize,
+    /// Properties, in the order of the file.
     pub(super) properties: Vec<PlyProperty>,
     /// Line of its declaration.
     pub(super) line: usize,
@@ -165,11 +167,13 @@ pub(super) struct WantedNumbers<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct PlyHeader {
     pub(super) encoding: PlyEncoding,
+    /// Element types, in the order of the file.
     pub(super) elements: Vec<Element>,
     /// Offset of the data.
     pub(super) body: usize,
     /// Number of the first line after the header.
     pub(super) body_line: usize,
+    /// Number of vertices.
     pub(super) vertex_count: usize,
 }
 
