@@ -10,23 +10,23 @@ pub enum ImageError {
     /// The operating system cannot read the file.
     #[error("cannot read `{}`", printable_path(.path))]
     Read {
-        /// The file.
+        /// The file that cannot be read.
         path: PathBuf,
-        /// The cause.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// The operating system cannot write the file.
     #[error("cannot write `{}`", printable_path(.path))]
     Write {
-        /// The file.
+        /// The file that cannot be written.
         path: PathBuf,
-        /// The cause.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// The path is unsuitable for a picture; found before rendering.
     #[error("cannot write `{}`: {reason}", printable_path(.path))]
     NotWritable {
-        /// The file.
+        /// The unsuitable path.
         path: PathBuf,
         /// The reason, and what to do.
         reason: String,
@@ -34,13 +34,13 @@ pub enum ImageError {
     /// The file is not in a supported format.
     #[error("`{}` is not a picture in a known format: EXR, PNG or Radiance HDR is expected", printable_path(.path))]
     UnknownFormat {
-        /// The file.
+        /// The file of unknown format.
         path: PathBuf,
     },
     /// The file contradicts its format or is cut off.
     #[error("`{}` is not a sound {format} file: {detail}", printable_path(.path))]
     Malformed {
-        /// The file.
+        /// The malformed file.
         path: PathBuf,
         /// Format of the file.
         format: &'static str,
@@ -50,7 +50,7 @@ pub enum ImageError {
     /// The file is valid as far as it was read, but uses an unsupported feature.
     #[error("`{}` uses a feature of {format} that is not read: {detail}; save it again with common settings", printable_path(.path))]
     Unsupported {
-        /// The file.
+        /// The file with the unsupported feature.
         path: PathBuf,
         /// Format of the file.
         format: &'static str,
@@ -60,7 +60,7 @@ pub enum ImageError {
     /// The header announces more pixels than the caller allows; nothing was allocated.
     #[error("`{}` announces {width} × {height} pixels; at most {max_pixels} are read", printable_path(.path))]
     TooLarge {
-        /// The file.
+        /// The file that is too large.
         path: PathBuf,
         /// Width, in pixels.
         width: u64,
@@ -72,7 +72,7 @@ pub enum ImageError {
     /// An EXR file has neither R, G and B nor Y.
     #[error("`{}` holds no color: R, G, B or Y is expected, found {found}", printable_path(.path))]
     NoColor {
-        /// The file.
+        /// The EXR file without color.
         path: PathBuf,
         /// Names of its channels.
         found: String,
@@ -80,7 +80,7 @@ pub enum ImageError {
     /// The picture to write has no pixels.
     #[error("cannot write `{}`: the picture has no pixels", printable_path(.path))]
     Empty {
-        /// The file.
+        /// The file that was to be written.
         path: PathBuf,
     },
     /// The pictures to compare differ in size.
@@ -94,14 +94,17 @@ pub enum ImageError {
 }
 
 impl ImageError {
+    /// Makes the error for a failed read.
     pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
         Self::Read { path: path.to_owned(), source }
     }
 
+    /// Makes the error for a failed write.
     pub(crate) fn write(path: &Path, source: std::io::Error) -> Self {
         Self::Write { path: path.to_owned(), source }
     }
 
+    /// Makes the error for a malformed file.
     pub(crate) fn malformed(path: &Path, format: &'static str, detail: impl Into<String>) -> Self {
         Self::Malformed { path: path.to_owned(), format, detail: detail.into() }
     }

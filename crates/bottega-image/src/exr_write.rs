@@ -45,7 +45,7 @@ pub enum HalfOrFloat {
 pub enum ExrCompression {
     /// None: largest, fastest.
     None,
-    /// Run-length encoding.
+    /// Run-length encoding: fast, good for flat colors.
     Rle,
     /// Deflate in blocks of 16 rows, or tiles; every program reads it.
     #[default]

@@ -55,7 +55,7 @@ pub enum LayersError {
         what: &'static str,
         /// Number of layers or channels.
         found: usize,
-        /// Maximal number.
+        /// Maximal number of them.
         most: usize,
     },
     /// A name cannot be stored in a file.
@@ -76,7 +76,9 @@ pub enum LayersError {
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Layers {
     pub(crate) list: Box<[Layer]>,
+    /// Number of averaged channels.
     pub(crate) mean_channels: usize,
+    /// Number of picked channels.
     pub(crate) pick_channels: usize,
 }
 

@@ -145,7 +145,7 @@ mod tests {
     use super::*;
     use crate::{AovSet, Rect, SampleValues};
 
-    /// A picture with an edge and a gradient, of light that comes seldom (`rare`: how seldom) and then is bright.
+    /// A picture with an edge and a gradient, lit by rare bright samples; `rare` is their probability.
     fn paint(side: u32, samples: u32, rare: f32, seed: u64, light: impl Fn(u32, u32) -> f32) -> Tile {
         let mut tile = Tile::new(Rect { x0: 3, y0: 5, x1: 3 + side, y1: 5 + side }, Layout::new(AovSet::NONE));
         let mut chance = SplitMix64::new(seed.wrapping_mul(0x1234_5677));

@@ -20,7 +20,7 @@ impl Default for ReadLimits {
 /// The compression of a picture's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
-    /// Uncompressed.
+    /// Uncompressed: the file is no smaller than its values.
     None,
     /// At most that many bytes of values per byte of the file.
     Ratio(u64),

@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(srgb_mse(&reference, &brighter).unwrap(), 0.0, "a display shows both as white");
         let black = Picture::new(4, 4);
         assert!((srgb_mse(&reference, &black).unwrap() - 1.0).abs() < 1e-6);
-        // A speck that is black where 0.2 is due looks as wrong as one of 1 where 0.2 is due.
+        // For an expected value of 0.2 (0.5 displayed), black is as wrong as 1.
         let gray = Picture::from_fn(4, 4, |_, _| [0.2140; 3]);
         let [dark, light] = [0.0, 1.0].map(|value| Picture::from_fn(4, 4, |_, _| [value; 3]));
         let [dark, light] = [dark, light].map(|test| srgb_mse(&gray, &test).unwrap());

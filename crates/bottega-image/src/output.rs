@@ -257,7 +257,7 @@ mod tests {
             eprintln!("skipped: there is no mkfifo");
             return;
         }
-        // The check must not wait for a reader.
+        // The check must not block until something reads the pipe.
         assert_eq!(check_writable(&path).unwrap(), OutputFormat::Png);
         let reader = {
             let path = path.clone();

@@ -10,6 +10,7 @@ use crate::{
     tone::linear_from_srgb,
 };
 
+/// Reads a PNG file.
 pub(crate) fn read<R: BufRead + Seek>(source: &PictureSource<'_>, mut input: R) -> Result<ImageFile, ImageError> {
     let bytes_of_file = file_bytes(source, &mut input)?;
     let failed = |error: png::DecodingError| match error {

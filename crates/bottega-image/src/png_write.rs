@@ -14,7 +14,7 @@ use crate::{
 pub struct PngOptions {
     /// Exposure, in stops; positive: brighter.
     pub exposure_stops: f32,
-    /// Tone map.
+    /// Tone map, applied after the exposure.
     pub tone: ToneMap,
     /// Encoding of the values.
     pub encoding: Encoding,

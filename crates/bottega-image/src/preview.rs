@@ -127,7 +127,7 @@ mod tests {
     fn what_is_painted_takes_the_place_of_what_was_guessed() {
         let preview = Preview::new(Rect::new(2, 0, 6, 1), 0.0, ToneMap::Linear);
         preview.show_coarse(&Picture { width: 1, height: 1, data: vec![[1.0; 3]] }, Rect::of_size(6, 1));
-        // It reaches over the edge, and one of its pixels has no samples.
+        // The tile extends beyond the preview, and one of its pixels has no samples.
         let mut tile = Tile::new(Rect::of_size(5, 1), Layout::new(AovSet::NONE));
         for x in [0, 2, 4, 4] {
             tile.add(x, 0, &SampleValues { radiance: [0.0; 3], ..Default::default() });

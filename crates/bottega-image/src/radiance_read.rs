@@ -443,7 +443,7 @@ mod tests {
     fn damaged_files_are_refused() {
         let header = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 9\n";
         for pixels in [
-            // Another length, a run beyond the end, a run of nothing, an old run before any pixel, and one too long.
+            // Wrong length, run beyond the end, empty run, old run before any pixel, old run too long, data cut off.
             &[2, 2, 0, 8, 137, 1, 137, 1, 137, 1, 137, 1][..],
             &[2, 2, 0, 9, 138, 1, 137, 1, 137, 1, 137, 1],
             &[2, 2, 0, 9, 0, 1, 137, 1, 137, 1, 137, 1],

@@ -4,9 +4,9 @@
 /// picture; y grows downwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Rect {
-    /// First column.
+    /// First column of pixels.
     pub x0: u32,
-    /// First row.
+    /// First row of pixels.
     pub y0: u32,
     /// One past the last column.
     pub x1: u32,

@@ -25,14 +25,17 @@ pub struct ImageFile {
 pub(crate) struct PictureSource<'a> {
     pub(crate) path: &'a Path,
     pub(crate) limits: ReadLimits,
+    /// Treatment of the file's white point.
     pub(crate) white_point: WhitePoint,
 }
 
 impl<'a> PictureSource<'a> {
+    /// Makes a source that adapts the white point.
     pub(crate) fn new(path: &'a Path, limits: ReadLimits) -> Self {
         Self { path, limits, white_point: WhitePoint::default() }
     }
 
+    /// Makes the error for a malformed file.
     pub(crate) fn malformed(&self, format: &'static str, detail: impl Into<String>) -> ImageError {
         ImageError::malformed(self.path, format, detail)
     }

@@ -16,7 +16,7 @@ impl Svg {
         ))
     }
 
-    /// Adds elements.
+    /// Appends SVG elements and a line break.
     pub fn put(&mut self, elements: impl Display) {
         // Writing to a string cannot fail.
         _ = writeln!(self.0, "{elements}");

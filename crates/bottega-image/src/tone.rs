@@ -19,7 +19,7 @@ pub enum Encoding {
     /// The sRGB curve of IEC 61966-2-1, which displays and viewers expect.
     #[default]
     Srgb,
-    /// No encoding.
+    /// Linear values, without a curve.
     Linear,
 }
 

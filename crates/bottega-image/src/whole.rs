@@ -163,7 +163,7 @@ mod tests {
     fn the_data_window_is_placed_in_the_display_window() {
         assert_eq!(placed((2, 1), (0, 0), (2, 1)).0, [1, 2]);
         assert_eq!(placed((2, 1), (1, 1), (3, 2)).0, [0, 0, 0, 0, 1, 2]);
-        // Beyond all edges.
+        // Data windows that extend beyond the edges or lie outside.
         assert_eq!(placed((4, 3), (-1, -1), (2, 1)).0, [6, 7]);
         assert_eq!(placed((2, 2), (-1, 1), (2, 2)).0, [0, 0, 2, 0]);
         assert_eq!(placed((2, 1), (5, 0), (3, 1)), (vec![1, 2], true));

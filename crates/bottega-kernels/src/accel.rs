@@ -154,13 +154,13 @@ mod tests {
     use proptest::prelude::*;
 
     impl Accel {
-        /// The same tree, walked without the processor's vector unit.
+        /// The same tree, traversed without SIMD instructions.
         fn portable(self) -> Self {
             Self { isa: Isa::Portable, ..self }
         }
     }
 
-    /// Compares every query of both, bit for bit.
+    /// Asserts that both give bit-identical results for every query.
     fn assert_same(one: &Accel, other: &Accel, ray: &Ray) {
         let bits = |h: Hit| ([h.t, h.u, h.v].map(f32::to_bits), h.instance, h.primitive);
         let even = |hit: &Hit| hit.primitive.is_multiple_of(2) && hit.u < 0.6;
@@ -238,7 +238,7 @@ mod tests {
         }
     }
 
-    /// A number that is often awkward.
+    /// Coordinates, often integers and −0, which tend to expose errors.
     fn coordinate() -> impl Strategy<Value = f32> {
         prop_oneof![4 => -2.0f32..2.0, 2 => (-2i32..=2).prop_map(|i| i as f32), 1 => Just(-0.0f32), 1 => -1e4f32..1e4]
     }

@@ -38,7 +38,9 @@ const SPLIT_BUDGET: usize = 4;
 /// A finished tree, its bounds and its number of triangles.
 pub(crate) struct BuiltTree {
     pub(crate) tree: SceneTrees,
+    /// Bounds of all geometry, in world space.
     pub(crate) bounds: Aabb,
+    /// Number of triangles, counted once per instance.
     pub(crate) triangles: usize,
 }
 

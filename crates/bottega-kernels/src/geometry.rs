@@ -5,7 +5,7 @@ use glam::{Affine3A, Vec3};
 /// A triangle mesh in its own space.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshGeometry<'a> {
-    /// Vertex positions.
+    /// Vertex positions, in object space.
     pub positions: &'a [Vec3],
     /// Three indices into `positions` per triangle.
     pub triangles: &'a [[u32; 3]],
@@ -14,7 +14,7 @@ pub struct MeshGeometry<'a> {
 /// A sphere in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SphereGeometry {
-    /// Center.
+    /// Center, in world space.
     pub center: Vec3,
     /// Radius; a sphere of radius 0 is allowed and never hit.
     pub radius: f32,
@@ -116,7 +116,7 @@ pub enum BuildError {
         what: &'static str,
         /// Number of elements.
         count: usize,
-        /// Maximal number.
+        /// Maximal number of elements.
         limit: usize,
     },
 }

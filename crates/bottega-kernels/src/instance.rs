@@ -7,16 +7,19 @@ use glam::{Affine3A, Vec3};
 /// An affine map by rows: linear part and translation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Affine {
+    /// `[row][column]`; column 3 is the translation.
     pub(crate) rows: [[f32; 4]; 3],
 }
 
 impl Affine {
+    /// Converts an affine map of glam.
     pub(crate) fn new(map: &Affine3A) -> Self {
         let m = map.matrix3;
         let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], map.translation[i]];
         Self { rows: [row(0), row(1), row(2)] }
     }
 
+    /// Transforms a point.
     pub(crate) fn point(&self, p: [f32; 3]) -> [f32; 3] {
         self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3])
     }

@@ -9,7 +9,7 @@ use glam::Vec3;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Origin.
+    /// Origin of the ray, at parameter 0.
     pub origin: Vec3,
     /// Hits at or before this parameter are ignored.
     pub t_min: f32,
@@ -49,7 +49,7 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// No hit.
+    /// The result of a ray that hits nothing: `t` is infinite.
     pub const NONE: Self = Self { t: f32::INFINITY, u: 0.0, v: 0.0, instance: u32::MAX, primitive: u32::MAX };
     /// The bit of `instance` that marks a sphere.
     pub const SPHERE: u32 = 1 << 31;
@@ -82,9 +82,9 @@ impl Default for Hit {
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
-    /// Lower corner.
+    /// Least coordinates of the box.
     pub min: Vec3,
-    /// Upper corner.
+    /// Greatest coordinates of the box.
     pub max: Vec3,
 }
 

@@ -25,30 +25,38 @@ impl Child {
     /// No child: an empty slot, whose box is inverted and never hit, and the end of a traversal.
     pub(crate) const EMPTY: Self = Self(u32::MAX);
 
+    /// Makes a reference to the node at a cache line.
     pub(crate) fn node(index: usize) -> Self {
         Self(index as u32)
     }
+    /// Makes a reference to the triangle block at a cache line.
     pub(crate) fn triangles(index: usize) -> Self {
         Self(index as u32 | Self::TRIANGLES)
     }
+    /// Makes a reference to a sphere.
     pub(crate) fn sphere(index: usize) -> Self {
         Self(index as u32 | Self::SPHERE)
     }
+    /// Makes a reference to an instance.
     pub(crate) fn instance(index: usize) -> Self {
         Self(index as u32 | Self::INSTANCE)
     }
+    /// Returns true for a node.
     #[inline(always)]
     pub(crate) fn is_node(self) -> bool {
         self.0 < Self::SPHERE
     }
+    /// Returns true for a triangle block.
     #[inline(always)]
     pub(crate) fn is_triangles(self) -> bool {
         self.0 & Self::INSTANCE == Self::TRIANGLES
     }
+    /// Returns true for a sphere.
     #[inline(always)]
     pub(crate) fn is_sphere(self) -> bool {
         self.0 & Self::INSTANCE == Self::SPHERE
     }
+    /// Returns the index: a cache line, sphere or instance.
     #[inline(always)]
     pub(crate) fn index(self) -> usize {
         (self.0 & !Self::INSTANCE) as usize
@@ -61,6 +69,7 @@ impl Child {
 pub(crate) struct WideNode {
     /// Planes: `[2 · axis + side]`, side 0 lower and 1 upper. Empty slots are inverted: +∞, −∞.
     pub(crate) planes: [[f32; WIDTH]; 6],
+    /// Child of each slot.
     pub(crate) children: [Child; WIDTH],
     /// Slots from far to near for each octant of directions (bit `axis` set: negative), three bits each, the farthest
     /// lowest (Fuetterling et al. 2017, "Accelerated Single Ray Tracing for Wide Vector Units"). The highest bit is set
@@ -71,6 +80,7 @@ pub(crate) struct WideNode {
 impl WideNode {
     /// Size in cache lines.
     pub(crate) const LINES: usize = lines_of::<Self>();
+    /// A node without children.
     pub(crate) const EMPTY: Self = {
         let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
         Self { planes: [low, high, low, high, low, high], children: [Child::EMPTY; WIDTH], order: [0o76543210; 8] }
@@ -164,7 +174,9 @@ impl TriangleBlock {
 /// A sphere, as the traversal uses it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sphere {
+    /// Center, in world space.
     pub(crate) center: [f32; 3],
+    /// Radius, in world space.
     pub(crate) radius: f32,
 }
 
@@ -185,6 +197,7 @@ pub(crate) struct SceneTrees {
     /// Nodes and blocks of all trees.
     pub(crate) arena: Arena,
     pub(crate) spheres: Vec<Sphere>,
+    /// Instances whose mesh has its own tree.
     pub(crate) placed: Vec<PlacedTree>,
     /// The root of the top-level tree.
     pub(crate) root: Child,
@@ -193,16 +206,19 @@ pub(crate) struct SceneTrees {
 }
 
 impl SceneTrees {
+    /// Returns the node of a reference.
     #[inline(always)]
     pub(crate) fn node(&self, child: Child) -> &WideNode {
         self.arena.at(child.index())
     }
 
+    /// Returns the triangle block of a reference.
     #[inline(always)]
     pub(crate) fn block(&self, child: Child) -> &TriangleBlock {
         self.arena.at(child.index())
     }
 
+    /// Returns its memory, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.arena.bytes()
             + self.spheres.capacity() * size_of::<Sphere>()

@@ -13,6 +13,7 @@ pub(crate) struct MemoryBudget {
 }
 
 impl MemoryBudget {
+    /// Makes a budget of `limit` bytes.
     pub(crate) fn new(limit: usize) -> Self {
         Self { limit, taken: AtomicUsize::new(0) }
     }

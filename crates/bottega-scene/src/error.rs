@@ -16,7 +16,7 @@ pub enum SceneError {
         path: PathBuf,
         /// The file and location that refers to it; empty if the user named it.
         by: String,
-        /// The cause.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// The path leads to a folder, device or pipe.
@@ -41,7 +41,7 @@ pub enum SceneError {
         printable_path(path)
     )]
     UnknownFormat {
-        /// The file.
+        /// The file of unknown format.
         path: PathBuf,
         /// Guess from the first bytes, such as "a Blender file".
         found: String,
@@ -49,15 +49,15 @@ pub enum SceneError {
     /// The file contradicts its own header: it was cut off or overwritten.
     #[error("`{}` is damaged: {problem}; copy or export it again", printable_path(path))]
     Damaged {
-        /// The file.
+        /// The damaged file.
         path: PathBuf,
-        /// The contradiction.
+        /// The contradiction within the file.
         problem: String,
     },
     /// The JSON text cannot be read as a glTF document.
     #[error("`{}`, line {line}, column {column}{}: {problem}; export the file again", printable_path(path), at(place))]
     Json {
-        /// The file.
+        /// The file with the JSON text.
         path: PathBuf,
         /// Line, counted from 1.
         line: usize,
@@ -71,7 +71,7 @@ pub enum SceneError {
     /// A text scene file is invalid.
     #[error("`{}`, line {line}, column {column}: {problem}", printable_path(path))]
     Text {
-        /// The file.
+        /// The invalid text file.
         path: PathBuf,
         /// Line, counted from 1.
         line: usize,
@@ -87,7 +87,7 @@ pub enum SceneError {
         places.iter().map(|warning| format!("\n  {warning}")).collect::<String>()
     )]
     Unsupported {
-        /// The file.
+        /// The scene file.
         path: PathBuf,
         /// The unsupported features and their locations.
         places: Vec<Warning>,
@@ -95,41 +95,41 @@ pub enum SceneError {
     /// The file requires an unsupported extension.
     #[error("`{}`{} needs the extension {name}, which is not supported; {remedy}", printable_path(path), at(place))]
     UnsupportedExtension {
-        /// The file.
+        /// The glTF file.
         path: PathBuf,
         /// Location that needs it; empty if the file lists it as required.
         place: String,
         /// Name of the extension.
         name: String,
-        /// The remedy.
+        /// Advice to the user.
         remedy: &'static str,
     },
     /// The document is inconsistent or has an invalid value.
     #[error("`{}`{}: {problem}; export the file again, or repair it there", printable_path(path), at(place))]
     Invalid {
-        /// The file.
+        /// The invalid file.
         path: PathBuf,
         /// Location in the document.
         place: String,
-        /// The error.
+        /// The inconsistency or invalid value.
         problem: String,
     },
     /// The scene exceeds a limit of [`LoadOptions`](crate::LoadOptions).
     #[error("`{}`{}: {problem}; {remedy}", printable_path(path), at(place))]
     Limit {
-        /// The file.
+        /// The scene file.
         path: PathBuf,
         /// Location in the document; may be empty.
         place: String,
         /// The excess, and the limit.
         problem: String,
-        /// The remedy.
+        /// Advice to the user.
         remedy: &'static str,
     },
     /// A reference to a file that the scene may not read.
     #[error("`{}`{}: refuses to read `{uri}`: {reason}", printable_path(path), at(place))]
     ForbiddenReference {
-        /// The file.
+        /// The file with the reference.
         path: PathBuf,
         /// Location of the reference.
         place: String,
@@ -141,7 +141,7 @@ pub enum SceneError {
     /// The options select a part that the file does not have.
     #[error("`{}` has no {what} `{}`; what it has: {}", printable_path(path), printable(wanted), printable(known))]
     NoSuch {
-        /// The file.
+        /// The scene file.
         path: PathBuf,
         /// Kind of part, such as "animation".
         what: &'static str,
@@ -153,7 +153,7 @@ pub enum SceneError {
     /// A picture that is required, such as the environment, cannot be decoded.
     #[error("cannot decode the picture `{}`: {problem}", printable_path(path))]
     Picture {
-        /// The file.
+        /// The picture file.
         path: PathBuf,
         /// The error of the decoder.
         problem: String,
@@ -233,6 +233,7 @@ pub(crate) struct Warnings {
 impl Warnings {
     const LIMIT: usize = 200;
 
+    /// Adds a warning, or counts it if there are too many.
     pub(crate) fn add(&mut self, place: impl Into<String>, message: impl Into<String>) {
         if self.list.len() < Self::LIMIT {
             self.list.push(Warning::new(place, message));
@@ -262,12 +263,14 @@ impl Warnings {
         std::mem::take(&mut self.unsupported)
     }
 
+    /// Appends the warnings of another collector.
     pub(crate) fn append(&mut self, other: Self) {
         self.left_out += other.left_out;
         self.unsupported.extend(other.unsupported);
         other.list.into_iter().for_each(|warning| self.add(warning.place, warning.message));
     }
 
+    /// Returns the warnings, with a last one that counts those left out.
     pub(crate) fn finish(mut self) -> Vec<Warning> {
         if self.left_out > 0 {
             let message = format!("and {} more warnings like these", self.left_out);

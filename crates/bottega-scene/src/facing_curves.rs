@@ -185,7 +185,7 @@ pub fn ray_in_object(world_from_object: &Affine3A, origin: Vec3, direction: Vec3
 mod tests {
     use super::*;
 
-    /// A line through these places, 0.2 wide; one triangle of the hull for each piece.
+    /// A polyline of width 0.2 through these points, with one hull triangle per segment.
     fn curve(look: CurveLook, places: &[Vec3]) -> FacingCurves {
         let last = places.len() - 1;
         let towards = |from: usize, to: usize| places[to] - places[from];

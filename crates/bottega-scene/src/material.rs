@@ -28,7 +28,7 @@ pub enum Sides {
     Front,
     /// The back only.
     Back,
-    /// Both sides.
+    /// Front and back.
     #[default]
     Both,
 }

@@ -59,9 +59,9 @@ pub struct Sphere {
 pub struct Scene {
     /// Meshes, in object space; instances place them.
     pub meshes: Vec<Mesh>,
-    /// Placed meshes.
+    /// Meshes as placed in the world.
     pub instances: Vec<Instance>,
-    /// Analytic spheres.
+    /// Spheres that are not triangulated, in world space.
     pub spheres: Vec<Sphere>,
     /// Materials. Not empty if the scene has a mesh or sphere.
     pub materials: Vec<Material>,

@@ -89,9 +89,9 @@ mod tests {
         assert_eq!(far_origin(&scene(Vec3::Z * 6.0, &near)), None);
         let moved = near.map(|(center, radius)| (center + far, radius));
         assert_eq!(far_origin(&scene(far, &moved)), Some(far.as_dvec3()));
-        // As large as it is far.
+        // No origin: the scene is as large as it is far.
         assert_eq!(far_origin(&scene(far, &[(far, 1e5)])), None);
-        // A ground that reaches from here to the origin changes nothing.
+        // A ground plane that reaches back to the origin does not count.
         let with_ground = [moved[0], moved[1], (far, 1e6)];
         assert!(far_origin(&scene(far, &with_ground)).is_some());
         assert_eq!(far_origin(&scene(far, &[])), None);

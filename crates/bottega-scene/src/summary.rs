@@ -13,13 +13,13 @@ pub struct SceneSummary {
     pub digest: String,
     /// Meshes, in object space.
     pub mesh_count: usize,
-    /// Placed meshes.
+    /// Number of placed meshes.
     pub instance_count: usize,
     /// Triangles of all instances.
     pub triangle_count: u64,
     /// Triangles in memory: those of an instanced mesh count once.
     pub stored_triangle_count: u64,
-    /// Analytic spheres.
+    /// Number of spheres that are not triangulated.
     pub sphere_count: usize,
     /// Least and greatest coordinates, world space.
     pub bounds: (Vec3, Vec3),

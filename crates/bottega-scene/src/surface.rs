@@ -9,7 +9,7 @@ pub enum Surface {
     Null,
     /// Emits its colour unchanged, but at most 1, and scatters nothing (KHR_materials_unlit).
     Unlit(ColorParam),
-    /// Diffuse reflection.
+    /// Diffuse reflection, Lambertian or rough.
     Diffuse(Diffuse),
     /// Diffuse reflection and transmission, as of paper or a leaf.
     DiffuseTransmission {
@@ -87,7 +87,7 @@ pub enum RoughnessScale {
 pub struct Facets {
     /// Distribution of the facet normals.
     pub distribution: Distribution,
-    /// Masking-shadowing function.
+    /// Masking-shadowing function of the facets.
     pub shadowing: Shadowing,
     /// Roughness along u and along v; both 0: smooth.
     pub roughness: [ScalarParam; 2],

@@ -10,6 +10,7 @@ use crate::Mesh;
 /// A cross-section of a tube.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ring {
+    /// Center of the circle.
     pub(crate) center: DVec3,
     /// Direction of the tube, unit length; the ring is perpendicular to it.
     pub(crate) axis: DVec3,

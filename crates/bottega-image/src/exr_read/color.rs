@@ -5,9 +5,11 @@ use exr::meta::header::Header;
 /// The color channels of one part of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Color {
+    /// Index of the part within the file.
     pub(super) part: usize,
     /// Channels of red, green and blue, or of X, Y and Z; the same one three times for gray.
     pub(super) channels: [usize; 3],
+    /// Index of the alpha channel; `None`: the part has none.
     pub(super) alpha: Option<usize>,
     /// `true`: the channels are X, Y and Z.
     pub(super) is_xyz: bool,
@@ -18,7 +20,7 @@ pub(super) struct Color {
 /// The likelihood, by its name, that a layer is the picture itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Likeness {
-    /// No name.
+    /// A layer without a name.
     Plain,
     /// A usual name of the whole picture.
     Beauty,
@@ -175,7 +177,7 @@ mod tests {
 
     use super::*;
 
-    /// The name of a part, and those of its channels.
+    /// Name of a part, and the names of its channels.
     type ColorPart<'a> = (&'a str, &'a [&'a str]);
 
     fn headers(parts: &[ColorPart<'_>]) -> Vec<Header> {
@@ -187,7 +189,7 @@ mod tests {
         parts.iter().map(header).collect()
     }
 
-    /// Part and names of the channels that are taken.
+    /// Returns the part, and the names of the channels that are chosen.
     fn taken(parts: &[ColorPart<'_>]) -> Option<(usize, String, Option<String>)> {
         let headers = headers(parts);
         let color = find_color(&headers)?;

@@ -39,12 +39,15 @@ pub type Planes = Vec<Option<Vec<f32>>>;
 pub(crate) struct WantedChannels<'a> {
     /// Full names of further channels.
     pub(crate) names: &'a [String],
+    /// `true`: read alpha too.
     pub(crate) alpha: bool,
 }
 
 /// The contents of a file.
 pub(crate) struct Read {
+    /// The color, its window and the metadata.
     pub(crate) file: ImageFile,
+    /// The further channels that were requested.
     pub(crate) planes: Planes,
     /// Alpha; `None` if not requested or absent.
     pub(crate) alpha: Option<Vec<f32>>,
@@ -60,10 +63,12 @@ pub(crate) struct ColorHeader {
 }
 
 impl ColorHeader {
+    /// Returns true if the color has alpha.
     pub(crate) fn has_alpha(&self) -> bool {
         self.color.alpha.is_some()
     }
 
+    /// Returns the data and display window.
     pub(crate) fn window(&self) -> ExrWindow {
         self.window
     }
@@ -72,8 +77,11 @@ impl ColorHeader {
 /// The data window of a file, and its position in the display window.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExrWindow {
+    /// Width and height of the data window, in pixels.
     pub(crate) size: (u32, u32),
+    /// Upper left corner of the data window within the display window; may be negative.
     pub(crate) offset: (i32, i32),
+    /// Width and height of the display window, in pixels.
     pub(crate) full_size: (u32, u32),
 }
 

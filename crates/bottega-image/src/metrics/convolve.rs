@@ -3,11 +3,13 @@
 /// One value per pixel, row-major.
 #[derive(Clone)]
 pub(super) struct FloatPlane {
+    /// Values per row.
     pub(super) width: usize,
     pub(super) values: Vec<f32>,
 }
 
 impl FloatPlane {
+    /// Makes a plane of rows of `width` values.
     pub(super) fn new(width: usize, values: Vec<f32>) -> Self {
         Self { width, values }
     }
@@ -17,6 +19,7 @@ impl FloatPlane {
         self.convolved_x(along_x).convolved_y(along_y)
     }
 
+    /// Convolves each row.
     pub(super) fn convolved_x(&self, kernel: &[f32]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let mut values = vec![0.0; self.values.len()];
@@ -32,6 +35,7 @@ impl FloatPlane {
         Self { width, values }
     }
 
+    /// Convolves each column.
     pub(super) fn convolved_y(&self, kernel: &[f32]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let height = self.values.len() / width;

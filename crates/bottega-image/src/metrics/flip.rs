@@ -21,7 +21,7 @@ pub enum FlipView {
     Displayed {
         /// Exposure, in stops; positive: brighter.
         exposure_stops: f32,
-        /// Tone map.
+        /// Tone map, applied after the exposure.
         tone: ToneMap,
     },
 }

@@ -100,7 +100,7 @@ mod tests {
                     Shape::Triangle([a, b, c]) => Aabb::EMPTY.with(*a).with(*b).with(*c),
                     Shape::Within(bounds) => *bounds,
                 };
-                // Cut triangles are clipped with some rounding outwards.
+                // The bounds of cut triangles are rounded outwards.
                 prop_assert_eq!(covered.union(&bounds), covered);
             }
         }

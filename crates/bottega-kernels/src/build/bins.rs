@@ -422,7 +422,7 @@ mod tests {
         std::array::from_fn(|i| lanes[i + i / 3])
     }
 
-    /// The numbers in their new order, the size of the first part, and what both fill.
+    /// The item numbers in their new order, the size of the first part, and the bounds of both parts.
     fn divided(count: u32, many: bool, portable: bool) -> (Vec<u32>, usize, Vec<[u32; 6]>) {
         let mut items = items(count);
         let binning = Binning::new(&Extent::of(&items).centers, items.len());

@@ -86,6 +86,7 @@ fn plan_alone(binary: &[Binary], choices: &[CollapseChoice], top: usize, depth: 
 
 /// A tree written into the arena.
 pub(super) struct EmittedTree<'a> {
+    /// Root, with indices into the arena.
     pub(super) root: Child,
     pub(super) bounds: Aabb,
     /// Range of items of each leaf.

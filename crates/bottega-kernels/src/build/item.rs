@@ -11,6 +11,7 @@ use glam::Vec3;
 pub(super) struct ItemSpan(pub(super) [f32; 8]);
 
 impl ItemSpan {
+    /// The empty box.
     pub(super) const EMPTY: Self = Self([f32::INFINITY; 8]);
 
     /// Returns the box around both.
@@ -19,14 +20,17 @@ impl ItemSpan {
         Self(std::array::from_fn(|lane| self.0[lane].min(other.0[lane])))
     }
 
+    /// Returns the minimum on an axis.
     pub(super) fn lower(&self, axis: usize) -> f32 {
         self.0[axis]
     }
 
+    /// Returns the maximum on an axis.
     pub(super) fn upper(&self, axis: usize) -> f32 {
         -self.0[axis + 4]
     }
 
+    /// Converts it to a box.
     pub(super) fn bounds(&self) -> Aabb {
         let [a, b, c, _, d, e, f, _] = self.0;
         Aabb { min: Vec3::new(a, b, c), max: -Vec3::new(d, e, f) }
@@ -50,15 +54,18 @@ pub(super) struct Item(pub(super) ItemSpan);
 const NUMBER: u32 = 1f32.to_bits();
 
 impl Item {
+    /// Makes an item of a box and its number.
     pub(super) fn new(bounds: &Aabb, id: u32) -> Self {
         let (low, high) = (bounds.min, -bounds.max);
         Self(ItemSpan([low.x, low.y, low.z, f32::from_bits(id ^ NUMBER), high.x, high.y, high.z, 0.0]))
     }
 
+    /// Returns its number.
     pub(super) fn id(&self) -> u32 {
         self.0.0[3].to_bits() ^ NUMBER
     }
 
+    /// Returns its box.
     pub(super) fn bounds(&self) -> Aabb {
         self.0.bounds()
     }
@@ -68,6 +75,7 @@ impl Item {
         self.0.lower(0) > self.0.upper(0)
     }
 
+    /// Returns true if its box is finite.
     pub(super) fn is_finite(&self) -> bool {
         let bounds = self.bounds();
         bounds.min.is_finite() && bounds.max.is_finite()

@@ -15,10 +15,12 @@ pub(super) struct BuildWorld<'a> {
     pub(super) starts: Vec<(u32, u32)>,
     /// World-from-object map of each entry of `starts`; `None` for the identity.
     pub(super) maps: Vec<Option<Affine>>,
+    /// Number of triangles.
     pub(super) count: u32,
 }
 
 impl<'a> BuildWorld<'a> {
+    /// Collects the triangles of the chosen instances. The error says that there are too many.
     pub(super) fn new(
         meshes: &'a [MeshGeometry<'a>],
         instances: &'a [InstanceGeometry],
@@ -48,6 +50,7 @@ impl<'a> BuildWorld<'a> {
         self.starts.partition_point(|f| f.0 <= id) - 1
     }
 
+    /// Returns the corners of a triangle in world space.
     pub(super) fn corners(&self, id: u32) -> [[f32; 3]; 3] {
         let start = self.find(id);
         let (first, instance) = self.starts[start];

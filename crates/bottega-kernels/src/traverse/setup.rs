@@ -43,7 +43,7 @@ impl<F: Copy> Slabs<F> {
         let turned = |axis: usize| s.turn(inverse_size[axis], sign[axis]);
         let inverse = [turned(0), turned(1), turned(2)];
         let slabs = if ROBUST {
-            // Besides the relative slack, add a tiny absolute one for planes through the origin itself.
+            // Beside the relative slack, add a tiny absolute one for planes through the origin itself.
             let least = s.mul(largest, s.splat(1e-20));
             let slack = |axis: usize| {
                 let distance = s.turn(origin[axis], s.sign(origin[axis]));

@@ -41,6 +41,7 @@ impl<'a> Stack<'a> {
         Self { near, child, len: 1 }
     }
 
+    /// Pushes a subtree that the ray enters at parameter `near`.
     #[inline(always)]
     pub(crate) fn push(&mut self, child: Child, near: f32) {
         self.near[self.len].write(near);

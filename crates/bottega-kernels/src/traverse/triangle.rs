@@ -26,6 +26,7 @@ pub(crate) struct BlockHits<S: Lanes> {
     /// Barycentric coordinates of vertices 1 and 2 times `det`.
     pub(crate) u: S::F,
     pub(crate) v: S::F,
+    /// Determinant that divides `u` and `v`.
     pub(crate) det: S::F,
     /// One bit per lane, set for a hit.
     pub(crate) bits: u32,

@@ -58,10 +58,13 @@ pub(super) struct Bytes<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Accessor<'a> {
     elements: Elements<'a>,
+    /// Number of elements.
     pub(super) count: usize,
     /// Components per element: 1 for SCALAR, 3 for VEC3, 16 for MAT4.
     pub(super) width: usize,
+    /// Type of the components in the file.
     pub(super) component: Component,
+    /// `true`: integers stand for numbers in [0, 1] or [−1, 1].
     pub(super) normalized: bool,
     sparse: Option<Sparse<'a>>,
 }

@@ -20,10 +20,12 @@ pub(super) struct NodePose {
     /// Quaternion, interpolated or as in the file; not always of unit length.
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
+    /// Weights of the morph targets.
     pub(super) weights: Option<Vec<f32>>,
 }
 
 impl NodePose {
+    /// Returns true if translation, rotation or scale is animated.
     pub(super) fn moves(&self) -> bool {
         self.translation.is_some() || self.rotation.is_some() || self.scale.is_some()
     }

@@ -8,6 +8,7 @@ pub(super) struct Parts<'a> {
     pub(super) bin: Option<&'a [u8]>,
 }
 
+/// The first bytes of a GLB file.
 pub(super) const MAGIC: &[u8; 4] = b"glTF";
 const JSON: u32 = u32::from_le_bytes(*b"JSON");
 const BIN: u32 = u32::from_le_bytes(*b"BIN\0");

@@ -13,13 +13,14 @@ use crate::SceneError;
 
 /// A decompressed primitive.
 pub(super) struct DracoMesh {
+    /// Indices into the attributes.
     pub(super) triangles: Vec<[u32; 3]>,
     /// Attributes by their id within the compressed data.
     attributes: BTreeMap<u32, Attribute>,
 }
 
 struct Attribute {
-    /// Consecutive elements.
+    /// All elements, without padding between them.
     bytes: Vec<u8>,
     width: usize,
     component: Component,

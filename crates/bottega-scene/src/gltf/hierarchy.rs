@@ -114,6 +114,7 @@ fn parent_from_node(node: &document::Node, pose: Option<&NodePose>) -> DAffine3 
     }
 }
 
+/// Composes scale, rotation (a quaternion) and translation, in that order; `None`: the identity.
 pub(super) fn affine(scale: Option<[f64; 3]>, rotation: Option<[f64; 4]>, translation: Option<[f64; 3]>) -> DAffine3 {
     let rotation = rotation.map_or(DQuat::IDENTITY, |q| {
         let q = DQuat::from_array(q);

@@ -12,6 +12,7 @@ use crate::{Mesh, SceneError};
 /// Four joints of a skin, and their weights for a vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Influence {
+    /// Indices into the joints of the skin.
     pub(super) joints: [u32; 4],
     pub(super) weights: [f32; 4],
 }

@@ -14,8 +14,10 @@ use crate::text::shortened;
 
 /// The document, its bytes and the options.
 pub(super) struct GltfSource<'a> {
+    /// Path of the scene file.
     pub(super) path: &'a Path,
     pub(super) document: &'a Document,
+    /// Contents of the buffers.
     pub(super) bytes: Bytes<'a>,
     pub(super) options: &'a LoadOptions,
     /// Selected material variant (KHR_materials_variants).
@@ -27,6 +29,7 @@ pub(super) struct GltfSource<'a> {
 }
 
 impl GltfSource<'_> {
+    /// Makes an error at a location of the document.
     pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }

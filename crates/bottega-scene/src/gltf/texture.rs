@@ -19,7 +19,7 @@ use crate::{Image, ImageId, Material, SceneError, Surface, TextureMap, Wrap};
 pub(super) enum Use {
     /// Colours encoded as sRGB.
     Color,
-    /// Linear numbers.
+    /// Linear numbers, such as roughness or normals.
     Data,
     /// Roughness, 1 − factor × glossiness, from the alpha channel of KHR_materials_pbrSpecularGlossiness.
     RoughnessOfGlossiness { factor_bits: u32 },
@@ -36,6 +36,7 @@ pub(super) struct Textures<'a> {
 }
 
 impl<'a> Textures<'a> {
+    /// Makes an empty collection.
     pub(super) fn new(source: &'a GltfSource<'a>) -> Self {
         // Some exporters write an image for each use of a file.
         let mut known = BTreeMap::new();

@@ -17,7 +17,7 @@ use crate::resource::Resources;
 pub(super) enum Reference {
     /// A file: its path, relative to the folder of the scene.
     File(String),
-    /// Embedded data.
+    /// The decoded bytes of a `data:` URI.
     Data(Vec<u8>),
 }
 
@@ -121,6 +121,7 @@ pub(super) fn load_buffers<'a>(
 }
 
 impl BadReference {
+    /// Converts to an error at a location of the document.
     pub(super) fn error(self, path: &Path, place: String, uri: &str) -> SceneError {
         let path = path.to_path_buf();
         match self {
@@ -147,7 +148,7 @@ mod tests {
             assert_eq!(resolve(uri), expected("a.png"));
         }
         assert_eq!(resolve("a%3Fb%23.png"), expected("a?b#.png"));
-        // Whether they may be read is decided where they are looked for.
+        // Any path resolves here; permission is checked when the file is opened.
         assert_eq!(resolve("file:///etc/passwd"), expected("/etc/passwd"));
         assert_eq!(resolve("FILE:///C:/a%20b.png"), expected("C:/a b.png"));
         assert!(matches!(resolve("%ff"), Err(BadReference::Malformed(_))));

@@ -25,7 +25,7 @@ pub(crate) enum PictureFault {
     },
     /// The bytes are not a picture in a supported format.
     Unreadable {
-        /// The cause.
+        /// The reason why the bytes cannot be decoded.
         problem: String,
     },
 }
@@ -34,7 +34,9 @@ pub(crate) enum PictureFault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PictureHeader {
     format: Format,
+    /// Width, in texels.
     pub(super) width: u32,
+    /// Height, in texels.
     pub(super) height: u32,
     texel_bytes: usize,
     /// Adaptation of the file's white point to ours.
@@ -460,7 +462,7 @@ mod tests {
             ("pfm", b"PF\n16000 16000\n-1\n\0".to_vec()),
             ("hdr", b"#?RADIANCE\n\n-Y 16000 +X 16000\n\x02\x02".to_vec()),
             ("webp", {
-                // Lossless, of one colour: 14 bits each of the sides less one.
+                // Lossless WebP of one colour; width − 1 and height − 1 take 14 bits each.
                 let mut file = encoded(&small, ImageFormat::WebP);
                 let at = file.windows(4).position(|name| name == b"VP8L").unwrap() + 9;
                 let rest = u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) & !0xfff_ffff;

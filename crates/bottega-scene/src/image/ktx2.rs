@@ -8,6 +8,7 @@ use std::io::Read;
 use rayon::prelude::*;
 use ruzstd::decoding::StreamingDecoder;
 
+/// The first bytes of a KTX2 file.
 pub(super) const MAGIC: &[u8; 12] = b"\xabKTX 20\xbb\r\n\x1a\n";
 
 /// Maximal number of pixels of the transcoder.

@@ -223,7 +223,7 @@ mod tests {
                     let at = |step: f32| image.eval(&map, uv + axis * step, footprint);
                     let step = 2e-4;
                     let (ahead, behind) = (at(step) - at(0.0), at(0.0) - at(-step));
-                    // Not where a row or column of texels begins between the lookups.
+                    // Skip lookups with a texel boundary between them.
                     if (ahead - behind).length() < 1.5e-4 {
                         checked += 1;
                         let difference = (ahead + behind) / (2.0 * step);
@@ -248,7 +248,7 @@ mod tests {
         assert_eq!((at(Wrap::Repeat, 1.1), at(Wrap::Repeat, -0.1)), (0.0, 3.0));
         assert_eq!((at(Wrap::Mirror, 1.1), at(Wrap::Mirror, -0.1), at(Wrap::Mirror, 2.1)), (3.0, 0.0, 0.0));
         assert_eq!((at(Wrap::Clamp, 7.0), at(Wrap::Clamp, -7.0)), (3.0, 0.0));
-        // Bilinear, the seam of a repeated picture lies between its last and its first texel.
+        // Bilinear: at the seam of a repeated picture, the last and first texel are blended.
         assert_eq!(image.eval(&map(), Vec2::new(1.0, 0.5), 0.0).x, 1.5);
         let mirror = TextureMap { wrap_u: Wrap::Mirror, ..map() };
         assert_eq!(image.eval(&mirror, Vec2::new(1.0, 0.5), 0.0).x, 3.0);

@@ -3,6 +3,7 @@
 
 use super::texels::{DecodedTexels, zeroed};
 
+/// The header of a PFM file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PfmHeader {
     width: u32,
@@ -15,6 +16,7 @@ pub(super) struct PfmHeader {
     body: usize,
 }
 
+/// Parses the header and checks the length of the file.
 pub(super) fn header(bytes: &[u8]) -> Result<PfmHeader, String> {
     let mut at = 0;
     let mut word = || {
@@ -49,6 +51,7 @@ impl PfmHeader {
     }
 }
 
+/// Decodes the texels. The error says what is wrong.
 pub(super) fn texels(bytes: &[u8]) -> Result<DecodedTexels, String> {
     let header = header(bytes)?;
     let float = |bytes: &[u8]| {

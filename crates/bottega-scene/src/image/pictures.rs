@@ -45,7 +45,7 @@ pub(crate) struct PictureKind {
 impl PictureKind {
     /// Colours encoded as sRGB.
     pub(crate) const COLORS: Self = Self { encoding: Encoding::Srgb, purpose: PictureUse::Color };
-    /// Linear numbers.
+    /// Linear numbers, such as roughness.
     pub(crate) const NUMBERS: Self = Self { encoding: Encoding::Linear, purpose: PictureUse::Number };
     /// A normal map.
     pub(crate) const NORMALS: Self = Self { encoding: Encoding::Linear, purpose: PictureUse::Normals };
@@ -90,6 +90,7 @@ struct WantedPicture {
 }
 
 impl<'a> Pictures<'a> {
+    /// Makes an empty list of requests.
     pub(crate) fn new(resources: &'a Resources<'a>, options: &LoadOptions) -> Self {
         Self {
             resources,

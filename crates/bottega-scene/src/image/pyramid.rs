@@ -121,7 +121,9 @@ impl Texel for [f32; 4] {
 /// One mip level, row-major, the upper row first.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Level<T> {
+    /// Width, in texels.
     pub(super) width: u32,
+    /// Height, in texels.
     pub(super) height: u32,
     /// Texels, `[width × height]`, never empty.
     pub(super) texels: Vec<T>,
@@ -177,10 +179,12 @@ impl<T: Texel> Pyramid<T> {
         Self::new(2 * width, 2 * height, period, self.encoding)
     }
 
+    /// Returns the linear values of 8-bit colour codes.
     pub(super) fn table(&self) -> &'static [f32; 256] {
         self.encoding.table()
     }
 
+    /// Returns the memory of all levels, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         self.levels.iter().map(|level| level.texels.len() * size_of::<T>()).sum()
     }

@@ -4,6 +4,7 @@ use bytemuck::Pod;
 
 use crate::values;
 
+/// The decoded texels of a picture, row-major from the upper row.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum DecodedTexels {
     Gray8(Vec<u8>),
@@ -25,6 +26,7 @@ impl DecodedTexels {
     }
 }
 
+/// Allocates zeroed texels. The error says that memory is insufficient.
 pub(super) fn zeroed<T: Pod>(count: usize) -> Result<Vec<T>, String> {
     let mut texels = Vec::new();
     texels.try_reserve_exact(count).map_err(|_| format!("there is no memory for {count} pixels"))?;

@@ -10,6 +10,7 @@ const BLOCK_BYTES: usize = 1 << 20;
 /// A block of whole lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineBlock<'a> {
+    /// Bytes of the lines, with their line breaks.
     pub(super) text: &'a [u8],
     /// Number of the first line in the file, counted from 1.
     pub(super) first_line: usize,
@@ -20,10 +21,12 @@ pub(super) struct LineBlock<'a> {
 pub(super) struct LineFault<'t> {
     /// The invalid word, or the position of a missing one.
     pub(super) at: &'t [u8],
+    /// The error, for the message.
     pub(super) problem: String,
 }
 
 impl<'t> LineFault<'t> {
+    /// Makes a fault at a part of a text.
     pub(super) fn new(at: &'t [u8], problem: impl Into<String>) -> Self {
         Self { at, problem: problem.into() }
     }
@@ -34,6 +37,7 @@ impl<'t> LineFault<'t> {
 pub(super) struct LocatedFault {
     pub(super) line: usize,
     pub(super) column: usize,
+    /// The error, for the message.
     pub(super) problem: String,
 }
 
@@ -223,7 +227,7 @@ mod tests {
             found.map_err(|found| (found.line, found.column)).unwrap_err()
         };
         assert_eq!((place(b"one"), place(b"two")), ((7, 1), (8, 10)));
-        // Of lines that were joined, the first.
+        // For joined lines, the number of the first one.
         assert_eq!(place(b"five"), (9, 1));
     }
 

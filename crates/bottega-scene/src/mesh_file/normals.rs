@@ -37,7 +37,7 @@ mod tests {
 
     use super::*;
 
-    /// What Mitsuba 3.9 computes for the same two triangles.
+    /// Expected values: Mitsuba 3.9, for the same two triangles.
     #[test]
     fn normals_are_weighted_by_angle() {
         let mut mesh = Mesh::quad(Vec3::ZERO, Vec3::X, Vec3::Y);

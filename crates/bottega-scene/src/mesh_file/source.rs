@@ -16,14 +16,17 @@ pub(super) struct MeshSource<'a> {
 }
 
 impl MeshSource<'_> {
+    /// Makes an error at a location within the file.
     pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
     }
 
+    /// Makes an error at a line and column.
     pub(super) fn located(&self, LocatedFault { line, column, problem }: LocatedFault) -> SceneError {
         SceneError::Text { path: self.path.into(), line, column, problem }
     }
 
+    /// Makes an error for a damaged file.
     pub(super) fn damaged(&self, problem: impl Into<String>) -> SceneError {
         SceneError::Damaged { path: self.path.into(), problem: problem.into() }
     }

@@ -192,7 +192,7 @@ mod tests {
             for (u, v) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.3, 0.6), (0.5, 0.5), (1.0 / 3.0, 1.0 / 3.0)] {
                 let uv = a + (b - a) * u + (c - a) * v;
                 let expected = x + (y - x) * u + (z - x) * v;
-                // However wide the lookup is, for it is in units of other coordinates.
+                // The footprint has no effect: it is in units of other coordinates.
                 for footprint in [0.0, 1.0, 100.0] {
                     let found = image.eval(&map, uv, footprint).truncate();
                     assert!((found - expected).abs().max_element() < 2e-6, "{number}: {found} {expected}");

@@ -14,7 +14,7 @@ use crate::{Channel, ColorParam, ScalarParam, SceneError, Spectrum};
 pub(super) enum Role {
     /// A reflectance or transmittance, in [0, 1].
     Reflectance,
-    /// Emitted radiance.
+    /// Radiance of an emitter.
     Radiance,
     /// Another spectrum, such as an index of refraction.
     Unbounded,

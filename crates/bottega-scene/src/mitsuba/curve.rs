@@ -278,7 +278,7 @@ mod tests {
                     let t = ((p - a).dot(way) / way.length_squared()).clamp(0.0, 1.0);
                     (p - a - way * t).length()
                 };
-                // Nothing sticks out of the union of both capsules.
+                // No vertex lies outside the union of both capsules.
                 let distance = points[..3].array_windows().map(distance).fold(f64::MAX, f64::min);
                 assert!(distance < 0.2 * 1.01, "{degrees}: {distance}");
             }
@@ -301,7 +301,7 @@ mod tests {
         assert!(linear.iter().any(|ring| (ring.lean + 0.1).abs() < 1e-9 && ring.v == 1.0), "{linear:?}");
     }
 
-    /// Asked of Mitsuba 3.9 by rays at tubes along ten axes, these among them.
+    /// Expected values: Mitsuba 3.9, with rays at tubes along ten axes, including these.
     #[test]
     fn u_runs_as_in_mitsuba() {
         assert_eq!((azimuth(DVec3::X), azimuth(DVec3::Z), azimuth(-DVec3::Z)), (DVec3::Y, DVec3::X, -DVec3::X));

@@ -33,6 +33,7 @@ pub(super) enum Class {
 }
 
 impl Class {
+    /// Returns the class of an XML tag; `None`: it is not a plugin's.
     pub(super) fn of_tag(tag: &str) -> Option<Self> {
         Some(match tag {
             "bsdf" => Self::Bsdf,
@@ -77,7 +78,9 @@ impl Class {
 pub(super) struct ObjectProperty {
     pub(super) name: String,
     pub(super) value: Value,
+    /// Location in the file.
     pub(super) at: XmlPlace,
+    /// `true`: it was read.
     pub(super) used: Cell<bool>,
 }
 
@@ -87,26 +90,32 @@ pub(super) struct Child {
     /// Name of its role; empty if only its class matters.
     pub(super) name: String,
     pub(super) object: ObjectId,
+    /// Location of its tag or reference.
     pub(super) at: XmlPlace,
+    /// `true`: it was read.
     pub(super) used: Cell<bool>,
 }
 
 /// An instance of a plugin.
 #[derive(Debug)]
 pub(super) struct Object {
+    /// Class, by its tag.
     pub(super) class: Class,
     /// Name of the plugin.
     pub(super) plugin: String,
     /// Id in the file; may be empty.
     pub(super) id: String,
+    /// Location of its tag.
     pub(super) at: XmlPlace,
     pub(super) properties: Vec<ObjectProperty>,
+    /// Nested and referenced objects.
     pub(super) children: Vec<Child>,
 }
 
 /// A scene file with all included files.
 #[derive(Debug)]
 pub(super) struct Document {
+    /// All objects, by their [`ObjectId`].
     pub(super) objects: Vec<Object>,
     /// Objects at the top of the scene, in order.
     pub(super) roots: Vec<ObjectId>,

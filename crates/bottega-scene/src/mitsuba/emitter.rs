@@ -66,6 +66,7 @@ impl Importer<'_> {
         self.scene.lights.push(Light { name: object.label(), kind });
     }
 
+    /// Sets the environment; warns and ignores it if there already is one.
     pub(super) fn set_environment(&mut self, object: &Object, environment: Environment) {
         if self.scene.environment.is_some() {
             self.report.warn(object.at, "there is a second environment; the first one counts");

@@ -29,18 +29,25 @@ pub(super) struct Importer<'a> {
     pub(super) resources: &'a Resources<'a>,
     /// Offset that is subtracted from all world positions.
     pub(super) origin: DVec3,
+    /// Files and warnings, for messages.
     pub(super) report: ImportReport,
     pub(super) pictures: Pictures<'a>,
+    /// The scene so far.
     pub(super) scene: Scene,
     pub(super) hints: RenderHints,
     /// Pictures of spot lights, each with the index of its light.
     pub(super) slides: Vec<(usize, Slide)>,
+    /// Effects of the integrator on the scene.
     pub(super) manner: Manner,
+    /// Number of conversions so far, which is limited.
     pub(super) conversions: usize,
     /// Material and mesh needs of each combination of bsdf, emitter and media.
     pub(super) materials: BTreeMap<MaterialKey, (u32, MeshNeeds)>,
+    /// Media that were converted.
     pub(super) media: BTreeMap<ObjectId, MediumId>,
+    /// Shape groups that were converted.
     pub(super) groups: BTreeMap<ObjectId, Group>,
+    /// Meshes that several shapes use.
     pub(super) shared: SharedMeshes,
     /// Objects that were converted: their unread values are reported.
     pub(super) visited: Vec<bool>,
@@ -158,6 +165,7 @@ pub(super) type MaterialKey = (Option<ObjectId>, Option<ObjectId>, Option<Medium
 /// A texture that needs its mesh.
 #[derive(Clone, Debug)]
 pub(super) struct AwaitedTexture {
+    /// Name of the mesh attribute.
     pub(super) name: String,
     /// Its picture, which is 0.5 until the mesh is read.
     pub(super) image: ImageId,
@@ -174,5 +182,6 @@ pub(super) struct Manner {
     pub(super) ignores_media: bool,
     /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
+    /// Location of the integrator.
     pub(super) at: XmlPlace,
 }

@@ -5,6 +5,7 @@ use glam::{DMat3, DMat4, DVec3};
 /// A transformation with the inverse that Mitsuba uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
+    /// The transformation of points.
     pub(super) matrix: DMat4,
     /// Mitsuba's transposed inverse of the matrix, if it is wrong: after rotations about axes that are not of unit
     /// length, which it does not normalize.
@@ -18,6 +19,7 @@ impl From<DMat4> for Transform {
 }
 
 impl Transform {
+    /// The identity.
     pub(super) const IDENTITY: Self = Self { matrix: DMat4::IDENTITY, taken_inverse: None };
 
     /// Composes transformations: first `self`, then `next`.
@@ -77,7 +79,7 @@ mod tests {
         let (scale, rotation) = polar(&DMat3::from_mat4(found.matrix));
         assert!((rotation * scale).abs_diff_eq(expected, 1e-7) && scale.abs_diff_eq(scale.transpose(), 1e-9));
         assert!((rotation * rotation.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-9));
-        // Of an axis of length 1 it makes a rotation.
+        // With a unit axis, the formula gives a rotation.
         let found = Transform::rodrigues(axis.normalize(), 40f64.to_radians());
         assert!(found.matrix.abs_diff_eq(DMat4::from_axis_angle(axis.normalize(), 40f64.to_radians()), 1e-12));
         assert!(found.by_inverse().abs_diff_eq(found.matrix, 1e-12));

@@ -30,6 +30,7 @@ struct ReportEntry {
 const ENTRIES_MAX: usize = 1000;
 
 impl ImportReport {
+    /// Makes the report of a scene file.
     pub(super) fn new(path: &Path) -> Self {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         Self { files: vec![(name, path.to_path_buf())], entries: Vec::new(), index_of: BTreeMap::new() }

@@ -52,10 +52,12 @@ impl SharedMeshes {
 /// An analytic sphere: the transformed unit sphere.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ball {
+    /// Maps the unit sphere to the space of the group.
     pub(super) to_group: DMat4,
     /// `true`: its front is inside, because its normals are flipped or its own transformation mirrors it. An instance's
     /// transformation does not count.
     pub(super) inward: bool,
+    /// Index of the material.
     pub(super) material: u32,
     pub(super) needs: MeshNeeds,
 }
@@ -71,10 +73,12 @@ pub(super) struct Group {
 /// The attributes that a material needs of its mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct MeshNeeds {
+    /// `true`: texture coordinates.
     pub(super) uvs: bool,
+    /// `true`: tangents along u.
     pub(super) tangents: bool,
-    /// Vertex colours.
+    /// Colours per vertex.
     pub(super) colors: bool,
-    /// Face colours.
+    /// Colours per face.
     pub(super) face_colors: bool,
 }

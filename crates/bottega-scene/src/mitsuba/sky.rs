@@ -34,6 +34,7 @@ struct Sky {
 }
 
 impl Importer<'_> {
+    /// Adds the emitter `sunsky`, `sky` or `sun`.
     pub(super) fn sun_and_sky(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
         if self.bad(object.boolean("complex_sun", false))? {
             self.report

@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn a_spot_throws_every_texel_of_its_picture() {
-        // Full up to the corners, but for the cosines.
+        // The picture fills the slide up to the corners; only the cosines darken it.
         let picture = columns(1920, 1080);
         let slide = Slide::new(TextureMap::new(ImageId(0)), 88.0, 88.5);
         let size = slide.size(&picture);
@@ -146,7 +146,7 @@ mod tests {
         let thrown = slide.image(&picture, size);
         for x in [959, 960, 961] {
             let texel = thrown.texel(x, 540).truncate();
-            // Turned half round, the last column comes first.
+            // Rotated by 180°: the last column comes first.
             let expected = ((1919 - x) % 3) as usize;
             assert!(texel[expected] > 0.0 && texel.element_sum() == texel[expected], "{x}: {texel}");
         }

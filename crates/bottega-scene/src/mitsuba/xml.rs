@@ -24,8 +24,11 @@ pub(super) struct XmlPlace {
 /// An element with its attributes and nested elements.
 #[derive(Debug, PartialEq)]
 pub(super) struct Element {
+    /// Name of the tag.
     pub(super) name: String,
+    /// Names and values, in the order of the file.
     pub(super) attributes: Vec<(String, String)>,
+    /// Nested elements, in the order of the file.
     pub(super) children: Vec<Element>,
     /// Location of its start tag.
     pub(super) at: XmlPlace,
@@ -35,6 +38,7 @@ pub(super) struct Element {
 #[derive(Debug, PartialEq)]
 pub(super) struct XmlFault {
     pub(super) at: XmlPlace,
+    /// The error, for the message.
     pub(super) problem: String,
 }
 

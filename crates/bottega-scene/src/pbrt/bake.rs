@@ -38,6 +38,7 @@ enum BakeLayout {
 }
 
 impl Bake {
+    /// Plans the picture of a texture tree.
     pub(super) fn new(
         node: Rc<TextureNode>,
         is_scalar: bool,
@@ -60,10 +61,12 @@ impl Bake {
         }
     }
 
+    /// Returns the wrap mode of the baked picture.
     pub(super) fn wrap(&self) -> Wrap {
         if let BakeLayout::Picture(node) = &self.layout { node.wrap } else { Wrap::Repeat }
     }
 
+    /// Returns true if its texels are interpolated.
     pub(super) fn is_smooth(&self) -> bool {
         match &self.layout {
             BakeLayout::Cells(_) => false,

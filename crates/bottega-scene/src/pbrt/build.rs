@@ -58,6 +58,7 @@ enum PlaceablePart {
     Sphere { radius: f64, world_from_sphere: DAffine3, material: u32, tessellated_material: u32, at: PbrtPlace },
 }
 
+/// The scene under construction.
 pub(super) struct SceneBuilder<'c, 'a, 'w> {
     context: &'c mut Context<'a>,
     world: &'w PbrtWorld,
@@ -79,6 +80,7 @@ pub(super) struct SceneBuilder<'c, 'a, 'w> {
 }
 
 impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
+    /// Makes a builder for the contents of a file.
     pub(super) fn new(context: &'c mut Context<'a>, world: &'w PbrtWorld) -> PbrtResult<Self> {
         let exposure = world.exposure(context)?;
         Ok(Self {

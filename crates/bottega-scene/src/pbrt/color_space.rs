@@ -14,7 +14,7 @@ pub(super) enum ColorSpace {
     Srgb,
     /// DCI-P3 with the white D65.
     DciP3,
-    /// ITU-R BT.2020.
+    /// ITU-R BT.2020 with the white D65.
     Rec2020,
     /// ACES2065-1, whose white is D60.
     Aces,

@@ -49,6 +49,7 @@ pub(super) struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
+    /// Makes the context of a scene file.
     pub(super) fn new(
         path: &Path,
         resources: &'a Resources<'a>,
@@ -88,6 +89,7 @@ impl<'a> Context<'a> {
         self.warnings.unsupported(place, message);
     }
 
+    /// Returns the warnings.
     pub(super) fn warnings(&mut self) -> &mut Warnings {
         self.warnings
     }

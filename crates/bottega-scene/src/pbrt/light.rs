@@ -248,7 +248,9 @@ fn spot(entity: &Entity, strength: Strength, from: DVec3, to: DVec3) -> PbrtResu
 /// The emission of a surface.
 #[derive(Clone, Debug)]
 pub(super) struct Emission {
+    /// Radiance that the surface emits.
     pub(super) color: ColorParam,
+    /// Sides that emit.
     pub(super) sides: Sides,
     /// `true`: divide it by the luminance of its picture, once that is loaded.
     pub(super) by_power: bool,

@@ -13,6 +13,7 @@ use crate::{Mapping, MappingKind, SURFACE_UV_SETS};
 pub(super) struct PlacedMapping {
     /// Coordinate set, as in [`TextureMap`](crate::TextureMap).
     pub(super) uv_set: u8,
+    /// Maps coordinates of the set to those of the picture.
     pub(super) picture_from_uv: Affine2,
 }
 

@@ -38,6 +38,7 @@ pub(super) struct Materials<'w> {
 }
 
 impl<'w> Materials<'w> {
+    /// Makes an empty collection.
     pub(super) fn new(world: &'w PbrtWorld) -> Self {
         Self { world, looks: BTreeMap::new() }
     }

@@ -19,12 +19,14 @@ use crate::{Medium, MediumId, Spectrum};
 pub(super) struct Media<'w> {
     world: &'w PbrtWorld,
     exposure: Exposure,
+    /// The converted media, by their id.
     pub(super) list: Vec<Medium>,
     /// Ids of the media; `None`: unsupported, left out.
     id_of: BTreeMap<String, Option<MediumId>>,
 }
 
 impl<'w> Media<'w> {
+    /// Makes an empty collection.
     pub(super) fn new(world: &'w PbrtWorld, exposure: Exposure) -> Self {
         Self { world, exposure, list: Vec::new(), id_of: BTreeMap::new() }
     }

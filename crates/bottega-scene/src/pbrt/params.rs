@@ -17,13 +17,14 @@ pub(super) enum Values {
     Bools(Vec<bool>),
 }
 
-/// A parameter.
+/// A parameter of a directive: its declaration and values.
 #[derive(Clone, Debug)]
 pub(super) struct Param {
     /// Type, such as `float` or `rgb`.
     pub(super) kind: String,
     pub(super) name: String,
     pub(super) values: Values,
+    /// Location of the declaration.
     pub(super) at: PbrtPlace,
     /// Colour space of its `rgb` values, if set by an attribute rather than by its list.
     color_space: Option<ColorSpace>,

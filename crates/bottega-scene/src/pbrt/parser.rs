@@ -27,10 +27,13 @@ const ATTRIBUTE_DEPTH_MAX: usize = 1024;
 /// Parses a file and all files that it includes.
 pub(super) struct Parser<'c, 'a> {
     context: &'c mut Context<'a>,
+    /// The entities so far.
     pub(super) world: PbrtWorld,
+    /// Current graphics state.
     pub(super) state: GraphicsState,
     /// Saved states, with the block and location that saved them.
     saved: Vec<(GraphicsState, Block, PbrtPlace)>,
+    /// Named transformations, at the start and end of the shutter time.
     pub(super) coordinate_systems: BTreeMap<String, [DAffine3; 2]>,
     in_world: bool,
     /// Name of the current object, between `ObjectBegin` and `ObjectEnd`.
@@ -60,6 +63,7 @@ impl Block {
 }
 
 impl<'c, 'a> Parser<'c, 'a> {
+    /// Makes a parser with the initial graphics state.
     pub(super) fn new(context: &'c mut Context<'a>) -> Self {
         let bytes_left = context.resources.budget().limit();
         let world = PbrtWorld { materials: vec![Entity::plain("diffuse")], ..PbrtWorld::default() };
@@ -454,6 +458,7 @@ impl Entity {
     }
 }
 
+/// Makes the error for a file that ends within a directive.
 pub(super) fn ended(at: PbrtPlace, word: &str) -> PbrtFault {
     at.fault(format!("the file ends within {word}"))
 }

@@ -142,6 +142,7 @@ impl JoinedMeshes {
         None
     }
 
+    /// Returns the remaining joined meshes.
     pub(super) fn finish(self) -> impl Iterator<Item = (Mesh, PbrtPlace)> {
         self.meshes.into_values()
     }

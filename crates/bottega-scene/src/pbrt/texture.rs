@@ -49,6 +49,7 @@ pub(super) struct Textures<'a, 'w> {
 }
 
 impl<'a, 'w> Textures<'a, 'w> {
+    /// Makes an empty collection.
     pub(super) fn new(world: &'w PbrtWorld, context: &Context<'a>) -> Self {
         let pictures = Pictures::new(context.resources, context.options);
         Self {

@@ -29,10 +29,14 @@ pub(super) struct PictureNode {
     pub(super) picture: ImageId,
     /// `true`: it gives a number: alpha, or else the mean of the colours, as in pbrt.
     pub(super) is_scalar: bool,
+    /// Mapping of the surface onto the picture.
     pub(super) laid: PlacedMapping,
     pub(super) wrap: Wrap,
+    /// `true`: interpolate between texels.
     pub(super) smooth: bool,
+    /// Factor of the values, before `invert`.
     pub(super) scale: f64,
+    /// `true`: 1 − value, at least 0.
     pub(super) invert: bool,
     /// Exponent that linearizes the file's codes, if they are not sRGB.
     pub(super) gamma: Option<f64>,

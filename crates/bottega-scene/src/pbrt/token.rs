@@ -5,8 +5,11 @@ use std::borrow::Cow;
 /// A location: file number, line and column from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PbrtPlace {
+    /// File number, an index into the files of the import.
     pub(super) file: u32,
+    /// Line, counted from 1.
     pub(super) line: u32,
+    /// Column, counted from 1.
     pub(super) column: u32,
 }
 
@@ -14,16 +17,18 @@ pub(super) struct PbrtPlace {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct PbrtFault {
     pub(super) at: PbrtPlace,
+    /// The error, for the message.
     pub(super) problem: String,
 }
 
 impl PbrtPlace {
+    /// Makes an error at this location.
     pub(super) fn fault(self, problem: impl Into<String>) -> PbrtFault {
         PbrtFault { at: self, problem: problem.into() }
     }
 }
 
-/// A token.
+/// A token of a pbrt file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Token<'a> {
     /// A directive, a number, `true` or `false`.
@@ -50,6 +55,7 @@ pub(super) struct Tokens<'a> {
 const LENGTH_MAX: usize = 1 << 16;
 
 impl<'a> Tokens<'a> {
+    /// Makes a tokenizer of a text.
     pub(super) fn new(file: u32, text: &'a str) -> Self {
         Self { bytes: text.as_bytes(), position: 0, file, line: 1, line_start: 0, peeked: None }
     }

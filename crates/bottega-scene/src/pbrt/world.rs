@@ -16,6 +16,7 @@ pub(super) struct Entity {
     /// Type, such as `diffuse` or `perspective`.
     pub(super) kind: String,
     pub(super) params: Params,
+    /// Location of the directive.
     pub(super) at: PbrtPlace,
     /// Object space to world space; for the camera, world space to camera space.
     pub(super) ctm: DAffine3,
@@ -34,12 +35,15 @@ pub(super) enum MaterialRef {
 #[derive(Debug)]
 pub(super) struct PlacedShape {
     pub(super) geometry: Geometry,
+    /// Location of the `Shape` directive.
     pub(super) at: PbrtPlace,
     pub(super) world_from_object: DAffine3,
+    /// `true`: `ReverseOrientation` is in effect.
     pub(super) reverse_orientation: bool,
     pub(super) material: MaterialRef,
     /// Index into [`PbrtWorld::area_lights`].
     pub(super) area_light: Option<usize>,
+    /// Media behind and before its surface.
     pub(super) media: MediumInterface,
     /// Opacity; `None`: opaque.
     pub(super) alpha: Option<Alpha>,
@@ -55,16 +59,21 @@ pub(super) enum Alpha {
 /// Names of the media behind and before a surface; `None`: vacuum.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct MediumInterface {
+    /// Medium behind the surface, where its normal does not point.
     pub(super) inside: Option<Rc<str>>,
+    /// Medium before the surface, where its normal points.
     pub(super) outside: Option<Rc<str>>,
+    /// Location of the `MediumInterface` directive.
     pub(super) at: PbrtPlace,
 }
 
 /// An instance of an object.
 #[derive(Debug)]
 pub(super) struct ObjectInstance {
+    /// Name of the object, a key of [`PbrtWorld::objects`].
     pub(super) name: String,
     pub(super) world_from_instance: DAffine3,
+    /// Location of the `ObjectInstance` directive.
     pub(super) at: PbrtPlace,
 }
 
@@ -78,14 +87,21 @@ pub(super) struct PbrtWorld {
     pub(super) filter: Option<Entity>,
     pub(super) sampler: Option<Entity>,
     pub(super) integrator: Option<Entity>,
+    /// Named and unnamed materials; index 0 is the default.
     pub(super) materials: Vec<Entity>,
     /// Indices into `materials`, by name.
     pub(super) named_materials: BTreeMap<String, usize>,
+    /// Textures of type `float`, by name.
     pub(super) float_textures: BTreeMap<String, Entity>,
+    /// Textures of type `spectrum`, by name.
     pub(super) spectrum_textures: BTreeMap<String, Entity>,
+    /// `AreaLightSource` directives.
     pub(super) area_lights: Vec<Entity>,
+    /// `LightSource` directives.
     pub(super) lights: Vec<Entity>,
+    /// `MakeNamedMedium` directives, by name.
     pub(super) media: BTreeMap<String, Entity>,
+    /// Shapes outside of object definitions.
     pub(super) shapes: Vec<PlacedShape>,
     /// Shapes of each object, by its name.
     pub(super) objects: BTreeMap<String, Vec<PlacedShape>>,
@@ -137,10 +153,14 @@ pub(super) struct GraphicsState {
     pub(super) ctm: [DAffine3; 2],
     /// Flags of the transformations that directives change.
     pub(super) active: [bool; 2],
+    /// `true`: `ReverseOrientation` is in effect.
     pub(super) reverse_orientation: bool,
     pub(super) material: MaterialRef,
+    /// Index into [`PbrtWorld::area_lights`].
     pub(super) area_light: Option<usize>,
+    /// Media of the following shapes, lights or camera.
     pub(super) media: MediumInterface,
+    /// Colour space of the following `rgb` parameters.
     pub(super) color_space: ColorSpace,
     /// Defaults for each [`Target`].
     pub(super) attributes: [Rc<Vec<Rc<Param>>>; 5],
@@ -162,6 +182,7 @@ impl Default for GraphicsState {
 }
 
 impl Target {
+    /// Returns the target of a name.
     pub(super) fn named(name: &str) -> Option<Self> {
         Some(match name {
             "shape" => Self::Shape,

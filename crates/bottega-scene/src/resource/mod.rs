@@ -343,7 +343,7 @@ mod tests {
         scene: PathBuf,
     }
 
-    /// `outer/secret`, `outer/scene/scene.x`, `outer/scene/sub/a`.
+    /// Creates the files `outer/secret`, `outer/scene/scene.x` and `outer/scene/sub/a`.
     fn folder() -> Folder {
         let outer = tempfile::tempdir().unwrap();
         std::fs::create_dir_all(outer.path().join("scene/sub")).unwrap();
@@ -363,7 +363,7 @@ mod tests {
         check(&Resources::new(&folder.scene, options, &budget));
     }
 
-    /// The warnings, those of strict mode last.
+    /// Returns the warnings, and the number of features that strict mode refuses.
     fn told(resources: &Resources<'_>) -> (Vec<String>, usize) {
         let mut news = std::mem::take(&mut *resources.news.lock().unwrap());
         let strict = news.take_unsupported().len();
@@ -497,7 +497,7 @@ mod tests {
             });
             with_options(&folder, &options, |resources| {
                 assert_eq!(resources.open(reference, "").unwrap(), b"b");
-                // Nothing else.
+                // A folder beside the root is still forbidden.
                 assert!(matches!(resources.open("../secret", ""), Err(SceneError::ForbiddenReference { .. })));
             });
         }

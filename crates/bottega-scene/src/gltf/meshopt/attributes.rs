@@ -42,6 +42,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     if decoder.rest.is_empty() { Ok(elements) } else { Err("it goes on after its last element") }
 }
 
+/// The error for data that ends too early.
 pub(super) const CUT_OFF: &str = "it is cut off";
 
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -19,6 +19,7 @@ pub(crate) struct ObjFile<'a> {
     pub(super) colors: Vec<Vec3>,
     pub(super) uvs: Vec<Vec2>,
     pub(super) normals: Vec<Vec3>,
+    /// Triangles of all runs.
     pub(super) triangles: Vec<[Corner; 3]>,
     /// Start of each run of triangles with the same material and smoothing group.
     pub(super) runs: Vec<Run>,
@@ -37,6 +38,7 @@ pub(crate) struct ObjFile<'a> {
 /// Triangles that share a material and a smoothing group.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Run {
+    /// Index of the first triangle; the run ends where the next one starts.
     pub(super) first: usize,
     /// Index into the material names; `None`: before the first `usemtl`.
     pub(super) material: Option<usize>,

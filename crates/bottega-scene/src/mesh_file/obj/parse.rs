@@ -32,9 +32,12 @@ pub(super) struct ParsedLines {
     polygons: Vec<[u32; 2]>,
     /// Statements, each with the number of triangles before it in the block.
     pub(super) statements: Vec<(usize, Statement)>,
+    /// Damaged statements, by kind.
     pub(super) left_out: LeftOut,
 }
 
+/// A statement that affects the following faces, or that is reported: material, smoothing group, material library and
+/// its line, unsupported keyword and its line.
 pub(super) enum Statement {
     Material(String),
     Smoothing(u32),
@@ -196,6 +199,7 @@ impl ParsedLines {
         [self.positions.len(), self.uvs.len(), self.normals.len()]
     }
 
+    /// Returns its memory until the blocks are joined, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         // Twice: they are copied when the blocks are joined.
         2 * (size_of_val(&self.positions[..])

@@ -24,7 +24,7 @@ fn indices_count_from_either_end() {
     assert_eq!(single(&format!("{CORNERS}f -4 -3 -2 -1\n")), expected);
     assert_eq!(single(&format!("{CORNERS}f 1 2 \\\n 3 \\\r\n 4\n")), expected);
     assert_eq!(single(&format!("# é\n\n{}f 1 2 3 4", CORNERS.replace('\n', "\r\n"))), expected);
-    // An index may refer to what comes later, unless it is negative.
+    // A positive index may refer to a vertex that comes later.
     assert_eq!(single(&format!("f 1 2 3 4\n{CORNERS}")), expected);
 }
 
@@ -105,7 +105,7 @@ fn long_files_are_read_in_pieces() {
             assert!(heights.clone().all(|z| Some(z) == heights.clone().next()));
         }
     }
-    // The last quad refers to what is not there; it goes, and nothing else does.
+    // The last quad refers to a vertex that does not exist. Only that quad is dropped.
     let bad = format!("{text}f 1 2 3 240001\nusemtl m0\nf 1 2 3\n");
     with(&bad, |file| {
         let mut file = file.unwrap();
@@ -122,7 +122,7 @@ fn long_files_are_read_in_pieces() {
 
 #[test]
 fn what_is_wrong_is_left_out_and_named() {
-    // Column, problem, and triangles that are left of this line and of the quad after it.
+    // Line, column, problem, and number of triangles left of this line and the quad after it.
     for (line, column, problem, left) in [
         ("f 0 1 2", 3, "count from 1", 2),
         ("f 1 2 5", 7, "refers to vertex 5", 2),
@@ -170,7 +170,7 @@ fn a_comment_ends_with_its_line() {
     assert_eq!(single(&format!("# head \\\n{CORNERS}# tail\\\nf 1 2 \\\n3 4 # note \\\n")), expected);
     let text = CORNERS.replace("v 1 1 0", "v 1 1 0 # far\\");
     assert_eq!(single(&format!("{text}f 1 2 3 4 #done")), expected);
-    // Names keep the sign.
+    // In names, `#` starts no comment.
     assert_eq!(parts(&format!("{CORNERS}usemtl Material #25\nf 1 2 3 4"))[0].material.as_deref(), Some("Material #25"));
 }
 

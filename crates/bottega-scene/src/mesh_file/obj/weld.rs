@@ -27,6 +27,7 @@ struct Vertex {
 }
 
 impl<'f, 'a> Welder<'f, 'a> {
+    /// Makes a welder for the parts of a file.
     pub(super) fn new(file: &'f ObjFile<'a>) -> Self {
         Self { file, first: vec![NONE; file.positions.len()] }
     }

@@ -13,6 +13,7 @@ use super::vertices::{self, Slices, UNSOUND};
 use crate::text::shortened;
 use crate::{Mesh, SceneError};
 
+/// Reads the mesh of an ASCII file.
 pub(super) fn read(source: MeshSource<'_>, header: &PlyHeader, bytes: &[u8]) -> Result<Mesh, SceneError> {
     let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
     let counts: Vec<usize> = blocks.par_iter().map(|block| rows(*block).count()).collect();

@@ -53,6 +53,7 @@ struct Body<'a> {
     offset: usize,
 }
 
+/// Reads the mesh of a binary file.
 pub(super) fn read(
     source: MeshSource<'_>,
     header: &PlyHeader,

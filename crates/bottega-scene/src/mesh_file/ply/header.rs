@@ -6,6 +6,7 @@ use super::role::Role;
 use crate::SceneError;
 use crate::text::{column, shortened};
 
+/// The encoding of the data after the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PlyEncoding {
     Ascii,
@@ -41,6 +42,7 @@ impl NumberKind {
         })
     }
 
+    /// Returns the size of a number, in bytes.
     pub(super) fn bytes(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -50,6 +52,7 @@ impl NumberKind {
         }
     }
 
+    /// Returns true for integer kinds.
     pub(super) fn is_integer(self) -> bool {
         !matches!(self, Self::F32 | Self::F64)
     }
@@ -65,6 +68,7 @@ impl NumberKind {
     }
 }
 
+/// A property of an element: a number or a list.
 #[derive(Clone, Debug)]
 pub(super) struct PlyProperty {
     name: Vec<u8>,
@@ -74,24 +78,30 @@ pub(super) struct PlyProperty {
     pub(super) count: Option<NumberKind>,
 }
 
+/// An element type with its properties, such as `vertex`.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     name: Vec<u8>,
+    /// Number of elements.
     pub(super) count: usize,
+    /// Properties, in the order of the file.
     pub(super) properties: Vec<PlyProperty>,
     /// Line of its declaration.
     pub(super) line: usize,
 }
 
 impl Element {
+    /// Returns true for the element `vertex`.
     pub(super) fn is_vertices(&self) -> bool {
         self.name == b"vertex"
     }
 
+    /// Returns true for the element `face`.
     pub(super) fn is_faces(&self) -> bool {
         self.name == b"face"
     }
 
+    /// Returns true for the element `tristrips`.
     pub(super) fn is_strips(&self) -> bool {
         self.name == b"tristrips"
     }
@@ -153,18 +163,22 @@ pub(super) struct WantedNumbers<'a> {
     pub(super) properties: &'a [usize],
 }
 
+/// The parsed and validated header of a file.
 #[derive(Clone, Debug)]
 pub(super) struct PlyHeader {
     pub(super) encoding: PlyEncoding,
+    /// Element types, in the order of the file.
     pub(super) elements: Vec<Element>,
     /// Offset of the data.
     pub(super) body: usize,
     /// Number of the first line after the header.
     pub(super) body_line: usize,
+    /// Number of vertices.
     pub(super) vertex_count: usize,
 }
 
 impl PlyHeader {
+    /// Parses and validates the header of a file.
     pub(super) fn parse(source: MeshSource<'_>, bytes: &[u8]) -> Result<Self, SceneError> {
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();

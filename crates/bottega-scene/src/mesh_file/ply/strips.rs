@@ -39,7 +39,7 @@ mod tests {
     fn every_other_triangle_is_turned_and_minus_one_begins_anew() {
         assert_eq!(triangles(&[0, 1, 2, 3, 4]).unwrap(), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
         assert_eq!(triangles(&[0, 1, 2, -1, 3, 4, 5]).unwrap(), [[0, 1, 2], [3, 4, 5]]);
-        // A corner twice keeps the sides in step.
+        // A repeated vertex keeps the orientation alternating.
         assert_eq!(triangles(&[0, 1, 2, 2, 3]).unwrap(), [[0, 1, 2]]);
         assert_eq!(triangles(&[0, 1, 2, 2, 3, 4]).unwrap(), [[0, 1, 2], [3, 2, 4]]);
         assert!(triangles(&[0, 1, 9]).is_err() && triangles(&[0, 1, -2]).is_err());

@@ -9,7 +9,7 @@ fn read_bytes(bytes: &[u8]) -> Result<Mesh, SceneError> {
     read(Path::new("a.ply"), bytes, &MemoryBudget::new(1 << 24))
 }
 
-/// What the reader says of a file that it refuses.
+/// Message of the error for a file that is refused.
 fn refusal(bytes: impl AsRef<[u8]>) -> String {
     read_bytes(bytes.as_ref()).expect_err("it should be refused").to_string()
 }
@@ -18,7 +18,7 @@ const SQUARE: &str = "ply\nformat ascii 1.0\ncomment four corners\nelement verte
     property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
     0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
 
-/// A column of numbers of a type.
+/// A number of a PLY type.
 #[derive(Clone, Copy, Debug)]
 enum Number {
     U8(u8),
@@ -159,7 +159,7 @@ fn lists_among_the_properties_of_vertices_are_skipped() {
     }
 }
 
-/// A list may be as long as its type can count, and longer than a byte says.
+/// A list may have as many elements as the type of its count allows.
 #[test]
 fn polygons_of_many_corners() {
     use Number::{F32, I32, U8, U16};
@@ -179,7 +179,7 @@ fn polygons_of_many_corners() {
     }
 }
 
-/// Many pieces, with a face of another size among them or not.
+/// A file read in several pieces, with or without a face of another size.
 #[test]
 fn long_files_are_read_in_pieces() {
     use Number::{F32, I32, U8};

@@ -14,6 +14,7 @@ const TOLERANCE: f64 = 1e-3;
 /// Maximal number of strips in either direction.
 const STEPS_MAX: f64 = 32.0;
 
+/// Reads a `bilinearmesh`.
 pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`bilinearmesh` needs the positions `P`"))?;
     positions(&points, params.place_of("P"))?;

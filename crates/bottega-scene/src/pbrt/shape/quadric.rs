@@ -18,6 +18,7 @@ const DISK_STEPS: u32 = 256;
 const CYLINDER_STEPS: u32 = 128;
 const SPHERE_STEPS: u32 = 128;
 
+/// Reads a `sphere`.
 pub(super) fn sphere(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFault> {
     let radius = length(params, "radius", at)?;
     let z_min = params.float("zmin")?.unwrap_or(-radius);
@@ -33,6 +34,7 @@ pub(super) fn sphere(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFau
     Ok(single(sphere_mesh(radius, z_min, z_max, phi_max)))
 }
 
+/// Tessellates a sphere between z = `z_min` and `z_max`, up to `phi_max` degrees around.
 pub(super) fn sphere_mesh(radius: f64, z_min: f64, z_max: f64, phi_max: f64) -> Mesh {
     let (theta_min, theta_max) = ((z_min / radius).clamp(-1.0, 1.0).acos(), (z_max / radius).clamp(-1.0, 1.0).acos());
     let columns = steps(SPHERE_STEPS, phi_max);
@@ -46,6 +48,7 @@ pub(super) fn sphere_mesh(radius: f64, z_min: f64, z_max: f64, phi_max: f64) -> 
     })
 }
 
+/// Reads a `disk`.
 pub(super) fn disk(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFault> {
     let radius = length(params, "radius", at)?;
     let height = params.float("height")?.unwrap_or(0.0);
@@ -63,6 +66,7 @@ pub(super) fn disk(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFault
     })))
 }
 
+/// Reads a `cylinder`.
 pub(super) fn cylinder(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFault> {
     let radius = length(params, "radius", at)?;
     let (z0, z1) = (params.float("zmin")?.unwrap_or(-1.0), params.float("zmax")?.unwrap_or(1.0));

@@ -18,6 +18,7 @@ const LEVELS_MAX: i64 = 12;
 /// Maximal number of triangles of a surface.
 const TRIANGLES_MAX: usize = 1 << 23;
 
+/// Reads a `loopsubdiv`.
 pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`loopsubdiv` needs the positions `P`"))?;
     positions(&points, params.place_of("P"))?;

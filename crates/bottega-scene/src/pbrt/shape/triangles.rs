@@ -8,6 +8,7 @@ use super::super::token::PbrtPlace;
 use super::geometry::{Geometry, indices, matching, positions, texture_coordinate};
 use crate::Mesh;
 
+/// Reads a `trianglemesh`.
 pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`trianglemesh` needs the positions `P`"))?;
     let points = positions(&points, params.place_of("P"))?;
