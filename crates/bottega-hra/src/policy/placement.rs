@@ -153,6 +153,8 @@ impl<T> Core<T> {
             Some(PlannedPacket { plan, valid_until: now.after(valid.max(PLAN_VALID_MIN)), live, rows, owed });
     }
 
+    /// The kinds of resources, those that support the same primitives at about the same speed, and the kind of each. Times that
+    /// are unknown for a resource are taken from the others. `None`: a primitive has not been measured on any.
     fn kinds(&self, live: &ByPrimitive<bool>) -> Option<(Vec<ResourceKind>, Vec<usize>)> {
         let mut typical = [None; Primitive::COUNT];
         for primitive in Primitive::ALL.into_iter().filter(|primitive| live[primitive.index()]) {
